@@ -10,6 +10,7 @@ from typing import Annotated
 try:
     import typer
 
+    from sparsemor.core.cli.advise import advise
     from sparsemor.core.cli.cache import cache
     from sparsemor.core.cli.compare import compare
     from sparsemor.core.cli.export import animate, export, pictures
@@ -22,12 +23,13 @@ try:
     from sparsemor.core.cli.stability import stability
     from sparsemor.core.cli.study import study
 except KeyboardInterrupt:  # Ctrl-C in the first half second, while all this is read
+    sys.stderr.write("interrupted\n")
     raise SystemExit(130) from None
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]})
-for command in (run, reduce, compare, study, reproduce, stability, export, pictures, animate,
-                validate, schema, plugins, cache):
+for command in (run, reduce, advise, compare, study, reproduce, stability, export, pictures,
+                animate, validate, schema, plugins, cache):
     app.command()(command)
 app.command("new-plugin")(new_plugin)
 
@@ -58,6 +60,7 @@ def main() -> None:
         finally:
             sys.stdout.flush()
     except KeyboardInterrupt:
+        sys.stderr.write("interrupted\n")
         sys.exit(INTERRUPTED)
     except BrokenPipeError:  # the reader of a pipe, such as `head`, has left
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

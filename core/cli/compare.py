@@ -28,8 +28,6 @@ from sparsemor.core.cli.options import (
 )
 from sparsemor.core.errors import InputError
 from sparsemor.core.model.body_cache import BodyCache
-from sparsemor.core.protocols.reducer import shared_options
-from sparsemor.core.registry.registry import Registry
 from sparsemor.core.results.atomic_files import writing
 from sparsemor.core.results.output_directory import OutputDirectory
 from sparsemor.core.scene.defaults import COMPARED
@@ -53,6 +51,10 @@ def compare(
                            "than the runs.")
     ] = True,
     as_json: Json = False, quiet: Quiet = False,
+    training_end: Annotated[
+        float | None, typer.Option(min=0.0, max=1.0, help="Fraction of the run on which bases are "
+                                   "trained; errors after it are tabulated and drawn.")
+    ] = None,
     error_limit: Annotated[
         float, typer.Option(min=0.0, help="Errors above this are marked in tables and charts.")
     ] = 0.1,
@@ -61,6 +63,8 @@ def compare(
     with exit_codes(as_json):
         loaded = load_with(scene, settings)
         with located_in(loaded):
+            if training_end is not None:
+                loaded = trained_on(loaded, training_end)
             scenes = variants(loaded, words(reducers) or [])
         directory = out or Path("runs", f"{loaded.name}-compare")
         body_cache = BodyCache()
@@ -70,39 +74,28 @@ def compare(
         _report(results, failures, directory, as_json, quiet, charts, error_limit)
 
 
-def variants(scene: Scene, reducers: list[str], registry: Registry | None = None
-             ) -> dict[str, Scene]:
+def trained_on(scene: Scene, share: float) -> Scene:
+    """The scene with a training run of the first steps, a share of all."""
+    steps = max(1, round(share * scene.time.end / scene.time.step))
+    return scene.using({"training.end": steps * scene.time.step}, label="--training-end")
+
+
+def variants(scene: Scene, reducers: list[str]) -> dict[str, Scene]:
     """Reducer name -> copy of the scene with that reducer (model reduction method).
 
-    The scene's own reducer keeps its options. Any other reducer takes over the options that both
-    declare as shared between reducers, such as `basis`, `bases` and `budgets`, and any option of
-    the same name, type and default. An option with another default has another meaning: `deim`
-    selects its interpolation points by its own sampler. Raises InputError for fewer than two names.
+    The scene's own reducer keeps its options; any other takes over what both share, as with `--set
+    reducer=NAME` (`core/scene/reducer_words.py`). Raises InputError for fewer than two names.
     """
     if len(reducers) < 2 or len(set(reducers)) < len(reducers):
         raise InputError(
             f"give two or more different names (got {', '.join(reducers) or 'none'})", "reducers")
-    plugins = registry or Registry()
-    own: dict[str, Any] = scene.dump()["reducer"]
-    cls = plugins.get("reducer", scene.reducer_name)
-    chosen: dict[str, Scene] = {}
     for name in reducers:
-        if name == scene.reducer_name:
-            chosen[name] = scene
-            continue
         try:
-            other = plugins.get("reducer", name)
+            scene.source.registry.get("reducer", name)
         except InputError as error:
             raise error.under("reducers") from None
-        theirs, mine = other.model_fields, cls.model_fields
-        shared = {*shared_options(cls)} & {*shared_options(other)}
-        common = {
-            key: value for key, value in own.items() if key in theirs and (
-                key in shared or (theirs[key].annotation == mine[key].annotation
-                                  and theirs[key].default == mine[key].default))
-        }
-        chosen[name] = scene.using({"reducer": {"use": name, **common}}, label="--reducers")
-    return chosen
+    return {name: scene if name == scene.reducer_name else
+            scene.using({"reducer": name}, label="--reducers") for name in reducers}
 
 
 def _refuse_early(scenes: dict[str, Scene], body_cache: BodyCache) -> None:
@@ -120,15 +113,16 @@ def _run_all(
     """Runs all scenes: results by reducer name, also of runs that stopped early, and the errors
     that stopped them.
 
-    A full-order run that is the training run of the reduced ones leaves its snapshots in the cache.
+    A full-order run that begins with the training run of the reduced ones leaves the snapshots in
+    the cache.
     If a later run finds bad input, the results that this call wrote are removed.
     """
     from sparsemor.core.results.run_result import RunResult
-    from sparsemor.core.simulation.training import is_training_run
+    from sparsemor.core.simulation.training import training_steps
 
     results: dict[str, RunResult] = {}
     failures: dict[str, SolveFailed] = {}
-    teacher = next((n for n, s in scenes.items() if is_training_run(s)), "")
+    teacher = next((n for n, s in scenes.items() if training_steps(s)), "")
     old = {name for name in scenes if OutputDirectory(directory / name).is_result()}
     for name, scene in scenes.items():
         with located_in(scene), progress(quiet) as observers:
@@ -186,7 +180,8 @@ def _report(
             print_json({"status": "failed", "failures": failed})
         leave(failed, FAILED)
     runs: dict[str, Any] = {name: results[name] for name in others}
-    comparison = compared(results[reference], error_limit=error_limit, **runs)
+    comparison = compared(results[reference], error_limit=error_limit, failed={
+        name: str(error) for name, error in failures.items() if name not in results}, **runs)
     with writing(directory):
         drawing = sys.stderr.isatty() and not (quiet or as_json)
         comparison.write(directory, charts, _drawn if drawing else None)
@@ -198,6 +193,8 @@ def _report(
                     "runs": [{"run": name, **summary} for name, summary in summaries.items()],
                     "errors": comparison.errors, "effectivity": comparison.effectivity,
                     "above_limit": comparison.above_limit,
+                    "late_errors": comparison.late_errors, "trained_to": comparison.trained_to,
+                    "wall_clock_gain": {n: g._asdict() for n, g in comparison.gains.items()},
                     "start_up": {n: e.start_up for n, e in comparison.measured.items()},
                     "steady": {n: e.steady for n, e in comparison.measured.items()},
                     "failures": failed, "out": str(directory)})

@@ -24,12 +24,11 @@ from sparsemor.core.cli.options import (
     warn,
 )
 from sparsemor.core.errors import InputError
-from sparsemor.core.protocols.reducer import shared_options
-from sparsemor.core.registry.registry import Registry
+from sparsemor.core.results.error_norms import LIMIT
 from sparsemor.core.results.model_format import is_model_file
 from sparsemor.core.results.solver_report import solvers_in_words
+from sparsemor.core.results.tables import marked
 from sparsemor.core.scene.overrides import parse_settings
-from sparsemor.core.scene.source import Source
 from sparsemor.core.scene.yaml_reader import LocatedError
 
 if TYPE_CHECKING:
@@ -65,8 +64,7 @@ def run(
         if not quiet:
             warn(summary.get("notes", ()))
         if not (quiet or as_json):  # programs find it in the summary
-            inform([*summary.get("information", ()),
-                    *(replaced_reducer(scene, settings) if model is None else ())])
+            inform(summary.get("information", ()))
 
 
 def _kept(scene: str, settings: Sequence[str] | None, resume: bool) -> "ReducedModel | None":
@@ -90,23 +88,6 @@ def _kept(scene: str, settings: Sequence[str] | None, resume: bool) -> "ReducedM
     return model
 
 
-def replaced_reducer(scene: str, settings: Sequence[str] | None) -> list[str]:
-    """Note that `--set reducer=NAME` left out options of the scene's own reducer, which `compare
-    --reducers NAME` keeps; empty if there are none."""
-    name = parse_settings(settings or ()).get("reducer")
-    own = Source.read(scene, Registry()).tree.get("reducer")
-    if not isinstance(name, str) or not isinstance(own, Mapping):
-        return []
-    registry = Registry()
-    if not registry.has("reducer", name):
-        return []
-    cls = registry.get("reducer", name)
-    left = [key for key in shared_options(cls) if key in own and key in cls.model_fields]
-    return [f"reducer {name} runs with its own defaults: {', '.join(left)} of the scene's reducer "
-            f"{own.get('use')} {'is' if len(left) == 1 else 'are'} left out; `compare --reducers` "
-            "keeps what both have"] if left else []
-
-
 def in_words(summary: Mapping[str, Any]) -> str:
     """Summary of a run as aligned lines of text; entries that the run does not report are left
     out."""
@@ -124,8 +105,12 @@ def in_words(summary: Mapping[str, Any]) -> str:
     lines.append(("factorized", summary.get("factorizations")))
     lines += [("linear solver", text) for text in solvers_in_words(
         summary.get("linear_solvers", ()))]
-    lines += [("error estimate", f"{n}: {e:.2g} of its largest change")
+    limit = summary.get("error_tolerance", LIMIT)
+    lines += [("error estimate", f"{n}: {marked(e, '.2g', limit)} of its largest change")
               for n, e in summary.get("error_estimate", {}).items()]
+    for label, key in (("at full order", "fall_back"), ("for new atoms", "enriched")):
+        if found := summary.get(key):
+            lines.append((label, f"{found['steps']} steps, {found['seconds']:.3g} s"))
     held = summary.get("memory")
     if held:
         lines.append(("memory", f"{held['peak_gb']:.2g} GB at most"))

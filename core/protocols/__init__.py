@@ -7,7 +7,13 @@ a frozen set of options; the objects that its methods return hold the numbers. P
 keep no state between calls: a time step writes only to the memory passed to it.
 """
 
-from sparsemor.core.protocols.basis import Basis, BoundsAtoms, CentresSnapshots, ChecksBlock
+from sparsemor.core.protocols.basis import (
+    Basis,
+    BoundsAtoms,
+    CentresSnapshots,
+    ChecksBlock,
+    CombinesBases,
+)
 from sparsemor.core.protocols.block_data import BlockData, Dictionary
 from sparsemor.core.protocols.body import (
     Body,
@@ -122,7 +128,11 @@ from sparsemor.core.protocols.reducer import (
     BlockLinearSolvers,
     BudgetsFields,
     ChecksModel,
+    Choice,
+    ChoosesReducer,
+    ErrorAction,
     ErrorEstimator,
+    ErrorLimit,
     EstimatesErrors,
     HoldsSnapshots,
     OfflineProducts,
@@ -133,6 +143,7 @@ from sparsemor.core.protocols.reducer import (
     SamplesRows,
     SharesOptions,
     StepFactors,
+    TrialRun,
     UsesBases,
     UsesForceBasis,
 )
@@ -208,10 +219,11 @@ __all__ = [
     "BlockLinearSolvers", "Body", "BodyDefaults", "BodyFrame", "BodyPlugin", "BodyRecord",
     "BodyShape", "BodySize", "BoundsAtoms", "BudgetsFields", "CAPABILITIES", "CarriesSurfaceLoads",
     "CentresSnapshots", "ChangesBodies", "ChecksBlock", "ChecksLayout", "ChecksModel", "ChecksStep",
-    "ChoosesRowsKept", "Columns", "ConductsHeat", "ConstraintRecord", "Contact", "ContactPlugin",
-    "CopiesRigidly", "CountsLinearIterations", "DeclaresEffect", "DeclaresFields",
-    "DeclaresSurfaces", "Dictionary", "Differentiable", "DofLocations", "DrawsRequired", "Effect",
-    "ElasticIntegrals", "ElasticLocal", "ElasticOperators", "Equations", "ErrorEstimator",
+    "Choice", "ChoosesReducer", "ChoosesRowsKept", "Columns", "CombinesBases", "ConductsHeat",
+    "ConstraintRecord", "Contact", "ContactPlugin", "CopiesRigidly", "CountsLinearIterations",
+    "DeclaresEffect", "DeclaresFields", "DeclaresSurfaces", "Dictionary", "Differentiable",
+    "DofLocations", "DrawsRequired", "Effect", "ElasticIntegrals", "ElasticLocal",
+    "ElasticOperators", "Equations", "ErrorAction", "ErrorEstimator", "ErrorLimit",
     "EstimatesErrors", "EstimatesMemory", "EstimatesMeshSize", "EstimatesSize",
     "EvaluatesManyTimes", "Factorized", "FieldKind", "FollowsMotion", "Frame", "FrameArrays",
     "FrameHistory", "FrameItem", "FrameRecord", "FrameWork", "FreezesSupport", "FrictionLaw",
@@ -219,12 +231,12 @@ __all__ = [
     "HasNumbers", "HasPointArrays", "HasPoints", "HasPose", "HasProbes", "HasShape",
     "HasSurroundings", "HeatBody", "HeatCoupling", "HeatIntegrals", "Held", "HoldsSnapshots",
     "ImportsMotion", "Integrals", "Integrator", "Joint", "JointPlugin", "LawArrays", "Layout",
-    "LeavesMesh", "LimitsProblems", "LimitsTemperature", "LinearOutcome", "LinearSolver",
-    "Linearizes", "Load", "LoadColumn", "LoadPlugin", "LoadTable", "LocalCopy", "LocalRecord",
-    "LocalizesRows", "ManySteps", "Material", "MatrixRecord", "Mesh", "MeshPlugin", "MeshSize",
+    "LeavesMesh", "LimitsProblems", "LimitsTemperature", "Linearizes", "LinearOutcome",
+    "LinearSolver", "Load", "LoadColumn", "LoadPlugin", "LoadTable", "LocalCopy", "LocalizesRows",
+    "LocalRecord", "ManySteps", "Material", "MatrixRecord", "Mesh", "MeshPlugin", "MeshSize",
     "MovesOverBody", "MovingBody", "NamesMultipliers", "NamesSides", "NamesSource", "NormalLaw",
-    "OfflineProducts", "Origin", "PROBLEM_FEATURES", "Part", "PassesReactionsOn", "PointArrays",
-    "Preconditioner", "Prescribed", "PrescribesReactions", "ProbePlace", "Quantity", "ReadsFiles",
+    "OfflineProducts", "Origin", "Part", "PassesReactionsOn", "PointArrays", "Preconditioner",
+    "Prescribed", "PrescribesReactions", "ProbePlace", "PROBLEM_FEATURES", "Quantity", "ReadsFiles",
     "Recording", "Records", "Recovery", "RedrawsRows", "ReducedProblem", "ReducedTerm", "Reducer",
     "RelocatesNear", "ReportsChatter", "ReportsNoContact", "ReportsPassage", "ReportsResultants",
     "ReportsTerms", "RespondsByBlock", "RespondsExactly", "Restarts", "RestartsSteps",
@@ -232,7 +244,8 @@ __all__ = [
     "SelectsFields", "Separated", "SharesOptions", "SolvesManySteps", "SparseOutcome",
     "SparseProblem", "SparseSolver", "SparseStart", "Stage", "State", "StatesFillIn", "StepBlock",
     "StepFactors", "StepFormula", "StepMemory", "StepOutcome", "StepSolver", "StoresObjects",
-    "StressConstants", "SurfaceLoads", "Surfaces", "Table", "TableRecord", "Tabled", "TabledAlong",
-    "TemperatureProperty", "Term", "TimeDependent", "TimeFunction", "Trial", "UpdateRule",
-    "UpdateRules", "UsesBases", "UsesForceBasis", "VectorRecord", "WeighsElements", "WrapsTerm",
+    "StressConstants", "SurfaceLoads", "Surfaces", "Table", "Tabled", "TabledAlong", "TableRecord",
+    "TemperatureProperty", "Term", "TimeDependent", "TimeFunction", "Trial", "TrialRun",
+    "UpdateRule", "UpdateRules", "UsesBases", "UsesForceBasis", "VectorRecord", "WeighsElements",
+    "WrapsTerm",
 ]

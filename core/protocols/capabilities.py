@@ -27,7 +27,8 @@ from sparsemor.core.protocols import (
 )
 
 CAPABILITIES: Mapping[str, tuple[type, ...]] = {
-    "basis": (basis.BoundsAtoms, basis.ChecksBlock, basis.CentresSnapshots),
+    "basis": (basis.BoundsAtoms, basis.ChecksBlock, basis.CombinesBases,
+              basis.CentresSnapshots),
     "body": (body.EstimatesSize, body.SelectsFields, layout.DeclaresFields),
     "contact": (contact.DeclaresSurfaces, contact.NamesSides),
     "function": (integrator.HasCurvature,),
@@ -38,7 +39,8 @@ CAPABILITIES: Mapping[str, tuple[type, ...]] = {
     "mesh": (mesh.EstimatesMeshSize,),
     "reducer": (reducer.ChecksModel, reducer.UsesBases, reducer.UsesForceBasis,
                 reducer.HoldsSnapshots, reducer.EstimatesErrors, reducer.RestartsSteps,
-                reducer.SharesOptions, reducer.SamplesRows, reducer.BudgetsFields),
+                reducer.SharesOptions, reducer.SamplesRows, reducer.BudgetsFields,
+                reducer.ChoosesReducer),
     "sampler": (sampler.ChoosesRowsKept, sampler.SamplesNodes, sampler.DrawsRequired),
     "sparse_solver": (sparse_solver.LimitsProblems,),
 }

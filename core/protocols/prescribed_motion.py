@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from sparsemor.core.arrays import FloatArray, IntArray
-from sparsemor.core.protocols.load_tables import blended, place
+from sparsemor.core.protocols.load_tables import blended, place, places
 from sparsemor.core.protocols.poses import unit_attitude
 
 
@@ -44,6 +44,9 @@ class FrameHistory:
         themselves, not copies."""
         if np.array_equal(times, self.times):
             return self.pose, self.rate, self.acceleration
+        i, w = places(self.times, times)
+        if not w.any():
+            return self.pose[i], self.rate[i], self.acceleration[i]
         pose, rate, acceleration = zip(*(self.at(t) for t in times.tolist()), strict=True)
         return np.stack(pose), np.stack(rate), np.stack(acceleration)
 
@@ -68,6 +71,7 @@ class Stage:
     (T, l), N and N m; contacts: contact -> resultant ("normal" N, "friction" N, "power" W, "length"
     m or "area" m2 in contact, largest "pressure" Pa) -> (T,). reactions_passed_on: joint ->
     reactions (T, columns) for joints whose prescribed reactions differ from their multipliers.
+    dropped: largest initial acceleration that its first step did without, m/s2 or rad/s2 (0: none).
     """
 
     times: FloatArray
@@ -76,3 +80,4 @@ class Stage:
     reactions: Mapping[str, FloatArray]
     contacts: Mapping[str, Mapping[str, FloatArray]]
     reactions_passed_on: Mapping[str, FloatArray] = field(default_factory=dict)
+    dropped: float = 0.0

@@ -3,7 +3,7 @@ such as snapshots."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol, Self, runtime_checkable
+from typing import Literal, NamedTuple, Protocol, Self, TypeAlias, runtime_checkable
 
 import numpy as np
 
@@ -154,6 +154,10 @@ class OfflineProducts(Protocol):
         which they depend except the training run."""
         ...
 
+    def learning(self, count: int) -> "OfflineProducts":
+        """Offline data of the first `count` snapshots alone, without a cache."""
+        ...
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReducedProblem:
@@ -216,6 +220,68 @@ class HoldsSnapshots(Protocol):
         ...
 
 
+@dataclass(frozen=True, slots=True)
+class TrialRun:
+    """Reduced run over the training run, whose snapshots are its reference.
+
+    method: reducer and what its bases were learned from, in words; atoms: block -> number of atoms;
+    errors: block -> largest error relative to the largest change of the block, `inf` for a run that
+    failed; holdout: the same in the part of the training run that the bases have not learned, empty
+    without such a part; ms: CPU time per step, ms, None for a projection of the snapshots, which is
+    no run; elements: number of elements visited per step.
+    """
+
+    method: str
+    atoms: Mapping[str, int]
+    errors: Mapping[str, float]
+    holdout: Mapping[str, float]
+    ms: float | None
+    elements: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """Reducer that was chosen by trial runs.
+
+    reducer: its options, as in a scene; trials: all trial runs, the chosen reducer last; reasons:
+    what speaks for and against the choice, one sentence each; doubts: the same where the tolerance
+    is not met.
+    """
+
+    reducer: Mapping[str, object]
+    trials: tuple[TrialRun, ...]
+    reasons: tuple[str, ...]
+    doubts: tuple[str, ...] = ()
+
+
+@runtime_checkable
+class ChoosesReducer(Protocol):
+    """A reducer that is replaced by another one before a run. It chooses that on the training run:
+    the model of its problem is that of the training run, and so are the snapshots."""
+
+    def left_out(self, problem: ReducedProblem) -> tuple[str, ...]:
+        """Names of the blocks that the scene does not need: fields that are constant in the
+        training run."""
+        ...
+
+    def choose(self, problem: ReducedProblem) -> Choice:
+        """Reducer for this problem. Raises InputError where none can be chosen."""
+        ...
+
+
+ErrorAction: TypeAlias = Literal["warn", "stop", "fall_back", "enrich"]
+"""What a run does where its estimated error exceeds the tolerance."""
+
+
+@dataclass(frozen=True, slots=True)
+class ErrorLimit:
+    """Largest permitted estimate of a block's error, relative to its largest change, and what the
+    run does beyond it."""
+
+    tolerance: float = 0.1
+    action: ErrorAction = "warn"
+
+
 class ErrorEstimator(Protocol):
     """Estimator of the error x_full - x_reduced of a reduced run against the full-order run of the
     same steps.
@@ -235,6 +301,10 @@ class ErrorEstimator(Protocol):
         the full model and in those of the reduced one."""
         ...
 
+    def corrected(self, full: State, memory: Mapping[str, FloatArray]) -> State:
+        """A state of the full model plus the estimated errors and their rates."""
+        ...
+
     def present(self, memory: Mapping[str, FloatArray]) -> dict[str, float]:
         """Norm of each block's estimated error at the last state that `memory` knows."""
         ...
@@ -246,11 +316,17 @@ class ErrorEstimator(Protocol):
         first of them `every` steps after that of `memory`, which is brought to the last."""
         ...
 
+    def carry(self, count: int, memory: dict[str, FloatArray]) -> Mapping[str, FloatArray]:
+        """The same for `count` estimates along full-order steps, to which no error is added."""
+        ...
+
 
 @runtime_checkable
 class EstimatesErrors(Protocol):
     """A reducer whose runs can be accompanied by an estimate of their error."""
 
+    @property
+    def error_limit(self) -> ErrorLimit: ...
     def error_estimator(self, problem: ReducedProblem, solver: StepSolver) -> ErrorEstimator | None:
         """Estimator for runs of `solver`, which this reducer prepared for `problem`; None where
         none is requested."""
@@ -287,7 +363,7 @@ class SharesOptions(Protocol):
 
     @property
     def shared_options(self) -> tuple[str, ...]:
-        """Names of these options, a class attribute; a comparison of reducers copies their
+        """Names of these options, a class attribute; a change of the reducer's name keeps their
         values."""
         ...
 

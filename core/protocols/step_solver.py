@@ -1,9 +1,10 @@
 """Interfaces of step solvers, which solve one time step of a full or reduced model."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Generic, Protocol, Self, runtime_checkable
 
+import numpy as np
 from typing_extensions import TypeVar
 
 from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
@@ -189,15 +190,36 @@ class LeavesMesh(Protocol):
         and makes the rates consistent."""
         ...
 
+    def stepping_alike(self, copy: StepSolver) -> StepSolver:
+        """A copy of the solver without mesh, made in this process, that takes its steps the same
+        way (compiled, say)."""
+        ...
+
+    def constraint_errors(self, state: State) -> tuple[FloatArray, FloatArray]:
+        """Values and time derivatives (l, 2) of the l constraint equations at a state in the
+        solver's unknowns, zero where it fits the joints; and the magnitudes (l, 2) of their terms,
+        with rotations of 1 rad at least."""
+        ...
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StepBlock:
-    """Solved steps: the states at the end of each, the numbers of iterations, and the estimated
-    remaining errors (`StepOutcome`)."""
+    """Solved steps: times t (T,), s; z (T, 3 + j, n), unknowns x, rates v, second derivatives a and
+    columns of `State.memory` at the end of each; numbers of iterations, and estimated remaining
+    errors (`StepOutcome`)."""
 
-    states: Sequence[State]
-    iterations: Sequence[int]
-    remaining: Sequence[float]
+    t: Sequence[float] = ()
+    z: FloatArray = field(default_factory=lambda: np.empty((0, 3, 0)))
+    iterations: Sequence[int] = ()
+    remaining: Sequence[float] = ()
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    def state(self, i: int) -> State:
+        """State at the end of step i."""
+        z = self.z[i]
+        return State(self.t[i], z[0], z[1], z[2], z[3:].T)
 
 
 class ManySteps(Protocol[M_contra]):

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsemor.core.arrays import IntArray
+from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.results import zarr_files as zf
 from sparsemor.core.results.metadata import RunHeader
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.results.stage_arrays import stage_attributes
-from sparsemor.core.results.store import ChunkOfSteps, check_column, columns_of
+from sparsemor.core.results.store import ChunkOfSteps, check_column, columns_of, converted
 from sparsemor.core.results.stored_arrays import ALL
 from sparsemor.core.results.variables import fixed_arrays, time_arrays
 from sparsemor.core.status import Status
@@ -86,6 +86,11 @@ class MemoryWriter:
             "format": zf.FORMAT, "run": uuid.uuid4().hex, "status": Status.INTERRUPTED.value,
             "summary": {}, "stage": stage_attributes(header.stage)}
 
+    @property
+    def attributes(self) -> Mapping[str, Any]:
+        """Attributes of the result, as plain data."""
+        return dict(self._attributes)
+
     def append(self, steps: ChunkOfSteps) -> None:
         """Takes steps. Raises ValueError for values that are not finite."""
         columns = columns_of(steps, self._layout, self._arrays)
@@ -93,7 +98,16 @@ class MemoryWriter:
             check_column(name, self._arrays[name], values, len(steps.times))
         self._parts.append(columns)
 
-    def checkpoint(self, arrays: Mapping[str, NDArray[Any]], memory: object = None) -> None:
+    def continued(self, header: RunHeader, maps: Mapping[str, FloatArray]) -> "MemoryWriter":
+        """Writer of the same result in other unknowns of the step solver."""
+        writer = MemoryWriter(header, fixed_in_memory(header))
+        writer._parts.append(converted(
+            self.result(), writer._arrays, maps, slice(None)))
+        return writer
+
+    def checkpoint(
+        self, arrays: Mapping[str, NDArray[Any]], memory: object = None, extra: int = 0
+    ) -> None:
         """Nothing: a run in memory is not resumed."""
 
     def finish(self, status: Status, summary: Mapping[str, Any]) -> None:
@@ -105,6 +119,7 @@ class MemoryWriter:
                  for name, m in self._arrays.items()}
         over_time = {name: np.concatenate([p[name] for p in self._parts] or [none])
                      for name, none in empty.items()}
+        self._parts = [over_time]
         grown = {name: _metadata(over_time[name], m["dimension_names"], m["attributes"])
                  for name, m in self._arrays.items()}
         return RunResult.of(ArraysInMemory(

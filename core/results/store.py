@@ -10,7 +10,7 @@ import errno
 import os
 import shutil
 import uuid
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -29,6 +29,7 @@ from sparsemor.core.results.checkpoint import (
     load_checkpoint,
     save_checkpoint,
 )
+from sparsemor.core.results.continuation import extended, refusal
 from sparsemor.core.results.metadata import RunHeader, load_layout
 from sparsemor.core.results.output_lock import FixedFolder
 from sparsemor.core.results.run_result import RunResult
@@ -36,6 +37,7 @@ from sparsemor.core.results.saved_state import Saved, SavedError
 from sparsemor.core.results.stage_arrays import stage_attributes
 from sparsemor.core.results.variables import TIME, fixed_arrays, steps_per_chunk, time_arrays
 from sparsemor.core.scene.run_identity import Identity
+from sparsemor.core.scene.scene import Scene
 from sparsemor.core.status import Status
 
 
@@ -104,15 +106,20 @@ class ResultWriter:
 
     @classmethod
     def resume(
-        cls, path: str | Path, scene_digest: str | None = None, identity: Identity | None = None
+        cls, path: str | Path, scene: Scene | None = None, header: RunHeader | None = None
     ) -> tuple["ResultWriter", Checkpoint]:
-        """Writer of a stopped run, truncated to its last checkpoint, and that checkpoint.
+        """Writer of a stored run, truncated to its last checkpoint, and that checkpoint.
 
-        Raises InputError if there is nothing to resume, the run is complete, its scene differs from
-        `scene_digest`, or code, plugins or input files differ from `identity`.
+        scene, header: those of the continued run, None for the stored ones. Raises InputError if
+        there is nothing to resume, or if the continued run would not be that of `scene` from its
+        start: other settings than a later end, other code, plugins or input files.
         """
         target = Path(path).absolute()
-        document, checkpoint = _resumable(target, scene_digest, identity)
+        document, checkpoint = _resumable(target, scene)
+        kept = document["attributes"]["scene"]
+        if header is not None and header.scene["time"]["end"] != kept["time"]["end"]:
+            if why := extended(target, document, header):
+                raise _refused(target, why)
         for name, metadata in zf.arrays_of(document).items():
             (target / name / zf.GROUP_FILE).unlink(missing_ok=True)
             if metadata["dimension_names"][0] == TIME:
@@ -122,11 +129,14 @@ class ResultWriter:
         return cls(target), checkpoint
 
     @staticmethod
-    def resumable(
-        path: str | Path, scene_digest: str | None = None, identity: Identity | None = None
-    ) -> None:
-        """Raises InputError if `resume` would; changes nothing."""
-        _resumable(Path(path).absolute(), scene_digest, identity)
+    def resumable(path: str | Path, scene: Scene | None = None) -> None:
+        """Raises InputError if `resume` would without a header; changes nothing."""
+        _resumable(Path(path).absolute(), scene)
+
+    @property
+    def attributes(self) -> Mapping[str, Any]:
+        """Attributes of the result, as plain data."""
+        return dict(self._document["attributes"])
 
     @property
     def stored(self) -> int:
@@ -135,33 +145,63 @@ class ResultWriter:
     def append(self, steps: ChunkOfSteps) -> None:
         """Stores and commits steps. Raises ValueError, storing nothing, for values that are not
         finite."""
-        columns = columns_of(steps, self._layout, self._arrays)
+        self._append(columns_of(steps, self._layout, self._arrays))
+
+    def _append(self, columns: Mapping[str, NDArray[Any]]) -> None:
+        times = columns[TIME]
         for name, values in columns.items():
-            check_column(name, self._arrays[name], values, len(steps.times))
-        self._check_times(steps.times)
-        if len(steps.times) == 0:
+            check_column(name, self._arrays[name], values, len(times))
+        self._check_times(times)
+        if len(times) == 0:
             return
         first = self.stored // self._chunk
         with self._folder.kept(self._last_time):
             for name, values in columns.items():
                 self._write(name, first, values)
             for metadata in self._arrays.values():
-                metadata["shape"][0] += len(steps.times)
+                metadata["shape"][0] += len(times)
             zf.write_group(self.path, self._document)
-        self._last_time = float(steps.times[-1])
+        self._last_time = float(times[-1])
 
-    def checkpoint(self, arrays: Mapping[str, NDArray[Any]], memory: object = None) -> None:
+    def continued(
+        self, header: RunHeader, maps: Mapping[str, FloatArray]
+    ) -> "ResultWriter":
+        """Writer of the same result in other unknowns of the step solver, for the steps to come.
+        The stored steps are converted (`converted`); a process that is killed during the exchange
+        leaves them in the folder `.NAME.old`."""
+        known = self.result()
+        fresh, old = (self.path.with_name(f".{self.path.name}.{end}") for end in ("new", "old"))
+        for folder in (fresh, old):
+            shutil.rmtree(folder, ignore_errors=True)
+        fresh.mkdir()
+        _write_empty(fresh, header)
+        writer = ResultWriter(fresh)
+        for first in range(0, self.stored, writer._chunk):
+            writer._append(converted(
+                known, writer._arrays, maps,
+                slice(first, min(first + writer._chunk, self.stored))))
+        with self._folder.kept(self._last_time):  # still in its place
+            pass
+        os.replace(self.path, old)
+        os.replace(fresh, self.path)
+        shutil.rmtree(old, ignore_errors=True)
+        return ResultWriter(self.path)
+
+    def checkpoint(
+        self, arrays: Mapping[str, NDArray[Any]], memory: object = None, extra: int = 0
+    ) -> None:
         """Saves the state from which the run can continue after the last appended step.
 
-        arrays: state of the time integrator; memory: state of the step solver. Raises TypeError for
-        a state that cannot be serialized (saved_state.py).
+        arrays: state of the time integrator; memory: state of the step solver; extra: number of
+        appended steps that a longer run does not store. Raises TypeError for a state that cannot be
+        serialized (saved_state.py).
         """
-        run = self._document["attributes"]["run"]
+        run, stored = self._document["attributes"]["run"], self.stored - extra
         with self._folder.kept(self._last_time), writing(checkpoint_file(self.path)):
-            save_checkpoint(self.path, Checkpoint(run, self.stored, arrays, Saved.of(memory)))
+            save_checkpoint(self.path, Checkpoint(run, stored, arrays, Saved.of(memory)))
 
     def finish(self, status: Status, summary: Mapping[str, Any]) -> None:
-        """Writes the final status and summary of the run; removes the checkpoint of a complete run.
+        """Writes the final status and summary of the run.
 
         Raises OSError if the store was moved or removed, or if one of its files is missing.
         """
@@ -177,8 +217,6 @@ class ResultWriter:
                 replace_file(folder / zf.GROUP_FILE, zf.to_json(metadata))
             self._document["attributes"].update(status=status.value, summary=dict(summary))
             zf.write_group(self.path, self._document)
-            if status.ok:
-                checkpoint_file(self.path).unlink(missing_ok=True)
 
     def result(self) -> RunResult:
         """Reader of what is committed."""
@@ -245,6 +283,26 @@ def columns_of(
     return columns
 
 
+def converted(
+    known: RunResult, arrays: Iterable[str], maps: Mapping[str, FloatArray], steps: slice
+) -> dict[str, NDArray[Any]]:
+    """Name -> values, at some steps of a result, of the arrays over time for other unknowns of the
+    step solver. maps: block -> matrix (l, k) from its coefficients to those of other atoms; a block
+    without one is converted to all its unknowns."""
+    columns: dict[str, NDArray[Any]] = {}
+    for name in arrays:
+        values = known.over_time(name, steps)
+        block, _, what = name.rpartition(".")
+        if values is None:
+            values = known.block(name, steps)
+        elif block in maps and what == "coefficients":
+            values = values @ maps[block].T
+        elif block in maps and what == "active":
+            values = values @ (maps[block].T != 0.0)
+        columns[name] = values
+    return columns
+
+
 def check_column(
     name: str, metadata: Mapping[str, Any], values: NDArray[Any], count: int
 ) -> None:
@@ -277,23 +335,24 @@ def _write_empty(path: Path, header: RunHeader) -> None:
     zf.write_group(path, zf.group_document(attributes, growing | fixed))
 
 
-def _resumable(
-    target: Path, scene_digest: str | None, identity: Identity | None
-) -> tuple[dict[str, Any], Checkpoint]:
+def _refused(target: Path, why: str) -> InputError:
+    return InputError(f"{target} cannot be resumed: {why}", key="resume")
+
+
+def _resumable(target: Path, scene: Scene | None) -> tuple[dict[str, Any], Checkpoint]:
     def refuse(why: str) -> InputError:
-        return InputError(f"{target} cannot be resumed: {why}", key="resume")
+        return _refused(target, why)
 
     if not (target / zf.GROUP_FILE).exists():
         raise refuse("there is no result; start the run without --resume")
     document = zf.read_group(target)
     attributes = document["attributes"]
-    if attributes["status"] == Status.DONE.value:
-        raise refuse("the run has ended; nothing is left to do")
-    if scene_digest not in (None, attributes["scene_digest"]):
-        raise refuse("it was made from another scene; run into a new directory")
-    if identity is not None and (changed := identity.changes(attributes.get("identity", {}))):
-        raise refuse(f"since it was stopped, {'; '.join(changed)}. Start the run again, with "
-                     "--force or into another directory")
+    if scene is not None:
+        if why := refusal(attributes, scene):
+            raise refuse(why)
+        if changed := Identity.of(scene).changes(attributes.get("identity", {})):
+            raise refuse(f"since it was stopped, {'; '.join(changed)}. Start the run again, with "
+                         "--force or into another directory")
     try:
         checkpoint = load_checkpoint(target)
     except SavedError as error:

@@ -6,14 +6,15 @@ from typing import Any
 from sparsemor.core.scene.scene import Scene
 
 IRRELEVANT: Mapping[str, Any] = {
-    "title": "", "seed": 0, "check_stability": "warn", "output": {}, "probes": {}}
+    "title": "", "seed": 0, "check_stability": "warn", "check_trial_space": "warn",
+    "output": {}, "probes": {}}
 """Keys of a scene that do not affect its solution, with the value to which they are reset. A new
 key of `Scene` belongs here or in `RELEVANT`, which a test checks."""
 REDUCTION = frozenset({"reducer", "training"})
 """Keys that affect a reduced model only."""
 RELEVANT = frozenset({
-    "format", "bodies", "joints", "contacts", "loads", "rigid_stage", "time", "integrator",
-    "linear_solver", "linear_solvers"})
+    "format", "bodies", "joints", "contacts", "loads", "rigid_stage", "initial", "time",
+    "integrator", "linear_solver", "linear_solvers"})
 NOT_PHYSICS = frozenset(IRRELEVANT) | REDUCTION
 """Keys that may change without a new reference solution."""
 

@@ -8,7 +8,6 @@ from sparsemor.core.errors import Damaged, InputError
 from sparsemor.core.results.checkpoint import checkpoint_file
 from sparsemor.core.results.output_directory import OutputDirectory
 from sparsemor.core.results.store import ResultWriter
-from sparsemor.core.scene.run_identity import Identity
 from sparsemor.core.scene.scene import Scene
 
 
@@ -17,7 +16,7 @@ def admit(scene: Scene, out: Path, resume: bool) -> None:
     the result in it. Raises InputError."""
     directory = OutputDirectory(out)
     if resume:
-        ResultWriter.resumable(directory.store, scene.digest(), Identity.of(scene))
+        ResultWriter.resumable(directory.store, scene)
     else:
         directory.require_writable()
 

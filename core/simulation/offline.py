@@ -9,8 +9,8 @@ import numpy as np
 from sparsemor.core.arrays import Arrays, FloatArray
 from sparsemor.core.linalg.least_squares import least_squares_coefficients
 from sparsemor.core.linalg.snapshots import column_chunks
-from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.model.model import Model
+from sparsemor.core.model.resolved_start import resolved_start
 from sparsemor.core.protocols import (
     Basis,
     BlockData,
@@ -66,6 +66,17 @@ class Offline:
             self._snapshots = self._remembered("training", (), self._train)
         return self._snapshots[name].T
 
+    def learning(self, count: int) -> "Offline":
+        """Offline data of the first `count` snapshots alone, without a cache. For integrators
+        of an order above 1 the last snapshot, made of the initial accelerations, remains."""
+        extra = int(self.recording is not None and self.recording.integrator.order > 1)
+
+        def rows() -> Mapping[str, FloatArray]:
+            found = {n: self.snapshots(n).T for n in self._model.reducible()}
+            return {n: np.concatenate([X[:count], X[len(X) - extra:]]) for n, X in found.items()}
+
+        return Offline(self._model, rows, "", Products(None), self.manager, self.recording)
+
     def remember(
         self, kind: str, depends: Sequence[object], make: Callable[[], Arrays]
     ) -> Arrays:
@@ -77,7 +88,12 @@ class Offline:
         self, kind: str, depends: Sequence[object], make: Callable[[], Arrays]
     ) -> Arrays:
         key = "" if self.products.cache is None else digest(self._key, *depends)
-        return self.products.remember(kind, key, make)
+
+        def told() -> Arrays:
+            self.manager.hook.on_offline(product=kind)
+            return make()
+
+        return self.products.remember(kind, key, told)
 
     def has(self, kind: str, depends: Sequence[object] = ()) -> bool:
         """True if an offline product with these inputs is in the cache."""
@@ -155,7 +171,8 @@ def full_run(
         model, scene.integrator, h, offline, np.random.default_rng(scene.seed)))
     solver = controlled(scene, model, offline, solver)
     step = step_of(solver, scene.integrator, h)
-    state, memory = started(solver, scene.integrator, consistent_state(model))
+    state, memory = started(
+        solver, scene.integrator, resolved_start(model, scene.integrator, h).state)
     name = phase.removesuffix(" run")
     manager.hook.on_start(run=RunStart(
         scene.title, scene.reducer_name, 0.0, steps * h, steps, name))

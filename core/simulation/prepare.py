@@ -10,8 +10,9 @@ import numpy as np
 
 from sparsemor.core.model.body_cache import BodyCache
 from sparsemor.core.model.factorizations import Factored
-from sparsemor.core.model.initial_state import consistent_state, start_notes
+from sparsemor.core.model.initial_state import start_notes
 from sparsemor.core.model.model import Model
+from sparsemor.core.model.resolved_start import resolved_start
 from sparsemor.core.notes import Note
 from sparsemor.core.protocols import (
     BodyShape,
@@ -32,9 +33,9 @@ from sparsemor.core.simulation.diagnostics.contact_warnings import stage_warning
 from sparsemor.core.simulation.diagnostics.plausibility import before_run, of_solver
 from sparsemor.core.simulation.diagnostics.trial_space import (
     TrialSpace,
-    space_notes,
-    trial_spaces,
+    check_trial_spaces,
 )
+from sparsemor.core.simulation.initial_from_result import initial_notes
 from sparsemor.core.simulation.linearization import check_run
 from sparsemor.core.simulation.memory.disk import room_for_result, room_for_snapshots
 from sparsemor.core.simulation.memory.estimate import fitting
@@ -55,8 +56,8 @@ class PreparedRun:
     unknowns of a solver without mesh; header: of the result; probes, given: what is recorded next
     to the unknowns; notes, stability, spaces: findings before the first step; trained_to: end of
     the training run, s; contacts: warnings about contacts along a rigid-body pre-simulation, None
-    without one. model: assembled model, and estimator: of the error, None where they are not
-    at hand.
+    without one. model: assembled model, estimator: of the error, and offline data, None where they
+    are not at hand; own_loads: False if the run has other loads than that model.
     """
 
     scene: Scene
@@ -72,6 +73,8 @@ class PreparedRun:
     contacts: tuple[Note, ...] | None
     model: Model | None = None
     estimator: ErrorEstimator | None = None
+    offline: Offline | None = None
+    own_loads: bool = True
 
     def factored(self) -> Sequence[Factored]:
         """Reports of the linear systems of the assembled model."""
@@ -96,23 +99,28 @@ def prepared_run(
             model, scene.integrator, scene.time.step, offline, np.random.default_rng(scene.seed))
         solver: StepSolver = scene.reducer.prepare(problem)
         complete(solver, StepSolver, scene.reducer, "prepare", "reducer")
-        start = consistent_state(model)
+        resolved = resolved_start(model, scene.integrator, scene.time.step)
+        start = resolved.state
         unstable, stability = check_run(scene, model, solver, start, offline)
-        spaces = trial_spaces(model, offline, solver.dictionaries, scene.time.step, scene.time.end)
+        spaces, missed = check_trial_spaces(scene, model, offline, solver.dictionaries)
         estimator = _estimator(scene.reducer, problem, solver)
         solver = controlled(scene, model, offline, solver)
     integrator: object = scene.integrator
+    # rates of BDF1 are differences of positions, so that joints hold at the end of a step only
+    differences = scene.initial is not None and scene.integrator.order == 1
+    started = () if differences else start_notes(model)
     of_integrator = integrator.notes(model.layout) if isinstance(integrator, ChecksLayout) else ()
     return PreparedRun(
         scene, solver, start, header_of(
             scene, model, solver, step_count(scene), () if estimator is None else estimator.blocks),
         tuple(ProbeReader.of(p, solver.layout, solver.dictionaries) for p in model.probes),
         {n: shape for n, shape in shapes(model).items() if shape.given},
-        (*start_notes(model), *of_integrator, *solver.notes, *before_run(scene, model),
-         *of_solver(scene, solver), *unstable, *space_notes(spaces),
+        (*started, *initial_notes(scene, model, solver.dictionaries),
+         *resolved.notes(scene.time.step), *of_integrator, *solver.notes,
+         *before_run(scene, model), *of_solver(scene, solver), *unstable, *missed,
          *(() if estimator is None else estimator.notes)),
         stability, spaces, scene.training_end, stage_warnings(model),
-        model, estimator), offline
+        model, estimator, offline), offline
 
 
 def prepared(

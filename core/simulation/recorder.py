@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,7 @@ import numpy as np
 
 from sparsemor.core.arrays import BoolArray, FloatArray
 from sparsemor.core.errors import InputError
-from sparsemor.core.linalg.threads import described, elsewhere
+from sparsemor.core.linalg.threads import elsewhere
 from sparsemor.core.notes import Level, Note, information, kinds, sentences
 from sparsemor.core.protocols import (
     CountsLinearIterations,
@@ -29,9 +30,9 @@ from sparsemor.core.results.saved_state import SavedError
 from sparsemor.core.results.solver_report import solvers_summary
 from sparsemor.core.results.store import ChunkOfSteps, ResultWriter
 from sparsemor.core.results.zarr_files import read_group
-from sparsemor.core.scene.run_identity import Identity
 from sparsemor.core.simulation.admission import admit
-from sparsemor.core.simulation.error_record import ErrorRecord
+from sparsemor.core.simulation.error_control.notes import enrichment_notes, error_limit
+from sparsemor.core.simulation.error_control.record import ErrorMark, ErrorRecord
 from sparsemor.core.simulation.memory.use import MemoryUse
 from sparsemor.core.simulation.offline_cache import Products
 from sparsemor.core.simulation.prepare import PreparedRun
@@ -45,6 +46,14 @@ BUFFER = 2**26
 """Bytes of buffered states after which results are written to disk."""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class RecordMark:
+    """A moment of a recorder: number of buffered steps, and the moment of the error estimates."""
+
+    rows: int
+    errors: ErrorMark | None
+
+
 class Recorder:
     """Recorder of one run's results: states, probes, contact forces, checkpoints and summary."""
 
@@ -52,7 +61,7 @@ class Recorder:
         self, run: PreparedRun, writer: ResultWriter | MemoryWriter,
         checkpoint: Checkpoint | None, steps: int, products: Products | None = None,
     ) -> None:
-        self.run, self.scene, self.solver = run, run.scene, run.solver
+        self.scene = run.scene
         self.writer, self.checkpoint, self.steps = writer, checkpoint, steps
         self.reducer = run.header.reducer
         self.products = Products(None) if products is None else products
@@ -60,23 +69,57 @@ class Recorder:
         self.memory: MemoryUse | None = None
         self.errors: ErrorRecord | None = None
         self._every, self._saved = run.scene.output.every, time.perf_counter()
+        self._on_disk = isinstance(writer, ResultWriter)
+        self.take_up(run)
+        self._rows: list[tuple[float, FloatArray, int, float, float]] = []
+        self._contacts: list[Mapping[str, float]] = []
+        self._supports: list[Mapping[str, BoolArray]] = []
+
+    def take_up(self, run: PreparedRun) -> None:
+        """Records the steps of this run from now on."""
+        self.run, self.solver = run, run.solver
         # along a rigid stage histories are kept already; only conduction acts in addition
         solver: object = run.solver
         self._reports = solver if run.header.stage is None and isinstance(
             solver, ReportsTerms) else None
-        self._rows: list[tuple[float, FloatArray, int, float, float]] = []
-        self._contacts: list[Mapping[str, float]] = []
-        self._supports: list[Mapping[str, BoolArray]] = []
+        self._contact_names = frozenset(
+            f"{name}.{what}" for name, kept in run.header.contacts.items() for what in kept)
+
+    def go_on(self, run: PreparedRun, maps: Mapping[str, FloatArray]) -> None:
+        """Records the rest of a run in the unknowns of another step solver; the stored steps are
+        converted (`ResultWriter.continued`)."""
+        self.flush()
+        self.writer = self.writer.continued(run.header, maps)
+        self.take_up(run)
+
+    @property
+    def fall_back(self) -> Mapping[str, Any]:
+        """Time, block and reason where the run left its reduced model, {} if it did not."""
+        return dict(self.writer.attributes.get("fall_back", {}))
+
+    def mark(self) -> "RecordMark":
+        """The present moment, to come back to."""
+        return RecordMark(len(self._rows), None if self.errors is None else self.errors.mark())
+
+    def back_to(self, mark: "RecordMark") -> None:
+        """Drops what came after a moment, since which nothing was written."""
+        for kept in (self._rows, self._contacts, self._supports):
+            del kept[mark.rows:]
+        if self.errors is not None and mark.errors is not None:
+            self.errors.back_to(mark.errors)
 
     @classmethod
     def open(
         cls, run: PreparedRun, out: Path, resume: bool, steps: int, products: Products | None,
     ) -> "Recorder":
-        """Recorder of a new result in `out`, or of a stopped one to be resumed. Raises InputError
+        """Recorder of a new result in `out`, or of a stored one to be resumed. Raises InputError
         if `out` contains a result already, or with `resume` one that cannot be resumed."""
         store, scene = out / STORE, run.scene
         if resume:
-            writer, checkpoint = ResultWriter.resume(store, scene.digest(), Identity.of(scene))
+            writer, checkpoint = ResultWriter.resume(store, scene, run.header)
+            if writer.attributes.get("enriched"):
+                raise InputError(f"{out} cannot be resumed: atoms were added during the run, which "
+                                 "are those of its steps so far; start again", "resume")
             recorder = cls(run, writer, checkpoint, steps, products)
             recorder.notes = elsewhere(read_group(store)["attributes"].get("platform", {}))
             return recorder
@@ -105,6 +148,7 @@ class Recorder:
             t, memory, tally = float(arrays["t"]), found["memory"], found["tally"]
             if self.errors is not None:
                 self.errors.restart(found["errors"])
+                self.errors.changes.update(found["changes"])
         except (KeyError, SavedError) as error:
             raise InputError(
                 f"{self._out} cannot be resumed: its checkpoint does not fit ({error}); start "
@@ -114,7 +158,8 @@ class Recorder:
 
     def _carried(self, memory: StepMemory, tally: Tally) -> dict[str, object]:
         """Data in addition to the state from which a stopped run continues."""
-        estimated = {} if self.errors is None else {"errors": self.errors.memory}
+        estimated = {} if self.errors is None else {
+            "errors": self.errors.memory, "changes": self.errors.changes}
         return {"memory": memory, "tally": tally, **estimated}
 
     def start(self, state: State, supports: Mapping[str, BoolArray], memory: StepMemory) -> None:
@@ -130,8 +175,10 @@ class Recorder:
         if tally.done % self._every and tally.done != self.steps:
             return False
         self._keep(state, tally, supports, memory)
-        return (len(self._rows) >= CHUNK or len(self._rows) * state.x.nbytes >= BUFFER
-                or time.perf_counter() - self._saved > SECONDS)
+        if len(self._rows) * state.x.nbytes >= BUFFER:
+            return True
+        return self._on_disk and (
+            len(self._rows) >= CHUNK or time.perf_counter() - self._saved > SECONDS)
 
     def keep_last(
         self, state: State, tally: Tally, supports: Mapping[str, BoolArray], memory: StepMemory
@@ -150,15 +197,18 @@ class Recorder:
         self._supports.append(dict(supports))
         if self.errors is not None:
             self.errors.store()
-        sources = () if self._reports is None else self._reports.resultant_sources(memory)
-        self._contacts.append(resultants(sources, state))
+        if self._reports is not None:
+            found = resultants(self._reports.resultant_sources(memory), state)
+            self._contacts.append({n: v for n, v in found.items() if n in self._contact_names})
 
     def save(self, state: State, memory: StepMemory, tally: Tally) -> None:
-        """Commit the buffered steps and a checkpoint."""
+        """Commit the buffered steps and a checkpoint. A last step between two output steps is not
+        stored by a run that continues this one."""
         self.flush()
         arrays = {"t": np.array(state.t), "x": state.x, "v": state.v, "a": state.a,
                   "memory": state.memory}
-        self.writer.checkpoint(arrays, self._carried(memory, tally))
+        last = tally.done == self.steps and tally.done % self._every != 0
+        self.writer.checkpoint(arrays, self._carried(memory, tally), int(last))
         self._saved = time.perf_counter()
 
     def flush(self) -> None:
@@ -167,14 +217,14 @@ class Recorder:
             return
         t, x, iterations, remaining, seconds = (
             list(c) for c in zip(*self._rows, strict=True))
-        X = np.stack(x)
-        times = np.array(t)
-        supports = {name: np.stack([s[name] for s in self._supports])
+        X, times = np.array(x), np.array(t)
+        supports = {name: np.array([s[name] for s in self._supports])
                     for name in self._supports[0]}
         self.writer.append(ChunkOfSteps(
             times, X, np.array(iterations), np.array(remaining), np.array(seconds), supports,
             {p.name: p(times, X) for p in self.run.probes},
-            {name: np.array([c[name] for c in self._contacts]) for name in self._contacts[0]},
+            {name: np.array([c[name] for c in self._contacts])
+             for name in (self._contacts or [{}])[0]},
             {body: shape.given_at(times) for body, shape in self.run.given.items()}, estimates))
         self._rows, self._supports, self._contacts = [], [], []
 
@@ -223,15 +273,23 @@ class Recorder:
             "cache": dict(self.products.used),
             "offline_s": dict(self.products.seconds),
             "offline_whole_s": self.products.spent.whole(tally.offline),
-            **in_summary((*self.run.notes, *self.notes, *_full_newton(counters, done))),
+            **in_summary((*self.run.notes, *self.notes, *_full_newton(counters, done),
+                          *enrichment_notes(self.run.header.enriched, tally.full_steps))),
             "error_estimate": self._estimated(),
+            "error_tolerance": error_limit(self.scene.reducer).tolerance,
+            "fall_back": {**self.fall_back, "steps": tally.full_steps,
+                          "seconds": tally.full_seconds} if self.fall_back else {},
+            "enriched": {"times": times, "steps": tally.full_steps, "seconds": tally.full_seconds}
+            if (times := list(self.run.header.enriched)) else {},
             "stability": dict(self.run.stability),
+            "trained_to": self.run.trained_to if any(
+                s.trained for s in self.run.spaces) else None,
             "linear_solvers": solvers_summary(
                 [*self.run.factored(), *self.products.factorizations],
                 _iterations(solver, memory), done),
             "memory": {} if self.memory is None else self.memory.summary(),
             "facts": finite(dict(solver.facts)),  # dependent columns: no finite condition
-            "platform": described(),
+            "platform": dict(self.run.header.platform),
             "out": self._out,
         }
 

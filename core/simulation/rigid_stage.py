@@ -18,6 +18,7 @@ from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.body_cache import BodyCache
 from sparsemor.core.model.model import Model
 from sparsemor.core.model.prescribed_motion import Followed, Immobile, importing
+from sparsemor.core.model.resolved_start import resolved_start
 from sparsemor.core.protocols import (
     Contact,
     DeclaresEffect,
@@ -57,18 +58,18 @@ def rigid_scene(scene: Scene) -> Scene:
     assert scene.rigid_stage is not None
     tree = scene.source.tree
     kept: dict[str, Any] = {
-        group: {n: tree[group][n] for n, plugin in plugins.items() if _moves(plugin)}
+        group: {n: tree[group][n] for n, plugin in plugins.items() if acts_on_motion(plugin)}
         for group, plugins in (("joints", scene.joints), ("loads", scene.loads))
         if tree.get(group)}
     rigid_copy: dict[str, Any] = {f"bodies.{n}.fields": [] for n, body in scene.bodies.items()
                             if isinstance(body, SelectsFields)}
     plain = scene.using({
-        **kept, **rigid_copy, **IRRELEVANT, "reducer": FULL_ORDER, "training": {},
+        **kept, **rigid_copy, **IRRELEVANT, "reducer": {"use": FULL_ORDER}, "training": {},
         "rigid_stage": None, "linear_solver": "auto", "linear_solvers": {}}, label="rigid_stage")
     return plain.using(scene.rigid_stage.overrides, label=_LABEL)
 
 
-def _moves(plugin: object) -> bool:
+def acts_on_motion(plugin: object) -> bool:
     """True if the motion depends on a load or joint, False if that acts on temperatures alone."""
     return not isinstance(plugin, DeclaresEffect) or plugin.acts_on == "motion"
 
@@ -92,6 +93,9 @@ def stage_faults(scene: Scene) -> list[Fault]:
                 "would not deform this body: add `rigid_stage: {}` to the scene, or "
                 "take `deformed`"))
     if scene.rigid_stage is not None:
+        if scene.initial is not None:
+            faults.append(Fault("initial", "with a rigid stage the motion starts from the poses of "
+                                "the bodies: drop it, or continue the run with --resume"))
         end = rigid_scene(scene).time.end
         if end < scene.time.end * (1 - 1e-9):
             faults.append(Fault(
@@ -171,7 +175,9 @@ def _run(scene: Scene, model: Model, manager: Manager) -> Arrays:
     times = np.array([s.t for s in kept])
     frames = {b.owner: np.stack([np.stack([s.x, s.v, s.a])[:, layout[b.name]] for s in kept])
               for b in layout if b.kind.quantity is Quantity.POSE}
-    made: dict[str, Any] = {"times": times, "moves": np.array(sorted(frames))}
+    made: dict[str, Any] = {
+        "times": times, "moves": np.array(sorted(frames)),
+        "dropped": np.array(resolved_start(model, scene.integrator, scene.time.step).dropped)}
     for name in scene.bodies:
         body = model.parts[name]
         if name not in frames and isinstance(body, HasPose):
@@ -193,7 +199,8 @@ def _stage(arrays: Arrays) -> Stage:
     frames = {n: FrameHistory(times, *(np.ascontiguousarray(m[:, i]) for i in range(3)))
               for n, m in _under("frame", arrays).items()}
     return Stage(times, frames, frozenset(str(n) for n in arrays["moves"]),
-                 _under("reaction", arrays), {}, _under("handed", arrays))
+                 _under("reaction", arrays), {}, _under("handed", arrays),
+                 float(arrays["dropped"]))
 
 
 def _under(group: str, arrays: Arrays) -> Arrays:

@@ -1,7 +1,6 @@
 """Simulation of a scene: assembles the model, prepares the reducer, runs the time loop, stores."""
 
 import atexit
-import errno
 import shutil
 import time
 from collections.abc import Sequence
@@ -11,55 +10,48 @@ from tempfile import gettempdir, mkdtemp
 
 import numpy as np
 
-from sparsemor.core.errors import Damaged, InputError
+from sparsemor.core.errors import InputError
 from sparsemor.core.linalg.threads import fixed_threads
 from sparsemor.core.model.body_cache import BodyCache
 from sparsemor.core.model.model import Model
-from sparsemor.core.notes import Note
 from sparsemor.core.protocols import (
-    ManySteps,
     RedrawsRows,
     State,
     StepMemory,
 )
-from sparsemor.core.registry.hooks import Manager, RunStart, new_manager
+from sparsemor.core.registry.hooks import Manager, new_manager
 from sparsemor.core.registry.returned_values import complete
 from sparsemor.core.results.output_lock import owned
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.results.store import ResultWriter
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.admission import admit, kept
+from sparsemor.core.simulation.advice import explicit
 from sparsemor.core.simulation.cache import Cache
-from sparsemor.core.simulation.diagnostics.alternating_joint_forces import alternating_forces
-from sparsemor.core.simulation.diagnostics.contact_warnings import contact_warnings
-from sparsemor.core.simulation.diagnostics.plausibility import after_run
-from sparsemor.core.simulation.diagnostics.trial_space import (
-    beyond_training,
+from sparsemor.core.simulation.error_control.actions import (
+    ErrorWatch,
+    Exceeded,
+    at_full_order,
 )
-from sparsemor.core.simulation.diagnostics.undershoot import undershoot
-from sparsemor.core.simulation.error_record import ErrorRecord, large_estimates
-from sparsemor.core.simulation.interrupt import Interrupt
+from sparsemor.core.simulation.error_control.notes import error_limit
+from sparsemor.core.simulation.error_control.record import ErrorRecord
 from sparsemor.core.simulation.memory.limits import peak
 from sparsemor.core.simulation.memory.use import MemoryUse
 from sparsemor.core.simulation.offline import Offline, step_count
 from sparsemor.core.simulation.prepare import PreparedRun, prepared_run
-from sparsemor.core.simulation.recorder import Recorder, in_summary
-from sparsemor.core.simulation.step_control import (
-    ControlledSteps,
-    ControlMemory,
-    step_of,
-)
+from sparsemor.core.simulation.progress import progress_bar
+from sparsemor.core.simulation.recorder import Recorder
+from sparsemor.core.simulation.run_steps import RunSteps
 from sparsemor.core.simulation.step_statistics import Tally
-from sparsemor.core.simulation.time_stepping import iterate, many_steps, started
-from sparsemor.core.simulation.training import SnapshotKeeper, is_training_run
-from sparsemor.core.status import SolveFailed, Status
+from sparsemor.core.simulation.time_stepping import many_steps, started
+from sparsemor.core.simulation.training import SnapshotKeeper, training_steps
 
 
 @fixed_threads()
 def simulate(
     scene: Scene, *, out: str | Path | None = None, resume: bool = False,
     observers: Sequence[object] = (), cache: Cache | None = None,
-    body_cache: BodyCache | None = None, keep_training: bool = False,
+    body_cache: BodyCache | None = None, keep_training: bool = False, progress: bool = False,
 ) -> RunResult:
     """Run a scene and store its result under `out`; when not given, in a temporary directory that
     is removed when this process ends.
@@ -67,12 +59,14 @@ def simulate(
     Raises InputError before anything is written, also when another run is writing to `out`;
     SolveFailed (with the results up to there in `.result`) when the run stops before its end;
     OSError when the result cannot be written, or `out` was moved or removed. resume: continue from
-    the last checkpoint. body_cache: bodies that other runs have built, for reuse. keep_training: a
-    full-order run that is the training run of its scene leaves its snapshots in the cache, for
-    reduced runs that follow.
+    the last checkpoint, also a run that has ended if `time.end` is later now. body_cache: bodies
+    that other runs have built, for reuse. keep_training: a full-order run that begins with the
+    training run of its scene leaves the snapshots in the cache, for reduced runs that follow.
+    progress: show a progress bar on standard error.
     """
-    with nullcontext() if out is None else owned(Path(out)):
-        return _simulate(scene, out, resume, observers, cache, body_cache, keep_training)
+    with nullcontext() if out is None else owned(Path(out)), progress_bar(progress) as bar:
+        return _simulate(
+            scene, out, resume, (*observers, *bar), cache, body_cache, keep_training)
 
 
 def _simulate(
@@ -80,14 +74,16 @@ def _simulate(
     cache: Cache | None, body_cache: BodyCache | None, keep_training: bool,
 ) -> RunResult:
     begun = time.perf_counter()
-    manager = new_manager(observers)
+    manager, cache = new_manager(observers), cache or Cache()
+    body_cache = body_cache or BodyCache()
+    scene = explicit(scene, cache, manager, body_cache)
     if out is not None:
         admit(scene, Path(out), resume)
     elif resume:
         raise InputError("resume needs the directory of the result to continue", "out")
     place = Path(gettempdir() if out is None else out)
     run, offline = prepared_run(  # what is left to write is less than the whole
-        scene, cache or Cache(), manager, body_cache, None if resume else place)
+        scene, cache, manager, body_cache, None if resume else place)
     tally = Tally(offline=time.perf_counter() - begun)
     path = Path(out) if out is not None else _temporary()
     recorder = Recorder.open(run, path, resume, step_count(scene), offline.products)
@@ -98,38 +94,64 @@ def _simulate(
     with kept(recorder.writer, new=recorder.checkpoint is None):
         result = stepped(run, recorder, manager, tally, keeper)
     if keeper is not None:
-        offline.keep_training(keeper.finished(), tally.online)
+        offline.keep_training(keeper.finished(), keeper.share * tally.online)
     return result
 
 
 def stepped(
     run: PreparedRun, recorder: Recorder, manager: Manager, tally: Tally,
-    keeper: SnapshotKeeper | None = None,
+    keeper: SnapshotKeeper | None = None, begin: tuple[State, StepMemory] | None = None,
 ) -> RunResult:
-    """All steps of a prepared run, or those after its checkpoint. Raises SolveFailed with the
-    results up to there in `.result`."""
+    """All steps of a prepared run, or those after its checkpoint. begin: the state and memory with
+    which they begin (`started`), if they are known. Raises SolveFailed with the results up to there
+    in `.result`."""
     scene, solver = run.scene, run.solver
     with np.errstate(all="ignore"):  # overflow ends in a status, not in a warning
-        state, memory = started(solver, scene.integrator, run.start)
+        state, memory = begin or started(solver, scene.integrator, run.start)
         complete(memory, StepMemory, scene.reducer, "start", "reducer")
         many = many_steps(solver, scene.integrator, scene.time.step, step_count(scene))
         if run.estimator is not None:
-            recorder.errors = ErrorRecord(run.estimator, run.start, state)
+            recorder.errors = ErrorRecord(
+                run.estimator, run.start, state, {s.name: s.change for s in run.spaces})
+        watch = _watch(run, state, recorder.errors)
+        if recorder.errors is not None and recorder.fall_back:  # a run that is resumed after it
+            recorder.errors.exact, watch = True, None
+            run = at_full_order(run, Exceeded.of(recorder.fall_back))
+            recorder.take_up(run)
+            solver, many = run.solver, None
+            state, memory = started(solver, scene.integrator, run.start)
         if recorder.checkpoint is not None:
             state, memory, tally = recorder.restored(state, memory, tally)
         sampled = solver.rows_at(memory) if isinstance(solver, RedrawsRows) else solver.rows
         for block, rows in sampled.items():
             manager.hook.on_resample(block=block, rows=rows)
-        return _Run(run, recorder, manager, state, memory, tally, keeper, many).go()
+        return RunSteps(run, recorder, manager, state, memory, tally, keeper, many, watch).go()
+
+
+def _watch(
+    run: PreparedRun, start: State, errors: ErrorRecord | None
+) -> ErrorWatch | None:
+    """Comparison of the estimated errors with their tolerance, where the run acts on it.
+
+    Raises InputError where a run should act and has no estimate.
+    """
+    limit = error_limit(run.scene.reducer)
+    if limit.action == "warn":
+        return None
+    if errors is None or run.model is None:
+        raise InputError(f"action: {limit.action} needs the estimate and the assembled model, "
+                         "which this reduced model does not have: take action: warn, or run its "
+                         "scene", "reducer.error_estimate")
+    return ErrorWatch(limit, run, start, errors.changes)
 
 
 def _keeper(scene: Scene, model: Model, offline: Offline) -> SnapshotKeeper | None:
-    """Recorder of training snapshots, if this run is a training run whose snapshots are not in the
-    cache; else None."""
-    if offline.has("training") or not model.reducible() or not is_training_run(scene):
+    """Recorder of training snapshots, if this run begins with a training run whose snapshots are
+    not in the cache; else None."""
+    if offline.has("training") or not model.reducible() or not (count := training_steps(scene)):
         return None
-    return SnapshotKeeper(scene, step_count(scene), model.layout, model.reducible(),
-                          offline.products.scratch)
+    return SnapshotKeeper(scene, count, model.layout, model.reducible(),
+                          offline.products.scratch, step_count(scene))
 
 
 def _temporary() -> Path:
@@ -137,132 +159,3 @@ def _temporary() -> Path:
     path = Path(mkdtemp(prefix="sparsemor-"))
     atexit.register(shutil.rmtree, path, ignore_errors=True)
     return path
-
-
-class _Run:
-    """Time loop of one run: constant data, current state, step memory and statistics."""
-
-    def __init__(
-        self, run: PreparedRun, recorder: Recorder, manager: Manager,
-        state: State, memory: StepMemory, tally: Tally, keeper: SnapshotKeeper | None = None,
-        many: ManySteps | None = None,
-    ) -> None:
-        self.run, self.scene, self.solver = run, run.scene, run.solver
-        self.recorder, self.manager = recorder, manager
-        self.state, self.memory, self.tally, self.many = state, memory, tally, many
-        self.steps = step_count(run.scene)
-        self.keeper = keeper
-
-    def go(self) -> RunResult:
-        tally, recorder, hook = self.tally, self.recorder, self.manager.hook
-        try:
-            with Interrupt() as interrupt:  # while the first checkpoint is written, too
-                hook.on_start(run=RunStart(
-                    self.scene.title, recorder.reducer, self.state.t, self.scene.time.end,
-                    self.steps - tally.done))
-                if recorder.checkpoint is None:  # from here on a killed run can be resumed
-                    recorder.start(self.state, self.solver.supports(self.memory), self.memory)
-                    recorder.save(self.state, self.memory, tally)
-                self._begun = time.perf_counter() - tally.online
-                self._snapshot()
-                failure = self._steps(interrupt)
-        finally:
-            if self.keeper is not None:
-                self.keeper.close()
-        tally.online = time.perf_counter() - self._begun
-        if failure is None:
-            recorder.flush()
-        elif failure.status is Status.INTERRUPTED:
-            recorder.save(self.state, self.memory, tally)
-        else:
-            recorder.keep_last(
-                self.state, tally, self.solver.supports(self.memory), self.memory)
-            hook.on_failure(status=failure.status, t=failure.time, block=failure.block,
-                            detail=failure.detail)
-        tally.online = time.perf_counter() - self._begun  # with what was written last
-        return self._finish(failure)
-
-    def _snapshot(self) -> None:
-        if self.keeper is not None:
-            self.keeper.take(self.tally.done, self.state)
-
-    def _finish(self, failure: SolveFailed | None) -> RunResult:
-        status = Status.DONE if failure is None else failure.status
-        summary = self.recorder.summary(status, self.tally, self.state, self.memory)
-        if isinstance(self.solver, ControlledSteps) and isinstance(self.memory, ControlMemory):
-            summary["control"] = self.solver.summary(self.memory)
-        if failure is not None:
-            summary["message"] = str(failure)
-        else:
-            found = in_summary(self._found_after())
-            summary |= {key: [*summary[key], *texts] for key, texts in found.items()}
-        self.recorder.finish(status, summary)
-        self.manager.hook.on_finish(summary=summary)
-        result = self.recorder.writer.result()
-        if failure is not None:
-            failure.result = result
-            raise failure
-        return result
-
-    def _found_after(self) -> tuple[Note, ...]:
-        """Notes on the stored results. Raises OSError if a part of them has been lost since."""
-        run, result = self.run, self.recorder.writer.result()
-        model, notes = run.model, list(run.contacts or ())
-        try:
-            if model is not None and run.contacts is None:
-                notes += contact_warnings(model, result)
-            notes += alternating_forces(result)
-            if model is not None:
-                notes += (*undershoot(model, result), *after_run(model, result))
-            return (*notes, *large_estimates(result),
-                    *beyond_training(run.spaces, result, run.trained_to))
-        except Damaged as error:
-            raise OSError(errno.EIO, str(error)) from None
-
-    @np.errstate(all="ignore")  # overflow is a status of the step, not a warning
-    def _steps(self, interrupt: Interrupt) -> SolveFailed | None:
-        """Takes all remaining steps; returns None, or the error of a failed step or an
-        interruption."""
-        solver, h = self.solver, self.scene.time.step
-        step = step_of(solver, self.scene.integrator, h)
-        watched, tally = self.manager.has_observers, self.tally
-        changes, resamplings, due = -1, self._resamplings(), False
-        for taken in iterate(step, self.state, self.memory, self.steps - tally.done,
-                             lambda: interrupt.wanted, self.many):
-            outcome, self.state, self.memory, seconds, whole = taken
-            if not outcome.status.ok:
-                return SolveFailed(
-                    outcome.status, self.state.t + h, outcome.block, outcome.detail,
-                    sampled=bool(solver.rows))
-            tally.add(seconds, outcome)
-            self._snapshot()
-            supports = solver.supports(self.memory)
-            tally.count_atoms(supports)
-            due = self.recorder.take(self.state, tally, supports, self.memory) or due
-            if due and whole:  # in a block of steps the memory is that of its last one
-                tally.online, due = time.perf_counter() - self._begun, False
-                self.recorder.save(self.state, self.memory, tally)
-            if watched:
-                resamplings = self._report_rows(resamplings)
-                self.manager.hook.on_step(
-                    step=tally.done, t=self.state.t, x=self.state.x, outcome=outcome)
-                changes = self._report_changes(changes, self.memory, self.state.t)
-        left = tally.done < self.steps
-        return SolveFailed(Status.INTERRUPTED, self.state.t) if left else None
-
-    def _resamplings(self) -> int:
-        return self.solver.counters(self.memory).get("resamplings", 0)
-
-    def _report_rows(self, before: int) -> int:
-        count = self._resamplings()
-        if count != before and isinstance(self.solver, RedrawsRows):
-            for block, rows in self.solver.rows_at(self.memory).items():
-                self.manager.hook.on_resample(block=block, rows=rows)
-        return count
-
-    def _report_changes(self, before: int, memory: StepMemory, t: float) -> int:
-        count = self.solver.counters(memory).get("support_changes", 0)
-        if count != before:
-            for block, support in self.solver.supports(memory).items():
-                self.manager.hook.on_support_change(t=t, block=block, support=support)
-        return count

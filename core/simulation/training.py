@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from sparsemor.core.scene.digest import digest
 from sparsemor.core.scene.independent_of_physics import physics_of, training_physics
 from sparsemor.core.scene.run_identity import Identity, origin
 from sparsemor.core.scene.scene import Scene
+from sparsemor.core.simulation.initial_from_result import started_from_result
 from sparsemor.core.simulation.offline import Offline, full_run, step_count
 from sparsemor.core.simulation.offline_cache import Products, mesh_content
 from sparsemor.core.simulation.rigid_stage import staged
@@ -31,13 +33,15 @@ class SnapshotKeeper:
 
     Rows of each block's (M, n): the initial state, every `training.every`-th step and, for
     integrators of an order above 1, at last x + h^2 a of the initial state, because their first
-    step contains the initial accelerations.
+    step contains the initial accelerations. steps: those of the training run, which are the first
+    of `whole` (all of them by default).
     """
 
     def __init__(
         self, scene: Scene, steps: int, layout: Layout, blocks: tuple[str, ...],
-        folder: Callable[[], Path],
+        folder: Callable[[], Path], whole: int = 0,
     ) -> None:
+        self.steps, self.share = steps, steps / (whole or steps)
         self.every, self._h, self._layout = scene.training.every, scene.time.step, layout
         extra = int(scene.integrator.order > 1)
         count = steps // self.every + 1 + extra
@@ -49,7 +53,7 @@ class SnapshotKeeper:
         """Records the state after `step` steps (0: initial state) if it is a snapshot."""
         if step == 0 and self._first is not None:
             self._first = state.x + self._h * self._h * state.a
-        if step % self.every == 0:
+        if step % self.every == 0 and step <= self.steps:
             for name, rows in self._kept.items():
                 rows.append(state.x[self._layout[name]])
 
@@ -83,11 +87,18 @@ def offline_of(
         recording, origin(type(scene.reducer)))
 
 
-def is_training_run(scene: Scene) -> bool:
-    """True if the run of this scene equals the training run of its own reduced models."""
-    settings = {"training": {"every": scene.training.every}}
+def training_steps(scene: Scene) -> int:
+    """Number of the first steps of a run at full order that are the training run of the scene's
+    reduced models, 0 if none are. (Steps of controlled error, and those after a rigid-body
+    pre-simulation, are the same only in a run of the same length.)"""
+    training, physics = training_physics(scene)
+    end, settings = training.time.end, dict[str, Any](training={"every": scene.training.every})
+    if end != scene.time.end:
+        if end > scene.time.end or scene.time.control is not None or scene.rigid_stage is not None:
+            return 0
+        settings["time.end"] = end
     own = physics_of(scene.using(settings), "training")
-    return own.digest() == training_physics(scene)[1].digest()
+    return step_count(training) if own.digest() == physics.digest() else 0
 
 
 @np.errstate(all="ignore")  # overflow is a status of the step, not a warning
@@ -101,7 +112,7 @@ def train(
     Raises SolveFailed if it or its rigid-body pre-simulation stops early.
     """
     if scene.rigid_stage is None:
-        model = assemble(scene, body_cache=body_cache)
+        model = started_from_result(scene, assemble(scene, body_cache=body_cache))
     else:
         model = staged(scene, products or Products(None), manager, body_cache or BodyCache())
     products = products or Products(None)

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.text import Text
 from typer.testing import CliRunner
 
 from sparsemor import load, open_result, simulate
@@ -58,13 +59,20 @@ def test_one_model_one_full_order_run_no_pictures(monkeypatch: pytest.MonkeyPatc
 
 
 @pytest.mark.full
-def test_snapshots_are_left_by_whole_training_runs_only() -> None:
+def test_snapshots_are_left_by_runs_that_begin_with_the_training_run() -> None:
     cache = Cache("kept")
     full = load(TINY, {"time.end": 0.02, "reducer": "full"})
     simulate(full, cache=cache)
     assert not [e for e in cache.entries() if e.kind == "training"], "nobody asked for them"
-    simulate(full.using({"training.end": 0.01}), cache=cache, keep_training=True)
-    assert not [e for e in cache.entries() if e.kind == "training"], "trained on another span"
+    half = full.using({"training.end": 0.01})
+    for other in ({"time.end": 0.005}, {"training.overrides": {"loads.heating.flux": 1.0}},
+                  {"training.overrides": {"time.step": 5e-4}}):
+        simulate(half.using(other), cache=cache, keep_training=True)
+        assert not [e for e in cache.entries() if e.kind == "training"], "trained on another run"
+    simulate(half, cache=cache, keep_training=True)
+    runs = [simulate(half.using({"reducer": "galerkin"}), cache=c) for c in (cache, Cache("none"))]
+    assert [r.summary["cache"]["training"] for r in runs] == ["hit", "miss"]
+    assert all(np.array_equal(*(r.block(b.name) for r in runs)) for b in runs[0].layout)
     simulate(full, cache=cache, keep_training=True)
     run = simulate(full.using({"reducer": "galerkin"}), cache=cache)
     assert run.summary["cache"]["training"] == "hit"
@@ -113,9 +121,29 @@ def test_the_stability_check_is_kept_with_its_inputs() -> None:
 
 
 @pytest.mark.full
-def test_a_replaced_reducer_says_what_it_leaves_out() -> None:
-    text = Path(TINY).read_text() + "reducer: {use: sparse, basis: {use: pod, count: 5}}\n"
-    Path("scene.yaml").write_text(text)
-    done = CliRunner().invoke(app, ["run", "scene.yaml", "--set", "reducer=galerkin"])
-    assert done.exit_code == 0, done.output
-    assert "note: reducer galerkin runs with its own defaults: basis of the" in done.stderr
+def test_errors_after_the_end_of_training_are_tabulated_and_drawn() -> None:
+    found = compared(TINY, "--reducers", "full,galerkin", "--training-end", "0.5", "--no-charts",
+                     "--out", "half")
+    assert found["trained_to"] == pytest.approx(0.02)
+    assert found["late_errors"]["galerkin"]["elastic"] > 0.0
+    runs = {name: open_result(f"half/{name}") for name in ("full", "galerkin")}
+    comparison = compare(runs["full"], galerkin=runs["galerkin"], failed={"deim": "singular"})
+    points, _ = comparison.work_points()
+    assert points[0].errors == comparison.late_errors["galerkin"]
+    gain, full, own = comparison.gains["galerkin"], *comparison.facts.values()
+    whole = (full.offline_seconds or 0.0) + (full.online_seconds or 0.0)
+    assert gain.again == pytest.approx(whole / (own.online_seconds or 0.0))
+    assert gain.once < gain.again
+    notes = comparison.work_notes()
+    assert notes[0] == "errors after 0.02 s, the end of training"
+    assert "trained to 0.02 s of 0.04 s: galerkin" in notes
+    assert notes[-1] == "failed: deim: singular"
+    for line in notes[1:]:
+        assert line in str(comparison) or "offline" in line
+    drawn = "\n".join(t.get_text() for t in comparison.plot().findobj(Text))
+    assert all(note[:40] in drawn for note in notes)
+    lines = comparison.plot("error_over_time").findobj(Text)
+    assert any("end of training" in t.get_text() for t in lines)
+    whole_run = compare(runs["full"], galerkin=simulate(load(TINY, {"reducer": "galerkin"})))
+    assert whole_run.trained_to == 0.0
+    assert "on the training run: galerkin; errors of other runs are larger" in str(whole_run)

@@ -61,8 +61,17 @@ def before_run(scene: Scene, model: Model) -> tuple[Note, ...]:
     run."""
     parts = [n for part in model.parts.values() if isinstance(part, HasNotes) for n in part.notes]
     return (*scene.notes, *parts, *distant_probes(scene, model), *start_temperatures(model),
-            *prescribed_temperatures(scene, model), *functions_of_time(scene),
-            *short_training(scene, model))
+            *prescribed_temperatures(scene, model), *of_settings(scene, model))
+
+
+SETTINGS = frozenset({"never_acts", "too_fast", "short_training"})
+"""Identifiers of warnings about options that a run of a kept model may change."""
+
+
+def of_settings(scene: Scene, model: Model | None) -> tuple[Note, ...]:
+    """Warnings about functions of time and, where the model is at hand, the training run."""
+    return (*functions_of_time(scene),
+            *(() if model is None else short_training(scene, model)))
 
 
 def of_solver(scene: Scene, solver: StepSolver) -> tuple[Note, ...]:
@@ -175,7 +184,7 @@ def short_training(scene: Scene, model: Model) -> Iterator[Note]:
     """Warning about a training run that covers less than half of the run."""
     share = scene.training_end / scene.time.end
     blocks = {n: 0 for n in model.reducible()}
-    if share < SHORT and trains(scene, blocks):
+    if share < SHORT and trains(scene, blocks, model):
         yield Note(
             f"the training run ends at {scene.training_end:g} s, {100.0 * share:.3g} % of "
             f"time.end = {scene.time.end:g} s: what happens later was never in the snapshots; "

@@ -10,6 +10,7 @@ from sparsemor.core import (
     FloatArray,
     FrameArrays,
     HasArrays,
+    Held,
     IntArray,
     Layout,
     UpdateRules,
@@ -35,7 +36,7 @@ from sparsemor.reducers.step.predictor import block_starts
 from sparsemor.reducers.step.prescribed_frames import PrescribedFrames
 from sparsemor.reducers.step.solver import Stepper
 
-LARGEST_BORDER = 60
+LARGEST_BORDER = 150
 """Largest number of border unknowns of compiled steps, which solve a dense system."""
 SYMMETRIC = 1e-12
 """Relative difference of a symmetric matrix from its transpose that is round-off."""
@@ -69,7 +70,7 @@ class Plan:
         """Prescribed values of the constraints (T, N) at times (T,), s."""
         found = np.zeros((len(times), self.border))
         for i, f in self.targets:
-            found[:, i] += [f(t) for t in times.tolist()]
+            found[:, i] += f.level if isinstance(f, Held) else [f(t) for t in times.tolist()]
         return found
 
 
