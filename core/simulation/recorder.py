@@ -31,6 +31,7 @@ from sparsemor.core.results.solver_report import solvers_summary
 from sparsemor.core.results.store import ChunkOfSteps, ResultWriter
 from sparsemor.core.results.zarr_files import read_group
 from sparsemor.core.simulation.admission import admit
+from sparsemor.core.simulation.error_control.notes import enrichment_notes, error_limit
 from sparsemor.core.simulation.error_control.record import ErrorMark, ErrorRecord
 from sparsemor.core.simulation.memory.use import MemoryUse
 from sparsemor.core.simulation.offline_cache import Products
@@ -84,11 +85,11 @@ class Recorder:
         self._contact_names = frozenset(
             f"{name}.{what}" for name, kept in run.header.contacts.items() for what in kept)
 
-    def go_on(self, run: PreparedRun) -> None:
+    def go_on(self, run: PreparedRun, maps: Mapping[str, FloatArray]) -> None:
         """Records the rest of a run in the unknowns of another step solver; the stored steps are
-        converted."""
+        converted (`ResultWriter.continued`)."""
         self.flush()
-        self.writer = self.writer.continued(run.header)
+        self.writer = self.writer.continued(run.header, maps)
         self.take_up(run)
 
     @property
@@ -269,10 +270,14 @@ class Recorder:
             "cache": dict(self.products.used),
             "offline_s": dict(self.products.seconds),
             "offline_whole_s": self.products.spent.whole(tally.offline),
-            **in_summary((*self.run.notes, *self.notes, *_full_newton(counters, done))),
+            **in_summary((*self.run.notes, *self.notes, *_full_newton(counters, done),
+                          *enrichment_notes(self.run.header.enriched, tally.full_steps))),
             "error_estimate": self._estimated(),
+            "error_tolerance": error_limit(self.scene.reducer).tolerance,
             "fall_back": {**self.fall_back, "steps": tally.full_steps,
                           "seconds": tally.full_seconds} if self.fall_back else {},
+            "enriched": {"times": times, "steps": tally.full_steps, "seconds": tally.full_seconds}
+            if (times := list(self.run.header.enriched)) else {},
             "stability": dict(self.run.stability),
             "trained_to": self.run.trained_to if any(
                 s.trained for s in self.run.spaces) else None,

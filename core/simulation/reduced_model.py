@@ -38,6 +38,7 @@ from sparsemor.core.scene.overrides import split
 from sparsemor.core.scene.scene import Scene, build
 from sparsemor.core.scene.source import Source
 from sparsemor.core.simulation.admission import kept
+from sparsemor.core.simulation.advice import explicit
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.diagnostics.plausibility import SETTINGS, of_settings
 from sparsemor.core.simulation.free_options import FREE, inside, load_functions
@@ -67,12 +68,14 @@ def reduce(
     observers, cache, body_cache: as for `simulate`. Raises InputError for bad input and for a
     reducer that reduces nothing, SolveFailed if the training run fails.
     """
+    begun = time.perf_counter()
+    manager, cache = new_manager(observers), cache or Cache()
+    bodies = BodyCache() if body_cache is None else body_cache.of_bodies()
+    scene = explicit(scene, cache, manager, bodies)
     if not isinstance(scene.reducer, UsesBases):
         raise InputError(f"{scene.reducer_name} reduces nothing: name a reducer that has a "
                          "trial basis", "reducer")
-    bodies = BodyCache() if body_cache is None else body_cache.of_bodies()
-    begun = time.perf_counter()
-    run, offline = prepared_run(scene, cache or Cache(), new_manager(observers), bodies)
+    run, offline = prepared_run(scene, cache, manager, bodies)
     return ReducedModel(run, offline.products.spent.whole(time.perf_counter() - begun))
 
 
@@ -185,7 +188,7 @@ class ReducedModel:
         solver, start = self._meshless
         parts = {f.name: getattr(run, f.name) for f in fields_of(run)} | {
             "solver": solver, "start": start, "header": replace(header, scene={}, estimates=()),
-            "model": None, "estimator": None, "own_loads": True,
+            "model": None, "estimator": None, "own_loads": True, "offline": None,
             "given": run.given if fields else {}, "probes": tuple(
                 replace(p, place=replace(p.place, displacement=None, temperature=None))
                 for p in run.probes)}
@@ -267,6 +270,7 @@ class ReducedModel:
             solver = run.solver.stepping_alike(made)
             start = started_from(self._meshless[1], initial, run.solver.layout)
             run = replace(run, solver=solver, start=start, own_loads=False, estimator=None,
+                          offline=None,
                           header=replace(run.header, estimates=()))
             if initial:
                 notes = start_notes(made, start, initial, run.solver.layout)

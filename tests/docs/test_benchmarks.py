@@ -405,3 +405,13 @@ def test_a_kept_model_is_timed_against_full_order(run: Run) -> None:
     row, = rows_of(found, "CPU time")
     assert row["scene"] == "double_pendulum" and len(found["targets"]) == 4
     assert row["full_s"] > row["kept_s"] > 0.0 and row["file_mb"] < 2.0
+
+
+def test_the_chosen_models_are_measured_under_other_loads(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, SCRIPTS / "errors" / "advice.py", "--quick"],
+        env=os.environ | {"SPARSEMOR_CACHE": str(tmp_path)}, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    cells = [c.strip() for c in done.stdout.splitlines()[-1].strip("|").split("|")]
+    assert cells[:2] == ["double_pendulum", "0.001"] and cells[5] == "0 of 1"
+    assert 0.0 < float(cells[3]) < 1e-3 and 0.0 < float(cells[4]) < 1e-3
