@@ -131,7 +131,7 @@ class Scene(Plugin):
 
     @property
     def notes(self) -> tuple[Note, ...]:
-        """Warnings on how the names of plugins were understood."""
+        """Notes on how names of plugins and overrides of the reducer were understood."""
         return self._notes
 
     @property
@@ -181,8 +181,10 @@ class Scene(Plugin):
         """Scene with changes, validated again: `{"reducer.sampler.use": "random"}`.
 
         A change acts on the data as written: a subtree is replaced as a whole, and a new `use`
-        (name of a plugin) drops the options of the plugin that was there. label: name of the
-        changes in messages. Raises `InputError`.
+        (name of a plugin) drops the options of the plugin that was there. The name of a reducer
+        alone keeps the options that both reducers share, and an option that the reducer lacks and
+        `sparse` has changes it to `sparse`. label: name of the changes in messages. Raises
+        `InputError`.
         """
         return build(self.source.changed(overrides, label))
 
@@ -205,7 +207,7 @@ class Scene(Plugin):
 
         It does not depend on the reducer, so its digest shows whether snapshots can be reused.
         """
-        changes = {**self.training.overrides, "reducer": FULL_ORDER}
+        changes = {**self.training.overrides, "reducer": {"use": FULL_ORDER}}
         changes.setdefault("time.end", self.training_end)
         tree = self.using(changes, label="training.overrides")
         return tree.using({"training": {"every": self.training.every}}, label="training")
@@ -253,7 +255,7 @@ def build(source: Source) -> Scene:
         scene = Scene.model_validate(source.tree, context={**source.context, "notes": notes})
     except ValidationError as error:
         raise source.invalid(error) from None
-    scene._source, scene._notes = source, tuple(dict.fromkeys(notes))
+    scene._source, scene._notes = source, tuple(dict.fromkeys((*source.notes, *notes)))
     return scene
 
 

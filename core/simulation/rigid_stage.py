@@ -64,7 +64,7 @@ def rigid_scene(scene: Scene) -> Scene:
     rigid_copy: dict[str, Any] = {f"bodies.{n}.fields": [] for n, body in scene.bodies.items()
                             if isinstance(body, SelectsFields)}
     plain = scene.using({
-        **kept, **rigid_copy, **IRRELEVANT, "reducer": FULL_ORDER, "training": {},
+        **kept, **rigid_copy, **IRRELEVANT, "reducer": {"use": FULL_ORDER}, "training": {},
         "rigid_stage": None, "linear_solver": "auto", "linear_solvers": {}}, label="rigid_stage")
     return plain.using(scene.rigid_stage.overrides, label=_LABEL)
 

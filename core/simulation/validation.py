@@ -86,7 +86,7 @@ def basis_faults(scene: Scene, model: Model) -> list[Fault]:
     """Faults of blocks that their basis would refuse after the training run, whatever the snapshots
     are."""
     faults: list[Fault] = []
-    for name, basis in chosen_bases(scene, model.reducible()).items():
+    for name, basis in chosen_bases(scene, model.reducible(), model).items():
         if isinstance(basis, ChecksBlock):
             count = _snapshots(scene) if basis.needs_snapshots else 0
             why = basis.unfit(model.block_data(name), count)
