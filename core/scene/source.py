@@ -11,6 +11,7 @@ from sparsemor.core.errors import Fault, InputError
 from sparsemor.core.registry.registry import Registry, suggestions
 from sparsemor.core.registry.validation_errors import dotted, faults_of
 from sparsemor.core.scene.overrides import apply, find
+from sparsemor.core.scene.parameters import with_values
 from sparsemor.core.scene.yaml_reader import (
     MOST_BYTES,
     Document,
@@ -79,7 +80,7 @@ class Source:
     def changed(self, overrides: Mapping[str, Any], label: str) -> "Source":
         """Source with overrides applied. Raises `LocatedError` when a key cannot be changed."""
         try:
-            tree, origins = apply(self.tree, overrides)
+            tree, origins = apply(self.tree, with_values(self.tree, overrides))
         except InputError as error:
             lines = [_changed(label, f.key, f.key, f.message) for f in error.faults]
             raise LocatedError(error.faults, lines) from None

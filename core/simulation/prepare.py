@@ -16,6 +16,7 @@ from sparsemor.core.notes import Note
 from sparsemor.core.protocols import (
     BodyShape,
     ChecksLayout,
+    Dictionary,
     ErrorEstimator,
     EstimatesErrors,
     ReducedProblem,
@@ -35,7 +36,9 @@ from sparsemor.core.simulation.diagnostics.trial_space import (
     space_notes,
     trial_spaces,
 )
+from sparsemor.core.simulation.greedy import greedy_points
 from sparsemor.core.simulation.linearization import check_run
+from sparsemor.core.simulation.linearization.check import UNSTABLE
 from sparsemor.core.simulation.memory.disk import room_for_result, room_for_snapshots
 from sparsemor.core.simulation.memory.estimate import fitting
 from sparsemor.core.simulation.offline import Offline, step_count
@@ -56,7 +59,7 @@ class PreparedRun:
     to the unknowns; notes, stability, spaces: findings before the first step; trained_to: end of
     the training run, s; contacts: warnings about contacts along a rigid-body pre-simulation, None
     without one. model: assembled model, and estimator: of the error, None where they are not
-    at hand.
+    at hand. products: offline products of this run alone, None where it shares all of them.
     """
 
     scene: Scene
@@ -72,23 +75,34 @@ class PreparedRun:
     contacts: tuple[Note, ...] | None
     model: Model | None = None
     estimator: ErrorEstimator | None = None
+    products: Products | None = None
 
     def factored(self) -> Sequence[Factored]:
         """Reports of the linear systems of the assembled model."""
         return [] if self.model is None else self.model.solvers.log
 
 
+Kept = tuple[PreparedRun, Offline]
+"""A prepared run and its offline data."""
+
+
 def prepared_run(
     scene: Scene, cache: Cache, manager: Manager, body_cache: BodyCache | None = None,
-    out: Path | None = None,
+    out: Path | None = None, kept: Kept | None = None, atoms: int | None = None,
 ) -> tuple[PreparedRun, Offline]:
     """A run prepared for its first step, and its offline data. out: directory for the result, None
-    if nothing will be written.
+    if nothing will be written. kept: preparation of the same scene with other values of parameters,
+    whose trial bases (or their first `atoms` atoms) and findings are used again.
 
     Raises InputError and SolveFailed as `prepared` does, and InputError if `out` has no room for
     the result, or the model is unstable and the scene asks to refuse that.
     """
-    model, offline = prepared(scene, cache, manager, body_cache)
+    if kept is None:
+        model, offline = prepared(scene, cache, manager, body_cache)
+    else:
+        products = Products(cache)
+        model = _model(scene, products, manager, body_cache or BodyCache())
+        offline = kept[1].of_model(model, products, atoms)
     if out is not None:
         room_for_result(scene, model, out)
     with np.errstate(all="ignore"):  # overflow ends in a status, not in a warning
@@ -97,8 +111,11 @@ def prepared_run(
         solver: StepSolver = scene.reducer.prepare(problem)
         complete(solver, StepSolver, scene.reducer, "prepare", "reducer")
         start = consistent_state(model)
-        unstable, stability = check_run(scene, model, solver, start, offline)
-        spaces = trial_spaces(model, offline, solver.dictionaries, scene.time.step, scene.time.end)
+        unstable, stability = check_run(scene, model, solver, start, offline) if kept is None else (
+            tuple(n for n in kept[0].notes if n.kind == UNSTABLE), kept[0].stability)
+        spaces = kept[0].spaces if kept and _equal(
+            kept[0].header.dictionaries, solver.dictionaries) else trial_spaces(
+            model, offline, solver.dictionaries, scene.time.step, scene.time.end)
         estimator = _estimator(scene.reducer, problem, solver)
         solver = controlled(scene, model, offline, solver)
     integrator: object = scene.integrator
@@ -112,7 +129,7 @@ def prepared_run(
          *of_solver(scene, solver), *unstable, *space_notes(spaces),
          *(() if estimator is None else estimator.notes)),
         stability, spaces, scene.training_end, stage_warnings(model),
-        model, estimator), offline
+        model, estimator, None if kept is None else offline.products), offline
 
 
 def prepared(
@@ -125,15 +142,23 @@ def prepared(
     snapshots not on the disk; SolveFailed if the pre-simulation stops early.
     """
     body_cache, products = body_cache or BodyCache(), Products(cache)
-    if scene.rigid_stage is None:
-        model = checked_model(scene, body_cache)
-    else:
-        checked_model(scene, body_cache)  # which is not held next to the one that is run
-        model = staged(scene, products, manager, body_cache)
-    offline = offline_of(scene, model, products, manager, body_cache)
+    model = _model(scene, products, manager, body_cache)
+    offline = offline_of(scene, model, products, manager, body_cache,
+                         lambda: greedy_points(scene, cache, manager, body_cache))
     offline.expected = fitting(scene, model, offline).total
     room_for_snapshots(scene, model, offline)
     return model, offline
+
+
+def _model(scene: Scene, products: Products, manager: Manager, body_cache: BodyCache) -> Model:
+    if scene.rigid_stage is None:
+        return checked_model(scene, body_cache)
+    checked_model(scene, body_cache)  # which is not held next to the one that is run
+    return staged(scene, products, manager, body_cache)
+
+
+def _equal(one: Mapping[str, Dictionary], other: Mapping[str, Dictionary]) -> bool:
+    return all(np.array_equal(d.atoms, other[n].atoms) for n, d in one.items())
 
 
 def _estimator(

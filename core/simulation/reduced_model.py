@@ -1,7 +1,7 @@
 """Reduced model that is prepared once, run many times, and kept in a file."""
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields as fields_of
 from dataclasses import replace
 from functools import cached_property
@@ -37,6 +37,7 @@ from sparsemor.core.scene.scene import Scene, build
 from sparsemor.core.scene.source import Source
 from sparsemor.core.simulation.admission import kept
 from sparsemor.core.simulation.cache import Cache
+from sparsemor.core.simulation.diagnostics.plausibility import OUTSIDE_RANGE, outside_ranges
 from sparsemor.core.simulation.offline import step_count
 from sparsemor.core.simulation.prepare import PreparedRun, prepared_run
 from sparsemor.core.simulation.recorder import Recorder
@@ -47,6 +48,9 @@ from sparsemor.core.simulation.validation import endless, time_faults
 
 FREE = ("title", "output", "time.end")
 """Keys of a scene on which no prepared model depends."""
+Again = Callable[[Scene, int | None], PreparedRun]
+"""Preparation of a scene with other values of parameters on the same trial bases, or on so many of
+their first atoms."""
 Initial = Mapping[str, tuple[Sequence[float], Sequence[float]]]
 """Block of rigid coordinates -> their values and rates at the start."""
 
@@ -61,11 +65,20 @@ def reduce(
     observers, cache, body_cache: as for `simulate`. Raises InputError for bad input and for a
     reducer that reduces nothing, SolveFailed if the training run fails.
     """
+    begun = time.perf_counter()
     if not isinstance(scene.reducer, UsesBases):
         raise InputError(f"{scene.reducer_name} reduces nothing: name a reducer that has a "
                          "trial basis", "reducer")
     bodies = BodyCache() if body_cache is None else body_cache.of_bodies()
-    return ReducedModel(prepared_run(scene, cache or Cache(), new_manager(observers), bodies)[0])
+    cache = cache or Cache()
+    run, offline = prepared_run(scene, cache, new_manager(observers), bodies)
+    kept = run, offline.without_snapshots()
+
+    def again(changed: Scene, atoms: int | None = None) -> PreparedRun:
+        return prepared_run(
+            changed, cache, new_manager(()), bodies.of_bodies(), kept=kept, atoms=atoms)[0]
+
+    return ReducedModel(run, again, offline.products.spent.whole(time.perf_counter() - begun))
 
 
 def load_model(path: str | Path, *, registry: Registry | None = None) -> "ReducedModel":
@@ -96,12 +109,18 @@ class ReducedModel:
     """A reduced model that is prepared once and run many times.
 
     A run may change the keys in `free`: title, output, end of the run, and functions of time of
-    loads; and the rigid coordinates at the start. Any other change needs a new model and is refused
-    by its key.
+    loads; the rigid coordinates at the start; and the parameters that the scene declares. Where a
+    parameter is not at a key in `free`, the equations are projected again on the same trial basis,
+    which needs the mesh. Any other change needs a new model and is refused by its key.
+
+    offline_seconds: wall time of its preparation with an empty cache, s; 0 for a model from a file.
     """
 
-    def __init__(self, run: PreparedRun) -> None:
-        self._run, self._fixed = run, fixed_in_memory(run.header)
+    def __init__(
+        self, run: PreparedRun, again: Again | None = None, offline_seconds: float = 0.0
+    ) -> None:
+        self._run, self._again, self._fixed = run, again, fixed_in_memory(run.header)
+        self.offline_seconds = offline_seconds
 
     def __repr__(self) -> str:
         return f"<ReducedModel {self.scene.name}, {self._run.header.reducer}, {self.size} unknowns>"
@@ -125,25 +144,39 @@ class ReducedModel:
     def run(
         self, overrides: Mapping[str, Any] | None = None, *, out: str | Path | None = None,
         initial: Initial | None = None, observers: Sequence[object] = (),
+        parameters: Mapping[str, float] | None = None,
     ) -> RunResult:
         """Result of a run, equal to that of `simulate`: in memory, or stored under `out`.
 
         overrides: dotted key -> value, as for `Scene.using`; initial: block of rigid coordinates
-        (`link.rigid`) -> values and rates at the start, which must fit the joints. Raises
-        InputError, with the key, for a change that needs a new model; SolveFailed as `simulate`.
+        (`link.rigid`) -> values and rates at the start, which must fit the joints; parameters: of
+        the scene, name -> value. Raises InputError, with the key, for a change that needs a new
+        model; SolveFailed as `simulate`.
         """
         begun = time.perf_counter()
-        run = self._changed(overrides or {}, initial or {})
+        run = self._changed({**(overrides or {}), **_values(parameters or {})}, initial or {})
         manager, steps = new_manager(observers), step_count(run.scene)
         tally = Tally(offline=time.perf_counter() - begun)
         if out is None:
-            writer = MemoryWriter(run.header, self._fixed)
-            return stepped(run, Recorder(run, writer, None, steps), manager, tally)
+            same = run.products is self._run.products
+            writer = MemoryWriter(
+                run.header, self._fixed if same else fixed_in_memory(run.header))
+            return stepped(run, Recorder(run, writer, None, steps, run.products), manager, tally)
         with owned(Path(out)):
-            recorder = Recorder.open(run, Path(out), False, steps, None)
+            recorder = Recorder.open(run, Path(out), False, steps, run.products)
             assert isinstance(recorder.writer, ResultWriter)
             with kept(recorder.writer, new=True):
                 return stepped(run, recorder, manager, tally)
+
+    def at(self, parameters: Mapping[str, float], atoms: int | None = None) -> "ReducedModel":
+        """The model with other values of its scene's parameters: the equations projected again on
+        the same trial basis, or on the first `atoms` atoms of each block. Raises InputError for a
+        model from a file, which has no equations to project."""
+        if self._again is None:
+            raise InputError("this model was read from a file, without the mesh that it needs to "
+                             "project equations again", "parameters")
+        scene = self.scene.using(_values(parameters), label="parameters")
+        return ReducedModel(self._again(scene, atoms), self._again, self.offline_seconds)
 
     def check(self, overrides: Mapping[str, Any]) -> None:
         """Raises the InputError that a run with these overrides would raise."""
@@ -165,7 +198,7 @@ class ReducedModel:
         solver, start = self._meshless
         parts = {f.name: getattr(run, f.name) for f in fields_of(run)} | {
             "solver": solver, "start": start, "header": replace(header, scene={}, estimates=()),
-            "model": None, "estimator": None,
+            "model": None, "estimator": None, "products": None,
             "given": run.given if fields else {}, "probes": tuple(
                 replace(p, place=replace(p.place, displacement=None, temperature=None))
                 for p in run.probes)}
@@ -225,7 +258,11 @@ class ReducedModel:
             return self._run
         run, scene = self._run, self.scene.using(overrides, label="run")
         keys = list(changes(self.scene.dump(), scene.dump()))
-        faults = [f for key in keys if (f := self._fault(key, scene)) is not None]
+        found = {key: f for key in keys if (f := self._fault(key, scene)) is not None}
+        if self._again is not None and found and all(map(self._declared, found)):
+            again = ReducedModel(self._again(scene, None), self._again)
+            return again._changed({}, initial)
+        faults = list(found.values())
         faults += [Fault(f"initial.{n}", f"is no block of rigid coordinates: "
                          f"{', '.join(self._rigid) or 'this model has none'}")
                    for n in initial if n not in self._rigid]
@@ -233,13 +270,19 @@ class ReducedModel:
             raise InputError(faults)
         run = replace(run, scene=scene, header=replace(
             run.header, scene=scene.dump(), scene_digest=scene.digest(),
-            steps_planned=step_count(scene)))
+            steps_planned=step_count(scene)), notes=(
+                *(n for n in run.notes if n.kind != OUTSIDE_RANGE), *outside_ranges(scene)))
         if initial or any(_inside(key, k) for key in keys for k in self._functions):
             solver = self._packed.made(_table(scene), _functions(scene))
             start = self._started(initial)
             run = replace(run, solver=solver, start=start, model=None, estimator=None,
                           header=replace(run.header, estimates=()))
         return run
+
+    def _declared(self, key: str) -> bool:
+        """True if a declared parameter is at a changed key of the scene or in it."""
+        return any(_inside(key, k) or _inside(k, key)
+                   for p in self.scene.parameters.values() for k in p.keys)
 
     @property
     def _rigid(self) -> tuple[str, ...]:
@@ -268,6 +311,8 @@ class ReducedModel:
             return None
         function = next((k for k in self._functions if _inside(key, k)), None)
         why = "the model was prepared with it" if function is None else self._why_fixed(function)
+        if why and self._declared(key):
+            why = f"{why}, and the equations are projected again in a model from memory only"
         return Fault(key, f"cannot change: {why}; make a new model. A run may change "
                      f"{', '.join(self.free)}") if why else None
 
@@ -280,6 +325,11 @@ class ReducedModel:
                          "pre-simulation ends that the model follows")
         faults = (*endless(scene), *time_faults(scene))
         return next((f for f in faults if f.key == "time.end"), None)
+
+
+def _values(parameters: Mapping[str, float]) -> dict[str, float]:
+    """Values of parameters as overrides."""
+    return {f"parameters.{name}": value for name, value in parameters.items()}
 
 
 def _inside(key: str, of: str) -> bool:

@@ -126,7 +126,7 @@ def stepped(
 def _keeper(scene: Scene, model: Model, offline: Offline) -> SnapshotKeeper | None:
     """Recorder of training snapshots, if this run is a training run whose snapshots are not in the
     cache; else None."""
-    if offline.has("training") or not model.reducible() or not is_training_run(scene):
+    if not model.reducible() or not is_training_run(scene) or offline.has_training():
         return None
     return SnapshotKeeper(scene, step_count(scene), model.layout, model.reducible(),
                           offline.products.scratch)

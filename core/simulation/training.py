@@ -1,6 +1,6 @@
 """Training run: full-order snapshots of each block, from which reduced bases are computed."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -16,9 +16,11 @@ from sparsemor.core.protocols.layout import Layout
 from sparsemor.core.registry.hooks import Manager
 from sparsemor.core.scene.digest import digest
 from sparsemor.core.scene.independent_of_physics import physics_of, training_physics
+from sparsemor.core.scene.parameters import Point
 from sparsemor.core.scene.run_identity import Identity, origin
 from sparsemor.core.scene.scene import Scene
-from sparsemor.core.simulation.offline import Offline, full_run, step_count
+from sparsemor.core.simulation.memory.estimate import trains
+from sparsemor.core.simulation.offline import Offline, TrainingRun, full_run, step_count
 from sparsemor.core.simulation.offline_cache import Products, mesh_content
 from sparsemor.core.simulation.rigid_stage import staged
 
@@ -68,23 +70,35 @@ class SnapshotKeeper:
 
 def offline_of(
     scene: Scene, model: Model, products: Products, manager: Manager,
-    body_cache: BodyCache | None = None,
+    body_cache: BodyCache | None = None, greedy: Callable[[], Sequence[Point]] | None = None,
 ) -> Offline:
-    """Offline data of a scene. Their cache key contains the physics of the training scene, its
-    identity (code, plugins, files) and every mesh. body_cache: bodies of the model, for the
-    training run."""
-    training, physics = training_physics(scene)
-    key = digest(physics.digest(), training.training.every, Identity.of(physics).plain(),
-                 mesh_content(model))
+    """Offline data of a scene. The cache key of a training run contains its physics, its identity
+    (code, plugins, files) and every mesh. body_cache: bodies of the model, for the training runs.
+    greedy: points of the training runs where errors choose them."""
+    mesh, box = mesh_content(model), scene.training.parameters
+
+    def run(point: Point) -> TrainingRun:
+        training, physics = training_physics(scene, point)
+        key = digest(physics.digest(), training.training.every, Identity.of(physics).plain(), mesh)
+        return key, lambda: train(training, manager, products, body_cache)
+
+    def runs() -> Sequence[TrainingRun]:
+        if box is None or not trains(scene, dict.fromkeys(model.reducible(), 0)):
+            return [run({})]
+        chosen = greedy and box.points is None and box.choice == "greedy"
+        return [run(point) for point in (
+            greedy() if greedy and chosen else box.chosen(scene.parameters))]
+
+    training = scene.for_training()
     recording = Recording(training.integrator, training.time.step, training.training.every,
                           training.time.end)
-    return Offline(
-        model, lambda: train(training, manager, products, body_cache), key, products, manager,
-        recording, origin(type(scene.reducer)))
+    return Offline(model, runs, products, manager, recording, origin(type(scene.reducer)))
 
 
 def is_training_run(scene: Scene) -> bool:
-    """True if the run of this scene equals the training run of its own reduced models."""
+    """True if the run of this scene is the only training run of its own reduced models."""
+    if scene.training.parameters is not None:
+        return False
     settings = {"training": {"every": scene.training.every}}
     own = physics_of(scene.using(settings), "training")
     return own.digest() == training_physics(scene)[1].digest()

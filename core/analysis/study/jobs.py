@@ -21,6 +21,7 @@ import numpy as np
 from sparsemor.core.analysis.study.metrics import measured
 from sparsemor.core.errors import InputError
 from sparsemor.core.linalg.threads import fixed_threads
+from sparsemor.core.model.body_cache import BodyCache
 from sparsemor.core.model.model import Model
 from sparsemor.core.protocols import ReducedProblem
 from sparsemor.core.registry.hooks import new_manager
@@ -79,9 +80,7 @@ def scene_of(data: Mapping[str, Any], registry: Registry | None = None) -> Scene
 def _reference(
     job: Mapping[str, Any], scene: Scene, registry: Registry | None
 ) -> dict[str, Any]:
-    key = _reference_key(scene, checked_model(scene))
-    _remove_damaged(key)
-    result = _stored_reference(scene, key)
+    key, result = cached_reference(scene)
     return {"status": result.status.value, "key": key}
 
 
@@ -167,7 +166,19 @@ def _remove_damaged(key: str) -> None:
         shutil.rmtree(kept, ignore_errors=True)
 
 
-def _stored_reference(scene: Scene, key: str) -> RunResult:
+def cached_reference(
+    scene: Scene, body_cache: BodyCache | None = None
+) -> tuple[str, RunResult]:
+    """Cache key and result of a full-order run, computed if it is not in the cache, also if it
+    fails. body_cache: bodies that other runs have built."""
+    key = _reference_key(scene, checked_model(scene, body_cache))
+    _remove_damaged(key)
+    return key, _stored_reference(scene, key, body_cache)
+
+
+def _stored_reference(
+    scene: Scene, key: str, body_cache: BodyCache | None = None
+) -> RunResult:
     """Reference run from the cache; computed and cached if absent, also if it fails."""
     kept = Cache().root / "reference" / key
     if (kept / "result.zarr").is_dir():
@@ -175,7 +186,7 @@ def _stored_reference(scene: Scene, key: str) -> RunResult:
     fresh = kept.with_name(f".{key}.{uuid.uuid4().hex}")
     try:
         try:
-            simulate(scene, out=fresh)
+            simulate(scene, out=fresh, body_cache=body_cache)
         except SolveFailed as error:
             if error.status is Status.INTERRUPTED or not isinstance(error.result, RunResult):
                 raise

@@ -20,6 +20,7 @@ from sparsemor.core.protocols import (
     Part,
     StepSolver,
     TimeFunction,
+    UsesBases,
 )
 from sparsemor.core.protocols.layout import Quantity
 from sparsemor.core.results.run_result import RunResult
@@ -29,6 +30,8 @@ from sparsemor.core.simulation.memory.estimate import trains
 from sparsemor.core.simulation.offline import step_count
 from sparsemor.core.simulation.run_header import shapes
 
+OUTSIDE_RANGE = "outside_parameters"
+"""Identifier of the warning about parameters outside their range."""
 OUTSIDE = 1e-2
 """Distance of a point from a body's bounding box, relative to the box's diagonal, above which there
 is a warning."""
@@ -62,7 +65,7 @@ def before_run(scene: Scene, model: Model) -> tuple[Note, ...]:
     parts = [n for part in model.parts.values() if isinstance(part, HasNotes) for n in part.notes]
     return (*scene.notes, *parts, *distant_probes(scene, model), *start_temperatures(model),
             *prescribed_temperatures(scene, model), *functions_of_time(scene),
-            *short_training(scene, model))
+            *short_training(scene, model), *outside_ranges(scene))
 
 
 def of_solver(scene: Scene, solver: StepSolver) -> tuple[Note, ...]:
@@ -180,6 +183,16 @@ def short_training(scene: Scene, model: Model) -> Iterator[Note]:
             f"the training run ends at {scene.training_end:g} s, {100.0 * share:.3g} % of "
             f"time.end = {scene.time.end:g} s: what happens later was never in the snapshots; "
             "raise training.end", "short_training")
+
+
+def outside_ranges(scene: Scene) -> tuple[Note, ...]:
+    """Warning of a reduced run about parameters outside the range that the scene declares."""
+    if not isinstance(scene.reducer, UsesBases):
+        return ()
+    return tuple(Note(
+        f"parameter {name} is {value:g}, outside its range {scene.parameters[name].range}: "
+        "the reduced model was made for this range, and its error may be large",
+        OUTSIDE_RANGE) for name, value in scene.outside_ranges.items())
 
 
 # ---------------------------------------------------------------------- functions of time
