@@ -14,6 +14,7 @@ class Status(Enum):
     DIVERGED = "diverged"
     NOT_FINITE = "not_finite"
     STEP_TOO_LONG = "step_too_long"
+    INACCURATE = "inaccurate"
     INTERRUPTED = "interrupted"
 
     @property
@@ -60,6 +61,11 @@ _ADVICE = {
         "the error of the shortest substep is above the tolerance: raise time.control.tolerance "
         "or max_halvings, use loads that begin smoothly, or raise the size that time.control gives "
         "to a field above the amplitude of vibrations that do not matter"
+    ),
+    Status.INACCURATE: (
+        "train on a run that covers this one, take more atoms or another basis; or continue it "
+        "with --resume and another reducer.error_estimate: a larger tolerance, or action: "
+        "fall_back"
     ),
     Status.INTERRUPTED: "continue it with --resume",
 }

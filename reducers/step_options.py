@@ -1,8 +1,10 @@
 """Options of a step's solution, common to the reducers."""
 
+from typing import Annotated
+
 from pydantic import Field
 
-from sparsemor.core import Plugin, ReducedProblem, StepSolver
+from sparsemor.core import ErrorAction, ErrorLimit, Plugin, ReducedProblem, StepSolver
 from sparsemor.reducers.estimation.build import error_model
 from sparsemor.reducers.estimation.estimator import ErrorModel
 from sparsemor.reducers.step.acceptance import Tolerances
@@ -31,13 +33,38 @@ class StepOptions(Plugin):
         return Tolerances(self.remaining, self.max_iterations)
 
 
+class ErrorEstimate(Plugin):
+    """Estimate of the error of each block during the run, and what follows where it is large."""
+
+    every: int = Field(ge=1)
+    """Number of steps from one estimate to the next."""
+    tolerance: float = Field(default=0.1, gt=0)
+    """Largest estimated error of a block, relative to its largest change in the run up to then or
+    in the training run, whichever is larger."""
+    action: ErrorAction = "warn"
+    """What follows from an estimate above the tolerance. `warn`: a warning after the run; `stop`:
+    the run ends with status `inaccurate`; `fall_back`: it goes on at full order from the last state
+    within the tolerance; `enrich`: full-order steps from there give new atoms, with which the
+    reduced model goes on."""
+
+
 class ReducedStepOptions(StepOptions):
     """Options of a step's solution in a reduced model."""
 
-    error_estimate: int = Field(default=0, ge=0)
+    error_estimate: Annotated[int, Field(ge=0)] | ErrorEstimate = 0
     """Number of steps from one estimate of each block's error to the next; 0: none. The estimate
-    solves the equation of the error in a space of its own, without the full-order run."""
+    solves the equation of the error in a space of its own, without the full-order run. With a
+    tolerance and an action: `{every: 10, tolerance: 0.01, action: stop}`."""
+
+    @property
+    def error_limit(self) -> ErrorLimit:
+        """Tolerance of the estimated error, and what follows beyond it."""
+        chosen = self.error_estimate
+        return ErrorLimit() if isinstance(chosen, int) else ErrorLimit(
+            chosen.tolerance, chosen.action)
 
     def error_estimator(self, problem: ReducedProblem, solver: StepSolver) -> ErrorModel | None:
         """Estimator of the errors of runs of `solver`, None without the option."""
-        return error_model(problem, solver, self.error_estimate) if self.error_estimate else None
+        chosen = self.error_estimate
+        every = chosen if isinstance(chosen, int) else chosen.every
+        return error_model(problem, solver, every) if every else None

@@ -16,7 +16,7 @@ from sparsemor.core.results.error_norms import LIMIT, measure_errors, measure_na
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.results.tables import csv_table, marked, number, text_table, with_head
 from sparsemor.core.scene.defaults import FULL_ORDER
-from sparsemor.core.scene.parameters import uniform
+from sparsemor.core.scene.parameters import uniform, values_at
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.reduced_model import ReducedModel, reduce
 from sparsemor.core.status import SolveFailed
@@ -105,9 +105,8 @@ def parameter_test(
         raise InputError("the scene declares no parameters", "parameters")
     bodies, rows, names = BodyCache(), [], dict[str, None]()
     for done, point in enumerate(uniform(scene.parameters, count, seed)):
-        values = {f"parameters.{n}": v for n, v in point.items()}
         _, full = cached_reference(
-            scene.using({**values, "reducer": FULL_ORDER}), bodies.of_bodies())
+            scene.using({**values_at(point), "reducer": FULL_ORDER}), bodies.of_bodies())
         if not full.status.ok:
             raise SolveFailed(full.status, float(full.times[-1]), "", "full order")
         for atoms in (None, *sizes):

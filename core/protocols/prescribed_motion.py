@@ -68,6 +68,7 @@ class Stage:
     (T, l), N and N m; contacts: contact -> resultant ("normal" N, "friction" N, "power" W, "length"
     m or "area" m2 in contact, largest "pressure" Pa) -> (T,). reactions_passed_on: joint ->
     reactions (T, columns) for joints whose prescribed reactions differ from their multipliers.
+    dropped: largest initial acceleration that its first step did without, m/s2 or rad/s2 (0: none).
     """
 
     times: FloatArray
@@ -76,3 +77,4 @@ class Stage:
     reactions: Mapping[str, FloatArray]
     contacts: Mapping[str, Mapping[str, FloatArray]]
     reactions_passed_on: Mapping[str, FloatArray] = field(default_factory=dict)
+    dropped: float = 0.0

@@ -3,7 +3,7 @@ such as snapshots."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol, Self, runtime_checkable
+from typing import Literal, NamedTuple, Protocol, Self, TypeAlias, runtime_checkable
 
 import numpy as np
 
@@ -218,6 +218,19 @@ class HoldsSnapshots(Protocol):
         ...
 
 
+ErrorAction: TypeAlias = Literal["warn", "stop", "fall_back", "enrich"]
+"""What a run does where its estimated error exceeds the tolerance."""
+
+
+@dataclass(frozen=True, slots=True)
+class ErrorLimit:
+    """Largest permitted estimate of a block's error, relative to its largest change, and what the
+    run does beyond it."""
+
+    tolerance: float = 0.1
+    action: ErrorAction = "warn"
+
+
 class ErrorEstimator(Protocol):
     """Estimator of the error x_full - x_reduced of a reduced run against the full-order run of the
     same steps.
@@ -248,11 +261,17 @@ class ErrorEstimator(Protocol):
         first of them `every` steps after that of `memory`, which is brought to the last."""
         ...
 
+    def carry(self, count: int, memory: dict[str, FloatArray]) -> Mapping[str, FloatArray]:
+        """The same for `count` estimates along full-order steps, to which no error is added."""
+        ...
+
 
 @runtime_checkable
 class EstimatesErrors(Protocol):
     """A reducer whose runs can be accompanied by an estimate of their error."""
 
+    @property
+    def error_limit(self) -> ErrorLimit: ...
     def error_estimator(self, problem: ReducedProblem, solver: StepSolver) -> ErrorEstimator | None:
         """Estimator for runs of `solver`, which this reducer prepared for `problem`; None where
         none is requested."""

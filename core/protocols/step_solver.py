@@ -1,9 +1,10 @@
 """Interfaces of step solvers, which solve one time step of a full or reduced model."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Generic, Protocol, Self, runtime_checkable
 
+import numpy as np
 from typing_extensions import TypeVar
 
 from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
@@ -192,12 +193,22 @@ class LeavesMesh(Protocol):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StepBlock:
-    """Solved steps: the states at the end of each, the numbers of iterations, and the estimated
-    remaining errors (`StepOutcome`)."""
+    """Solved steps: times t (T,), s; z (T, 3 + j, n), unknowns x, rates v, second derivatives a and
+    columns of `State.memory` at the end of each; numbers of iterations, and estimated remaining
+    errors (`StepOutcome`)."""
 
-    states: Sequence[State]
-    iterations: Sequence[int]
-    remaining: Sequence[float]
+    t: Sequence[float] = ()
+    z: FloatArray = field(default_factory=lambda: np.empty((0, 3, 0)))
+    iterations: Sequence[int] = ()
+    remaining: Sequence[float] = ()
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    def state(self, i: int) -> State:
+        """State at the end of step i."""
+        z = self.z[i]
+        return State(self.t[i], z[0], z[1], z[2], z[3:].T)
 
 
 class ManySteps(Protocol[M_contra]):

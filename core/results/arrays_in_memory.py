@@ -13,7 +13,7 @@ from sparsemor.core.results import zarr_files as zf
 from sparsemor.core.results.metadata import RunHeader
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.results.stage_arrays import stage_attributes
-from sparsemor.core.results.store import ChunkOfSteps, check_column, columns_of
+from sparsemor.core.results.store import ChunkOfSteps, check_column, columns_of, converted
 from sparsemor.core.results.stored_arrays import ALL
 from sparsemor.core.results.variables import fixed_arrays, time_arrays
 from sparsemor.core.status import Status
@@ -86,12 +86,23 @@ class MemoryWriter:
             "format": zf.FORMAT, "run": uuid.uuid4().hex, "status": Status.INTERRUPTED.value,
             "summary": {}, "stage": stage_attributes(header.stage)}
 
+    @property
+    def attributes(self) -> Mapping[str, Any]:
+        """Attributes of the result, as plain data."""
+        return dict(self._attributes)
+
     def append(self, steps: ChunkOfSteps) -> None:
         """Takes steps. Raises ValueError for values that are not finite."""
         columns = columns_of(steps, self._layout, self._arrays)
         for name, values in columns.items():
             check_column(name, self._arrays[name], values, len(steps.times))
         self._parts.append(columns)
+
+    def continued(self, header: RunHeader) -> "MemoryWriter":
+        """Writer of the same result in other unknowns of the step solver."""
+        writer = MemoryWriter(header, fixed_in_memory(header))
+        writer._parts.append(converted(self.result(), writer._arrays, slice(None)))
+        return writer
 
     def checkpoint(self, arrays: Mapping[str, NDArray[Any]], memory: object = None) -> None:
         """Nothing: a run in memory is not resumed."""

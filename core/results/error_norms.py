@@ -169,9 +169,13 @@ def estimated_errors(run: RunResult) -> dict[str, FloatArray]:
     in the run; where that is round-off relative to its initial state."""
     found = {}
     for name in run.error_estimates:
-        c = run.coefficients(name)
-        R = np.asarray(np.linalg.qr(run.atoms(name), mode="r"))
-        change = float(_norms((c - c[:1]) @ R.T).max(initial=0.0))
+        if run.reduced(name):
+            c = run.coefficients(name)
+            moved = (c - c[:1]) @ np.asarray(np.linalg.qr(run.atoms(name), mode="r")).T
+        else:  # the run went on at full order
+            x = run.block(name)
+            moved = x - x[:1]
+        change = float(_norms(moved).max(initial=0.0))
         size = float(_norms(run.block(name, slice(0, 1))).max(initial=0.0))
         scale = change if change > CONSTANT_CHANGE * size else size
         found[name] = run.error_estimate(name) / (scale or 1.0)

@@ -55,7 +55,8 @@ class RunHeader:
     run follows; identity: versions and digests of code, plugins and input files
     (scene/run_identity.py); platform: processor, BLAS library and number of threads; contacts:
     contact -> names of the resultants that are stored; multipliers: block of Lagrange multipliers
-    -> (name, unit) of each; estimates: blocks whose error is estimated.
+    -> (name, unit) of each; estimates: blocks whose error is estimated; fall_back: time, block and
+    reason where the run left its reduced model and went on at full order, {} if it did not.
     """
 
     scene: Mapping[str, Any]
@@ -77,6 +78,7 @@ class RunHeader:
     contacts: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     multipliers: Mapping[str, tuple[tuple[str, str], ...]] = field(default_factory=dict)
     estimates: tuple[str, ...] = ()
+    fall_back: Mapping[str, Any] = field(default_factory=dict)
 
     def attributes(self) -> dict[str, Any]:
         """Attributes of the stored result: the entries of the header that are not arrays, as plain
@@ -99,6 +101,7 @@ class RunHeader:
             "steps_planned": self.steps_planned,
             "contacts": {name: list(kept) for name, kept in self.contacts.items()},
             "estimates": list(self.estimates),
+            "fall_back": dict(self.fall_back),
         }
 
 

@@ -194,6 +194,10 @@ class RunResult:
         c, atoms = self.coefficients(name, steps), self._array(f"{name}.atoms")
         return np.asarray(self._array(f"{name}.offset") + c @ atoms.T)
 
+    def over_time(self, name: str, steps: slice) -> NDArray[Any] | None:
+        """Entries of a stored array at some steps, None if there is no such array."""
+        return self._data.read(name, steps) if name in self._data else None
+
     def coefficients(self, name: str, steps: slice | IntArray = ALL) -> FloatArray:
         """(j, k) coefficients of a reduced block at the stored steps `steps`."""
         return self._data.read(self._of_reduced(name, "coefficients"), steps)

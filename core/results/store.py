@@ -129,26 +129,55 @@ class ResultWriter:
         _resumable(Path(path).absolute(), scene_digest, identity)
 
     @property
+    def attributes(self) -> Mapping[str, Any]:
+        """Attributes of the result, as plain data."""
+        return dict(self._document["attributes"])
+
+    @property
     def stored(self) -> int:
         return int(self._arrays[TIME]["shape"][0])
 
     def append(self, steps: ChunkOfSteps) -> None:
         """Stores and commits steps. Raises ValueError, storing nothing, for values that are not
         finite."""
-        columns = columns_of(steps, self._layout, self._arrays)
+        self._append(columns_of(steps, self._layout, self._arrays))
+
+    def _append(self, columns: Mapping[str, NDArray[Any]]) -> None:
+        times = columns[TIME]
         for name, values in columns.items():
-            check_column(name, self._arrays[name], values, len(steps.times))
-        self._check_times(steps.times)
-        if len(steps.times) == 0:
+            check_column(name, self._arrays[name], values, len(times))
+        self._check_times(times)
+        if len(times) == 0:
             return
         first = self.stored // self._chunk
         with self._folder.kept(self._last_time):
             for name, values in columns.items():
                 self._write(name, first, values)
             for metadata in self._arrays.values():
-                metadata["shape"][0] += len(steps.times)
+                metadata["shape"][0] += len(times)
             zf.write_group(self.path, self._document)
-        self._last_time = float(steps.times[-1])
+        self._last_time = float(times[-1])
+
+    def continued(self, header: RunHeader) -> "ResultWriter":
+        """Writer of the same result in other unknowns of the step solver, for the steps to come.
+        The stored steps are converted; a process that is killed during the exchange leaves them in
+        the folder `.NAME.old`."""
+        known = self.result()
+        fresh, old = (self.path.with_name(f".{self.path.name}.{end}") for end in ("new", "old"))
+        for folder in (fresh, old):
+            shutil.rmtree(folder, ignore_errors=True)
+        fresh.mkdir()
+        _write_empty(fresh, header)
+        writer = ResultWriter(fresh)
+        for first in range(0, self.stored, writer._chunk):
+            writer._append(converted(
+                known, writer._arrays, slice(first, min(first + writer._chunk, self.stored))))
+        with self._folder.kept(self._last_time):  # still in its place
+            pass
+        os.replace(self.path, old)
+        os.replace(fresh, self.path)
+        shutil.rmtree(old, ignore_errors=True)
+        return ResultWriter(self.path)
 
     def checkpoint(self, arrays: Mapping[str, NDArray[Any]], memory: object = None) -> None:
         """Saves the state from which the run can continue after the last appended step.
@@ -242,6 +271,21 @@ def columns_of(
     if columns.keys() != arrays.keys():
         odd = ", ".join(sorted(columns.keys() ^ arrays.keys()))
         raise ValueError(f"the steps and the header disagree on: {odd}")
+    return columns
+
+
+def converted(
+    known: RunResult, arrays: Mapping[str, Mapping[str, Any]], steps: slice
+) -> dict[str, NDArray[Any]]:
+    """Name -> values, at some steps of a result, of arrays over time for other unknowns of the step
+    solver: coefficients of more atoms, the new ones zero, or all unknowns of a block."""
+    columns: dict[str, NDArray[Any]] = {}
+    for name, metadata in arrays.items():
+        values = known.over_time(name, steps)
+        if values is None:
+            values = known.block(name, steps)
+        columns[name] = np.zeros((len(values), *metadata["shape"][1:]), values.dtype)
+        columns[name][tuple(slice(n) for n in values.shape)] = values
     return columns
 
 

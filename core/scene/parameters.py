@@ -120,6 +120,11 @@ def _at(parameters: Mapping[str, Parameter], shares: Any) -> list[Point]:
             for row in shares]
 
 
+def values_at(point: Point) -> dict[str, float]:
+    """Values of parameters as overrides."""
+    return {f"parameters.{name}": value for name, value in point.items()}
+
+
 def with_values(tree: Mapping[str, Any], overrides: Mapping[str, Any]) -> dict[str, Any]:
     """Overrides in which `parameters.NAME: number` is replaced by the keys of that parameter of the
     scene `tree`. Raises InputError for an unknown parameter."""

@@ -37,7 +37,13 @@ from sparsemor.core.scene.html import html_table
 from sparsemor.core.scene.names import name_faults
 from sparsemor.core.scene.options import Output, Probe, RigidStage, Time, Training
 from sparsemor.core.scene.overrides import find
-from sparsemor.core.scene.parameters import Parameter, Point, number_at, parameter_faults
+from sparsemor.core.scene.parameters import (
+    Parameter,
+    Point,
+    number_at,
+    parameter_faults,
+    values_at,
+)
 from sparsemor.core.scene.source import Source
 
 
@@ -90,6 +96,10 @@ class Scene(Plugin):
     """Stability check of a reduced model before the run: growth of its time-step map, linearised at
     the start (with integrators of first order at five states of the run). `warn`: report predicted
     instability and continue; `refuse`: raise an error; `off`: skip."""
+    check_trial_space: Literal["warn", "refuse", "off"] = "warn"
+    """Check, before the run, that the atoms of each reduced block represent its training run, or
+    without training an estimate of the run and the static responses to its loads. `warn`: report a
+    projection error above 0.01 and continue; `refuse`: raise an error; `off`: skip."""
     output: Output = Output()
     """Output options."""
     probes: dict[str, Probe] = {}
@@ -217,8 +227,7 @@ class Scene(Plugin):
 
         It does not depend on the reducer, so its digest shows whether snapshots can be reused.
         """
-        values = {f"parameters.{name}": value for name, value in (point or {}).items()}
-        changes = {**self.training.overrides, **values, "reducer": FULL_ORDER}
+        changes = {**self.training.overrides, **values_at(point or {}), "reducer": FULL_ORDER}
         changes.setdefault("time.end", self.training_end)
         tree = self.using(changes, label="training.overrides")
         return tree.using({"training": {"every": self.training.every}}, label="training")

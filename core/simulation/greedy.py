@@ -1,83 +1,104 @@
 """Greedy choice of training runs in the box of parameters: where a run of the reduced model
 estimates the largest error, a full-order run is added to its training."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from math import inf, isfinite
 from typing import Any
 
 import numpy as np
 
 from sparsemor.core.errors import InputError
-from sparsemor.core.model.body_cache import BodyCache
-from sparsemor.core.registry.hooks import Manager
-from sparsemor.core.results.error_norms import estimated_errors
+from sparsemor.core.protocols import ErrorEstimator, State, StepSolver
+from sparsemor.core.results.error_norms import CONSTANT_CHANGE
 from sparsemor.core.scene.digest import digest
 from sparsemor.core.scene.parameters import Point
 from sparsemor.core.scene.run_identity import Identity
 from sparsemor.core.scene.scene import Scene
-from sparsemor.core.simulation.cache import Cache
+from sparsemor.core.simulation.error_control.record import ErrorRecord
+from sparsemor.core.simulation.offline import step_count
 from sparsemor.core.simulation.offline_cache import Products
+from sparsemor.core.simulation.step_control import step_of
+from sparsemor.core.simulation.time_stepping import iterate, started
 from sparsemor.core.status import SolveFailed
 
 EVERY = 10
 """Steps from one estimate of the error to the next, unless the reducer has another number."""
+CHOICE = "training.parameters.choice"
 
 
 def greedy_points(
-    scene: Scene, cache: Cache, manager: Manager, body_cache: BodyCache
+    scene: Scene, products: Products, trial: Callable[[Sequence[Point]], Callable[[Point], float]]
 ) -> list[Point]:
     """Points of the training runs of a scene with `training.parameters.choice: greedy`, cached.
 
-    Each candidate is run by the reduced model of the points chosen so far, with its error estimate;
-    that with the largest estimate of any block is added, until it is at most the tolerance. A run
-    that fails counts as an infinite error. Raises InputError for a reducer without error estimate.
+    trial(points): the estimated error, at any point, of the reduced model that is trained at
+    `points`. The candidate with the largest one is added, until it is at most the tolerance. Raises
+    InputError where no block has an estimate.
     """
     box = scene.training.parameters
     assert box is not None
-    names = list(scene.parameters)
+    names, count = list(scene.parameters), box.runs(scene.parameters)
 
     def make() -> Mapping[str, Any]:
-        points, found = box.chosen(scene.parameters), []
-        candidates = box.others(scene.parameters)
-        while len(points) < box.runs(scene.parameters):
-            errors = _estimates(scene, points, candidates, cache, body_cache)
+        points, candidates = box.chosen(scene.parameters), box.others(scene.parameters)
+        while len(points) < count:
+            error = trial(points)
+            errors = [_or_infinite(error, c) for c in candidates]
             worst = int(np.argmax(errors))
-            found.append(errors[worst])
             if errors[worst] <= box.tolerance or candidates[worst] in points:
                 break
             points.append(candidates[worst])
-        return {"points": np.array([[p[n] for n in names] for p in points]),
-                "errors": np.array(found)}
+        return {"points": np.array([[p[n] for n in names] for p in points])}
 
     key = digest(scene.digest(), Identity.of(scene).plain())
-    arrays = Products(cache).remember("greedy", key, make)
-    return [dict(zip(names, map(float, row), strict=True)) for row in np.asarray(arrays["points"])]
+    rows = np.asarray(products.remember("greedy", key, make)["points"])
+    return [dict(zip(names, map(float, row), strict=True)) for row in rows]
 
 
-def _estimates(
-    scene: Scene, points: list[Point], candidates: list[Point], cache: Cache, body_cache: BodyCache
-) -> list[float]:
-    """Largest estimated error of any block, relative to its largest change, at each candidate."""
-    from sparsemor.core.simulation.reduced_model import reduce  # which prepares runs by this choice
-
-    every = getattr(scene.reducer, "error_estimate", 0) or EVERY
+def trial_scene(scene: Scene, points: Sequence[Point]) -> Scene:
+    """Scene of the reduced model that is trained at `points`, with error estimates. Raises
+    InputError for a reducer that has none."""
+    every = scene.dump()["reducer"].get("error_estimate") or EVERY
     try:
-        trial = scene.using({
+        return scene.using({
             "training.parameters": {"points": [dict(p) for p in points]},
             "reducer.error_estimate": every, "check_stability": "off"}, label="greedy")
     except InputError as error:
-        raise InputError(f"greedy needs estimated errors: {error}",
-                         "training.parameters.choice") from None
-    model, found = reduce(trial, cache=cache, body_cache=body_cache), []
-    for point in candidates:
-        try:
-            errors = estimated_errors(model.at(point).run())
-        except SolveFailed:
-            found.append(inf)
-            continue
-        if not errors:
-            raise InputError("greedy needs estimated errors, which no block of this scene has: "
-                             "take latin_hypercube or corners", "training.parameters.choice")
-        worst = max(float(e.max()) for e in errors.values())
-        found.append(worst if isfinite(worst) else inf)
-    return found
+        raise InputError(f"greedy needs estimated errors: {error}", CHOICE) from None
+
+
+@np.errstate(all="ignore")  # overflow is a status of the step, not a warning
+def estimated_error(
+    scene: Scene, solver: StepSolver, full: State, estimator: ErrorEstimator | None
+) -> float:
+    """Largest estimated error of any block over a run from the state `full`, relative to the
+    block's largest change; infinite for a run that fails."""
+    if estimator is None or not estimator.blocks:
+        raise InputError("greedy needs estimated errors, which no block of this scene has: take "
+                         "latin_hypercube or corners", CHOICE)
+    state, memory = started(solver, scene.integrator, full)
+    record, states = ErrorRecord(estimator, full, state), [state.x]
+    record.store()
+    step = step_of(solver, scene.integrator, scene.time.step)
+    for n, taken in enumerate(iterate(step, state, memory, step_count(scene)), 1):
+        if not taken.outcome.status.ok:
+            return inf
+        record.take(taken.state, n)
+        record.store()
+        states.append(taken.state.x)
+    worst, X = 0.0, np.stack(states)
+    for name, errors in record.stored().items():
+        d, c = solver.dictionaries[name], X[:, solver.layout[name]]
+        R = np.asarray(np.linalg.qr(d.atoms, mode="r"))
+        change = float(np.linalg.norm((c - c[0]) @ R.T, axis=1).max())
+        size = float(np.linalg.norm(d.offset + d.atoms @ c[0]))
+        scale = change if change > CONSTANT_CHANGE * size else size
+        worst = max(worst, float(errors.max()) / (scale or 1.0))
+    return worst if isfinite(worst) else inf
+
+
+def _or_infinite(error: Callable[[Point], float], point: Point) -> float:
+    try:
+        return error(point)
+    except SolveFailed:
+        return inf

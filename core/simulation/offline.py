@@ -10,8 +10,8 @@ import numpy as np
 from sparsemor.core.arrays import Arrays, FloatArray
 from sparsemor.core.linalg.least_squares import least_squares_coefficients
 from sparsemor.core.linalg.snapshots import column_chunks
-from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.model.model import Model
+from sparsemor.core.model.resolved_start import resolved_start
 from sparsemor.core.protocols import (
     Basis,
     BlockData,
@@ -202,7 +202,8 @@ def full_run(
         model, scene.integrator, h, offline, np.random.default_rng(scene.seed)))
     solver = controlled(scene, model, offline, solver)
     step = step_of(solver, scene.integrator, h)
-    state, memory = started(solver, scene.integrator, consistent_state(model))
+    state, memory = started(
+        solver, scene.integrator, resolved_start(model, scene.integrator, h).state)
     name = phase.removesuffix(" run")
     manager.hook.on_start(run=RunStart(
         scene.title, scene.reducer_name, 0.0, steps * h, steps, name))

@@ -1,7 +1,7 @@
 """Preparation of a run: input checks, model, rigid-body pre-simulation, offline data, step solver
 and the checks before the first step."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,8 +10,9 @@ import numpy as np
 
 from sparsemor.core.model.body_cache import BodyCache
 from sparsemor.core.model.factorizations import Factored
-from sparsemor.core.model.initial_state import consistent_state, start_notes
+from sparsemor.core.model.initial_state import start_notes
 from sparsemor.core.model.model import Model
+from sparsemor.core.model.resolved_start import resolved_start
 from sparsemor.core.notes import Note
 from sparsemor.core.protocols import (
     BodyShape,
@@ -27,16 +28,17 @@ from sparsemor.core.registry.hooks import Manager
 from sparsemor.core.registry.returned_values import complete
 from sparsemor.core.results.metadata import RunHeader
 from sparsemor.core.results.probes import ProbeReader
+from sparsemor.core.scene.parameters import Point, values_at
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.diagnostics.contact_warnings import stage_warnings
 from sparsemor.core.simulation.diagnostics.plausibility import before_run, of_solver
 from sparsemor.core.simulation.diagnostics.trial_space import (
+    TRIAL_SPACE,
     TrialSpace,
-    space_notes,
-    trial_spaces,
+    check_trial_spaces,
 )
-from sparsemor.core.simulation.greedy import greedy_points
+from sparsemor.core.simulation.greedy import estimated_error, greedy_points, trial_scene
 from sparsemor.core.simulation.linearization import check_run
 from sparsemor.core.simulation.linearization.check import UNSTABLE
 from sparsemor.core.simulation.memory.disk import room_for_result, room_for_snapshots
@@ -110,12 +112,13 @@ def prepared_run(
             model, scene.integrator, scene.time.step, offline, np.random.default_rng(scene.seed))
         solver: StepSolver = scene.reducer.prepare(problem)
         complete(solver, StepSolver, scene.reducer, "prepare", "reducer")
-        start = consistent_state(model)
+        resolved = resolved_start(model, scene.integrator, scene.time.step)
+        start = resolved.state
         unstable, stability = check_run(scene, model, solver, start, offline) if kept is None else (
-            tuple(n for n in kept[0].notes if n.kind == UNSTABLE), kept[0].stability)
-        spaces = kept[0].spaces if kept and _equal(
-            kept[0].header.dictionaries, solver.dictionaries) else trial_spaces(
-            model, offline, solver.dictionaries, scene.time.step, scene.time.end)
+            _of_kind(UNSTABLE, kept[0]), kept[0].stability)
+        same = kept is not None and _equal(kept[0].header.dictionaries, solver.dictionaries)
+        spaces, missed = (kept[0].spaces, _of_kind(TRIAL_SPACE, kept[0])) if kept and same else (
+            check_trial_spaces(scene, model, offline, solver.dictionaries))
         estimator = _estimator(scene.reducer, problem, solver)
         solver = controlled(scene, model, offline, solver)
     integrator: object = scene.integrator
@@ -125,8 +128,8 @@ def prepared_run(
             scene, model, solver, step_count(scene), () if estimator is None else estimator.blocks),
         tuple(ProbeReader.of(p, solver.layout, solver.dictionaries) for p in model.probes),
         {n: shape for n, shape in shapes(model).items() if shape.given},
-        (*start_notes(model), *of_integrator, *solver.notes, *before_run(scene, model),
-         *of_solver(scene, solver), *unstable, *space_notes(spaces),
+        (*start_notes(model), *resolved.notes(scene.time.step), *of_integrator, *solver.notes,
+         *before_run(scene, model), *of_solver(scene, solver), *unstable, *missed,
          *(() if estimator is None else estimator.notes)),
         stability, spaces, scene.training_end, stage_warnings(model),
         model, estimator, None if kept is None else offline.products), offline
@@ -143,8 +146,21 @@ def prepared(
     """
     body_cache, products = body_cache or BodyCache(), Products(cache)
     model = _model(scene, products, manager, body_cache)
+
+    def trial(points: Sequence[Point]) -> Callable[[Point], float]:
+        """Estimated error, at a point of the box, of the model that is trained at `points`."""
+        of = trial_scene(scene, points)
+        kept = prepared_run(of, cache, manager, body_cache)
+
+        def error(point: Point) -> float:
+            run, _ = prepared_run(
+                of.using(values_at(point)), cache, manager, body_cache.of_bodies(), kept=kept)
+            return estimated_error(run.scene, run.solver, run.start, run.estimator)
+
+        return error
+
     offline = offline_of(scene, model, products, manager, body_cache,
-                         lambda: greedy_points(scene, cache, manager, body_cache))
+                         lambda: greedy_points(scene, products, trial))
     offline.expected = fitting(scene, model, offline).total
     room_for_snapshots(scene, model, offline)
     return model, offline
@@ -155,6 +171,10 @@ def _model(scene: Scene, products: Products, manager: Manager, body_cache: BodyC
         return checked_model(scene, body_cache)
     checked_model(scene, body_cache)  # which is not held next to the one that is run
     return staged(scene, products, manager, body_cache)
+
+
+def _of_kind(kind: str, run: PreparedRun) -> tuple[Note, ...]:
+    return tuple(n for n in run.notes if n.kind == kind)
 
 
 def _equal(one: Mapping[str, Dictionary], other: Mapping[str, Dictionary]) -> bool:

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -30,8 +31,8 @@ from sparsemor.core.results.solver_report import solvers_summary
 from sparsemor.core.results.store import ChunkOfSteps, ResultWriter
 from sparsemor.core.results.zarr_files import read_group
 from sparsemor.core.scene.run_identity import Identity
-from sparsemor.core.simulation.admission import admit
-from sparsemor.core.simulation.error_record import ErrorRecord
+from sparsemor.core.simulation.admission import admit, digest_to_resume
+from sparsemor.core.simulation.error_control.record import ErrorMark, ErrorRecord
 from sparsemor.core.simulation.memory.use import MemoryUse
 from sparsemor.core.simulation.offline_cache import Products
 from sparsemor.core.simulation.prepare import PreparedRun
@@ -45,6 +46,14 @@ BUFFER = 2**26
 """Bytes of buffered states after which results are written to disk."""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class RecordMark:
+    """A moment of a recorder: number of buffered steps, and the moment of the error estimates."""
+
+    rows: int
+    errors: ErrorMark | None
+
+
 class Recorder:
     """Recorder of one run's results: states, probes, contact forces, checkpoints and summary."""
 
@@ -52,7 +61,7 @@ class Recorder:
         self, run: PreparedRun, writer: ResultWriter | MemoryWriter,
         checkpoint: Checkpoint | None, steps: int, products: Products | None = None,
     ) -> None:
-        self.run, self.scene, self.solver = run, run.scene, run.solver
+        self.scene = run.scene
         self.writer, self.checkpoint, self.steps = writer, checkpoint, steps
         self.reducer = run.header.reducer
         self.products = Products(None) if products is None else products
@@ -60,13 +69,43 @@ class Recorder:
         self.memory: MemoryUse | None = None
         self.errors: ErrorRecord | None = None
         self._every, self._saved = run.scene.output.every, time.perf_counter()
+        self.take_up(run)
+        self._rows: list[tuple[float, FloatArray, int, float, float]] = []
+        self._contacts: list[Mapping[str, float]] = []
+        self._supports: list[Mapping[str, BoolArray]] = []
+
+    def take_up(self, run: PreparedRun) -> None:
+        """Records the steps of this run from now on."""
+        self.run, self.solver = run, run.solver
         # along a rigid stage histories are kept already; only conduction acts in addition
         solver: object = run.solver
         self._reports = solver if run.header.stage is None and isinstance(
             solver, ReportsTerms) else None
-        self._rows: list[tuple[float, FloatArray, int, float, float]] = []
-        self._contacts: list[Mapping[str, float]] = []
-        self._supports: list[Mapping[str, BoolArray]] = []
+        self._contact_names = frozenset(
+            f"{name}.{what}" for name, kept in run.header.contacts.items() for what in kept)
+
+    def go_on(self, run: PreparedRun) -> None:
+        """Records the rest of a run in the unknowns of another step solver; the stored steps are
+        converted."""
+        self.flush()
+        self.writer = self.writer.continued(run.header)
+        self.take_up(run)
+
+    @property
+    def fall_back(self) -> Mapping[str, Any]:
+        """Time, block and reason where the run left its reduced model, {} if it did not."""
+        return dict(self.writer.attributes.get("fall_back", {}))
+
+    def mark(self) -> "RecordMark":
+        """The present moment, to come back to."""
+        return RecordMark(len(self._rows), None if self.errors is None else self.errors.mark())
+
+    def back_to(self, mark: "RecordMark") -> None:
+        """Drops what came after a moment, since which nothing was written."""
+        for kept in (self._rows, self._contacts, self._supports):
+            del kept[mark.rows:]
+        if self.errors is not None and mark.errors is not None:
+            self.errors.back_to(mark.errors)
 
     @classmethod
     def open(
@@ -76,7 +115,8 @@ class Recorder:
         if `out` contains a result already, or with `resume` one that cannot be resumed."""
         store, scene = out / STORE, run.scene
         if resume:
-            writer, checkpoint = ResultWriter.resume(store, scene.digest(), Identity.of(scene))
+            writer, checkpoint = ResultWriter.resume(
+                store, digest_to_resume(scene, store), Identity.of(scene))
             recorder = cls(run, writer, checkpoint, steps, products)
             recorder.notes = elsewhere(read_group(store)["attributes"].get("platform", {}))
             return recorder
@@ -105,6 +145,7 @@ class Recorder:
             t, memory, tally = float(arrays["t"]), found["memory"], found["tally"]
             if self.errors is not None:
                 self.errors.restart(found["errors"])
+                self.errors.changes.update(found["changes"])
         except (KeyError, SavedError) as error:
             raise InputError(
                 f"{self._out} cannot be resumed: its checkpoint does not fit ({error}); start "
@@ -114,7 +155,8 @@ class Recorder:
 
     def _carried(self, memory: StepMemory, tally: Tally) -> dict[str, object]:
         """Data in addition to the state from which a stopped run continues."""
-        estimated = {} if self.errors is None else {"errors": self.errors.memory}
+        estimated = {} if self.errors is None else {
+            "errors": self.errors.memory, "changes": self.errors.changes}
         return {"memory": memory, "tally": tally, **estimated}
 
     def start(self, state: State, supports: Mapping[str, BoolArray], memory: StepMemory) -> None:
@@ -151,7 +193,8 @@ class Recorder:
         if self.errors is not None:
             self.errors.store()
         sources = () if self._reports is None else self._reports.resultant_sources(memory)
-        self._contacts.append(resultants(sources, state))
+        self._contacts.append({n: value for n, value in resultants(sources, state).items()
+                               if n in self._contact_names})
 
     def save(self, state: State, memory: StepMemory, tally: Tally) -> None:
         """Commit the buffered steps and a checkpoint."""
@@ -225,6 +268,8 @@ class Recorder:
             "offline_whole_s": self.products.spent.whole(tally.offline),
             **in_summary((*self.run.notes, *self.notes, *_full_newton(counters, done))),
             "error_estimate": self._estimated(),
+            "fall_back": {**self.fall_back, "steps": tally.full_steps,
+                          "seconds": tally.full_seconds} if self.fall_back else {},
             "stability": dict(self.run.stability),
             "linear_solvers": solvers_summary(
                 [*self.run.factored(), *self.products.factorizations],

@@ -33,6 +33,7 @@ from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.results.store import ResultWriter
 from sparsemor.core.scene.nested import changes, functions_of_time, nested
 from sparsemor.core.scene.overrides import split
+from sparsemor.core.scene.parameters import values_at
 from sparsemor.core.scene.scene import Scene, build
 from sparsemor.core.scene.source import Source
 from sparsemor.core.simulation.admission import kept
@@ -154,7 +155,7 @@ class ReducedModel:
         model; SolveFailed as `simulate`.
         """
         begun = time.perf_counter()
-        run = self._changed({**(overrides or {}), **_values(parameters or {})}, initial or {})
+        run = self._changed({**(overrides or {}), **values_at(parameters or {})}, initial or {})
         manager, steps = new_manager(observers), step_count(run.scene)
         tally = Tally(offline=time.perf_counter() - begun)
         if out is None:
@@ -175,7 +176,7 @@ class ReducedModel:
         if self._again is None:
             raise InputError("this model was read from a file, without the mesh that it needs to "
                              "project equations again", "parameters")
-        scene = self.scene.using(_values(parameters), label="parameters")
+        scene = self.scene.using(values_at(parameters), label="parameters")
         return ReducedModel(self._again(scene, atoms), self._again, self.offline_seconds)
 
     def check(self, overrides: Mapping[str, Any]) -> None:
@@ -325,11 +326,6 @@ class ReducedModel:
                          "pre-simulation ends that the model follows")
         faults = (*endless(scene), *time_faults(scene))
         return next((f for f in faults if f.key == "time.end"), None)
-
-
-def _values(parameters: Mapping[str, float]) -> dict[str, float]:
-    """Values of parameters as overrides."""
-    return {f"parameters.{name}": value for name, value in parameters.items()}
 
 
 def _inside(key: str, of: str) -> bool:

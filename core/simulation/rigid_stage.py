@@ -18,6 +18,7 @@ from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.body_cache import BodyCache
 from sparsemor.core.model.model import Model
 from sparsemor.core.model.prescribed_motion import Followed, Immobile, importing
+from sparsemor.core.model.resolved_start import resolved_start
 from sparsemor.core.protocols import (
     Contact,
     DeclaresEffect,
@@ -171,7 +172,9 @@ def _run(scene: Scene, model: Model, manager: Manager) -> Arrays:
     times = np.array([s.t for s in kept])
     frames = {b.owner: np.stack([np.stack([s.x, s.v, s.a])[:, layout[b.name]] for s in kept])
               for b in layout if b.kind.quantity is Quantity.POSE}
-    made: dict[str, Any] = {"times": times, "moves": np.array(sorted(frames))}
+    made: dict[str, Any] = {
+        "times": times, "moves": np.array(sorted(frames)),
+        "dropped": np.array(resolved_start(model, scene.integrator, scene.time.step).dropped)}
     for name in scene.bodies:
         body = model.parts[name]
         if name not in frames and isinstance(body, HasPose):
@@ -193,7 +196,8 @@ def _stage(arrays: Arrays) -> Stage:
     frames = {n: FrameHistory(times, *(np.ascontiguousarray(m[:, i]) for i in range(3)))
               for n, m in _under("frame", arrays).items()}
     return Stage(times, frames, frozenset(str(n) for n in arrays["moves"]),
-                 _under("reaction", arrays), {}, _under("handed", arrays))
+                 _under("reaction", arrays), {}, _under("handed", arrays),
+                 float(arrays["dropped"]))
 
 
 def _under(group: str, arrays: Arrays) -> Arrays:

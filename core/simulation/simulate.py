@@ -4,8 +4,10 @@ import atexit
 import errno
 import shutil
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext
+from copy import deepcopy
+from dataclasses import replace
 from pathlib import Path
 from tempfile import gettempdir, mkdtemp
 
@@ -37,7 +39,15 @@ from sparsemor.core.simulation.diagnostics.trial_space import (
     beyond_training,
 )
 from sparsemor.core.simulation.diagnostics.undershoot import undershoot
-from sparsemor.core.simulation.error_record import ErrorRecord, large_estimates
+from sparsemor.core.simulation.error_control.actions import (
+    Accepted,
+    ErrorWatch,
+    Exceeded,
+    at_full_order,
+    error_limit,
+    expanded,
+)
+from sparsemor.core.simulation.error_control.record import ErrorRecord, large_estimates
 from sparsemor.core.simulation.interrupt import Interrupt
 from sparsemor.core.simulation.memory.limits import peak
 from sparsemor.core.simulation.memory.use import MemoryUse
@@ -114,13 +124,38 @@ def stepped(
         complete(memory, StepMemory, scene.reducer, "start", "reducer")
         many = many_steps(solver, scene.integrator, scene.time.step, step_count(scene))
         if run.estimator is not None:
-            recorder.errors = ErrorRecord(run.estimator, run.start, state)
+            recorder.errors = ErrorRecord(
+                run.estimator, run.start, state, {s.name: s.change for s in run.spaces})
+        watch = _watch(run, state, recorder.errors)
+        if recorder.errors is not None and recorder.fall_back:  # a run that is resumed after it
+            recorder.errors.exact, watch = True, None
+            run = at_full_order(run, Exceeded.of(recorder.fall_back))
+            recorder.take_up(run)
+            solver, many = run.solver, None
+            state, memory = started(solver, scene.integrator, run.start)
         if recorder.checkpoint is not None:
             state, memory, tally = recorder.restored(state, memory, tally)
         sampled = solver.rows_at(memory) if isinstance(solver, RedrawsRows) else solver.rows
         for block, rows in sampled.items():
             manager.hook.on_resample(block=block, rows=rows)
-        return _Run(run, recorder, manager, state, memory, tally, keeper, many).go()
+        return _Run(run, recorder, manager, state, memory, tally, keeper, many, watch).go()
+
+
+def _watch(
+    run: PreparedRun, start: State, errors: ErrorRecord | None
+) -> ErrorWatch | None:
+    """Comparison of the estimated errors with their tolerance, where the run acts on it.
+
+    Raises InputError where a run should act and has no estimate.
+    """
+    limit = error_limit(run.scene.reducer)
+    if limit.action == "warn":
+        return None
+    if errors is None or run.model is None:
+        raise InputError(f"action: {limit.action} needs the estimate and the assembled model, "
+                         "which this reduced model does not have: take action: warn, or run its "
+                         "scene", "reducer.error_estimate")
+    return ErrorWatch(limit, run, start, errors.changes)
 
 
 def _keeper(scene: Scene, model: Model, offline: Offline) -> SnapshotKeeper | None:
@@ -145,13 +180,14 @@ class _Run:
     def __init__(
         self, run: PreparedRun, recorder: Recorder, manager: Manager,
         state: State, memory: StepMemory, tally: Tally, keeper: SnapshotKeeper | None = None,
-        many: ManySteps | None = None,
+        many: ManySteps | None = None, watch: ErrorWatch | None = None,
     ) -> None:
         self.run, self.scene, self.solver = run, run.scene, run.solver
         self.recorder, self.manager = recorder, manager
         self.state, self.memory, self.tally, self.many = state, memory, tally, many
         self.steps = step_count(run.scene)
-        self.keeper = keeper
+        self.keeper, self.watch, self.due = keeper, watch, False
+        self.seen_changes, self.seen_draws = -1, self._resamplings()
 
     def go(self) -> RunResult:
         tally, recorder, hook = self.tally, self.recorder, self.manager.hook
@@ -172,11 +208,12 @@ class _Run:
         tally.online = time.perf_counter() - self._begun
         if failure is None:
             recorder.flush()
-        elif failure.status is Status.INTERRUPTED:
+        elif failure.status in (Status.INTERRUPTED, Status.INACCURATE):
             recorder.save(self.state, self.memory, tally)
         else:
             recorder.keep_last(
                 self.state, tally, self.solver.supports(self.memory), self.memory)
+        if failure is not None and failure.status is not Status.INTERRUPTED:
             hook.on_failure(status=failure.status, t=failure.time, block=failure.block,
                             detail=failure.detail)
         tally.online = time.perf_counter() - self._begun  # with what was written last
@@ -214,7 +251,7 @@ class _Run:
             notes += alternating_forces(result)
             if model is not None:
                 notes += (*undershoot(model, result), *after_run(model, result))
-            return (*notes, *large_estimates(result),
+            return (*notes, *large_estimates(result, error_limit(self.scene.reducer).tolerance),
                     *beyond_training(run.spaces, result, run.trained_to))
         except Damaged as error:
             raise OSError(errno.EIO, str(error)) from None
@@ -222,33 +259,83 @@ class _Run:
     @np.errstate(all="ignore")  # overflow is a status of the step, not a warning
     def _steps(self, interrupt: Interrupt) -> SolveFailed | None:
         """Takes all remaining steps; returns None, or the error of a failed step or an
-        interruption."""
+        interruption. Where a run acts on its estimated error, what it does not accept is taken
+        back: nothing is written between two estimates."""
+        accepted = self._accepted()
+        while (left := self.steps - self.tally.done) > 0:
+            if self.watch is None:
+                return self._portion(left, lambda: interrupt.wanted)
+            if interrupt.wanted:
+                return SolveFailed(Status.INTERRUPTED, self.state.t)
+            every, action = self.watch.every, self.watch.limit.action
+            failure = self._portion(min(left, every - self.tally.done % every), lambda: False)
+            assert self.recorder.errors is not None
+            why = self.watch.exceeded(self.state, self.recorder.errors.present()) if (
+                failure is None) else Exceeded.failed(failure)
+            if why is None:
+                if self.due:
+                    self._save()
+                accepted = self._accepted()
+            elif action == "stop":
+                return failure or SolveFailed(
+                    Status.INACCURATE, self.state.t, why.block, why.reason)
+            else:
+                self._fall_back(accepted, why)
+        return None
+
+    def _accepted(self) -> Accepted:
+        return Accepted(self.state, deepcopy(self.tally), self.recorder.mark())
+
+    def _fall_back(self, accepted: Accepted, why: Exceeded) -> None:
+        """Goes on at full order from an accepted state."""
+        begun, old, model = time.perf_counter(), self.solver, self.run.model
+        assert model is not None and self.recorder.errors is not None
+        self.recorder.back_to(accepted.mark)
+        for name, value in vars(accepted.tally).items():
+            setattr(self.tally, name, value)
+        why = replace(why, t=accepted.state.t)
+        self.run = at_full_order(self.run, why)
+        self.solver, self.watch, self.many = self.run.solver, None, None
+        self.recorder.go_on(self.run)
+        self.recorder.errors.exact = True
+        self.state, self.memory = started(self.solver, self.scene.integrator, expanded(
+            accepted.state, old.layout, old.dictionaries, model.layout))
+        self.tally.full_seconds += time.perf_counter() - begun
+        self._save()
+
+    def _save(self) -> None:
+        self.tally.online, self.due = time.perf_counter() - self._begun, False
+        self.recorder.save(self.state, self.memory, self.tally)
+
+    def _portion(self, count: int, stop: Callable[[], bool]) -> SolveFailed | None:
+        """Takes `count` steps; returns None, or the error of a failed step or an interruption."""
         solver, h = self.solver, self.scene.time.step
         step = step_of(solver, self.scene.integrator, h)
-        watched, tally = self.manager.has_observers, self.tally
-        changes, resamplings, due = -1, self._resamplings(), False
-        for taken in iterate(step, self.state, self.memory, self.steps - tally.done,
-                             lambda: interrupt.wanted, self.many):
+        watched, tally, end = self.manager.has_observers, self.tally, self.tally.done + count
+        for taken in iterate(step, self.state, self.memory, count, stop, self.many):
             outcome, self.state, self.memory, seconds, whole = taken
             if not outcome.status.ok:
                 return SolveFailed(
                     outcome.status, self.state.t + h, outcome.block, outcome.detail,
                     sampled=bool(solver.rows))
             tally.add(seconds, outcome)
+            if self.run.header.fall_back:
+                tally.full_steps, tally.full_seconds = (
+                    tally.full_steps + 1, tally.full_seconds + seconds)
             self._snapshot()
             supports = solver.supports(self.memory)
             tally.count_atoms(supports)
-            due = self.recorder.take(self.state, tally, supports, self.memory) or due
-            if due and whole:  # in a block of steps the memory is that of its last one
-                tally.online, due = time.perf_counter() - self._begun, False
-                self.recorder.save(self.state, self.memory, tally)
+            self.due = self.recorder.take(self.state, tally, supports, self.memory) or self.due
+            # in a block of steps the memory is that of its last one
+            if self.due and whole and self.watch is None:
+                self._save()
             if watched:
-                resamplings = self._report_rows(resamplings)
+                self.seen_draws = self._report_rows(self.seen_draws)
                 self.manager.hook.on_step(
                     step=tally.done, t=self.state.t, x=self.state.x, outcome=outcome)
-                changes = self._report_changes(changes, self.memory, self.state.t)
-        left = tally.done < self.steps
-        return SolveFailed(Status.INTERRUPTED, self.state.t) if left else None
+                self.seen_changes = self._report_changes(
+                    self.seen_changes, self.memory, self.state.t)
+        return SolveFailed(Status.INTERRUPTED, self.state.t) if tally.done < end else None
 
     def _resamplings(self) -> int:
         return self.solver.counters(self.memory).get("resamplings", 0)

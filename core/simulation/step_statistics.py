@@ -18,7 +18,8 @@ class Tally:
     offline, online: wall time, s; done: number of steps; last_seconds, last_iterations,
     last_remaining (`StepOutcome.remaining`): those of the last step; seconds_near: k -> number of
     steps whose solution took exp(k / 100) s, within 0.5 %; active: block -> number of active atoms,
-    summed over the steps.
+    summed over the steps; full_steps, full_seconds: number of steps of a reduced run that were
+    solved at full order, and wall time for these and their preparation, s.
     """
 
     offline: float = 0.0
@@ -30,6 +31,8 @@ class Tally:
     last_remaining: float = 0.0
     seconds_near: dict[int, int] = field(default_factory=dict)
     active: dict[str, int] = field(default_factory=dict)
+    full_steps: int = 0
+    full_seconds: float = 0.0
 
     def add(self, seconds: float, outcome: StepOutcome) -> None:
         """Counts a solved step, whose solution took so many seconds."""

@@ -3,9 +3,10 @@ state."""
 
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Generic, NamedTuple, TypeAlias
 
+import numpy as np
 from typing_extensions import TypeVar
 
 from sparsemor.core.protocols import (
@@ -67,8 +68,11 @@ class FixedStep(Generic[M]):
 
 def started(solver: StepSolver[M], integrator: Integrator, full: State) -> tuple[State, M]:
     """Initial state in the solver's (reduced) unknowns with the integrator's history, and the
-    solver's initial memory; full: full-order initial state."""
+    solver's initial memory; full: full-order initial state. Where that has no accelerations
+    (`resolved_start`), the reduced one has none."""
     state, memory = solver.start(full)
+    if not full.a.any():
+        state = replace(state, a=np.zeros_like(state.a))
     return integrator.start(solver.layout, state), memory
 
 
@@ -83,14 +87,13 @@ def iterate(
             return
         begun = time.perf_counter()
         block = _NONE if many is None else many.advance(state, memory, count)
-        if block.states:
-            done = len(block.states)
+        if done := len(block):
             each = (time.perf_counter() - begun) / done
-            steps = zip(block.states, block.iterations, block.remaining, strict=True)
-            for i, (after, n, error) in enumerate(steps, 1):
-                outcome = StepOutcome(after.x, Status.DONE, n, remaining=error)
-                yield TimeStep(outcome, after, memory, each, i == done)
-            state, count = block.states[-1], count - done
+            for i, (n, error) in enumerate(zip(block.iterations, block.remaining, strict=True), 1):
+                state = block.state(i - 1)
+                outcome = StepOutcome(state.x, Status.DONE, n, remaining=error)
+                yield TimeStep(outcome, state, memory, each, i == done)
+            count -= done
             continue
         outcome, state, memory = step(state, memory)
         yield TimeStep(outcome, state, memory, time.perf_counter() - begun)
@@ -99,7 +102,7 @@ def iterate(
         count -= 1
 
 
-_NONE = StepBlock((), (), ())
+_NONE = StepBlock()
 
 
 def many_steps(

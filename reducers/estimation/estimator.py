@@ -52,10 +52,12 @@ class BlockErrors:
         on = self.space.coefficients
         return on(x), on(rate), on(second)
 
-    def force(self, run: Trajectory, errors: Mapping[str, FloatArray]) -> FloatArray:
-        """Loads (j, q) of the error equation at j states: minus the residual, and those of the
-        errors (j, qT) of temperatures."""
-        f = -self.residual(run)
+    def force(
+        self, run: Trajectory | int, errors: Mapping[str, FloatArray]
+    ) -> FloatArray:
+        """Loads (j, q) of the error equation at j states: minus the residual, which is 0 at j
+        states of full order, and those of the errors (j, qT) of temperatures."""
+        f = np.zeros((run, self.space.size)) if isinstance(run, int) else -self.residual(run)
         return f if self.warmth is None else f + errors[self.heat] @ self.warmth
 
 
@@ -121,11 +123,20 @@ class ErrorModel:
             return {name: np.zeros(0) for name in self.blocks}
         run = Trajectory(np.array([s.t for s in states]), *(
             np.stack([getattr(s, which) for s in states]) for which in "xva"))
+        return self._advanced(run, len(states), memory)
+
+    def carry(self, count: int, memory: dict[str, FloatArray]) -> dict[str, FloatArray]:
+        """The same for `count` estimates along full-order steps, to which no error is added."""
+        return self._advanced(count, count, memory)
+
+    def _advanced(
+        self, run: Trajectory | int, count: int, memory: dict[str, FloatArray]
+    ) -> dict[str, FloatArray]:
         found: dict[str, FloatArray] = {}
         modal: dict[str, FloatArray] = {}
         for blocks, which, steps in ((self.heat, "first", self.first),
                                      (self.elastic, "second", self.second)):
-            loads = [np.zeros((len(states), 0)), *(b.force(run, modal) for b in blocks)]
+            loads = [np.zeros((count, 0)), *(b.force(run, modal) for b in blocks)]
             memory[which], x = steps.advance(memory[which], np.hstack(loads))
             for b, at in parts(blocks):
                 modal[b.name] = x[:, at]

@@ -7,7 +7,6 @@ from typing import Literal
 from sparsemor.core import AssembledModel, HeatBody, ReducedProblem, StepSolver
 from sparsemor.reducers.full.monolithic import Summed
 from sparsemor.reducers.notes import local_heat_notes, whole_step_notes
-from sparsemor.reducers.start_check import check_start
 from sparsemor.reducers.step.blocks.elastic_block import ElasticBlock, FullElastic
 from sparsemor.reducers.step.blocks.prescribed_frame_block import FullPrescribed, PrescribedBlock
 from sparsemor.reducers.step.blocks.thermal_block import FullHeat, HeatBlock, LocalAt
@@ -41,12 +40,9 @@ class Full(StepOptions):
         return ""
 
     def prepare(self, problem: ReducedProblem) -> StepSolver:
-        """Step solver of the full-order model. Raises InputError where contact at the start is
-        incompatible with the integrator."""
+        """Step solver of the full-order model."""
         model, integrator, h = problem.model, problem.integrator, problem.step
         tol = self.tolerances
-        if model.separated.other:
-            check_start(model, integrator, h)
         if self.method == "newton":
             return self._whole(model, 0, "method: newton solves for all unknowns together")
         if model.separated.other:

@@ -100,9 +100,9 @@ class StepsBetween:
         except SolveFailed:  # `solve` will report it
             steps = None
         if steps is None:
-            return StepBlock((), (), ())
+            return StepBlock()
         block = steps.advance(state, memory, min(count, self.solver.every - since))
-        memory.step += len(block.states)
+        memory.step += len(block)
         return block
 
     def _steps(self, now: Stepper) -> CompiledSteps | None:

@@ -97,15 +97,15 @@ def test_force_onto_a_run_at_work_is_refused() -> None:
 def test_two_runs_into_one_new_directory(monkeypatch: pytest.MonkeyPatch) -> None:
     """The second one comes while the first is still assembling: nothing is stored yet."""
     found: list[tuple[int, str]] = []
-    consistent = prepare.consistent_state
+    resolved = prepare.resolved_start
 
     def second(*arguments: Any) -> Any:
         if not found:
             found.append((0, ""))
             found[0] = other("run", TINY, *SETTINGS, "--out", "out")
-        return consistent(*arguments)
+        return resolved(*arguments)
 
-    monkeypatch.setattr(prepare, "consistent_state", second)
+    monkeypatch.setattr(prepare, "resolved_start", second)
     code, errors = other("run", TINY, *SETTINGS, "--out", "out")
     assert code == 0 and all(line.startswith("note: ") for line in errors.splitlines()), errors
     assert found[0][0] == 2 and "another run is writing to out" in found[0][1]

@@ -65,6 +65,11 @@ def test_cost_times_every_method_over_several_windows(run: Run) -> None:
         assert row["value"] == pytest.approx(slow / fast)
 
 
+def test_compiled_steps_counts_the_calls_of_a_step(run: Run) -> None:
+    (row,) = rows_of(run("compiled_steps"), "CPU ms per step")
+    assert row["ms"] > 0.0 and row["calls"] > row["products"] > 0
+
+
 def test_chains_fits_exponents_to_the_costs(run: Run) -> None:
     found = run("chains")
     rows = rows_of(found, "CPU milliseconds per step")

@@ -18,8 +18,8 @@ from sparsemor.core.analysis.stability.eigenvalue_errors import (
 from sparsemor.core.analysis.stability.variants import Plan, Variant, variants
 from sparsemor.core.errors import InputError
 from sparsemor.core.linalg.threads import fixed_threads
-from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.model.model import Model
+from sparsemor.core.model.resolved_start import resolved_start
 from sparsemor.core.protocols import ChecksModel, ReducedProblem, State, StepSolver
 from sparsemor.core.protocols.reducer import is_full_order
 from sparsemor.core.registry.hooks import new_manager
@@ -230,7 +230,8 @@ def _states(
 
     times: s; None: as in the check before a run; only zeros: the initial state.
     """
-    start, h, integrator = consistent_state(model), scene.time.step, scene.integrator
+    h, integrator = scene.time.step, scene.integrator
+    start = resolved_start(model, integrator, h).state
     if times is not None and not any(times):
         return [start] * len(times)
     solver = scene.reducer.prepare(ReducedProblem(

@@ -14,6 +14,7 @@ import numpy as np
 from scipy.linalg import qr
 
 from sparsemor.core.arrays import Arrays, FloatArray
+from sparsemor.core.errors import Fault, InputError
 from sparsemor.core.linalg.least_squares import orthonormal
 from sparsemor.core.linalg.snapshots import column_chunks
 from sparsemor.core.model.model import Model
@@ -21,6 +22,7 @@ from sparsemor.core.notes import Note
 from sparsemor.core.protocols import Dictionary, StepFactors
 from sparsemor.core.results.error_norms import CONSTANT_CHANGE
 from sparsemor.core.results.run_result import RunResult
+from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.diagnostics.expected_states import expected_states
 from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.status import SolveFailed
@@ -197,9 +199,22 @@ def _worst(Q: FloatArray, responses: FloatArray, names: Iterable[str]) -> tuple[
     return list(names)[worst], float(ratio[worst])
 
 
-def space_notes(spaces: Iterable[TrialSpace]) -> tuple[Note, ...]:
-    """Warnings before the first step about projection errors above the limit."""
-    return tuple(note for space in spaces if (note := space.note()) is not None)
+def check_trial_spaces(
+    scene: Scene, model: Model, offline: Offline, dictionaries: Mapping[str, Dictionary]
+) -> tuple[tuple[TrialSpace, ...], tuple[Note, ...]]:
+    """Trial spaces of all reduced blocks of a run, and warnings about projection errors above the
+    limit; nothing where the scene skips the check.
+
+    Raises InputError (key `check_trial_space`), with all such errors, if the scene's option is
+    `refuse`.
+    """
+    if scene.check_trial_space == "off":
+        return (), ()
+    spaces = trial_spaces(model, offline, dictionaries, scene.time.step, scene.time.end)
+    notes = tuple(note for space in spaces if (note := space.note()) is not None)
+    if notes and scene.check_trial_space == "refuse":
+        raise InputError([Fault("check_trial_space", note.text) for note in notes])
+    return spaces, notes
 
 
 def beyond_training(

@@ -10,6 +10,7 @@ from sparsemor.core import (
     FloatArray,
     FrameArrays,
     HasArrays,
+    Held,
     IntArray,
     Layout,
     UpdateRules,
@@ -69,7 +70,7 @@ class Plan:
         """Prescribed values of the constraints (T, N) at times (T,), s."""
         found = np.zeros((len(times), self.border))
         for i, f in self.targets:
-            found[:, i] += [f(t) for t in times.tolist()]
+            found[:, i] += f.level if isinstance(f, Held) else [f(t) for t in times.tolist()]
         return found
 
 

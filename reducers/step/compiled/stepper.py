@@ -116,11 +116,8 @@ class CompiledSteps:
         and while full Newton steps are due."""
         known = memory.scales.floor or not (len(self.plan.bodies.k) or self.plan.prescribed)
         if not known or memory.full_newton_next:
-            return StepBlock((), (), ())
-        times, t = np.empty(min(count, self._ahead)), state.t
-        for i in range(len(times)):
-            t += self.h
-            times[i] = t
+            return StepBlock()
+        times = np.cumsum([state.t, *[self.h] * min(count, self._ahead)])[1:]  # as step by step
         run = _run_arrays(state, memory)
         states, effort = np.empty((len(times), *run.z.shape)), np.zeros((len(times), 2))
         done = self._advance(
@@ -130,10 +127,8 @@ class CompiledSteps:
             _keep(run, memory)
         # a step that is left to the uncompiled solver is often followed by others
         self._ahead = min(4 * self._ahead, LONGEST) if done == len(times) else 2
-        x, v, a = (states[:done, i] for i in range(3))
-        return StepBlock(
-            list(map(State, times[:done].tolist(), x, v, a, states[:done, 3:].transpose(0, 2, 1))),
-            effort[:done, 0].astype(int).tolist(), effort[:done, 1].tolist())
+        return StepBlock(times[:done].tolist(), states[:done],
+                         effort[:done, 0].astype(int).tolist(), effort[:done, 1].tolist())
 
 
 def _compiled(plan: Plan) -> tuple[Callable[..., int], Callable[[Sequence[Any], Any], Any]]:

@@ -20,7 +20,7 @@ from typing import Any
 
 from sparsemor import ReducedModel, load, parameter_test, reduce, simulate
 from sparsemor.core.model.body_cache import BodyCache
-from sparsemor.core.scene.parameters import latin_hypercube
+from sparsemor.core.scene.parameters import latin_hypercube, values_at
 
 BOXES: dict[str, dict[str, Any]] = {
     "double_pendulum": {
@@ -72,8 +72,7 @@ def measured(model: ReducedModel, count: int = 2) -> dict[str, float]:
     bodies, taken = BodyCache(), dict[str, list[float]]()
     points = latin_hypercube(model.scene.parameters, 2 * count, 7)
     for mine, other in zip(points[::2], points[1::2], strict=True):
-        full = model.scene.using({f"parameters.{n}": v for n, v in other.items()}
-                                 | {"reducer": "full"})
+        full = model.scene.using({**values_at(other), "reducer": "full"})
         ways: dict[str, Callable[[], object]] = {
             "reduced": partial(model.run, parameters=mine),
             "full order": partial(simulate, full, body_cache=bodies.of_bodies())}

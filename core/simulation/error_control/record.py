@@ -1,13 +1,15 @@
-"""Record of error estimates of a reduced run at its stored steps."""
+"""Record of error estimates of a reduced run at its stored steps, and their comparison with a
+tolerance while it runs."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.notes import Note
 from sparsemor.core.protocols import ErrorEstimator, State
-from sparsemor.core.results.error_norms import LIMIT, estimated_errors
+from sparsemor.core.results.error_norms import estimated_errors
 from sparsemor.core.results.run_result import RunResult
 
 TOGETHER = 64
@@ -16,16 +18,32 @@ TOGETHER = 64
 LARGEST = float(np.finfo(np.float64).max)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class ErrorMark:
+    """A moment of a record: memory of the estimate, numbers of values and of marked states."""
+
+    memory: Mapping[str, FloatArray]
+    values: int
+    stored: int
+
+
 class ErrorRecord:
     """Error estimates of one run, evaluated for several states at once, and kept for those steps
     that are stored. Between two estimates the last one counts.
 
-    memory: state of the estimate (`ErrorEstimator.start`) at the last evaluated step; a checkpoint
-    contains it.
+    memory: state of the estimate (`ErrorEstimator.start`) at the last evaluated step; changes:
+    block -> largest change of its unknowns since the start (2-norm), in training (the argument) or
+    in the run so far (`ErrorWatch`); a checkpoint contains both. exact: True where the steps are of
+    full order and add nothing to the error.
     """
 
-    def __init__(self, estimator: ErrorEstimator, full: State, reduced: State) -> None:
-        self.estimator = estimator
+    def __init__(
+        self, estimator: ErrorEstimator, full: State, reduced: State,
+        changes: Mapping[str, float] | None = None,
+    ) -> None:
+        self.estimator, self.exact = estimator, False
+        known = changes or {}
+        self.changes = {n: known.get(n, 0.0) for n in estimator.blocks}
         self.restart(estimator.start(full, reduced))
 
     def restart(self, memory: dict[str, FloatArray]) -> None:
@@ -42,7 +60,7 @@ class ErrorRecord:
             return
         self._pending.append(state)
         self._count += 1
-        if len(self._pending) == TOGETHER:
+        if len(self._pending) == TOGETHER or self.exact:
             self._evaluate()
 
     def store(self) -> None:
@@ -58,23 +76,40 @@ class ErrorRecord:
         self._stored, self._count = [], 1
         return found
 
+    def present(self) -> dict[str, float]:
+        """Estimated error norm of each block at the last state with an estimate."""
+        self._evaluate()
+        return {n: v[-1] for n, v in self._values.items()}
+
+    def mark(self) -> ErrorMark:
+        """The present moment, to come back to."""
+        self._evaluate()
+        return ErrorMark(dict(self.memory), self._count, len(self._stored))
+
+    def back_to(self, mark: ErrorMark) -> None:
+        """Drops what came after a moment, since which nothing was written."""
+        self.memory, self._count, self._pending = dict(mark.memory), mark.values, []
+        self._values = {n: v[: mark.values] for n, v in self._values.items()}
+        del self._stored[mark.stored:]
+
     def _evaluate(self) -> None:
-        for name, norms in self.estimator.advance(self._pending, self.memory).items():
+        found = self.estimator.carry(len(self._pending), self.memory) if self.exact else (
+            self.estimator.advance(self._pending, self.memory))
+        for name, norms in found.items():
             # of a run that diverges an estimate may overflow; a result has finite numbers
             self._values[name] += np.nan_to_num(norms, nan=LARGEST, posinf=LARGEST).tolist()
         self._pending = []
 
 
-def large_estimates(result: RunResult) -> tuple[Note, ...]:
-    """Warnings about blocks whose estimated error exceeds the limit from which errors are marked in
-    a comparison."""
+def large_estimates(result: RunResult, limit: float) -> tuple[Note, ...]:
+    """Warnings about blocks whose estimated error exceeds the limit."""
     notes, times = [], result.times
     for name, error in estimated_errors(result).items():
-        above = np.flatnonzero(error > LIMIT)
+        above = np.flatnonzero(error > limit)
         if len(above):
             notes.append(Note(
                 f"the estimated error of {name} reaches {error.max():.2g} of its largest change "
-                f"(limit {LIMIT:g}, first above it at {times[above[0]]:.4g} s): train on a run "
+                f"(limit {limit:g}, first above it at {times[above[0]]:.4g} s): train on a run "
                 "that covers this one, or take more atoms, more rows or another basis",
                 "estimated_error"))
     return tuple(notes)

@@ -1,0 +1,158 @@
+"""What a reduced run does where its estimated error exceeds the tolerance, and the check of its
+trial space before it."""
+
+import os
+import signal
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from small_scenes import tiny
+from sparsemor.core import hookimpl
+from sparsemor.core.errors import InputError
+from sparsemor.core.results.error_norms import Errors, measure_errors
+from sparsemor.core.results.run_result import RunResult, open_result
+from sparsemor.core.scene.scene import Scene
+from sparsemor.core.simulation.reduced_model import reduce
+from sparsemor.core.simulation.simulate import simulate
+from sparsemor.core.status import SolveFailed, Status
+
+SEGMENTS, STEPS = 8, 64
+TOLERANCE = 0.02
+
+
+def passing(action: str, every: int = 2, **changes: Any) -> Scene:
+    """A strip heated by a source that passes over its top; trained on the first quarter of the
+    path."""
+    width, dwell = 0.2 / SEGMENTS, 8e-3
+    loads = {f"source{i}": {
+        "use": "heat_flux", "on": [f"bar:top{i}"], "flux": {
+            "use": "pulse", "start": i * dwell + 5e-4, "duration": dwell, "level": 1e7}}
+        for i in range(SEGMENTS)}
+    sets = {f"top{i}": {"where": f"y > 0.0199 and x > {i * width - 1e-6} and "
+                                 f"x < {(i + 1) * width + 1e-6}"} for i in range(SEGMENTS)}
+    estimate = {"every": every, "tolerance": TOLERANCE, "action": action}
+    return Scene.model_validate({
+        "format": 1,
+        "bodies": {"bar": {
+            "use": "flexible", "frame": "fixed", "fields": ["thermal"], "thickness": 0.02,
+            "mesh": {"use": "rectangle", "size": [0.2, 0.02], "divisions": [2 * SEGMENTS, 3]},
+            "sets": sets, "material": {"rho": 2700, "k": 150, "c": 900}}},
+        "loads": loads, "time": {"end": STEPS * 1e-3, "step": 1e-3},
+        "training": {"end": 0.016},
+        "reducer": {"use": "galerkin", "basis": {"use": "pod", "count": 12},
+                    "error_estimate": estimate}}).using(changes)
+
+
+@cache
+def reference() -> RunResult:
+    return simulate(passing("warn").using({"reducer": "full"}))
+
+
+def errors(run: RunResult) -> Errors:
+    return measure_errors(reference(), run)
+
+
+class Strikes:
+    """Ctrl-C after a step."""
+
+    def __init__(self, step: int) -> None:
+        self.last = step
+
+    @hookimpl
+    def on_step(self, step: int) -> None:
+        if step == self.last:
+            os.kill(os.getpid(), signal.SIGINT)
+
+
+def stopped(scene: Scene, **how: Any) -> SolveFailed:
+    with pytest.raises(SolveFailed) as found:
+        simulate(scene, **how)
+    return found.value
+
+
+@pytest.mark.full
+def test_a_source_not_seen_in_training_is_caught_and_full_order_brings_the_error_back(
+    tmp_path: Path,
+) -> None:
+    """Caught before the true error passes ten times the tolerance."""
+    blind = errors(simulate(passing("warn")))
+    assert blind.worst["thermal"] > 0.5
+    early = stopped(passing("stop"))
+    assert early.status is Status.INACCURATE and early.block == "bar.thermal"
+    assert isinstance(early.result, RunResult)
+    assert errors(early.result).worst["thermal"] < 10 * TOLERANCE
+    run = simulate(passing("fall_back"), out=tmp_path / "run")
+    assert errors(run).worst["thermal"] < TOLERANCE
+    told = run.summary["fall_back"]
+    assert told["time"] == pytest.approx(early.time - 2e-3) and told["block"] == "bar.thermal"
+    assert told["steps"] == STEPS - round(told["time"] / 1e-3) and told["seconds"] > 0.0
+    assert "fell_back" in run.summary["note_kinds"]
+    assert run.error_estimates == ("bar.thermal",) and not run.reduced("bar.thermal")
+    assert run.reducer == "galerkin" and len(run.times) == STEPS + 1
+    assert not (tmp_path / "run" / ".result.zarr.old").exists()
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("action", ["fall_back"])
+@pytest.mark.parametrize("last", [9, 40])
+def test_a_run_stopped_before_or_after_it_goes_on_with_equal_digits(
+    tmp_path: Path, action: str, last: int
+) -> None:
+    scene, out = passing(action, every=4), tmp_path / "cut"
+    whole = simulate(scene)
+    assert stopped(scene, out=out, observers=[Strikes(last)]).status is Status.INTERRUPTED
+    assert len(open_result(out).times) <= last + 4
+    rest = simulate(scene, out=out, resume=True)
+    np.testing.assert_array_equal(whole.block("bar.thermal"), rest.block("bar.thermal"))
+    np.testing.assert_allclose(  # several estimates at once differ in their last digit
+        whole.error_estimate("bar.thermal"), rest.error_estimate("bar.thermal"), 1e-12)
+    for key in ("time", "block", "reason", "steps"):
+        assert rest.summary["fall_back"][key] == whole.summary["fall_back"][key]
+
+
+@pytest.mark.full
+def test_a_run_that_stopped_goes_on_with_another_action(tmp_path: Path) -> None:
+    stopped(passing("stop"), out=tmp_path)
+    with pytest.raises(InputError, match="made from another scene"):
+        simulate(passing("stop", every=3), out=tmp_path, resume=True)
+    run = simulate(passing("fall_back"), out=tmp_path, resume=True)
+    assert run.status is Status.DONE and len(run.times) == STEPS + 1
+    assert errors(run).worst["thermal"] < 10 * TOLERANCE
+
+
+@pytest.mark.full
+def test_a_kept_model_falls_back_in_memory_and_is_refused_without_its_mesh() -> None:
+    model = reduce(passing("fall_back"))
+    np.testing.assert_array_equal(
+        model.run().block("bar.thermal"), simulate(passing("fall_back")).block("bar.thermal"))
+    with pytest.raises(InputError, match="needs the estimate and the assembled model"):
+        model.run({"loads.source1.flux.level": 2e7})
+
+
+@pytest.mark.full
+def test_a_step_of_the_reduced_model_that_fails_falls_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Coefficients beyond their limit end a run as diverged."""
+    scene = passing("fall_back").using({"reducer.error_estimate.tolerance": 1e6})
+    monkeypatch.setattr("sparsemor.reducers.trial_bases.GROWTH", 0.1)
+    run = simulate(scene)
+    assert "ended as diverged in bar.thermal" in run.summary["fall_back"]["reason"]
+    assert errors(run).worst["thermal"] < TOLERANCE
+
+
+def test_atoms_that_miss_the_training_are_refused_before_the_first_step(tmp_path: Path) -> None:
+    scene = tiny().using({"time.end": 0.01, "reducer": {
+        "use": "galerkin", "basis": {"use": "modal", "count": 2}}})
+    with pytest.raises(InputError) as refused:
+        simulate(scene.using({"check_trial_space": "refuse"}), out=tmp_path / "refused")
+    assert {f.key for f in refused.value.faults} == {"check_trial_space"}
+    assert "2 atoms of bar.elastic cannot represent" in str(refused.value)
+    assert not (tmp_path / "refused").exists()
+    assert "trial_space" in simulate(scene).summary["note_kinds"]
+    assert "trial_space" not in simulate(
+        scene.using({"check_trial_space": "off"})).summary["note_kinds"]
+    pod = scene.using({"check_trial_space": "refuse", "reducer.basis": {"use": "pod", "count": 6}})
+    assert simulate(pod).status is Status.DONE
