@@ -8,10 +8,12 @@ from typing import Any
 import numpy as np
 
 from sparsemor.core.errors import InputError
+from sparsemor.core.notes import Note
 from sparsemor.core.protocols import ErrorEstimator, State, StepSolver
 from sparsemor.core.results.error_norms import CONSTANT_CHANGE
 from sparsemor.core.scene.digest import digest
-from sparsemor.core.scene.parameters import Point
+from sparsemor.core.scene.independent_of_physics import physics_of
+from sparsemor.core.scene.parameters import Point, values_at
 from sparsemor.core.scene.run_identity import Identity
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.error_control.record import ErrorRecord
@@ -28,8 +30,9 @@ CHOICE = "training.parameters.choice"
 
 def greedy_points(
     scene: Scene, products: Products, trial: Callable[[Sequence[Point]], Callable[[Point], float]]
-) -> list[Point]:
-    """Points of the training runs of a scene with `training.parameters.choice: greedy`, cached.
+) -> tuple[list[Point], tuple[Note, ...]]:
+    """Points of the training runs of a scene with `training.parameters.choice: greedy`, cached, and
+    a warning if so many do not attain the tolerance.
 
     trial(points): the estimated error, at any point, of the reduced model that is trained at
     `points`. The candidate with the largest one is added, until it is at most the tolerance. Raises
@@ -40,19 +43,29 @@ def greedy_points(
     names, count = list(scene.parameters), box.runs(scene.parameters)
 
     def make() -> Mapping[str, Any]:
-        points, candidates = box.chosen(scene.parameters), box.others(scene.parameters)
-        while len(points) < count:
-            error = trial(points)
+        chosen, candidates = box.chosen(scene.parameters), box.others(scene.parameters)
+        errors = [inf]
+        while len(chosen) < count:
+            error = trial(chosen)
             errors = [_or_infinite(error, c) for c in candidates]
             worst = int(np.argmax(errors))
-            if errors[worst] <= box.tolerance or candidates[worst] in points:
+            if errors[worst] <= box.tolerance or candidates[worst] in chosen:
                 break
-            points.append(candidates[worst])
-        return {"points": np.array([[p[n] for n in names] for p in points])}
+            chosen.append(candidates[worst])
+        return {"points": np.array([[p[n] for n in names] for p in chosen]),
+                "error": np.array(max(errors))}
 
-    key = digest(scene.digest(), Identity.of(scene).plain())
-    rows = np.asarray(products.remember("greedy", key, make)["points"])
-    return [dict(zip(names, map(float, row), strict=True)) for row in rows]
+    # the same at all values of the parameters
+    physics = physics_of(scene.using(values_at(box.chosen(scene.parameters)[0])), "greedy")
+    arrays = products.remember("greedy", digest(
+        physics.digest(), box, dict(scene.parameters), Identity.of(scene).plain()), make)
+    points: list[Point] = [dict(zip(names, map(float, row), strict=True))
+                           for row in np.asarray(arrays["points"])]
+    error = float(arrays["error"])
+    return points, () if error <= box.tolerance else (Note(
+        f"with {len(points)} training runs, the estimated error in the box of parameters was "
+        f"{error:.2g} before the last one was added (tolerance {box.tolerance:g}): allow more "
+        "samples, or take more atoms", "training_tolerance"),)
 
 
 def trial_scene(scene: Scene, points: Sequence[Point]) -> Scene:

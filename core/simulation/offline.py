@@ -12,6 +12,7 @@ from sparsemor.core.linalg.least_squares import least_squares_coefficients
 from sparsemor.core.linalg.snapshots import column_chunks
 from sparsemor.core.model.model import Model
 from sparsemor.core.model.resolved_start import resolved_start
+from sparsemor.core.notes import Note
 from sparsemor.core.protocols import (
     Basis,
     BlockData,
@@ -44,7 +45,8 @@ class Offline:
     recording: integrator, step size and interval of the snapshots, None for snapshots that were
     passed in. trained: True if a basis needs snapshots, also if the basis came from the cache.
     expected: estimated memory of the run, bytes, None before the estimate.
-    reducer: identity of a third-party reducer, part of its cache keys.
+    reducer: identity of a third-party reducer, part of its cache keys; notes: warnings about the
+    choice of training runs.
     """
 
     def __init__(
@@ -60,6 +62,7 @@ class Offline:
         self.manager, self._recording = manager or new_manager(), recording
         self.products = products
         self.trained = False
+        self.notes: Sequence[Note] = ()
         self.expected: float | None = None
 
     @classmethod
@@ -77,7 +80,7 @@ class Offline:
         kept = self._made or self._kept
         new._kept = kept if atoms is None else {
             name: (d.leading(atoms), top) for name, (d, top) in kept.items()}
-        new.trained = self.trained
+        new.trained, new.notes = self.trained, self.notes
         return new
 
     def without_snapshots(self) -> "Offline":

@@ -129,7 +129,7 @@ def prepared_run(
         tuple(ProbeReader.of(p, solver.layout, solver.dictionaries) for p in model.probes),
         {n: shape for n, shape in shapes(model).items() if shape.given},
         (*start_notes(model), *resolved.notes(scene.time.step), *of_integrator, *solver.notes,
-         *before_run(scene, model), *of_solver(scene, solver), *unstable, *missed,
+         *before_run(scene, model), *of_solver(scene, solver), *unstable, *missed, *offline.notes,
          *(() if estimator is None else estimator.notes)),
         stability, spaces, scene.training_end, stage_warnings(model),
         model, estimator, None if kept is None else offline.products), offline

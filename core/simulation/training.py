@@ -11,6 +11,7 @@ from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.body_cache import BodyCache
 from sparsemor.core.model.factorizations import factorizations_in
 from sparsemor.core.model.model import Model
+from sparsemor.core.notes import Note
 from sparsemor.core.protocols import Recording, State
 from sparsemor.core.protocols.layout import Layout
 from sparsemor.core.registry.hooks import Manager
@@ -70,11 +71,12 @@ class SnapshotKeeper:
 
 def offline_of(
     scene: Scene, model: Model, products: Products, manager: Manager,
-    body_cache: BodyCache | None = None, greedy: Callable[[], Sequence[Point]] | None = None,
+    body_cache: BodyCache | None = None,
+    greedy: Callable[[], tuple[Sequence[Point], Sequence[Note]]] | None = None,
 ) -> Offline:
     """Offline data of a scene. The cache key of a training run contains its physics, its identity
     (code, plugins, files) and every mesh. body_cache: bodies of the model, for the training runs.
-    greedy: points of the training runs where errors choose them."""
+    greedy: points of the training runs where errors choose them, and warnings."""
     mesh, box = mesh_content(model), scene.training.parameters
 
     def run(point: Point) -> TrainingRun:
@@ -85,14 +87,16 @@ def offline_of(
     def runs() -> Sequence[TrainingRun]:
         if box is None or not trains(scene, dict.fromkeys(model.reducible(), 0)):
             return [run({})]
-        chosen = greedy and box.points is None and box.choice == "greedy"
-        return [run(point) for point in (
-            greedy() if greedy and chosen else box.chosen(scene.parameters))]
+        points: Sequence[Point] = box.chosen(scene.parameters)
+        if greedy is not None and box.points is None and box.choice == "greedy":
+            points, offline.notes = greedy()
+        return [run(point) for point in points]
 
     training = scene.for_training()
     recording = Recording(training.integrator, training.time.step, training.training.every,
                           training.time.end)
-    return Offline(model, runs, products, manager, recording, origin(type(scene.reducer)))
+    offline = Offline(model, runs, products, manager, recording, origin(type(scene.reducer)))
+    return offline
 
 
 def is_training_run(scene: Scene) -> bool:

@@ -162,10 +162,13 @@ def test_greedy_adds_runs_until_the_estimate_is_small(tmp_path: Path) -> None:
     for tolerance in (10.0, 1e-3):
         scene = boxed(choice="greedy", samples=4, candidates=1, tolerance=tolerance).using(short)
         made = reduce(scene, cache=store)
-        points[tolerance] = greedy_points(scene, Products(store), unused)
+        points[tolerance], notes = greedy_points(scene, Products(store), unused)
+        assert not notes
         assert points[tolerance][0] == {"angle": 0.25}, "the centre"
     assert len(points[10.0]) == 1 < len(points[1e-3]) < 4
     assert measure_errors(full_order(scene), made.run()).worst["elastic"] < 1e-2
+    few = reduce(scene.using({"training.parameters.samples": 2}), cache=store).run()
+    assert "training_tolerance" in few.summary["note_kinds"], "not tried after the last run"
     with pytest.raises(InputError, match="greedy needs estimated errors"):
         reduce(scene.using({"bodies.bar.material.k": {
             "temperatures": [0, 1000], "values": [1500, 1600]}}), cache=store)
