@@ -23,10 +23,9 @@ class StepOptions(Plugin):
     compiled: Compiled = "auto"
     """Compile the time step to machine code with numba (`pip install 'sparsemor[fast]'`): `on`,
     `off`, or `auto`, which is on in runs of at least 200 000 steps if numba is installed. It covers
-    reduced models without contact in the step and without coefficients that depend on temperature:
-    those in the plane, and those in space whose motion is given by a rigid stage. Other models,
-    steps that converge slowly, adaptive steps and steps with rows drawn again are solved without
-    it."""
+    rigid bodies and reduced flexible ones, in the plane and in space, without contact in the step.
+    Other models, steps that converge slowly, adaptive steps and steps with rows drawn again are
+    solved without it."""
 
     @property
     def tolerances(self) -> Tolerances:

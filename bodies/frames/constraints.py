@@ -13,6 +13,7 @@ import numpy as np
 
 from sparsemor.bodies.frames import plane_items as plane
 from sparsemor.bodies.frames import rotation as rot
+from sparsemor.bodies.frames import space_items as spatial
 from sparsemor.bodies.frames.attitude import Attitude, attitude
 from sparsemor.bodies.frames.items import AXES
 from sparsemor.bodies.frames.joint_items import Wrench
@@ -66,6 +67,15 @@ class Facing:
 
     def shifted(self, s: FloatArray, quadratic: FloatArray) -> "Facing":
         return replace(self, turned=self.turned + s) if self.turns else self
+
+    def in_space(self) -> tuple[spatial.SpacePart, ...]:
+        turn, axis = (None, np.zeros(3)) if self.turn is None or self.axis is None else (
+            self.turn, self.axis / np.linalg.norm(self.axis))
+        A = np.eye(3) if self.others else attitude(self.place[3:]).A
+        return tuple(spatial.SpacePart(spatial.constraint, spatial.constraint_numbers(
+            d, A @ e, others=self.others, kind=spatial.DIRECTION * self.turns, turned=self.turned,
+            axis=A @ axis), turn, i) for i, (d, e) in enumerate(zip(
+                self.own, self.other, strict=True)))
 
     def faces(self, t: float) -> FloatArray:
         """(l, 3) directions e at time t, s."""
@@ -202,6 +212,13 @@ class Slide:
                     np.zeros((len(times), d)))
         reach = points_in_space(pose, np.broadcast_to(self.point, (len(pose), d)))
         return Wrench(force, np.zeros((len(times), 2 * d - 3)), reach)
+
+    def in_space(self) -> tuple[spatial.SpacePart, ...]:
+        A, place = (np.eye(3), 0.0 * self.base) if self.others else (
+            attitude(self.place[3:]).A, self.place[:3])
+        return tuple(spatial.SpacePart(spatial.constraint, spatial.constraint_numbers(
+            self.point, A @ e, float(e @ self.base + (A @ e) @ place), others=self.others,
+            kind=spatial.POINT), row=i) for i, e in enumerate(self.lines))
 
     def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
         y_o = m.y[o : o + self.others] if self.others else self.place

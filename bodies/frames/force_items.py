@@ -4,6 +4,7 @@ axes (notation: items.py)."""
 from dataclasses import dataclass, replace
 
 from sparsemor.bodies.frames import plane_items as plane
+from sparsemor.bodies.frames import space_items as spatial
 from sparsemor.bodies.frames.items import AXES, EYE
 from sparsemor.bodies.frames.many_times import Moved, Pushed
 from sparsemor.bodies.frames.motion import Motion, Sums
@@ -37,6 +38,10 @@ class SpaceForce:
     def in_plane(self) -> plane.PlaneItem:
         return plane.PlanePart(plane.space_force, (
             float(self.total), *self.arm.tolist(), *self.force.tolist()), self.amplitude)
+
+    def in_space(self) -> tuple[spatial.SpacePart, ...]:
+        return (spatial.SpacePart(spatial.space_force, (
+            float(self.total), *self.arm.tolist(), *self.force.tolist()), self.amplitude),)
 
     def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
         f = self.amplitude(m.t) * self.force
@@ -80,6 +85,10 @@ class BodyForce:
         return plane.PlanePart(plane.body_force, (
             *self.total.tolist(), float(self.arm[0])), self.amplitude)
 
+    def in_space(self) -> tuple[spatial.SpacePart, ...]:
+        return (spatial.SpacePart(
+            spatial.body_force, (*self.total.tolist(), *self.arm.tolist()), self.amplitude),)
+
     def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
         g = self.amplitude(m.t)
         out.rows[:3] -= g * m.A.dot(self.total)
@@ -120,6 +129,10 @@ class Moment:
     def in_plane(self) -> plane.PlaneItem:
         return plane.PlanePart(
             plane.moment, (float(self.moment[0]), float(self.turns)), self.amplitude)
+
+    def in_space(self) -> tuple[spatial.SpacePart, ...]:
+        return (spatial.SpacePart(spatial.moment, (
+            *self.moment.tolist(), float(self.turns), float(self.space)), self.amplitude),)
 
     def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
         M, acts = self.amplitude(m.t) * self.moment, self.turns and m.elastic

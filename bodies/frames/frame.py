@@ -13,7 +13,8 @@ from sparsemor.bodies.frames.items import Item, Nothing, Pushing, SpatialItem, T
 from sparsemor.bodies.frames.many_times import MotionAtTimes, Pushes
 from sparsemor.bodies.frames.moments import moments_of
 from sparsemor.bodies.frames.motion import Motion, Sums
-from sparsemor.core import FloatArray, FrameWork
+from sparsemor.bodies.frames.space_arrays import space_arrays
+from sparsemor.core import FloatArray, FrameArrays, FrameWork
 
 AnyItem = TypeVar("AnyItem", bound=Item)
 
@@ -109,6 +110,10 @@ class SpatialFrame(ItemFrame[SpatialItem]):
         for item, (j, o, k) in zip(self.items, self.starts, strict=True):
             item.evaluate(m, j, o, k, out)
         out.finish(m)
+
+    def arrays(self) -> FrameArrays | None:
+        """Equations as a function on arrays, None where an item is not given so."""
+        return space_arrays(self.size - 3, self.items, self.starts)
 
     def drive(
         self, y: FloatArray, v: FloatArray, a: FloatArray, t: float, work: FrameWork

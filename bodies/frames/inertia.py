@@ -16,10 +16,12 @@ import numpy as np
 
 from sparsemor.bodies.frames import plane_items as plane
 from sparsemor.bodies.frames import rotation as rot
+from sparsemor.bodies.frames import space_items as spatial
 from sparsemor.bodies.frames.items import AXES
 from sparsemor.bodies.frames.many_times import Moved, Pushed
 from sparsemor.bodies.frames.moments import MassProperties, Moments
 from sparsemor.bodies.frames.motion import Motion, Sums
+from sparsemor.bodies.frames.space_inertia import space_inertia
 from sparsemor.core import FloatArray
 
 FIRST = 3
@@ -64,6 +66,10 @@ class Inertia:
     def in_plane(self) -> plane.PlaneItem:
         return plane.PlanePart(
             plane.inertia, (self.mass, *self.moment.tolist(), float(self.second[0])))
+
+    def in_space(self) -> tuple[spatial.SpacePart, ...]:
+        return (spatial.SpacePart(
+            space_inertia, (self.mass, *self.moment.tolist(), *self.second.tolist())),)
 
     def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
         m.acc_b = m.A.T.dot(m.acc)

@@ -4,7 +4,8 @@ motion.py).
 An item has the same data in the plane and in space. In space `evaluate` adds its contribution to
 the rigid equations and writes its own columns: functionals of the displacements (directions) from
 number j on, coordinates of another body from o on, its own multipliers (forces) from k on. In the
-plane its complex counterpart does so (`in_plane`, plane_items.py). `names` describes the load of
+plane its complex counterpart does so (`in_plane`, plane_items.py), in compiled steps in space its
+counterparts on arrays (`in_space`, space_items.py). `names` describes the load of
 each functional, "" for those that only enter the frame's equations. Forces with a potential use its
 exact derivatives by the quaternion p; these differ from 2 G^T torque by a multiple of p, which the
 multiplier of |p| = 1 absorbs.
@@ -16,6 +17,7 @@ from typing import Protocol, Self, runtime_checkable
 import numpy as np
 
 from sparsemor.bodies.frames import plane_items as plane
+from sparsemor.bodies.frames import space_items as spatial
 from sparsemor.bodies.frames.many_times import Moved, Pushed
 from sparsemor.bodies.frames.motion import Motion, Sums
 from sparsemor.core import FloatArray
@@ -93,6 +95,9 @@ class UnitLength(RigidItem):
 
     others = 0
     forces = 1
+
+    def in_space(self) -> tuple[spatial.SpacePart, ...]:
+        return (spatial.SpacePart(spatial.unit_length, ()),)
 
     def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
         mu, p = m.y[k], m.y[m.at]

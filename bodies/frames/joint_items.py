@@ -7,6 +7,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from sparsemor.bodies.frames import plane_items as plane
+from sparsemor.bodies.frames import space_items as spatial
 from sparsemor.bodies.frames.items import AXES, EYE
 from sparsemor.bodies.frames.many_times import Moved, Pushed
 from sparsemor.bodies.frames.motion import Motion, Sums
@@ -80,6 +81,10 @@ class Attachment:
 
     def in_plane(self) -> plane.PlaneItem:
         return plane.PlanePart(plane.attachment, tuple(self.point.tolist()))
+
+    def in_space(self) -> tuple[spatial.SpacePart, ...]:
+        return tuple(spatial.SpacePart(spatial.constraint, spatial.constraint_numbers(
+            self.point, axis, kind=spatial.POINT), row=i) for i, axis in enumerate(EYE))
 
     def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
         f, mine = m.y[k : k + 3], slice(k, k + 3)

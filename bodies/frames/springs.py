@@ -12,9 +12,11 @@ import numpy as np
 from sparsemor.bodies.frames import plane_items as plane
 from sparsemor.bodies.frames import plane_springs
 from sparsemor.bodies.frames import rotation as rot
+from sparsemor.bodies.frames import space_items as spatial
 from sparsemor.bodies.frames.attitude import Attitude, Free, attitude
 from sparsemor.bodies.frames.items import EYE, RigidItem
 from sparsemor.bodies.frames.motion import Motion, Sums
+from sparsemor.bodies.frames.space_springs import space_rotational_spring, space_spring
 from sparsemor.core import Amplitude, FloatArray
 
 
@@ -41,6 +43,13 @@ class Spring(RigidItem):
         return plane.PlanePart(plane_springs.spring, (
             *self.point.tolist(), *self.base.tolist(), self.stiffness, self.damping,
             float(self.others > 0), *place), self.drive)
+
+    def in_space(self) -> tuple[spatial.SpacePart, ...]:
+        base = self.base if self.others else (
+            self.place[:3] + attitude(self.place[3:]).A @ self.base)
+        return (spatial.SpacePart(space_spring, (
+            *self.point.tolist(), *base.tolist(), self.stiffness, self.damping,
+            float(max(self.others - 3, 0))), self.drive),)
 
     def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
         size, there = m.at.stop, slice(o, o + self.others)
@@ -120,6 +129,12 @@ class SpatialRotationalSpring(RigidItem):
     drive: Amplitude
     others: int
     place: FloatArray
+
+    def in_space(self) -> tuple[spatial.SpacePart, ...]:
+        A = np.eye(3) if self.others else attitude(self.place[3:]).A
+        return (spatial.SpacePart(space_rotational_spring, (
+            *self.own.tolist(), *(A @ self.first).tolist(), *(A @ self.second).tolist(),
+            self.stiffness, self.damping, float(max(self.others - 3, 0))), self.drive),)
 
     def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
         far = attitude((m.y[o : o + self.others] if self.others else self.place)[3:])

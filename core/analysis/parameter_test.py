@@ -106,7 +106,7 @@ def parameter_test(
     bodies, rows, names = BodyCache(), [], dict[str, None]()
     for done, point in enumerate(uniform(scene.parameters, count, seed)):
         _, full = cached_reference(
-            scene.using({**values_at(point), "reducer": FULL_ORDER}), bodies.of_bodies())
+            scene.using({**values_at(point), "reducer": FULL_ORDER}), body_cache=bodies.of_bodies())
         if not full.status.ok:
             raise SolveFailed(full.status, float(full.times[-1]), "", "full order")
         for atoms in (None, *sizes):

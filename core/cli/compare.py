@@ -120,15 +120,16 @@ def _run_all(
     """Runs all scenes: results by reducer name, also of runs that stopped early, and the errors
     that stopped them.
 
-    A full-order run that is the training run of the reduced ones leaves its snapshots in the cache.
+    A full-order run that begins with the training run of the reduced ones leaves the snapshots in
+    the cache.
     If a later run finds bad input, the results that this call wrote are removed.
     """
     from sparsemor.core.results.run_result import RunResult
-    from sparsemor.core.simulation.training import is_training_run
+    from sparsemor.core.simulation.training import training_steps
 
     results: dict[str, RunResult] = {}
     failures: dict[str, SolveFailed] = {}
-    teacher = next((n for n, s in scenes.items() if is_training_run(s)), "")
+    teacher = next((n for n, s in scenes.items() if training_steps(s)), "")
     old = {name for name in scenes if OutputDirectory(directory / name).is_result()}
     for name, scene in scenes.items():
         with located_in(scene), progress(quiet) as observers:

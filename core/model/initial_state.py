@@ -17,6 +17,8 @@ from sparsemor.core.status import SolveFailed, Status
 LOST = 1.0
 """Largest ratio of stiffness to mass of a row at which the mass is computed accurately as a
 difference of two Jacobians; with the factor c = 1, elastic bodies retain only four digits of it."""
+START = "start"
+"""Identifier of warnings about the velocities at the start."""
 BROKEN, NEXT_TO = 1e-4, 1e-6
 """Tolerances for the rate of a violated constraint, relative to the velocities at its own joint
 (BROKEN) and at all joints (NEXT_TO)."""
@@ -99,13 +101,16 @@ def _largest(A: Csr, part: slice) -> FloatArray:
 
 def start_notes(model: AssembledModel, t: float = 0.0) -> tuple[Note, ...]:
     """Warnings for the joints whose constraints are violated by the initial velocities."""
-    layout = model.layout
-    rows = layout.algebraic
+    rows = model.layout.algebraic
     if rows.start == rows.stop:
         return ()
-    rates, sizes = _constraints(model).rate(model.x0, model.v0, t)
-    most = float(sizes.max(initial=0.0))
-    notes = []
+    return broken_rates(model.layout, *_constraints(model).rate(model.x0, model.v0, t))
+
+
+def broken_rates(layout: Layout, rates: FloatArray, sizes: FloatArray) -> tuple[Note, ...]:
+    """Warnings for the joints whose constraints have rates (l,) of notable size; sizes (l,):
+    magnitudes of their terms."""
+    rows, most, notes = layout.algebraic, float(sizes.max(initial=0.0)), []
     for b in layout:
         if b.kind.order == 0:
             at = slice(layout[b.name].start - rows.start, layout[b.name].stop - rows.start)
@@ -115,7 +120,7 @@ def start_notes(model: AssembledModel, t: float = 0.0) -> tuple[Note, ...]:
                     f"the velocities at the start break joint {b.owner} by {rate:.3g} m/s or "
                     "rad/s: the first steps jump, and a second-order integrator loses its order; "
                     "give the bodies fitting velocities, or let the motion begin smoothly",
-                    "start"))
+                    START))
     return tuple(notes)
 
 

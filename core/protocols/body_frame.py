@@ -149,9 +149,9 @@ FrameFunction: TypeAlias = Callable[
              coefficients, sums)
 
 with the arrays of `FrameArrays`, the present values `gains` (i,) of its amplitudes, the inputs of
-`Frame.evaluate` and the arrays of `FrameWork`, which it fills; `sums` (16,) is for its own use. All
-arrays are those of the model's largest body, with zeros where this body has fewer border unknowns b
-or directions p.
+`Frame.evaluate` and the arrays of `FrameWork`, which it fills; `sums` (320,) is for its own use.
+All arrays are those of the model's largest body, with zeros where this body has fewer border
+unknowns b or directions p.
 """
 
 

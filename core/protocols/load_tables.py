@@ -26,6 +26,17 @@ def place(times: FloatArray, t: float) -> tuple[int, float]:
     return i - 1, 0.0 if w < 1e-9 else w
 
 
+def places(known: FloatArray, times: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Intervals and weights (T,) of `place` at times (T,), s, in a table at the times `known`."""
+    i = np.minimum(np.searchsorted(known, times), len(known) - 1)
+    before = np.maximum(i - 1, 0)
+    w = np.ones(len(times))
+    np.divide(times - known[before], known[i] - known[before], out=w, where=i > before)
+    last = (w > 1.0 - 1e-9)
+    w[last | (w < 1e-9)] = 0.0
+    return np.where(last, i, before), w
+
+
 def blended(values: FloatArray, i: int, w: float) -> FloatArray:
     """Linear interpolation in values (T, ...) with interval i and weight w of `place`; a view of
     row i if w = 0."""
@@ -50,15 +61,11 @@ class Table:
         known, values = self.times, self.values
         if np.array_equal(times, known):
             return values
-        i = np.minimum(np.searchsorted(known, times), len(known) - 1)
-        before = np.maximum(i - 1, 0)
-        w = np.ones(len(times))  # as in `place`
-        np.divide(times - known[before], known[i] - known[before], out=w, where=i > before)
-        w[w > 1.0 - 1e-9], w[w < 1e-9] = 1.0, 0.0
-        if ((w == 0.0) | (w == 1.0)).all():
-            return np.asarray(values[np.where(w == 0.0, before, i)])
-        w = w[:, None]
-        return np.asarray((1.0 - w) * values[before] + w * values[i])
+        i, w = places(known, times)
+        if not w.any():
+            return np.asarray(values[i])
+        after, w = np.minimum(i + 1, len(known) - 1), w[:, None]
+        return np.asarray((1.0 - w) * values[i] + w * values[after])
 
     def columns(self, chosen: IntArray) -> "Table":
         """Table of the columns with numbers `chosen`, copied."""

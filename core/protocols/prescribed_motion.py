@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from sparsemor.core.arrays import FloatArray, IntArray
-from sparsemor.core.protocols.load_tables import blended, place
+from sparsemor.core.protocols.load_tables import blended, place, places
 from sparsemor.core.protocols.poses import unit_attitude
 
 
@@ -44,6 +44,9 @@ class FrameHistory:
         themselves, not copies."""
         if np.array_equal(times, self.times):
             return self.pose, self.rate, self.acceleration
+        i, w = places(self.times, times)
+        if not w.any():
+            return self.pose[i], self.rate[i], self.acceleration[i]
         pose, rate, acceleration = zip(*(self.at(t) for t in times.tolist()), strict=True)
         return np.stack(pose), np.stack(rate), np.stack(acceleration)
 

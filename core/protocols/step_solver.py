@@ -190,6 +190,17 @@ class LeavesMesh(Protocol):
         and makes the rates consistent."""
         ...
 
+    def stepping_alike(self, copy: Any) -> StepSolver:
+        """A copy of the solver without mesh, made in this process, that takes its steps the same
+        way (compiled, say)."""
+        ...
+
+    def constraint_errors(self, state: State) -> tuple[FloatArray, FloatArray]:
+        """Values and time derivatives (l, 2) of the l constraint equations at a state in the
+        solver's unknowns, zero where it fits the joints; and the magnitudes (l, 2) of their terms,
+        with rotations of 1 rad at least."""
+        ...
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StepBlock:

@@ -116,6 +116,7 @@ class MemoryWriter:
                  for name, m in self._arrays.items()}
         over_time = {name: np.concatenate([p[name] for p in self._parts] or [none])
                      for name, none in empty.items()}
+        self._parts = [over_time]
         grown = {name: _metadata(over_time[name], m["dimension_names"], m["attributes"])
                  for name, m in self._arrays.items()}
         return RunResult.of(ArraysInMemory(

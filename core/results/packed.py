@@ -115,6 +115,10 @@ class Packed:
             raise PackedError(f"it cannot be read ({error})") from None
 
 
+def _identity(a: NDArray[Any]) -> tuple[object, ...]:
+    return a.dtype.str, a.shape, _order(a), hashlib.sha256(_shuffled(a)).digest()
+
+
 def _order(a: NDArray[Any]) -> str:
     return "F" if a.flags.f_contiguous and not a.flags.c_contiguous else "C"
 
@@ -154,8 +158,10 @@ class _Packer:
             return {"enum": [self._named(type(value), name), value.name]}
         if isinstance(value, float):
             return {"float": value.hex()}
-        if isinstance(value, np.ndarray | np.generic):
-            return {"array" if isinstance(value, np.ndarray) else "scalar": self._array(value)}
+        if isinstance(value, np.ndarray):
+            return self._dense(value)
+        if isinstance(value, np.generic):
+            return {"scalar": self._array(value)}
         if isinstance(value, slice):
             return {"slice": [value.start, value.stop, value.step]}
         if isinstance(value, BaseModel):
@@ -173,12 +179,19 @@ class _Packer:
 
     def _array(self, value: Any) -> int:
         array = np.asarray(value)
-        key = (array.dtype.str, array.shape, _order(array), hashlib.sha256(
-            _shuffled(array)).digest())
+        key = _identity(array)
         if key not in self._numbers:
             self._numbers[key] = len(self.arrays)
             self.arrays.append(array)
         return self._numbers[key]
+
+    def _dense(self, value: NDArray[Any]) -> Any:
+        """An array, or that it is another one with its last two axes swapped."""
+        if value.ndim > 2 and _order(value) == "C":
+            number = self._numbers.get(_identity(np.ascontiguousarray(value.swapaxes(-1, -2))))
+            if number is not None and _identity(value) not in self._numbers:
+                return {"swapped": number}
+        return {"array": self._array(value)}
 
     def _plugin(self, value: BaseModel, name: str) -> Any:
         """Key of a plugin of the scene, or the options of another one."""
@@ -280,6 +293,7 @@ class _Maker:
 _LEAVES: Mapping[str, Callable[[_Maker, Any], Any]] = {
     "float": lambda m, c: float.fromhex(c),
     "array": lambda m, c: m.arrays[c],
+    "swapped": lambda m, c: np.ascontiguousarray(m.arrays[c].swapaxes(-1, -2)),
     "scalar": lambda m, c: m.arrays[c][()],
     "slice": lambda m, c: slice(*c),
     "enum": lambda m, c: m.named(c[0])[c[1]],

@@ -10,7 +10,7 @@ import numpy as np
 
 from sparsemor.core.arrays import BoolArray, FloatArray
 from sparsemor.core.errors import InputError
-from sparsemor.core.linalg.threads import described, elsewhere
+from sparsemor.core.linalg.threads import elsewhere
 from sparsemor.core.notes import Level, Note, information, kinds, sentences
 from sparsemor.core.protocols import (
     CountsLinearIterations,
@@ -69,6 +69,7 @@ class Recorder:
         self.memory: MemoryUse | None = None
         self.errors: ErrorRecord | None = None
         self._every, self._saved = run.scene.output.every, time.perf_counter()
+        self._on_disk = isinstance(writer, ResultWriter)
         self.take_up(run)
         self._rows: list[tuple[float, FloatArray, int, float, float]] = []
         self._contacts: list[Mapping[str, float]] = []
@@ -172,8 +173,10 @@ class Recorder:
         if tally.done % self._every and tally.done != self.steps:
             return False
         self._keep(state, tally, supports, memory)
-        return (len(self._rows) >= CHUNK or len(self._rows) * state.x.nbytes >= BUFFER
-                or time.perf_counter() - self._saved > SECONDS)
+        if len(self._rows) * state.x.nbytes >= BUFFER:
+            return True
+        return self._on_disk and (
+            len(self._rows) >= CHUNK or time.perf_counter() - self._saved > SECONDS)
 
     def keep_last(
         self, state: State, tally: Tally, supports: Mapping[str, BoolArray], memory: StepMemory
@@ -192,9 +195,9 @@ class Recorder:
         self._supports.append(dict(supports))
         if self.errors is not None:
             self.errors.store()
-        sources = () if self._reports is None else self._reports.resultant_sources(memory)
-        self._contacts.append({n: value for n, value in resultants(sources, state).items()
-                               if n in self._contact_names})
+        if self._reports is not None:
+            found = resultants(self._reports.resultant_sources(memory), state)
+            self._contacts.append({n: f for n, f in found.items() if n in self._contact_names})
 
     def save(self, state: State, memory: StepMemory, tally: Tally) -> None:
         """Commit the buffered steps and a checkpoint."""
@@ -210,14 +213,14 @@ class Recorder:
             return
         t, x, iterations, remaining, seconds = (
             list(c) for c in zip(*self._rows, strict=True))
-        X = np.stack(x)
-        times = np.array(t)
-        supports = {name: np.stack([s[name] for s in self._supports])
+        X, times = np.array(x), np.array(t)
+        supports = {name: np.array([s[name] for s in self._supports])
                     for name in self._supports[0]}
         self.writer.append(ChunkOfSteps(
             times, X, np.array(iterations), np.array(remaining), np.array(seconds), supports,
             {p.name: p(times, X) for p in self.run.probes},
-            {name: np.array([c[name] for c in self._contacts]) for name in self._contacts[0]},
+            {name: np.array([c[name] for c in self._contacts])
+             for name in (self._contacts or [{}])[0]},
             {body: shape.given_at(times) for body, shape in self.run.given.items()}, estimates))
         self._rows, self._supports, self._contacts = [], [], []
 
@@ -276,7 +279,7 @@ class Recorder:
                 _iterations(solver, memory), done),
             "memory": {} if self.memory is None else self.memory.summary(),
             "facts": finite(dict(solver.facts)),  # dependent columns: no finite condition
-            "platform": described(),
+            "platform": dict(self.run.header.platform),
             "out": self._out,
         }
 

@@ -12,12 +12,14 @@ import numpy as np
 from pydantic import BaseModel
 
 from sparsemor.core.errors import Fault, InputError
-from sparsemor.core.linalg.threads import fixed_threads
+from sparsemor.core.linalg.threads import described, fixed_threads
 from sparsemor.core.model.body_cache import BodyCache
+from sparsemor.core.model.initial_state import START
 from sparsemor.core.protocols import (
     DeclaresEffect,
     LeavesMesh,
     State,
+    StepMemory,
     StoresObjects,
     TimeFunction,
     UsesBases,
@@ -38,22 +40,26 @@ from sparsemor.core.scene.scene import Scene, build
 from sparsemor.core.scene.source import Source
 from sparsemor.core.simulation.admission import kept
 from sparsemor.core.simulation.cache import Cache
-from sparsemor.core.simulation.diagnostics.plausibility import OUTSIDE_RANGE, outside_ranges
+from sparsemor.core.simulation.diagnostics.plausibility import SETTINGS, of_settings
+from sparsemor.core.simulation.free_options import FREE, inside, load_functions
 from sparsemor.core.simulation.offline import step_count
+from sparsemor.core.simulation.other_start import (
+    Initial,
+    block_faults,
+    start_notes,
+    started_from,
+)
 from sparsemor.core.simulation.prepare import PreparedRun, prepared_run
 from sparsemor.core.simulation.recorder import Recorder
 from sparsemor.core.simulation.simulate import stepped
 from sparsemor.core.simulation.step_statistics import Tally
 from sparsemor.core.simulation.stored_classes import CLASSES
+from sparsemor.core.simulation.time_stepping import started
 from sparsemor.core.simulation.validation import endless, time_faults
 
-FREE = ("title", "output", "time.end")
-"""Keys of a scene on which no prepared model depends."""
 Again = Callable[[Scene, int | None], PreparedRun]
 """Preparation of a scene with other values of parameters on the same trial bases, or on so many of
 their first atoms."""
-Initial = Mapping[str, tuple[Sequence[float], Sequence[float]]]
-"""Block of rigid coordinates -> their values and rates at the start."""
 
 
 @fixed_threads()
@@ -66,12 +72,11 @@ def reduce(
     observers, cache, body_cache: as for `simulate`. Raises InputError for bad input and for a
     reducer that reduces nothing, SolveFailed if the training run fails.
     """
-    begun = time.perf_counter()
     if not isinstance(scene.reducer, UsesBases):
         raise InputError(f"{scene.reducer_name} reduces nothing: name a reducer that has a "
                          "trial basis", "reducer")
     bodies = BodyCache() if body_cache is None else body_cache.of_bodies()
-    cache = cache or Cache()
+    begun, cache = time.perf_counter(), cache or Cache()
     run, offline = prepared_run(scene, cache, new_manager(observers), bodies)
     kept = run, offline.without_snapshots()
 
@@ -79,7 +84,7 @@ def reduce(
         return prepared_run(
             changed, cache, new_manager(()), bodies.of_bodies(), kept=kept, atoms=atoms)[0]
 
-    return ReducedModel(run, again, offline.products.spent.whole(time.perf_counter() - begun))
+    return ReducedModel(run, offline.products.spent.whole(time.perf_counter() - begun), again)
 
 
 def load_model(path: str | Path, *, registry: Registry | None = None) -> "ReducedModel":
@@ -98,7 +103,8 @@ def load_model(path: str | Path, *, registry: Registry | None = None) -> "Reduce
         if not (isinstance(header, RunHeader) and isinstance(solver, LeavesMesh)):
             raise PackedError("it holds something else")
         return ReducedModel(PreparedRun(
-            scene=scene, header=replace(header, scene=scene.dump()), **parts))
+            scene=scene, header=replace(header, scene=scene.dump(), platform=described()),
+            **parts))
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from None
     except (PackedError, KeyError, TypeError, AttributeError) as error:
@@ -113,15 +119,14 @@ class ReducedModel:
     loads; the rigid coordinates at the start; and the parameters that the scene declares. Where a
     parameter is not at a key in `free`, the equations are projected again on the same trial basis,
     which needs the mesh. Any other change needs a new model and is refused by its key.
-
-    offline_seconds: wall time of its preparation with an empty cache, s; 0 for a model from a file.
     """
 
     def __init__(
-        self, run: PreparedRun, again: Again | None = None, offline_seconds: float = 0.0
+        self, run: PreparedRun, offline_seconds: float = 0.0, again: Again | None = None
     ) -> None:
         self._run, self._again, self._fixed = run, again, fixed_in_memory(run.header)
         self.offline_seconds = offline_seconds
+        """Time of its preparation with an empty cache, s; 0 for a model from a file."""
 
     def __repr__(self) -> str:
         return f"<ReducedModel {self.scene.name}, {self._run.header.reducer}, {self.size} unknowns>"
@@ -143,31 +148,40 @@ class ReducedModel:
 
     @fixed_threads()
     def run(
-        self, overrides: Mapping[str, Any] | None = None, *, out: str | Path | None = None,
+        self, overrides: Mapping[str, Any] | Scene | None = None, *, out: str | Path | None = None,
         initial: Initial | None = None, observers: Sequence[object] = (),
         parameters: Mapping[str, float] | None = None,
     ) -> RunResult:
         """Result of a run, equal to that of `simulate`: in memory, or stored under `out`.
 
-        overrides: dotted key -> value, as for `Scene.using`; initial: block of rigid coordinates
-        (`link.rigid`) -> values and rates at the start, which must fit the joints; parameters: of
-        the scene, name -> value. Raises InputError, with the key, for a change that needs a new
-        model; SolveFailed as `simulate`.
+        overrides: dotted key -> value, as for `Scene.using`, or the changed scene; initial: block
+        of rigid coordinates (`link.rigid`) -> values and rates at the start, which must fit the
+        joints; parameters: of the scene, name -> value. Raises InputError, with the key, for a
+        change that needs a new model; SolveFailed as `simulate`.
         """
         begun = time.perf_counter()
-        run = self._changed({**(overrides or {}), **values_at(parameters or {})}, initial or {})
+        changed = overrides or {}
+        if parameters:
+            scene = changed if isinstance(changed, Scene) else self.scene.using(
+                changed, label="run")
+            changed = scene.using(values_at(parameters), label="parameters")
+        run = self._changed(changed, initial or {})
         manager, steps = new_manager(observers), step_count(run.scene)
-        tally = Tally(offline=time.perf_counter() - begun)
+        tally, begin = Tally(offline=time.perf_counter() - begun), None
+        if run.solver is self._run.solver:
+            state, memory = self._begin
+            begin = state, memory.copy()
         if out is None:
             same = run.products is self._run.products
-            writer = MemoryWriter(
-                run.header, self._fixed if same else fixed_in_memory(run.header))
-            return stepped(run, Recorder(run, writer, None, steps, run.products), manager, tally)
+            recorder_in_memory = Recorder(run, MemoryWriter(
+                run.header, self._fixed if same else fixed_in_memory(run.header)), None, steps,
+                run.products)
+            return stepped(run, recorder_in_memory, manager, tally, begin=begin)
         with owned(Path(out)):
             recorder = Recorder.open(run, Path(out), False, steps, run.products)
             assert isinstance(recorder.writer, ResultWriter)
             with kept(recorder.writer, new=True):
-                return stepped(run, recorder, manager, tally)
+                return stepped(run, recorder, manager, tally, begin=begin)
 
     def at(self, parameters: Mapping[str, float], atoms: int | None = None) -> "ReducedModel":
         """The model with other values of its scene's parameters: the equations projected again on
@@ -177,9 +191,9 @@ class ReducedModel:
             raise InputError("this model was read from a file, without the mesh that it needs to "
                              "project equations again", "parameters")
         scene = self.scene.using(values_at(parameters), label="parameters")
-        return ReducedModel(self._again(scene, atoms), self._again, self.offline_seconds)
+        return ReducedModel(self._again(scene, atoms), self.offline_seconds, self._again)
 
-    def check(self, overrides: Mapping[str, Any]) -> None:
+    def check(self, overrides: Mapping[str, Any] | Scene) -> None:
         """Raises the InputError that a run with these overrides would raise."""
         self._changed(overrides, {})
 
@@ -199,7 +213,7 @@ class ReducedModel:
         solver, start = self._meshless
         parts = {f.name: getattr(run, f.name) for f in fields_of(run)} | {
             "solver": solver, "start": start, "header": replace(header, scene={}, estimates=()),
-            "model": None, "estimator": None, "products": None,
+            "model": None, "estimator": None, "own_loads": True, "products": None,
             "given": run.given if fields else {}, "probes": tuple(
                 replace(p, place=replace(p.place, displacement=None, temperature=None))
                 for p in run.probes)}
@@ -213,7 +227,7 @@ class ReducedModel:
     @cached_property
     def _functions(self) -> Mapping[str, TimeFunction]:
         """Key -> function of time of the loads."""
-        return dict(functions_of_time({"loads": self.scene.loads}))
+        return load_functions(self.scene)
 
     def _pack(self, value: object) -> Packed:
         try:
@@ -234,6 +248,12 @@ class ReducedModel:
         return solver.without_mesh(), solver.projection(self._run.start)
 
     @cached_property
+    def _begin(self) -> tuple[State, StepMemory]:
+        """State and memory of the step solver at the start, with the model's own loads."""
+        with np.errstate(all="ignore"):  # overflow ends in a status, not in a warning
+            return started(self._run.solver, self.scene.integrator, self._run.start)
+
+    @cached_property
     def _packed(self) -> Packed:
         return self._pack(self._meshless[0])
 
@@ -252,70 +272,56 @@ class ReducedModel:
         except InputError as error:
             return error.faults[0].message
 
-    def _changed(self, overrides: Mapping[str, Any], initial: Initial) -> PreparedRun:
+    def _changed(self, overrides: Mapping[str, Any] | Scene, initial: Initial) -> PreparedRun:
         """The prepared run with other settings. Raises InputError for those that need a new
         model."""
         if not (overrides or initial):
             return self._run
-        run, scene = self._run, self.scene.using(overrides, label="run")
+        run = self._run
+        scene = overrides if isinstance(overrides, Scene) else self.scene.using(
+            overrides, label="run")
         keys = list(changes(self.scene.dump(), scene.dump()))
         found = {key: f for key in keys if (f := self._fault(key, scene)) is not None}
         if self._again is not None and found and all(map(self._declared, found)):
-            again = ReducedModel(self._again(scene, None), self._again)
+            again = ReducedModel(self._again(scene, None), again=self._again)
             return again._changed({}, initial)
         faults = list(found.values())
-        faults += [Fault(f"initial.{n}", f"is no block of rigid coordinates: "
-                         f"{', '.join(self._rigid) or 'this model has none'}")
-                   for n in initial if n not in self._rigid]
+        faults += block_faults(initial, run.solver.layout)
         if faults:
             raise InputError(faults)
         run = replace(run, scene=scene, header=replace(
             run.header, scene=scene.dump(), scene_digest=scene.digest(),
             steps_planned=step_count(scene)), notes=(
-                *(n for n in run.notes if n.kind != OUTSIDE_RANGE), *outside_ranges(scene)))
-        if initial or any(_inside(key, k) for key in keys for k in self._functions):
-            solver = self._packed.made(_table(scene), _functions(scene))
-            start = self._started(initial)
-            run = replace(run, solver=solver, start=start, model=None, estimator=None,
+            *(n for n in run.notes if n.kind not in SETTINGS), *of_settings(scene, run.model)))
+        if initial or any(inside(key, k) for key in keys for k in self._functions):
+            assert isinstance(run.solver, LeavesMesh)
+            made = self._packed.made(_table(scene), _functions(scene))
+            solver = run.solver.stepping_alike(made)
+            start = started_from(self._meshless[1], initial, run.solver.layout)
+            run = replace(run, solver=solver, start=start, own_loads=False, estimator=None,
                           header=replace(run.header, estimates=()))
+            if initial:
+                notes = start_notes(made, start, initial, run.solver.layout)
+                run = replace(run, notes=(*(n for n in run.notes if n.kind != START), *notes))
         return run
-
-    def _declared(self, key: str) -> bool:
-        """True if a declared parameter is at a changed key of the scene or in it."""
-        return any(_inside(key, k) or _inside(k, key)
-                   for p in self.scene.parameters.values() for k in p.keys)
-
-    @property
-    def _rigid(self) -> tuple[str, ...]:
-        layout = self._run.solver.layout
-        return tuple(b.name for b in layout if layout[b.name].stop <= layout.frames.stop)
-
-    def _started(self, initial: Initial) -> State:
-        """Start with other rigid coordinates and rates. Raises InputError for a wrong number."""
-        start, layout = self._meshless[1], self._run.solver.layout
-        x, v = start.x.copy(), start.v.copy()
-        for name, (values, rates) in initial.items():
-            at = layout[name]
-            for series, given in ((x, values), (v, rates)):
-                array = np.asarray(given, dtype=np.float64)
-                if array.shape != (at.stop - at.start,) or not np.isfinite(array).all():
-                    raise InputError(f"give {at.stop - at.start} finite values and as many rates",
-                                     f"initial.{name}")
-                series[at] = array
-        return replace(start, x=x, v=v)
 
     def _fault(self, key: str, scene: Scene) -> Fault | None:
         """Fault of a changed key that the model depends on, None for one that may change."""
         if key == "time.end":
             return self._end_fault(scene)
-        if any(_inside(key, k) for k in FREE):
+        if any(inside(key, k) for k in FREE):
             return None
-        function = next((k for k in self._functions if _inside(key, k)), None)
+        function = next((k for k in self._functions if inside(key, k)), None)
         why = "the model was prepared with it" if function is None else self._why_fixed(function)
         if why and self._declared(key):
             why = f"{why}, and the equations are projected again in a model from memory only"
         return Fault(key, f"cannot change: {why}; make a new model. A run may change "
                      f"{', '.join(self.free)}") if why else None
+
+    def _declared(self, key: str) -> bool:
+        """True if a declared parameter is at a changed key of the scene or in it."""
+        return any(inside(key, k) or inside(k, key)
+                   for p in self.scene.parameters.values() for k in p.keys)
 
     def _end_fault(self, scene: Scene) -> Fault | None:
         if scene.time.control is not None:
@@ -326,12 +332,6 @@ class ReducedModel:
                          "pre-simulation ends that the model follows")
         faults = (*endless(scene), *time_faults(scene))
         return next((f for f in faults if f.key == "time.end"), None)
-
-
-def _inside(key: str, of: str) -> bool:
-    """True for the key `of` or one of its entries."""
-    parts = split(of)
-    return split(key)[: len(parts)] == parts
 
 
 def _functions(scene: Scene) -> Mapping[str, BaseModel]:

@@ -61,7 +61,7 @@ from sparsemor.core.simulation.step_control import (
 )
 from sparsemor.core.simulation.step_statistics import Tally
 from sparsemor.core.simulation.time_stepping import iterate, many_steps, started
-from sparsemor.core.simulation.training import SnapshotKeeper, is_training_run
+from sparsemor.core.simulation.training import SnapshotKeeper, training_steps
 from sparsemor.core.status import SolveFailed, Status
 
 
@@ -78,8 +78,8 @@ def simulate(
     SolveFailed (with the results up to there in `.result`) when the run stops before its end;
     OSError when the result cannot be written, or `out` was moved or removed. resume: continue from
     the last checkpoint. body_cache: bodies that other runs have built, for reuse. keep_training: a
-    full-order run that is the training run of its scene leaves its snapshots in the cache, for
-    reduced runs that follow.
+    full-order run that begins with the training run of its scene leaves the snapshots in the cache,
+    for reduced runs that follow.
     """
     with nullcontext() if out is None else owned(Path(out)):
         return _simulate(scene, out, resume, observers, cache, body_cache, keep_training)
@@ -108,19 +108,20 @@ def _simulate(
     with kept(recorder.writer, new=recorder.checkpoint is None):
         result = stepped(run, recorder, manager, tally, keeper)
     if keeper is not None:
-        offline.keep_training(keeper.finished(), tally.online)
+        offline.keep_training(keeper.finished(), keeper.share * tally.online)
     return result
 
 
 def stepped(
     run: PreparedRun, recorder: Recorder, manager: Manager, tally: Tally,
-    keeper: SnapshotKeeper | None = None,
+    keeper: SnapshotKeeper | None = None, begin: tuple[State, StepMemory] | None = None,
 ) -> RunResult:
-    """All steps of a prepared run, or those after its checkpoint. Raises SolveFailed with the
-    results up to there in `.result`."""
+    """All steps of a prepared run, or those after its checkpoint. begin: the state and memory with
+    which they begin (`started`), if they are known. Raises SolveFailed with the results up to there
+    in `.result`."""
     scene, solver = run.scene, run.solver
     with np.errstate(all="ignore"):  # overflow ends in a status, not in a warning
-        state, memory = started(solver, scene.integrator, run.start)
+        state, memory = begin or started(solver, scene.integrator, run.start)
         complete(memory, StepMemory, scene.reducer, "start", "reducer")
         many = many_steps(solver, scene.integrator, scene.time.step, step_count(scene))
         if run.estimator is not None:
@@ -159,12 +160,12 @@ def _watch(
 
 
 def _keeper(scene: Scene, model: Model, offline: Offline) -> SnapshotKeeper | None:
-    """Recorder of training snapshots, if this run is a training run whose snapshots are not in the
-    cache; else None."""
-    if not model.reducible() or not is_training_run(scene) or offline.has_training():
+    """Recorder of training snapshots, if this run begins with a training run whose snapshots are
+    not in the cache; else None."""
+    if not model.reducible() or not (count := training_steps(scene)) or offline.has_training():
         return None
-    return SnapshotKeeper(scene, step_count(scene), model.layout, model.reducible(),
-                          offline.products.scratch)
+    return SnapshotKeeper(scene, count, model.layout, model.reducible(),
+                          offline.products.scratch, step_count(scene))
 
 
 def _temporary() -> Path:
@@ -200,7 +201,8 @@ class _Run:
                     recorder.start(self.state, self.solver.supports(self.memory), self.memory)
                     recorder.save(self.state, self.memory, tally)
                 self._begun = time.perf_counter() - tally.online
-                self._snapshot()
+                if self.keeper is not None:
+                    self.keeper.take(tally.done, self.state)
                 failure = self._steps(interrupt)
         finally:
             if self.keeper is not None:
@@ -218,10 +220,6 @@ class _Run:
                             detail=failure.detail)
         tally.online = time.perf_counter() - self._begun  # with what was written last
         return self._finish(failure)
-
-    def _snapshot(self) -> None:
-        if self.keeper is not None:
-            self.keeper.take(self.tally.done, self.state)
 
     def _finish(self, failure: SolveFailed | None) -> RunResult:
         status = Status.DONE if failure is None else failure.status
@@ -250,7 +248,8 @@ class _Run:
                 notes += contact_warnings(model, result)
             notes += alternating_forces(result)
             if model is not None:
-                notes += (*undershoot(model, result), *after_run(model, result))
+                notes += undershoot(model, result) if run.own_loads else ()
+                notes += after_run(model, result)
             return (*notes, *large_estimates(result, error_limit(self.scene.reducer).tolerance),
                     *beyond_training(run.spaces, result, run.trained_to))
         except Damaged as error:
@@ -322,9 +321,11 @@ class _Run:
             if self.run.header.fall_back:
                 tally.full_steps, tally.full_seconds = (
                     tally.full_steps + 1, tally.full_seconds + seconds)
-            self._snapshot()
+            if self.keeper is not None:
+                self.keeper.take(tally.done, self.state)
             supports = solver.supports(self.memory)
-            tally.count_atoms(supports)
+            if supports:
+                tally.count_atoms(supports)
             self.due = self.recorder.take(self.state, tally, supports, self.memory) or self.due
             # in a block of steps the memory is that of its last one
             if self.due and whole and self.watch is None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -34,13 +35,15 @@ class SnapshotKeeper:
 
     Rows of each block's (M, n): the initial state, every `training.every`-th step and, for
     integrators of an order above 1, at last x + h^2 a of the initial state, because their first
-    step contains the initial accelerations.
+    step contains the initial accelerations. steps: those of the training run, which are the first
+    of `whole` (all of them by default).
     """
 
     def __init__(
         self, scene: Scene, steps: int, layout: Layout, blocks: tuple[str, ...],
-        folder: Callable[[], Path],
+        folder: Callable[[], Path], whole: int = 0,
     ) -> None:
+        self.steps, self.share = steps, steps / (whole or steps)
         self.every, self._h, self._layout = scene.training.every, scene.time.step, layout
         extra = int(scene.integrator.order > 1)
         count = steps // self.every + 1 + extra
@@ -52,7 +55,7 @@ class SnapshotKeeper:
         """Records the state after `step` steps (0: initial state) if it is a snapshot."""
         if step == 0 and self._first is not None:
             self._first = state.x + self._h * self._h * state.a
-        if step % self.every == 0:
+        if step % self.every == 0 and step <= self.steps:
             for name, rows in self._kept.items():
                 rows.append(state.x[self._layout[name]])
 
@@ -99,13 +102,20 @@ def offline_of(
     return offline
 
 
-def is_training_run(scene: Scene) -> bool:
-    """True if the run of this scene is the only training run of its own reduced models."""
-    if scene.training.parameters is not None:
-        return False
-    settings = {"training": {"every": scene.training.every}}
+def training_steps(scene: Scene) -> int:
+    """Number of the first steps of a run at full order that are the training run of the scene's
+    reduced models, 0 if none are. (Steps of controlled error, and those after a rigid-body
+    pre-simulation, are the same only in a run of the same length.)"""
+    if scene.training.parameters is not None:  # several runs, none with the values of the scene
+        return 0
+    training, physics = training_physics(scene)
+    end, settings = training.time.end, dict[str, Any](training={"every": scene.training.every})
+    if end != scene.time.end:
+        if end > scene.time.end or scene.time.control is not None or scene.rigid_stage is not None:
+            return 0
+        settings["time.end"] = end
     own = physics_of(scene.using(settings), "training")
-    return own.digest() == training_physics(scene)[1].digest()
+    return step_count(training) if own.digest() == physics.digest() else 0
 
 
 @np.errstate(all="ignore")  # overflow is a status of the step, not a warning

@@ -73,6 +73,34 @@ def consistent_start(
     return replace(state, x=x, a=a)
 
 
+def constraint_errors(
+    mechanics: Mechanics, tested: Sequence[TestedElastic | None], state: State, h: float
+) -> tuple[FloatArray, FloatArray]:
+    """Values and time derivatives (l, 2) of the constraints at a state, and magnitudes (l, 2) of
+    their terms; h: time step, s."""
+    found, sizes = (np.zeros((mechanics.size, 2)) for _ in range(2))
+    for i, f in mechanics.targets:
+        target = np.array([f(state.t), time_derivatives(f, state.t, h)[0]])
+        found[i] -= target
+        sizes[i] += np.abs(target)
+    for body, t, count in zip(mechanics.bodies, tested, mechanics.positions, strict=True):
+        origin, rate, _ = body.border_motion(state.t)
+        y, v = _border(mechanics, body, state.x, origin), _border(mechanics, body, state.v, rate)
+        d, w = body.frame.rigid_size, _evaluate(body, t, y, v, 0.0, state)
+        rows, size = np.zeros((len(y), 2)), np.zeros((len(y), 2))
+        rows[d:, 0], rows[d:, 1] = w.border[d:, -1], _moving(body, t, y, v, state)
+        of_time = body.frame.time_derivative(1, state.t, h)
+        if of_time is not None:
+            rows[d:, 1] += _evaluate(replace(body, frame=of_time), t, y, v, 0.0, state).border[
+                d:, -1]
+        reach = np.abs(y[:d])
+        reach[count:] = np.maximum(reach[count:], 1.0)
+        size[d:] = np.abs(w.border[d:, :d]) @ np.stack([reach, np.abs(v[:d])], axis=1)
+        found += body.to_border.T @ rows
+        sizes += np.abs(body.to_border).T @ size
+    return found[mechanics.n_rigid :], sizes[mechanics.n_rigid :]
+
+
 def _prescribed_start(
     mechanics: Mechanics, tested: Sequence[TestedElastic | None], state: State
 ) -> State:

@@ -29,7 +29,7 @@ from sparsemor.reducers.step.blocks.prescribed_frame_block import PrescribedBloc
 from sparsemor.reducers.step.blocks.thermal_block import HeatBlock
 from sparsemor.reducers.step.condensed_newton import Mechanics
 from sparsemor.reducers.step.frame_step import BodyStep
-from sparsemor.reducers.step.initial import StartTimes, consistent_start
+from sparsemor.reducers.step.initial import StartTimes, consistent_start, constraint_errors
 from sparsemor.reducers.step.iteration_state import Workspace
 from sparsemor.reducers.step.memory import Memory
 from sparsemor.reducers.step.newton.fallback import STEPS, FullNewton
@@ -136,6 +136,15 @@ class Stepper:
             scales = StartTimes(h, motion_step(self.layout, reduced.v, h))
             reduced = consistent_start(self.mechanics, tested, reduced, scales)
         return reduced
+
+    def stepping_alike(self, copy: "Stepper") -> "Stepper":
+        return copy
+
+    def constraint_errors(self, state: State) -> tuple[FloatArray, FloatArray]:
+        if self.mechanics is None or not self.mechanics.size:
+            return np.zeros((0, 2)), np.zeros((0, 2))
+        tested = [self.tested.get(b.elastic_name) for b in self.mechanics.bodies]
+        return constraint_errors(self.mechanics, tested, state, self.separated.step)
 
     def solve(self, step: StepFormula, memory: Memory) -> tuple[StepOutcome, Memory]:
         outcome = self.tried(step, memory)

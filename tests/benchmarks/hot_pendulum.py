@@ -1,21 +1,24 @@
 """The packaged hot_pendulum: errors of each field under flux histories that were not trained, cost
 of a step, and cost of the reducer's own training.
 
-    python tests/benchmarks/hot_pendulum.py [--elements 1280 20480] [--end 0.5] [--states DIR]
+    python tests/benchmarks/hot_pendulum.py [--elements 1280 20480] [--end 0.3] [--states DIR]
+        [--reducers ecsw] [--set reducer.basis.count=100 reducer.tau=1e-5]
 
 Full order and reduced models on one mesh after the other; the training run is full order under the
 history of `training.overrides`. Errors are the largest over time and unknowns, relative to the
 largest change of the field at full order. Steps are timed in CPU time of one process, in turns. At
 20480 triangles per link a full-order run of 1 s takes ten minutes: --end shortens all of them,
---states keeps their states in a folder and uses them again.
+--states keeps their states and the weights of elements in a folder and uses them again.
 """
 
 import argparse
+import json
 import resource
 import sys
+import tempfile
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -26,8 +29,11 @@ import report
 from sparsemor.core import FloatArray, ReducedProblem
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.model import Model
+from sparsemor.core.scene.digest import digest
 from sparsemor.core.scene.scene import Scene
+from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.offline import Offline
+from sparsemor.core.simulation.offline_cache import Products
 from sparsemor.core.testing.in_memory_run import March, march
 from sparsemor.reducers.step.compiled.compile import installed
 from sparsemor.reducers.step.compiled.stepper import compilable
@@ -44,42 +50,42 @@ ERROR, FULL_TO_BEST, FULL_TO_COMPILED = 1e-4, 25.0, 100.0
 
 @dataclass(frozen=True)
 class Case:
-    """One mesh: scene, its full-order states by history, and the snapshots of its training run."""
+    """One mesh: scene, its full-order states by history, the snapshots (n, M) of its training run,
+    and the folder in which reducers keep what they compute from these."""
 
     own: Scene
     model: Model
     states: Mapping[str, FloatArray]
     snapshots: Mapping[str, FloatArray]
+    folder: Path
 
     def scene(self, history: str, **changes: Any) -> Scene:
         flux = HISTORIES[history]
         return self.own.using(changes if flux is None else {FLUX: flux, **changes})
 
 
-def full_order(scene: Scene, folder: Path | None, name: str) -> FloatArray:
+def full_order(scene: Scene, folder: Path, name: str) -> FloatArray:
     """States (M, n) of the full-order run of a scene, from the folder if they are there."""
-    kept = None if folder is None else folder / f"{name}.npy"
-    if kept is not None and kept.exists():
+    kept = folder / f"{name}.npy"
+    if kept.exists():
         return np.asarray(np.load(kept))
     report.progress(f"full order, {name}")
     x = march(scene.using({"reducer": "full"})).x
-    if kept is not None:
-        kept.parent.mkdir(parents=True, exist_ok=True)
-        np.save(kept, x)
+    folder.mkdir(parents=True, exist_ok=True)
+    np.save(kept, x)
     return x
 
 
-def case_of(elements: int, given: argparse.Namespace) -> Case:
+def case_of(elements: int, given: argparse.Namespace, folder: Path) -> Case:
     own = common.scene_at(elements, given.end, "hot_pendulum")
-    if given.atoms is not None:
-        own = own.using({"reducer.basis.count": given.atoms})
+    own = own.using({key: json.loads(value) for key, value in given.set})
     model = assemble(own)
     name = f"{{}}_{elements}_{round(given.end / own.time.step)}"
-    trained = full_order(own.using(own.training.overrides), given.states, name.format("training"))
+    trained = full_order(own.using(own.training.overrides), folder, name.format("training"))
     case = Case(own, model, {}, {b: np.ascontiguousarray(trained[:, model.layout[b]].T)
-                                 for b in model.reducible()})
-    states = {h: full_order(case.scene(h), given.states, name.format(h)) for h in given.histories}
-    return Case(own, model, states, case.snapshots)
+                                 for b in model.reducible()}, folder)
+    states = {h: full_order(case.scene(h), folder, name.format(h)) for h in given.histories}
+    return replace(case, states=states)
 
 
 def errors(run: March, x: FloatArray) -> dict[str, float]:
@@ -105,33 +111,36 @@ def options(case: Case, name: str) -> dict[str, Any]:
         "use": name, "basis": packaged["basis"], "bases": packaged.get("bases", {})}
 
 
-def measured(out: report.Report, elements: int, given: argparse.Namespace) -> None:
-    case = case_of(elements, given)
+def measured(
+    out: report.Report, elements: int, given: argparse.Namespace, folder: Path
+) -> None:
+    case = case_of(elements, given, folder)
     title = f"2 x {elements} triangles"
     accuracy = out.table(f"{title}: errors", rigid=".1e", elastic=".1e", thermal=".1e")
     cost = out.table(f"{title}: cost", ms=".3f", full_to_this=".1f", offline_s=".1f")
-    solvers, rows = dict[str, Any](), dict[str, dict[str, Any]]()
-    solvers["full"], _ = prepared(case, "full")
-    rows["full"] = {"method": "full"}
-    largest = dict.fromkeys(REDUCERS, 0.0)
-    for name in REDUCERS:
+    rows: dict[str, dict[str, Any]] = {"full": {"method": "full"}}
+    solvers: dict[str, Any] = {"full": prepared(case, "full", case.own)[0]}
+    largest = dict.fromkeys(given.reducers, 0.0)
+    for name in given.reducers:
+        solver, seconds = prepared(case, name, case.own)
         for history, x in case.states.items():
-            run = march(case.scene(history, reducer=options(case, name)),
-                        snapshots=case.snapshots)
+            scene = case.scene(history, reducer=options(case, name))
+            other = HISTORIES[history] is not None
+            run = march(scene, solver=prepared(case, name, scene)[0] if other else solver)
             found = errors(run, x)
             largest[name] = max(largest[name], *found.values())
             accuracy.add(reducer=name, history=history, **found)
             report.progress(f"{title}, {name}, {history}: {found}")
-        solver, seconds = prepared(case, name)
         solvers[name] = solver
         if installed() and not given.quick:
             solvers[f"{name}, compiled"] = compilable(solver, "on")
             rows[f"{name}, compiled"] = {"method": f"{name}, compiled"}
+        facts = solver.facts.values()
         rows[name] = {
             "method": name, "elements": sum(solver.elements_touched[b] for b in case.snapshots),
+            "in_step": sum(int(f.get("local_elements_kept", 0)) for f in facts) or None,
             "offline_s": seconds,
-            "residual": max((float(f.get("residual", 0.0)) for f in solver.facts.values()),
-                            default=0.0)}
+            "residual": max((float(f.get("residual", 0.0)) for f in facts), default=0.0)}
     for name, ms in timed(case, solvers, given).items():
         rows[name] |= {"ms": ms}
     full = rows["full"]["ms"]
@@ -139,7 +148,7 @@ def measured(out: report.Report, elements: int, given: argparse.Namespace) -> No
         cost.add(**row, full_to_this=full / row["ms"])
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     out.remarks.append(f"{title}: at most {memory:.0f} MB in use")
-    best = min(REDUCERS, key=lambda name: rows[name]["ms"])
+    best = min(given.reducers, key=lambda name: rows[name]["ms"])
     out.at_most(f"{title}: {best}, largest error of a field", largest[best], ERROR)
     out.at_least(f"{title}: full order over {best}", full / rows[best]["ms"], FULL_TO_BEST)
     if f"{best}, compiled" in rows:
@@ -147,13 +156,17 @@ def measured(out: report.Report, elements: int, given: argparse.Namespace) -> No
                      full / rows[f"{best}, compiled"]["ms"], FULL_TO_COMPILED)
 
 
-def prepared(case: Case, name: str) -> tuple[Any, float]:
-    """Step solver of a method, and CPU seconds of its preparation."""
-    scene = case.own.using({"reducer": "full" if name == "full" else options(case, name)})
+def prepared(case: Case, name: str, scene: Scene) -> tuple[Any, float]:
+    """Step solver of a method for one history of the flux, and CPU seconds of its preparation.
+    Weights of elements are those of the training run, whatever the history: they are kept."""
+    scene = scene.using({"reducer": "full" if name == "full" else options(case, name)})
+    model = case.model if scene.loads == case.own.loads else assemble(scene)
+    offline = Offline(
+        model, lambda: {b: s.T for b, s in case.snapshots.items()},
+        digest(case.snapshots), Products(Cache(case.folder)))
     begun = time.process_time()
     solver = scene.reducer.prepare(ReducedProblem(
-        case.model, scene.integrator, scene.time.step, Offline.of(case.model, case.snapshots),
-        np.random.default_rng(scene.seed)))
+        model, scene.integrator, scene.time.step, offline, np.random.default_rng(scene.seed)))
     return solver, time.process_time() - begun
 
 
@@ -176,20 +189,23 @@ def timed(case: Case, solvers: Mapping[str, Any], given: argparse.Namespace) -> 
 def fill(out: report.Report, given: argparse.Namespace) -> None:
     out.settings |= {
         "runs": f"bdf1, {given.end:g} s in steps of 1 ms",
-        "atoms": given.atoms or "as packaged",
+        "reducer": "as packaged" + "".join(f", {key}: {value}" for key, value in given.set),
         "histories": ", ".join(given.histories),
         "time": f"CPU time per step, median of {given.windows} windows in turn"}
-    for elements in given.elements:
-        measured(out, elements, given)
+    with tempfile.TemporaryDirectory() as scratch:
+        for elements in given.elements:
+            measured(out, elements, given, given.states or Path(scratch))
 
 
 def arguments() -> argparse.Namespace:
     parser = report.options("hot_pendulum", __doc__)
     parser.add_argument("--elements", type=int, nargs="+", default=[1280])
-    parser.add_argument("--atoms", type=int, help="of each field; as packaged if left out")
+    parser.add_argument("--set", type=lambda text: text.split("=", 1), nargs="+", default=[],
+                        metavar="KEY=VALUE", help="changes of the scene, values in JSON")
+    parser.add_argument("--reducers", nargs="+", choices=REDUCERS, default=list(REDUCERS))
     parser.add_argument("--end", type=float, default=1.0, help="end of all runs, s")
     parser.add_argument("--histories", nargs="+", choices=list(HISTORIES), default=list(HISTORIES))
-    parser.add_argument("--states", type=Path, help="folder of full-order states")
+    parser.add_argument("--states", type=Path, help="folder of full-order states and of weights")
     parser.add_argument("--windows", type=int, default=5)
     parser.add_argument("--steps", type=int, default=10, help="full-order steps of a window")
     given = parser.parse_args()

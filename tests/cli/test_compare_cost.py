@@ -58,13 +58,20 @@ def test_one_model_one_full_order_run_no_pictures(monkeypatch: pytest.MonkeyPatc
 
 
 @pytest.mark.full
-def test_snapshots_are_left_by_whole_training_runs_only() -> None:
+def test_snapshots_are_left_by_runs_that_begin_with_the_training_run() -> None:
     cache = Cache("kept")
     full = load(TINY, {"time.end": 0.02, "reducer": "full"})
     simulate(full, cache=cache)
     assert not [e for e in cache.entries() if e.kind == "training"], "nobody asked for them"
-    simulate(full.using({"training.end": 0.01}), cache=cache, keep_training=True)
-    assert not [e for e in cache.entries() if e.kind == "training"], "trained on another span"
+    half = full.using({"training.end": 0.01})
+    for other in ({"time.end": 0.005}, {"training.overrides": {"loads.heating.flux": 1.0}},
+                  {"training.overrides": {"time.step": 5e-4}}):
+        simulate(half.using(other), cache=cache, keep_training=True)
+        assert not [e for e in cache.entries() if e.kind == "training"], "trained on another run"
+    simulate(half, cache=cache, keep_training=True)
+    runs = [simulate(half.using({"reducer": "galerkin"}), cache=c) for c in (cache, Cache("none"))]
+    assert [r.summary["cache"]["training"] for r in runs] == ["hit", "miss"]
+    assert all(np.array_equal(*(r.block(b.name) for r in runs)) for b in runs[0].layout)
     simulate(full, cache=cache, keep_training=True)
     run = simulate(full.using({"reducer": "galerkin"}), cache=cache)
     assert run.summary["cache"]["training"] == "hit"

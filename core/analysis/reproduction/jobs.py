@@ -26,7 +26,7 @@ from sparsemor.core.scene.run_identity import Identity
 from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.scene.source import Source
 from sparsemor.core.simulation.simulate import simulate
-from sparsemor.core.simulation.training import is_training_run
+from sparsemor.core.simulation.training import training_steps
 from sparsemor.core.status import SolveFailed, Status
 
 SPLIT = "split.json"
@@ -134,7 +134,7 @@ def completed(scene: Scene, folder: Path) -> RunResult | None:
 
 def _simulated(scene: Scene, folder: Path) -> RunResult:
     """Result of a run in `folder`, continued where an interrupted run of the same scene left it."""
-    teacher = is_training_run(scene)
+    teacher = training_steps(scene) > 0
     if OutputDirectory(folder).is_result():
         try:
             return simulate(scene, out=folder, resume=True)

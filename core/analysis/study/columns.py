@@ -19,7 +19,13 @@ TIMES = ("ms_per_step", "reference_ms_per_step", "speed_up", "offline_s", "offli
 """Columns of computing times and of the machine: the only ones that may differ between two
 executions of a study."""
 
-RESERVED = frozenset({"run", *OUTCOME[1:], SERIES, *COUNTS, *TIMES})
+OF_REFERENCE = frozenset({"reference_status", "above_limit", "constant", "reference_ms_per_step",
+                          "speed_up", "pays_after"})
+"""Columns that runs without a reference do not have."""
+RESULT = "result"
+"""Column of the folder with a run's result."""
+
+RESERVED = frozenset({"run", *OUTCOME[1:], SERIES, RESULT, *COUNTS, *TIMES})
 """Reserved column names, which no axis may have, nor the name of an error column. An axis may be
 named `reducer` or `seed`; it then replaces that column."""
 
@@ -33,13 +39,23 @@ def error_columns(fields: Iterable[FieldKind], late: bool = True) -> tuple[str, 
 
 
 def columns_of(
-    settings: Sequence[str], fields: Iterable[FieldKind], late: bool, over_time: bool = False
+    settings: Sequence[str], fields: Iterable[FieldKind], late: bool, over_time: bool = False,
+    quantities: Iterable[str] = (), compared: bool = True, keep: bool = False,
 ) -> list[str]:
-    """Names of all columns in the order of the table; settings: columns of the changed options."""
+    """Names of all columns in the order of the table; settings: columns of the changed options;
+    compared: False for runs without references."""
     first = ["run", *settings]
-    own = [*OUTCOME, "seed", *error_columns(fields, late),
-           *((SERIES,) if over_time else ()), *COUNTS, *TIMES]
-    return [*first, *(name for name in own if name not in first)]
+    own = [*OUTCOME, *((RESULT,) if keep else ()), "seed", *quantities,
+           *(error_columns(fields, late) if compared else ()),
+           *((SERIES,) if over_time and compared else ()), *COUNTS, *TIMES]
+    return [*first, *(name for name in own if name not in first and (
+        compared or name not in OF_REFERENCE))]
+
+
+def label(value: object) -> str:
+    """Text of a value in a chart: numbers with up to six digits."""
+    number = isinstance(value, float) and not isinstance(value, bool)
+    return format(value, ".6g") if number else cell(value)
 
 
 def cell(value: object) -> str:

@@ -1,15 +1,16 @@
 """Study file: scene, changes to it that define the runs, and the reference of the errors."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import Field, ModelWrapValidatorHandler, ValidationError, model_validator
 
+from sparsemor.core.analysis.quantities import QuantityOfInterest
 from sparsemor.core.errors import Fault
 from sparsemor.core.registry.plugin import Plugin
-from sparsemor.core.registry.registry import Registry
+from sparsemor.core.registry.registry import Registry, suggestions
 from sparsemor.core.registry.validation_errors import custom, dotted, with_advice
 from sparsemor.core.scene.defaults import FULL_ORDER
 from sparsemor.core.scene.source import Source
@@ -17,6 +18,14 @@ from sparsemor.core.scene.yaml_reader import KeyPath, LocatedError, located
 
 FORMS = ("grid", "list", "random")
 FULL = {"reducer": FULL_ORDER}
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """Fault at a position of the study file."""
+
+    path: KeyPath
+    message: str
 
 
 class RandomSubset(Plugin):
@@ -41,9 +50,9 @@ class StudyFile(Plugin):
     """Name of a packaged scene, or path of a scene file relative to the study file."""
     changes: dict[str, Any] = Field(default={}, alias="set")
     """Changes to the scene for all runs, including the reference: dotted key -> value."""
-    reference: Literal["fixed"] | dict[str, Any] = FULL
+    reference: Literal["fixed", "none"] | dict[str, Any] = FULL
     """Changes that turn a run into its reference: dotted key -> value. `fixed`, or changes under
-    the key `fixed`: one reference for all runs."""
+    the key `fixed`: one reference for all runs; `none`: no reference and no errors."""
     grid: dict[str, Any] | None = Field(default=None, min_length=1)
     """Axis name -> list of values of that key, or named alternatives {label: {key: value}}; every
     combination is a run."""
@@ -63,6 +72,10 @@ class StudyFile(Plugin):
     """Time from which the late errors are evaluated, s."""
     over_time: bool = False
     """Store the errors of each run over time, and draw them: one line per method."""
+    quantities: dict[str, QuantityOfInterest] = {}
+    """Column -> quantity of interest of each run."""
+    keep: bool = False
+    """Keep the result of each run next to the table."""
 
     @model_validator(mode="wrap")
     @classmethod
@@ -81,6 +94,25 @@ class StudyFile(Plugin):
             raise ValidationError.from_exception_data("Study", lines)
         return file
 
+    def quantity_faults(
+        self, scene: Mapping[str, Any], taken: Collection[str]
+    ) -> list[Finding]:
+        """Faults of quantities that have the name of a column, or name what the scene has not."""
+        found = [Finding(("quantities", name), f"{name} is a column of the results: choose another "
+                         "name") for name in self.quantities if name in taken]
+        for name, quantity in self.quantities.items():
+            for table, needed in quantity.names.items():
+                known = list(scene.get(table) or ())
+                if needed not in known:
+                    found.append(Finding(("quantities", name), f"the scene has no {needed!r}: "
+                                         f"{suggestions(needed, known, table)}"))
+        return found
+
+    @property
+    def compared(self) -> bool:
+        """True if runs have references."""
+        return self.reference != "none"
+
     @property
     def fixed(self) -> bool:
         """True if all runs have the same reference."""
@@ -94,14 +126,6 @@ class StudyFile(Plugin):
             return FULL
         changes = self.reference.get("fixed", self.reference)
         return FULL | (changes or {})
-
-
-@dataclass(frozen=True, slots=True)
-class Finding:
-    """Fault at a position of the study file."""
-
-    path: KeyPath
-    message: str
 
 
 @dataclass(frozen=True, slots=True, eq=False)

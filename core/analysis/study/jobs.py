@@ -13,11 +13,15 @@ import traceback
 import uuid
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from sparsemor.core.analysis.quantities import QuantityOfInterest
+from sparsemor.core.analysis.study.columns import RESULT
+from sparsemor.core.analysis.study.kept_models import KeptModels
 from sparsemor.core.analysis.study.metrics import measured
 from sparsemor.core.errors import InputError
 from sparsemor.core.linalg.threads import fixed_threads
@@ -27,6 +31,7 @@ from sparsemor.core.protocols import ReducedProblem
 from sparsemor.core.registry.hooks import new_manager
 from sparsemor.core.registry.registry import Registry
 from sparsemor.core.results.json_data import finite
+from sparsemor.core.results.output_directory import STORE
 from sparsemor.core.results.run_result import RunResult, open_result
 from sparsemor.core.results.stored_arrays import StoredArrays
 from sparsemor.core.scene.digest import digest
@@ -49,14 +54,18 @@ REFUSED, BROKEN, DIED = "refused", "error", "worker_died"
 lost worker."""
 
 
-def execute(job: Mapping[str, Any], registry: Registry | None = None) -> dict[str, Any]:
-    """Executes a job and returns its result; failures are returned in it, not raised.
+def execute(
+    job: Mapping[str, Any], registry: Registry | None = None, models: KeptModels | None = None
+) -> dict[str, Any]:
+    """Executes a job and returns its result; failures are returned in it, not raised. models: those
+    that earlier jobs in this process have prepared.
 
     Raises KeyboardInterrupt if the user interrupts the run.
     """
     try:
         with fixed_threads():
-            answer = _KINDS[job["kind"]](job, scene_of(job["scene"], registry), registry)
+            answer = _KINDS[job["kind"]](
+                job, scene_of(job["scene"], registry), registry, models or KeptModels())
     except InputError as error:
         answer = {"status": REFUSED, "message": _one_line(str(error))}
     except SolveFailed as error:
@@ -78,14 +87,14 @@ def scene_of(data: Mapping[str, Any], registry: Registry | None = None) -> Scene
 
 
 def _reference(
-    job: Mapping[str, Any], scene: Scene, registry: Registry | None
+    job: Mapping[str, Any], scene: Scene, registry: Registry | None, models: KeptModels
 ) -> dict[str, Any]:
-    key, result = cached_reference(scene)
+    key, result = cached_reference(scene, job.get("keep_training", False))
     return {"status": result.status.value, "key": key}
 
 
 def _products(
-    job: Mapping[str, Any], scene: Scene, registry: Registry | None
+    job: Mapping[str, Any], scene: Scene, registry: Registry | None, models: KeptModels
 ) -> dict[str, Any]:
     """Computes the training run and bases shared by several runs, by preparing one of these runs;
     they are stored in the cache.
@@ -107,20 +116,32 @@ def _products(
     return {"status": Status.DONE.value}
 
 
-def _run(job: Mapping[str, Any], scene: Scene, registry: Registry | None) -> dict[str, Any]:
-    reference = _stored_reference(scene_of(job["reference"], registry), job["reference_key"])
-    if job["is_reference"]:
-        failure = reference.summary.get("message", "")
-        return measured(reference, reference, job["errors_from"], failure)
-    with _scratch(job["scratch"]) as place:
-        failure = ""
+def _run(
+    job: Mapping[str, Any], scene: Scene, registry: Registry | None, models: KeptModels
+) -> dict[str, Any]:
+    reference = None if job["reference"] is None else _stored_reference(
+        scene_of(job["reference"], registry), job["reference_key"])
+    table = partial(measured, reference=reference, errors_from=job["errors_from"], quantities={
+        name: QuantityOfInterest.model_validate(q) for name, q in job["quantities"].items()})
+    folder = {} if job["keep"] is None else {RESULT: "/".join(Path(job["keep"]).parts[-2:])}
+    if job["is_reference"] and reference is not None:
+        if job["keep"] is not None:
+            shutil.copytree(reference.path, Path(job["keep"], STORE), copy_function=_linked,
+                            dirs_exist_ok=True)
+        return table(reference, failure=reference.summary.get("message", "")) | folder
+    with _place(job["keep"], job["scratch"]) as place:
+        failure, model = "", None
+        if job.get("model"):
+            model = models.of(job["model"]["key"], lambda: scene_of(
+                job["model"]["scene"], registry), scene)
         try:
-            result = simulate(scene, out=place)
+            result = simulate(scene, out=place) if model is None else model.run(scene, out=place)
         except SolveFailed as error:
             if error.status is Status.INTERRUPTED or not isinstance(error.result, RunResult):
                 raise
             result, failure = error.result, str(error)
-        return measured(result, reference, job["errors_from"], failure)
+        prepared = None if model is None else model.offline_seconds
+        return table(result, failure=failure, prepared=prepared) | folder
 
 
 _KINDS = {"reference": _reference, "products": _products, "run": _run}
@@ -167,17 +188,17 @@ def _remove_damaged(key: str) -> None:
 
 
 def cached_reference(
-    scene: Scene, body_cache: BodyCache | None = None
+    scene: Scene, keep_training: bool = False, body_cache: BodyCache | None = None
 ) -> tuple[str, RunResult]:
     """Cache key and result of a full-order run, computed if it is not in the cache, also if it
-    fails. body_cache: bodies that other runs have built."""
+    fails. keep_training, body_cache: as for `simulate`."""
     key = _reference_key(scene, checked_model(scene, body_cache))
     _remove_damaged(key)
-    return key, _stored_reference(scene, key, body_cache)
+    return key, _stored_reference(scene, key, keep_training, body_cache)
 
 
 def _stored_reference(
-    scene: Scene, key: str, body_cache: BodyCache | None = None
+    scene: Scene, key: str, keep_training: bool = False, body_cache: BodyCache | None = None
 ) -> RunResult:
     """Reference run from the cache; computed and cached if absent, also if it fails."""
     kept = Cache().root / "reference" / key
@@ -186,7 +207,7 @@ def _stored_reference(
     fresh = kept.with_name(f".{key}.{uuid.uuid4().hex}")
     try:
         try:
-            simulate(scene, out=fresh, body_cache=body_cache)
+            simulate(scene, out=fresh, keep_training=keep_training, body_cache=body_cache)
         except SolveFailed as error:
             if error.status is Status.INTERRUPTED or not isinstance(error.result, RunResult):
                 raise
@@ -201,18 +222,20 @@ def _stored_reference(
 
 
 @contextmanager
-def _scratch(folder: str | None) -> Iterator[Path]:
-    """Context manager: temporary folder for the result of a run, of which only the error and cost
-    figures are kept."""
-    if folder is not None and Path(folder).parent.is_dir():
-        place = Path(folder)
+def _place(kept: str | None, scratch: str | None) -> Iterator[Path]:
+    """Context manager: folder for the result of a run; a temporary one if only its numbers are
+    kept."""
+    given = kept or scratch
+    if given is not None and Path(given).parent.is_dir():
+        place = Path(given)
         shutil.rmtree(place, ignore_errors=True)  # of an attempt that was killed
     else:
         place = Path(tempfile.mkdtemp(prefix="sparsemor-study-"))
     try:
         yield place
     finally:
-        shutil.rmtree(place, ignore_errors=True)
+        if place != Path(kept or ""):
+            shutil.rmtree(place, ignore_errors=True)
 
 
 def _one_line(text: str) -> str:

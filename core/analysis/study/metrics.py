@@ -1,10 +1,12 @@
 """Errors, cost and counts of one run, as columns of a study's table."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from sparsemor.core.analysis.quantities import QuantityOfInterest
 from sparsemor.core.analysis.study.columns import SERIES
 from sparsemor.core.errors import InputError
 from sparsemor.core.results.cost import RunFacts, pays_after, run_facts
@@ -12,27 +14,29 @@ from sparsemor.core.results.error_norms import Errors, measure_errors, measure_n
 from sparsemor.core.results.run_result import RunResult
 
 SPANS = 120
+NONE: Mapping[str, QuantityOfInterest] = {}
 
 
 def measured(
-    run: RunResult, reference: RunResult, errors_from: float, failure: str
+    run: RunResult, reference: RunResult | None, errors_from: float, failure: str,
+    quantities: Mapping[str, QuantityOfInterest] = NONE, prepared: float | None = None,
 ) -> dict[str, Any]:
-    """Columns of the table for `run`, compared with `reference`.
+    """Columns of the table for `run`, compared with `reference` unless that is None.
 
     errors_from: time from which late errors are evaluated, s; failure: reason why the run stopped
-    early, "" if it did not.
+    early, "" if it did not; quantities: column -> quantity of interest; prepared: time of the
+    preparation of a model that it shares, s, None if it has its own.
     """
-    facts, base, summary = run_facts(run), run_facts(reference), run.summary
-    errors, note, series = _errors(reference, run, errors_from)
-    measures = measure_names(reference.layout.kinds)
-    constant = [] if series is None else [m for m in measures if m in series.constant]
+    facts, summary = run_facts(run), run.summary
+    if prepared is not None:
+        facts = replace(facts, offline_whole_seconds=prepared)
+    numbers, texts = _numbers(run, quantities)
+    found = {} if reference is None else _compared(run, reference, errors_from)
     return {
         "status": facts.status.value,
-        "message": "; ".join(text for text in (failure, note) if text),
-        "reference_status": base.status.value,
-        "above_limit": "" if series is None else " ".join(series.above()),
-        **errors,
-        SERIES: None if series is None else thinned(series, measures),
+        **found,
+        "message": "; ".join(text for text in (failure, found.get("message"), *texts) if text),
+        **numbers,
         "steps": facts.steps,
         "t_end": summary.get("t_end"),
         "iterations": facts.iterations,
@@ -44,8 +48,38 @@ def measured(
         "elements_touched": sum(summary.get("elements_touched", {}).values()),
         "notes": "; ".join(summary.get("notes", ())),
         "facts": summary.get("facts", {}),
+        **_cost(run, facts, None if reference is None else run_facts(reference)),
+        **({} if prepared is None else {"offline_cache": "shared model"}),
+    }
+
+
+def _numbers(
+    run: RunResult, quantities: Mapping[str, QuantityOfInterest]
+) -> tuple[dict[str, float | None], list[str]]:
+    """Values of the quantities of interest, None where the run has none, and the reasons."""
+    found: dict[str, float | None] = {}
+    missing = []
+    for name, quantity in quantities.items():
+        try:
+            found[name] = quantity.of(run)
+        except InputError as error:
+            found[name] = None
+            missing.append(f"{name}: {error}")
+    return found, missing
+
+
+def _compared(run: RunResult, reference: RunResult, errors_from: float) -> dict[str, Any]:
+    """Columns of a run that compare it with its reference."""
+    errors, note, series = _errors(reference, run, errors_from)
+    measures = measure_names(reference.layout.kinds)
+    constant = [] if series is None else [m for m in measures if m in series.constant]
+    return {
+        "message": note,
+        "reference_status": reference.status.value,
+        "above_limit": "" if series is None else " ".join(series.above()),
+        **errors,
+        SERIES: None if series is None else thinned(series, measures),
         "constant": " ".join(constant),
-        **_cost(run, facts, base),
     }
 
 
@@ -81,10 +115,11 @@ def thinned(errors: Errors, measures: Iterable[str]) -> dict[str, list[float]]:
     return {name: [float(f"{v:.4g}") for v in values] for name, values in found.items()}
 
 
-def _cost(run: RunResult, facts: RunFacts, base: RunFacts) -> dict[str, Any]:
+def _cost(run: RunResult, facts: RunFacts, base: RunFacts | None) -> dict[str, Any]:
     """Cost columns. offline_s: offline time of this run; offline_total_s: with an empty cache;
     pays_after: number of online runs after which the latter is recovered."""
-    ms, base_ms, used = facts.ms_per_step, base.ms_per_step, run.summary.get("cache", {})
+    ms, used = facts.ms_per_step, run.summary.get("cache", {})
+    base_ms = None if base is None else base.ms_per_step
     return {
         "ms_per_step": ms,
         "reference_ms_per_step": base_ms,
@@ -93,7 +128,7 @@ def _cost(run: RunResult, facts: RunFacts, base: RunFacts) -> dict[str, Any]:
         "offline_total_s": facts.offline_whole_seconds,
         "offline_cache": ", ".join(f"{k} {how}" for k, how in used.items()),
         "online_s": facts.online_seconds,
-        "pays_after": pays_after(base, facts),
+        "pays_after": None if base is None else pays_after(base, facts),
         "ms_per_step_solver": facts.ms_per_step_solver,
     }
 

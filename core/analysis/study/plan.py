@@ -15,7 +15,7 @@ from sparsemor.core.analysis.study.axes import (
     setting_columns,
     taken_names,
 )
-from sparsemor.core.analysis.study.columns import columns_of, error_columns
+from sparsemor.core.analysis.study.columns import OUTCOME, RESERVED, columns_of, error_columns
 from sparsemor.core.analysis.study.file import Finding, Study
 from sparsemor.core.errors import Fault, InputError
 from sparsemor.core.protocols import FieldKind, UsesBases
@@ -29,6 +29,7 @@ from sparsemor.core.scene.run_identity import Identity, environment, study_diges
 from sparsemor.core.scene.scene import Scene, build
 from sparsemor.core.scene.source import Source, packaged
 from sparsemor.core.scene.yaml_reader import KeyPath, LocatedError
+from sparsemor.core.simulation.free_options import kept_options
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,9 +52,11 @@ class SceneData:
 @dataclass(frozen=True, slots=True, eq=False)
 class Run:
     """One run of a study. settings: column -> value; reference, training, products: keys of the
-    reference run, training run and bases that it shares with other runs ("" for none);
-    is_reference: True if the run is its own reference; refused: reason why its scene is invalid, ""
-    if it is valid."""
+    reference run, training run and bases that it shares with other runs ("" for none); model: key
+    of the prepared model that it may share; learns: True if it needs a training run; is_reference:
+    True if the run is its own reference; refused: reason why its scene is invalid, "" if it is
+    valid.
+    """
 
     number: int
     settings: Mapping[str, Any]
@@ -64,6 +67,8 @@ class Run:
     is_reference: bool = False
     training: str = ""
     products: str = ""
+    model: str = ""
+    learns: bool = False
     refused: str = ""
 
 
@@ -105,8 +110,12 @@ class Plan:
         maker.check_scene(len(points))
         settings = setting_columns(points)
         fields = ordered(maker.fields)
-        columns = columns_of(settings, fields, read.file.errors_from > 0.0, read.file.over_time)
-        read.check(taken_names(read.file, error_columns(fields)))
+        file = read.file
+        columns = columns_of(settings, fields, file.errors_from > 0.0, file.over_time,
+                             file.quantities, file.compared, file.keep)
+        read.check(taken_names(file, (*error_columns(fields), *file.quantities)))
+        read.check(file.quantity_faults(maker.base.tree, {
+            *settings, *RESERVED, *OUTCOME, "seed", *error_columns(fields)}))
         about = digest(
             read.source.tree, environment(), study_digest(), maker.identities,
             [[r.refused, dict(r.scene.tree) if r.scene else None] for r in runs],
@@ -148,8 +157,8 @@ class _Maker:
             self.identities |= {"files": {**self.identities.get("files", {}), **identity.files},
                                 "plugins": {**self.identities.get("plugins", {}),
                                             **identity.plugins}}
-            reference = self._once("reference", self._followed(changes),
-                                   lambda: self._reference(number, point))
+            reference = self._once("reference", self._followed(changes), lambda: self._reference(
+                number, point)) if self.study.file.compared else ("", {})
         except InputError as error:
             return Run(number, settings, refused=self._blame(number, error, source, point.owners))
         if isinstance(reference, str):
@@ -159,12 +168,17 @@ class _Maker:
                    if split(k)[0] not in NOT_PHYSICS - {"training"}}
         training = self._once("training", physics, lambda: _training_key(scene))
         reducer = scene.reducer
-        bases = [reducer.basis, dict(reducer.bases)] if isinstance(reducer, UsesBases) else []
-        if not bases:
+        bases, learns, model = [], False, ""
+        if isinstance(reducer, UsesBases):
+            bases = [reducer.basis, dict(reducer.bases)]
+            learns = any(b.needs_snapshots for b in (reducer.basis, *reducer.bases.values()))
+            model = digest(kept_options(scene), training if learns else "")
+        else:
             training = ""
-        own = is_full_order(reducer) and _compared(dump) == _compared(reference_dump)
+        own = bool(key) and is_full_order(reducer) and (
+            _compared(dump) == _compared(reference_dump))
         return Run(number, settings, scene.reducer_name, scene.seed, SceneData.of(scene), key,
-                   own, training, digest(training, bases) if training else "")
+                   own, training, digest(training, bases) if training else "", model, learns)
 
     def _followed(self, changes: Mapping[str, Any]) -> dict[str, Any]:
         """Changes of a run that also apply to its reference."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from sparsemor.core.analysis.study.jobs import execute
+from sparsemor.core.analysis.study.kept_models import KeptModels
 from sparsemor.core.registry.registry import Registry
 
 Payload = Mapping[str, Any]
@@ -49,7 +50,7 @@ class SerialPool:
     workers, slots, repeats = 0, 1, 0
 
     def __init__(self, registry: Registry | None = None) -> None:
-        self._registry = registry
+        self._registry, self._models = registry, KeptModels()
         self._waiting: deque[tuple[str, Payload]] = deque()
 
     def submit(self, name: str, job: Payload) -> None:
@@ -59,7 +60,7 @@ class SerialPool:
         if not self._waiting:
             return None
         name, job = self._waiting.popleft()
-        return Ended(name, execute(job, self._registry))
+        return Ended(name, execute(job, self._registry, self._models))
 
     def close(self) -> None:
         self._waiting.clear()

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sparsemor.core.analysis.study.columns import ERROR, SERIES, cell
+from sparsemor.core.analysis.study.columns import ERROR, SERIES, label
 from sparsemor.core.analysis.study.plan import Plan
 from sparsemor.core.analysis.study.run import StudyOutcome
 from sparsemor.core.results.error_norms import LIMIT, measure_names
@@ -28,10 +28,13 @@ _DECIMAL = {"ms_per_step": ".3g", "speed_up": ".3g"}
 def in_words(plan: Plan, rows: Sequence[Mapping[str, Any]]) -> str:
     """Text table of the most important columns, and numbers of runs by status."""
     errors = _errors(plan)
-    names = ["run", *plan.axes, "status", "ms_per_step", "speed_up",
+    own = plan.study.file.quantities
+    names = ["run", *plan.axes, "status", "ms_per_step",
+             *(["speed_up"] if plan.study.file.compared else []), *own,
              *(n for n in [*errors][1:] if any(row.get(n) is not None for row in rows))]
     head = [errors.get(n, n).replace("_", " ") for n in names]
-    shown = [[_text(n, row, errors.get(n)) for n in names] for row in rows[:SHOWN]]
+    shown = [[_text(n, row, errors.get(n), ".6g" if n in own else "") for n in names]
+             for row in rows[:SHOWN]]
     more = [f"and {len(rows) - SHOWN} more"] if len(rows) > SHOWN else []
     return "\n".join([*([text_table([head, *shown])] if shown else []), *more, "",
                       counted(plan, rows), *_reasons(rows)])
@@ -60,8 +63,8 @@ def work_points(plan: Plan, rows: Sequence[Mapping[str, Any]]) -> "list[WorkPoin
     groups: dict[tuple[str, str, bool], list[Mapping[str, Any]]] = {}
     for row in rows:
         if row["ms_per_step"] is not None and row["status"] in statuses:
-            method = ", ".join(cell(row[n]) for n in plan.lines if row.get(n) is not None)
-            budget = cell(row.get(plan.study.file.budget))
+            method = ", ".join(label(row[n]) for n in plan.lines if row.get(n) is not None)
+            budget = label(row.get(plan.study.file.budget))
             key = method or plan.study.name, budget, Status(row["status"]).ok
             groups.setdefault(key, []).append(row)
     errors = _errors(plan)
@@ -80,11 +83,11 @@ def _point(
     from sparsemor.core.analysis.charts.work_precision import WorkPoint
 
     def middle(name: str) -> float | None:
-        values = [row[name] for row in rows if row[name] is not None]
+        values = [row[name] for row in rows if row.get(name) is not None]
         return median(values) if values else None
 
-    errors = {m: max(row[n] for row in rows if row[n] is not None)
-              for n, m in measures.items() if any(row[n] is not None for row in rows)}
+    errors = {m: max(row[n] for row in rows if row.get(n) is not None)
+              for n, m in measures.items() if any(row.get(n) is not None for row in rows)}
     return WorkPoint(method, budget, middle("ms_per_step"), errors,
                      Status(rows[0]["status"]), middle("offline_total_s"))
 
@@ -119,7 +122,7 @@ def over_time(
     for row in rows:
         if not row.get(SERIES):
             continue
-        name = ", ".join(cell(row[n]) for n in plan.lines if row.get(n) is not None)
+        name = ", ".join(label(row[n]) for n in plan.lines if row.get(n) is not None)
         name, kept = name or plan.study.name, chosen.get(name or plan.study.name)
         if kept is None or _rank(row) > _rank(kept):
             chosen[name] = row
@@ -141,7 +144,7 @@ def _reference(rows: Sequence[Mapping[str, Any]]) -> "WorkPoint | None":
     from sparsemor.core.analysis.charts.work_precision import WorkPoint
 
     found = {(row["reference_ms_per_step"], row["reference_status"]) for row in rows
-             if row["reference_ms_per_step"]}
+             if row.get("reference_ms_per_step")}
     if len(found) != 1:
         return None
     ms, status = found.pop()
@@ -159,14 +162,15 @@ def _reasons(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     return lines[:8] + ([f"and {len(lines) - 8} other messages"] if len(lines) > 8 else [])
 
 
-def _text(name: str, row: Mapping[str, Any], measure: str | None) -> str:
-    """Text of a table cell; measure: error measure of the column, None if it is not an error."""
+def _text(name: str, row: Mapping[str, Any], measure: str | None, form: str) -> str:
+    """Text of a table cell; measure: error measure of the column, None if it is not an error; form:
+    format of a quantity of interest, "" for another column."""
     value = row.get(name)
     if value is None:
         return "-"
     if measure is not None:
         still = measure in str(row.get("constant") or "").split() and value <= 1e-9
         return CONSTANT if still else marked(value, ".2e", LIMIT)
-    form = _DECIMAL.get(name)
-    return format(value, form) if form is not None else cell(value)
+    form = form or _DECIMAL.get(name, "")
+    return format(value, form) if form else label(value)
 

@@ -17,6 +17,8 @@ from sparsemor.core.registry.registry import Registry
 from sparsemor.core.results.output_directory import OutputDirectory
 from sparsemor.core.status import Status
 
+KEPT = "runs"
+"""Folder of the results that are kept, in that of the study."""
 Watch = Callable[[State, Row | None], None]
 """Callback for progress: called after each run with its row, and repeatedly with None while jobs
 run."""
@@ -76,11 +78,15 @@ def run_plan(
                 kind="studies only, and this is no study"):
             journal = Journal.open(folder, plan)
             rows = journal.rows(drop=(DIED,))
-            kept = {int(row["run"]) for row in rows}
-            left = [run for run in plan.runs if run.number not in kept]
+            ended = {int(row["run"]) for row in rows}
+            left = [run for run in plan.runs if run.number not in ended]
             if left:
+                kept = folder / KEPT if plan.study.file.keep else None
+                if kept is not None:
+                    kept.mkdir(exist_ok=True)
                 with _pool(workers, cluster, folder, registry) as (pool, scratch):
-                    Schedule(plan, left, pool, rows, scratch).go(journal.add, watch)
+                    Schedule(plan, left, pool, rows, scratch, str(kept or "")).go(
+                        journal.add, watch)
                 rows = journal.rows()
             rows.sort(key=lambda row: int(row["run"]))
             files = journal.write_table(rows, times)

@@ -6,6 +6,7 @@ computed twice.
 
 import heapq
 import time
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from graphlib import TopologicalSorter
@@ -54,15 +55,17 @@ class Schedule:
     """Execution of the remaining runs of a study, in the order of their dependencies.
 
     left: runs without a row; earlier: rows of earlier executions; scratch: temporary folder for
-    results that all workers can access, or None.
+    results that all workers can access, or None; kept: folder of the results that are kept, "" for
+    none.
     """
 
     def __init__(
         self, plan: Plan, left: Sequence[Run], pool: Pool, earlier: Sequence[Mapping[str, Any]],
-        scratch: str | None,
+        scratch: str | None, kept: str = "",
     ) -> None:
-        self._plan, self._pool, self._scratch = plan, pool, scratch
+        self._plan, self._pool, self._scratch, self._kept = plan, pool, scratch, kept
         self._jobs = {job.name: job for job in _jobs_of(left)}
+        self._models = _shared_models(plan.runs)
         self._order = {name: i for i, name in enumerate(self._jobs)}
         self._graph = TopologicalSorter({name: job.after for name, job in self._jobs.items()})
         self._graph.prepare()
@@ -112,18 +115,24 @@ class Schedule:
 
     def _payload(self, job: _Job) -> dict[str, Any]:
         run = job.run
-        reference = self._plan.references[run.reference].plain()
+        reference = self._plan.references[run.reference].plain() if run.reference else None
         if job.kind == "reference":
-            return {"kind": job.kind, "scene": reference}
+            learns = any(r.learns for r in self._plan.runs if r.reference == run.reference)
+            return {"kind": job.kind, "scene": reference, "keep_training": learns}
         assert run.scene is not None
         if job.kind == "products":
             return {"kind": job.kind, "scene": run.scene.plain()}
         return {
             "kind": job.kind, "scene": run.scene.plain(), "reference": reference,
-            "reference_key": self._answers[f"reference:{run.reference}"]["key"],
+            "reference_key": self._answers[f"reference:{run.reference}"]["key"]
+            if reference else "",
             "is_reference": run.is_reference,
             "errors_from": self._plan.study.file.errors_from,
             "scratch": f"{self._scratch}/run-{run.number}" if self._scratch else None,
+            "keep": f"{self._kept}/{run.number}" if self._kept else None,
+            "quantities": {n: q.model_dump()
+                           for n, q in self._plan.study.file.quantities.items()},
+            "model": self._models.get(run.model),
         }
 
     def _end(self, ended: Ended) -> None:
@@ -172,10 +181,18 @@ class Schedule:
         return None
 
 
+def _shared_models(runs: Sequence[Run]) -> dict[str, dict[str, Any]]:
+    """Key of each model that several runs may share -> the same key, and the scene of the first of
+    them, from which it is prepared."""
+    count = Counter(run.model for run in runs if run.model)
+    first = {run.model: run.scene for run in reversed(runs) if count[run.model] > 1}
+    return {key: {"key": key, "scene": scene.plain()} for key, scene in first.items() if scene}
+
+
 def _jobs_of(runs: Sequence[Run]) -> list[_Job]:
     """Jobs in order: reference runs, offline products shared by several runs, runs."""
     possible = [run for run in runs if not run.refused]
-    references = {run.reference: run for run in reversed(possible)}
+    references = {run.reference: run for run in reversed(possible) if run.reference}
     trained: dict[str, list[Run]] = {}
     for run in possible:
         if run.training:
@@ -192,13 +209,20 @@ def _jobs_of(runs: Sequence[Run]) -> list[_Job]:
             if name != first and len(sharing) == 1:
                 waits_for[token] = first  # it makes its own basis from the shared training run
                 continue
-            products.append(_Job("products", token, () if name == first else (first,), sharing[0]))
+            # the reference may be the training run, too
+            before = first if name != first else _reference_of(sharing[0])
+            products.append(_Job("products", token, (before,) if before else (), sharing[0]))
             waits_for[token] = name
     jobs = [_Job("reference", key, (), run) for key, run in reversed(references.items())] + products
     for run in runs:
         after: tuple[str, ...] = ()
         if not run.refused:
             shared = waits_for.get(run.products)
-            after = (f"reference:{run.reference}", *((shared,) if shared else ()))
+            after = tuple(name for name in (_reference_of(run), shared) if name)
         jobs.append(_Job("run", str(run.number), after, run))
     return jobs
+
+
+def _reference_of(run: Run) -> str:
+    """Name of the job that computes a run's reference, "" for none."""
+    return f"reference:{run.reference}" if run.reference else ""

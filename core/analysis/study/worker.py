@@ -20,10 +20,12 @@ def main() -> None:
     lines: queue.Queue[str] = queue.Queue()
     threading.Thread(target=_listen, args=(lines,), daemon=True).start()
     from sparsemor.core.analysis.study.jobs import execute
+    from sparsemor.core.analysis.study.kept_models import KeptModels
 
+    models = KeptModels()
     while True:
         message = json.loads(lines.get())
-        answer = execute(message["job"])
+        answer = execute(message["job"], None, models)
         answers.write(json.dumps({"name": message["name"], "answer": answer}) + "\n")
         answers.flush()
 

@@ -30,8 +30,6 @@ from sparsemor.core.simulation.memory.estimate import trains
 from sparsemor.core.simulation.offline import step_count
 from sparsemor.core.simulation.run_header import shapes
 
-OUTSIDE_RANGE = "outside_parameters"
-"""Identifier of the warning about parameters outside their range."""
 OUTSIDE = 1e-2
 """Distance of a point from a body's bounding box, relative to the box's diagonal, above which there
 is a warning."""
@@ -64,8 +62,19 @@ def before_run(scene: Scene, model: Model) -> tuple[Note, ...]:
     run."""
     parts = [n for part in model.parts.values() if isinstance(part, HasNotes) for n in part.notes]
     return (*scene.notes, *parts, *distant_probes(scene, model), *start_temperatures(model),
-            *prescribed_temperatures(scene, model), *functions_of_time(scene),
-            *short_training(scene, model), *outside_ranges(scene))
+            *prescribed_temperatures(scene, model), *of_settings(scene, model))
+
+
+OUTSIDE_RANGE = "outside_parameters"
+SETTINGS = frozenset({"never_acts", "too_fast", "short_training", OUTSIDE_RANGE})
+"""Identifiers of warnings about options that a run of a kept model may change."""
+
+
+def of_settings(scene: Scene, model: Model | None) -> tuple[Note, ...]:
+    """Warnings about functions of time, parameters and, where the model is at hand, the training
+    run."""
+    return (*functions_of_time(scene), *outside_ranges(scene),
+            *(() if model is None else short_training(scene, model)))
 
 
 def of_solver(scene: Scene, solver: StepSolver) -> tuple[Note, ...]:
@@ -185,14 +194,13 @@ def short_training(scene: Scene, model: Model) -> Iterator[Note]:
             "raise training.end", "short_training")
 
 
-def outside_ranges(scene: Scene) -> tuple[Note, ...]:
-    """Warning of a reduced run about parameters outside the range that the scene declares."""
-    if not isinstance(scene.reducer, UsesBases):
-        return ()
-    return tuple(Note(
-        f"parameter {name} is {value:g}, outside its range {scene.parameters[name].range}: "
-        "the reduced model was made for this range, and its error may be large",
-        OUTSIDE_RANGE) for name, value in scene.outside_ranges.items())
+def outside_ranges(scene: Scene) -> Iterator[Note]:
+    """Warnings of a reduced run about parameters outside the range that the scene declares."""
+    if isinstance(scene.reducer, UsesBases):
+        for name, value in scene.outside_ranges.items():
+            yield Note(f"parameter {name} is {value:g}, outside its range "
+                       f"{scene.parameters[name].range}: the reduced model was made for this "
+                       "range, and its error may be large", OUTSIDE_RANGE)
 
 
 # ---------------------------------------------------------------------- functions of time

@@ -1,8 +1,8 @@
 """Energy-conserving sampling and weighting: Galerkin with few, weighted elements."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field
@@ -37,6 +37,7 @@ from sparsemor.reducers import (
     left_inverse,
 )
 from sparsemor.reducers.projection.ecsw.training import (
+    CANDIDATES,
     Trained,
     elastic_equations,
     heat_equations,
@@ -64,15 +65,24 @@ class Ecsw(ProjectionReducer):
     """Relative tolerance of the weights at the training states: errors of projected elastic forces
     are measured by the displacements they cause, of heat by the rates of temperature, of local
     terms such as radiation by the heat."""
+    constant: Literal["weighted", "exact"] = "weighted"
+    """Stiffness, thermal forces, capacity and conduction with constant properties: `weighted` like
+    local terms, or `exact`, projected over all elements. They are projected once, so that a step
+    costs the same; `exact` has the errors of local terms alone and less training."""
     states: int = Field(default=200, ge=2)
     """Largest number of training states, evenly spread, for the weights of local terms such as
     radiation or temperature-dependent conductivity."""
+    candidates: int = Field(default=CANDIDATES, ge=100)
+    """Largest number of elements of a block among which weights are searched. Of more as many are
+    drawn at random, by their share in the forces, which bounds the memory and time of training; the
+    reproduced forces are those of all elements."""
 
     def check(self, model: AssembledModel) -> Sequence[Fault]:
         faults = [*super().check(model)]
         whole = "ecsw weighs mesh elements, which"
+        weighted = self.constant == "weighted"
         for b in model.separated.heat:
-            if b.integrals is None:
+            if weighted and b.integrals is None:
                 faults.append(Fault("", f"{whole} body {b.name} does not offer for its heat: use "
                                     "reducer: galerkin"))
             kinds = {type(t).__name__ for t in b.local if not isinstance(t, WeighsElements)}
@@ -80,7 +90,7 @@ class Ecsw(ProjectionReducer):
                              "galerkin") for kind in sorted(kinds)]
         faults += [Fault("", f"{whole} body {m.name} does not offer for its elastic field: use "
                          "reducer: galerkin") for m in model.separated.moving
-                   if m.operators is not None and m.operators.integrals is None]
+                   if weighted and m.operators is not None and m.operators.integrals is None]
         return faults
 
     def maps(self, block: Reducible) -> Maps:
@@ -92,7 +102,9 @@ class Ecsw(ProjectionReducer):
     ) -> Approximation:
         """The model with element integrals replaced by ECSW-weighted sums, and facts of each
         block's weights."""
-        training = Training(model, offline, h, self.tau, self.states, dictionaries)
+        training = Training(
+            model, offline, h, self.tau, self.constant == "weighted", self.states,
+            self.candidates, dictionaries)
         moving = tuple(training.elastic(m) for m in model.separated.moving)
         heat = tuple(training.heat(b) for b in model.separated.heat)
         weighed = replace(model.separated, moving=moving, heat=heat)
@@ -103,45 +115,52 @@ class Ecsw(ProjectionReducer):
             for n, f in facts.items() if float(f["residual"]) > 1.05 * self.tau)
         return Approximation(
             model.with_separated(weighed), facts,
-            {n: int(f["elements_kept"]) for n, f in facts.items()}, notes)
+            {n: int(f["elements_kept"]) for n, f in facts.items() if "elements_kept" in f}, notes)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Training:
     """Computation of the weighted operators of one model; collects the reported facts of each
-    block."""
+    block. constant: True if operators with constant properties are weighted, too."""
 
     model: AssembledModel
     offline: OfflineProducts
     h: float
     tau: float
+    constant: bool
     states: int
+    candidates: int
     dictionaries: Mapping[str, Dictionary]
     facts: dict[str, Fact] = field(default_factory=dict)
     trained: dict[str, Trained] = field(default_factory=dict)
 
     def elastic(self, body: MovingBody) -> MovingBody:
         ops = body.operators
-        if ops is None or ops.integrals is None:
+        if ops is None or (ops.integrals is None if self.constant else not ops.local):
             return body
-        g, u = ops.integrals(), self._trained(body.elastic)
+        u = self._trained(body.elastic)
         T = self._trained(body.thermal) if body.thermal in self.dictionaries else None
         A = u.dictionary.atoms
         flexibility = left_inverse(body.elastic, A.T @ (ops.stiffness @ A))
-        w = self._weights(body.elastic, "elements", elastic_equations(g, u, T, flexibility))
+        if self.constant and ops.integrals is not None:
+            g = ops.integrals()
+            ops = _weigh_elastic(ops, g, self._weights(
+                body.elastic, "elements", elastic_equations(g, u, T, flexibility)))
         local = [self._elastic_local(body.elastic, one, u, T, flexibility) for one in ops.local]
-        return replace(body, operators=replace(
-            _weigh_elastic(ops, g, w), local=tuple(local)))
+        return replace(body, operators=replace(ops, local=tuple(local)))
 
     def heat(self, body: HeatBody) -> HeatBody:
-        if body.integrals is None:
+        if body.integrals is None if self.constant else not body.local:
             return body
-        g, T, name = body.integrals(), self._trained(body.thermal), body.thermal
+        T, name = self._trained(body.thermal), body.thermal
         A = T.dictionary.atoms
         inertness = left_inverse(name, A.T @ (body.capacity @ A))
-        w = self._weights(name, "elements", heat_equations(g, T, inertness))
+        if self.constant and body.integrals is not None:
+            g = body.integrals()
+            body = _weigh_heat(body, g, self._weights(
+                name, "elements", heat_equations(g, T, inertness)))
         local = [self._local(name, term, T, inertness @ A.T) for term in body.local]
-        return _weigh_heat(body, g, w, local)
+        return replace(body, local=tuple(local))
 
     def _local(self, name: str, term: Any, T: Trained, left: FloatArray) -> Term:
         at, chosen = self.model.layout[name].start, self._chosen(len(T.t))
@@ -176,13 +195,13 @@ class Training:
         return np.unique(np.linspace(0, M - 1, min(self.states, M)).round().astype(np.int64))
 
     def _weights(self, name: str, kind: str, G: Equations) -> FloatArray:
-        """Weights (E,) of the elements or facets of a block for the equations G w = G 1, cached;
-        adds their number and residual to the block's facts."""
+        """Weights (E,) of the elements or facets of a block for the equations G w = G 1, cached for
+        all blocks with equal equations; adds their number and residual to the block's facts."""
         def make() -> dict[str, Any]:
-            found = train(G, self.tau)
+            found = train(G, self.tau, self.candidates)
             return {"weights": found.values, "residual": np.array(found.residual)}
 
-        made = self.offline.remember("weights", (name, self.tau, *G.content), make)
+        made = self.offline.remember("weights", (self.tau, self.candidates, *G.content), make)
         w, fact = np.asarray(made["weights"]), self.facts.setdefault(name, {"tau": self.tau})
         fact[kind] = int(fact.get(kind, 0)) + len(w)
         fact[f"{kind}_kept"] = int(fact.get(f"{kind}_kept", 0)) + int(np.count_nonzero(w))
@@ -218,15 +237,13 @@ def _weigh_elastic(ops: ElasticOperators, g: ElasticIntegrals, w: FloatArray) ->
         load_names=(*ops.load_names, *("left-out elements" for _ in g.amplitudes)))
 
 
-def _weigh_heat(
-    body: HeatBody, g: HeatIntegrals, w: FloatArray, local: Iterable[Term]
-) -> HeatBody:
+def _weigh_heat(body: HeatBody, g: HeatIntegrals, w: FloatArray) -> HeatBody:
     fixed, rest = _left_out(g.given, w)
     return replace(
         body, capacity=_weighed(body.capacity, g.capacity, w),
         conductivity=_weighed(body.conductivity, g.conductivity, w),
         constant=body.constant + fixed, loads=np.concatenate([body.loads, rest], axis=1),
-        amplitudes=(*body.amplitudes, *g.amplitudes), local=tuple(local),
+        amplitudes=(*body.amplitudes, *g.amplitudes),
         columns=(*body.columns, *(LoadColumn("left-out elements") for _ in g.amplitudes)))
 
 

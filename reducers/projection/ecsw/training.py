@@ -41,9 +41,7 @@ ATTEMPTS = 6
 """Largest number of times that the tolerance of the combinations is lowered, since they are met
 better than the equations themselves."""
 CANDIDATES = 20_000
-"""Largest number of candidate elements for nonzero weights; of larger meshes as many are drawn at
-random, which bounds the memory and time of training. The reproduced forces are those of all
-elements."""
+"""Largest number of elements among which weights are searched."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -155,15 +153,16 @@ def local_equations(
 
     rows = len(left) * len(t)
     probes = np.random.default_rng(0).standard_normal((count, 2))
-    sums, size = np.zeros((rows, 3)), 0.0
+    sums, size, sizes = np.zeros((rows, 3)), 0.0, np.zeros((1, count))
     for first in range(0, count, step := max(BLOCK // max(rows, 1), 1)):
         part = slice(first, first + step)
         G = make(part)
         sums[:, 0] += G.sum(axis=1)
         sums[:, 1:] += G @ probes[part]
         size += float(np.abs(G).sum())
+        sizes[0, part] = np.linalg.norm(G, axis=0)
     parts = (Rows(rows, make, size),) if rows else ()
-    return Equations(count, parts, (sums, size), sums[:, 0].copy())
+    return Equations(count, parts, (sums, size), sums[:, 0].copy(), sizes)
 
 
 def _values_at(amplitudes: Sequence[Callable[[float], float]], t: FloatArray) -> FloatArray:
@@ -197,8 +196,11 @@ def _made(
     return np.ascontiguousarray((tensor @ few).reshape(len(tensor), -1).T)
 
 
-def train(equations: Equations, tau: float) -> Weights:
+def train(equations: Equations, tau: float, most_candidates: int = CANDIDATES) -> Weights:
     """Sparse weights w (E,) >= 0 with |G w - G 1| <= tau; all 1 where G has no rows.
+
+    Of more than `most_candidates` elements as many, drawn at random by their share in the forces,
+    may get a nonzero weight: drawn alike, they would miss those of a thin heated layer.
 
     Where G has many rows, weights are computed from random combinations of these and verified with
     all of them. While the residual of all equations exceeds tau, the active set is continued to a
@@ -208,7 +210,7 @@ def train(equations: Equations, tau: float) -> Weights:
     G = equations.scaled() if equations.parts else equations
     if not G.parts:
         return Weights(np.ones(G.count), 0.0)
-    total, among, combinations = G.total(), candidates(G.count), COMBINATIONS
+    total, among, combinations = G.total(), candidates(G, most_candidates), COMBINATIONS
     best, w = Weights(np.ones(G.count), np.inf), np.zeros(len(among))
     while True:
         few = G.combined(among, combinations)
@@ -232,8 +234,11 @@ def train(equations: Equations, tau: float) -> Weights:
         combinations *= 2
 
 
-def candidates(count: int) -> IntArray:
+def candidates(G: Equations, most: int) -> IntArray:
     """Sorted numbers of the elements that may get a nonzero weight; the same in every call."""
-    if count <= CANDIDATES:
-        return np.arange(count)
-    return np.sort(np.random.default_rng(0).choice(count, CANDIDATES, replace=False))
+    if G.count <= most:
+        return np.arange(G.count)
+    shares = G.shares()
+    if np.count_nonzero(shares) <= most:
+        return np.flatnonzero(shares)
+    return np.sort(np.random.default_rng(0).choice(G.count, most, replace=False, p=shares))

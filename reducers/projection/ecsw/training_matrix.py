@@ -42,12 +42,14 @@ class Rows:
 @dataclass(frozen=True, slots=True, eq=False)
 class Equations:
     """Linear equations G w = G 1 for the weights w of `count` elements. content: the arrays that
-    determine G, for the key of the cache; sums (m,): G 1, where it has been computed."""
+    determine G, for the key of the cache; sums (m,): G 1, and sizes (parts, E): norms of the
+    columns of each part, where they have been computed."""
 
     count: int
     parts: tuple[Rows, ...]
     content: tuple[Any, ...]
     sums: FloatArray | None = None
+    sizes: FloatArray | None = None
 
     @classmethod
     def of(cls, G: FloatArray, against: float | None = None) -> "Equations":
@@ -83,11 +85,23 @@ class Equations:
         """Sum G 1 (m,) of the columns of all elements."""
         return self.applied(np.ones(self.count)) if self.sums is None else self.sums
 
+    def _summed(self) -> tuple[FloatArray, FloatArray]:
+        """Sum G 1 (m,), and norms (parts, E) of the columns of each part."""
+        if self.sums is not None and self.sizes is not None:
+            return self.sums, self.sizes
+        sums, sizes = np.zeros(self.rows), np.zeros((len(self.parts), self.count))
+        ends = np.cumsum([p.count for p in self.parts])[:-1]
+        for part, G in self._chunks(np.arange(self.count)):
+            sums += G @ np.ones(G.shape[1])
+            sizes[:, part] = [np.linalg.norm(rows, axis=0) for rows in np.split(G, ends)]
+        return sums, sizes
+
     def scaled(self) -> "Equations":
         """The equations with rows divided by the norm of their sums where `Rows.against` requires
         it; rows whose sums are round-off are dropped."""
-        kept, sums, edge, total = [], [np.zeros(0)], 0, self.total()
-        for p in self.parts:
+        total, sizes = self._summed()
+        kept, sums, edge, used = [], [np.zeros(0)], 0, list[int]()
+        for number, p in enumerate(self.parts):
             own = total[edge : (edge := edge + p.count)]
             size = float(np.linalg.norm(own))
             if p.against is None:
@@ -96,7 +110,15 @@ class Equations:
             elif size > ROUND_OFF * p.against:
                 kept.append(replace(p, against=None, scale=1.0 / size))
                 sums.append(own / size)
-        return replace(self, parts=tuple(kept), sums=np.concatenate(sums))
+            else:
+                continue
+            used.append(number)
+        return replace(self, parts=tuple(kept), sums=np.concatenate(sums), sizes=sizes[used])
+
+    def shares(self) -> FloatArray:
+        """Share (E,) of each element in the norms of all columns, the mean over the parts."""
+        sizes = self._summed()[1]
+        return np.asarray((sizes / sizes.sum(axis=1, keepdims=True)).mean(axis=0))
 
     def combined(self, elements: IntArray, most: int) -> "Combined":
         """The equations for the weights of some elements, or where these are more than `most`,

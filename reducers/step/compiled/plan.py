@@ -36,7 +36,7 @@ from sparsemor.reducers.step.predictor import block_starts
 from sparsemor.reducers.step.prescribed_frames import PrescribedFrames
 from sparsemor.reducers.step.solver import Stepper
 
-LARGEST_BORDER = 60
+LARGEST_BORDER = 150
 """Largest number of border unknowns of compiled steps, which solve a dense system."""
 SYMMETRIC = 1e-12
 """Relative difference of a symmetric matrix from its transpose that is round-off."""

@@ -61,6 +61,6 @@ def work_of(b: BodyArrays, border: int) -> MechanicsWork:
         "reduced": (n, n + 1), "scale": (), "distance": (), "elastic": ()}
     of_all = {
         "nothing": (3, 0), "changes": (count + 1,), "before": (count + 1,), "A": (border, border),
-        "dy": (border,), "delta": (border,), "predicted": (border,), "sums": (16,)}
+        "dy": (border,), "delta": (border,), "predicted": (border,), "sums": (320,)}
     return MechanicsWork(**{name: np.zeros((count, *shape)) for name, shape in each.items()},
                          **{name: np.zeros(shape) for name, shape in of_all.items()})

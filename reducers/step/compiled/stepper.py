@@ -53,6 +53,9 @@ class CompiledStepper(Stepper):
         """Compiled steps of size h, s, for a run of `steps` steps."""
         return compiled_steps(self, rules, h) if wanted(self.compiled, steps) else None
 
+    def stepping_alike(self, copy: Stepper) -> Stepper:
+        return _with(copy, copy.notes, self.compiled)
+
 
 def compiled_steps(s: Stepper, rules: UpdateRules, h: float) -> "CompiledSteps | None":
     """Compiled steps of `s`, of size h, s; None where its model is not covered."""
@@ -74,8 +77,12 @@ def compilable(made: Stepper, option: Compiled) -> Stepper:
             plan(made)
         except NotCompiled as reason:
             notes = (information(f"compiled: on has no effect: {reason}", "compiled"),)
+    return _with(made, (*made.notes, *notes), option)
+
+
+def _with(made: Stepper, notes: tuple[Note, ...], option: Compiled) -> CompiledStepper:
     kept: dict[str, Any] = {f.name: getattr(made, f.name) for f in fields(Stepper)}
-    return CompiledStepper(**{**kept, "notes": (*made.notes, *notes)}, compiled=option)
+    return CompiledStepper(**{**kept, "notes": notes}, compiled=option)
 
 
 def require_numba(option: Compiled) -> None:

@@ -1,5 +1,6 @@
 """Every term of bodies, joints and loads in space keeps the laws of a term."""
 
+from dataclasses import replace
 from itertools import product
 from math import factorial
 from typing import Any
@@ -9,10 +10,13 @@ import pytest
 
 from sparsemor.bodies.fem.quadrature import on_facets
 from sparsemor.bodies.frames import rotation as rot
+from sparsemor.bodies.frames.force_items import Moment
 from sparsemor.bodies.frames.frame import SpatialFrame
+from sparsemor.bodies.frames.joint_items import Reaction
+from sparsemor.bodies.frames.springs import SpatialRotationalSpring, Spring
 from sparsemor.bodies.loads.radiation import GreyBody
 from sparsemor.bodies.mesh.generators.block import Block
-from sparsemor.core import Mesh
+from sparsemor.core import FloatArray, FrameWork, Mesh, Table
 from sparsemor.core.model.assembled_term import AssembledTerm
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.equations import system_jacobian, system_residual
@@ -197,3 +201,60 @@ def test_the_bordered_and_the_textbook_step_agree() -> None:
         size = max(float(np.abs(two).max()), 1e-9)
         np.testing.assert_allclose(one, two, rtol=0, atol=1e-7 * size, err_msg=b.name)
     assert np.abs(runs[0].end.v[second]).max() > 1.0
+
+
+AXES = np.linalg.qr(np.arange(1.0, 10.0).reshape(3, 3) ** 1.5)[0]
+
+
+def more(others: int, own: int) -> list[Any]:
+    """Springs to a body with this many coordinates, or at rest, and moments on body and set."""
+    place = np.array([1.0, 2.0, 0.5, *([0.3] if own == 4 else [0.5, 0.5, -0.5, 0.5])])
+    return [Spring(AXES[0], AXES[1], 40.0, 3.0, drive, others, place),
+            SpatialRotationalSpring(AXES[0], AXES[1], AXES[2], 40.0, 3.0, drive, others, place),
+            *(Moment(AXES[0], drive, turns, space) for turns in (False, True)
+              for space in (False, True))]
+
+
+def drive(t: float) -> float:
+    return 2.0 + t
+
+
+def with_more_items(m: Model) -> list[SpatialFrame]:
+    found = [t.equations.frame for t in frame_terms(m)]
+    made = [f for f in found if isinstance(f, SpatialFrame)]
+    widest = {(f.size, f.elastic): f for f in made}.values()
+    return [*made, *(replace(f, items=(*f.items, *more(others, f.size)))
+                     for f in widest for others in (0, 4, 7))]
+
+
+def evaluated(f: SpatialFrame, given: tuple[Any, ...], t: float) -> list[FloatArray]:
+    work = FrameWork(f.p, f.border, f.generators)
+    f.evaluate(*given, t, work)
+    return [work.border, work.sigma, work.tau, work.coefficients]
+
+
+def from_arrays(f: SpatialFrame, given: tuple[Any, ...], t: float) -> list[FloatArray]:
+    work, made = FrameWork(f.p, f.border, f.generators), f.arrays()
+    assert made is not None
+    gains = np.array([1.0 if g is None else g(t) for g in made.amplitudes])
+    work.border[:], work.sigma[:], work.tau[:] = 9.0, 9.0, 9.0  # as an earlier body left them
+    made.function(made.kinds, made.numbers, made.starts, gains, *given, work.sigma, work.tau,
+                  work.border, work.coefficients, np.full(320, 9.0))
+    return [work.border, work.sigma, work.tau, work.coefficients]
+
+
+def test_every_item_as_functions_on_arrays(model: Model) -> None:
+    rng, t = np.random.default_rng(3), 0.3
+    for f in with_more_items(model):
+        y, v, a = rng.standard_normal((3, f.border))
+        given = (y, v, 10.0 * a, 40.0, 1600.0, rng.standard_normal((3, f.p)),
+                 rng.standard_normal(3 * f.generators))
+        for want, got in zip(evaluated(f, given, t), from_arrays(f, given, t), strict=True):
+            size = np.abs(want).max(initial=1.0)
+            np.testing.assert_allclose(got, want, rtol=0, atol=1e-11 * size)
+
+
+def test_a_frame_with_an_item_that_is_not_given_as_arrays_has_none(model: Model) -> None:
+    f = with_more_items(model)[0]
+    reaction = Reaction(Table(np.array([0.0, 1.0]), np.zeros((2, 6))), False)
+    assert replace(f, items=(*f.items, reaction)).arrays() is None

@@ -139,6 +139,26 @@ def test_few_facets_radiate_for_all_and_no_more_on_a_finer_mesh() -> None:
     assert kept[1] < 960 / 7 and abs(kept[1] - kept[0]) <= 15
 
 
+def test_exact_constant_forces_are_those_of_galerkin() -> None:
+    """Only facets that radiate are weighted; without them the runs of both agree to round-off."""
+    scene = radiating([20, 2]).using({"time.end": 20.0})
+    for loads in (scene, scene.using({"loads": {}})):
+        reference = march(loads)
+        snapshots = {"plate.thermal": reference.block("plate.thermal").T}
+        basis = {"basis": {"use": "pod", "count": 6}}
+        exact, whole = (march(loads.using({"reducer": {**basis, **options}}), snapshots=snapshots)
+                        for options in ({"use": "ecsw", "constant": "exact"}, {"use": "galerkin"}))
+        one, other = (unknowns(run, "plate.thermal") for run in (exact, whole))
+        difference = np.abs(one - other).max() / np.abs(other).max()
+        if loads is scene:
+            fact = exact.solver.facts["plate.thermal"]
+            assert fact["local_elements_kept"] == exact.solver.elements_touched["plate.thermal"]
+            assert 0 < int(fact["local_elements_kept"]) < 40 and "elements" not in fact
+            assert 0.0 < difference < 1e-6
+        else:
+            assert not exact.solver.facts and difference < 1e-13
+
+
 def test_a_body_at_rest_keeps_all_its_elements() -> None:
     """There are no forces to be trained on: K T of a uniform temperature is round-off."""
     scene = radiating([6, 2]).using({

@@ -67,18 +67,28 @@ def test_many_rows_are_replaced_by_as_few_as_do() -> None:
     assert np.linalg.norm(few.A @ w - few.b) == pytest.approx(np.linalg.norm(G @ (w - 1.0)))
 
 
-def test_weights_are_found_among_a_part_of_a_large_mesh(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_weights_are_found_among_a_part_of_a_large_mesh() -> None:
     """The forces of all elements are repeated all the same, and the residual is that of all."""
     G = positive(11, (6, 4000)) / 4000
     all_of_them = train(Equations.of(G), 1e-3)
-    monkeypatch.setattr(element_weights, "CANDIDATES", 250)
-    few = train(Equations.of(G), 1e-3)
-    among = element_weights.candidates(4000)
+    few = train(Equations.of(G), 1e-3, 250)
+    among = element_weights.candidates(Equations.of(G), 250)
     assert len(np.unique(among)) == 250 and np.isin(np.flatnonzero(few.values), among).all()
     for found in (few, all_of_them):
         b = G.sum(axis=1)
         assert found.residual == pytest.approx(float(np.linalg.norm(G @ found.values - b)))
         assert found.residual <= 1.05e-3
+
+
+def test_elements_that_carry_the_forces_are_candidates() -> None:
+    """100 of 10 000 elements, each with a force of its own, are all found among 300."""
+    rng = np.random.default_rng(13)
+    G, hot = 1e-9 * rng.random((100, 10_000)), rng.choice(10_000, 100, replace=False)
+    G[np.arange(100), hot] += 1.0
+    found = train(Equations.of(G), 1e-6, 300)
+    assert found.residual <= 1e-6 and found.values[hot].all()
+    cold = train(Equations.of(G[:, :5000] * (rng.random(5000) < 0.01)), 1e-6, 300)
+    assert cold.residual <= 1e-6
 
 
 def test_small_rows_that_large_weights_bring_out_count() -> None:
@@ -149,8 +159,7 @@ def test_training_holds_neither_all_rows_nor_all_elements(monkeypatch: pytest.Mo
 
     monkeypatch.setattr(Equations, "combined", seen)
     monkeypatch.setattr(element_equations, "BLOCK", 30_000)
-    monkeypatch.setattr(element_weights, "CANDIDATES", 250)
     monkeypatch.setattr(element_weights, "COMBINATIONS", 120)
-    found = train(Equations(4000, (Rows(3000, make),), ()), 1e-6)
+    found = train(Equations(4000, (Rows(3000, make),), ()), 1e-6, 250)
     assert found.residual <= 1.01e-6 and np.count_nonzero(found.values) <= 6
     assert max(sizes) == 120 * 250

@@ -121,6 +121,18 @@ def test_another_start_gives_the_run_of_a_new_model() -> None:
         model().run(initial={"bar.rigid": ([0.0], [0.0])})
 
 
+@pytest.mark.full
+def test_another_start_fits_the_joints_or_is_refused() -> None:
+    start = ([0.1, 0.0, 0.2], [0.0, 0.0, 1.5])
+    with pytest.raises(InputError, match=r"initial\.bar\.rigid: the two sides of joint pin do not "
+                                         r"meet at the start: 0\.1 \(m"):
+        model().run(initial={"bar.rigid": start})
+    moving = {"bar.rigid": ([0.0, 0.0, 0.2], [0.3, 0.0, 1.5])}
+    broken = [n for n in model().run(initial=moving).summary["notes"] if "break joint pin" in n]
+    assert len(broken) == 1
+    assert "by 0.3 m/s" in broken[0]
+
+
 def test_what_may_change() -> None:
     assert model().free == ("title", "output", "time.end", "loads.gravity.factor", FLUX)
     assert len(model().run({"output.every": 4, "time.end": 0.08}).times) == 21

@@ -13,16 +13,17 @@ import pytest
 from joint_runs import driven
 from random_chains import chain, scene
 from reduced_runs import learnt
-from small_scenes import everything, tiny
+from small_scenes import SCENES, everything, tiny
 from sparsemor.core import InputError
 from sparsemor.core.arrays import FloatArray
+from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.model.model import Model
 from sparsemor.core.protocols import ReducedProblem, State, StepMemory
-from sparsemor.core.scene.scene import Scene
+from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.simulation.time_stepping import FixedStep, iterate, started
-from sparsemor.core.testing.in_memory_run import march
+from sparsemor.core.testing.in_memory_run import march, scene_of
 from sparsemor.reducers.sparse.stepper import StepsBetween
 from sparsemor.reducers.step.compiled.compile import bound
 from sparsemor.reducers.step.compiled.plan import model_arrays, plan
@@ -276,6 +277,42 @@ def test_a_bar_in_space_whose_rotation_is_given(E: float, spin: float, basis: An
     # in modal coordinates half of each symmetric or skew matrix is enough
     assert [len(b.scale) > 0 for b in made.prescribed] == [basis is ORTHONORMAL]
     law(case, 28)
+
+
+PIECE = {"use": "rigid", "mass": 0.5, "inertia": [1e-3, 2e-3, 2.5e-3], "center": [0.1, 0.0, 0.01],
+         "points": {"a": [0.0, 0.0, 0.0], "b": [0.2, 0.0, 0.0], "c": [0.1, 0.05, 0.0]}}
+
+
+def test_rigid_bodies_in_space_on_springs_and_hinges() -> None:
+    s = scene_of({
+        "bodies": {"one": {**PIECE, "pose": {"spin": [0.0, 0.0, 2.0]}},
+                   "two": {**PIECE, "pose": {"position": [0.2, 0.0, 0.0]}}},
+        "joints": {
+            "ball": {"use": "spherical", "between": ["ground", "one:a"]},
+            "hinge": {"use": "revolute", "between": ["one:b", "two:a"], "axis": [0, 1, 1]},
+            "motor": {"use": "rotational_spring", "between": ["one:b", "two:a"], "stiffness": 2.0,
+                      "damping": 0.02, "axis": [0, 1, 1],
+                      "torque": {"use": "sine", "amplitude": 0.1, "frequency": 9}},
+            "rope": {"use": "spring_damper", "between": ["one:c", "two:c"], "stiffness": 300.0,
+                     "damping": 1.0}},
+        "loads": {"weight": {"use": "gravity", "g": [0.0, -3.0, -9.81]}},
+        "integrator": {"use": "generalized_alpha", "rho_inf": 0.5},
+        "time": {"end": 0.02, "step": 1e-3}})
+    law(Case(s, assemble(s), {}), 4, blocks=2)
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("integrator", ["bdf1", "bdf2"])
+def test_flexible_and_spinning_bodies_in_space(integrator: str) -> None:
+    s = load(SCENES / "everything_in_space.yaml", {
+        "time": {"end": 2.4e-3, "step": 2e-4}, "training.end": 2.4e-3, "integrator": integrator,
+        "bodies.handle": {**PIECE, "pose": {"position": [0.0, 1.0, 0.0]}},
+        "joints.turned": {"use": "prescribed_motion", "of": "handle:b", "x": 0.2,
+                          "axis": [0, 1, 1], "angle": {
+                              "use": "sine", "amplitude": 0.2, "frequency": 4}},
+        "joints.rope": {"use": "spring_damper", "between": ["bar:right", "wheel:middle"],
+                        "stiffness": 300.0, "damping": 1.0}})
+    law(trained(s, GALERKIN), 9, blocks=3)
 
 
 def test_heat_alone() -> None:

@@ -3,18 +3,20 @@
 import os
 import signal
 from pathlib import Path
+from types import FunctionType
 from typing import Any
 
 import numpy as np
 import pytest
 
-from small_scenes import tiny
-from sparsemor.core import hookimpl
-from sparsemor.core.scene.scene import Scene
+from small_scenes import SCENES, tiny
+from sparsemor.core import FrameWork, HasArrays, hookimpl
+from sparsemor.core.model.assembly import assemble
+from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.simulation.simulate import simulate
 from sparsemor.core.status import SolveFailed, Status
 
-pytest.importorskip("numba")
+numba: Any = pytest.importorskip("numba")
 # compilation takes most of a minute: once for all tests of this file
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("one_cache")]
 BLOCKS = ("bar.rigid", "bar.elastic", "bar.thermal")
@@ -75,3 +77,32 @@ def test_a_resumed_run_has_equal_digits(tmp_path: Path) -> None:
     rest = simulate(long, out=tmp_path / "cut", resume=True)
     for block in BLOCKS:
         assert np.array_equal(whole.block(block), rest.block(block)), block
+
+
+def test_equations_of_frames_in_space_as_machine_code() -> None:
+    """Those of plain Python, which tests/laws/bodies/test_spatial_terms.py compares with the
+    items."""
+    model = assemble(load(SCENES / "everything_in_space.yaml", {
+        "joints.rope": {"use": "spring_damper", "between": ["bar:right", "solid:right"],
+                        "stiffness": 300.0, "damping": 1.0},
+        "joints.motor": {"use": "rotational_spring", "between": ["bar:right", "solid:right"],
+                         "stiffness": 2.0, "axis": [0, 1, 1]}}))
+    rng, names, compiled = np.random.default_rng(4), dict[str, Any](), None
+    for moving in model.separated.moving:
+        f = moving.frame
+        made = f.arrays() if isinstance(f, HasArrays) else None
+        assert made is not None
+        if compiled is None:
+            for g in (*made.calls, made.function):
+                compiled = names[g.__name__] = numba.njit(_nrt=False)(FunctionType(
+                    g.__code__, {**g.__globals__, **names}, g.__name__))
+        y, v, a = rng.standard_normal((3, f.border))
+        gains, s = rng.standard_normal(len(made.kinds)), rng.standard_normal((3, f.p))
+        forms, found = rng.standard_normal(3 * f.generators), []
+        for function in (made.function, compiled):
+            work = FrameWork(f.p, f.border, f.generators)
+            function(made.kinds, made.numbers, made.starts, gains, y, v, a, 40.0, 1600.0, s, forms,
+                     work.sigma, work.tau, work.border, work.coefficients, np.zeros(320))
+            found.append(np.concatenate([
+                work.sigma.ravel(), work.tau.ravel(), work.border.ravel(), work.coefficients]))
+        np.testing.assert_allclose(found[1], found[0], rtol=0, atol=1e-12 * abs(found[0]).max())

@@ -190,7 +190,7 @@ def test_progress_in_words() -> None:
 
 def test_no_column_stands_twice() -> None:
     for given_settings in ([], ["seed"], ["reducer", "how", "set.time.end"]):
-        names = columns_of(given_settings, BODY_KINDS, late=True, over_time=True)
+        names = columns_of(given_settings, BODY_KINDS, late=True, over_time=True, keep=True)
         assert len(names) == len(set(names))
         assert set(names) >= RESERVED | {"reducer", "seed"}
     assert not {"late_elastic", "error_over_time"} & set(columns_of([], BODY_KINDS, late=False))

@@ -1,0 +1,130 @@
+"""Springs and dampers between two frames in space, as functions on arrays (notation:
+space_items.py; their equations and where these are created: springs.py)."""
+
+from math import atan2, sqrt
+
+from sparsemor.bodies.frames.space_motion import (
+    NONE,
+    SpaceMotion,
+    SpaceSums,
+    add_bend,
+    bend,
+    dot,
+    plus,
+    put,
+    times,
+    turn,
+    turn_rate,
+    vector,
+)
+from sparsemor.core import FloatArray
+
+
+def space_spring(
+    numbers: FloatArray, g: float, m: SpaceMotion, j: int, o: int, k: int, out: SpaceSums
+) -> None:
+    """Force f = stiffness l + damping l' + g along the line between two points at the distance l.
+
+    numbers: n, own point (3), point of the other body, in space for one at rest (3), stiffness,
+    N/m, damping, N s/m, number of attitude coordinates of the other body, 0 at rest.
+    """
+    point, base, stiffness, damping = vector(numbers, 1), vector(numbers, 4), numbers[7], numbers[8]
+    others, own = int(numbers[9]), 3 + m.n
+    size = own + (3 + others if others > 0 else 0)
+    gap, by, d = plus(m.R, 1.0, times(m.A, point)), m.pairs[:, 0], m.pairs[:, 1]
+    turn_rate(m.v, 3, m.n, m.A, m.rest)
+    if others > 0:
+        turn(m.y, o + 3, others, m.far)
+        gap = plus(plus(gap, -1.0, vector(m.y, o)), -1.0, times(m.far[0], base))
+    else:
+        gap = plus(gap, -1.0, base)
+    speed = NONE
+    for i in range(size):  # derivatives of the gap
+        c = i if i < own else i - own
+        sign = 1.0 if i < own else -1.0
+        if c < 3:
+            put(by[i], (sign * (c == 0), sign * (c == 1), sign * (c == 2)))
+        elif i < own:
+            put(by[i], times(m.D[c - 3], point))
+        else:
+            put(by[i], plus(NONE, -1.0, times(m.far[c - 2], base)))
+        speed = plus(speed, m.v[i if i < own else o + i - own], vector(by[i], 0))
+    length = sqrt(dot(gap, gap))
+    n = (gap[0] / length, gap[1] / length, gap[2] / length)
+    rate = dot(n, speed)
+    f, across = stiffness * length + damping * rate + g, plus(speed, -rate, n)
+    if others > 0:  # then only the rates of its derivatives are needed
+        turn_rate(m.v, o + 3, others, m.far[0], m.far)
+    for i in range(size):
+        b = vector(by[i], 0)
+        along, of_rate = dot(n, b), 0.0
+        if 3 <= i < own:
+            of_rate = dot(n, times(m.rest[i - 2], point))
+        elif i >= own + 3:
+            of_rate = -dot(n, times(m.far[i - own - 2], base))
+        of_f = stiffness * along + damping * (
+            dot(across, b) / length + m.c1 * along + of_rate)
+        put(d[i], plus(plus(NONE, of_f, n), f / length, plus(b, -along, n)))
+    F = (f * n[0], f * n[1], f * n[2])
+    for i in range(size):
+        row = i if i < own else o + i - own
+        out.rows[row] += dot(F, vector(by[i], 0))
+        for c in range(size):
+            out.H[row, c if c < own else o + c - own] += dot(vector(by[i], 0), vector(d[c], 0))
+    add_bend(out.H, 3, m.n, m.A, 1.0, F, point)
+    if others > 0:
+        turn(m.y, o + 3, others, m.far)
+        add_bend(out.H, o + 3, others, m.far[0], -1.0, F, base)
+
+
+def space_rotational_spring(
+    numbers: FloatArray, g: float, m: SpaceMotion, j: int, o: int, k: int, out: SpaceSums
+) -> None:
+    """Moment stiffness phi + damping phi' + g against the relative angle phi about an axis.
+
+    numbers: n, own direction d (3), directions e_1, e_2 of the other body, in space for one at rest
+    (6), stiffness, N m/rad, damping, N m s/rad, number of attitude coordinates of the other body, 0
+    at rest.
+    """
+    own, first, second = vector(numbers, 1), vector(numbers, 4), vector(numbers, 7)
+    stiffness, damping, others = numbers[10], numbers[11], int(numbers[12])
+    size, Ad, fc, fs = m.n + others, times(m.A, own), first, second
+    cosine, sine, along, slope = m.pairs[:, 0, 0], m.pairs[:, 0, 1], m.pairs[:, 0, 2], (
+        m.pairs[:, 1, 0])
+    if others > 0:
+        turn(m.y, o + 3, others, m.far)
+        fc, fs = times(m.far[0], first), times(m.far[0], second)
+    c, s = dot(Ad, fc), dot(Ad, fs)
+    square, rate = c * c + s * s, 0.0
+    for i in range(size):
+        if i < m.n:
+            turned = times(m.D[i], own)
+            cosine[i], sine[i] = dot(fc, turned), dot(fs, turned)
+        else:
+            X = m.far[1 + i - m.n]
+            cosine[i], sine[i] = dot(Ad, times(X, first)), dot(Ad, times(X, second))
+        along[i] = (c * sine[i] - s * cosine[i]) / square
+        rate += along[i] * m.v[3 + i if i < m.n else o + 3 + i - m.n]
+    moment = stiffness * atan2(s, c) + damping * rate + g
+    for i in range(size):
+        slope[i] = (stiffness + damping * m.c1) * along[i]
+        for r in range(size):
+            if i < m.n and r < m.n:
+                c2, s2 = bend(m.n, m.A, fc, own, i, r), bend(m.n, m.A, fs, own, i, r)
+            elif i >= m.n and r >= m.n:
+                c2 = bend(others, m.far[0], Ad, first, i - m.n, r - m.n)
+                s2 = bend(others, m.far[0], Ad, second, i - m.n, r - m.n)
+            else:
+                X, turned = m.far[1 + max(i, r) - m.n], times(m.D[min(i, r)], own)
+                c2, s2 = dot(turned, times(X, first)), dot(turned, times(X, second))
+            m.square[i, r] = (
+                sine[i] * cosine[r] - cosine[i] * sine[r] + c * s2 - s * c2
+                - along[i] * 2.0 * (c * cosine[r] + s * sine[r])) / square
+            slope[i] += damping * m.square[i, r] * m.v[
+                3 + r if r < m.n else o + 3 + r - m.n]
+    for i in range(size):
+        row = 3 + i if i < m.n else o + 3 + i - m.n
+        out.rows[row] += moment * along[i]
+        for r in range(size):
+            out.H[row, 3 + r if r < m.n else o + 3 + r - m.n] += (
+                along[i] * slope[r] + moment * m.square[i, r])

@@ -1,0 +1,34 @@
+"""Options of a scene that a run of its prepared model may change."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from sparsemor.core.scene.nested import functions_of_time
+from sparsemor.core.scene.overrides import find, split
+from sparsemor.core.scene.scene import Scene
+
+FREE = ("title", "output", "time.end")
+"""Keys of a scene on which no prepared model depends."""
+
+
+def load_functions(scene: Scene) -> Mapping[str, Any]:
+    """Key -> function of time of the loads, on which a model need not depend."""
+    return dict(functions_of_time({"loads": scene.loads}))
+
+
+def kept_options(scene: Scene) -> Mapping[str, Any]:
+    """Options of a scene as plain data, without those that a run of its model may change."""
+    tree = scene.dump()
+    for key in (*FREE, *load_functions(scene)):
+        node: Any = tree
+        *path, last = find(tree, key)
+        for part in path:
+            node = node[part]
+        node[last] = None
+    return tree
+
+
+def inside(key: str, of: str) -> bool:
+    """True for the key `of` or one of its entries."""
+    parts = split(of)
+    return split(key)[: len(parts)] == parts

@@ -1,0 +1,41 @@
+"""Runs of a study that share one prepared model have the rows of runs with their own."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from small_scenes import tiny
+from sparsemor import study
+from sparsemor.core.analysis.study import kept_models
+from sparsemor.core.analysis.study.columns import TIMES
+from sparsemor.core.analysis.study.kept_models import KeptModels
+from sparsemor.core.simulation import training
+
+FLUX = "loads.heating.flux"
+
+
+@pytest.mark.full
+def test_runs_that_differ_in_free_keys_share_a_model(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene = tiny().using({"reducer": {"use": "galerkin", "basis": {"use": "pod", "count": 4}}})
+    (tmp_path / "tiny.json").write_text(json.dumps(scene.dump()))
+    file = tmp_path / "study.json"
+    file.write_text(json.dumps({
+        "scene": "tiny.json", "list": [{}, {FLUX: 2.0e5}, {"reducer.basis.count": 3},
+                                       {"time.end": 0.014, "reducer.basis.count": 3}],
+        "set": {"time.end": 0.01, "training": {"end": 0.006, "overrides": {FLUX: 1.0e6}}}}))
+    prepared: list[object] = []
+    made = kept_models.reduce
+    monkeypatch.setattr(kept_models, "reduce", lambda s: prepared.append(s) or made(s))
+    monkeypatch.setattr(training, "train", lambda *a: pytest.fail("full order is solved twice"))
+    shared = study(file, out=tmp_path / "shared")
+    assert len(prepared) == 2
+    assert {row["offline_cache"] for row in shared} == {"shared model"}
+    monkeypatch.setattr(KeptModels, "of", lambda *a: None)
+    own = study(file, out=tmp_path / "own")
+    for one, other in zip(shared, own, strict=True):
+        assert one["status"] == "done" and one["steps"] in (10, 14)
+        differing = {k for k in one if one[k] != other[k]} - set(TIMES)
+        assert not differing
