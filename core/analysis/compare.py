@@ -1,11 +1,18 @@
 """Comparison of runs with a reference run: errors, computing times and charts."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from sparsemor.core.analysis.gains import (
+    Gain,
+    end_of_training,
+    gain_table,
+    gains,
+    training_lines,
+)
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.results.cost import RunFacts, pays_after, run_facts
@@ -27,6 +34,7 @@ if TYPE_CHECKING:
     from sparsemor.core.analysis.charts.work_precision import WorkPoint
 
 REFERENCE = "reference"
+NONE: Mapping[str, str] = {}
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -35,7 +43,7 @@ class Comparison:
 
     runs, measured: run name -> result, errors; name: label of the reference: its reducer, or
     "reference" if a run has that name; limit: errors above it (relative; rad for angles) are
-    marked.
+    marked; failed: run that has no result -> reason.
     """
 
     reference: RunResult
@@ -43,6 +51,7 @@ class Comparison:
     measured: Mapping[str, Errors]
     name: str = REFERENCE
     limit: float = LIMIT
+    failed: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def above_limit(self) -> dict[str, dict[str, float]]:
@@ -87,14 +96,44 @@ class Comparison:
         facts = self.facts
         return {run: pays_after(facts[self.name], facts[run]) for run in self.runs}
 
+    @property
+    def trained_to(self) -> float:
+        """End of training, s, if it is before the end of the runs; else 0."""
+        return end_of_training(self.reference, self.runs.values())
+
+    @property
+    def gains(self) -> dict[str, Gain]:
+        """Run -> wall-clock gain over the reference."""
+        return gains(self.facts, self.name)
+
     def work_points(self) -> "tuple[list[WorkPoint], WorkPoint]":
-        """Points of the work-precision chart: one per run, and the reference."""
+        """Points of the work-precision chart: one per run, and the reference. Errors are those
+        after the end of training, if late errors are measured from there."""
         from sparsemor.core.analysis.charts.work_precision import WorkPoint
 
-        facts = self.facts
-        found = {name: WorkPoint(name, "", f.ms_per_step, self.errors.get(name, {}), f.status,
-                                 f.offline_whole_seconds) for name, f in facts.items()}
+        errors = self.late_errors if self._outside else self.errors
+        found = {name: WorkPoint(name, "", f.ms_per_step, errors.get(name, {}), f.status,
+                                 f.offline_whole_seconds) for name, f in self.facts.items()}
         return [found[run] for run in self.runs], found[self.name]
+
+    def work_notes(self) -> list[str]:
+        """Lines below the work-precision chart: training, cost, and runs that failed."""
+        facts = self.facts
+        outside = [f"errors after {self.trained_to:.4g} s, the end of training"] * self._outside
+        costs = [f"{name}: offline {facts[name].offline_whole_seconds:.3g} s, wall-clock gain "
+                 f"{g.once:.3g} with it, {g.again:.3g} in further runs"
+                 for name, g in self.gains.items()]
+        lines = training_lines(self.reference, self.runs)
+        return [*outside, *lines, *costs, *self._failed_lines()]
+
+    @property
+    def _outside(self) -> bool:
+        """True if late errors are those after the end of training."""
+        return self.trained_to > 0.0 and any(
+            e.late_from == self.trained_to for e in self.measured.values())
+
+    def _failed_lines(self) -> list[str]:
+        return [f"failed: {name}: {why}" for name, why in self.failed.items()]
 
     @property
     def notes(self) -> dict[str, str]:
@@ -136,8 +175,11 @@ class Comparison:
         fields = self._fields(measure_names(self.reference.layout.kinds))
         late = next((e.late_from for e in self.measured.values() if e.late_from > 0.0), 0.0)
         phases = ["", phase_table(self.measured, self._blocks(), self.limit)]
+        gain = ["", gain_table(found)] if (found := self.gains) else []
         return "\n".join([text_table(self._table(fields)), *self._late_lines(late, fields), *phases,
-                          *self._estimate_lines(), *self._limit_lines(), *self.notes.values()])
+                          *self._estimate_lines(), *gain, *self._limit_lines(),
+                          *self.notes.values(), *training_lines(self.reference, self.runs),
+                          *self._failed_lines()])
 
     def _fields(self, measures: Sequence[str]) -> list[str]:
         return [f for f in measures if any(f in e.worst for e in self.measured.values())]
@@ -163,13 +205,15 @@ class Comparison:
 
     def to_json(self) -> str:
         """JSON text with errors, times and counts of every run."""
-        pays = self.pays_after
+        pays, found = self.pays_after, self.gains
         runs = {name: f.as_dict() | {"pays_after": pays.get(name),
                                      "errors": self.errors.get(name, {}),
                                      "late_errors": self.late_errors.get(name, {}),
                                      "above_limit": self.above_limit.get(name, {}),
                                      "constant": self._constant(name),
                                      "effectivity": self.effectivity.get(name, {}),
+                                     "wall_clock_gain": found[name]._asdict()
+                                     if name in found else {},
                                      **self._phases(name),
                                      "note": self.notes.get(name, "")}
                 for name, f in self.facts.items()}
@@ -269,25 +313,27 @@ class Comparison:
 
 
 def compare(
-    reference: RunResult, *, errors_from: float = 0.0, error_limit: float = LIMIT,
-    **runs: RunResult
+    reference: RunResult, *, errors_from: float | None = None, error_limit: float = LIMIT,
+    failed: Mapping[str, str] = NONE, **runs: RunResult
 ) -> Comparison:
     """Comparison of runs with a reference run.
 
-    errors_from: time, s, from which late errors are evaluated in addition; error_limit: errors
-    above it are marked. Raises InputError when a run has no unknowns or times in common with the
+    errors_from: time, s, from which late errors are evaluated in addition, by default the end of
+    training if the runs are longer; error_limit: errors above it are marked; failed: run without
+    a result -> reason. Raises InputError when a run has no unknowns or times in common with the
     reference.
     """
     if not runs:
         raise InputError("name at least one run in addition to the reference")
     measured = {}
+    late = end_of_training(reference, runs.values()) if errors_from is None else errors_from
     for name, run in runs.items():
         try:
-            measured[name] = measure_errors(reference, run, errors_from)
+            measured[name] = measure_errors(reference, run, late)
         except InputError as fault:
             raise fault.under(name) from None
     name = REFERENCE if reference.reducer in runs else reference.reducer
-    return Comparison(reference, runs, measured, name, error_limit)
+    return Comparison(reference, runs, measured, name, error_limit, failed)
 
 
 def _ratio(base: float | None, own: float | None) -> str:

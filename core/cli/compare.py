@@ -53,6 +53,10 @@ def compare(
                            "than the runs.")
     ] = True,
     as_json: Json = False, quiet: Quiet = False,
+    training_end: Annotated[
+        float | None, typer.Option(min=0.0, max=1.0, help="Fraction of the run on which bases are "
+                                   "trained; errors after it are tabulated and drawn.")
+    ] = None,
     error_limit: Annotated[
         float, typer.Option(min=0.0, help="Errors above this are marked in tables and charts.")
     ] = 0.1,
@@ -61,6 +65,8 @@ def compare(
     with exit_codes(as_json):
         loaded = load_with(scene, settings)
         with located_in(loaded):
+            if training_end is not None:
+                loaded = trained_on(loaded, training_end)
             scenes = variants(loaded, words(reducers) or [])
         directory = out or Path("runs", f"{loaded.name}-compare")
         body_cache = BodyCache()
@@ -68,6 +74,12 @@ def compare(
         with place_for_result(directory, resume, force):
             results, failures = _run_all(scenes, directory, resume, quiet or as_json, body_cache)
         _report(results, failures, directory, as_json, quiet, charts, error_limit)
+
+
+def trained_on(scene: Scene, share: float) -> Scene:
+    """The scene with a training run of the first steps, a share of all."""
+    steps = max(1, round(share * scene.time.end / scene.time.step))
+    return scene.using({"training.end": steps * scene.time.step}, label="--training-end")
 
 
 def variants(scene: Scene, reducers: list[str], registry: Registry | None = None
@@ -187,7 +199,8 @@ def _report(
             print_json({"status": "failed", "failures": failed})
         leave(failed, FAILED)
     runs: dict[str, Any] = {name: results[name] for name in others}
-    comparison = compared(results[reference], error_limit=error_limit, **runs)
+    comparison = compared(results[reference], error_limit=error_limit, failed={
+        name: str(error) for name, error in failures.items() if name not in results}, **runs)
     with writing(directory):
         drawing = sys.stderr.isatty() and not (quiet or as_json)
         comparison.write(directory, charts, _drawn if drawing else None)
@@ -199,6 +212,8 @@ def _report(
                     "runs": [{"run": name, **summary} for name, summary in summaries.items()],
                     "errors": comparison.errors, "effectivity": comparison.effectivity,
                     "above_limit": comparison.above_limit,
+                    "late_errors": comparison.late_errors, "trained_to": comparison.trained_to,
+                    "wall_clock_gain": {n: g._asdict() for n, g in comparison.gains.items()},
                     "start_up": {n: e.start_up for n, e in comparison.measured.items()},
                     "steady": {n: e.steady for n, e in comparison.measured.items()},
                     "failures": failed, "out": str(directory)})

@@ -197,7 +197,7 @@ class Recorder:
             self.errors.store()
         if self._reports is not None:
             found = resultants(self._reports.resultant_sources(memory), state)
-            self._contacts.append({n: f for n, f in found.items() if n in self._contact_names})
+            self._contacts.append({n: v for n, v in found.items() if n in self._contact_names})
 
     def save(self, state: State, memory: StepMemory, tally: Tally) -> None:
         """Commit the buffered steps and a checkpoint."""
@@ -274,6 +274,8 @@ class Recorder:
             "fall_back": {**self.fall_back, "steps": tally.full_steps,
                           "seconds": tally.full_seconds} if self.fall_back else {},
             "stability": dict(self.run.stability),
+            "trained_to": self.run.trained_to if any(
+                s.trained for s in self.run.spaces) else None,
             "linear_solvers": solvers_summary(
                 [*self.run.factored(), *self.products.factorizations],
                 _iterations(solver, memory), done),

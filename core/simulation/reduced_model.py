@@ -141,6 +141,11 @@ class ReducedModel:
         """Number of unknowns."""
         return self._run.solver.layout.size
 
+    @property
+    def estimates_errors(self) -> bool:
+        """True if runs with the model's own loads estimate their error."""
+        return bool(self._run.header.estimates)
+
     @cached_property
     def free(self) -> tuple[str, ...]:
         """Keys of the scene that a run may change."""

@@ -19,6 +19,7 @@ import report
 
 from sparsemor import ReducedModel, Scene, load, load_model, simulate
 from sparsemor.core.model.body_cache import BodyCache
+from sparsemor.core.protocols import State, StepMemory
 from sparsemor.core.registry.hooks import new_manager
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.offline import step_count
@@ -53,14 +54,14 @@ def measured(scene: Scene, file: Path, repeats: int) -> dict[str, float]:
     bodies, full = BodyCache(), scene.using({"reducer": "full"})
     simulate(full.using({"time.end": 2 * scene.time.step}), body_cache=bodies)
     run, _ = prepared_run(scene, Cache(), new_manager(()), bodies.of_bodies())
-    model = ReducedModel(run)
+    model, begin = ReducedModel(run), started(run.solver, scene.integrator, run.start)
     model.save(file)
     loaded, tree = load_model(file), scene.dump()["loads"]
     functions = {k: tree[k.split(".")[1]][k.split(".")[2]] for k in model.free if "loads" in k}
     other = {k: {**f, "level": 1.1 * f["level"]} for k, f in functions.items()}
     ways: dict[str, Callable[[], object]] = {
         "kept": model.run, "loaded": loaded.run, "other": lambda: model.run(other),
-        "steps": lambda: steps_alone(run), "open": lambda: load_model(file)}
+        "steps": lambda: steps_alone(run, begin), "open": lambda: load_model(file)}
     seconds: dict[str, float] = {}
     for _ in range(repeats):
         for way, do in ways.items():
@@ -80,10 +81,9 @@ def timed(do: Callable[[], object]) -> float:
 
 
 @np.errstate(all="ignore")
-def steps_alone(run: PreparedRun) -> None:
-    integrator = run.scene.integrator
-    step = step_of(run.solver, integrator, run.scene.time.step)
-    for _ in iterate(step, *started(run.solver, integrator, run.start), step_count(run.scene)):
+def steps_alone(run: PreparedRun, begin: tuple[State, StepMemory]) -> None:
+    step = step_of(run.solver, run.scene.integrator, run.scene.time.step)
+    for _ in iterate(step, begin[0], begin[1].copy(), step_count(run.scene)):
         pass
 
 

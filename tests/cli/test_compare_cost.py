@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.text import Text
 from typer.testing import CliRunner
 
 from sparsemor import load, open_result, simulate
@@ -126,3 +127,32 @@ def test_a_replaced_reducer_says_what_it_leaves_out() -> None:
     done = CliRunner().invoke(app, ["run", "scene.yaml", "--set", "reducer=galerkin"])
     assert done.exit_code == 0, done.output
     assert "note: reducer galerkin runs with its own defaults: basis of the" in done.stderr
+
+
+@pytest.mark.full
+def test_errors_after_the_end_of_training_are_tabulated_and_drawn() -> None:
+    found = compared(TINY, "--reducers", "full,galerkin", "--training-end", "0.5", "--no-charts",
+                     "--out", "half")
+    assert found["trained_to"] == pytest.approx(0.02)
+    assert found["late_errors"]["galerkin"]["elastic"] > 0.0
+    runs = {name: open_result(f"half/{name}") for name in ("full", "galerkin")}
+    comparison = compare(runs["full"], galerkin=runs["galerkin"], failed={"deim": "singular"})
+    points, _ = comparison.work_points()
+    assert points[0].errors == comparison.late_errors["galerkin"]
+    gain, full, own = comparison.gains["galerkin"], *comparison.facts.values()
+    whole = (full.offline_seconds or 0.0) + (full.online_seconds or 0.0)
+    assert gain.again == pytest.approx(whole / (own.online_seconds or 0.0))
+    assert gain.once < gain.again
+    notes = comparison.work_notes()
+    assert notes[0] == "errors after 0.02 s, the end of training"
+    assert "trained to 0.02 s of 0.04 s: galerkin" in notes
+    assert notes[-1] == "failed: deim: singular"
+    for line in notes[1:]:
+        assert line in str(comparison) or "offline" in line
+    drawn = "\n".join(t.get_text() for t in comparison.plot().findobj(Text))
+    assert all(note[:40] in drawn for note in notes)
+    lines = comparison.plot("error_over_time").findobj(Text)
+    assert any("end of training" in t.get_text() for t in lines)
+    whole_run = compare(runs["full"], galerkin=simulate(load(TINY, {"reducer": "galerkin"})))
+    assert whole_run.trained_to == 0.0
+    assert "on the training run: galerkin; errors of other runs are larger" in str(whole_run)

@@ -53,7 +53,10 @@ class Compared(Protocol):
     def name(self) -> str: ...
     @property
     def limit(self) -> float: ...
+    @property
+    def trained_to(self) -> float: ...
     def work_points(self) -> tuple[list[WorkPoint], WorkPoint]: ...
+    def work_notes(self) -> Sequence[str]: ...
 
 
 def write_charts(
@@ -71,8 +74,10 @@ def write_charts(
         yield from _of_reference(reference, times, alike(reference, runs), name)
         yield "angles", angles_figure(reference, runs, name)
         yield "error_over_time", error_over_time_figure(
-            comparison.measured, {n: run.status for n, run in runs.items()}, kinds, limit)
-        yield "work_precision", work_precision_figure(*comparison.work_points(), kinds, limit)
+            comparison.measured, {n: run.status for n, run in runs.items()}, kinds, limit,
+            comparison.trained_to)
+        yield "work_precision", work_precision_figure(
+            *comparison.work_points(), kinds, limit, comparison.work_notes())
         for label, run in runs.items():
             file = re.sub(r"[^\w.-]+", "_", f"active_atoms_{label}")
             yield file, active_atoms_figure(run, label)

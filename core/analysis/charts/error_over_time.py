@@ -7,6 +7,7 @@ import numpy as np
 
 from sparsemor.core.analysis.charts.style import (
     LIMIT_COLOUR,
+    REFERENCE_COLOUR,
     SMALL,
     draw_line,
     handles_of,
@@ -28,14 +29,15 @@ _MOST_POINTS = 2000
 
 def error_over_time_figure(
     measured: Mapping[str, Errors], statuses: Mapping[str, Status], kinds: Sequence[FieldKind],
-    limit: float = LIMIT,
+    limit: float = LIMIT, trained_to: float = 0.0,
 ) -> "Figure | None":
     """Errors over time on a logarithmic axis, one panel per error measure; None if there is no
     error above 0.
 
     A dotted line of the same colour is the error that a run estimated for itself. A line marks
-    `limit` where an error exceeds it. Fields that are constant in all runs have no
-    panel. measured: run -> errors; kinds: kinds of the runs' fields, in the order of the panels.
+    `limit` where an error exceeds it. Fields that are constant in all runs have no panel. measured:
+    run -> errors; kinds: kinds of the runs' fields, in the order of the panels; trained_to: end of
+    training, s, which is marked, 0 for none.
     """
     titles = {"combined": "all unknowns together",
               **{k.name: k.label for k in kinds if k.order > 0}}
@@ -68,6 +70,10 @@ def error_over_time_figure(
             axes.axhline(limit, color=LIMIT_COLOUR, linewidth=0.8, linestyle=":", zorder=0)
             axes.text(0.99, limit, f"limit {limit:g}", fontsize=SMALL, color=LIMIT_COLOUR,
                       ha="right", va="bottom", transform=axes.get_yaxis_transform())
+        if trained_to > 0.0:
+            axes.axvline(clock.factor * trained_to, color=REFERENCE_COLOUR, linewidth=0.8, zorder=0)
+            axes.text(clock.factor * trained_to, 0.98, " end of training", fontsize=SMALL, va="top",
+                      color="#606060", transform=axes.get_xaxis_transform())
         axes.set_yscale("log")
         axes.yaxis.set_minor_formatter("")  # within one decade they would run into each other
         upper = 3.0 * min(top, _HIGHEST)

@@ -52,9 +52,11 @@ def plot_comparison(comparison: Compared, chart: str) -> "Figure":
     runs, reference, name = comparison.runs, comparison.reference, comparison.name
     kinds, limit = reference.layout.kinds, comparison.limit
     return _drawn({
-        "work_precision": lambda: work_precision_figure(*comparison.work_points(), kinds, limit),
+        "work_precision": lambda: work_precision_figure(
+            *comparison.work_points(), kinds, limit, comparison.work_notes()),
         "error_over_time": lambda: error_over_time_figure(
-            comparison.measured, {n: run.status for n, run in runs.items()}, kinds, limit),
+            comparison.measured, {n: run.status for n, run in runs.items()}, kinds, limit,
+            comparison.trained_to),
         **_of_run(reference, None, alike(reference, runs), name),
         "angles": lambda: angles_figure(reference, runs, name)}, chart)
 

@@ -67,7 +67,7 @@ class _Range:
 
 def work_precision_figure(
     points: Sequence[WorkPoint], reference: WorkPoint | None, kinds: Sequence[FieldKind],
-    limit: float = LIMIT,
+    limit: float = LIMIT, notes: Sequence[str] = (),
 ) -> "Figure | None":
     """Work-precision chart: error against ms/step, both logarithmic, one panel per error measure;
     None if no run has both a time and an error.
@@ -76,7 +76,7 @@ def work_precision_figure(
     method are joined in the order of the numbers in their budgets; the first and the last are
     labelled. Runs that stopped early are hollow points at the upper edge, named below the chart; a
     cross marks errors above `limit`. kinds: kinds of the runs' fields; rigid coordinates have a
-    panel of their own only if there is no error of angles.
+    panel of their own only if there is no error of angles. notes: further lines below the chart.
     """
     points = [_drawn(p) for p in points]
     reference = None if reference is None else _drawn(reference)
@@ -115,6 +115,7 @@ def work_precision_figure(
     below = [_stopped_note(stopped, columns)] if stopped else []
     if any(e > limit for p in timed for m, e in p.errors.items() if m in measures and p.status.ok):
         below.append(f"crossed out: error above {limit:g}")
+    below += [fill(plain(note), 62 * columns) for note in notes]
     if below:
         figure.supxlabel("\n".join(below), fontsize=SMALL, x=0.01, ha="left")
     figure.draw_without_rendering()  # the layout must stand before labels are placed

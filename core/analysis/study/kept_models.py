@@ -37,6 +37,7 @@ class KeptModels:
 
 def _reduced(scene: Scene) -> ReducedModel | None:
     try:
-        return reduce(scene)
+        model = reduce(scene)
+        return None if model.estimates_errors else model  # which runs with other loads do not
     except (InputError, SolveFailed):  # each run reports its own failure
         return None
