@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BaseModel, Field, model_validator
 
+from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import Fault, InputError
 from sparsemor.core.protocols import TimeFunction
 from sparsemor.core.registry.plugin import Plugin
@@ -115,7 +116,7 @@ def uniform(parameters: Mapping[str, Parameter], count: int, seed: int) -> list[
     return _at(parameters, np.random.default_rng(seed).random((count, len(parameters))))
 
 
-def _at(parameters: Mapping[str, Parameter], shares: Any) -> list[Point]:
+def _at(parameters: Mapping[str, Parameter], shares: FloatArray) -> list[Point]:
     return [{n: p.at(float(s)) for (n, p), s in zip(parameters.items(), row, strict=True)}
             for row in shares]
 
