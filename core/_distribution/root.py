@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from sparsemor.core.results.run_result import open_result as open_result
     from sparsemor.core.scene.scene import Scene as Scene
     from sparsemor.core.scene.scene import load as load
+    from sparsemor.core.simulation.advice import Advice as Advice
+    from sparsemor.core.simulation.advice import advise as advise
     from sparsemor.core.simulation.reduced_model import ReducedModel as ReducedModel
     from sparsemor.core.simulation.reduced_model import load_model as load_model
     from sparsemor.core.simulation.reduced_model import reduce as reduce
@@ -29,12 +31,14 @@ if TYPE_CHECKING:
     __version__: str
 
 _HOMES = {
+    "Advice": "simulation.advice",
     "InputError": "errors",
     "ReducedModel": "simulation.reduced_model",
     "Registry": "registry.registry",
     "Scene": "scene.scene",
     "SolveFailed": "status",
     "Status": "status",
+    "advise": "simulation.advice",
     "animate": "analysis.charts.animation",
     "compare": "analysis.compare",
     "export": "results.export",
@@ -50,9 +54,9 @@ _HOMES = {
 }
 
 __all__ = [
-    "InputError", "ReducedModel", "Registry", "Scene", "SolveFailed", "Status", "__version__",
-    "animate", "compare", "export", "load", "load_model", "open_result", "parameter_test", "plot",
-    "reduce", "reproduce", "simulate", "study",
+    "Advice", "InputError", "ReducedModel", "Registry", "Scene", "SolveFailed", "Status",
+    "__version__", "advise", "animate", "compare", "export", "load", "load_model", "open_result",
+    "parameter_test", "plot", "reduce", "reproduce", "simulate", "study",
 ]
 
 

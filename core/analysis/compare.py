@@ -137,8 +137,8 @@ class Comparison:
 
     @property
     def notes(self) -> dict[str, str]:
-        """Run -> note on a comparison that is incomplete in time or in blocks; absent for complete
-        ones."""
+        """Run -> note on a comparison that is incomplete in time or in blocks, and on a run that
+        went on at full order; absent for others."""
         end = float(self.reference.times[-1])
         found = {}
         for run, e in self.measured.items():
@@ -147,6 +147,8 @@ class Comparison:
             if e.unshared:
                 parts.append("not compared, because only one run has them or their sizes differ: "
                              + ", ".join(e.unshared))
+            if told := self.runs[run].summary.get("fall_back"):
+                parts.append(f"{told['steps']} steps from {told['time']:.4g} s on at full order")
             if parts:
                 found[run] = f"{run}: {'; '.join(parts)}"
         return found

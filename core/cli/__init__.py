@@ -10,6 +10,7 @@ from typing import Annotated
 try:
     import typer
 
+    from sparsemor.core.cli.advise import advise
     from sparsemor.core.cli.cache import cache
     from sparsemor.core.cli.compare import compare
     from sparsemor.core.cli.export import animate, export, pictures
@@ -26,8 +27,8 @@ except KeyboardInterrupt:  # Ctrl-C in the first half second, while all this is 
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]})
-for command in (run, reduce, compare, study, reproduce, stability, export, pictures, animate,
-                validate, schema, plugins, cache):
+for command in (run, reduce, advise, compare, study, reproduce, stability, export, pictures,
+                animate, validate, schema, plugins, cache):
     app.command()(command)
 app.command("new-plugin")(new_plugin)
 

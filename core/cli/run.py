@@ -26,8 +26,10 @@ from sparsemor.core.cli.options import (
 from sparsemor.core.errors import InputError
 from sparsemor.core.protocols.reducer import shared_options
 from sparsemor.core.registry.registry import Registry
+from sparsemor.core.results.error_norms import LIMIT
 from sparsemor.core.results.model_format import is_model_file
 from sparsemor.core.results.solver_report import solvers_in_words
+from sparsemor.core.results.tables import marked
 from sparsemor.core.scene.overrides import parse_settings
 from sparsemor.core.scene.source import Source
 from sparsemor.core.scene.yaml_reader import LocatedError
@@ -124,8 +126,12 @@ def in_words(summary: Mapping[str, Any]) -> str:
     lines.append(("factorized", summary.get("factorizations")))
     lines += [("linear solver", text) for text in solvers_in_words(
         summary.get("linear_solvers", ()))]
-    lines += [("error estimate", f"{n}: {e:.2g} of its largest change")
+    limit = summary.get("error_tolerance", LIMIT)
+    lines += [("error estimate", f"{n}: {marked(e, '.2g', limit)} of its largest change")
               for n, e in summary.get("error_estimate", {}).items()]
+    for label, key in (("at full order", "fall_back"), ("for new atoms", "enriched")):
+        if found := summary.get(key):
+            lines.append((label, f"{found['steps']} steps, {found['seconds']:.3g} s"))
     held = summary.get("memory")
     if held:
         lines.append(("memory", f"{held['peak_gb']:.2g} GB at most"))

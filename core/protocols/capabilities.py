@@ -38,7 +38,8 @@ CAPABILITIES: Mapping[str, tuple[type, ...]] = {
     "mesh": (mesh.EstimatesMeshSize,),
     "reducer": (reducer.ChecksModel, reducer.UsesBases, reducer.UsesForceBasis,
                 reducer.HoldsSnapshots, reducer.EstimatesErrors, reducer.RestartsSteps,
-                reducer.SharesOptions, reducer.SamplesRows, reducer.BudgetsFields),
+                reducer.SharesOptions, reducer.SamplesRows, reducer.BudgetsFields,
+                reducer.ChoosesReducer),
     "sampler": (sampler.ChoosesRowsKept, sampler.SamplesNodes, sampler.DrawsRequired),
     "sparse_solver": (sparse_solver.LimitsProblems,),
 }

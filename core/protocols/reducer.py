@@ -156,6 +156,10 @@ class OfflineProducts(Protocol):
         which they depend except the training run."""
         ...
 
+    def learning(self, count: int) -> "OfflineProducts":
+        """Offline data of the first `count` snapshots alone, without a cache."""
+        ...
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReducedProblem:
@@ -218,6 +222,55 @@ class HoldsSnapshots(Protocol):
         ...
 
 
+@dataclass(frozen=True, slots=True)
+class TrialRun:
+    """Reduced run over the training run, whose snapshots are its reference.
+
+    method: reducer and what its bases were learned from, in words; atoms: block -> number of atoms;
+    errors: block -> largest error relative to the largest change of the block, `inf` for a run that
+    failed; holdout: the same in the part of the training run that the bases have not learned, empty
+    without such a part; ms: CPU time per step, ms, None for a projection of the snapshots, which is
+    no run; elements: number of elements visited per step.
+    """
+
+    method: str
+    atoms: Mapping[str, int]
+    errors: Mapping[str, float]
+    holdout: Mapping[str, float]
+    ms: float | None
+    elements: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """Reducer that was chosen by trial runs.
+
+    reducer: its options, as in a scene; trials: all trial runs, the chosen reducer last; reasons:
+    what speaks for and against the choice, one sentence each; doubts: the same where the tolerance
+    is not met.
+    """
+
+    reducer: Mapping[str, object]
+    trials: tuple[TrialRun, ...]
+    reasons: tuple[str, ...]
+    doubts: tuple[str, ...] = ()
+
+
+@runtime_checkable
+class ChoosesReducer(Protocol):
+    """A reducer that is replaced by another one before a run. It chooses that on the training run:
+    the model of its problem is that of the training run, and so are the snapshots."""
+
+    def left_out(self, problem: ReducedProblem) -> tuple[str, ...]:
+        """Names of the blocks that the scene does not need: fields that are constant in the
+        training run."""
+        ...
+
+    def choose(self, problem: ReducedProblem) -> Choice:
+        """Reducer for this problem. Raises InputError where none can be chosen."""
+        ...
+
+
 ErrorAction: TypeAlias = Literal["warn", "stop", "fall_back", "enrich"]
 """What a run does where its estimated error exceeds the tolerance."""
 
@@ -248,6 +301,10 @@ class ErrorEstimator(Protocol):
     def start(self, full: State, reduced: State) -> dict[str, FloatArray]:
         """Memory of the estimate at the start of a run, from its initial state in the unknowns of
         the full model and in those of the reduced one."""
+        ...
+
+    def corrected(self, full: State, memory: Mapping[str, FloatArray]) -> State:
+        """A state of the full model plus the estimated errors and their rates."""
         ...
 
     def present(self, memory: Mapping[str, FloatArray]) -> dict[str, float]:

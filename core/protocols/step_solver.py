@@ -190,7 +190,7 @@ class LeavesMesh(Protocol):
         and makes the rates consistent."""
         ...
 
-    def stepping_alike(self, copy: Any) -> StepSolver:
+    def stepping_alike(self, copy: StepSolver) -> StepSolver:
         """A copy of the solver without mesh, made in this process, that takes its steps the same
         way (compiled, say)."""
         ...

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsemor.core.arrays import IntArray
+from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.results import zarr_files as zf
 from sparsemor.core.results.metadata import RunHeader
 from sparsemor.core.results.run_result import RunResult
@@ -98,10 +98,11 @@ class MemoryWriter:
             check_column(name, self._arrays[name], values, len(steps.times))
         self._parts.append(columns)
 
-    def continued(self, header: RunHeader) -> "MemoryWriter":
+    def continued(self, header: RunHeader, maps: Mapping[str, FloatArray]) -> "MemoryWriter":
         """Writer of the same result in other unknowns of the step solver."""
         writer = MemoryWriter(header, fixed_in_memory(header))
-        writer._parts.append(converted(self.result(), writer._arrays, slice(None)))
+        writer._parts.append(converted(
+            self.result(), writer._arrays, maps, slice(None)))
         return writer
 
     def checkpoint(self, arrays: Mapping[str, NDArray[Any]], memory: object = None) -> None:

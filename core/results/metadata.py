@@ -56,7 +56,8 @@ class RunHeader:
     (scene/run_identity.py); platform: processor, BLAS library and number of threads; contacts:
     contact -> names of the resultants that are stored; multipliers: block of Lagrange multipliers
     -> (name, unit) of each; estimates: blocks whose error is estimated; fall_back: time, block and
-    reason where the run left its reduced model and went on at full order, {} if it did not.
+    reason where the run left its reduced model and went on at full order, {} if it did not;
+    enriched: times from which it had more atoms, s.
     """
 
     scene: Mapping[str, Any]
@@ -79,6 +80,7 @@ class RunHeader:
     multipliers: Mapping[str, tuple[tuple[str, str], ...]] = field(default_factory=dict)
     estimates: tuple[str, ...] = ()
     fall_back: Mapping[str, Any] = field(default_factory=dict)
+    enriched: tuple[float, ...] = ()
 
     def attributes(self) -> dict[str, Any]:
         """Attributes of the stored result: the entries of the header that are not arrays, as plain
@@ -102,6 +104,7 @@ class RunHeader:
             "contacts": {name: list(kept) for name, kept in self.contacts.items()},
             "estimates": list(self.estimates),
             "fall_back": dict(self.fall_back),
+            "enriched": list(self.enriched),
         }
 
 

@@ -10,7 +10,7 @@ import errno
 import os
 import shutil
 import uuid
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -158,10 +158,12 @@ class ResultWriter:
             zf.write_group(self.path, self._document)
         self._last_time = float(times[-1])
 
-    def continued(self, header: RunHeader) -> "ResultWriter":
+    def continued(
+        self, header: RunHeader, maps: Mapping[str, FloatArray]
+    ) -> "ResultWriter":
         """Writer of the same result in other unknowns of the step solver, for the steps to come.
-        The stored steps are converted; a process that is killed during the exchange leaves them in
-        the folder `.NAME.old`."""
+        The stored steps are converted (`converted`); a process that is killed during the exchange
+        leaves them in the folder `.NAME.old`."""
         known = self.result()
         fresh, old = (self.path.with_name(f".{self.path.name}.{end}") for end in ("new", "old"))
         for folder in (fresh, old):
@@ -171,7 +173,8 @@ class ResultWriter:
         writer = ResultWriter(fresh)
         for first in range(0, self.stored, writer._chunk):
             writer._append(converted(
-                known, writer._arrays, slice(first, min(first + writer._chunk, self.stored))))
+                known, writer._arrays, maps,
+                slice(first, min(first + writer._chunk, self.stored))))
         with self._folder.kept(self._last_time):  # still in its place
             pass
         os.replace(self.path, old)
@@ -275,17 +278,22 @@ def columns_of(
 
 
 def converted(
-    known: RunResult, arrays: Mapping[str, Mapping[str, Any]], steps: slice
+    known: RunResult, arrays: Iterable[str], maps: Mapping[str, FloatArray], steps: slice
 ) -> dict[str, NDArray[Any]]:
-    """Name -> values, at some steps of a result, of arrays over time for other unknowns of the step
-    solver: coefficients of more atoms, the new ones zero, or all unknowns of a block."""
+    """Name -> values, at some steps of a result, of the arrays over time for other unknowns of the
+    step solver. maps: block -> matrix (l, k) from its coefficients to those of other atoms; a block
+    without one is converted to all its unknowns."""
     columns: dict[str, NDArray[Any]] = {}
-    for name, metadata in arrays.items():
+    for name in arrays:
         values = known.over_time(name, steps)
+        block, _, what = name.rpartition(".")
         if values is None:
             values = known.block(name, steps)
-        columns[name] = np.zeros((len(values), *metadata["shape"][1:]), values.dtype)
-        columns[name][tuple(slice(n) for n in values.shape)] = values
+        elif block in maps and what == "coefficients":
+            values = values @ maps[block].T
+        elif block in maps and what == "active":
+            values = values @ (maps[block].T != 0.0)
+        columns[name] = values
     return columns
 
 

@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -220,6 +220,12 @@ class Scene(Plugin):
         options = reducer.model_dump(mode="json", context={"registry": registry})
         name = registry.name_of("reducer", type(reducer))
         return self.using({"reducer": {"use": name, **options}}, label=label)
+
+    def with_notes(self, notes: Iterable[Note]) -> "Scene":
+        """The same scene with more notes, which its runs report."""
+        scene = build(self.source)
+        scene._notes = (*scene._notes, *notes)
+        return scene
 
     def for_training(self, point: Point | None = None) -> "Scene":
         """Full-order scene of the training run of a reduced model, at one point of the box of

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
+from sparsemor.core.protocols import TimeFunction
 from sparsemor.core.scene.nested import functions_of_time
 from sparsemor.core.scene.overrides import find, split
 from sparsemor.core.scene.scene import Scene
@@ -11,12 +12,12 @@ FREE = ("title", "output", "time.end")
 """Keys of a scene on which no prepared model depends."""
 
 
-def load_functions(scene: Scene) -> Mapping[str, Any]:
+def load_functions(scene: Scene) -> Mapping[str, TimeFunction]:
     """Key -> function of time of the loads, on which a model need not depend."""
     return dict(functions_of_time({"loads": scene.loads}))
 
 
-def kept_options(scene: Scene) -> Mapping[str, Any]:
+def kept_options(scene: Scene) -> Mapping[str, object]:
     """Options of a scene as plain data, without those that a run of its model may change."""
     tree = scene.dump()
     for key in (*FREE, *load_functions(scene)):

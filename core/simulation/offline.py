@@ -112,6 +112,18 @@ class Offline:
     def _place(self, key: str) -> str:
         return "" if self.products.cache is None else digest(key)
 
+    def learning(self, count: int) -> "Offline":
+        """Offline data of the first `count` snapshots alone, without a cache. For integrators
+        of an order above 1 the last snapshot, made of the initial accelerations, remains."""
+        extra = int(self.recording is not None and self.recording.integrator.order > 1)
+
+        def rows() -> Mapping[str, FloatArray]:
+            found = {n: self.snapshots(n).T for n in self._model.reducible()}
+            return {n: np.concatenate([X[:count], X[len(X) - extra:]]) for n, X in found.items()}
+
+        return Offline(self._model, lambda: [("", rows)], Products(None), self.manager,
+                       self.recording)
+
     def remember(
         self, kind: str, depends: Sequence[object], make: Callable[[], Arrays]
     ) -> Arrays:

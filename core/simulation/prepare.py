@@ -60,9 +60,8 @@ class PreparedRun:
     unknowns of a solver without mesh; header: of the result; probes, given: what is recorded next
     to the unknowns; notes, stability, spaces: findings before the first step; trained_to: end of
     the training run, s; contacts: warnings about contacts along a rigid-body pre-simulation, None
-    without one. model: assembled model, and estimator: of the error, None where they are not
-    at hand; own_loads: False if the run has other loads than that model. products: offline products
-    of this run alone, None where it shares all of them.
+    without one. model: assembled model, estimator: of the error, and offline data, None where they
+    are not at hand; own_loads: False if the run has other loads than that model.
     """
 
     scene: Scene
@@ -78,8 +77,8 @@ class PreparedRun:
     contacts: tuple[Note, ...] | None
     model: Model | None = None
     estimator: ErrorEstimator | None = None
+    offline: Offline | None = None
     own_loads: bool = True
-    products: Products | None = None
 
     def factored(self) -> Sequence[Factored]:
         """Reports of the linear systems of the assembled model."""
@@ -134,7 +133,7 @@ def prepared_run(
          *before_run(scene, model), *of_solver(scene, solver), *unstable, *missed, *offline.notes,
          *(() if estimator is None else estimator.notes)),
         stability, spaces, scene.training_end, stage_warnings(model),
-        model, estimator, products=None if kept is None else offline.products), offline
+        model, estimator, offline), offline
 
 
 def prepared(

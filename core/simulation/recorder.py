@@ -32,6 +32,7 @@ from sparsemor.core.results.store import ChunkOfSteps, ResultWriter
 from sparsemor.core.results.zarr_files import read_group
 from sparsemor.core.scene.run_identity import Identity
 from sparsemor.core.simulation.admission import admit, digest_to_resume
+from sparsemor.core.simulation.error_control.notes import enrichment_notes, error_limit
 from sparsemor.core.simulation.error_control.record import ErrorMark, ErrorRecord
 from sparsemor.core.simulation.memory.use import MemoryUse
 from sparsemor.core.simulation.offline_cache import Products
@@ -85,11 +86,11 @@ class Recorder:
         self._contact_names = frozenset(
             f"{name}.{what}" for name, kept in run.header.contacts.items() for what in kept)
 
-    def go_on(self, run: PreparedRun) -> None:
+    def go_on(self, run: PreparedRun, maps: Mapping[str, FloatArray]) -> None:
         """Records the rest of a run in the unknowns of another step solver; the stored steps are
-        converted."""
+        converted (`ResultWriter.continued`)."""
         self.flush()
-        self.writer = self.writer.continued(run.header)
+        self.writer = self.writer.continued(run.header, maps)
         self.take_up(run)
 
     @property
@@ -118,6 +119,9 @@ class Recorder:
         if resume:
             writer, checkpoint = ResultWriter.resume(
                 store, digest_to_resume(scene, store), Identity.of(scene))
+            if writer.attributes.get("enriched"):
+                raise InputError(f"{out} cannot be resumed: atoms were added during the run, which "
+                                 "are those of its steps so far; start again", "resume")
             recorder = cls(run, writer, checkpoint, steps, products)
             recorder.notes = elsewhere(read_group(store)["attributes"].get("platform", {}))
             return recorder
@@ -269,10 +273,14 @@ class Recorder:
             "cache": dict(self.products.used),
             "offline_s": dict(self.products.seconds),
             "offline_whole_s": self.products.spent.whole(tally.offline),
-            **in_summary((*self.run.notes, *self.notes, *_full_newton(counters, done))),
+            **in_summary((*self.run.notes, *self.notes, *_full_newton(counters, done),
+                          *enrichment_notes(self.run.header.enriched, tally.full_steps))),
             "error_estimate": self._estimated(),
+            "error_tolerance": error_limit(self.scene.reducer).tolerance,
             "fall_back": {**self.fall_back, "steps": tally.full_steps,
                           "seconds": tally.full_seconds} if self.fall_back else {},
+            "enriched": {"times": times, "steps": tally.full_steps, "seconds": tally.full_seconds}
+            if (times := list(self.run.header.enriched)) else {},
             "stability": dict(self.run.stability),
             "trained_to": self.run.trained_to if any(
                 s.trained for s in self.run.spaces) else None,

@@ -39,6 +39,7 @@ from sparsemor.core.scene.parameters import values_at
 from sparsemor.core.scene.scene import Scene, build
 from sparsemor.core.scene.source import Source
 from sparsemor.core.simulation.admission import kept
+from sparsemor.core.simulation.advice import explicit
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.diagnostics.plausibility import SETTINGS, of_settings
 from sparsemor.core.simulation.free_options import FREE, inside, load_functions
@@ -72,12 +73,14 @@ def reduce(
     observers, cache, body_cache: as for `simulate`. Raises InputError for bad input and for a
     reducer that reduces nothing, SolveFailed if the training run fails.
     """
+    begun = time.perf_counter()
+    manager, cache = new_manager(observers), cache or Cache()
+    bodies = BodyCache() if body_cache is None else body_cache.of_bodies()
+    scene = explicit(scene, cache, manager, bodies)
     if not isinstance(scene.reducer, UsesBases):
         raise InputError(f"{scene.reducer_name} reduces nothing: name a reducer that has a "
                          "trial basis", "reducer")
-    bodies = BodyCache() if body_cache is None else body_cache.of_bodies()
-    begun, cache = time.perf_counter(), cache or Cache()
-    run, offline = prepared_run(scene, cache, new_manager(observers), bodies)
+    run, offline = prepared_run(scene, cache, manager, bodies)
     kept = run, offline.without_snapshots()
 
     def again(changed: Scene, atoms: int | None = None) -> PreparedRun:
@@ -176,14 +179,15 @@ class ReducedModel:
         if run.solver is self._run.solver:
             state, memory = self._begin
             begin = state, memory.copy()
+        own = None if run.offline is self._run.offline else run.offline  # projected again
+        products = None if own is None else own.products
         if out is None:
-            same = run.products is self._run.products
-            recorder_in_memory = Recorder(run, MemoryWriter(
-                run.header, self._fixed if same else fixed_in_memory(run.header)), None, steps,
-                run.products)
-            return stepped(run, recorder_in_memory, manager, tally, begin=begin)
+            recorder = Recorder(run, MemoryWriter(
+                run.header, self._fixed if own is None else fixed_in_memory(run.header)), None, steps,
+                products)
+            return stepped(run, recorder, manager, tally, begin=begin)
         with owned(Path(out)):
-            recorder = Recorder.open(run, Path(out), False, steps, run.products)
+            recorder = Recorder.open(run, Path(out), False, steps, products)
             assert isinstance(recorder.writer, ResultWriter)
             with kept(recorder.writer, new=True):
                 return stepped(run, recorder, manager, tally, begin=begin)
@@ -218,7 +222,7 @@ class ReducedModel:
         solver, start = self._meshless
         parts = {f.name: getattr(run, f.name) for f in fields_of(run)} | {
             "solver": solver, "start": start, "header": replace(header, scene={}, estimates=()),
-            "model": None, "estimator": None, "own_loads": True, "products": None,
+            "model": None, "estimator": None, "own_loads": True, "offline": None,
             "given": run.given if fields else {}, "probes": tuple(
                 replace(p, place=replace(p.place, displacement=None, temperature=None))
                 for p in run.probes)}
@@ -304,6 +308,7 @@ class ReducedModel:
             solver = run.solver.stepping_alike(made)
             start = started_from(self._meshless[1], initial, run.solver.layout)
             run = replace(run, solver=solver, start=start, own_loads=False, estimator=None,
+                          offline=None,
                           header=replace(run.header, estimates=()))
             if initial:
                 notes = start_notes(made, start, initial, run.solver.layout)

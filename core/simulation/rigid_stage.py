@@ -58,7 +58,7 @@ def rigid_scene(scene: Scene) -> Scene:
     assert scene.rigid_stage is not None
     tree = scene.source.tree
     kept: dict[str, Any] = {
-        group: {n: tree[group][n] for n, plugin in plugins.items() if _moves(plugin)}
+        group: {n: tree[group][n] for n, plugin in plugins.items() if acts_on_motion(plugin)}
         for group, plugins in (("joints", scene.joints), ("loads", scene.loads))
         if tree.get(group)}
     rigid_copy: dict[str, Any] = {f"bodies.{n}.fields": [] for n, body in scene.bodies.items()
@@ -69,7 +69,7 @@ def rigid_scene(scene: Scene) -> Scene:
     return plain.using(scene.rigid_stage.overrides, label=_LABEL)
 
 
-def _moves(plugin: object) -> bool:
+def acts_on_motion(plugin: object) -> bool:
     """True if the motion depends on a load or joint, False if that acts on temperatures alone."""
     return not isinstance(plugin, DeclaresEffect) or plugin.acts_on == "motion"
 

@@ -108,11 +108,20 @@ class ErrorModel:
         rows = np.vstack([state.x, state.v, state.a, state.memory.T])
         return {"first": rows[:, self.layout.first], "second": rows[:, self.layout.second]}
 
+    def corrected(self, full: State, memory: Mapping[str, FloatArray]) -> State:
+        """A state of the full model plus the estimated errors and their rates."""
+        x, v, a = full.x.copy(), full.v.copy(), full.a.copy()
+        for blocks, z in ((self.heat, memory["first"]), (self.elastic, memory["second"])):
+            for b, at in modes_of(blocks):
+                for part, values in zip((x, v, a), z[:3, at], strict=True):
+                    part[b.full] += b.space.modes @ values
+        return State(full.t, x, v, a, full.memory)
+
     def present(self, memory: Mapping[str, FloatArray]) -> dict[str, float]:
         """Estimated error norm of each block at present."""
         return {b.name: float(np.linalg.norm(b.space.norm @ z[0, at]))
                 for blocks, z in ((self.heat, memory["first"]), (self.elastic, memory["second"]))
-                for b, at in parts(blocks)}
+                for b, at in modes_of(blocks)}
 
     def advance(
         self, states: Sequence[State], memory: dict[str, FloatArray]
@@ -138,13 +147,13 @@ class ErrorModel:
                                      (self.elastic, "second", self.second)):
             loads = [np.zeros((count, 0)), *(b.force(run, modal) for b in blocks)]
             memory[which], x = steps.advance(memory[which], np.hstack(loads))
-            for b, at in parts(blocks):
+            for b, at in modes_of(blocks):
                 modal[b.name] = x[:, at]
                 found[b.name] = np.linalg.norm(x[:, at] @ b.space.norm.T, axis=1)
         return found
 
 
-def parts(blocks: Sequence[BlockErrors]) -> list[tuple[BlockErrors, slice]]:
+def modes_of(blocks: Sequence[BlockErrors]) -> list[tuple[BlockErrors, slice]]:
     """Blocks of one order with the ranges of their modes."""
     ends = np.cumsum([0, *(b.space.size for b in blocks)]).tolist()
     return [(b, slice(i, j)) for b, i, j in zip(blocks, ends[:-1], ends[1:], strict=True)]

@@ -419,3 +419,13 @@ def test_a_box_of_parameters_is_tested_at_unseen_ones(tmp_path: Path) -> None:
         rows = list(csv.DictReader(file))
     assert len({row["flux"] for row in rows}) == len(rows) == 2
     assert all(0.0 < float(row["error_elastic"]) < 1e-3 for row in rows)
+
+
+def test_the_chosen_models_are_measured_under_other_loads(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, SCRIPTS / "errors" / "advice.py", "--quick"],
+        env=os.environ | {"SPARSEMOR_CACHE": str(tmp_path)}, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    cells = [c.strip() for c in done.stdout.splitlines()[-1].strip("|").split("|")]
+    assert cells[:2] == ["double_pendulum", "0.001"] and cells[5] == "0 of 1"
+    assert 0.0 < float(cells[3]) < 1e-3 and 0.0 < float(cells[4]) < 1e-3

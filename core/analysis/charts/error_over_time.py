@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 _LOWEST, _HIGHEST = 1e-16, 1e4  # a diverged run leaves the picture, the others stay legible
 _MOST_POINTS = 2000
+BAND = 2.0
+"""Factor of an estimated error between whose quotient and product the error is expected."""
 
 
 def error_over_time_figure(
@@ -34,9 +36,10 @@ def error_over_time_figure(
     """Errors over time on a logarithmic axis, one panel per error measure; None if there is no
     error above 0.
 
-    A dotted line of the same colour is the error that a run estimated for itself. A line marks
-    `limit` where an error exceeds it. Fields that are constant in all runs have no panel. measured:
-    run -> errors; kinds: kinds of the runs' fields, in the order of the panels; trained_to: end of
+    A dotted line of the same colour is the error that a run estimated for itself, in a band of half
+    to twice its size, in which errors are found (docs/error-estimate.md). A line marks `limit`
+    where an error exceeds it. Fields that are constant in all runs have no panel. measured: run ->
+    errors; kinds: kinds of the runs' fields, in the order of the panels; trained_to: end of
     training, s, which is marked, 0 for none.
     """
     titles = {"combined": "all unknowns together",
@@ -58,11 +61,12 @@ def error_over_time_figure(
                 draw_line(axes, clock.factor * errors.times[::every], shown, number,
                           label_of(run, statuses[run]))
                 if measure in errors.estimated:
-                    guess = errors.estimated[measure][::every]
-                    axes.plot(
-                        clock.factor * errors.times[::every], np.where(guess > 0.0, guess, np.nan),
-                        color=style_of(number).colour, linestyle=":", linewidth=1.4,
-                        label=f"{run}, estimated")
+                    guess, colour = errors.estimated[measure][::every], style_of(number).colour
+                    guess, at = np.where(guess > 0.0, guess, np.nan), errors.times[::every]
+                    axes.plot(clock.factor * at, guess, color=colour, linestyle=":", linewidth=1.4,
+                              label=f"{run}, estimated")
+                    axes.fill_between(clock.factor * at, guess / BAND, guess * BAND, color=colour,
+                                      alpha=0.15, linewidth=0.0)
                 if (line > 0.0).any():
                     top = max(top, float(line.max()))
                     bottom = min(bottom, float(np.quantile(line[line > 0.0], 0.02)))

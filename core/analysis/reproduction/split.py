@@ -21,7 +21,7 @@ from sparsemor.core.simulation import simulate as simulation
 
 INTERVAL = 1e-3
 """Processor time between two samples, s."""
-_LOOP = ("core/simulation/simulate.py", "_Run._steps")
+_LOOP = ("core/simulation/run_steps.py", "RunSteps._portion")
 
 
 def profiled(scene: Scene, steps: int, matrix: Sequence[str]) -> Mapping[str, float]:

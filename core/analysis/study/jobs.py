@@ -40,6 +40,7 @@ from sparsemor.core.scene.run_identity import Identity
 from sparsemor.core.scene.scene import Scene, build
 from sparsemor.core.scene.source import Source
 from sparsemor.core.scene.yaml_reader import Document
+from sparsemor.core.simulation.advice import explicit
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.offline_cache import mesh_content
 from sparsemor.core.simulation.prepare import prepared
@@ -102,6 +103,7 @@ def _products(
     Raises SolveFailed only if the training run fails; other failures are reported by each run
     itself.
     """
+    scene = explicit(scene, Cache(), new_manager())
     model, offline = prepared(scene, Cache(), new_manager())
     with np.errstate(all="ignore"):
         try:

@@ -1,5 +1,5 @@
-"""What a reduced run does where its estimated error exceeds a tolerance: it stops, or goes on at
-full order.
+"""Actions of a reduced run whose estimated error exceeds a tolerance: the comparison with the
+tolerance, and the same run at full order.
 
 The relative error of a block is its estimate over the largest change of the block, in the run so
 far or in training, whichever is larger: at the start of a run the change is almost nothing.
@@ -7,7 +7,6 @@ far or in training, whichever is larger: at the start of a run the change is alm
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -16,7 +15,6 @@ from sparsemor.core.notes import Note
 from sparsemor.core.protocols import (
     Dictionary,
     ErrorLimit,
-    EstimatesErrors,
     ReducedProblem,
     State,
     StepSolver,
@@ -31,13 +29,6 @@ from sparsemor.core.simulation.step_control import controlled
 from sparsemor.core.simulation.step_statistics import Tally
 from sparsemor.core.status import SolveFailed
 
-FELL_BACK = "fell_back"
-
-
-def error_limit(reducer: object) -> ErrorLimit:
-    """Tolerance of the estimated error of runs with this reducer, and what follows beyond it."""
-    return reducer.error_limit if isinstance(reducer, EstimatesErrors) else ErrorLimit()
-
 
 @dataclass(frozen=True, slots=True)
 class Exceeded:
@@ -49,9 +40,9 @@ class Exceeded:
     reason: str
 
     @classmethod
-    def of(cls, stored: Mapping[str, Any]) -> "Exceeded":
+    def of(cls, stored: Mapping[str, str | float]) -> "Exceeded":
         """The reason that a result keeps (`RunHeader.fall_back`)."""
-        return cls(stored["time"], stored["block"], stored["reason"])
+        return cls(float(stored["time"]), str(stored["block"]), str(stored["reason"]))
 
     @classmethod
     def failed(cls, failure: SolveFailed) -> "Exceeded":
@@ -61,7 +52,7 @@ class Exceeded:
 
     def note(self) -> Note:
         return Note(f"from {self.t:.4g} s on the run was solved at full order: {self.reason}",
-                    FELL_BACK)
+                    "fell_back")
 
 
 @dataclass(frozen=True, slots=True, eq=False)

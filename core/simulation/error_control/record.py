@@ -7,10 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.notes import Note
 from sparsemor.core.protocols import ErrorEstimator, State
-from sparsemor.core.results.error_norms import estimated_errors
-from sparsemor.core.results.run_result import RunResult
 
 TOGETHER = 64
 """Number of states that are evaluated at once: products of matrices instead of vectors."""
@@ -99,17 +96,3 @@ class ErrorRecord:
             # of a run that diverges an estimate may overflow; a result has finite numbers
             self._values[name] += np.nan_to_num(norms, nan=LARGEST, posinf=LARGEST).tolist()
         self._pending = []
-
-
-def large_estimates(result: RunResult, limit: float) -> tuple[Note, ...]:
-    """Warnings about blocks whose estimated error exceeds the limit."""
-    notes, times = [], result.times
-    for name, error in estimated_errors(result).items():
-        above = np.flatnonzero(error > limit)
-        if len(above):
-            notes.append(Note(
-                f"the estimated error of {name} reaches {error.max():.2g} of its largest change "
-                f"(limit {limit:g}, first above it at {times[above[0]]:.4g} s): train on a run "
-                "that covers this one, or take more atoms, more rows or another basis",
-                "estimated_error"))
-    return tuple(notes)

@@ -2,11 +2,14 @@
 outside it, and the time that the estimate takes.
 
     python tests/benchmarks/errors/estimates.py [--scenes NAMES] [--every N]
+    python tests/benchmarks/errors/estimates.py --leaves TOLERANCE
 
 One line per block: the largest error over the run relative to the block's largest change, the
 estimate, and their quotient (effectivity); then the smallest and the largest quotient at one time,
 over all stored times at which the error is above a hundredth of its maximum. The times are CPU
-times of the same run in one process, with and without the estimate, in turns.
+times of the same run in one process, with and without the estimate, in turns. With --leaves: a
+source that moves on to where it never was in training (slider_plate, trained to half the time), and
+what the actions of the estimate make of it.
 """
 
 import argparse
@@ -92,13 +95,42 @@ def cost(plain: Scene, every: int) -> str:
     return f"{a:.3f} ms per step without the estimate, {b:.3f} with it ({b / a - 1.0:+.0%})"
 
 
+def leaves(tolerance: float) -> None:
+    """Table of the actions: steps at full order, largest error, and CPU time of the run without
+    its preparation."""
+    full = simulate(load("slider_plate", {"reducer": "full"}), keep_training=True)
+    scene = reduced(load("slider_plate", CASES["slider_plate"][HALF]), "galerkin")
+    simulate(scene.using({"time.end": 100 * scene.time.step}))  # to fill the cache
+    print("| action | ends at | full-order steps | largest error | quotient | CPU s |\n"
+          "|---|---|---|---|---|---|", flush=True)
+    for action in ("warn", "stop", "fall_back", "enrich"):
+        asked = {"every": 5, "tolerance": tolerance, "action": action}
+        begun = time.process_time()
+        try:
+            run = simulate(scene.using({"reducer.error_estimate": asked}))
+        except SolveFailed as error:
+            assert isinstance(error.result, RunResult)
+            run = error.result
+        spent, e = time.process_time() - begun, measure_errors(full, run)
+        block = max(e.blocks & set(e.estimated), key=lambda name: e.worst[name])
+        told = run.summary["fall_back"] or run.summary["enriched"] or {"steps": 0}
+        first = [*run.summary["enriched"].get("times", []), told.get("time", run.times[-1])][0]
+        print(f"| {action} | {run.times[-1]:.4g} s | {told['steps']} from {first:.4g} s, "
+              f"{len(run.summary['enriched'].get('times', []))} times new atoms | "
+              f"{e.worst[block]:.1e} {block} | "
+              f"{e.effectivity[block]:.2f} | {spent:.1f} |", flush=True)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--scenes", default=",".join(CASES))
     parser.add_argument("--trained", default="", help="only with such training")
     parser.add_argument("--every", type=int, default=1)
     parser.add_argument("--cost", action="store_true", help="measure the time, too")
+    parser.add_argument("--leaves", type=float, metavar="TOLERANCE", help="only the actions")
     asked = parser.parse_args()
+    if asked.leaves is not None:
+        return leaves(asked.leaves)
     with np.errstate(all="ignore"), TemporaryDirectory() as folder:
         for name in asked.scenes.split(","):
             reference: RunResult = simulate(

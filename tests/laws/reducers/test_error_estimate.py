@@ -174,7 +174,7 @@ def test_a_large_estimate_is_a_warning() -> None:
 
 @pytest.mark.full
 def test_a_comparison_puts_estimate_and_error_together() -> None:
-    """In its table, its JSON text, and dotted in the chart of errors over time."""
+    """In its table, its JSON text, and dotted in a band in the chart of errors over time."""
     full = simulate(tiny().using({"reducer": "full"}))
     run = simulate(reduced_scene(tiny(), error_estimate=1))
     comparison = compare(full, run=run, plain=simulate(reduced_scene(tiny())))
@@ -192,7 +192,13 @@ def test_a_comparison_puts_estimate_and_error_together() -> None:
     assert figure is not None
     dotted = [line for axes in figure.axes for line in axes.lines
               if line.get_label() == "run, estimated"]
-    assert len(dotted) == 2
+    assert len(dotted) == sum(len(axes.collections) for axes in figure.axes) == 2
+    for axes in figure.axes:
+        for band, line in zip(axes.collections, [n for n in axes.lines if n in dotted],
+                              strict=False):
+            y = np.asarray(line.get_ydata())[-1]
+            edges = band.get_paths()[0].vertices[:, 1]
+            assert np.isclose(edges, y / 2).any() and np.isclose(edges, 2 * y).any()
 
 
 @pytest.mark.full

@@ -12,12 +12,15 @@ import pytest
 
 from small_scenes import tiny
 from sparsemor.core import hookimpl
+from sparsemor.core.analysis.compare import compare
 from sparsemor.core.errors import InputError
+from sparsemor.core.protocols import StepBlock
 from sparsemor.core.results.error_norms import Errors, measure_errors
 from sparsemor.core.results.run_result import RunResult, open_result
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.reduced_model import reduce
 from sparsemor.core.simulation.simulate import simulate
+from sparsemor.core.simulation.time_stepping import FixedStep, iterate
 from sparsemor.core.status import SolveFailed, Status
 
 SEGMENTS, STEPS = 8, 64
@@ -94,15 +97,57 @@ def test_a_source_not_seen_in_training_is_caught_and_full_order_brings_the_error
     assert run.error_estimates == ("bar.thermal",) and not run.reduced("bar.thermal")
     assert run.reducer == "galerkin" and len(run.times) == STEPS + 1
     assert not (tmp_path / "run" / ".result.zarr.old").exists()
+    assert f"run: {told['steps']} steps from 0.016 s on at full order" in str(
+        compare(reference(), run=run))
 
 
 @pytest.mark.full
-@pytest.mark.parametrize("action", ["fall_back"])
+def test_atoms_of_full_order_steps_bring_the_error_back(tmp_path: Path) -> None:
+    """Fewer full-order steps than without them, coefficients of all steps in the new atoms."""
+    run = simulate(passing("enrich"), out=tmp_path)
+    assert errors(run).worst["thermal"] < TOLERANCE
+    assert 0.5 < errors(run).effectivity["bar.thermal"] < 2.0
+    told = run.summary["enriched"]
+    assert run.summary["fall_back"] == {} and 1 <= len(told["times"]) <= 4
+    assert 10 <= told["steps"] < STEPS - 16 and told["seconds"] > 0.0
+    assert run.reduced("bar.thermal") and run.atoms("bar.thermal").shape[1] > 12
+    assert any("atoms were added" in text for text in run.summary["information"])
+    before = run.times <= told["times"][0]
+    plain = simulate(passing("warn"))
+    np.testing.assert_allclose(
+        run.block("bar.thermal")[before], plain.block("bar.thermal")[before], rtol=1e-10)
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("integrator", ["bdf2", "generalized_alpha"])
+def test_atoms_are_added_to_a_moving_body_too(integrator: str) -> None:
+    """Two vibration modes of a hinged, heated bar."""
+    scene = tiny().using({"integrator": integrator, "reducer": {
+        "use": "galerkin", "basis": {"use": "pod", "count": 3},
+        "bases": {"*.elastic": {"use": "modal", "count": 2}},
+        "error_estimate": {"every": 2, "tolerance": 0.05, "action": "enrich"}}})
+    run, full = simulate(scene), simulate(tiny().using(
+        {"integrator": integrator, "reducer": "full"}))
+    assert run.summary["enriched"]["times"]
+    assert measure_errors(full, run).worst["elastic"] < 0.1
+    blind = simulate(scene.using({"reducer.error_estimate.action": "warn"}))
+    assert measure_errors(full, blind).worst["elastic"] > 0.2
+
+
+@pytest.mark.full
+def test_a_run_with_added_atoms_is_not_resumed(tmp_path: Path) -> None:
+    scene = passing("enrich")
+    stopped(scene, out=tmp_path, observers=[Strikes(40)])
+    with pytest.raises(InputError, match="atoms were added during the run"):
+        simulate(scene, out=tmp_path, resume=True)
+
+
+@pytest.mark.full
 @pytest.mark.parametrize("last", [9, 40])
 def test_a_run_stopped_before_or_after_it_goes_on_with_equal_digits(
-    tmp_path: Path, action: str, last: int
+    tmp_path: Path, last: int
 ) -> None:
-    scene, out = passing(action, every=4), tmp_path / "cut"
+    scene, out = passing("fall_back", every=4), tmp_path / "cut"
     whole = simulate(scene)
     assert stopped(scene, out=out, observers=[Strikes(last)]).status is Status.INTERRUPTED
     assert len(open_result(out).times) <= last + 4
@@ -143,6 +188,7 @@ def test_a_step_of_the_reduced_model_that_fails_falls_back(monkeypatch: pytest.M
     assert errors(run).worst["thermal"] < TOLERANCE
 
 
+@pytest.mark.full
 def test_atoms_that_miss_the_training_are_refused_before_the_first_step(tmp_path: Path) -> None:
     scene = tiny().using({"time.end": 0.01, "reducer": {
         "use": "galerkin", "basis": {"use": "modal", "count": 2}}})
@@ -156,3 +202,29 @@ def test_atoms_that_miss_the_training_are_refused_before_the_first_step(tmp_path
         scene.using({"check_trial_space": "off"})).summary["note_kinds"]
     pod = scene.using({"check_trial_space": "refuse", "reducer.basis": {"use": "pod", "count": 6}})
     assert simulate(pod).status is Status.DONE
+
+
+@pytest.mark.full
+def test_steps_in_blocks_end_at_the_estimates(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A step solver with a way to take many steps, as compiled ones have."""
+    counts: list[int] = []
+
+    class Blocks:
+        def __init__(self, solver: Any, integrator: Any, h: float, steps: int) -> None:
+            self.step = FixedStep.of(integrator, solver, h)
+
+        def advance(self, state: Any, memory: Any, count: int) -> StepBlock:
+            counts.append(count)
+            taken = list(iterate(self.step, state, memory, count))
+            return StepBlock(
+                [s.state.t for s in taken],
+                np.array([[s.state.x, s.state.v, s.state.a] for s in taken]),
+                [s.outcome.iterations for s in taken], [s.outcome.remaining for s in taken])
+
+    scene = passing("fall_back", every=6)
+    plain = simulate(scene)
+    monkeypatch.setattr("sparsemor.core.simulation.simulate.many_steps", Blocks)
+    run = simulate(scene)
+    assert set(counts) == {6} and len(counts) == 3  # the third one is taken back
+    assert run.summary["fall_back"]["time"] == plain.summary["fall_back"]["time"]
+    np.testing.assert_array_equal(run.block("bar.thermal"), plain.block("bar.thermal"))

@@ -317,12 +317,12 @@ def test_samples_of_a_stack_are_told_apart() -> None:
     frame = currentframe()
     assert counted.kind_of(frame) == ""
     seen: list[str] = []
-    code = compile("def loop(f):\n    f()\n", "x/core/simulation/simulate.py", "exec")
+    code = compile("def loop(f):\n    f()\n", "x/core/simulation/run_steps.py", "exec")
     space: dict[str, object] = {}
     exec(code, space)  # noqa: S102
     loop = space["loop"]
     assert callable(loop)
-    renamed = loop.__code__.replace(co_qualname="_Run._steps")
+    renamed = loop.__code__.replace(co_qualname="RunSteps._portion")
     loop.__code__ = renamed
     loop(lambda: seen.append(counted.kind_of(currentframe())))
     loop(lambda: solved(seen, counted))

@@ -1,0 +1,61 @@
+"""Command `sparsemor advise`: chooses fields and reducer of a scene by trial runs."""
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from sparsemor.core.cli.options import (
+    Json,
+    Quiet,
+    SceneName,
+    Settings,
+    exit_codes,
+    load_with,
+    located_in,
+    print_json,
+    progress,
+)
+from sparsemor.core.errors import InputError
+
+Out = Annotated[Path | None, typer.Option("--out", help="File for the chosen scene (default: "
+                                          "none is written).")]
+Tolerance = Annotated[float | None, typer.Option(
+    "--tolerance", help="Largest error of each field, relative to its largest change (default: "
+    "that of the scene's reducer `auto`, else 1e-3).")]
+Replace = Annotated[bool, typer.Option("--force", help="Replace an existing file.")]
+
+
+def advise(
+    scene: SceneName, settings: Settings = None, tolerance: Tolerance = None, out: Out = None,
+    force: Replace = False, as_json: Json = False, quiet: Quiet = False,
+) -> None:
+    """Choose fields and reducer of a scene by trial runs over its training run, and write the scene
+    that repeats the choice."""
+    with exit_codes(as_json):
+        loaded = load_with(scene, settings)
+        with located_in(loaded), progress(quiet or as_json) as observers:
+            if out is not None and out.exists() and not force:
+                raise InputError(f"{out} exists: choose another file, or replace it with --force",
+                                 "out")
+            if out is not None and not out.parent.is_dir():
+                raise InputError(f"there is no folder {out.parent}", "out")
+            from sparsemor.core.simulation.advice import advise as advised
+
+            advice = advised(loaded, tolerance=tolerance, observers=observers)
+            if out is not None:
+                advice.save(out)
+        if as_json:
+            trials = [{k: str(v) if v == float("inf") else v for k, v in asdict(t).items()}
+                      for t in advice.choice.trials]
+            print_json({"status": "done", "reducer": advice.choice.reducer,
+                        "left_out": list(advice.left_out), "trials": trials,
+                        "reasons": list(advice.choice.reasons),
+                        "doubts": list(advice.choice.doubts),
+                        "seconds": {"full_order": advice.full_seconds, "trials": advice.seconds},
+                        "out": None if out is None else str(out)})
+        elif not quiet:
+            typer.echo(str(advice))
+            if out is not None:
+                typer.echo(f"scene: {out}")

@@ -1,0 +1,255 @@
+"""Choice of fields and reducer of a scene by trial runs over its training run, and the explicit
+scene that repeats it."""
+
+import io
+import json
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import BaseModel
+from ruamel.yaml import YAML
+
+from sparsemor.core.arrays import Arrays
+from sparsemor.core.errors import InputError
+from sparsemor.core.linalg.threads import fixed_threads
+from sparsemor.core.model.body_cache import BodyCache
+from sparsemor.core.model.model import Model
+from sparsemor.core.notes import Note, information
+from sparsemor.core.protocols import (
+    Choice,
+    ChoosesReducer,
+    ReadsFiles,
+    ReducedProblem,
+    SelectsFields,
+    TrialRun,
+)
+from sparsemor.core.protocols.layout import Quantity
+from sparsemor.core.registry.hooks import Manager, new_manager
+from sparsemor.core.results.atomic_files import replace_file
+from sparsemor.core.results.tables import text_table
+from sparsemor.core.scene.defaults import CHOOSER, FULL_ORDER
+from sparsemor.core.scene.nested import nested
+from sparsemor.core.scene.scene import Scene
+from sparsemor.core.simulation.cache import Cache
+from sparsemor.core.simulation.offline import Offline, step_count
+from sparsemor.core.simulation.offline_cache import Products
+from sparsemor.core.simulation.prepare import prepared
+from sparsemor.core.simulation.rigid_stage import acts_on_motion
+from sparsemor.core.status import SolveFailed
+
+CHOSEN, UNMET = "chosen", "tolerance_unmet"
+"""Kinds of the notes on a chosen reducer."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Advice:
+    """Fields and reducer that trial runs chose for a scene.
+
+    scene: the scene with these, without a reducer that chooses; choice: the trial runs and what
+    they show; left_out: names of the blocks that are left out; fields: block -> field; full_ms:
+    wall time of a step of the training run, ms; full_seconds, seconds: wall time of the full-order
+    training run, its rigid-body pre-simulation included, and of everything else, s.
+    """
+
+    scene: Scene
+    choice: Choice
+    left_out: tuple[str, ...]
+    fields: Mapping[str, str]
+    full_ms: float
+    full_seconds: float
+    seconds: float
+
+    @property
+    def notes(self) -> tuple[Note, ...]:
+        """Notes of a run of the chosen scene."""
+        return (information(f"chosen by trial runs: {self.summary}", CHOSEN),
+                *(Note(f"the tolerance is not met: {text}", UNMET) for text in self.choice.doubts))
+
+    @property
+    def summary(self) -> str:
+        """Reducer, numbers of atoms and blocks that are left out, in one line."""
+        chosen = self.choice.trials[-1:]
+        atoms = [f"{k} atoms of {n}" for t in chosen for n, k in t.atoms.items()]
+        gone = [f"without {', '.join(self.left_out)}"] if self.left_out else []
+        return ", ".join([str(self.choice.reducer["use"]), *atoms, *gone])
+
+    def save(self, path: str | Path) -> None:
+        """Writes the chosen scene to a file. Raises InputError where its relative paths of other
+        files would lead elsewhere."""
+        target, folder = Path(path), self.scene.file_folder
+        reads = any(list(plugin.files(self.scene.folder)) for _, plugin in nested(
+            dict(self.scene), BaseModel) if isinstance(plugin, ReadsFiles))
+        if reads and folder is not None and target.absolute().parent != folder:
+            raise InputError(f"the scene reads files next to it: write it to the folder {folder}",
+                             "out")
+        text = io.StringIO()
+        writer = YAML(typ="safe", pure=True)
+        writer.default_flow_style, writer.width = None, 100
+        writer.representer.sort_base_mapping_type_on_output = False
+        writer.dump(_plain(self.scene.source.tree), text)
+        replace_file(target, text.getvalue().encode("utf-8"))
+
+    def __str__(self) -> str:
+        """Table of the trial runs, the reasons and the chosen reducer."""
+        fields = list(dict.fromkeys(self.fields[n] for t in self.choice.trials for n in t.atoms))
+        rows = [["method", "atoms", *(f"{f}, {part}" for f in fields for part in
+                                      ("held out", "whole")), "elements", "ms/step"]]
+        rows.append(["full order", "-", *(["-"] * 2 * len(fields)), "-", f"{self.full_ms:.3g}"])
+        for t in self.choice.trials:
+            cells = [self._worst(e, f) for f in fields for e in (t.holdout, t.errors)]
+            rows.append([t.method, "/".join(map(str, t.atoms.values())), *cells, str(t.elements),
+                         "-" if t.ms is None else f"{t.ms:.3g}"])
+        gone = [f"left out: {', '.join(self.left_out)}, which do not change"] if (
+            self.left_out) else []
+        return "\n".join([
+            text_table(rows), "", *gone, *self.choice.reasons,
+            *(f"tolerance not met: {d}" for d in self.choice.doubts),
+            f"chosen: {self.summary}",
+            f"full-order run {self.full_seconds:.3g} s, trial runs {self.seconds:.3g} s"])
+
+    def _worst(self, errors: Mapping[str, float], field: str) -> str:
+        """Largest error of a field over its blocks, as text."""
+        found = [e for n, e in errors.items() if self.fields[n] == field]
+        return f"{max(found):.1e}" if found else "-"
+
+
+@fixed_threads()
+def advise(
+    scene: Scene, *, tolerance: float | None = None, observers: Sequence[object] = (),
+    cache: Cache | None = None, body_cache: BodyCache | None = None,
+) -> Advice:
+    """Fields and reducer for a scene, chosen by trial runs over its training run.
+
+    tolerance: largest error of each field, relative to its largest change; by default that of the
+    scene's own reducer, if that chooses. Raises InputError for bad input, SolveFailed if the
+    training run fails.
+    """
+    if not isinstance(scene.reducer, ChoosesReducer):
+        scene = scene.using({"reducer": CHOOSER})
+    if tolerance is not None:
+        scene = scene.using({"reducer.tolerance": tolerance}, label="tolerance")
+    return _advice(scene, cache or Cache(), new_manager(observers), body_cache or BodyCache())
+
+
+def explicit(
+    scene: Scene, cache: Cache, manager: Manager, body_cache: BodyCache | None = None
+) -> Scene:
+    """The scene with the fields and the reducer that its reducer chooses; the scene itself if its
+    reducer does not choose. Raises as `advise`."""
+    if not isinstance(scene.reducer, ChoosesReducer):
+        return scene
+    advice = _advice(scene, cache, manager, body_cache or BodyCache())
+    return advice.scene.with_notes(advice.notes)
+
+
+@np.errstate(all="ignore")  # overflow ends in a status, not in a warning
+def _advice(scene: Scene, cache: Cache, manager: Manager, body_cache: BodyCache) -> Advice:
+    begun = time.perf_counter()
+    chooser: object = scene.reducer
+    assert isinstance(chooser, ChoosesReducer)
+    training = _training(scene)
+    model, offline = prepared(training, cache, manager, body_cache)
+    if not model.reducible():
+        return _rigid(scene, (), time.perf_counter() - begun)
+    offline.snapshots(model.reducible()[0])  # the training run is made here
+    full = offline.products.spent.total
+    options = scene.dump()["reducer"]
+
+    def ask() -> Arrays:
+        gone, choice = _asked(scene, chooser, model, offline, (cache, manager, body_cache))
+        said = {"left_out": gone, "choice": None if choice is None else asdict(choice)}
+        return {"advice": np.array(json.dumps(said))}
+
+    found = json.loads(str(offline.remember("advice", (options,), ask)["advice"]))
+    gone = tuple(found["left_out"])
+    smaller = _without(scene, model, gone)
+    if found["choice"] is None:
+        return _rigid(smaller, gone, full)
+    choice = _choice(found["choice"])
+    fields = {n: model.layout.block(n).field for n in model.reducible()}
+    return Advice(
+        smaller.using({"reducer": choice.reducer}, label=CHOSEN), choice, gone, fields,
+        1e3 * full / step_count(training), full, max(time.perf_counter() - begun - full, 0.0))
+
+
+def _asked(
+    scene: Scene, chooser: ChoosesReducer, model: Model, offline: Offline,
+    tools: tuple[Cache, Manager, BodyCache],
+) -> tuple[tuple[str, ...], Choice | None]:
+    """Blocks that are left out, and the chosen reducer; None where no block remains."""
+    training = _training(scene)
+    problem = _problem(training, model, offline)
+    covered = not scene.training.overrides and scene.training_end >= scene.time.end
+    gone = chooser.left_out(problem) if covered else ()
+    if gone:
+        try:
+            smaller = prepared(_training(_without(scene, model, gone)), *tools)[0]
+            names = smaller.reducible()
+            same = all(smaller.layout.block(n).size == model.layout.block(n).size for n in names)
+        except (InputError, SolveFailed):  # a load or a joint needs one of these fields
+            same, names = False, ()
+        if same and not names:
+            return gone, None
+        if same:
+            rows = {n: offline.snapshots(n).T for n in names}
+            kept = Offline(smaller, lambda: [("", lambda: rows)], Products(None), tools[1],
+                           offline.recording)
+            choice = chooser.choose(_problem(training, smaller, kept))
+            if not choice.doubts:
+                return gone, choice
+    return (), chooser.choose(problem)
+
+
+def _problem(scene: Scene, model: Model, offline: Offline) -> ReducedProblem:
+    return ReducedProblem(model, scene.integrator, scene.time.step, offline,
+                          np.random.default_rng(scene.seed))
+
+
+def _training(scene: Scene) -> Scene:
+    """The full-order scene of the training run, with the reducer that chooses."""
+    return scene.for_training().using({"reducer": scene.source.tree["reducer"]}, label="training")
+
+
+def _without(scene: Scene, model: Model, gone: Sequence[str]) -> Scene:
+    """The scene without some blocks, and without loads and joints that act on temperatures alone if
+    no temperatures remain."""
+    if not gone:
+        return scene
+    blocks = [model.layout.block(n) for n in model.reducible()]
+    dropped: dict[str, set[str]] = {}
+    for b in blocks:
+        if b.name in gone:
+            dropped.setdefault(b.owner, set()).add(b.field)
+    overrides: dict[str, Any] = {
+        f"bodies.{n}.fields": [f for f in body.fields if f not in dropped[n]]
+        for n, body in scene.bodies.items() if n in dropped and isinstance(body, SelectsFields)}
+    if not any(b.kind.quantity is Quantity.TEMPERATURE for b in blocks if b.name not in gone):
+        overrides |= {f"{group}.{n}": None for group, plugins in (
+            ("joints", scene.joints), ("loads", scene.loads))
+            for n, plugin in plugins.items() if not acts_on_motion(plugin)}
+    return scene.using(overrides, label=CHOSEN)
+
+
+def _rigid(scene: Scene, gone: tuple[str, ...], seconds: float) -> Advice:
+    """Advice for a scene in which no block is left to reduce."""
+    choice = Choice({"use": FULL_ORDER}, (), ("no field is left to reduce",))
+    return Advice(scene.using({"reducer": FULL_ORDER}, label=CHOSEN), choice, gone, {}, 0.0,
+                  seconds, 0.0)
+
+
+def _choice(data: Mapping[str, Any]) -> Choice:
+    return Choice(data["reducer"], tuple(TrialRun(**t) for t in data["trials"]),
+                  tuple(data["reasons"]), tuple(data["doubts"]))
+
+
+def _plain(value: Any) -> Any:
+    """Options as plain containers and scalars, for a file."""
+    if isinstance(value, Mapping):
+        return {str(k): _plain(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(v) for v in value]
+    return value

@@ -1,0 +1,1 @@
+"""Choice of a reducer by trial runs over the training run."""

@@ -1,0 +1,90 @@
+"""Reducer `auto`: the scene that it chooses repeats its run, fields that do not change are left
+out, and the tolerance is kept."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sparsemor import advise, load, simulate
+from sparsemor.core.results.error_norms import measure_errors
+from sparsemor.core.results.run_result import RunResult
+from sparsemor.core.simulation.cache import Cache
+
+SCENES = Path(__file__).parents[2] / "scenes"
+COARSE = {"bodies.link1.mesh.elements": 320, "bodies.link2.mesh.elements": 320,
+          "time.end": 0.06, "training.end": 0.06}
+HEAT_FREE = {**COARSE, "loads.heating": None}
+RIGID = {**HEAT_FREE, "bodies.link1.material.E": 7e16, "bodies.link2.material.E": 7e16}
+AUTO = {"use": "auto", "tolerance": 1e-3}
+
+
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory: pytest.TempPathFactory) -> Cache:
+    return Cache(tmp_path_factory.mktemp("cache"))
+
+
+def equal(one: RunResult, other: RunResult) -> bool:
+    return [b.name for b in one.layout] == [b.name for b in other.layout] and all(
+        np.array_equal(one.block(b.name), other.block(b.name)) for b in one.layout)
+
+
+@pytest.mark.full
+def test_the_chosen_scene_repeats_the_run(cache: Cache, tmp_path: Path) -> None:
+    scene = load("double_pendulum", {**COARSE, "reducer": AUTO})
+    advice = advise(scene, cache=cache)
+    advice.save(tmp_path / "chosen.yaml")
+    text = (tmp_path / "chosen.yaml").read_text()
+    again = load(tmp_path / "chosen.yaml")
+    assert "auto" not in text and again.digest() == advice.scene.digest()
+    run = simulate(scene, cache=cache)
+    assert equal(run, simulate(again, cache=cache))
+    assert run.attributes["reducer"] == "galerkin"
+    assert "chosen by trial runs: galerkin" in " ".join(run.summary["information"])
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("tolerance", [1e-2, 1e-4])
+def test_the_tolerance_is_kept_in_training_and_under_other_loads(
+    tolerance: float, cache: Cache
+) -> None:
+    advice = advise(load("double_pendulum", COARSE), tolerance=tolerance, cache=cache)
+    assert not advice.choice.doubts
+    assert all(e <= tolerance for t in advice.choice.trials[-1:] for e in t.errors.values())
+    nominal = {"training.overrides": {"loads.heating.flux": 1e6}}
+    for flux in (1e6, 1.2e6):
+        other = advice.scene.using({**nominal, "loads.heating.flux": flux})
+        full = simulate(other.using({"reducer": "full"}), cache=cache)
+        worst = measure_errors(full, simulate(other, cache=cache)).worst
+        assert all(worst[f] <= tolerance for f in ("elastic", "thermal")), worst
+
+
+@pytest.mark.full
+@pytest.mark.parametrize(("changes", "fields", "reducer"), [
+    (COARSE, ["elastic", "thermal"], "galerkin"),
+    (HEAT_FREE, ["elastic"], "galerkin"),
+    ({**COARSE, "loads.heating.flux": 0.0}, ["elastic"], "galerkin"),
+    (RIGID, [], "full"),
+], ids=["heated", "heat_free", "cold", "rigid"])
+def test_fields_that_do_not_change_are_left_out(
+    changes: dict[str, Any], fields: list[str], reducer: str, cache: Cache
+) -> None:
+    scene = load("double_pendulum", {**changes, "reducer": AUTO})
+    advice = advise(scene, cache=cache)
+    assert {tuple(body.fields) for body in advice.scene.bodies.values()} == {tuple(fields)}
+    assert advice.choice.reducer["use"] == reducer
+    run, full = simulate(scene, cache=cache), simulate(scene.using({"reducer": "full"}))
+    assert {b.field for b in run.layout} == {"rigid", "multiplier", *fields}
+    worst = measure_errors(full, run).worst
+    assert all(worst[n] <= 1e-3 for n in ("rigid", *fields))
+
+
+@pytest.mark.full
+def test_a_field_that_the_training_run_may_not_show_is_kept(cache: Cache) -> None:
+    """The flux begins after the training run."""
+    late = {"use": "pulse", "start": 0.03, "duration": 0.01, "level": 1e6}
+    scene = load("double_pendulum", {
+        **COARSE, "time.end": 0.04, "training.end": 0.02, "loads.heating.flux": late})
+    advice = advise(scene, tolerance=1e-2, cache=cache)
+    assert not advice.left_out
