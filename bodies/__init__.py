@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from sparsemor.bodies.joints.conditions import conditions_between as conditions_between
     from sparsemor.bodies.joints.conditions import conditions_on as conditions_on
     from sparsemor.bodies.joints.conditions import constant as constant
+    from sparsemor.bodies.joints.force_element import ForceElement as ForceElement
     from sparsemor.bodies.joints.part import JointPart as JointPart
     from sparsemor.bodies.loads.amplitude import NumberOrFunction as NumberOrFunction
     from sparsemor.bodies.loads.amplitude import amplitude as amplitude
@@ -53,6 +54,7 @@ _HOMES = {
     "frames.moments": ("MassProperties",),
     "joints.between": ("Between",),
     "joints.conditions": ("Conditions", "conditions_between", "conditions_on", "constant"),
+    "joints.force_element": ("ForceElement",),
     "joints.part": ("JointPart",),
     "loads.amplitude": ("NumberOrFunction", "amplitude"),
     "loads.part": ("LoadPart",),

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from sparsemor.core.linalg.least_squares import (
         least_squares_coefficients as least_squares_coefficients,
     )
+    from sparsemor.core.linalg.least_squares import orthonormal as orthonormal
     from sparsemor.core.linalg.nested_dissection import dissect as dissect
     from sparsemor.core.linalg.nested_dissection import factor_entries as factor_entries
     from sparsemor.core.linalg.snapshots import column_chunks as column_chunks
@@ -56,6 +57,7 @@ if TYPE_CHECKING:
     from sparsemor.core.model.factorizations import BlockSolvers as BlockSolvers
     from sparsemor.core.model.factorizations import solve_or_fail as solve_or_fail
     from sparsemor.core.model.factorizations import unconverged_note as unconverged_note
+    from sparsemor.core.model.fitting_bases import fitted_bases as fitted_bases
     from sparsemor.core.model.initial_state import consistent_state as consistent_state
     from sparsemor.core.model.linearized_term import Linearized as Linearized
     from sparsemor.core.model.linearized_term import linearization as linearization
@@ -125,7 +127,7 @@ _HOMES = {
     "linalg.column_subsets": ("ColumnSubsets", "pseudo_inverse"),
     "linalg.factorized": ("Solved", "is_vector_field", "not_solved", "rigid_motions",
         "solved_directly", "unsuitable_matrix"),
-    "linalg.least_squares": ("least_squares_coefficients",),
+    "linalg.least_squares": ("least_squares_coefficients", "orthonormal"),
     "linalg.nested_dissection": ("dissect", "factor_entries"),
     "linalg.snapshots": ("column_chunks", "needs_chunks"),
     "linalg.svd": ("svd",),
@@ -136,6 +138,7 @@ _HOMES = {
     "model.equations": ("rate_factors", "system_jacobian", "system_residual"),
     "model.facets": ("cell_facets", "facet_numbers", "group_equal_rows", "outer_facets"),
     "model.factorizations": ("BlockSolvers", "solve_or_fail", "unconverged_note"),
+    "model.fitting_bases": ("fitted_bases",),
     "model.initial_state": ("consistent_state",),
     "model.model": ("distinct_names",),
     "model.linearized_term": ("Linearized", "linearization"),

@@ -58,8 +58,8 @@ def preconditioner_faults(
     preconditioner: Preconditioner, preconditioned: Sequence[str],
     basis: Basis, bases: Mapping[str, Basis],
 ) -> list[Fault]:
-    """Blocks with too few rows for the preconditioner, whatever dictionary the training run gives
-    them.
+    """Blocks for whose shape the preconditioner is undefined, whatever dictionary the training run
+    gives them.
 
     preconditioned: patterns of the blocks whose sampled rows are preconditioned.
     """
@@ -69,10 +69,18 @@ def preconditioner_faults(
         pattern = pattern_of(name, budgets)
         asked = None if pattern is None else budgets[pattern].rows
         rows = default_rows(model, name, sampler, atoms) if asked is None else asked
-        reason = preconditioner.check(rows + required_rows(model, name, sampler), atoms)
-        if reason:
+        rows += required_rows(model, name, sampler)
+        reason = preconditioner.check(rows, atoms)
+        if reason and not compresses(preconditioner, rows, atoms):
             faults.append(Fault("preconditioner", f"{name}: {reason}"))
     return faults
+
+
+def compresses(preconditioner: Preconditioner, rows: int, atoms: int) -> bool:
+    """True if a preconditioner is undefined for so many sampled rows, but not for as many as atoms,
+    to which the rows are then compressed by QR."""
+    return rows > atoms and bool(preconditioner.check(rows, atoms)) and not (
+        preconditioner.check(atoms, atoms))
 
 
 def capability_faults(

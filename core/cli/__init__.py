@@ -23,6 +23,7 @@ try:
     from sparsemor.core.cli.stability import stability
     from sparsemor.core.cli.study import study
 except KeyboardInterrupt:  # Ctrl-C in the first half second, while all this is read
+    sys.stderr.write("interrupted\n")
     raise SystemExit(130) from None
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
@@ -59,6 +60,7 @@ def main() -> None:
         finally:
             sys.stdout.flush()
     except KeyboardInterrupt:
+        sys.stderr.write("interrupted\n")
         sys.exit(INTERRUPTED)
     except BrokenPipeError:  # the reader of a pipe, such as `head`, has left
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -28,8 +28,6 @@ from sparsemor.core.cli.options import (
 )
 from sparsemor.core.errors import InputError
 from sparsemor.core.model.body_cache import BodyCache
-from sparsemor.core.protocols.reducer import shared_options
-from sparsemor.core.registry.registry import Registry
 from sparsemor.core.results.atomic_files import writing
 from sparsemor.core.results.output_directory import OutputDirectory
 from sparsemor.core.scene.defaults import COMPARED
@@ -82,39 +80,22 @@ def trained_on(scene: Scene, share: float) -> Scene:
     return scene.using({"training.end": steps * scene.time.step}, label="--training-end")
 
 
-def variants(scene: Scene, reducers: list[str], registry: Registry | None = None
-             ) -> dict[str, Scene]:
+def variants(scene: Scene, reducers: list[str]) -> dict[str, Scene]:
     """Reducer name -> copy of the scene with that reducer (model reduction method).
 
-    The scene's own reducer keeps its options. Any other reducer takes over the options that both
-    declare as shared between reducers, such as `basis`, `bases` and `budgets`, and any option of
-    the same name, type and default. An option with another default has another meaning: `deim`
-    selects its interpolation points by its own sampler. Raises InputError for fewer than two names.
+    The scene's own reducer keeps its options; any other takes over what both share, as with `--set
+    reducer=NAME` (`core/scene/reducer_words.py`). Raises InputError for fewer than two names.
     """
     if len(reducers) < 2 or len(set(reducers)) < len(reducers):
         raise InputError(
             f"give two or more different names (got {', '.join(reducers) or 'none'})", "reducers")
-    plugins = registry or Registry()
-    own: dict[str, Any] = scene.dump()["reducer"]
-    cls = plugins.get("reducer", scene.reducer_name)
-    chosen: dict[str, Scene] = {}
     for name in reducers:
-        if name == scene.reducer_name:
-            chosen[name] = scene
-            continue
         try:
-            other = plugins.get("reducer", name)
+            scene.source.registry.get("reducer", name)
         except InputError as error:
             raise error.under("reducers") from None
-        theirs, mine = other.model_fields, cls.model_fields
-        shared = {*shared_options(cls)} & {*shared_options(other)}
-        common = {
-            key: value for key, value in own.items() if key in theirs and (
-                key in shared or (theirs[key].annotation == mine[key].annotation
-                                  and theirs[key].default == mine[key].default))
-        }
-        chosen[name] = scene.using({"reducer": {"use": name, **common}}, label="--reducers")
-    return chosen
+    return {name: scene if name == scene.reducer_name else
+            scene.using({"reducer": name}, label="--reducers") for name in reducers}
 
 
 def _refuse_early(scenes: dict[str, Scene], body_cache: BodyCache) -> None:

@@ -3,7 +3,7 @@
 import json
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from math import isfinite
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
@@ -11,12 +11,12 @@ from typing import Annotated, Any, TypeVar
 import typer
 
 from sparsemor.core.errors import Damaged, InputError
-from sparsemor.core.registry.registry import Registry
 from sparsemor.core.registry.validation_errors import shown
 from sparsemor.core.results.output_directory import OutputDirectory
 from sparsemor.core.scene.overrides import parse_settings
 from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.scene.yaml_reader import LocatedError
+from sparsemor.core.simulation.progress import progress_bar
 from sparsemor.core.status import SolveFailed, Status
 
 T = TypeVar("T")
@@ -31,7 +31,8 @@ Settings = Annotated[
              "repeated.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
-Resume = Annotated[bool, typer.Option("--resume", help="Continue an interrupted run.")]
+Resume = Annotated[bool, typer.Option(
+    "--resume", help="Continue an interrupted run, or one that has ended to a later time.end.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace an earlier result.")]
 
 FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
@@ -162,22 +163,9 @@ def print_json(value: Mapping[str, Any]) -> None:
     typer.echo(json.dumps(value, indent=2, allow_nan=False, default=str))
 
 
-@contextmanager
-def progress(quiet: bool) -> Iterator[Sequence[object]]:
+def progress(quiet: bool) -> AbstractContextManager[Sequence[object]]:
     """Context with the observers of a run: a progress bar if standard error is a terminal."""
-    if quiet or not sys.stderr.isatty():
-        yield ()
-        return
-    registry = Registry()
-    if not registry.has("observer", "progress"):
-        yield ()
-        return
-    plugin: Any = registry.get("observer", "progress")()
-    observer = plugin.observer()
-    try:
-        yield (observer,)
-    finally:
-        observer.close()
+    return progress_bar(not quiet and sys.stderr.isatty())
 
 
 @contextmanager

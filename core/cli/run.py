@@ -24,14 +24,11 @@ from sparsemor.core.cli.options import (
     warn,
 )
 from sparsemor.core.errors import InputError
-from sparsemor.core.protocols.reducer import shared_options
-from sparsemor.core.registry.registry import Registry
 from sparsemor.core.results.error_norms import LIMIT
 from sparsemor.core.results.model_format import is_model_file
 from sparsemor.core.results.solver_report import solvers_in_words
 from sparsemor.core.results.tables import marked
 from sparsemor.core.scene.overrides import parse_settings
-from sparsemor.core.scene.source import Source
 from sparsemor.core.scene.yaml_reader import LocatedError
 
 if TYPE_CHECKING:
@@ -67,8 +64,7 @@ def run(
         if not quiet:
             warn(summary.get("notes", ()))
         if not (quiet or as_json):  # programs find it in the summary
-            inform([*summary.get("information", ()),
-                    *(replaced_reducer(scene, settings) if model is None else ())])
+            inform(summary.get("information", ()))
 
 
 def _kept(scene: str, settings: Sequence[str] | None, resume: bool) -> "ReducedModel | None":
@@ -90,23 +86,6 @@ def _kept(scene: str, settings: Sequence[str] | None, resume: bool) -> "ReducedM
         raise LocatedError(
             error.faults, [f"--set {f.key}: {f.message}" for f in error.faults]) from None
     return model
-
-
-def replaced_reducer(scene: str, settings: Sequence[str] | None) -> list[str]:
-    """Note that `--set reducer=NAME` left out options of the scene's own reducer, which `compare
-    --reducers NAME` keeps; empty if there are none."""
-    name = parse_settings(settings or ()).get("reducer")
-    own = Source.read(scene, Registry()).tree.get("reducer")
-    if not isinstance(name, str) or not isinstance(own, Mapping):
-        return []
-    registry = Registry()
-    if not registry.has("reducer", name):
-        return []
-    cls = registry.get("reducer", name)
-    left = [key for key in shared_options(cls) if key in own and key in cls.model_fields]
-    return [f"reducer {name} runs with its own defaults: {', '.join(left)} of the scene's reducer "
-            f"{own.get('use')} {'is' if len(left) == 1 else 'are'} left out; `compare --reducers` "
-            "keeps what both have"] if left else []
 
 
 def in_words(summary: Mapping[str, Any]) -> str:

@@ -40,6 +40,16 @@ class ChecksBlock(Protocol):
 
 
 @runtime_checkable
+class CombinesBases(Protocol):
+    """A basis made of others, which can do without those that do not fit a block."""
+
+    def fitting(self, data: BlockData, snapshots: int) -> Basis | None:
+        """This basis without those whose `build` would reject the block, None if no other is left.
+        """
+        ...
+
+
+@runtime_checkable
 class CentresSnapshots(Protocol):
     """A basis that may subtract the mean of the snapshots before it is computed."""
 

@@ -27,7 +27,8 @@ from sparsemor.core.protocols import (
 )
 
 CAPABILITIES: Mapping[str, tuple[type, ...]] = {
-    "basis": (basis.BoundsAtoms, basis.ChecksBlock, basis.CentresSnapshots),
+    "basis": (basis.BoundsAtoms, basis.ChecksBlock, basis.CombinesBases,
+              basis.CentresSnapshots),
     "body": (body.EstimatesSize, body.SelectsFields, layout.DeclaresFields),
     "contact": (contact.DeclaresSurfaces, contact.NamesSides),
     "function": (integrator.HasCurvature,),

@@ -365,7 +365,7 @@ class SharesOptions(Protocol):
 
     @property
     def shared_options(self) -> tuple[str, ...]:
-        """Names of these options, a class attribute; a comparison of reducers copies their
+        """Names of these options, a class attribute; a change of the reducer's name keeps their
         values."""
         ...
 

@@ -57,7 +57,8 @@ class DrawsRequired(Protocol):
 
 class Preconditioner(Protocol):
     """Left preconditioner of the sampled equations: nonsingular P (m, m) for the matrix A (m, k) of
-    m sampled rows and k atoms (trial vectors)."""
+    m sampled rows and k atoms (trial vectors). Where it is defined for m <= k only, m = k
+    compressed rows are given to it."""
 
     def check(self, rows: int, atoms: int) -> str:
         """Reason why P is not defined for this number of rows and atoms, "" if it is."""

@@ -48,6 +48,11 @@ class Events:
         """Called before the first step, separately for a training run and for the main run."""
 
     @hookspec
+    def on_offline(self, product: str) -> None:
+        """Called before a product of the offline stage is computed that the cache does not have,
+        such as `training`, `basis`, or the `weights` of ECSW."""
+
+    @hookspec
     def on_step(self, step: int, t: float, x: FloatArray, outcome: StepOutcome) -> None:
         """Called after an accepted step. t: s; x (n,): unknowns of the step solver, not to be
         changed."""

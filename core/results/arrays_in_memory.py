@@ -105,7 +105,9 @@ class MemoryWriter:
             self.result(), writer._arrays, maps, slice(None)))
         return writer
 
-    def checkpoint(self, arrays: Mapping[str, NDArray[Any]], memory: object = None) -> None:
+    def checkpoint(
+        self, arrays: Mapping[str, NDArray[Any]], memory: object = None, extra: int = 0
+    ) -> None:
         """Nothing: a run in memory is not resumed."""
 
     def finish(self, status: Status, summary: Mapping[str, Any]) -> None:

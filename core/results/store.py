@@ -29,6 +29,7 @@ from sparsemor.core.results.checkpoint import (
     load_checkpoint,
     save_checkpoint,
 )
+from sparsemor.core.results.continuation import extended, refusal
 from sparsemor.core.results.metadata import RunHeader, load_layout
 from sparsemor.core.results.output_lock import FixedFolder
 from sparsemor.core.results.run_result import RunResult
@@ -36,6 +37,7 @@ from sparsemor.core.results.saved_state import Saved, SavedError
 from sparsemor.core.results.stage_arrays import stage_attributes
 from sparsemor.core.results.variables import TIME, fixed_arrays, steps_per_chunk, time_arrays
 from sparsemor.core.scene.run_identity import Identity
+from sparsemor.core.scene.scene import Scene
 from sparsemor.core.status import Status
 
 
@@ -104,15 +106,20 @@ class ResultWriter:
 
     @classmethod
     def resume(
-        cls, path: str | Path, scene_digest: str | None = None, identity: Identity | None = None
+        cls, path: str | Path, scene: Scene | None = None, header: RunHeader | None = None
     ) -> tuple["ResultWriter", Checkpoint]:
-        """Writer of a stopped run, truncated to its last checkpoint, and that checkpoint.
+        """Writer of a stored run, truncated to its last checkpoint, and that checkpoint.
 
-        Raises InputError if there is nothing to resume, the run is complete, its scene differs from
-        `scene_digest`, or code, plugins or input files differ from `identity`.
+        scene, header: those of the continued run, None for the stored ones. Raises InputError if
+        there is nothing to resume, or if the continued run would not be that of `scene` from its
+        start: other settings than a later end, other code, plugins or input files.
         """
         target = Path(path).absolute()
-        document, checkpoint = _resumable(target, scene_digest, identity)
+        document, checkpoint = _resumable(target, scene)
+        kept = document["attributes"]["scene"]
+        if header is not None and header.scene["time"]["end"] != kept["time"]["end"]:
+            if why := extended(target, document, header):
+                raise _refused(target, why)
         for name, metadata in zf.arrays_of(document).items():
             (target / name / zf.GROUP_FILE).unlink(missing_ok=True)
             if metadata["dimension_names"][0] == TIME:
@@ -122,11 +129,9 @@ class ResultWriter:
         return cls(target), checkpoint
 
     @staticmethod
-    def resumable(
-        path: str | Path, scene_digest: str | None = None, identity: Identity | None = None
-    ) -> None:
-        """Raises InputError if `resume` would; changes nothing."""
-        _resumable(Path(path).absolute(), scene_digest, identity)
+    def resumable(path: str | Path, scene: Scene | None = None) -> None:
+        """Raises InputError if `resume` would without a header; changes nothing."""
+        _resumable(Path(path).absolute(), scene)
 
     @property
     def attributes(self) -> Mapping[str, Any]:
@@ -182,18 +187,21 @@ class ResultWriter:
         shutil.rmtree(old, ignore_errors=True)
         return ResultWriter(self.path)
 
-    def checkpoint(self, arrays: Mapping[str, NDArray[Any]], memory: object = None) -> None:
+    def checkpoint(
+        self, arrays: Mapping[str, NDArray[Any]], memory: object = None, extra: int = 0
+    ) -> None:
         """Saves the state from which the run can continue after the last appended step.
 
-        arrays: state of the time integrator; memory: state of the step solver. Raises TypeError for
-        a state that cannot be serialized (saved_state.py).
+        arrays: state of the time integrator; memory: state of the step solver; extra: number of
+        appended steps that a longer run does not store. Raises TypeError for a state that cannot be
+        serialized (saved_state.py).
         """
-        run = self._document["attributes"]["run"]
+        run, stored = self._document["attributes"]["run"], self.stored - extra
         with self._folder.kept(self._last_time), writing(checkpoint_file(self.path)):
-            save_checkpoint(self.path, Checkpoint(run, self.stored, arrays, Saved.of(memory)))
+            save_checkpoint(self.path, Checkpoint(run, stored, arrays, Saved.of(memory)))
 
     def finish(self, status: Status, summary: Mapping[str, Any]) -> None:
-        """Writes the final status and summary of the run; removes the checkpoint of a complete run.
+        """Writes the final status and summary of the run.
 
         Raises OSError if the store was moved or removed, or if one of its files is missing.
         """
@@ -209,8 +217,6 @@ class ResultWriter:
                 replace_file(folder / zf.GROUP_FILE, zf.to_json(metadata))
             self._document["attributes"].update(status=status.value, summary=dict(summary))
             zf.write_group(self.path, self._document)
-            if status.ok:
-                checkpoint_file(self.path).unlink(missing_ok=True)
 
     def result(self) -> RunResult:
         """Reader of what is committed."""
@@ -329,23 +335,24 @@ def _write_empty(path: Path, header: RunHeader) -> None:
     zf.write_group(path, zf.group_document(attributes, growing | fixed))
 
 
-def _resumable(
-    target: Path, scene_digest: str | None, identity: Identity | None
-) -> tuple[dict[str, Any], Checkpoint]:
+def _refused(target: Path, why: str) -> InputError:
+    return InputError(f"{target} cannot be resumed: {why}", key="resume")
+
+
+def _resumable(target: Path, scene: Scene | None) -> tuple[dict[str, Any], Checkpoint]:
     def refuse(why: str) -> InputError:
-        return InputError(f"{target} cannot be resumed: {why}", key="resume")
+        return _refused(target, why)
 
     if not (target / zf.GROUP_FILE).exists():
         raise refuse("there is no result; start the run without --resume")
     document = zf.read_group(target)
     attributes = document["attributes"]
-    if attributes["status"] == Status.DONE.value:
-        raise refuse("the run has ended; nothing is left to do")
-    if scene_digest not in (None, attributes["scene_digest"]):
-        raise refuse("it was made from another scene; run into a new directory")
-    if identity is not None and (changed := identity.changes(attributes.get("identity", {}))):
-        raise refuse(f"since it was stopped, {'; '.join(changed)}. Start the run again, with "
-                     "--force or into another directory")
+    if scene is not None:
+        if why := refusal(attributes, scene):
+            raise refuse(why)
+        if changed := Identity.of(scene).changes(attributes.get("identity", {})):
+            raise refuse(f"since it was stopped, {'; '.join(changed)}. Start the run again, with "
+                         "--force or into another directory")
     try:
         checkpoint = load_checkpoint(target)
     except SavedError as error:

@@ -14,8 +14,8 @@ key of `Scene` belongs here or in `RELEVANT`, which a test checks."""
 REDUCTION = frozenset({"reducer", "training"})
 """Keys that affect a reduced model only."""
 RELEVANT = frozenset({
-    "format", "bodies", "joints", "contacts", "loads", "rigid_stage", "time", "integrator",
-    "linear_solver", "linear_solvers"})
+    "format", "bodies", "joints", "contacts", "loads", "rigid_stage", "initial", "time",
+    "integrator", "linear_solver", "linear_solvers"})
 NOT_PHYSICS = (frozenset(IRRELEVANT) | REDUCTION) - {"parameters"}
 """Keys that may change without a new reference solution."""
 

@@ -1,5 +1,7 @@
 """Options of a scene: time, training, rigid stage, output, probes."""
 
+from collections.abc import Sequence
+from pathlib import Path
 from typing import Annotated, Any
 
 from pydantic import Field, model_validator
@@ -79,6 +81,21 @@ class Training(Plugin):
                 raise InputError(f"{key} has no effect on the training run, which is of full order "
                                  "and stored as `training` sets: remove it", f"overrides.{key}")
         return self
+
+
+class Initial(Plugin):
+    """Initial state from a stored result with the same meshes; time starts at 0 s again."""
+
+    result: str
+    """Directory of the result; a relative path starts from the working directory, as `--out`."""
+    time: float | None = Field(default=None, ge=0)
+    """Time in that run, s (the closest stored one); left out: its last."""
+
+    def files(self, base: Path) -> Sequence[Path]:
+        """Metadata of the result, which change with it."""
+        place = Path(self.result)
+        files = place / "result.zarr" / "zarr.json", place / "zarr.json"
+        return [file for file in files if file.is_file()]
 
 
 class RigidStage(Plugin):

@@ -1,11 +1,13 @@
 """Overrides of options of a scene, applied to the parsed file before validation."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 from sparsemor.core.errors import Fault, InputError
-from sparsemor.core.registry.registry import suggestions
+from sparsemor.core.notes import Note
+from sparsemor.core.registry.registry import Registry, suggestions
 from sparsemor.core.registry.validation_errors import shown
+from sparsemor.core.scene.reducer_words import NAMES, REDUCER, name_notes, named, sampled
 from sparsemor.core.scene.yaml_reader import KeyPath, not_finite, parse_value
 
 REMOVABLE = ("bodies", "joints", "loads", "contacts", "probes", "linear_solvers")
@@ -55,27 +57,49 @@ def find(tree: object, key: str) -> KeyPath:
     return _matched(tree, split(key))
 
 
-def apply(tree: Mapping[str, Any], overrides: Mapping[str, Any]) -> tuple[dict[str, Any],
-                                                                          dict[KeyPath, str]]:
-    """Changed copy of the tree, and the key of the override for each changed path.
+class Applied(NamedTuple):
+    """Changed data of a scene, the key of the override for each changed path, whether the reducer
+    was changed, and notes."""
+
+    tree: dict[str, Any]
+    origins: dict[KeyPath, str]
+    new_reducer: bool
+    notes: tuple[Note, ...]
+
+
+def apply(
+    tree: Mapping[str, Any], overrides: Mapping[str, Any], registry: Registry
+) -> Applied:
+    """Changed copy of the tree.
 
     The order of the overrides does not matter: outer keys are applied first, and `use` before the
-    options next to it.
+    options next to it. A reducer's name keeps shared options (reducer_words.py).
     """
     changed = copied(tree)
     origins: dict[KeyPath, str] = {}
+    notes: tuple[Note, ...] = ()
+    new_reducer = any(split(key) in NAMES for key in overrides)
     faults: list[Fault] = []
     for key in sorted(overrides, key=_outer_first):
         value = overrides[key]
         faults.extend(Fault(key, f"must be finite (got {shown(value)})")
                       for _ in not_finite(value)[:1])
         try:
-            origins[_set(changed, find(changed, key), copied(value))] = key
+            path, value = find(changed, key), copied(value)
+            if path in NAMES and isinstance(value, str):
+                notes += name_notes(changed, value, registry)
+                path, value = REDUCER, named(changed, value, registry)
+            elif path[:1] == REDUCER and len(path) > 1 and not new_reducer:
+                found = sampled(changed, str(path[1]), registry)
+                if found is not None:
+                    changed["reducer"], more = found
+                    notes, new_reducer = (*notes, *more), True
+            origins[_set(changed, path, value)] = key
         except InputError as error:
             faults.extend(error.under(key).faults)
     if faults:
         raise InputError(faults)
-    return changed, origins
+    return Applied(changed, origins, new_reducer, notes)
 
 
 def copied(value: Any) -> Any:

@@ -35,7 +35,7 @@ from sparsemor.core.registry.validation_errors import custom, shown, with_advice
 from sparsemor.core.scene.defaults import FULL_ORDER
 from sparsemor.core.scene.html import html_table
 from sparsemor.core.scene.names import name_faults
-from sparsemor.core.scene.options import Output, Probe, RigidStage, Time, Training
+from sparsemor.core.scene.options import Initial, Output, Probe, RigidStage, Time, Training
 from sparsemor.core.scene.overrides import find
 from sparsemor.core.scene.parameters import (
     Parameter,
@@ -79,6 +79,9 @@ class Scene(Plugin):
     rigid_stage: RigidStage | None = None
     """Rigid-body pre-simulation: a first run with rigid bodies, whose motion, joint forces and
     contact loads are prescribed in the flexible run."""
+    initial: Initial | None = None
+    """State of a stored result from which the run starts; left out: the state that the bodies'
+    options describe."""
     time: Time
     """Time span and step of the run."""
     integrator: Annotated[Integrator, Slot("integrator")] = slot_default("bdf1")
@@ -140,7 +143,7 @@ class Scene(Plugin):
 
     @property
     def notes(self) -> tuple[Note, ...]:
-        """Warnings on how the names of plugins were understood."""
+        """Notes on how names of plugins and overrides of the reducer were understood."""
         return self._notes
 
     @property
@@ -208,8 +211,10 @@ class Scene(Plugin):
         """Scene with changes, validated again: `{"reducer.sampler.use": "random"}`.
 
         A change acts on the data as written: a subtree is replaced as a whole, and a new `use`
-        (name of a plugin) drops the options of the plugin that was there. label: name of the
-        changes in messages. Raises `InputError`.
+        (name of a plugin) drops the options of the plugin that was there. The name of a reducer
+        alone keeps the options that both reducers share, and an option that the reducer lacks and
+        `sparse` has changes it to `sparse`. label: name of the changes in messages. Raises
+        `InputError`.
         """
         return build(self.source.changed(overrides, label))
 
@@ -233,7 +238,8 @@ class Scene(Plugin):
 
         It does not depend on the reducer, so its digest shows whether snapshots can be reused.
         """
-        changes = {**self.training.overrides, **values_at(point or {}), "reducer": FULL_ORDER}
+        changes = {**self.training.overrides, **values_at(point or {}),
+                   "reducer": {"use": FULL_ORDER}}
         changes.setdefault("time.end", self.training_end)
         tree = self.using(changes, label="training.overrides")
         return tree.using({"training": {"every": self.training.every}}, label="training")
@@ -288,7 +294,7 @@ def build(source: Source) -> Scene:
         scene = Scene.model_validate(source.tree, context={**source.context, "notes": notes})
     except ValidationError as error:
         raise source.invalid(error) from None
-    scene._source, scene._notes = source, tuple(dict.fromkeys(notes))
+    scene._source, scene._notes = source, tuple(dict.fromkeys((*source.notes, *notes)))
     return scene
 
 

@@ -8,6 +8,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from sparsemor.core.errors import Fault, InputError
+from sparsemor.core.notes import Note
 from sparsemor.core.registry.registry import Registry, suggestions
 from sparsemor.core.registry.validation_errors import dotted, faults_of
 from sparsemor.core.scene.overrides import apply, find
@@ -30,7 +31,8 @@ class Source:
     """Data of a scene before validation.
 
     document: the parsed file; tree: its data with changes; folder: where the file is, None when
-    there is no file; origins: changed path -> (label of the change, the key that was set).
+    there is no file; origins: changed path -> (label of the change, the key that was set); notes:
+    on how overrides of the reducer were understood.
     """
 
     document: Document
@@ -38,6 +40,7 @@ class Source:
     registry: Registry
     folder: Path | None = None
     origins: Mapping[KeyPath, tuple[str, str]] = field(default_factory=dict)
+    notes: tuple[Note, ...] = ()
 
     @classmethod
     def read(cls, scene: str | Path, registry: Registry, kind: str = "scene") -> "Source":
@@ -80,13 +83,14 @@ class Source:
     def changed(self, overrides: Mapping[str, Any], label: str) -> "Source":
         """Source with overrides applied. Raises `LocatedError` when a key cannot be changed."""
         try:
-            tree, origins = apply(self.tree, with_values(self.tree, overrides))
+            made = apply(self.tree, with_values(self.tree, overrides), self.registry)
         except InputError as error:
             lines = [_changed(label, f.key, f.key, f.message) for f in error.faults]
             raise LocatedError(error.faults, lines) from None
-        named = {path: (label, key) for path, key in origins.items()}
+        named = {path: (label, key) for path, key in made.origins.items()}
         kept = {p: o for p, o in self.origins.items() if not _inside(p, named)}
-        return replace(self, tree=tree, origins=kept | named)
+        earlier = () if made.new_reducer else self.notes
+        return replace(self, tree=made.tree, origins=kept | named, notes=(*earlier, *made.notes))
 
     def invalid(self, error: ValidationError) -> LocatedError:
         """Error with pydantic's faults, each with its key and position in the file."""

@@ -8,9 +8,6 @@ from sparsemor.core.errors import Damaged, InputError
 from sparsemor.core.results.checkpoint import checkpoint_file
 from sparsemor.core.results.output_directory import OutputDirectory
 from sparsemor.core.results.store import ResultWriter
-from sparsemor.core.results.zarr_files import GROUP_FILE, read_group
-from sparsemor.core.scene.nested import changes
-from sparsemor.core.scene.run_identity import Identity
 from sparsemor.core.scene.scene import Scene
 
 
@@ -19,24 +16,9 @@ def admit(scene: Scene, out: Path, resume: bool) -> None:
     the result in it. Raises InputError."""
     directory = OutputDirectory(out)
     if resume:
-        ResultWriter.resumable(
-            directory.store, digest_to_resume(scene, directory.store), Identity.of(scene))
+        ResultWriter.resumable(directory.store, scene)
     else:
         directory.require_writable()
-
-
-FREE_TO_RESUME = {"reducer.error_estimate.tolerance", "reducer.error_estimate.action"}
-"""Keys of a scene that may change before a stopped run goes on: the steps so far are the same."""
-
-
-def digest_to_resume(scene: Scene, store: Path) -> str:
-    """Digest of the scene from which a stopped run was made, if this scene may continue it; else
-    that of this scene."""
-    if (store / GROUP_FILE).exists():
-        kept = read_group(store)["attributes"]
-        if set(changes(kept["scene"], scene.dump())) <= FREE_TO_RESUME:
-            return str(kept["scene_digest"])
-    return scene.digest()
 
 
 @contextmanager

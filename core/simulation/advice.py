@@ -52,7 +52,7 @@ class Advice:
     scene: the scene with these, without a reducer that chooses; choice: the trial runs and what
     they show; left_out: names of the blocks that are left out; fields: block -> field; full_ms:
     wall time of a step of the training run, ms; full_seconds, seconds: wall time of the full-order
-    training run, its rigid-body pre-simulation included, and of everything else, s.
+    training run, its rigid-body pre-simulation included, and of the trial runs, s.
     """
 
     scene: Scene
@@ -156,7 +156,7 @@ def _advice(scene: Scene, cache: Cache, manager: Manager, body_cache: BodyCache)
     if not model.reducible():
         return _rigid(scene, (), time.perf_counter() - begun)
     offline.snapshots(model.reducible()[0])  # the training run is made here
-    full = offline.products.spent.total
+    full, ready = offline.products.spent.total, time.perf_counter()
     options = scene.dump()["reducer"]
 
     def ask() -> Arrays:
@@ -173,7 +173,7 @@ def _advice(scene: Scene, cache: Cache, manager: Manager, body_cache: BodyCache)
     fields = {n: model.layout.block(n).field for n in model.reducible()}
     return Advice(
         smaller.using({"reducer": choice.reducer}, label=CHOSEN), choice, gone, fields,
-        1e3 * full / step_count(training), full, max(time.perf_counter() - begun - full, 0.0))
+        1e3 * full / step_count(training), full, time.perf_counter() - ready)
 
 
 def _asked(

@@ -135,7 +135,12 @@ class Offline:
         self, kind: str, depends: Sequence[object], make: Callable[[], Arrays]
     ) -> Arrays:
         key = "" if self.products.cache is None else digest(self._key, *depends)
-        return self.products.remember(kind, key, make)
+
+        def told() -> Arrays:
+            self.manager.hook.on_offline(product=kind)
+            return make()
+
+        return self.products.remember(kind, key, told)
 
     def has_training(self) -> bool:
         """True if the snapshots of all training runs are in the cache."""

@@ -39,6 +39,7 @@ from sparsemor.core.simulation.diagnostics.trial_space import (
     check_trial_spaces,
 )
 from sparsemor.core.simulation.greedy import estimated_error, greedy_points, trial_scene
+from sparsemor.core.simulation.initial_from_result import initial_notes
 from sparsemor.core.simulation.linearization import check_run
 from sparsemor.core.simulation.linearization.check import UNSTABLE
 from sparsemor.core.simulation.memory.disk import room_for_result, room_for_snapshots
@@ -123,13 +124,17 @@ def prepared_run(
         estimator = _estimator(scene.reducer, problem, solver)
         solver = controlled(scene, model, offline, solver)
     integrator: object = scene.integrator
+    # rates of BDF1 are differences of positions, so that joints hold at the end of a step only
+    differences = scene.initial is not None and scene.integrator.order == 1
+    started = () if differences else start_notes(model)
     of_integrator = integrator.notes(model.layout) if isinstance(integrator, ChecksLayout) else ()
     return PreparedRun(
         scene, solver, start, header_of(
             scene, model, solver, step_count(scene), () if estimator is None else estimator.blocks),
         tuple(ProbeReader.of(p, solver.layout, solver.dictionaries) for p in model.probes),
         {n: shape for n, shape in shapes(model).items() if shape.given},
-        (*start_notes(model), *resolved.notes(scene.time.step), *of_integrator, *solver.notes,
+        (*started, *initial_notes(scene, model, solver.dictionaries),
+         *resolved.notes(scene.time.step), *of_integrator, *solver.notes,
          *before_run(scene, model), *of_solver(scene, solver), *unstable, *missed, *offline.notes,
          *(() if estimator is None else estimator.notes)),
         stability, spaces, scene.training_end, stage_warnings(model),

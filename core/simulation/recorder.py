@@ -30,8 +30,7 @@ from sparsemor.core.results.saved_state import SavedError
 from sparsemor.core.results.solver_report import solvers_summary
 from sparsemor.core.results.store import ChunkOfSteps, ResultWriter
 from sparsemor.core.results.zarr_files import read_group
-from sparsemor.core.scene.run_identity import Identity
-from sparsemor.core.simulation.admission import admit, digest_to_resume
+from sparsemor.core.simulation.admission import admit
 from sparsemor.core.simulation.error_control.notes import enrichment_notes, error_limit
 from sparsemor.core.simulation.error_control.record import ErrorMark, ErrorRecord
 from sparsemor.core.simulation.memory.use import MemoryUse
@@ -113,12 +112,11 @@ class Recorder:
     def open(
         cls, run: PreparedRun, out: Path, resume: bool, steps: int, products: Products | None,
     ) -> "Recorder":
-        """Recorder of a new result in `out`, or of a stopped one to be resumed. Raises InputError
+        """Recorder of a new result in `out`, or of a stored one to be resumed. Raises InputError
         if `out` contains a result already, or with `resume` one that cannot be resumed."""
         store, scene = out / STORE, run.scene
         if resume:
-            writer, checkpoint = ResultWriter.resume(
-                store, digest_to_resume(scene, store), Identity.of(scene))
+            writer, checkpoint = ResultWriter.resume(store, scene, run.header)
             if writer.attributes.get("enriched"):
                 raise InputError(f"{out} cannot be resumed: atoms were added during the run, which "
                                  "are those of its steps so far; start again", "resume")
@@ -204,11 +202,13 @@ class Recorder:
             self._contacts.append({n: v for n, v in found.items() if n in self._contact_names})
 
     def save(self, state: State, memory: StepMemory, tally: Tally) -> None:
-        """Commit the buffered steps and a checkpoint."""
+        """Commit the buffered steps and a checkpoint. A last step between two output steps is not
+        stored by a run that continues this one."""
         self.flush()
         arrays = {"t": np.array(state.t), "x": state.x, "v": state.v, "a": state.a,
                   "memory": state.memory}
-        self.writer.checkpoint(arrays, self._carried(memory, tally))
+        last = tally.done == self.steps and tally.done % self._every != 0
+        self.writer.checkpoint(arrays, self._carried(memory, tally), int(last))
         self._saved = time.perf_counter()
 
     def flush(self) -> None:

@@ -182,9 +182,9 @@ class ReducedModel:
         own = None if run.offline is self._run.offline else run.offline  # projected again
         products = None if own is None else own.products
         if out is None:
-            recorder = Recorder(run, MemoryWriter(
-                run.header, self._fixed if own is None else fixed_in_memory(run.header)), None, steps,
-                products)
+            writer = MemoryWriter(
+                run.header, self._fixed if own is None else fixed_in_memory(run.header))
+            recorder = Recorder(run, writer, None, steps, products)
             return stepped(run, recorder, manager, tally, begin=begin)
         with owned(Path(out)):
             recorder = Recorder.open(run, Path(out), False, steps, products)

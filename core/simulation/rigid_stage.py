@@ -64,7 +64,7 @@ def rigid_scene(scene: Scene) -> Scene:
     rigid_copy: dict[str, Any] = {f"bodies.{n}.fields": [] for n, body in scene.bodies.items()
                             if isinstance(body, SelectsFields)}
     plain = scene.using({
-        **kept, **rigid_copy, **IRRELEVANT, "reducer": FULL_ORDER, "training": {},
+        **kept, **rigid_copy, **IRRELEVANT, "reducer": {"use": FULL_ORDER}, "training": {},
         "rigid_stage": None, "linear_solver": "auto", "linear_solvers": {}}, label="rigid_stage")
     return plain.using(scene.rigid_stage.overrides, label=_LABEL)
 
@@ -93,6 +93,9 @@ def stage_faults(scene: Scene) -> list[Fault]:
                 "would not deform this body: add `rigid_stage: {}` to the scene, or "
                 "take `deformed`"))
     if scene.rigid_stage is not None:
+        if scene.initial is not None:
+            faults.append(Fault("initial", "with a rigid stage the motion starts from the poses of "
+                                "the bodies: drop it, or continue the run with --resume"))
         end = rigid_scene(scene).time.end
         if end < scene.time.end * (1 - 1e-9):
             faults.append(Fault(

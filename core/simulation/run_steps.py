@@ -92,9 +92,7 @@ class RunSteps:
             if self.keeper is not None:
                 self.keeper.close()
         tally.online = time.perf_counter() - self._begun
-        if failure is None:
-            recorder.flush()
-        elif failure.status in (Status.INTERRUPTED, Status.INACCURATE):
+        if failure is None or failure.status in (Status.INTERRUPTED, Status.INACCURATE):
             recorder.save(self.state, self.memory, tally)
         else:
             recorder.keep_last(

@@ -39,6 +39,7 @@ from sparsemor.core.simulation.memory.limits import peak
 from sparsemor.core.simulation.memory.use import MemoryUse
 from sparsemor.core.simulation.offline import Offline, step_count
 from sparsemor.core.simulation.prepare import PreparedRun, prepared_run
+from sparsemor.core.simulation.progress import progress_bar
 from sparsemor.core.simulation.recorder import Recorder
 from sparsemor.core.simulation.run_steps import RunSteps
 from sparsemor.core.simulation.step_statistics import Tally
@@ -50,7 +51,7 @@ from sparsemor.core.simulation.training import SnapshotKeeper, training_steps
 def simulate(
     scene: Scene, *, out: str | Path | None = None, resume: bool = False,
     observers: Sequence[object] = (), cache: Cache | None = None,
-    body_cache: BodyCache | None = None, keep_training: bool = False,
+    body_cache: BodyCache | None = None, keep_training: bool = False, progress: bool = False,
 ) -> RunResult:
     """Run a scene and store its result under `out`; when not given, in a temporary directory that
     is removed when this process ends.
@@ -58,12 +59,14 @@ def simulate(
     Raises InputError before anything is written, also when another run is writing to `out`;
     SolveFailed (with the results up to there in `.result`) when the run stops before its end;
     OSError when the result cannot be written, or `out` was moved or removed. resume: continue from
-    the last checkpoint. body_cache: bodies that other runs have built, for reuse. keep_training: a
-    full-order run that begins with the training run of its scene leaves the snapshots in the cache,
-    for reduced runs that follow.
+    the last checkpoint, also a run that has ended if `time.end` is later now. body_cache: bodies
+    that other runs have built, for reuse. keep_training: a full-order run that begins with the
+    training run of its scene leaves the snapshots in the cache, for reduced runs that follow.
+    progress: show a progress bar on standard error.
     """
-    with nullcontext() if out is None else owned(Path(out)):
-        return _simulate(scene, out, resume, observers, cache, body_cache, keep_training)
+    with nullcontext() if out is None else owned(Path(out)), progress_bar(progress) as bar:
+        return _simulate(
+            scene, out, resume, (*observers, *bar), cache, body_cache, keep_training)
 
 
 def _simulate(

@@ -21,6 +21,7 @@ from sparsemor.core.scene.independent_of_physics import physics_of, training_phy
 from sparsemor.core.scene.parameters import Point
 from sparsemor.core.scene.run_identity import Identity, origin
 from sparsemor.core.scene.scene import Scene
+from sparsemor.core.simulation.initial_from_result import started_from_result
 from sparsemor.core.simulation.memory.estimate import trains
 from sparsemor.core.simulation.offline import Offline, TrainingRun, full_run, step_count
 from sparsemor.core.simulation.offline_cache import Products, mesh_content
@@ -88,7 +89,7 @@ def offline_of(
         return key, lambda: train(training, manager, products, body_cache)
 
     def runs() -> Sequence[TrainingRun]:
-        if box is None or not trains(scene, dict.fromkeys(model.reducible(), 0)):
+        if box is None or not trains(scene, dict.fromkeys(model.reducible(), 0), model):
             return [run({})]
         points: Sequence[Point] = box.chosen(scene.parameters)
         if greedy is not None and box.points is None and box.choice == "greedy":
@@ -129,7 +130,7 @@ def train(
     Raises SolveFailed if it or its rigid-body pre-simulation stops early.
     """
     if scene.rigid_stage is None:
-        model = assemble(scene, body_cache=body_cache)
+        model = started_from_result(scene, assemble(scene, body_cache=body_cache))
     else:
         model = staged(scene, products or Products(None), manager, body_cache or BodyCache())
     products = products or Products(None)

@@ -14,6 +14,7 @@ from sparsemor.core.model.prescribed_motion import NOTHING, AtStart
 from sparsemor.core.protocols import ChecksBlock, ChecksModel, RestartsSteps
 from sparsemor.core.registry.registry import suggestions
 from sparsemor.core.scene.scene import Scene
+from sparsemor.core.simulation.initial_from_result import started_from_result
 from sparsemor.core.simulation.memory.estimate import chosen_bases, grid_refusal
 from sparsemor.core.simulation.memory.precheck import check_memory
 from sparsemor.core.simulation.offline import snapshot_count, step_count
@@ -41,6 +42,8 @@ def checked_model(scene: Scene, body_cache: BodyCache | None = None) -> Model:
     gather.faults += faults or []
     if scene.rigid_stage is None:
         model = gather("", assemble, scene, body_cache=body_cache)
+        if model is not None:
+            model = gather("", started_from_result, scene, model)
     else:
         model = gather("", assemble, scene, AtStart(), body_cache)
         if model is not None and faults == []:
@@ -83,7 +86,7 @@ def basis_faults(scene: Scene, model: Model) -> list[Fault]:
     """Faults of blocks that their basis would refuse after the training run, whatever the snapshots
     are."""
     faults: list[Fault] = []
-    for name, basis in chosen_bases(scene, model.reducible()).items():
+    for name, basis in chosen_bases(scene, model.reducible(), model).items():
         if isinstance(basis, ChecksBlock):
             count = _snapshots(scene) if basis.needs_snapshots else 0
             why = basis.unfit(model.block_data(name), count)

@@ -25,6 +25,7 @@ def check_observer(make: Callable[[], object], seed: int = 0) -> None:
         observer = make()
         hook = new_manager([observer]).hook
         for phase in ("training", "run"):
+            hook.on_offline(product="basis")
             hook.on_start(run=RunStart("scene", "reducer", 0.0, 1.0, 3, phase))
             hook.on_resample(block=name, rows=np.array([0, 3]))
             for step in range(1, 3):

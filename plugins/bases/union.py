@@ -51,6 +51,12 @@ class Overcomplete(Plugin):
         reasons = (b.unfit(data, snapshots) for b in self.bases if isinstance(b, ChecksBlock))
         return next((why for why in reasons if why), "")
 
+    def fitting(self, data: BlockData, snapshots: int) -> "Overcomplete | None":
+        """This dictionary of the bases that can be built for a block; None if there are none."""
+        kept = [b for b in self.bases
+                if not (isinstance(b, ChecksBlock) and b.unfit(data, snapshots))]
+        return self.model_copy(update={"bases": kept}) if kept else None
+
     def build(self, data: BlockData) -> Dictionary:
         """Dictionary with atoms (n, k), k possibly above n."""
         parts = [b.build(data) for b in self.bases]

@@ -1,4 +1,5 @@
-"""Progress bar on the terminal: simulated time, steps per second, remaining time."""
+"""Progress bar on the terminal: simulated time, steps per second, remaining time; before the first
+step, what is computed."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -23,7 +24,8 @@ class ProgressBar(Plugin):
 
 
 class RunningBar:
-    """Observer that shows the bar in the terminal's last line from `on_start` to `on_finish`."""
+    """Observer that shows the bar in the terminal's last line from `on_start` to `on_finish`, and
+    the product that is being computed before."""
 
     def __init__(self, refresh: float, console: "Console | None") -> None:
         self._refresh, self._console = refresh, console
@@ -42,6 +44,13 @@ class RunningBar:
         self._bar.start()
 
     @hookimpl
+    def on_offline(self, product: str) -> None:
+        self.close()
+        self._bar = _waiting(self._refresh, self._console)
+        self._bar.add_task(f"offline: {product.replace('_', ' ')}", total=None)
+        self._bar.start()
+
+    @hookimpl
     def on_step(self, t: float) -> None:
         if self._bar is not None and self._task is not None:
             self._steps += 1
@@ -55,7 +64,16 @@ class RunningBar:
         """Remove the bar from the terminal, if it is shown."""
         if self._bar is not None:
             self._bar.stop()
-        self._bar = None
+        self._bar = self._task = None
+
+
+def _waiting(refresh: float, console: "Console | None") -> "Progress":
+    from rich.console import Console
+    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    return Progress(
+        SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn(),
+        console=console or Console(stderr=True), refresh_per_second=refresh, transient=True)
 
 
 def _bar(refresh: float, console: "Console | None") -> "Progress":

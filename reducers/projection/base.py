@@ -27,7 +27,6 @@ from sparsemor.core import (
     ReducedProblem,
     Slot,
     StepFactors,
-    matched_option,
     slot_default,
 )
 from sparsemor.reducers.checks import pattern_faults
@@ -53,7 +52,7 @@ from sparsemor.reducers.step.operators import TestedElastic, TestedHeat
 from sparsemor.reducers.step.prepare import constants, stepper
 from sparsemor.reducers.step.solver import Facts, Stepper
 from sparsemor.reducers.step_options import ReducedStepOptions
-from sparsemor.reducers.trial_bases import local_terms, trial_bases
+from sparsemor.reducers.trial_bases import local_terms, spanned, trial_bases
 
 
 class ProjectionReducer(ReducedStepOptions, ABC):
@@ -64,7 +63,8 @@ class ProjectionReducer(ReducedStepOptions, ABC):
     """
 
     basis: Annotated[Basis, Slot("basis")] = slot_default("pod")
-    """Basis of every elastic and thermal block."""
+    """Basis of every elastic and thermal block; one that it does not fit takes `pod`, with a
+    note."""
     bases: dict[str, Annotated[Basis, Slot("basis")]] = {}
     """Other bases by block pattern, such as `*.thermal`."""
     shared_options: ClassVar[tuple[str, ...]] = BASES
@@ -107,12 +107,11 @@ class ProjectionReducer(ReducedStepOptions, ABC):
         """The problem on the trial bases of this reducer, from which step solvers are made. Raises
         InputError where the reducer does not apply to the scene."""
         model, h, offline = problem.model, problem.step, problem.offline
-        bases, limits = trial_bases(
-            offline, {n: matched_option(n, self.bases, self.basis) for n in model.reducible()},
-            StepFactors(h, *constants(problem.integrator, h)))
+        bases, limits, notes = spanned(trial_bases(
+            offline, model, self, StepFactors(h, *constants(problem.integrator, h))), offline)
         return Projection(
             self, problem, bases, limits, self.approximation(model, bases, offline, h),
-            dict(zip(bases, problem.rng.spawn(len(bases)), strict=True)))
+            dict(zip(bases, problem.rng.spawn(len(bases)), strict=True)), notes)
 
     def prepare(self, problem: ReducedProblem) -> Stepper | ReducedGeneral:
         """Step solver of the reduced model. Raises InputError where the reducer does not apply to
@@ -124,7 +123,8 @@ class ProjectionReducer(ReducedStepOptions, ABC):
 class Projection:
     """A problem on trial bases `dictionaries`, with the cheaper operators that replace its own.
 
-    limits: largest permitted |coefficient| by block; generators: random numbers of each block.
+    limits: largest permitted |coefficient| by block; generators: random numbers of each block;
+    notes: on the trial bases.
     """
 
     reducer: ProjectionReducer
@@ -133,6 +133,7 @@ class Projection:
     limits: Mapping[str, float]
     approximation: Approximation
     generators: Mapping[str, np.random.Generator]
+    notes: tuple[Note, ...] = ()
 
     def leading(self, counts: int | Mapping[str, int]) -> "Projection":
         """The sub-model of the first `counts` atoms of each block, or of the blocks that are named.
@@ -186,7 +187,7 @@ class Projection:
             te = te.in_modes() if n in modes else te
             elastic[n] = ProjectedBlock(te, left_inverse(n, te.block(c1, c2)), m.forces)
         rows = {n: m.rows for n, m in maps.items() if m.rows is not None}
-        notes = (*shadowed_basis(reducer, model, reducer.bases),
+        notes = (*self.notes, *shadowed_basis(reducer, model, reducer.bases),
                  *(note for m in maps.values() for note in m.notes), *self.approximation.notes)
         facts = {**self.approximation.facts, **{n: m.facts for n, m in maps.items() if m.facts}}
         projected = ProjectedModel(model, dictionaries, rows, heat, elastic)

@@ -14,11 +14,12 @@ from sparsemor.core import (
     OfflineProducts,
     StepFactors,
     StepSolver,
+    information,
     matched_option,
     solver_refusal,
 )
 from sparsemor.reducers.checks import unselectable, unselectable_blocks
-from sparsemor.reducers.notes import unsampled_loads
+from sparsemor.reducers.notes import no_effect, unsampled_loads
 from sparsemor.reducers.sparse.block_selection import BlockwiseSelection
 from sparsemor.reducers.sparse.joint_problem import mechanics_needs, shape_needs
 from sparsemor.reducers.sparse.joint_selection import JointSelection
@@ -174,6 +175,8 @@ class Build:
             B = self.dictionaries[name].atoms[rows]
         if matched_option(name, dict.fromkeys(self.options.preconditioned, True), False):
             P = weigh(self.offline, self.options.preconditioner, name, B)
+            if P is not None and len(P) < len(rows):
+                notes.append(self._compressed(name, *B.shape))
         block = Sampled(name, self.dictionaries[name], rows, self.atoms[name] or B.shape[1],
                         B if P is None else P @ B, P)
         measured = {} if self.offline is None else dict(row_facts(B, P))
@@ -183,6 +186,17 @@ class Build:
             measured["row_error"] = error.rows
             notes += [note for note in (error.note(block),) if note is not None]
         return block, {"residual": "preconditioned", **measured} if inverted else measured
+
+    def _compressed(self, name: str, m: int, k: int) -> Note:
+        """Note on a preconditioner that is applied to rows compressed by QR."""
+        what = (f"the {m} sampled rows of {name} are compressed by QR to as many as its {k} atoms, "
+                "because this preconditioner is undefined for more rows than atoms")
+        if (self.atoms[name] or k) < k:
+            return information(f"reducer.preconditioner: {what}", "compressed_rows")
+        (note,) = no_effect(["preconditioner"], (
+            f"{what}, and all atoms are active, so that there is one solution, with or without it; "
+            "give fewer atoms in reducer.budgets, or leave it out"))
+        return note
 
     def _stepper(
         self, rows: Mapping[str, IntArray], heat: Mapping[str, SampledHeat],

@@ -38,14 +38,15 @@ class SparseOptions(ReducedStepOptions):
     pattern uses all atoms of its dictionary and twice as many rows, in addition to the required
     ones."""
     basis: Annotated[Basis, Slot("basis")] = slot_default("pod")
-    """Basis of every elastic and thermal block."""
+    """Basis of every elastic and thermal block; one that it does not fit takes `pod`, with a
+    note."""
     bases: dict[str, Annotated[Basis, Slot("basis")]] = {}
     """Other bases by block pattern, such as `*.thermal`."""
     sampler: Annotated[Sampler, Slot("sampler")] = slot_default("lhs")
     """Method that chooses the sampled rows."""
     preconditioner: Annotated[Preconditioner, Slot("preconditioner")] = slot_default("none")
     """Preconditioner of the sampled rows, in the blocks listed in `preconditioned` (Sec. 3.2 of the
-    paper)."""
+    paper). One that is undefined for more rows than atoms is applied to rows compressed by QR."""
     preconditioned: tuple[str, ...] = ("*.thermal",)
     """Blocks whose sampled rows are preconditioned, by pattern; `elastic` is short for `*.elastic`.
     By default the thermal ones, as published."""

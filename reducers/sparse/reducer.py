@@ -91,9 +91,7 @@ class Sparse(SparseOptions):
             raise InputError(faults).under("reducer")
         budgets = {n: matched_option(n, self.budgets, Budget()) for n in model.reducible()}
         step = StepFactors(h, *constants(problem.integrator, h))
-        dictionaries, limits = trial_bases(
-            offline, {n: matched_option(n, self.bases, self.basis) for n in model.reducible()},
-            step)
+        dictionaries, limits, unfit = trial_bases(offline, model, self, step)
         streams = dict(zip(budgets, problem.rng.spawn(len(budgets)), strict=True))
         build = Build(model, offline, self, dictionaries, limits,
                       {n: b.atoms for n, b in budgets.items()}, step)
@@ -106,7 +104,7 @@ class Sparse(SparseOptions):
 
         later = {n: rng.spawn(1)[0] for n, rng in streams.items()}
         rows = draw(streams, offline)
-        build = replace(build, notes=self._idle(model, dictionaries, rows))
+        build = replace(build, notes=(*unfit, *self._idle(model, dictionaries, rows)))
         if self.resample is None:
             return build.solver(rows)
         return self._resampled(build, rows, later, draw)

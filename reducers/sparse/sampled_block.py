@@ -30,6 +30,7 @@ from sparsemor.core import (
     solve_or_fail,
     unit_columns,
 )
+from sparsemor.reducers.checks import compresses
 from sparsemor.reducers.linalg.active_columns import few
 from sparsemor.reducers.linalg.left_inverse import SAMPLED_RTOL, left_inverse, squares
 from sparsemor.reducers.sparse.row_compression import compact_elastic, compact_heat
@@ -47,10 +48,11 @@ _CHUNK = 256
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sampled:
-    """Sampled rows of one block. B (m, k) = P times the sampled rows of the step's operator D
-    (heat: c1 C + K) times the atoms.
+    """Sampled rows of one block. B (m, k), or (k, k) with a P (k, m), = P times the sampled rows of
+    the step's operator D (heat: c1 C + K) times the atoms.
 
-    weight (m, m) or None: the preconditioner P; budget: largest number of active atoms.
+    weight (m, m) or None: the preconditioner P, (k, m) where it needs as few rows as atoms; budget:
+    largest number of active atoms.
     """
 
     name: str
@@ -186,7 +188,7 @@ class SampledHeat:
 
     def local_rows(self) -> list[ReducedTerm]:
         """Local terms in the rows of `few`."""
-        return self._local(np.eye(len(self.block.rows)) if self.turn is None else self.turn.T)
+        return self._local(np.eye(len(self.block.B)) if self.turn is None else self.turn.T)
 
     def _local(self, rows: FloatArray) -> list[ReducedTerm]:
         """Local terms in combinations `rows` (l, m) of the sampled rows."""
@@ -234,20 +236,28 @@ def choose_rows(
 def weigh(
     offline: OfflineProducts | None, preconditioner: Preconditioner, name: str, B: FloatArray
 ) -> FloatArray | None:
-    """Preconditioner matrix (m, m) for the sampled rows B (m, k), None for the identity; cached if
-    `offline` is given.
+    """Preconditioner matrix P (m, m) for the sampled rows B (m, k), None for the identity; cached
+    if `offline` is given.
 
-    Raises InputError where it is undefined for this shape.
+    One that is undefined for more rows than atoms is applied to R of B = Q R: P = P_R Q^T (k, m).
+    Least-squares solutions by Q^T B are those by B for every set of active atoms. Raises InputError
+    where it is undefined for this shape, too.
     """
+    Q = None
+    if compresses(preconditioner, *B.shape):
+        Q, B = np.linalg.qr(B)
     reason = preconditioner.check(*B.shape)
     if reason:
         raise InputError(f"{name}: {reason}", "reducer.preconditioner")
+
     def make() -> dict[str, FloatArray]:
         return {"P": built_weights(preconditioner, B)}
 
     made = make() if offline is None else offline.remember(
         "preconditioner", (preconditioner, B), make)
     P: FloatArray = np.asarray(made["P"])
+    if Q is not None:
+        return np.asarray(P @ Q.T)
     return None if np.array_equal(P, np.eye(len(P))) else P
 
 

@@ -96,9 +96,6 @@ FAULTS: dict[str, tuple[list[tuple[str, str]], str, str, str]] = {
         [("rows: 16", "rows: 160")], "rows: 160", "reducer.budgets.*.elastic.rows",
         "160 rows were requested of arm.elastic, which has 54 unknowns to draw from in "
         "addition to the 9 that joints and loads need: take at most 54"),
-    "fewer atoms than rows with UNTF": (
-        [(": none", ": untf")], "preconditioner:", "reducer.preconditioner",
-        "arm.thermal: UNTF needs at least as many atoms as rows: 6 atoms < 19 rows"),
     "non-finite load table": (
         [(HEAT, "flux: {use: table, times: [0, 0.1, 0.2], values: [0, .nan, 1]}}")], ".nan",
         "loads.sun.flux.values.1", "must be a finite number (got .nan)"),
@@ -145,11 +142,11 @@ def test_every_fault_of_the_list_is_here() -> None:
     asked = {"unknown plugin", "misspelt option", "wrong type", "negative thickness",
              "missing mesh file", "mesh without the named set", "joint to an unknown body",
              "no reference condition", "more rows than unknowns", "two loads of one name",
-             "fewer atoms than rows with UNTF", "non-finite load table"}
+             "non-finite load table"}
     assert asked <= set(FAULTS)
 
 
-ASSEMBLED = ("fewer atoms than rows with UNTF", "a budget that fits nothing")
+ASSEMBLED = ("a budget that fits nothing",)
 """Faults that show in the assembled model only."""
 QUICK = [name for name in FAULTS if name not in ASSEMBLED][::2]
 
@@ -260,7 +257,7 @@ def test_places_that_cannot_be_written_to(changed: Changed) -> None:
 
 def test_refusal_comes_before_the_training_run(changed: Changed, tmp_path: Path) -> None:
     """Numbers that follow from the scene alone cost no training."""
-    changed(("rows: 16", "rows: 160"), ("preconditioner: none", "preconditioner: untf"))
+    changed(("rows: 16", "rows: 160"), ("every: 2}", "every: 500}"))
     assert len(refused("run", "scene.yaml")) == 2
     assert not (tmp_path / "cache").exists()
 

@@ -121,15 +121,6 @@ def test_the_stability_check_is_kept_with_its_inputs() -> None:
 
 
 @pytest.mark.full
-def test_a_replaced_reducer_says_what_it_leaves_out() -> None:
-    text = Path(TINY).read_text() + "reducer: {use: sparse, basis: {use: pod, count: 5}}\n"
-    Path("scene.yaml").write_text(text)
-    done = CliRunner().invoke(app, ["run", "scene.yaml", "--set", "reducer=galerkin"])
-    assert done.exit_code == 0, done.output
-    assert "note: reducer galerkin runs with its own defaults: basis of the" in done.stderr
-
-
-@pytest.mark.full
 def test_errors_after_the_end_of_training_are_tabulated_and_drawn() -> None:
     found = compared(TINY, "--reducers", "full,galerkin", "--training-end", "0.5", "--no-charts",
                      "--out", "half")

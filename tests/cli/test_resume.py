@@ -151,13 +151,18 @@ def test_what_cannot_be_resumed() -> None:
     asked = ["--set", "reducer=full", "--set", "time.end=0.05", "--out", "out"]
     assert "cannot be resumed: the run has ended; nothing is left to do" in refusal(
         *asked, "--resume")
+    assert "made with time.end 0.05, and a run is continued to a later one (got 0.04)" in refusal(
+        *asked, "--resume", "--set", "time.end=0.04")
     assert "not empty: use --resume to continue" in refusal(*asked)
     document = read_group(Path("out/result.zarr"))
     document["attributes"]["status"] = "interrupted"
     write_group(Path("out/result.zarr"), document)
+    checkpoint = Path("out/result.checkpoint").read_bytes()
     assert "it was made from another scene" in refusal(
         *asked, "--resume", "--set", "loads.sun.flux=1")
+    Path("out/result.checkpoint").unlink()
     assert "stopped before its first checkpoint" in refusal(*asked, "--resume")
+    Path("out/result.checkpoint").write_bytes(checkpoint)
     assert set(kept) == set(Path("out").rglob("*"))
     with pytest.raises(InputError, match="needs the directory of the result"):
         simulate(scene, resume=True)

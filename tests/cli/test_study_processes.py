@@ -35,7 +35,7 @@ class Lethal(Plugin):
     """How often."""
 
     def check(self, rows, atoms):
-        return ""
+        return "none to kill" if self.times == 0 else ""
 
     def build(self, A):
         with open(self.mark, "a") as file:
@@ -148,7 +148,7 @@ grid:
   - none
   - {{use: lethal, mark: {marks["once"]}, times: 1}}
   - {{use: lethal, mark: {marks["ever"]}, times: 99}}
-  - untf
+  - {{use: lethal, mark: none, times: 0}}
 """)
     site = tmp_path / "site-lethal-pkg"
     environment = os.environ | {"PYTHONPATH": str(site)}
@@ -159,5 +159,5 @@ grid:
         ("done", 0), ("done", 1), ("worker_died", 4), ("refused", 0)]
     assert rows[2]["message"] == "its worker died (4 times, last: SIGKILL)"
     assert Path(marks["ever"]).read_text() == "xxxx"
-    assert "UNTF needs at least as many atoms as rows" in rows[3]["message"]
+    assert "none to kill" in rows[3]["message"]
     assert rows[1]["error_elastic"] == rows[0]["error_elastic"]

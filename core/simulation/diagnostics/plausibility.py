@@ -187,7 +187,7 @@ def short_training(scene: Scene, model: Model) -> Iterator[Note]:
     """Warning about a training run that covers less than half of the run."""
     share = scene.training_end / scene.time.end
     blocks = {n: 0 for n in model.reducible()}
-    if share < SHORT and trains(scene, blocks):
+    if share < SHORT and trains(scene, blocks, model):
         yield Note(
             f"the training run ends at {scene.training_end:g} s, {100.0 * share:.3g} % of "
             f"time.end = {scene.time.end:g} s: what happens later was never in the snapshots; "

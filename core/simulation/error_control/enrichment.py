@@ -61,6 +61,9 @@ class OtherBases:
     ) -> Arrays:
         return self.base.remember(kind, depends, make)
 
+    def learning(self, count: int) -> OfflineProducts:
+        return replace(self, base=self.base.learning(count))
+
 
 def with_new_atoms(
     known: Mapping[str, Dictionary], states: Sequence[State], layout: Layout,

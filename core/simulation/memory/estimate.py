@@ -13,6 +13,7 @@ from sparsemor.core.arrays import Csr
 from sparsemor.core.errors import InputError
 from sparsemor.core.linalg.snapshots import HELD
 from sparsemor.core.model.block_patterns import matched_option
+from sparsemor.core.model.fitting_bases import fitted_bases
 from sparsemor.core.model.model import Model
 from sparsemor.core.protocols import (
     Basis,
@@ -91,7 +92,7 @@ def fitting(scene: Scene, model: Model, offline: Offline) -> Estimate:
 
 def estimate(scene: Scene, model: Model, offline: Offline, exact: bool) -> Estimate:
     blocks = block_sizes(model)
-    trained, own = trains(scene, blocks), is_full_order(scene.reducer)
+    trained, own = trains(scene, blocks, model), is_full_order(scene.reducer)
     start = _start(model)
     phases = {"steps": (*_full(model, exact), start) if own else (
         *reduced(scene, blocks), *_points(scene, model, blocks))}
@@ -106,10 +107,10 @@ def estimate(scene: Scene, model: Model, offline: Offline, exact: bool) -> Estim
     return Estimate(resident(), phases, exact)
 
 
-def trains(scene: Scene, blocks: Mapping[str, int]) -> bool:
+def trains(scene: Scene, blocks: Mapping[str, int], model: Model | None = None) -> bool:
     """True if any basis of the reducer, of unknowns or of forces, needs snapshots."""
     reducer = scene.reducer
-    return any(b.needs_snapshots for b in chosen_bases(scene, blocks).values()) or (
+    return any(b.needs_snapshots for b in chosen_bases(scene, blocks, model).values()) or (
         isinstance(reducer, UsesForceBasis) and reducer.force_basis.needs_snapshots)
 
 
@@ -118,11 +119,16 @@ def block_sizes(model: Model) -> dict[str, int]:
     return {n: int(model.layout[n].stop - model.layout[n].start) for n in model.reducible()}
 
 
-def chosen_bases(scene: Scene, blocks: Iterable[str]) -> dict[str, Basis]:
-    """The basis of each block, {} for a reducer without bases."""
+def chosen_bases(
+    scene: Scene, blocks: Iterable[str], model: Model | None = None
+) -> Mapping[str, Basis]:
+    """The basis of each block, {} for a reducer without bases; without the assembled model a shared
+    basis counts as one that fits every block."""
     reducer = scene.reducer
     if not isinstance(reducer, UsesBases):
         return {}
+    if model is not None:
+        return fitted_bases(model, reducer).bases
     return {name: matched_option(name, reducer.bases, reducer.basis) for name in blocks}
 
 

@@ -19,11 +19,11 @@ NAMES = {
     "bounded_address_space", "built_dictionary", "built_weights", "cache_folder", "cell_facets",
     "checked_return", "coherence", "column_chunks", "condition_number", "consistent_state",
     "derivative_along_motion", "derivative_from_right", "dissect", "distinct_names",
-    "evaluate_amplitudes", "expected_states", "facet_numbers", "factor_entries",
+    "evaluate_amplitudes", "expected_states", "facet_numbers", "factor_entries", "fitted_bases",
     "group_equal_rows", "hookimpl", "information", "is_vector_field", "joints_with_forces",
     "least_squares_coefficients", "limit_loaded_libraries", "linearization", "loaded_columns",
     "machine_memory", "matched_option", "motion_step", "needs_chunks", "not_solved",
-    "oriented_unit_columns", "outer_facets", "outside_box_notes", "points_in_space",
+    "oriented_unit_columns", "orthonormal", "outer_facets", "outside_box_notes", "points_in_space",
     "prepared_recovery", "projected_tables", "pseudo_inverse", "rate_factors", "require",
     "resultant_sources", "rigid_motions", "sampled_rows", "slot_default", "solve_or_fail",
     "solved_directly", "solver_refusal", "step_formula", "suggestions", "svd",
@@ -56,9 +56,9 @@ def test_each_name_is_there(name: str) -> None:
 
 
 BODIES = {
-    "BODY_KINDS", "Between", "Body", "Conditions", "DenseTerm", "ELASTIC", "HasLawArrays",
-    "Isotropic",
-    "JointPart", "LoadPart", "MULTIPLIER", "MassProperties", "NumberOrFunction",
+    "BODY_KINDS", "Between", "Body", "Conditions", "DenseTerm", "ELASTIC",
+    "ForceElement", "HasLawArrays", "Isotropic", "JointPart", "LoadPart", "MULTIPLIER",
+    "MassProperties", "NumberOrFunction",
     "PointwiseLaw", "Pose", "RIGID", "Response", "TEMPERATURE", "TEMPERATURE_RATE", "THERMAL",
     "Target", "Variable", "amplitude", "components", "conditions_between", "conditions_on",
     "constant", "curve_at", "displacement_gradient", "find_body", "find_surfaces", "find_target",

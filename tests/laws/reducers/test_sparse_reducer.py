@@ -92,8 +92,6 @@ def test_what_only_the_dictionary_shows_is_refused_when_it_is_made() -> None:
 @pytest.mark.parametrize(("options", "key", "words"), [
     ({"row_sets": 3}, "row_sets", "rows are drawn only once"),
     ({"preconditioned": ["elastc"]}, "preconditioned.*.elastc", "fits no block"),
-    ({"preconditioned": ["elastic"], "preconditioner": "untf"}, "preconditioner",
-     "bar.elastic: UNTF needs at least as many atoms as rows"),
 ])
 def test_bad_options_are_told_by_key(options: dict[str, Any], key: str, words: str) -> None:
     faults = reduced(**options).reducer.check(full().model)

@@ -48,8 +48,6 @@ Attachment modes stand beside POD: static ones alone do not span this scene, the
 CoSaMP keeps leave one to twenty percent of the rows, and for one sampler (every_nth, row_scaling,
 bdf1) Gauss-Newton on them ends not converged."""
 REFUSED = {
-    "a frame of fewer atoms than rows": r"UNTF needs at least as many atoms as rows",
-    "dependent rows": r"parseval needs independent rows, so at least as many atoms as rows",
     "unstable": r"the reduced model is unstable in bar\.(elastic|thermal): its coupled time-step",
 }
 """Every reason for which a combination of these parts may be refused on this scene. The last one is

@@ -13,6 +13,7 @@ from sparsemor.plugins.preconditioners.none import NoPreconditioner
 from sparsemor.plugins.preconditioners.parseval import Parseval
 from sparsemor.plugins.preconditioners.row_scaling import RowScaling
 from sparsemor.plugins.preconditioners.untf import UnitNormTightFrame
+from sparsemor.reducers.sparse.sampled_block import weigh
 
 
 def test_none_is_the_identity() -> None:
@@ -81,6 +82,22 @@ def test_fewer_atoms_than_rows_are_refused_in_words() -> None:
     assert UnitNormTightFrame().check(80, 80) == ""
     with pytest.raises(InputError, match="20 atoms < 80 rows"):
         UnitNormTightFrame().build(np.ones((80, 20)))
+
+
+@pytest.mark.parametrize("preconditioner", [UnitNormTightFrame(), Parseval()])
+def test_more_rows_than_atoms_are_compressed_without_loss(preconditioner: Plugin) -> None:
+    """With P (k, m) on B (m, k): one solution with all atoms, as without P."""
+    rng = np.random.default_rng(4)
+    B, b = rng.standard_normal((30, 8)), rng.standard_normal(30)
+    P = weigh(None, preconditioner, "bar.thermal", B)
+    assert P is not None and P.shape == (8, 30)
+    np.testing.assert_allclose(np.linalg.solve(P @ B, P @ b), np.linalg.lstsq(B, b)[0], rtol=1e-10)
+    Q, R = np.linalg.qr(B)
+    np.testing.assert_allclose(P, preconditioner.build(R) @ Q.T, atol=1e-12)
+    some = [0, 3, 5]
+    np.testing.assert_allclose(
+        np.linalg.lstsq(Q.T @ B[:, some], Q.T @ b)[0], np.linalg.lstsq(B[:, some], b)[0],
+        rtol=1e-10)
 
 
 def test_dependent_rows_are_refused_in_words() -> None:

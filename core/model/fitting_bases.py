@@ -1,0 +1,63 @@
+"""Trial bases of the blocks of a reducer, with others where its shared basis does not fit."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from sparsemor.core.model.block_patterns import matched_option
+from sparsemor.core.notes import Note
+from sparsemor.core.protocols import (
+    AssembledModel,
+    Basis,
+    ChecksBlock,
+    CombinesBases,
+    UsesBases,
+)
+from sparsemor.core.registry.registry import Registry
+from sparsemor.core.scene.defaults import BASIS
+
+_MANY = 10**9
+"""A number of snapshots that excludes no basis."""
+
+
+@dataclass(frozen=True, slots=True)
+class FittedBases:
+    """Basis of each block, and warnings about blocks that do without the shared basis."""
+
+    bases: Mapping[str, Basis]
+    notes: tuple[Note, ...] = ()
+
+
+def fitted_bases(model: AssembledModel, reducer: UsesBases) -> FittedBases:
+    """Bases of all reducible blocks of a model.
+
+    A block that a pattern in `bases` names has that basis. The others have the shared `basis`, or,
+    where it cannot be built (no joint acts on temperatures, no load moves over a body), what is
+    left of it (`CombinesBases`), or the default basis. A shared basis that fits no block of the
+    model stays, and is refused when it is built.
+    """
+    shared, found = reducer.basis, dict[str, Basis]()
+    default: Any = Registry().get("basis", BASIS)()
+    lacking, partly = dict[str, str](), dict[str, str]()
+    for name in model.reducible():
+        found[name] = matched_option(name, reducer.bases, shared)
+        why = _unfit(model, name, shared) if found[name] is shared else ""
+        if why:
+            data = model.block_data(name)
+            rest = shared.fitting(data, _MANY) if isinstance(shared, CombinesBases) else None
+            if rest is not None:
+                found[name], partly[name] = rest, why
+            elif not isinstance(shared, type(default)):
+                lacking[name] = why
+    if lacking and all(n in lacking or _unfit(model, n, shared) for n in model.reducible()):
+        return FittedBases(found)
+    found |= dict.fromkeys(lacking, default)
+    texts = [*(f"reducer.basis does not fit {name}, which takes the default basis {BASIS}: {why}"
+               for name, why in lacking.items()),
+             *(f"reducer.basis: {name} does without one of its bases: {why}"
+               for name, why in partly.items())]
+    return FittedBases(found, tuple(Note(text, "basis_by_field") for text in texts))
+
+
+def _unfit(model: AssembledModel, name: str, basis: Basis) -> str:
+    return basis.unfit(model.block_data(name), _MANY) if isinstance(basis, ChecksBlock) else ""
