@@ -24,7 +24,7 @@ from typing import Any
 
 import common
 import numpy as np
-import report
+from modules import report
 
 from sparsemor.core import FloatArray, ReducedProblem, State
 from sparsemor.core.model.assembly import assemble

@@ -18,7 +18,7 @@ from typing import Any
 from unittest.mock import patch
 
 import numpy as np
-import report
+from modules import report
 
 from sparsemor import ReducedModel, Scene, load, load_model, simulate
 from sparsemor.core.model.body_cache import BodyCache
