@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from sparsemor.core.analysis.charts.animation import animate as animate
     from sparsemor.core.analysis.charts.plot import plot as plot
     from sparsemor.core.analysis.compare import compare as compare
+    from sparsemor.core.analysis.parameter_test import parameter_test as parameter_test
     from sparsemor.core.analysis.reproduction import reproduce as reproduce
     from sparsemor.core.analysis.study import study as study
     from sparsemor.core.errors import InputError as InputError
@@ -44,6 +45,7 @@ _HOMES = {
     "load": "scene.scene",
     "load_model": "simulation.reduced_model",
     "open_result": "results.run_result",
+    "parameter_test": "analysis.parameter_test",
     "plot": "analysis.charts.plot",
     "reduce": "simulation.reduced_model",
     "reproduce": "analysis.reproduction",
@@ -54,7 +56,7 @@ _HOMES = {
 __all__ = [
     "Advice", "InputError", "ReducedModel", "Registry", "Scene", "SolveFailed", "Status",
     "__version__", "advise", "animate", "compare", "export", "load", "load_model", "open_result",
-    "plot", "reduce", "reproduce", "simulate", "study",
+    "parameter_test", "plot", "reduce", "reproduce", "simulate", "study",
 ]
 
 

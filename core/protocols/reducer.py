@@ -38,13 +38,15 @@ class Recording:
     `integrator`.
 
     end: end time of the training run, s. If the integrator's order is above 1, the last snapshot is
-    x + h^2 a of the initial state.
+    x + h^2 a of the initial state. runs: number of training runs of equal length, whose snapshots
+    follow each other.
     """
 
     integrator: Integrator
     step: float
     every: int
     end: float = 0.0
+    runs: int = 1
 
 
 class BlockLinearSolvers(Protocol):

@@ -27,8 +27,13 @@ def refusal(attributes: Mapping[str, Any], scene: Scene) -> str:
     of the stored result."""
     kept, ended = attributes["scene"], attributes["status"] == Status.DONE.value
     changed = set(changes(kept, scene.dump())) - FREE
+    if ended and not changed:
+        return "the run has ended; nothing is left to do until a later time.end"
+    if attributes.get("enriched"):
+        return ("atoms were added during the run, which are those of its steps so far; start "
+                "again, with --force or into another directory")
     if not changed:
-        return "the run has ended; nothing is left to do until a later time.end" if ended else ""
+        return ""
     if not changed <= END:
         return f"it was made from another scene; {ELSEWHERE}"
     before = float(kept["time"]["end"])

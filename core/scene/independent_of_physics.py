@@ -3,11 +3,12 @@
 from collections.abc import Mapping
 from typing import Any
 
+from sparsemor.core.scene.parameters import Point
 from sparsemor.core.scene.scene import Scene
 
 IRRELEVANT: Mapping[str, Any] = {
     "title": "", "seed": 0, "check_stability": "warn", "check_trial_space": "warn",
-    "output": {}, "probes": {}}
+    "output": {}, "probes": {}, "parameters": {}}
 """Keys of a scene that do not affect its solution, with the value to which they are reset. A new
 key of `Scene` belongs here or in `RELEVANT`, which a test checks."""
 REDUCTION = frozenset({"reducer", "training"})
@@ -15,17 +16,19 @@ REDUCTION = frozenset({"reducer", "training"})
 RELEVANT = frozenset({
     "format", "bodies", "joints", "contacts", "loads", "rigid_stage", "initial", "time",
     "integrator", "linear_solver", "linear_solvers"})
-NOT_PHYSICS = frozenset(IRRELEVANT) | REDUCTION
+NOT_PHYSICS = (frozenset(IRRELEVANT) | REDUCTION) - {"parameters"}
 """Keys that may change without a new reference solution."""
 
 
 def physics_of(scene: Scene, label: str) -> Scene:
     """Scene with every irrelevant setting reset, so that all scenes of the same physics have the
     same digest. label: origin of the changed keys in messages."""
-    return scene.using(IRRELEVANT, label=label)
+    without = {} if scene.training.parameters is None else {"training.parameters": None}
+    return scene.using({**IRRELEVANT, **without}, label=label)
 
 
-def training_physics(scene: Scene) -> tuple[Scene, Scene]:
-    """Scene of the training run, and the same with every irrelevant setting reset."""
-    training = scene.for_training()
+def training_physics(scene: Scene, point: Point | None = None) -> tuple[Scene, Scene]:
+    """Scene of the training run, at one point of the box of parameters if there are several, and
+    the same with every irrelevant setting reset."""
+    training = scene.for_training(point)
     return training, physics_of(training, "training")

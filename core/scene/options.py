@@ -10,6 +10,7 @@ from sparsemor.core.errors import InputError
 from sparsemor.core.protocols.layout import FieldKind
 from sparsemor.core.registry.plugin import Plugin
 from sparsemor.core.scene.overrides import split
+from sparsemor.core.scene.parameters import BoxTraining
 
 _NOT_SIZES = frozenset({"tolerance", "max_halvings", "fields"})
 """Options of `Control` that are not reference sizes of a field."""
@@ -69,6 +70,9 @@ class Training(Plugin):
     """Number of steps between snapshots."""
     overrides: dict[str, Any] = {}
     """Changes to the scene for the training run: dotted key -> value."""
+    parameters: BoxTraining | None = None
+    """Several training runs, at points of the box of the scene's parameters. Left out: one run,
+    with the values of the scene."""
 
     @model_validator(mode="after")
     def _of_the_problem(self) -> "Training":

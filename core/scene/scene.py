@@ -37,6 +37,13 @@ from sparsemor.core.scene.html import html_table
 from sparsemor.core.scene.names import name_faults
 from sparsemor.core.scene.options import Initial, Output, Probe, RigidStage, Time, Training
 from sparsemor.core.scene.overrides import find
+from sparsemor.core.scene.parameters import (
+    Parameter,
+    Point,
+    number_at,
+    parameter_faults,
+    values_at,
+)
 from sparsemor.core.scene.source import Source
 
 
@@ -100,6 +107,9 @@ class Scene(Plugin):
     """Output options."""
     probes: dict[str, Probe] = {}
     """Material points whose motion and temperature are recorded, by name."""
+    parameters: dict[str, Parameter] = {}
+    """Numbers of the scene with a range, by name: the box over which a reduced model may be trained
+    and run."""
 
     _source: Source | None = PrivateAttr(default=None)
     _notes: tuple[Note, ...] = PrivateAttr(default=())
@@ -120,6 +130,8 @@ class Scene(Plugin):
             if scene.training_end < scene.time.step:
                 message = f"must be at least time.step (got {scene.training_end:g})"
                 lines.append(custom("time", message, ("training", "end"), scene.training_end))
+            lines += [custom("parameters", message, at, None) for at, message in parameter_faults(
+                scene.parameters, scene.training.parameters, scene, data)]
         if lines:
             raise ValidationError.from_exception_data("Scene", lines)
         return scene
@@ -167,6 +179,24 @@ class Scene(Plugin):
         return self.time.end if self.training.end is None else self.training.end
 
     @property
+    def training_runs(self) -> int:
+        """Number of training runs, the largest one where it is chosen by errors."""
+        box = self.training.parameters
+        return 1 if box is None else box.runs(self.parameters)
+
+    @property
+    def point(self) -> dict[str, float]:
+        """Values of the parameters in this scene."""
+        return {n: value for n, p in self.parameters.items()
+                if (value := number_at(self, self.source.tree, p.keys[0])) is not None}
+
+    @property
+    def outside_ranges(self) -> dict[str, float]:
+        """Parameters whose value in this scene is outside its range, with the value."""
+        ranges = {n: p.range for n, p in self.parameters.items()}
+        return {n: v for n, v in self.point.items() if not ranges[n][0] <= v <= ranges[n][1]}
+
+    @property
     def reducer_name(self) -> str:
         """Name of the reducer's plugin."""
         return self.source.registry.name_of("reducer", type(self.reducer))
@@ -202,12 +232,14 @@ class Scene(Plugin):
         scene._notes = (*scene._notes, *notes)
         return scene
 
-    def for_training(self) -> "Scene":
-        """Full-order scene of the training run of a reduced model.
+    def for_training(self, point: Point | None = None) -> "Scene":
+        """Full-order scene of the training run of a reduced model, at one point of the box of
+        parameters if there are several runs.
 
         It does not depend on the reducer, so its digest shows whether snapshots can be reused.
         """
-        changes = {**self.training.overrides, "reducer": {"use": FULL_ORDER}}
+        changes = {**self.training.overrides, **values_at(point or {}),
+                   "reducer": {"use": FULL_ORDER}}
         changes.setdefault("time.end", self.training_end)
         tree = self.using(changes, label="training.overrides")
         return tree.using({"training": {"every": self.training.every}}, label="training")
@@ -245,7 +277,14 @@ def load(
     plugins = registry or Registry()
     source = Source.of_tree({"format": 1, **scene}, plugins) if isinstance(scene, Mapping) else (
         Source.read(scene, plugins))
-    return build(source.changed(overrides, "--set") if overrides else source)
+    source = source.changed(overrides, "--set") if overrides else source
+    built = build(source)
+    written = [Fault(key, f"parameter {n} is {v:g} here, outside its range "
+                     f"{built.parameters[n].range}") for n, v in built.outside_ranges.items()
+               if source.origin(key := built.parameters[n].keys[0]) is None]
+    if written:  # a value that a run sets may leave the range, with a warning
+        raise source.locate(written)
+    return built
 
 
 def build(source: Source) -> Scene:

@@ -12,6 +12,7 @@ from sparsemor.core.notes import Note
 from sparsemor.core.registry.registry import Registry, suggestions
 from sparsemor.core.registry.validation_errors import dotted, faults_of
 from sparsemor.core.scene.overrides import apply, find
+from sparsemor.core.scene.parameters import with_values
 from sparsemor.core.scene.yaml_reader import (
     MOST_BYTES,
     Document,
@@ -82,7 +83,7 @@ class Source:
     def changed(self, overrides: Mapping[str, Any], label: str) -> "Source":
         """Source with overrides applied. Raises `LocatedError` when a key cannot be changed."""
         try:
-            made = apply(self.tree, overrides, self.registry)
+            made = apply(self.tree, with_values(self.tree, overrides), self.registry)
         except InputError as error:
             lines = [_changed(label, f.key, f.key, f.message) for f in error.faults]
             raise LocatedError(error.faults, lines) from None

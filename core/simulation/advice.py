@@ -196,7 +196,8 @@ def _asked(
             return gone, None
         if same:
             rows = {n: offline.snapshots(n).T for n in names}
-            kept = Offline(smaller, lambda: rows, "", Products(None), tools[1], offline.recording)
+            kept = Offline(smaller, lambda: [("", lambda: rows)], Products(None), tools[1],
+                           offline.recording)
             choice = chooser.choose(_problem(training, smaller, kept))
             if not choice.doubts:
                 return gone, choice

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import fields, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from sparsemor.core.linalg.least_squares import least_squares_coefficients
 from sparsemor.core.linalg.snapshots import column_chunks
 from sparsemor.core.model.model import Model
 from sparsemor.core.model.resolved_start import resolved_start
+from sparsemor.core.notes import Note
 from sparsemor.core.protocols import (
     Basis,
     BlockData,
@@ -30,28 +32,37 @@ from sparsemor.core.simulation.step_control import controlled, step_of
 from sparsemor.core.simulation.time_stepping import iterate, started
 from sparsemor.core.status import SolveFailed
 
+TrainingRun = tuple[str, Callable[[], Mapping[str, FloatArray]]]
+"""Cache key of a training run, and the function that makes it."""
+
 
 class Offline:
     """Offline data from which reducers are prepared, cached in `products`.
 
     snapshots(name) (n, M): columns with the n unknowns of a block (one field of one body) at M
-    times of the training run. recording: integrator, step size and interval of the snapshots, None
-    for snapshots that were passed in. trained: True if a basis needs snapshots, also if the basis
-    came from the cache. expected: estimated memory of the run, bytes, None before the estimate.
-    reducer: identity of a third-party reducer, part of its cache keys.
+    times of the training runs. training: key of each training run and function that returns its
+    snapshots (M, n) by block, evaluated at the first use, because the choice of runs may need runs.
+    recording: integrator, step size and interval of the snapshots, None for snapshots that were
+    passed in. trained: True if a basis needs snapshots, also if the basis came from the cache.
+    expected: estimated memory of the run, bytes, None before the estimate.
+    reducer: identity of a third-party reducer, part of its cache keys; notes: warnings about the
+    choice of training runs.
     """
 
     def __init__(
-        self, model: Model, train: Callable[[], Mapping[str, FloatArray]], key: str,
-        products: Products, manager: Manager | None = None, recording: Recording | None = None,
+        self, model: Model, training: Callable[[], Sequence[TrainingRun]], products: Products,
+        manager: Manager | None = None, recording: Recording | None = None,
         reducer: Sequence[object] = (),
     ) -> None:
-        self._model, self._train, self._key = model, train, key
+        self._model, self._training = model, training
         self._reducer = list(reducer)
         self._snapshots: Mapping[str, FloatArray] | None = None
-        self.manager, self.recording = manager or new_manager(), recording
+        self._made: dict[str, tuple[Dictionary, float]] = {}
+        self._kept: Mapping[str, tuple[Dictionary, float]] = {}
+        self.manager, self._recording = manager or new_manager(), recording
         self.products = products
         self.trained = False
+        self.notes: Sequence[Note] = ()
         self.expected: float | None = None
 
     @classmethod
@@ -59,12 +70,47 @@ class Offline:
         """Offline data of snapshots (n, M) per block, without training run and cache: for scripts
         and tests."""
         rows = {name: s.T for name, s in snapshots.items()}
-        return cls(model, lambda: rows, "", Products(None))
+        return cls(model, lambda: [("", lambda: rows)], Products(None))
+
+    def of_model(self, model: Model, products: Products, atoms: int | None = None) -> "Offline":
+        """The same training and trial bases, or their first `atoms` atoms, for a model with other
+        parameters."""
+        new = Offline(model, lambda: self._runs, products, self.manager, self._recording,
+                      self._reducer)
+        kept = self._made or self._kept
+        new._kept = kept if atoms is None else {
+            name: (d.leading(atoms), top) for name, (d, top) in kept.items()}
+        new.trained, new.notes = self.trained, self.notes
+        return new
+
+    def without_snapshots(self) -> "Offline":
+        """Itself; snapshots are read again from the cache if they are needed again."""
+        self._snapshots = None
+        return self
+
+    @cached_property
+    def _runs(self) -> Sequence[TrainingRun]:
+        return self._training()
+
+    @cached_property
+    def _key(self) -> str:
+        keys = [key for key, _ in self._runs]
+        return keys[0] if len(keys) == 1 else digest(keys)
+
+    @property
+    def recording(self) -> Recording | None:
+        return self._recording and replace(self._recording, runs=len(self._runs))
 
     def snapshots(self, name: str) -> FloatArray:
         if self._snapshots is None:
-            self._snapshots = self._remembered("training", (), self._train)
+            found = [self.products.remember("training", self._place(key), train)
+                     for key, train in self._runs]
+            self._snapshots = found[0] if len(found) == 1 else {
+                n: np.concatenate([each[n] for each in found]) for n in found[0]}
         return self._snapshots[name].T
+
+    def _place(self, key: str) -> str:
+        return "" if self.products.cache is None else digest(key)
 
     def learning(self, count: int) -> "Offline":
         """Offline data of the first `count` snapshots alone, without a cache. For integrators
@@ -75,7 +121,8 @@ class Offline:
             found = {n: self.snapshots(n).T for n in self._model.reducible()}
             return {n: np.concatenate([X[:count], X[len(X) - extra:]]) for n, X in found.items()}
 
-        return Offline(self._model, rows, "", Products(None), self.manager, self.recording)
+        return Offline(self._model, lambda: [("", rows)], Products(None), self.manager,
+                       self.recording)
 
     def remember(
         self, kind: str, depends: Sequence[object], make: Callable[[], Arrays]
@@ -95,10 +142,11 @@ class Offline:
 
         return self.products.remember(kind, key, told)
 
-    def has(self, kind: str, depends: Sequence[object] = ()) -> bool:
-        """True if an offline product with these inputs is in the cache."""
+    def has_training(self) -> bool:
+        """True if the snapshots of all training runs are in the cache."""
         cache = self.products.cache
-        return cache is not None and cache.place(kind, digest(self._key, *depends)).exists()
+        return cache is not None and all(
+            cache.place("training", digest(key)).exists() for key, _ in self._runs)
 
     def keep_training(self, snapshots: Mapping[str, FloatArray], seconds: float) -> None:
         """Stores training snapshots (M, n) by block that another run recorded in `seconds` s."""
@@ -111,8 +159,10 @@ class Offline:
         """Dictionary (basis vectors, called atoms, and an offset) of a block, and the largest
         absolute coefficient of its snapshots (0 without snapshots). step: step factors of the runs
         that use it."""
-        known = self._model.block_data(name, step=step)
         self.trained = self.trained or basis.needs_snapshots
+        if name in self._kept:
+            return self._kept[name]
+        known = self._model.block_data(name, step=step)
 
         def make() -> Arrays:
             snapshots = self.snapshots(name) if basis.needs_snapshots else None
@@ -131,7 +181,8 @@ class Offline:
         provenance = tuple(str(p) for p in a["provenance"])
         d = Dictionary(np.asarray(a["atoms"]), np.asarray(a["offset"]), provenance,
                        json.loads(str(a["info"])))
-        return d, float(a["top"])
+        self._made[name] = d, float(a["top"])
+        return self._made[name]
 
 
 _NESTED = frozenset({"heat", "moving"})
@@ -198,7 +249,8 @@ def step_count(scene: Scene) -> int:
 
 
 def snapshot_count(scene: Scene) -> int:
-    """Number of snapshots of the training run, with the additional one for integrators of an order
+    """Number of snapshots of all training runs, with the additional one for integrators of an order
     above 1. Raises InputError for a training run that is not valid."""
     training = scene.for_training()
-    return step_count(training) // scene.training.every + 1 + int(scene.integrator.order > 1)
+    each = step_count(training) // scene.training.every + 1 + int(scene.integrator.order > 1)
+    return scene.training_runs * each

@@ -1,7 +1,7 @@
 """Preparation of a run: input checks, model, rigid-body pre-simulation, offline data, step solver
 and the checks before the first step."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,7 @@ from sparsemor.core.notes import Note
 from sparsemor.core.protocols import (
     BodyShape,
     ChecksLayout,
+    Dictionary,
     ErrorEstimator,
     EstimatesErrors,
     ReducedProblem,
@@ -27,16 +28,20 @@ from sparsemor.core.registry.hooks import Manager
 from sparsemor.core.registry.returned_values import complete
 from sparsemor.core.results.metadata import RunHeader
 from sparsemor.core.results.probes import ProbeReader
+from sparsemor.core.scene.parameters import Point, values_at
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.diagnostics.contact_warnings import stage_warnings
 from sparsemor.core.simulation.diagnostics.plausibility import before_run, of_solver
 from sparsemor.core.simulation.diagnostics.trial_space import (
+    TRIAL_SPACE,
     TrialSpace,
     check_trial_spaces,
 )
+from sparsemor.core.simulation.greedy import estimated_error, greedy_points, trial_scene
 from sparsemor.core.simulation.initial_from_result import initial_notes
 from sparsemor.core.simulation.linearization import check_run
+from sparsemor.core.simulation.linearization.check import UNSTABLE
 from sparsemor.core.simulation.memory.disk import room_for_result, room_for_snapshots
 from sparsemor.core.simulation.memory.estimate import fitting
 from sparsemor.core.simulation.offline import Offline, step_count
@@ -81,17 +86,27 @@ class PreparedRun:
         return [] if self.model is None else self.model.solvers.log
 
 
+Kept = tuple[PreparedRun, Offline]
+"""A prepared run and its offline data."""
+
+
 def prepared_run(
     scene: Scene, cache: Cache, manager: Manager, body_cache: BodyCache | None = None,
-    out: Path | None = None,
+    out: Path | None = None, kept: Kept | None = None, atoms: int | None = None,
 ) -> tuple[PreparedRun, Offline]:
     """A run prepared for its first step, and its offline data. out: directory for the result, None
-    if nothing will be written.
+    if nothing will be written. kept: preparation of the same scene with other values of parameters,
+    whose trial bases (or their first `atoms` atoms) and findings are used again.
 
     Raises InputError and SolveFailed as `prepared` does, and InputError if `out` has no room for
     the result, or the model is unstable and the scene asks to refuse that.
     """
-    model, offline = prepared(scene, cache, manager, body_cache)
+    if kept is None:
+        model, offline = prepared(scene, cache, manager, body_cache)
+    else:
+        products = Products(cache)
+        model = _model(scene, products, manager, body_cache or BodyCache())
+        offline = kept[1].of_model(model, products, atoms)
     if out is not None:
         room_for_result(scene, model, out)
     with np.errstate(all="ignore"):  # overflow ends in a status, not in a warning
@@ -101,8 +116,11 @@ def prepared_run(
         complete(solver, StepSolver, scene.reducer, "prepare", "reducer")
         resolved = resolved_start(model, scene.integrator, scene.time.step)
         start = resolved.state
-        unstable, stability = check_run(scene, model, solver, start, offline)
-        spaces, missed = check_trial_spaces(scene, model, offline, solver.dictionaries)
+        unstable, stability = check_run(scene, model, solver, start, offline) if kept is None else (
+            _of_kind(UNSTABLE, kept[0]), kept[0].stability)
+        same = kept is not None and _equal(kept[0].header.dictionaries, solver.dictionaries)
+        spaces, missed = (kept[0].spaces, _of_kind(TRIAL_SPACE, kept[0])) if kept and same else (
+            check_trial_spaces(scene, model, offline, solver.dictionaries))
         estimator = _estimator(scene.reducer, problem, solver)
         solver = controlled(scene, model, offline, solver)
     integrator: object = scene.integrator
@@ -117,7 +135,7 @@ def prepared_run(
         {n: shape for n, shape in shapes(model).items() if shape.given},
         (*started, *initial_notes(scene, model, solver.dictionaries),
          *resolved.notes(scene.time.step), *of_integrator, *solver.notes,
-         *before_run(scene, model), *of_solver(scene, solver), *unstable, *missed,
+         *before_run(scene, model), *of_solver(scene, solver), *unstable, *missed, *offline.notes,
          *(() if estimator is None else estimator.notes)),
         stability, spaces, scene.training_end, stage_warnings(model),
         model, estimator, offline), offline
@@ -133,15 +151,40 @@ def prepared(
     snapshots not on the disk; SolveFailed if the pre-simulation stops early.
     """
     body_cache, products = body_cache or BodyCache(), Products(cache)
-    if scene.rigid_stage is None:
-        model = checked_model(scene, body_cache)
-    else:
-        checked_model(scene, body_cache)  # which is not held next to the one that is run
-        model = staged(scene, products, manager, body_cache)
-    offline = offline_of(scene, model, products, manager, body_cache)
+    model = _model(scene, products, manager, body_cache)
+
+    def trial(points: Sequence[Point]) -> Callable[[Point], float]:
+        """Estimated error, at a point of the box, of the model that is trained at `points`."""
+        of = trial_scene(scene, points)
+        kept = prepared_run(of, cache, manager, body_cache)
+
+        def error(point: Point) -> float:
+            run, _ = prepared_run(
+                of.using(values_at(point)), cache, manager, body_cache.of_bodies(), kept=kept)
+            return estimated_error(run.scene, run.solver, run.start, run.estimator)
+
+        return error
+
+    offline = offline_of(scene, model, products, manager, body_cache,
+                         lambda: greedy_points(scene, products, trial))
     offline.expected = fitting(scene, model, offline).total
     room_for_snapshots(scene, model, offline)
     return model, offline
+
+
+def _model(scene: Scene, products: Products, manager: Manager, body_cache: BodyCache) -> Model:
+    if scene.rigid_stage is None:
+        return checked_model(scene, body_cache)
+    checked_model(scene, body_cache)  # which is not held next to the one that is run
+    return staged(scene, products, manager, body_cache)
+
+
+def _of_kind(kind: str, run: PreparedRun) -> tuple[Note, ...]:
+    return tuple(n for n in run.notes if n.kind == kind)
+
+
+def _equal(one: Mapping[str, Dictionary], other: Mapping[str, Dictionary]) -> bool:
+    return all(np.array_equal(d.atoms, other[n].atoms) for n, d in one.items())
 
 
 def _estimator(

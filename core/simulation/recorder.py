@@ -117,9 +117,6 @@ class Recorder:
         store, scene = out / STORE, run.scene
         if resume:
             writer, checkpoint = ResultWriter.resume(store, scene, run.header)
-            if writer.attributes.get("enriched"):
-                raise InputError(f"{out} cannot be resumed: atoms were added during the run, which "
-                                 "are those of its steps so far; start again", "resume")
             recorder = cls(run, writer, checkpoint, steps, products)
             recorder.notes = elsewhere(read_group(store)["attributes"].get("platform", {}))
             return recorder

@@ -1,7 +1,7 @@
 """Reduced model that is prepared once, run many times, and kept in a file."""
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields as fields_of
 from dataclasses import replace
 from functools import cached_property
@@ -35,6 +35,7 @@ from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.results.store import ResultWriter
 from sparsemor.core.scene.nested import changes, functions_of_time, nested
 from sparsemor.core.scene.overrides import split
+from sparsemor.core.scene.parameters import values_at
 from sparsemor.core.scene.scene import Scene, build
 from sparsemor.core.scene.source import Source
 from sparsemor.core.simulation.admission import kept
@@ -57,6 +58,10 @@ from sparsemor.core.simulation.stored_classes import CLASSES
 from sparsemor.core.simulation.time_stepping import started
 from sparsemor.core.simulation.validation import endless, time_faults
 
+Again = Callable[[Scene, int | None], PreparedRun]
+"""Preparation of a scene with other values of parameters on the same trial bases, or on so many of
+their first atoms."""
+
 
 @fixed_threads()
 def reduce(
@@ -76,7 +81,13 @@ def reduce(
         raise InputError(f"{scene.reducer_name} reduces nothing: name a reducer that has a "
                          "trial basis", "reducer")
     run, offline = prepared_run(scene, cache, manager, bodies)
-    return ReducedModel(run, offline.products.spent.whole(time.perf_counter() - begun))
+    kept = run, offline.without_snapshots()
+
+    def again(changed: Scene, atoms: int | None = None) -> PreparedRun:
+        return prepared_run(
+            changed, cache, new_manager(()), bodies.of_bodies(), kept=kept, atoms=atoms)[0]
+
+    return ReducedModel(run, offline.products.spent.whole(time.perf_counter() - begun), again)
 
 
 def load_model(path: str | Path, *, registry: Registry | None = None) -> "ReducedModel":
@@ -108,12 +119,15 @@ class ReducedModel:
     """A reduced model that is prepared once and run many times.
 
     A run may change the keys in `free`: title, output, end of the run, and functions of time of
-    loads; and the rigid coordinates at the start. Any other change needs a new model and is refused
-    by its key.
+    loads; the rigid coordinates at the start; and the parameters that the scene declares. Where a
+    parameter is not at a key in `free`, the equations are projected again on the same trial basis,
+    which needs the mesh. Any other change needs a new model and is refused by its key.
     """
 
-    def __init__(self, run: PreparedRun, offline_seconds: float = 0.0) -> None:
-        self._run, self._fixed = run, fixed_in_memory(run.header)
+    def __init__(
+        self, run: PreparedRun, offline_seconds: float = 0.0, again: Again | None = None
+    ) -> None:
+        self._run, self._again, self._fixed = run, again, fixed_in_memory(run.header)
         self.offline_seconds = offline_seconds
         """Time of its preparation with an empty cache, s; 0 for a model from a file."""
 
@@ -144,29 +158,49 @@ class ReducedModel:
     def run(
         self, overrides: Mapping[str, Any] | Scene | None = None, *, out: str | Path | None = None,
         initial: Initial | None = None, observers: Sequence[object] = (),
+        parameters: Mapping[str, float] | None = None,
     ) -> RunResult:
         """Result of a run, equal to that of `simulate`: in memory, or stored under `out`.
 
         overrides: dotted key -> value, as for `Scene.using`, or the changed scene; initial: block
         of rigid coordinates (`link.rigid`) -> values and rates at the start, which must fit the
-        joints. Raises InputError, with the key, for a change that needs a new model; SolveFailed
-        as `simulate`.
+        joints; parameters: of the scene, name -> value. Raises InputError, with the key, for a
+        change that needs a new model; SolveFailed as `simulate`.
         """
         begun = time.perf_counter()
-        run = self._changed(overrides or {}, initial or {})
+        changed = overrides or {}
+        if parameters:
+            scene = changed if isinstance(changed, Scene) else self.scene.using(
+                changed, label="run")
+            changed = scene.using(values_at(parameters), label="parameters")
+        run = self._changed(changed, initial or {})
         manager, steps = new_manager(observers), step_count(run.scene)
         tally, begin = Tally(offline=time.perf_counter() - begun), None
         if run.solver is self._run.solver:
             state, memory = self._begin
             begin = state, memory.copy()
+        own = None if run.offline is self._run.offline else run.offline  # projected again
+        products = None if own is None else own.products
         if out is None:
-            writer = MemoryWriter(run.header, self._fixed)
-            return stepped(run, Recorder(run, writer, None, steps), manager, tally, begin=begin)
+            writer = MemoryWriter(
+                run.header, self._fixed if own is None else fixed_in_memory(run.header))
+            recorder = Recorder(run, writer, None, steps, products)
+            return stepped(run, recorder, manager, tally, begin=begin)
         with owned(Path(out)):
-            recorder = Recorder.open(run, Path(out), False, steps, None)
+            recorder = Recorder.open(run, Path(out), False, steps, products)
             assert isinstance(recorder.writer, ResultWriter)
             with kept(recorder.writer, new=True):
                 return stepped(run, recorder, manager, tally, begin=begin)
+
+    def at(self, parameters: Mapping[str, float], atoms: int | None = None) -> "ReducedModel":
+        """The model with other values of its scene's parameters: the equations projected again on
+        the same trial basis, or on the first `atoms` atoms of each block. Raises InputError for a
+        model from a file, which has no equations to project."""
+        if self._again is None:
+            raise InputError("this model was read from a file, without the mesh that it needs to "
+                             "project equations again", "parameters")
+        scene = self.scene.using(values_at(parameters), label="parameters")
+        return ReducedModel(self._again(scene, atoms), self.offline_seconds, self._again)
 
     def check(self, overrides: Mapping[str, Any] | Scene) -> None:
         """Raises the InputError that a run with these overrides would raise."""
@@ -256,7 +290,11 @@ class ReducedModel:
         scene = overrides if isinstance(overrides, Scene) else self.scene.using(
             overrides, label="run")
         keys = list(changes(self.scene.dump(), scene.dump()))
-        faults = [f for key in keys if (f := self._fault(key, scene)) is not None]
+        found = {key: f for key in keys if (f := self._fault(key, scene)) is not None}
+        if self._again is not None and found and all(map(self._declared, found)):
+            again = ReducedModel(self._again(scene, None), again=self._again)
+            return again._changed({}, initial)
+        faults = list(found.values())
         faults += block_faults(initial, run.solver.layout)
         if faults:
             raise InputError(faults)
@@ -285,8 +323,15 @@ class ReducedModel:
             return None
         function = next((k for k in self._functions if inside(key, k)), None)
         why = "the model was prepared with it" if function is None else self._why_fixed(function)
+        if why and self._declared(key):
+            why = f"{why}, and the equations are projected again in a model from memory only"
         return Fault(key, f"cannot change: {why}; make a new model. A run may change "
                      f"{', '.join(self.free)}") if why else None
+
+    def _declared(self, key: str) -> bool:
+        """True if a declared parameter is at a changed key of the scene or in it."""
+        return any(inside(key, k) or inside(k, key)
+                   for p in self.scene.parameters.values() for k in p.keys)
 
     def _end_fault(self, scene: Scene) -> Fault | None:
         if scene.time.control is not None:

@@ -148,7 +148,7 @@ def _watch(
 def _keeper(scene: Scene, model: Model, offline: Offline) -> SnapshotKeeper | None:
     """Recorder of training snapshots, if this run begins with a training run whose snapshots are
     not in the cache; else None."""
-    if offline.has("training") or not model.reducible() or not (count := training_steps(scene)):
+    if not model.reducible() or not (count := training_steps(scene)) or offline.has_training():
         return None
     return SnapshotKeeper(scene, count, model.layout, model.reducible(),
                           offline.products.scratch, step_count(scene))

@@ -1,6 +1,6 @@
 """Training run: full-order snapshots of each block, from which reduced bases are computed."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,15 +12,18 @@ from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.body_cache import BodyCache
 from sparsemor.core.model.factorizations import factorizations_in
 from sparsemor.core.model.model import Model
+from sparsemor.core.notes import Note
 from sparsemor.core.protocols import Recording, State
 from sparsemor.core.protocols.layout import Layout
 from sparsemor.core.registry.hooks import Manager
 from sparsemor.core.scene.digest import digest
 from sparsemor.core.scene.independent_of_physics import physics_of, training_physics
+from sparsemor.core.scene.parameters import Point
 from sparsemor.core.scene.run_identity import Identity, origin
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.initial_from_result import started_from_result
-from sparsemor.core.simulation.offline import Offline, full_run, step_count
+from sparsemor.core.simulation.memory.estimate import trains
+from sparsemor.core.simulation.offline import Offline, TrainingRun, full_run, step_count
 from sparsemor.core.simulation.offline_cache import Products, mesh_content
 from sparsemor.core.simulation.rigid_stage import staged
 
@@ -73,24 +76,39 @@ class SnapshotKeeper:
 def offline_of(
     scene: Scene, model: Model, products: Products, manager: Manager,
     body_cache: BodyCache | None = None,
+    greedy: Callable[[], tuple[Sequence[Point], Sequence[Note]]] | None = None,
 ) -> Offline:
-    """Offline data of a scene. Their cache key contains the physics of the training scene, its
-    identity (code, plugins, files) and every mesh. body_cache: bodies of the model, for the
-    training run."""
-    training, physics = training_physics(scene)
-    key = digest(physics.digest(), training.training.every, Identity.of(physics).plain(),
-                 mesh_content(model))
+    """Offline data of a scene. The cache key of a training run contains its physics, its identity
+    (code, plugins, files) and every mesh. body_cache: bodies of the model, for the training runs.
+    greedy: points of the training runs where errors choose them, and warnings."""
+    mesh, box = mesh_content(model), scene.training.parameters
+
+    def run(point: Point) -> TrainingRun:
+        training, physics = training_physics(scene, point)
+        key = digest(physics.digest(), training.training.every, Identity.of(physics).plain(), mesh)
+        return key, lambda: train(training, manager, products, body_cache)
+
+    def runs() -> Sequence[TrainingRun]:
+        if box is None or not trains(scene, dict.fromkeys(model.reducible(), 0), model):
+            return [run({})]
+        points: Sequence[Point] = box.chosen(scene.parameters)
+        if greedy is not None and box.points is None and box.choice == "greedy":
+            points, offline.notes = greedy()
+        return [run(point) for point in points]
+
+    training = scene.for_training()
     recording = Recording(training.integrator, training.time.step, training.training.every,
                           training.time.end)
-    return Offline(
-        model, lambda: train(training, manager, products, body_cache), key, products, manager,
-        recording, origin(type(scene.reducer)))
+    offline = Offline(model, runs, products, manager, recording, origin(type(scene.reducer)))
+    return offline
 
 
 def training_steps(scene: Scene) -> int:
     """Number of the first steps of a run at full order that are the training run of the scene's
     reduced models, 0 if none are. (Steps of controlled error, and those after a rigid-body
     pre-simulation, are the same only in a run of the same length.)"""
+    if scene.training.parameters is not None:  # several runs, none with the values of the scene
+        return 0
     training, physics = training_physics(scene)
     end, settings = training.time.end, dict[str, Any](training={"every": scene.training.every})
     if end != scene.time.end:

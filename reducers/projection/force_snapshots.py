@@ -49,11 +49,13 @@ def force_snapshots(block: Reducible) -> tuple[FloatArray, float]:
     """Forces (n, M) of a block in the training run, and an upper bound of the singular values that
     round-off causes in them: forces are small differences of large terms."""
     taken = recording(block)
-    X = states(block, np.asarray(block.offline.snapshots(block.name), dtype=np.float64), taken)
-    if replayable(block, X, taken):
-        V, A = replayed(block, X, taken)
-    else:
-        V, A = differences(X, taken.step * taken.every)
+    runs = np.split(
+        np.asarray(block.offline.snapshots(block.name), dtype=np.float64), taken.runs, axis=1)
+    runs = [states(block, X, taken) for X in runs]
+    rates = [replayed(block, X, taken) if replayable(block, X, taken)
+             else differences(X, taken.step * taken.every) for X in runs]
+    X = np.concatenate(runs, axis=1)
+    V, A = (np.concatenate(parts, axis=1) for parts in zip(*rates, strict=True))
     n, M = X.shape
     size = np.linalg.norm(abs(block.linear.operator) @ np.abs(X)) / np.sqrt(n * M)
     # a matrix of random entries of size 1 has singular values up to sqrt n + sqrt M
@@ -81,7 +83,10 @@ def states(block: Reducible, X: FloatArray, taken: Recording) -> FloatArray:
 
 
 def replayable(block: Reducible, X: FloatArray, taken: Recording) -> bool:
-    """True if the snapshots contain every step and begin at the initial state of this model."""
+    """True if the snapshots contain every step and begin at the initial state of this model, whose
+    accelerations those of several runs need not share."""
+    if taken.runs > 1 and taken.integrator.order > 1:
+        return False
     start = block.model.x0[block.model.layout[block.name]]
     top = float(np.abs(start).max(initial=0.0))
     return taken.every == 1 and bool(np.abs(X[:, 0] - start).max(initial=0.0) <= 1e-12 * top)

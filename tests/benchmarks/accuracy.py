@@ -10,7 +10,7 @@ import argparse
 import sys
 
 import common
-import report
+from modules import report
 
 ROWS, ATOMS = (240, 80), (30, 20)
 LIMITS = {

@@ -18,8 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import common  # noqa: F401  # before NumPy: it limits linear algebra to one thread
-import report
-from modules import brake_projections, brake_writing
+from modules import brake_projections, brake_writing, report
 from modules.method_runs import (
     MEANINGS,
     STOPPED,

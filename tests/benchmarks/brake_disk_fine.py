@@ -17,7 +17,7 @@ from typing import Any
 
 import common  # noqa: F401  one thread, before NumPy is loaded
 import numpy as np
-import report
+from modules import report
 from scaling import Mesh, Worker, trained
 
 from sparsemor.core.scene.scene import load

@@ -19,7 +19,7 @@ from typing import Any
 
 import common
 import numpy as np
-import report
+from modules import report
 
 from sparsemor.core import ReducedProblem
 from sparsemor.core.model.assembly import assemble

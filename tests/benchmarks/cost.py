@@ -15,7 +15,7 @@ from typing import Any
 
 import common
 import numpy as np
-import report
+from modules import report
 
 from sparsemor.reducers.step.compiled.compile import installed
 

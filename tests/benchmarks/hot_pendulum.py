@@ -24,7 +24,7 @@ from typing import Any
 
 import common
 import numpy as np
-import report
+from modules import report
 
 from sparsemor.core import FloatArray, ReducedProblem, State
 from sparsemor.core.model.assembly import assemble
@@ -163,8 +163,8 @@ def prepared(case: Case, name: str, scene: Scene) -> tuple[Any, float]:
     scene = scene.using({"reducer": "full" if name == "full" else options(case, name)})
     model = case.model if scene.loads == case.own.loads else assemble(scene)
     offline = Offline(
-        model, lambda: {b: s.T for b, s in case.snapshots.items()},
-        digest(case.snapshots), Products(Cache(case.folder)))
+        model, lambda: [(digest(case.snapshots), lambda: {
+            b: s.T for b, s in case.snapshots.items()})], Products(Cache(case.folder)))
     begun = time.process_time()
     solver = scene.reducer.prepare(ReducedProblem(
         model, scene.integrator, scene.time.step, offline, np.random.default_rng(scene.seed)))

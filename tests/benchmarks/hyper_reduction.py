@@ -12,7 +12,7 @@ from typing import Any
 
 import common
 import numpy as np
-import report
+from modules import report
 
 from sparsemor.core.registry.registry import Registry
 from sparsemor.core.status import SolveFailed

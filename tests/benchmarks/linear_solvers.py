@@ -19,7 +19,7 @@ from typing import Any
 
 import common  # noqa: F401  one thread, before NumPy is loaded
 import numpy as np
-import report
+from modules import report
 from scipy import sparse
 
 from sparsemor.bodies import fem as fe

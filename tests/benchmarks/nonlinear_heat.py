@@ -16,7 +16,7 @@ from typing import Any
 
 import common
 import numpy as np
-import report
+from modules import report
 
 from sparsemor.bodies.terms.weak_term import WeakTerm
 from sparsemor.core import CompressedLocal, FloatArray, IntArray, Trial

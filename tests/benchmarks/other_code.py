@@ -18,7 +18,7 @@ from typing import Any
 
 import common  # noqa: F401  # before NumPy: it limits linear algebra to one thread
 import numpy as np
-import report
+from modules import report
 from scipy import sparse
 
 from sparsemor.bodies.body import Body

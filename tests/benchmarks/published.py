@@ -12,7 +12,7 @@ import sys
 from collections import Counter
 
 import common
-import report
+from modules import report
 
 ATOMS = (30, 20)
 BAD, UNHEATED = 1e-2, (0.9, 1.1)

@@ -20,8 +20,7 @@ from typing import Any
 
 import common
 import numpy as np
-import report
-from modules import recovered_scenes, row_constants, screening
+from modules import recovered_scenes, report, row_constants, screening
 
 from sparsemor.core.errors import InputError
 from sparsemor.core.protocols import SparseSolver

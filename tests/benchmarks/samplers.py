@@ -13,7 +13,7 @@ from typing import Any
 
 import common
 import numpy as np
-import report
+from modules import report
 
 from sparsemor.core.status import SolveFailed
 

@@ -18,8 +18,7 @@ from typing import Any
 
 import common  # noqa: F401  one thread, before NumPy is loaded
 import numpy as np
-import report
-from modules import scaling_nonlinear
+from modules import report, scaling_nonlinear
 from modules.scaling_chart import chart
 from modules.scaling_fits import fits, join
 from modules.scaling_meshes import TOLERANCE, Mesh, Worker

@@ -17,7 +17,7 @@ from typing import Any
 
 import common
 import numpy as np
-import report
+from modules import report
 
 from sparsemor.core.scene.scene import load
 from sparsemor.core.simulation.prepare import prepared

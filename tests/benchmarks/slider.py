@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import common  # noqa: F401  # before NumPy: it limits linear algebra to one thread
-import report
+from modules import report
 from modules.method_runs import (
     MEANINGS,
     STOPPED,

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import common  # noqa: F401  # before NumPy: it limits linear algebra to one thread
-import report
+from modules import report
 
 from sparsemor import load, simulate
 from sparsemor.core.results.run_result import RunResult

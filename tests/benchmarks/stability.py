@@ -17,7 +17,7 @@ from typing import Any
 
 import common
 import numpy as np
-import report
+from modules import report
 
 from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.protocols import State, StepSolver

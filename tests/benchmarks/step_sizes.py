@@ -15,7 +15,7 @@ from typing import Any
 
 import common  # noqa: F401  # before NumPy: it limits linear algebra to one thread
 import numpy as np
-import report
+from modules import report
 
 from sparsemor.core.status import SolveFailed
 from sparsemor.core.testing.in_memory_run import March, march, scene_of

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import common
 import numpy as np
-import report
+from modules import report
 
 from sparsemor.core import ReducedProblem
 from sparsemor.core.registry.plugin import Plugin

@@ -20,7 +20,7 @@ from typing import Any
 
 import common
 import numpy as np
-import report
+from modules import report
 from modules.recovered_scenes import case_of, combined
 from scipy.stats import binomtest
 

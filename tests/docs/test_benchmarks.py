@@ -1,5 +1,6 @@
 """Each benchmark script runs on tiny sizes, and what it prints and writes holds together."""
 
+import csv
 import json
 import os
 import signal
@@ -405,6 +406,19 @@ def test_a_kept_model_is_timed_against_full_order(run: Run) -> None:
     row, = rows_of(found, "CPU time")
     assert row["scene"] == "double_pendulum" and len(found["targets"]) == 4
     assert row["full_s"] > row["kept_s"] > 0.0 and row["file_mb"] < 2.0
+
+
+def test_a_box_of_parameters_is_tested_at_unseen_ones(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, SCRIPTS / "errors/parameters.py", "--quick", "--out", tmp_path],
+        env=os.environ | {"SPARSEMOR_CACHE": str(tmp_path / "cache")},
+        capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert "trained at 9 points" in done.stdout and "CPU time of a whole run" in done.stdout
+    with (tmp_path / "double_pendulum.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert len({row["flux"] for row in rows}) == len(rows) == 2
+    assert all(0.0 < float(row["error_elastic"]) < 1e-3 for row in rows)
 
 
 def test_the_chosen_models_are_measured_under_other_loads(tmp_path: Path) -> None:

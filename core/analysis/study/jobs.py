@@ -25,6 +25,7 @@ from sparsemor.core.analysis.study.kept_models import KeptModels
 from sparsemor.core.analysis.study.metrics import measured
 from sparsemor.core.errors import InputError
 from sparsemor.core.linalg.threads import fixed_threads
+from sparsemor.core.model.body_cache import BodyCache
 from sparsemor.core.model.model import Model
 from sparsemor.core.protocols import ReducedProblem
 from sparsemor.core.registry.hooks import new_manager
@@ -89,9 +90,7 @@ def scene_of(data: Mapping[str, Any], registry: Registry | None = None) -> Scene
 def _reference(
     job: Mapping[str, Any], scene: Scene, registry: Registry | None, models: KeptModels
 ) -> dict[str, Any]:
-    key = _reference_key(scene, checked_model(scene))
-    _remove_damaged(key)
-    result = _stored_reference(scene, key, job.get("keep_training", False))
+    key, result = cached_reference(scene, job.get("keep_training", False))
     return {"status": result.status.value, "key": key}
 
 
@@ -190,16 +189,27 @@ def _remove_damaged(key: str) -> None:
         shutil.rmtree(kept, ignore_errors=True)
 
 
-def _stored_reference(scene: Scene, key: str, keep_training: bool = False) -> RunResult:
-    """Reference run from the cache; computed and cached if absent, also if it fails. keep_training:
-    as for `simulate`."""
+def cached_reference(
+    scene: Scene, keep_training: bool = False, body_cache: BodyCache | None = None
+) -> tuple[str, RunResult]:
+    """Cache key and result of a full-order run, computed if it is not in the cache, also if it
+    fails. keep_training, body_cache: as for `simulate`."""
+    key = _reference_key(scene, checked_model(scene, body_cache))
+    _remove_damaged(key)
+    return key, _stored_reference(scene, key, keep_training, body_cache)
+
+
+def _stored_reference(
+    scene: Scene, key: str, keep_training: bool = False, body_cache: BodyCache | None = None
+) -> RunResult:
+    """Reference run from the cache; computed and cached if absent, also if it fails."""
     kept = Cache().root / "reference" / key
     if (kept / "result.zarr").is_dir():
         return open_result(kept)
     fresh = kept.with_name(f".{key}.{uuid.uuid4().hex}")
     try:
         try:
-            simulate(scene, out=fresh, keep_training=keep_training)
+            simulate(scene, out=fresh, keep_training=keep_training, body_cache=body_cache)
         except SolveFailed as error:
             if error.status is Status.INTERRUPTED or not isinstance(error.result, RunResult):
                 raise

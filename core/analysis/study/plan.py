@@ -263,11 +263,13 @@ class _Maker:
 
 def _training_key(scene: Scene) -> str:
     """Digest of all data that determine the training run of a scene; "" if it has none."""
+    box = scene.training.parameters
     try:
-        training, physics = training_physics(scene)
+        point = None if box is None else box.chosen(scene.parameters)[0]
+        training, physics = training_physics(scene, point)
     except InputError:
         return ""  # the run will say what is wrong
-    return digest(physics.digest(), training.training.every)
+    return digest(physics.digest(), training.training.every, box, dict(scene.parameters))
 
 
 def _compared(dump: Mapping[str, Any]) -> dict[str, Any]:

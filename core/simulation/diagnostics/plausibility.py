@@ -20,6 +20,7 @@ from sparsemor.core.protocols import (
     Part,
     StepSolver,
     TimeFunction,
+    UsesBases,
 )
 from sparsemor.core.protocols.layout import Quantity
 from sparsemor.core.results.run_result import RunResult
@@ -64,13 +65,15 @@ def before_run(scene: Scene, model: Model) -> tuple[Note, ...]:
             *prescribed_temperatures(scene, model), *of_settings(scene, model))
 
 
-SETTINGS = frozenset({"never_acts", "too_fast", "short_training"})
+OUTSIDE_RANGE = "outside_parameters"
+SETTINGS = frozenset({"never_acts", "too_fast", "short_training", OUTSIDE_RANGE})
 """Identifiers of warnings about options that a run of a kept model may change."""
 
 
 def of_settings(scene: Scene, model: Model | None) -> tuple[Note, ...]:
-    """Warnings about functions of time and, where the model is at hand, the training run."""
-    return (*functions_of_time(scene),
+    """Warnings about functions of time, parameters and, where the model is at hand, the training
+    run."""
+    return (*functions_of_time(scene), *outside_ranges(scene),
             *(() if model is None else short_training(scene, model)))
 
 
@@ -189,6 +192,15 @@ def short_training(scene: Scene, model: Model) -> Iterator[Note]:
             f"the training run ends at {scene.training_end:g} s, {100.0 * share:.3g} % of "
             f"time.end = {scene.time.end:g} s: what happens later was never in the snapshots; "
             "raise training.end", "short_training")
+
+
+def outside_ranges(scene: Scene) -> Iterator[Note]:
+    """Warnings of a reduced run about parameters outside the range that the scene declares."""
+    if isinstance(scene.reducer, UsesBases):
+        for name, value in scene.outside_ranges.items():
+            yield Note(f"parameter {name} is {value:g}, outside its range "
+                       f"{scene.parameters[name].range}: the reduced model was made for this "
+                       "range, and its error may be large", OUTSIDE_RANGE)
 
 
 # ---------------------------------------------------------------------- functions of time

@@ -40,6 +40,8 @@ from sparsemor.core.simulation.offline import Offline, step_count
 from sparsemor.core.simulation.time_stepping import started
 from sparsemor.core.status import SolveFailed, Status
 
+UNSTABLE = "unstable"
+"""Identifier of the warning."""
 LIMIT = 5.0
 """Largest (excess growth per step) x steps of a model that is called stable."""
 ADVICE = ("keep the required rows, sample more rows, or try another seed, sampler or a more damped "
@@ -203,7 +205,7 @@ def check_run(
     projects = scene.reducer_name == PROJECTION
     if scene.check_stability == "off" or not solver.dictionaries or projects:
         return (), {}
-    plain = {key: value for key, value in IRRELEVANT.items() if key != "seed"}
+    plain = {key: value for key, value in IRRELEVANT.items() if key not in ("seed", "parameters")}
     kept = offline.remember(
         "stability", (scene.using(plain).digest(),),
         lambda: _as_arrays(_judged_run(scene, model, solver, full)))
@@ -212,7 +214,7 @@ def check_run(
         return (), facts
     if scene.check_stability == "refuse":
         raise InputError(words, "check_stability")
-    return (Note(words, "unstable"),), facts
+    return (Note(words, UNSTABLE),), facts
 
 
 def _judged_run(scene: Scene, model: Model, solver: StepSolver, full: State) -> Judgement:

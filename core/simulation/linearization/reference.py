@@ -42,7 +42,7 @@ class _Given(Offline):
     """Offline data with dictionaries that exist already, by block."""
 
     def __init__(self, model: Model, dictionaries: Mapping[str, Dictionary]) -> None:
-        super().__init__(model, dict, "", Products(None))
+        super().__init__(model, lambda: (), Products(None))
         self._given = dictionaries
 
     def dictionary(

@@ -22,7 +22,7 @@ def room_for_snapshots(scene: Scene, model: Model, offline: Offline) -> None:
     """Checks that snapshots that are written to disk fit there. Raises InputError."""
     cache = offline.products.cache
     blocks = block_sizes(model)
-    if not trains(scene, blocks, model) or offline.has("training") or cache is None:
+    if not trains(scene, blocks, model) or offline.has_training() or cache is None:
         return
     M = snapshot_count(scene)
     sizes = [8 * n * M for n in blocks.values()]

@@ -98,7 +98,7 @@ def estimate(scene: Scene, model: Model, offline: Offline, exact: bool) -> Estim
         *reduced(scene, blocks), *_points(scene, model, blocks))}
     if not own:
         phases["start"] = (start,)
-    if trained and not offline.has("training"):
+    if trained and not offline.has_training():
         phases["training run"] = (
             Item("the model of the training run", _matrices(model), "a coarser mesh"),
             *_full(model, exact), start, *_held_snapshots(scene, blocks))

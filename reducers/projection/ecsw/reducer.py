@@ -219,10 +219,11 @@ class Training:
         """Times (M,) of the snapshots, s; snapshots without recorded times count as one per
         step."""
         r = self.offline.recording
-        t = np.arange(M) * (self.h if r is None else r.step * r.every)
+        runs, spacing = (1, self.h) if r is None else (r.runs, r.step * r.every)
+        t = np.arange(M // runs) * spacing
         if r is not None and r.integrator.order > 1:
             t[-1] = 0.0  # the extra one, made at the start
-        return np.asarray(t)
+        return np.asarray(np.tile(t, runs))
 
 
 def _weigh_elastic(ops: ElasticOperators, g: ElasticIntegrals, w: FloatArray) -> ElasticOperators:

@@ -11,7 +11,7 @@ from typing import Any
 
 import common  # noqa: F401  # before NumPy: it limits linear algebra to one thread
 import numpy as np
-import report
+from modules import report
 
 from sparsemor.core.arrays import Csr, FloatArray
 from sparsemor.core.model.block_patterns import matched_option

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-import report
+from modules import report
 
 from sparsemor.core.results.cost import run_facts
 from sparsemor.core.results.run_result import RunResult

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import report
+from modules import report
 
 from sparsemor.core.analysis.compare import measure_errors
 from sparsemor.core.errors import InputError

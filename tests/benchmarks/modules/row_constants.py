@@ -14,7 +14,7 @@ from typing import Any
 
 import common
 import numpy as np
-import report
+from modules import report
 
 from sparsemor.core import ColumnSubsets
 from sparsemor.core.arrays import FloatArray

@@ -7,7 +7,7 @@ In a process of its own, which `scaling_worker.py` starts. Best approximations a
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import report
+from modules import report
 from modules.brake_projections import leading, missed
 
 from sparsemor.core.model.block_patterns import matched_option

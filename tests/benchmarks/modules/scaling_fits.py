@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import report
+from modules import report
 
 LIMIT = 0.05
 """Of the exponents of reduced steps, 0 if nothing of the mesh's size is touched."""

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import report
+from modules import report
 
 HERE = Path(__file__).parents[1]
 TOLERANCE = 1e-3

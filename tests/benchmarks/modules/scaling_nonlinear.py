@@ -12,7 +12,7 @@ from typing import Any
 
 import common
 import numpy as np
-import report
+from modules import report
 
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.scene.scene import Scene, load

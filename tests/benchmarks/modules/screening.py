@@ -12,7 +12,7 @@ import argparse
 from collections.abc import Iterator
 
 import numpy as np
-import report
+from modules import report
 from modules.recovered_scenes import QUICK, case_of
 
 from sparsemor.core.arrays import FloatArray

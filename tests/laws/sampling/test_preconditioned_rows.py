@@ -294,7 +294,7 @@ def test_impulses_in_a_reduced_run(reducer: dict[str, Any]) -> None:
 def test_dictionaries_depend_on_the_step_and_say_when_it_is_missing(tmp_path: Path) -> None:
     from sparsemor.core.simulation.cache import Cache
 
-    offline = Offline(heated(), snapshots, "key", Products(Cache(tmp_path)))
+    offline = Offline(heated(), lambda: [("key", snapshots)], Products(Cache(tmp_path)))
     basis = Impulse(delays=(0, 5))
     a, b, c = (offline.dictionary("bar.thermal", basis, s)[0].atoms for s in (
         STEP, STEP._replace(h=0.1, c1_first=10.0), STEP))
