@@ -46,7 +46,7 @@ def started_from_result(scene: Scene, model: Model) -> Model:
 def initial_notes(
     scene: Scene, model: Model, dictionaries: Mapping[str, Dictionary]
 ) -> tuple[Note, ...]:
-    """What the initial state is, and the error of each block whose atoms do not contain it,
+    """Notes on the initial state, and on the error of each block whose atoms do not contain it,
     relative to the largest change in the result: a warning from 0.1 on."""
     if scene.initial is None:
         return ()
@@ -83,7 +83,7 @@ class _Rates:
 
     @property
     def source(self) -> str:
-        """Where the rates come from, in words."""
+        """Origin of the rates, in words."""
         if self.step == 0:
             return "the rates of the scene"
         return "its rates" if self._saved is not None else (
