@@ -62,6 +62,8 @@ first steps. How names and defaults are understood: [how to swap parts](how-to-s
   number is the error of the worst field, if it is above {limit}.
 * `refused`, before the first step: the reason.
 
+<!-- numbers by: python docs/make_swaps.py --run -->
+
 {swaps} swaps: {good} good, {warned} warned, {refused} refused.
 """
 Row = dict[str, str]
