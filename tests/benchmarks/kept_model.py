@@ -82,7 +82,7 @@ def timed(do: Callable[[], object]) -> float:
 
 def beside(model: ReducedModel, repeats: int) -> float:
     """CPU time, s, of a run whose steps are not computed but those of an earlier run."""
-    module, taken = import_module("sparsemor.core.simulation.simulate"), list[TimeStep]()
+    module, taken = import_module("sparsemor.core.simulation.run_steps"), list[TimeStep]()
 
     def recorded(*given: Any) -> Iterator[TimeStep]:
         for step in iterate(*given):

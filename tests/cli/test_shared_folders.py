@@ -25,6 +25,8 @@ from sparsemor.core.simulation import prepare
 
 TESTS = Path(__file__).parents[1]
 TINY = TESTS / "scenes" / "tiny.yaml"
+RESULT = {"result.zarr", "result.checkpoint"}
+"""What a run leaves in its folder."""
 KILLED = TESTS / "support" / "hostile" / "killed_force.py"
 SHORT: dict[str, Any] = {"time.end": 0.02}
 SETTINGS = ["--set", "time.end=0.02"]
@@ -90,7 +92,7 @@ def test_force_onto_a_run_at_work_is_refused() -> None:
     assert force.found == (
         2, "--out: another run is writing to out: wait for it, or choose another --out\n")
     assert_same(run, simulate(scene(), out="whole"))
-    assert {p.name for p in Path("out").iterdir()} == {"result.zarr"}
+    assert {p.name for p in Path("out").iterdir()} == RESULT
 
 
 @pytest.mark.full
@@ -149,7 +151,7 @@ def test_a_directory_lost_in_mid_run_ends_the_run(
         assert_same(simulate(scene(), out="moved", resume=True), whole)
     if how == "replaced":
         assert_same(open_result("out"), whole)
-        assert {p.name for p in Path("out").iterdir()} == {"result.zarr"}
+        assert {p.name for p in Path("out").iterdir()} == RESULT
     else:
         assert not Path("out/result.zarr").exists()
 
@@ -187,7 +189,7 @@ def test_a_lock_of_a_process_that_is_gone_is_no_lock() -> None:
     Path("out").mkdir()
     Path("out/.lock").touch()
     assert other("run", TINY, *SETTINGS, "--out", "out")[0] == 0
-    assert {p.name for p in Path("out").iterdir()} == {"result.zarr"}
+    assert {p.name for p in Path("out").iterdir()} == RESULT
 
 
 @pytest.mark.full
@@ -195,10 +197,10 @@ def test_force_keeps_the_earlier_result_until_the_new_run_has_ended() -> None:
     whole = simulate(scene(), out="out")
     assert other("run", TINY, *REFUSED, "--out", "out", "--force")[0] == 2
     assert_same(open_result("out"), whole)
-    assert {p.name for p in Path("out").iterdir()} == {"result.zarr"}
+    assert {p.name for p in Path("out").iterdir()} == RESULT
     assert other("run", TINY, "--set", "time.end=0.01", "--out", "out", "--force")[0] == 0
     assert len(open_result("out").times) == 11
-    assert {p.name for p in Path("out").iterdir()} == {"result.zarr"}
+    assert {p.name for p in Path("out").iterdir()} == RESULT
 
 
 @pytest.mark.full
@@ -212,7 +214,7 @@ def test_a_kill_during_force_loses_no_result() -> None:
     for m in moments:
         assert m["kept"], m  # the earlier result can be read, where it was or where it is kept
         assert m["put back"], m  # by the next run, also where that one is refused
-        assert m["replaced"] == [True, ["result.zarr"]], m  # by the next that reaches its end
+        assert m["replaced"] == [True, sorted(RESULT)], m  # by the next that reaches its end
 
 
 @pytest.mark.full
