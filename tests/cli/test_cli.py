@@ -234,11 +234,12 @@ def test_compare_runs_each_reducer(runs, monkeypatch):
         def __str__(self) -> str:
             return "a table"
 
-    def compare(reference, *, error_limit, **others):
+    def compare(reference, *, error_limit, failed, **others):
         compared.append((reference, others))
         errors = SimpleNamespace(start_up={"a": 0.5}, steady={"a": 0.1})
         return Comparison(errors={n: {"a": 0.5} for n in others}, effectivity={},
                           measured=dict.fromkeys(others, errors), above_limit={},
+                          late_errors={}, trained_to={}, gains={},
                           write=lambda directory, *_: [directory / "errors.csv"])
 
     module = ModuleType("sparsemor.core.analysis.compare")

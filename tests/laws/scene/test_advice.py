@@ -25,19 +25,15 @@ class Twins(Plugin):
 """
 
 
-@pytest.mark.parametrize("reducer, rows", [
-    ({"use": "galerkin"}, False),
-    ({"use": "sparse", "budgets": {"*": {"rows": 12}}}, True),
-])
-def test_rows_are_advised_on_where_there_are_rows(distribute, here, reducer, rows):
+def test_rows_are_advised_on_where_there_are_rows(distribute, here):
     distribute("twins", {"basis": {"twins": "mod_advice:Twins"}}, mod_advice=TWINS)
-    scene = load(TINY, {"time.end": 0.002, "reducer": {**reducer, "basis": "twins"}})
+    scene = load(TINY, {"time.end": 0.002, "reducer": {
+        "use": "sparse", "budgets": {"*": {"rows": 12}}, "basis": "twins"}})
     with pytest.raises(SolveFailed) as caught:
         simulate(scene)
     assert caught.value.status is Status.RANK_DEFICIENT
     advice = str(caught.value).rpartition("): ")[2]
-    assert ("rows" in advice, "sampler" in advice) == (rows, rows)
-    assert "fewer atoms" in advice
+    assert "rows" in advice and "sampler" in advice and "fewer atoms" in advice
 
 
 @pytest.mark.parametrize("status", Status)
