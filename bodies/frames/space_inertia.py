@@ -36,7 +36,8 @@ FREE, SPINNING = _dual(FREE_POSE), _dual(SPINNING_POSE)
 
 def trace(T: FloatArray) -> float:
     """Trace of T."""
-    return T[0, 0] + T[1, 1] + T[2, 2]  # type: ignore[no-any-return]
+    total: float = T[0, 0] + T[1, 1] + T[2, 2]
+    return total
 
 
 def inert(T: FloatArray, v: Vector) -> Vector:

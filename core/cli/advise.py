@@ -9,38 +9,35 @@ import typer
 from sparsemor.core.cli.options import (
     Json,
     Quiet,
+    ReplaceFile,
     SceneName,
     Settings,
+    check_new_file,
     exit_codes,
     load_with,
     located_in,
     print_json,
     progress,
 )
-from sparsemor.core.errors import InputError
 
 Out = Annotated[Path | None, typer.Option("--out", help="File for the chosen scene (default: "
                                           "none is written).")]
 Tolerance = Annotated[float | None, typer.Option(
     "--tolerance", help="Largest error of each field, relative to its largest change (default: "
     "that of the scene's reducer `auto`, else 1e-3).")]
-Replace = Annotated[bool, typer.Option("--force", help="Replace an existing file.")]
 
 
 def advise(
     scene: SceneName, settings: Settings = None, tolerance: Tolerance = None, out: Out = None,
-    force: Replace = False, as_json: Json = False, quiet: Quiet = False,
+    force: ReplaceFile = False, as_json: Json = False, quiet: Quiet = False,
 ) -> None:
     """Choose fields and reducer of a scene by trial runs over its training run, and write the scene
     that repeats the choice."""
     with exit_codes(as_json):
         loaded = load_with(scene, settings)
         with located_in(loaded), progress(quiet or as_json) as observers:
-            if out is not None and out.exists() and not force:
-                raise InputError(f"{out} exists: choose another file, or replace it with --force",
-                                 "out")
-            if out is not None and not out.parent.is_dir():
-                raise InputError(f"there is no folder {out.parent}", "out")
+            if out is not None:
+                check_new_file(out, force)
             from sparsemor.core.simulation.advice import advise as advised
 
             advice = advised(loaded, tolerance=tolerance, observers=observers)

@@ -34,6 +34,7 @@ Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but er
 Resume = Annotated[bool, typer.Option(
     "--resume", help="Continue an interrupted run, or one that has ended to a later time.end.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace an earlier result.")]
+ReplaceFile = Annotated[bool, typer.Option("--force", help="Replace an existing file.")]
 
 FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
 OPTIONS = frozenset({"out", "resume", "reducers", "samplers", "required", "rows", "atoms",
@@ -45,6 +46,14 @@ name."""
 def out_option(otherwise: str) -> Any:
     """Option `--out`, the output directory; otherwise: default directory, for the help text."""
     return typer.Option("--out", help=f"Directory for the result (default: {otherwise}).")
+
+
+def check_new_file(file: Path, replace: bool) -> None:
+    """Raises InputError where a command cannot write to `file`, or would replace it unasked."""
+    if file.exists() and not replace:
+        raise InputError(f"{file} exists: choose another file, or replace it with --force", "out")
+    if not file.parent.is_dir():
+        raise InputError(f"there is no folder {file.parent}", "out")
 
 
 def load_with(scene: str, settings: Sequence[str] | None) -> Scene:

@@ -9,25 +9,25 @@ import typer
 from sparsemor.core.cli.options import (
     Json,
     Quiet,
+    ReplaceFile,
     SceneName,
     Settings,
+    check_new_file,
     exit_codes,
     load_with,
     located_in,
     print_json,
     progress,
 )
-from sparsemor.core.errors import InputError
 
 Out = Annotated[Path | None, typer.Option("--out", help="File (default: SCENE-REDUCER.model).")]
 Fields = Annotated[bool, typer.Option(
     "--fields", help="Keep meshes and bases too, for pictures and export of the model's results.")]
-Replace = Annotated[bool, typer.Option("--force", help="Replace an existing file.")]
 
 
 def reduce(
     scene: SceneName, settings: Settings = None, out: Out = None, fields: Fields = False,
-    force: Replace = False, as_json: Json = False, quiet: Quiet = False,
+    force: ReplaceFile = False, as_json: Json = False, quiet: Quiet = False,
 ) -> None:
     """Prepare the reduced model of a scene and write it to a file, which `sparsemor run` runs
     without mesh and training."""
@@ -35,11 +35,7 @@ def reduce(
         loaded = load_with(scene, settings)
         file = out or Path(f"{loaded.name}-{loaded.reducer_name}.model")
         with located_in(loaded), progress(quiet or as_json) as observers:
-            if file.exists() and not force:
-                raise InputError(f"{file} exists: choose another file, or replace it with --force",
-                                 "out")
-            if not file.parent.is_dir():
-                raise InputError(f"there is no folder {file.parent}", "out")
+            check_new_file(file, force)
             from sparsemor.core.simulation.reduced_model import reduce as prepare
 
             begun = time.perf_counter()

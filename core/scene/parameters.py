@@ -3,7 +3,7 @@ over which a reduced model is trained, run and tested."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import product
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeGuard
 
 import numpy as np
 from pydantic import BaseModel, Field, model_validator
@@ -72,10 +72,9 @@ class BoxTraining(Plugin):
         used = {"points"} if self.points is not None else {
             "latin_hypercube": {"choice", "samples", "seed"}, "corners": {"choice"},
             "greedy": {"choice", "samples", "seed", "candidates", "tolerance"}}[self.choice]
-        for name in sorted(self.model_fields_set - used):
-            if getattr(self, name) != type(self).model_fields[name].default:
-                raise InputError("has no effect next to points" if self.points is not None else
-                                 f"has no effect with choice: {self.choice}", name)
+        for name in sorted(self.model_dump(exclude_defaults=True).keys() - used):
+            raise InputError("has no effect next to points" if self.points is not None else
+                             f"has no effect with choice: {self.choice}", name)
         return self
 
     def runs(self, parameters: Mapping[str, Parameter]) -> int:
@@ -183,7 +182,7 @@ def number_at(scene: BaseModel, tree: Mapping[str, Any], key: str) -> float | No
     value: object = scene
     for part in path:
         if isinstance(value, BaseModel):
-            value = getattr(value, str(part)) if part in type(value).model_fields else None
+            value = dict(value).get(str(part))
         elif isinstance(value, Mapping):
             value = value.get(part)
         elif isinstance(value, Sequence) and isinstance(part, int) and part < len(value):
@@ -193,8 +192,8 @@ def number_at(scene: BaseModel, tree: Mapping[str, Any], key: str) -> float | No
     if isinstance(value, TimeFunction) and isinstance(value, BaseModel):
         options = [option for _, option in value]
         value = options[0] if len(options) == 1 else None
-    return float(value) if _is_number(value) else None  # type: ignore[arg-type]
+    return float(value) if _is_number(value) else None
 
 
-def _is_number(value: object) -> bool:
+def _is_number(value: object) -> TypeGuard[int | float]:
     return isinstance(value, int | float) and not isinstance(value, bool)
