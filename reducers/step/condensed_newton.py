@@ -90,6 +90,8 @@ class Mechanics:
         before: list[float] | None = None
         mixed: FloatArray | None
         for iteration in range(1, self.tol.max_iterations + 1):
+            if iteration > 1:
+                self._displace(step, loop)
             mixed = None if slow is None else self._gather(loop)
             change = self._iterate(step, loop, memory, work)
             if not change < inf:
@@ -157,8 +159,6 @@ class Mechanics:
         known = len(memory.elastic) > 0
         loop.reference = [self._reference(i, step.c2, memory) if known else 0.0
                           for i in range(len(self.bodies))]
-        loop.z = [_NONE] * len(self.bodies)
-        loop.sigma = [_NONE] * len(self.bodies)
         loop.changes, loop.dy = [0.0] * (len(self.bodies) + 1), _NONE
         loop.targets = np.zeros(self.size)
         for i, f in self.targets:
@@ -166,8 +166,9 @@ class Mechanics:
         loop.predicted = np.concatenate((now.x[:nr], now.x[self.algebraic]))
         loop.d, loop.acceleration = np.zeros(self.size), now.a[:nr] / step.c2
         rates = self.system.stacked_rates
-        loop.border = (self.system.stacked(loop.predicted) + self.origin, rates(now.v[:nr]),
-                       rates(now.a[:nr]))
+        loop.border = loop.now = (
+            self.system.stacked(loop.predicted) + self.origin, rates(now.v[:nr]),
+            rates(now.a[:nr]))
         for at, guide in self.with_motion:
             for values, part in zip(loop.border, guide.at(step.t), strict=True):
                 values[at] += part
@@ -203,30 +204,31 @@ class Mechanics:
         own = d[:nr]
         memory.acceleration = max(memory.acceleration, c2 * sqrt(float(own.dot(own))))
 
+    def _displace(self, step: StepFormula, loop: Loop) -> None:
+        """Border unknowns with rates, and products of the displacements, at the increments."""
+        moved = self.system.stacked(loop.d)
+        y, v, a = loop.border
+        loop.now = y + moved, v + step.c1 * moved, a + step.c2 * moved
+        for b, past, d in zip(self.bodies, loop.history, loop.u, strict=True):
+            if b.block is not None and past is not None:
+                b.block.move(d, past)
+
     def _iterate(
         self, step: StepFormula, loop: Loop, memory: Scales, work: Workspace
     ) -> float:
         """One Newton iteration; returns the largest relative change (-1: singular)."""
-        c1, c2, H, rows = step.c1, step.c2, work.H.views, work.rows
-        moved = self.system.stacked(loop.d)
-        y, v, a = loop.border
-        y, v, a = y + moved, v + c1 * moved, a + c2 * moved
-        for i, (b, w, past, at) in enumerate(
-                zip(self.bodies, work.frames, loop.history, self.at, strict=True)):
+        c1, c2, t, rows = step.c1, step.c2, step.t, work.rows
+        y, v, a = loop.now
+        for b, w, past, at, d, H in zip(self.bodies, work.frames, loop.history, self.at, loop.u,
+                                        work.H.views, strict=True):
             if b.block is None or past is None:
-                b.frame.evaluate(y[at], v[at], a[at], c1, c2, _NONE_OF, _NONE, step.t, w)
-                H[i][:], rows[at] = w.border[:, :-1], w.border[:, -1]
-                continue
-            d = loop.u[i]
-            of = b.block.functionals(d, past)
-            b.frame.evaluate(y[at], v[at], a[at], c1, c2, of.s, of.forms, step.t, w)
-            z, Pz = b.block.combine(past, w.coefficients, d, w.sigma[-1])
-            # border minus tau D^-1 (elastic columns and residual): the Schur complement
-            Gs = b.block.G.dot(w.sigma.T)
-            Gs[:, -1] += of.d + Pz
-            reduced = w.border - w.tau.dot(Gs)
-            H[i][:], rows[at] = reduced[:, :-1], reduced[:, -1]
-            loop.z[i] = z
+                b.frame.evaluate(y[at], v[at], a[at], c1, c2, _NONE_OF, _NONE, t, w)
+                reduced = w.border
+            else:
+                b.frame.evaluate(y[at], v[at], a[at], c1, c2, past.s, past.forms, t, w)
+                # border minus tau D^-1 (elastic columns and residual): the Schur complement
+                reduced = w.border - w.tau.dot(b.block.condensed(d, past, w))
+            H[:], rows[at] = reduced[:, :-1], reduced[:, -1]
         return self._advance(loop, memory, work)
 
     def _advance(self, loop: Loop, memory: Scales, work: Workspace) -> float:
@@ -243,13 +245,11 @@ class Mechanics:
         if not memory.floor:
             memory.elastic, memory.floor = [0.0] * len(self.bodies), self._floors(work)
             memory.bending = memory.elastic[:]
-        for i, (b, w, at) in enumerate(zip(self.bodies, work.frames, self.at, strict=True)):
-            past = loop.history[i]
+        for i, (b, past, at) in enumerate(zip(self.bodies, loop.history, self.at, strict=True)):
             if b.block is None or past is None:
                 changes.append(0.0)
                 continue
-            loop.sigma[i] = w.sigma[-1] - moved[at].dot(w.sigma[:-1])
-            new = b.block.update(loop.z[i], loop.sigma[i])
+            new = b.block.increment(past, moved[at])
             d, u = new - loop.u[i], past.u + new
             moved2, size = float(d.dot(d)), float(u.dot(u))
             if size > memory.elastic[i]:
@@ -270,8 +270,7 @@ class Mechanics:
         """Round-off |du|^2 of each body's displacements for a position R of size 1: it is exact to
         eps |R|, so its acceleration to c2 eps |R|, and the inertia forces deform the bodies."""
         return [0.0 if b.block is None or not b.free else (4 * EPS) ** 2 * sum(
-            float(u.dot(u)) for u in (b.block.update(_ZERO, r) for r in
-                                      w.sigma[: b.frame.rigid_size]))
+            float(u.dot(u)) for u in (b.block.response(r) for r in w.sigma[: b.frame.rigid_size]))
                 for b, w in zip(self.bodies, work.frames, strict=True)]
 
     def _worst(self, loop: Loop) -> str:
