@@ -13,7 +13,7 @@ and arrays only.
 from cmath import exp
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -25,27 +25,13 @@ PlaneFunction: TypeAlias = Callable[
     [Numbers, float, Motion, int, int, int, Total, Views], None]
 
 
-class PlaneItem(Protocol):
-    """A part of a planar frame's equations, in complex numbers."""
-
-    def evaluate(
-        self, m: Motion, j: int, o: int, k: int, total: Total, out: Views
-    ) -> None: ...
-
-
-@dataclass(frozen=True, slots=True)
-class PlanePart:
-    """A function of this module with its numbers and amplitude (None: constant 1)."""
+class PlanePart(NamedTuple):
+    """Part of a planar frame's equations: a function with its numbers and amplitude (None: constant
+    1)."""
 
     function: PlaneFunction
     numbers: tuple[float, ...]
     amplitude: Amplitude | None = None
-
-    def evaluate(
-        self, m: Motion, j: int, o: int, k: int, total: Total, out: Views
-    ) -> None:
-        g = 1.0 if self.amplitude is None else self.amplitude(m.t)
-        self.function(self.numbers, g, m, j, o, k, total, out)
 
 
 def inertia(
@@ -233,8 +219,9 @@ class Reaction:
     forces_at: Table
     turns: bool
 
-    def evaluate(
-        self, m: Motion, j: int, o: int, k: int, total: Total, out: Views
+    def __call__(
+        self, numbers: Numbers, g: float, m: Motion, j: int, o: int, k: int, total: Total,
+        out: Views
     ) -> None:
         if m.elastic:
             x, y, moment = self.forces_at.at(m.t).tolist()

@@ -46,6 +46,7 @@ class Mechanics:
         targets: Sequence[tuple[int, Amplitude]], tolerances: Tolerances,
     ) -> None:
         self.bodies, self.n_rigid, self.algebraic = tuple(bodies), n_rigid, algebraic
+        self.local = _local(bodies)
         self.size = n_rigid + algebraic.stop - algebraic.start
         self.targets, self.tol = tuple(targets), tolerances
         self.system = bordered_system([b.to_border for b in bodies], self.size, n_rigid)
@@ -76,6 +77,7 @@ class Mechanics:
         other = copy(self)
         other.bodies = tuple(
             replace(b, block=blocks.get(b.elastic_name, b.block)) for b in self.bodies)
+        other.local = _local(other.bodies)
         return other
 
     def solve(
@@ -86,7 +88,6 @@ class Mechanics:
         loop = self._begin(step, now, memory)
         work.loop = loop
         last, slow = inf, None
-        local = any(past is not None and past.local is not None for past in loop.history)
         before: list[float] | None = None
         mixed: FloatArray | None
         for iteration in range(1, self.tol.max_iterations + 1):
@@ -104,7 +105,7 @@ class Mechanics:
                 now.remaining = max(now.remaining, error)
                 self._move(now, loop, memory)
                 return Status.DONE, iteration, "", ""
-            if local and change > GROWN * last:
+            if self.local and change > GROWN * last:
                 break
             before = loop.changes
             if slow is None and iteration > 1 and change > SLOW * last:
@@ -217,25 +218,23 @@ class Mechanics:
         self, step: StepFormula, loop: Loop, memory: Scales, work: Workspace
     ) -> float:
         """One Newton iteration; returns the largest relative change (-1: singular)."""
-        c1, c2, t, rows = step.c1, step.c2, step.t, work.rows
-        y, v, a = loop.now
+        c1, c2, t, (y, v, a) = step.c1, step.c2, step.t, loop.now
         for b, w, past, at, d, H in zip(self.bodies, work.frames, loop.history, self.at, loop.u,
                                         work.H.views, strict=True):
             if b.block is None or past is None:
                 b.frame.evaluate(y[at], v[at], a[at], c1, c2, _NONE_OF, _NONE, t, w)
-                reduced = w.border
+                H[:] = w.border
             else:
                 b.frame.evaluate(y[at], v[at], a[at], c1, c2, past.s, past.forms, t, w)
                 # border minus tau D^-1 (elastic columns and residual): the Schur complement
-                reduced = w.border - w.tau.dot(b.block.condensed(d, past, w))
-            H[:], rows[at] = reduced[:, :-1], reduced[:, -1]
+                np.subtract(w.border, w.tau.dot(b.block.condensed(d, past, w)), H)
         return self._advance(loop, memory, work)
 
     def _advance(self, loop: Loop, memory: Scales, work: Workspace) -> float:
         nr = self.n_rigid
         system = self.system
-        loop.matrix = B = system.assembled(work.H.values)
-        dy = system.solved(B, system.collected(work.rows) - loop.targets)
+        loop.matrix, r = system.assembled(work.H.values)
+        dy = system.solved(loop.matrix, r - loop.targets)
         if dy is None:
             return -1.0
         loop.d = loop.d - dy
@@ -263,8 +262,7 @@ class Mechanics:
                 changes.append(sqrt(moved2) / scale if scale > 0.0 and moved2 < inf else inf)
             loop.u[i] = new
         loop.changes = changes
-        change = max(changes)
-        return change if all(c < inf for c in changes) else inf
+        return max(changes)  # not a number if the first one is
 
     def _floors(self, work: Workspace) -> list[float]:
         """Round-off |du|^2 of each body's displacements for a position R of size 1: it is exact to
@@ -291,6 +289,12 @@ class Mechanics:
 SLOW = 0.2
 """Ratio of consecutive changes above which the iteration is accelerated."""
 _NONE, _NONE_OF, _ZERO = np.zeros(0), np.zeros((3, 0)), np.zeros(1)
+
+
+def _local(bodies: Sequence[BodyStep]) -> bool:
+    """True if displacements of any body have local terms."""
+    return any(made is not None and made.local is not None
+               for b in bodies for made in (b.block, b.prescribed))
 
 
 def _positions(body: BodyStep) -> int:

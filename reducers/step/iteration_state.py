@@ -47,15 +47,14 @@ class Loop:
 
 class Workspace:
     """Working arrays of the mechanical steps of one run: frame quantities of each body, border
-    matrices H and rows of all bodies, and the final iteration state of the last step. Each solve
+    matrices H of all bodies, and the final iteration state of the last step. Each solve
     overwrites them; they contain no state of the run. Each thread needs its own."""
 
-    __slots__ = ("H", "frames", "loop", "of", "rows", "system")
+    __slots__ = ("H", "frames", "loop", "of", "system")
 
     def __init__(self, frames: Sequence[Frame], system: BorderedSystem | None) -> None:
         self.of, self.frames, self.system = tuple(frames), buffers(frames), system
         self.H = BodyMatrices(np.zeros(0), []) if system is None else system.matrices()
-        self.rows = np.zeros(sum(f.border for f in frames))
         self.loop: Loop | None = None
 
     def separate(self) -> "Workspace":

@@ -172,8 +172,7 @@ class Stepper:
                 return now.outcome(status, n, name, detail)
             iterations = max(iterations, n)
         if self.mechanics is not None and self.mechanics.bodies:
-            local = any(b.local is not None for b in self.elastic.values())
-            scales = memory.scales.copy() if local else None
+            scales = memory.scales.copy() if self.mechanics.local else None
             status, iterations, block, detail = self.mechanics.solve(
                 step, now, memory.scales, memory.work)
             if self.iterating:
