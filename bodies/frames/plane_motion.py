@@ -17,8 +17,8 @@ from sparsemor.core import FloatArray, FrameWork
 
 ComplexArray = NDArray[np.complex128]
 Numbers: TypeAlias = Sequence[float] | FloatArray
-Total: TypeAlias = list[float] | FloatArray
-SUMS = 12
+Total: TypeAlias = list[complex] | ComplexArray
+SUMS = 6
 """Number of sums over all items (`write`)."""
 
 
@@ -72,11 +72,14 @@ def views(work: FrameWork) -> Views:
                  work.border[:, -1], work.coefficients)
 
 
-def write(total: Sequence[float] | FloatArray, out: Views) -> None:
-    """Writes the sums over all items: rows 0-2, then H02, H12, H20, H21, H22, H00, H11, H01,
-    H10."""
+def write(total: Total, out: Views) -> None:
+    """Writes the sums over all items: force and its derivative by the angle, derivatives of the
+    torque by x + i y, torque + i its derivative by the angle, derivatives of the force by x and
+    y."""
     rows, H = out.rows, out.H
-    rows[0], rows[1], rows[2] = total[0], total[1], total[2]
-    H[0, 2], H[1, 2], H[2, 0], H[2, 1] = total[3], total[4], total[5], total[6]
-    H[2, 2] = total[7]
-    H[0, 0], H[1, 1], H[0, 1], H[1, 0] = total[8], total[9], total[10], total[11]
+    force, by_angle, by_place, torque, by_x, by_y = (
+        total[0], total[1], total[2], total[3], total[4], total[5])
+    rows[0], rows[1], rows[2] = force.real, force.imag, torque.real
+    H[0, 2], H[1, 2], H[2, 2] = by_angle.real, by_angle.imag, torque.imag
+    H[2, 0], H[2, 1] = by_place.real, by_place.imag
+    H[0, 0], H[1, 0], H[0, 1], H[1, 1] = by_x.real, by_x.imag, by_y.real, by_y.imag
