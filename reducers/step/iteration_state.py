@@ -8,6 +8,7 @@ import numpy as np
 from sparsemor.core import BoolArray, FloatArray, Frame
 from sparsemor.reducers.step.acceptance import EPS, MARGIN, Tolerances
 from sparsemor.reducers.step.blocks.elastic_block import History
+from sparsemor.reducers.step.blocks.thermal_block import HeatJacobian
 from sparsemor.reducers.step.border.system import BodyMatrices, BorderedSystem
 from sparsemor.reducers.step.frame_step import BodyStep, buffers
 
@@ -48,14 +49,16 @@ class Loop:
 class Workspace:
     """Working arrays of the mechanical steps of one run: frame quantities of each body, border
     matrices H of all bodies, and the final iteration state of the last step. Each solve
-    overwrites them; they contain no state of the run. Each thread needs its own."""
+    overwrites them; they contain no state of the run, nor do the kept Jacobians of thermal blocks,
+    `heat`, which can be computed again. Each thread needs its own."""
 
-    __slots__ = ("H", "frames", "loop", "of", "system")
+    __slots__ = ("H", "frames", "heat", "loop", "of", "system")
 
     def __init__(self, frames: Sequence[Frame], system: BorderedSystem | None) -> None:
         self.of, self.frames, self.system = tuple(frames), buffers(frames), system
         self.H = BodyMatrices(np.zeros(0), []) if system is None else system.matrices()
         self.loop: Loop | None = None
+        self.heat: dict[str, HeatJacobian] = {}
 
     def separate(self) -> "Workspace":
         """New arrays of the same sizes."""

@@ -199,12 +199,14 @@ class Stepper:
             far = float(np.abs(now.x[at] - last).max()) > 0.1 * float(np.abs(last).max())
             if far:  # below 0 K radiation has a second solution
                 now.heat(at, None, last - now.x[at])
-        d, status, n, linear, detail, remaining = block.solve(now.x[at], now.v[at], now.step.t)
+        d, status, n, linear, detail, remaining, jacobian = block.solve(
+            now.x[at], now.v[at], now.step.t, memory.jacobian(name))
         now.remaining = max(now.remaining, remaining)
         if linear:
             memory.counted(name, linear)
         if status.ok:
             now.heat(at, block.active, d)
+            memory.keep(name, jacobian)
         return status, n, detail
 
     def _rescued(
