@@ -106,7 +106,7 @@ class _Builder:
             for name, space in spaces.items()]
         integrator = self.problem.integrator
         return CoupledErrors(
-            self.every, self.h, tuple(blocks), dense_equations(projected, True).with_work(),
+            self.every, self.h, tuple(blocks), dense_equations(projected, True),
             self.model.layout, self.solver.layout, integrator, integrator.rules(self.h),
             tuple(self.notes))
 

@@ -10,7 +10,7 @@ evaluated on the whole mesh, once or twice at each estimate and at no other time
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -117,13 +117,17 @@ class CoupledErrors:
     ) -> dict[str, FloatArray]:
         """Estimated error norms (j,) of each block at j successive states, every `every`-th of the
         run; `memory` is brought to the last."""
-        return self._advanced([self.lifted(s) for s in states], memory)
+        return self.working()._advanced([self.lifted(s) for s in states], memory)
 
     def carry(self, count: int, memory: dict[str, FloatArray]) -> dict[str, FloatArray]:
         """The same for `count` estimates along full-order steps, to which no error is added: by the
         equations at the last state that was reduced, with zero residual there."""
-        at = Motion(float(memory["time"]), *memory["reduced"])
-        return self._advanced([at] * count, memory, self.residual(at))
+        at, own = Motion(float(memory["time"]), *memory["reduced"]), self.working()
+        return own._advanced([at] * count, memory, own.residual(at))
+
+    def working(self) -> "CoupledErrors":
+        """The same estimator with new working arrays, of one call or one thread."""
+        return replace(self, equations=self.equations.with_work())
 
     def _advanced(
         self, run: Sequence[Motion], memory: dict[str, FloatArray],
