@@ -206,14 +206,17 @@ class ReducedModel:
         """Raises the InputError that a run with these overrides would raise."""
         self._changed(overrides, {})
 
-    def save(self, path: str | Path, *, fields: bool = False) -> None:
+    def save(self, path: str | Path, *, fields: bool = False, rounded: float = 0.0) -> None:
         """Writes the model to a file. fields: with meshes and bases, so that its results have
         displacements and temperatures of all nodes; without them they have coefficients, rigid
-        motion, joint forces and probes.
+        motion, joint forces and probes. rounded: errors of large matrices in a smaller file,
+        relative to the largest entry of each row; 0 keeps every digit.
 
         Raises InputError for a model that cannot be stored, and, with `fields`, for one that was
         read from a file without them.
         """
+        if not 0.0 <= rounded < 1.0:
+            raise InputError(f"must be at least 0 and below 1 (got {rounded:g})", "rounded")
         run, dictionaries = self._run, self._run.header.dictionaries
         if fields and not all(len(d.offset) for d in dictionaries.values()):
             raise InputError("this model was read from a file without fields", "fields")
@@ -229,7 +232,7 @@ class ReducedModel:
         del parts["scene"]
         scene = run.scene
         data = replace(self._pack(parts), about={"scene": scene.dump(), "name": scene.name})
-        replace_file(Path(path), data.dump())
+        replace_file(Path(path), data.dump(rounded))
 
     # ------------------------------------------------------------------ changes
 
