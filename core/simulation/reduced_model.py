@@ -33,6 +33,7 @@ from sparsemor.core.results.output_lock import owned
 from sparsemor.core.results.packed import Packed, PackedError, Table, table_of
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.results.store import ResultWriter
+from sparsemor.core.scene.html import html_table
 from sparsemor.core.scene.nested import changes, functions_of_time, nested
 from sparsemor.core.scene.overrides import split
 from sparsemor.core.scene.parameters import values_at
@@ -51,6 +52,7 @@ from sparsemor.core.simulation.other_start import (
     started_from,
 )
 from sparsemor.core.simulation.prepare import PreparedRun, prepared_run
+from sparsemor.core.simulation.progress import progress_bar
 from sparsemor.core.simulation.recorder import Recorder
 from sparsemor.core.simulation.simulate import stepped
 from sparsemor.core.simulation.step_statistics import Tally
@@ -66,21 +68,22 @@ their first atoms."""
 @fixed_threads()
 def reduce(
     scene: Scene, *, observers: Sequence[object] = (), cache: Cache | None = None,
-    body_cache: BodyCache | None = None,
+    body_cache: BodyCache | None = None, progress: bool = False,
 ) -> "ReducedModel":
     """Reduced model of a scene, prepared up to its first step: meshed, trained, projected, checked.
 
-    observers, cache, body_cache: as for `simulate`. Raises InputError for bad input and for a
-    reducer that reduces nothing, SolveFailed if the training run fails.
+    observers, cache, body_cache, progress: as for `simulate`. Raises InputError for bad input and
+    for a reducer that reduces nothing, SolveFailed if the training run fails.
     """
-    begun = time.perf_counter()
-    manager, cache = new_manager(observers), cache or Cache()
+    begun, cache = time.perf_counter(), cache or Cache()
     bodies = BodyCache() if body_cache is None else body_cache.of_bodies()
-    scene = explicit(scene, cache, manager, bodies)
-    if not isinstance(scene.reducer, UsesBases):
-        raise InputError(f"{scene.reducer_name} reduces nothing: name a reducer that has a "
-                         "trial basis", "reducer")
-    run, offline = prepared_run(scene, cache, manager, bodies)
+    with progress_bar(progress) as bar:
+        manager = new_manager((*observers, *bar))
+        scene = explicit(scene, cache, manager, bodies)
+        if not isinstance(scene.reducer, UsesBases):
+            raise InputError(f"{scene.reducer_name} reduces nothing: name a reducer that has a "
+                             "trial basis", "reducer")
+        run, offline = prepared_run(scene, cache, manager, bodies)
     kept = run, offline.without_snapshots()
 
     def again(changed: Scene, atoms: int | None = None) -> PreparedRun:
@@ -133,6 +136,13 @@ class ReducedModel:
 
     def __repr__(self) -> str:
         return f"<ReducedModel {self.scene.name}, {self._run.header.reducer}, {self.size} unknowns>"
+
+    def _repr_html_(self) -> str:
+        """Main facts of the model, for notebooks."""
+        return html_table([
+            ["model of", self.scene.name], ["reducer", self._run.header.reducer],
+            ["unknowns", ", ".join(f"{b.name} ({b.size})" for b in self._run.solver.layout)],
+            ["a run may change", ", ".join([*self.free, *self.scene.parameters])]])
 
     @property
     def scene(self) -> Scene:

@@ -137,6 +137,8 @@ def test_another_start_fits_the_joints_or_is_refused() -> None:
 
 def test_what_may_change() -> None:
     assert model().free == ("title", "output", "time.end", "loads.gravity.factor", FLUX)
+    assert f"<td>title, output, time.end, loads.gravity.factor, {FLUX}</td>" in (
+        model()._repr_html_())
     assert len(model().run({"output.every": 4, "time.end": 0.08}).times) == 21
 
 
