@@ -80,7 +80,8 @@ def reduce(
     if not isinstance(scene.reducer, UsesBases):
         raise InputError(f"{scene.reducer_name} reduces nothing: name a reducer that has a "
                          "trial basis", "reducer")
-    run, offline = prepared_run(scene, cache, manager, bodies)
+    # not a model of the trial runs, whose loads are objects of another scene
+    run, offline = prepared_run(scene, cache, manager, bodies.of_bodies())
     kept = run, offline.without_snapshots()
 
     def again(changed: Scene, atoms: int | None = None) -> PreparedRun:
