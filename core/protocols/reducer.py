@@ -281,11 +281,12 @@ ErrorAction: TypeAlias = Literal["warn", "stop", "fall_back", "enrich"]
 
 @dataclass(frozen=True, slots=True)
 class ErrorLimit:
-    """Largest permitted estimate of a block's error, relative to its largest change, and what the
-    run does beyond it."""
+    """Largest permitted estimate of a block's error, relative to its largest change, what the run
+    does beyond it, and the number of steps from one estimate to the next (0: no estimate)."""
 
     tolerance: float = 0.1
     action: ErrorAction = "warn"
+    every: int = 0
 
 
 class ErrorEstimator(Protocol):

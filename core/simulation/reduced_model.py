@@ -58,7 +58,7 @@ from sparsemor.core.simulation.simulate import stepped
 from sparsemor.core.simulation.step_statistics import Tally
 from sparsemor.core.simulation.stored_classes import CLASSES
 from sparsemor.core.simulation.time_stepping import started
-from sparsemor.core.simulation.validation import endless, time_faults
+from sparsemor.core.simulation.validation import ESTIMATE, endless, time_faults
 
 Again = Callable[[Scene, int | None], PreparedRun]
 """Preparation of a scene with other values of parameters on the same trial bases, or on so many of
@@ -83,7 +83,8 @@ def reduce(
         if not isinstance(scene.reducer, UsesBases):
             raise InputError(f"{scene.reducer_name} reduces nothing: name a reducer that has a "
                              "trial basis", "reducer")
-        run, offline = prepared_run(scene, cache, manager, bodies)
+        # not a model of the trial runs, whose loads are objects of another scene
+        run, offline = prepared_run(scene, cache, manager, bodies.of_bodies())
     kept = run, offline.without_snapshots()
 
     def again(changed: Scene, atoms: int | None = None) -> PreparedRun:
@@ -354,7 +355,8 @@ class ReducedModel:
             return Fault("time.end", f"cannot be after {prepared:g} s, where the rigid-body "
                          "pre-simulation ends that the model follows")
         faults = (*endless(scene), *time_faults(scene))
-        return next((f for f in faults if f.key == "time.end"), None)
+        own = ("time.end", ESTIMATE) if self.estimates_errors else ("time.end",)
+        return next((f for f in faults if f.key in own), None)
 
 
 def _functions(scene: Scene) -> Mapping[str, BaseModel]:

@@ -170,6 +170,15 @@ def test_loads_that_a_rigid_stage_has_taken_do_not_change() -> None:
         made.run({"time.end": 0.08})
 
 
+@pytest.mark.full
+def test_a_chosen_model_is_kept(tmp_path: Path) -> None:
+    """The loads of a model that `auto` chose are those of its scene, not of a trial run's."""
+    chosen = reduce(tiny().using({"reducer": "auto", "time.end": 0.01, "training.end": 0.01}))
+    chosen.save(tmp_path / "bar.model")
+    again = load_model(tmp_path / "bar.model")
+    assert_equal(again.run({FLUX: LOW}), chosen.run({FLUX: LOW}), OF_THE_MESH)
+
+
 def test_full_order_is_no_reduced_model() -> None:
     with pytest.raises(InputError, match="reducer: full reduces nothing"):
         reduce(everything().using({"reducer": "full"}))
