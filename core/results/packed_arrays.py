@@ -93,7 +93,7 @@ def _times(b: NDArray[Any], v: NDArray[Any], transposed: bool) -> NDArray[Any]:
     """Matrices b (.., m, n) with their rows times v (m,), or the transposed ones."""
     if v.shape != b.shape[-2:-1]:
         raise ValueError(f"a vector {v.shape} for rows of {b.shape}")
-    made = b * v[:, None]
+    made = np.asarray(b * v[:, None])
     return made.swapaxes(-1, -2) if transposed else made
 
 

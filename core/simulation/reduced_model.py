@@ -215,7 +215,8 @@ class ReducedModel:
 
     def check(self, overrides: Mapping[str, Any] | Scene) -> None:
         """Raises the InputError that a run with these overrides would raise."""
-        self._changed(overrides, {})
+        if faults := self._faults(self._scene_with(overrides)):
+            raise InputError(list(faults.values()))
 
     def save(self, path: str | Path, *, fields: bool = False, rounded: float = 0.0) -> None:
         """Writes the model to a file. fields: with meshes and bases, so that its results have
@@ -300,18 +301,13 @@ class ReducedModel:
         model."""
         if not (overrides or initial):
             return self._run
-        run = self._run
-        scene = overrides if isinstance(overrides, Scene) else self.scene.using(
-            overrides, label="run")
+        run, scene = self._run, self._scene_with(overrides)
         keys = list(changes(self.scene.dump(), scene.dump()))
-        found = {key: f for key in keys if (f := self._fault(key, scene)) is not None}
-        if self._again is not None and found and all(map(self._declared, found)):
+        if faults := [*self._faults(scene).values(), *block_faults(initial, run.solver.layout)]:
+            raise InputError(faults)
+        if self._again is not None and any(self._fault(key, scene) for key in keys):
             again = ReducedModel(self._again(scene, None), again=self._again)
             return again._changed({}, initial)
-        faults = list(found.values())
-        faults += block_faults(initial, run.solver.layout)
-        if faults:
-            raise InputError(faults)
         run = replace(run, scene=scene, header=replace(
             run.header, scene=scene.dump(), scene_digest=scene.digest(),
             steps_planned=step_count(scene)), notes=(
@@ -328,6 +324,17 @@ class ReducedModel:
                 notes = start_notes(made, start, initial, run.solver.layout)
                 run = replace(run, notes=(*(n for n in run.notes if n.kind != START), *notes))
         return run
+
+    def _scene_with(self, overrides: Mapping[str, Any] | Scene) -> Scene:
+        return overrides if isinstance(overrides, Scene) else self.scene.using(
+            overrides, label="run")
+
+    def _faults(self, scene: Scene) -> Mapping[str, Fault]:
+        """Key -> fault of the changes that need a new model; none if they are values of parameters
+        with which the equations can be projected again."""
+        found = {key: f for key in changes(self.scene.dump(), scene.dump())
+                 if (f := self._fault(key, scene)) is not None}
+        return {} if self._again is not None and all(map(self._declared, found)) else found
 
     def _fault(self, key: str, scene: Scene) -> Fault | None:
         """Fault of a changed key that the model depends on, None for one that may change."""

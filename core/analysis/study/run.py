@@ -23,6 +23,9 @@ Watch = Callable[[State, Row | None], None]
 """Callback for progress: called after each run with its row, and repeatedly with None while jobs
 run."""
 
+WORKER = "sparsemor.core.analysis.study.worker"
+"""Program of the worker processes."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StudyOutcome:
@@ -114,9 +117,10 @@ def _pool(
     if cluster is not None:
         yield cluster, None
         return
-    from sparsemor.core.analysis.study.local_pool import LocalPool
+    from sparsemor.core.simulation.workers.local_pool import LocalPool
 
-    pool: Pool = LocalPool(workers, folder / "workers.log") if workers else SerialPool(registry)
+    pool: Pool = LocalPool(
+        workers, folder / "workers.log", WORKER) if workers else SerialPool(registry)
     scratch: Any = folder / ".scratch"
     shutil.rmtree(scratch, ignore_errors=True)
     scratch.mkdir()
