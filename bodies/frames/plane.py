@@ -50,12 +50,12 @@ class PlanarFrame(ItemFrame[PlanarItem]):
         s0, s1, s2 = s.view("c16").tolist() if self.elastic else ((), (), ())
         m = Motion(yl, vl, complex(yl[0], yl[1]), e, e.conjugate(), vl[2], al[2],
                    complex(al[0], al[1]), c1, c2, t, self.elastic, s0, s1, s2,
-                   forms.tolist())
+                   forms.tolist(), work.fresh)
         total = [0j] * SUMS
         for function, numbers, amplitude, j, o, k in self.evaluated:
             g = 1.0 if amplitude is None else amplitude(t)
             function(numbers, g, m, j, o, k, total, out)
-        write(total, out)
+        write(total, work.fresh, out)
 
     def arrays(self) -> FrameArrays | None:
         """Equations as a function on arrays, None where a part has no numbers."""

@@ -56,24 +56,26 @@ def inertia(
     f = mass * m.acc + swing
     lever = p.conjugate() * ec
     arm = lever * m.acc
-    by_angle = complex(-2 * w * c1, c2)  # derivative of spin
     total[0] += f
+    total[3] += complex(arm.imag + al * zz + 2 * w * zv + za, c2 * zz + 2 * c1 * zv - arm.real)
+    beta = ec * m.acc
+    if m.elastic:
+        out.sigma[j], out.sigma[j + 1] = beta, spin
+        on_u = out.coefficients
+        on_u[0], on_u[1], on_u[3] = -w * w, al, 2 * w
+    if not m.fresh:
+        return
+    by_angle = complex(-2 * w * c1, c2)  # derivative of spin
     total[1] += 1j * swing + e * (by_angle * p + 2j * c1 * p1)
     total[2] += 1j * c2 * lever.conjugate()
-    total[3] += complex(arm.imag + al * zz + 2 * w * zv + za, c2 * zz + 2 * c1 * zv - arm.real)
     total[4] += mass * c2
     total[5] += 1j * mass * c2
     if m.elastic:
-        beta = ec * m.acc
-        out.sigma[j], out.sigma[j + 1] = beta, spin
-        sy, tau, turn = out.sigma_y, out.tau, -1j * beta
-        pull = c2 * ec
+        sy, tau, turn, pull = out.sigma_y, out.tau, -1j * beta, c2 * ec
         sy[0, j], sy[1, j], sy[2, j], sy[2, j + 1] = pull, 1j * pull, turn, by_angle
         nu = (e * (spin - 1j * by_angle)).conjugate()
         tau[0, j], tau[1, j], tau[2, j] = nu, 1j * nu, turn
         tau[2, j + 1] = complex(2 * al + 2 * w * c1, c2)
-        on_u = out.coefficients
-        on_u[0], on_u[1], on_u[3] = -w * w, al, 2 * w
 
 
 def body_force(
@@ -103,7 +105,8 @@ def space_force(
     total[3] += 1j * arm.conjugate() * fb
     if m.elastic:
         out.sigma[j] = -fb
-        out.sigma_y[2, j] = out.tau[2, j] = 1j * fb
+        if m.fresh:
+            out.sigma_y[2, j] = out.tau[2, j] = 1j * fb
 
 
 def moment(
@@ -129,11 +132,14 @@ def attachment(
     total[3] -= 1j * z.conjugate() * fb
     rows, H = out.rows, out.H
     rows[k], rows[k + 1] = at.real, at.imag
+    if m.elastic:
+        out.sigma[j] = fb
+    if not m.fresh:
+        return
     H[0, k] = H[1, k + 1] = H[k, 0] = H[k + 1, 1] = 1.0
     H[2, k] = H[k, 2] = -rz.imag
     H[2, k + 1] = H[k + 1, 2] = rz.real
     if m.elastic:
-        out.sigma[j] = fb
         sy, tau = out.sigma_y, out.tau
         sy[k, j] = tau[k, j] = ec
         sy[k + 1, j] = tau[k + 1, j] = 1j * ec
@@ -233,7 +239,7 @@ def evaluate_parts(
     b, elastic = len(y), s.shape[1] > 0
     e, c, columns = exp(1j * y[2]), s.view(np.complex128), sigma.view(np.complex128)
     m = Motion(y, v, complex(y[0], y[1]), e, e.conjugate(), v[2], a[2], complex(a[0], a[1]), c1, c2,
-               0.0, elastic, c[0], c[1], c[2], forms)
+               0.0, elastic, c[0], c[1], c[2], forms, True)
     out = Views(columns[b], columns[:b], tau.view(np.complex128), border[:, :b], border[:, b],
                 coefficients)
     total = sums.view(np.complex128)
@@ -259,4 +265,4 @@ def evaluate_parts(
             spring(own, g, m, j, o, k, total, out)
         else:
             rotational_spring(own, g, m, j, o, k, total, out)
-    write(total, out)
+    write(total, m.fresh, out)

@@ -87,14 +87,17 @@ class Mechanics:
         iterations, block of a failure, and details."""
         loop = self._begin(step, now, memory)
         work.loop = loop
-        last, slow = inf, None
+        last, change, slow = inf, inf, None
         before: list[float] | None = None
         mixed: FloatArray | None
         for iteration in range(1, self.tol.max_iterations + 1):
             if iteration > 1:
                 self._displace(step, loop)
             mixed = None if slow is None else self._gather(loop)
-            change = self._iterate(step, loop, memory, work)
+            # a matrix that hardly changes is kept: the ratio of changes shows what that costs
+            fresh = iteration == 1 or change > KEPT or change > SLOW * last
+            last = change
+            change = self._iterate(step, loop, memory, work, fresh)
             if not change < inf:
                 return self._broken(iteration, loop)
             if change < 0:
@@ -113,7 +116,6 @@ class Mechanics:
             if slow is not None and mixed is not None:
                 self._scatter(slow.mix(mixed, self._gather(loop), self._weights(memory)), loop)
                 before = None  # the next change is no image of this one
-            last = change
         detail = f"last relative change {change:.1e} after {iteration} iterations"
         return Status.NOT_CONVERGED, iteration, self._worst(loop), detail
 
@@ -215,12 +217,14 @@ class Mechanics:
                 b.block.move(d, past)
 
     def _iterate(
-        self, step: StepFormula, loop: Loop, memory: Scales, work: Workspace
+        self, step: StepFormula, loop: Loop, memory: Scales, work: Workspace, fresh: bool
     ) -> float:
-        """One Newton iteration; returns the largest relative change (-1: singular)."""
+        """One Newton iteration; returns the largest relative change (-1: singular). fresh: False if
+        frames may keep the derivatives of the iteration before."""
         c1, c2, t, (y, v, a) = step.c1, step.c2, step.t, loop.now
         for b, w, past, at, d, H in zip(self.bodies, work.frames, loop.history, self.at, loop.u,
                                         work.H.views, strict=True):
+            w.fresh = fresh
             if b.block is None or past is None:
                 b.frame.evaluate(y[at], v[at], a[at], c1, c2, _NONE_OF, _NONE, t, w)
                 H[:] = w.border
@@ -288,6 +292,8 @@ class Mechanics:
 
 SLOW = 0.2
 """Ratio of consecutive changes above which the iteration is accelerated."""
+KEPT = 1e-5
+"""Largest change after which the matrix of the iteration is kept."""
 _NONE, _NONE_OF, _ZERO = np.zeros(0), np.zeros((3, 0)), np.zeros(1)
 
 
