@@ -3,7 +3,7 @@ such as snapshots."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple, Protocol, Self, TypeAlias, runtime_checkable
+from typing import Literal, NamedTuple, Protocol, Self, TypeAlias, runtime_checkable
 
 import numpy as np
 
@@ -267,7 +267,7 @@ class ChoosesReducer(Protocol):
         ...
 
     def choose(
-        self, problem: ReducedProblem, unstable: Callable[[Mapping[str, Any], StepSolver], str]
+        self, problem: ReducedProblem, unstable: Callable[[Mapping[str, object], StepSolver], str]
     ) -> Choice:
         """Reducer for this problem. unstable: options of a reducer and its step solver -> reason
         why it must not be chosen, "" for a stable one. Raises InputError where none can be

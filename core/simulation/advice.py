@@ -201,7 +201,7 @@ def _asked(
     def choice_for(model: Model, offline: Offline) -> Choice:
         start = resolved_start(model, training.integrator, training.time.step).state
 
-        def unstable(reducer: Mapping[str, Any], solver: StepSolver) -> str:
+        def unstable(reducer: Mapping[str, object], solver: StepSolver) -> str:
             tried = training.using({
                 "reducer": reducer, "check_stability": scene.check_stability}, label=CHOSEN)
             if tried.check_stability == "refuse":  # here it rejects a candidate
