@@ -176,7 +176,7 @@ def _body(
         T=number(b.thermal.start), kt=number(kt), g=number(g), p=number(p),
         inputs=number(len(H)), H=by_four(H), base=array(e.base), j=number(j),
         products=by_four(e.S.T), step_products=by_four(e.S[:, active - b.elastic.start].T),
-        E=array(e.E.T), G=array(e.G.T), amplitude=number(timed.amplitudes(e.amplitudes)),
+        E=array(e.EG[:s].T), G=array(e.EG[s:].T), amplitude=number(timed.amplitudes(e.amplitudes)),
         table=number(timed.tables(e.tables)))
 
 
