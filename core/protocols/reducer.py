@@ -3,7 +3,7 @@ such as snapshots."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple, Protocol, Self, TypeAlias, runtime_checkable
+from typing import Literal, NamedTuple, Protocol, Self, TypeAlias, runtime_checkable
 
 import numpy as np
 
@@ -267,7 +267,7 @@ class ChoosesReducer(Protocol):
         ...
 
     def choose(
-        self, problem: ReducedProblem, unstable: Callable[[Mapping[str, Any], StepSolver], str]
+        self, problem: ReducedProblem, unstable: Callable[[Mapping[str, object], StepSolver], str]
     ) -> Choice:
         """Reducer for this problem. unstable: options of a reducer and its step solver -> reason
         why it must not be chosen, "" for a stable one. Raises InputError where none can be
@@ -281,11 +281,12 @@ ErrorAction: TypeAlias = Literal["warn", "stop", "fall_back", "enrich"]
 
 @dataclass(frozen=True, slots=True)
 class ErrorLimit:
-    """Largest permitted estimate of a block's error, relative to its largest change, and what the
-    run does beyond it."""
+    """Largest permitted estimate of a block's error, relative to its largest change, what the run
+    does beyond it, and the number of steps from one estimate to the next (0: no estimate)."""
 
     tolerance: float = 0.1
     action: ErrorAction = "warn"
+    every: int = 0
 
 
 class ErrorEstimator(Protocol):

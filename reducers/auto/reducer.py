@@ -78,7 +78,7 @@ class Auto(ReducedStepOptions):
         return tuple(found)
 
     def choose(
-        self, problem: ReducedProblem, unstable: Callable[[Mapping[str, Any], StepSolver], str]
+        self, problem: ReducedProblem, unstable: Callable[[Mapping[str, object], StepSolver], str]
     ) -> Choice:
         """Reducer for a problem, by trial runs over its training run. ECSW that is unstable gives
         way to Galerkin projection, which is not checked: its model inherits the stability of the

@@ -35,6 +35,7 @@ def equal(one: RunResult, other: RunResult) -> bool:
 def test_the_chosen_scene_repeats_the_run(cache: Cache, tmp_path: Path) -> None:
     scene = load("double_pendulum", {**COARSE, "reducer": AUTO})
     advice = advise(scene, cache=cache)
+    assert "chosen: galerkin" in advice._repr_html_() and "\n" not in repr(advice)
     advice.save(tmp_path / "chosen.yaml")
     text = (tmp_path / "chosen.yaml").read_text()
     again = load(tmp_path / "chosen.yaml")
