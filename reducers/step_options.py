@@ -4,9 +4,15 @@ from typing import Annotated
 
 from pydantic import Field
 
-from sparsemor.core import ErrorAction, ErrorLimit, Plugin, ReducedProblem, StepSolver
+from sparsemor.core import (
+    ErrorAction,
+    ErrorEstimator,
+    ErrorLimit,
+    Plugin,
+    ReducedProblem,
+    StepSolver,
+)
 from sparsemor.reducers.estimation.build import error_model
-from sparsemor.reducers.estimation.estimator import ErrorModel
 from sparsemor.reducers.step.acceptance import Tolerances
 from sparsemor.reducers.step.compiled.stepper import Compiled
 
@@ -59,11 +65,10 @@ class ReducedStepOptions(StepOptions):
     def error_limit(self) -> ErrorLimit:
         """Tolerance of the estimated error, and what follows beyond it."""
         chosen = self.error_estimate
-        return ErrorLimit() if isinstance(chosen, int) else ErrorLimit(
-            chosen.tolerance, chosen.action)
+        return ErrorLimit(every=chosen) if isinstance(chosen, int) else ErrorLimit(
+            chosen.tolerance, chosen.action, chosen.every)
 
-    def error_estimator(self, problem: ReducedProblem, solver: StepSolver) -> ErrorModel | None:
+    def error_estimator(self, problem: ReducedProblem, solver: StepSolver) -> ErrorEstimator | None:
         """Estimator of the errors of runs of `solver`, None without the option."""
-        chosen = self.error_estimate
-        every = chosen if isinstance(chosen, int) else chosen.every
+        every = self.error_limit.every
         return error_model(problem, solver, every) if every else None

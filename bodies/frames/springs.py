@@ -57,7 +57,7 @@ class Spring(RigidItem):
     others: int
     place: FloatArray
 
-    def in_plane(self) -> plane.PlaneItem:
+    def in_plane(self) -> plane.PlanePart:
         place = self.place.tolist() if not self.others else [0.0] * 3
         return plane.PlanePart(plane_springs.spring, (
             *self.point.tolist(), *self.base.tolist(), self.stiffness, self.damping,
@@ -140,7 +140,7 @@ class RotationalSpring(RigidItem):
     others: int
     angle: float
 
-    def in_plane(self) -> plane.PlaneItem:
+    def in_plane(self) -> plane.PlanePart:
         return plane.PlanePart(plane_springs.rotational_spring, (
             self.stiffness, self.damping, float(self.others > 0), self.angle), self.drive)
 

@@ -266,8 +266,12 @@ class ChoosesReducer(Protocol):
         training run."""
         ...
 
-    def choose(self, problem: ReducedProblem) -> Choice:
-        """Reducer for this problem. Raises InputError where none can be chosen."""
+    def choose(
+        self, problem: ReducedProblem, unstable: Callable[[Mapping[str, object], StepSolver], str]
+    ) -> Choice:
+        """Reducer for this problem. unstable: options of a reducer and its step solver -> reason
+        why it must not be chosen, "" for a stable one. Raises InputError where none can be
+        chosen."""
         ...
 
 
@@ -277,11 +281,12 @@ ErrorAction: TypeAlias = Literal["warn", "stop", "fall_back", "enrich"]
 
 @dataclass(frozen=True, slots=True)
 class ErrorLimit:
-    """Largest permitted estimate of a block's error, relative to its largest change, and what the
-    run does beyond it."""
+    """Largest permitted estimate of a block's error, relative to its largest change, what the run
+    does beyond it, and the number of steps from one estimate to the next (0: no estimate)."""
 
     tolerance: float = 0.1
     action: ErrorAction = "warn"
+    every: int = 0
 
 
 class ErrorEstimator(Protocol):

@@ -2,6 +2,7 @@
 found, and advice."""
 
 import json
+import re
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, get_args, get_origin
 
@@ -107,11 +108,11 @@ def _own_keys(loc: Path, tree: object, kind: str) -> tuple[Path, bool]:
             node = node[part]
         elif isinstance(node, list | tuple) and isinstance(part, int) and part < len(node):
             node = node[part]
-        elif node is not None and not last_missing and not _may_be_default(node, part):
+        elif node is not _DEFAULT and not last_missing and not _may_be_default(node, part):
             tagged = True
             continue
         else:
-            node = None
+            node = _DEFAULT
         path.append(part)
     return tuple(path), tagged
 
@@ -119,10 +120,14 @@ def _own_keys(loc: Path, tree: object, kind: str) -> tuple[Path, bool]:
 def _may_be_default(node: object, part: str | int) -> bool:
     """True if an error key may lie inside a default value, which is not in the input file; False
     for names of union branches, which are no keys."""
-    is_word = isinstance(part, str) and part.isidentifier()
-    return isinstance(node, Mapping) and is_word and part not in _BRANCHES
+    return isinstance(node, Mapping) and isinstance(part, str) and part.isidentifier() and (
+        part not in _BRANCHES and not _CLASS.fullmatch(part))
 
 
+_DEFAULT = object()
+"""Place of a default value, which the input does not contain."""
+_CLASS = re.compile(r"[A-Z][A-Za-z0-9]*[a-z][A-Za-z0-9]*")
+"""Names of classes; names of options that begin with a capital have no other letter."""
 _BRANCHES = {"int", "float", "str", "bool", "none", "is_instance", "literal", "date", "constrained"}
 
 

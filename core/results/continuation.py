@@ -45,6 +45,9 @@ def refusal(attributes: Mapping[str, Any], scene: Scene) -> str:
                 f"are not those of a longer run; {ELSEWHERE}")
     if attributes.get("fall_back"):
         return f"it left its reduced model before its end; {ELSEWHERE}"
+    if attributes.get("estimates") and scene.rigid_stage is not None:
+        return ("the error estimate takes its loads from the whole rigid-body pre-simulation, "
+                f"which ends with the run; {ELSEWHERE}")
     trained = kept["training"]["end"]
     trained = before if trained is None else float(trained)
     if scene.training_end != trained and not is_full_order(scene.reducer):

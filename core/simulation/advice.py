@@ -18,6 +18,7 @@ from sparsemor.core.errors import InputError
 from sparsemor.core.linalg.threads import fixed_threads
 from sparsemor.core.model.body_cache import BodyCache
 from sparsemor.core.model.model import Model
+from sparsemor.core.model.resolved_start import resolved_start
 from sparsemor.core.notes import Note, information
 from sparsemor.core.protocols import (
     Choice,
@@ -25,6 +26,7 @@ from sparsemor.core.protocols import (
     ReadsFiles,
     ReducedProblem,
     SelectsFields,
+    StepSolver,
     TrialRun,
 )
 from sparsemor.core.protocols.layout import Quantity
@@ -36,6 +38,7 @@ from sparsemor.core.scene.html import html_text
 from sparsemor.core.scene.nested import nested
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.cache import Cache
+from sparsemor.core.simulation.linearization import check_run
 from sparsemor.core.simulation.offline import Offline, step_count
 from sparsemor.core.simulation.offline_cache import Products
 from sparsemor.core.simulation.prepare import prepared
@@ -194,6 +197,19 @@ def _asked(
     """Blocks that are left out, and the chosen reducer; None where no block remains."""
     training = _training(scene)
     problem = _problem(training, model, offline)
+
+    def choice_for(model: Model, offline: Offline) -> Choice:
+        start = resolved_start(model, training.integrator, training.time.step).state
+
+        def unstable(reducer: Mapping[str, object], solver: StepSolver) -> str:
+            tried = training.using({
+                "reducer": reducer, "check_stability": scene.check_stability}, label=CHOSEN)
+            if tried.check_stability == "refuse":  # here it rejects a candidate
+                tried = tried.using({"check_stability": "warn"}, label=CHOSEN)
+            return " ".join(n.text for n in check_run(tried, model, solver, start, offline)[0])
+
+        return chooser.choose(_problem(training, model, offline), unstable)
+
     covered = not scene.training.overrides and scene.training_end >= scene.time.end
     gone = chooser.left_out(problem) if covered else ()
     if gone:
@@ -209,10 +225,10 @@ def _asked(
             rows = {n: offline.snapshots(n).T for n in names}
             kept = Offline(smaller, lambda: [("", lambda: rows)], Products(None), tools[1],
                            offline.recording)
-            choice = chooser.choose(_problem(training, smaller, kept))
+            choice = choice_for(smaller, kept)
             if not choice.doubts:
                 return gone, choice
-    return (), chooser.choose(problem)
+    return (), choice_for(model, offline)
 
 
 def _problem(scene: Scene, model: Model, offline: Offline) -> ReducedProblem:

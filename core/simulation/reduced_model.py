@@ -58,7 +58,7 @@ from sparsemor.core.simulation.simulate import stepped
 from sparsemor.core.simulation.step_statistics import Tally
 from sparsemor.core.simulation.stored_classes import CLASSES
 from sparsemor.core.simulation.time_stepping import started
-from sparsemor.core.simulation.validation import endless, time_faults
+from sparsemor.core.simulation.validation import ESTIMATE, endless, time_faults
 
 Again = Callable[[Scene, int | None], PreparedRun]
 """Preparation of a scene with other values of parameters on the same trial bases, or on so many of
@@ -83,7 +83,8 @@ def reduce(
         if not isinstance(scene.reducer, UsesBases):
             raise InputError(f"{scene.reducer_name} reduces nothing: name a reducer that has a "
                              "trial basis", "reducer")
-        run, offline = prepared_run(scene, cache, manager, bodies)
+        # not a model of the trial runs, whose loads are objects of another scene
+        run, offline = prepared_run(scene, cache, manager, bodies.of_bodies())
     kept = run, offline.without_snapshots()
 
     def again(changed: Scene, atoms: int | None = None) -> PreparedRun:
@@ -214,16 +215,20 @@ class ReducedModel:
 
     def check(self, overrides: Mapping[str, Any] | Scene) -> None:
         """Raises the InputError that a run with these overrides would raise."""
-        self._changed(overrides, {})
+        if faults := self._faults(self._scene_with(overrides)):
+            raise InputError(list(faults.values()))
 
-    def save(self, path: str | Path, *, fields: bool = False) -> None:
+    def save(self, path: str | Path, *, fields: bool = False, rounded: float = 0.0) -> None:
         """Writes the model to a file. fields: with meshes and bases, so that its results have
         displacements and temperatures of all nodes; without them they have coefficients, rigid
-        motion, joint forces and probes.
+        motion, joint forces and probes. rounded: errors of large matrices in a smaller file,
+        relative to the largest entry of each row; 0 keeps every digit.
 
         Raises InputError for a model that cannot be stored, and, with `fields`, for one that was
         read from a file without them.
         """
+        if not 0.0 <= rounded < 1.0:
+            raise InputError(f"must be at least 0 and below 1 (got {rounded:g})", "rounded")
         run, dictionaries = self._run, self._run.header.dictionaries
         if fields and not all(len(d.offset) for d in dictionaries.values()):
             raise InputError("this model was read from a file without fields", "fields")
@@ -239,7 +244,7 @@ class ReducedModel:
         del parts["scene"]
         scene = run.scene
         data = replace(self._pack(parts), about={"scene": scene.dump(), "name": scene.name})
-        replace_file(Path(path), data.dump())
+        replace_file(Path(path), data.dump(rounded))
 
     # ------------------------------------------------------------------ changes
 
@@ -296,18 +301,13 @@ class ReducedModel:
         model."""
         if not (overrides or initial):
             return self._run
-        run = self._run
-        scene = overrides if isinstance(overrides, Scene) else self.scene.using(
-            overrides, label="run")
+        run, scene = self._run, self._scene_with(overrides)
         keys = list(changes(self.scene.dump(), scene.dump()))
-        found = {key: f for key in keys if (f := self._fault(key, scene)) is not None}
-        if self._again is not None and found and all(map(self._declared, found)):
+        if faults := [*self._faults(scene).values(), *block_faults(initial, run.solver.layout)]:
+            raise InputError(faults)
+        if self._again is not None and any(self._fault(key, scene) for key in keys):
             again = ReducedModel(self._again(scene, None), again=self._again)
             return again._changed({}, initial)
-        faults = list(found.values())
-        faults += block_faults(initial, run.solver.layout)
-        if faults:
-            raise InputError(faults)
         run = replace(run, scene=scene, header=replace(
             run.header, scene=scene.dump(), scene_digest=scene.digest(),
             steps_planned=step_count(scene)), notes=(
@@ -324,6 +324,17 @@ class ReducedModel:
                 notes = start_notes(made, start, initial, run.solver.layout)
                 run = replace(run, notes=(*(n for n in run.notes if n.kind != START), *notes))
         return run
+
+    def _scene_with(self, overrides: Mapping[str, Any] | Scene) -> Scene:
+        return overrides if isinstance(overrides, Scene) else self.scene.using(
+            overrides, label="run")
+
+    def _faults(self, scene: Scene) -> Mapping[str, Fault]:
+        """Key -> fault of the changes that need a new model; none if they are values of parameters
+        with which the equations can be projected again."""
+        found = {key: f for key in changes(self.scene.dump(), scene.dump())
+                 if (f := self._fault(key, scene)) is not None}
+        return {} if self._again is not None and all(map(self._declared, found)) else found
 
     def _fault(self, key: str, scene: Scene) -> Fault | None:
         """Fault of a changed key that the model depends on, None for one that may change."""
@@ -351,7 +362,8 @@ class ReducedModel:
             return Fault("time.end", f"cannot be after {prepared:g} s, where the rigid-body "
                          "pre-simulation ends that the model follows")
         faults = (*endless(scene), *time_faults(scene))
-        return next((f for f in faults if f.key == "time.end"), None)
+        own = ("time.end", ESTIMATE) if self.estimates_errors else ("time.end",)
+        return next((f for f in faults if f.key in own), None)
 
 
 def _functions(scene: Scene) -> Mapping[str, BaseModel]:

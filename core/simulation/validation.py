@@ -14,11 +14,14 @@ from sparsemor.core.model.prescribed_motion import NOTHING, AtStart
 from sparsemor.core.protocols import ChecksBlock, ChecksModel, RestartsSteps
 from sparsemor.core.registry.registry import suggestions
 from sparsemor.core.scene.scene import Scene
+from sparsemor.core.simulation.error_control.notes import error_limit
 from sparsemor.core.simulation.initial_from_result import started_from_result
 from sparsemor.core.simulation.memory.estimate import chosen_bases, grid_refusal
 from sparsemor.core.simulation.memory.precheck import check_memory
 from sparsemor.core.simulation.offline import snapshot_count, step_count
 from sparsemor.core.simulation.rigid_stage import check_rigid, rigid_scene, stage_faults
+
+ESTIMATE = "reducer.error_estimate"
 
 
 @np.errstate(all="ignore")  # overflow ends in a refusal or in a status, not in a warning
@@ -147,10 +150,14 @@ def training_faults(scene: Scene, model: Model, body_cache: BodyCache) -> list[F
 
 
 def time_faults(scene: Scene) -> list[Fault]:
-    """Faults of end times that are not a whole number of steps, and of a training run that would
-    store only its initial state."""
+    """Faults of end times that are not a whole number of steps, of a training run that would
+    store only its initial state, and of error estimates that would begin after the run."""
     faults = [] if _whole(scene.time.end, scene.time.step) else [
         _not_whole("time.end", scene.time.end, scene.time.step)]
+    steps, every = step_count(scene), error_limit(scene.reducer).every
+    if every > steps:
+        faults.append(Fault(ESTIMATE, f"the run has {steps} steps, so no error would be "
+                            f"estimated: take at most {steps} (got {every})"))
     if "training" not in scene.model_fields_set:
         return faults
     try:

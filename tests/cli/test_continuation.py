@@ -71,3 +71,13 @@ def test_atoms_that_depend_on_the_end_are_refused() -> None:
     with pytest.raises(InputError, match="the reduced model or its loads depend on time.end"):
         simulate(moving.using({"time.end": 8 * step}), out="out", resume=True)
     assert open_result("out").status is Status.DONE
+
+
+def test_an_estimate_with_loads_of_a_pre_simulation_is_refused() -> None:
+    step = load(SLIDER).time.step
+    short = load(SLIDER, {"time.end": 4 * step, "training.end": 4 * step,
+                          "check_stability": "off", "reducer": {**GALERKIN, "error_estimate": 1}})
+    simulate(short, out="out")
+    with pytest.raises(InputError, match="loads from the whole rigid-body pre-simulation"):
+        simulate(short.using({"time.end": 8 * step}), out="out", resume=True)
+    assert open_result("out").status is Status.DONE

@@ -1,7 +1,7 @@
 """Execution of a study, from its plan to its table."""
 
 import shutil
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +11,8 @@ from sparsemor.core.analysis.study.jobs import DIED
 from sparsemor.core.analysis.study.journal import Journal, is_study
 from sparsemor.core.analysis.study.plan import Plan
 from sparsemor.core.analysis.study.pools import Pool, SerialPool
-from sparsemor.core.analysis.study.scheduler import Row, Schedule, State
+from sparsemor.core.analysis.study.progress import Watch, shown
+from sparsemor.core.analysis.study.scheduler import Row, Schedule
 from sparsemor.core.errors import InputError
 from sparsemor.core.registry.registry import Registry
 from sparsemor.core.results.output_directory import OutputDirectory
@@ -19,9 +20,8 @@ from sparsemor.core.status import Status
 
 KEPT = "runs"
 """Folder of the results that are kept, in that of the study."""
-Watch = Callable[[State, Row | None], None]
-"""Callback for progress: called after each run with its row, and repeatedly with None while jobs
-run."""
+WORKER = "sparsemor.core.analysis.study.worker"
+"""Program of the worker processes."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,8 +51,6 @@ def study(
     dask.distributed cluster; times: include the columns that depend on the machine; progress: show
     it on standard error. Raises InputError before anything is written.
     """
-    from sparsemor.core.analysis.study.progress import shown
-
     plan = Plan.of(file, registry)
     with shown(plan, not progress) as watch:
         done = run_plan(plan, out=out, workers=workers, scheduler=scheduler, times=times,
@@ -114,9 +112,10 @@ def _pool(
     if cluster is not None:
         yield cluster, None
         return
-    from sparsemor.core.analysis.study.local_pool import LocalPool
+    from sparsemor.core.simulation.workers.local_pool import LocalPool
 
-    pool: Pool = LocalPool(workers, folder / "workers.log") if workers else SerialPool(registry)
+    pool: Pool = LocalPool(
+        workers, folder / "workers.log", WORKER) if workers else SerialPool(registry)
     scratch: Any = folder / ".scratch"
     shutil.rmtree(scratch, ignore_errors=True)
     scratch.mkdir()

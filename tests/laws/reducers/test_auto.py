@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from sparsemor import advise, load, simulate
+from sparsemor.core.notes import Note
 from sparsemor.core.results.error_norms import measure_errors
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.simulation.cache import Cache
@@ -89,3 +90,17 @@ def test_a_field_that_the_training_run_may_not_show_is_kept(cache: Cache) -> Non
         **COARSE, "time.end": 0.04, "training.end": 0.02, "loads.heating.flux": late})
     advice = advise(scene, tolerance=1e-2, cache=cache)
     assert not advice.left_out
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("reason", ["", "it blows up"])
+def test_an_unstable_candidate_is_not_chosen(
+    reason: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Instability is predicted for ECSW alone; the next candidate is Galerkin projection."""
+    notes = (Note(reason, "unstable"),) if reason else ()
+    monkeypatch.setattr("sparsemor.core.simulation.advice.check_run", lambda *of: (notes, {}))
+    scene = load("hot_plate", {"bodies.plate.mesh.divisions": [20, 8], "time.end": 12.0})
+    choice = advise(scene, tolerance=1e-2, cache=Cache(tmp_path)).choice
+    assert choice.reducer["use"] == ("galerkin" if reason else "ecsw")
+    assert any(reason in text for text in choice.reasons) and not choice.doubts

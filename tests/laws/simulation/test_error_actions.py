@@ -21,6 +21,7 @@ from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.reduced_model import reduce
 from sparsemor.core.simulation.simulate import simulate
 from sparsemor.core.simulation.time_stepping import FixedStep, iterate
+from sparsemor.core.simulation.validation import checked_model
 from sparsemor.core.status import SolveFailed, Status
 
 SEGMENTS, STEPS = 8, 64
@@ -75,6 +76,19 @@ def stopped(scene: Scene, **how: Any) -> SolveFailed:
     with pytest.raises(SolveFailed) as found:
         simulate(scene, **how)
     return found.value
+
+
+@pytest.mark.parametrize(("changes", "key", "words"), [
+    ({"reducer.error_estimate": None}, "reducer.error_estimate", "or: Input should be keys"),
+    ({"reducer.error_estimate.every": "x"}, "reducer.error_estimate.every", "a valid integer"),
+    ({"reducer.error_estimate": 65}, "reducer.error_estimate", "the run has 64 steps"),
+    ({"reducer.error_estimate.every": 65}, "reducer.error_estimate", "the run has 64 steps")])
+def test_faults_of_the_option_are_located(
+    changes: dict[str, Any], key: str, words: str
+) -> None:
+    with pytest.raises(InputError, match=words) as error:
+        checked_model(passing("stop", **changes))
+    assert [f.key for f in error.value.faults] == [key]
 
 
 @pytest.mark.full
