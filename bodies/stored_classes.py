@@ -16,7 +16,7 @@ from sparsemor.bodies.frames import (
 )
 from sparsemor.bodies.frames.inertia import Inertia
 from sparsemor.bodies.frames.plane import PlanarFrame
-from sparsemor.bodies.joints.force_element import Drive
+from sparsemor.bodies.joints.force_element import Drive, ItemForce
 from sparsemor.bodies.loads.amplitude import unit
 from sparsemor.bodies.loads.convection import Film
 from sparsemor.bodies.loads.radiation import GreyBody
@@ -25,7 +25,8 @@ from sparsemor.bodies.terms import dense, material_laws
 from sparsemor.bodies.terms.point_term import PointTerm
 
 CLASSES: Sequence[object] = (
-    Drive, Film, GreyBody, Inertia, Law, PlanarFrame, PointTerm, TemperatureCurve, Variable, unit,
+    Drive, Film, GreyBody, Inertia, ItemForce, Law, PlanarFrame, PointTerm, TemperatureCurve,
+    Variable, unit,
     constraints.Facing, constraints.Slide, dense.DenseTerm, dense.ReducedDense,
     force_items.BodyForce, force_items.Moment, force_items.SpaceForce, frame.SpatialFrame,
     items.Nothing, items.UnitLength, joint_items.Attachment, joint_items.Reaction,

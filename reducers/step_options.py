@@ -4,9 +4,15 @@ from typing import Annotated
 
 from pydantic import Field
 
-from sparsemor.core import ErrorAction, ErrorLimit, Plugin, ReducedProblem, StepSolver
+from sparsemor.core import (
+    ErrorAction,
+    ErrorEstimator,
+    ErrorLimit,
+    Plugin,
+    ReducedProblem,
+    StepSolver,
+)
 from sparsemor.reducers.estimation.build import error_model
-from sparsemor.reducers.estimation.estimator import ErrorModel
 from sparsemor.reducers.step.acceptance import Tolerances
 from sparsemor.reducers.step.compiled.stepper import Compiled
 
@@ -62,7 +68,7 @@ class ReducedStepOptions(StepOptions):
         return ErrorLimit(every=chosen) if isinstance(chosen, int) else ErrorLimit(
             chosen.tolerance, chosen.action, chosen.every)
 
-    def error_estimator(self, problem: ReducedProblem, solver: StepSolver) -> ErrorModel | None:
+    def error_estimator(self, problem: ReducedProblem, solver: StepSolver) -> ErrorEstimator | None:
         """Estimator of the errors of runs of `solver`, None without the option."""
         every = self.error_limit.every
         return error_model(problem, solver, every) if every else None

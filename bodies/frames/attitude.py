@@ -11,7 +11,7 @@ from typing import TypeAlias
 import numpy as np
 
 from sparsemor.bodies.frames import rotation as rot
-from sparsemor.core import FloatArray, vectors_in_space
+from sparsemor.core import FREE_POSE, FloatArray, vectors_in_space
 
 Rates: TypeAlias = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 """Angular velocity w and acceleration alpha (3,) in body axes, 1/s and 1/s^2, and their derivatives
@@ -109,12 +109,19 @@ def attitude(q: FloatArray) -> Attitude:
     return Free(q) if len(q) == Free.size else Spin(q)
 
 
+def vector_rates(pose: FloatArray, rate: FloatArray, z: FloatArray) -> FloatArray:
+    """(T, d) time derivatives of A z, a vector z (d,) in body axes, from rigid coordinates (T, n)
+    and their rates."""
+    if pose.shape[1] == FREE_POSE:  # A is quadratic in the quaternion: this difference is exact
+        return np.asarray(
+            0.5 * (vectors_in_space(pose + rate, z) - vectors_in_space(pose - rate, z)))
+    arm = vectors_in_space(pose, z)
+    made = np.zeros_like(arm)
+    made[:, 0], made[:, 1] = -rate[:, -1] * arm[:, 1], rate[:, -1] * arm[:, 0]
+    return made
+
+
 def velocity_at(pose: FloatArray, velocity: FloatArray, z: FloatArray) -> FloatArray:
     """(d,) velocity, m/s, of a material point z (d,), m, of a body, from its rigid coordinates and
     their rates."""
-    if len(z) == 2:
-        arm = vectors_in_space(pose[None], z)
-        return np.asarray(velocity[:2] + velocity[2] * rot.GENERATORS[2][0] @ arm[0])
-    a = attitude(pose[3:])
-    w, _ = a.turning(velocity[3:], velocity[3:])
-    return np.asarray(velocity[:3] + a.A @ rot.cross(w, z))
+    return np.asarray(velocity[: len(z)] + vector_rates(pose[None], velocity[None], z)[0])

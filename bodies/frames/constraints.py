@@ -197,7 +197,7 @@ class Slide:
     def shifted(self, s: FloatArray, quadratic: FloatArray) -> "Slide":
         return replace(self, point=self.point + s)
 
-    def in_plane(self) -> plane.PlaneItem:
+    def in_plane(self) -> plane.PlanePart:
         place = self.place.tolist() if not self.others else [0.0] * 3
         return plane.PlanePart(plane.slide, (
             *self.point.tolist(), *self.lines[0].tolist(), float(self.lines[0] @ self.base),

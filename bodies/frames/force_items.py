@@ -35,7 +35,7 @@ class SpaceForce:
     def shifted(self, s: FloatArray, quadratic: FloatArray) -> "SpaceForce":
         return replace(self, arm=self.arm + s)
 
-    def in_plane(self) -> plane.PlaneItem:
+    def in_plane(self) -> plane.PlanePart:
         return plane.PlanePart(plane.space_force, (
             float(self.total), *self.arm.tolist(), *self.force.tolist()), self.amplitude)
 
@@ -81,7 +81,7 @@ class BodyForce:
     def shifted(self, s: FloatArray, quadratic: FloatArray) -> "BodyForce":
         return replace(self, arm=self.arm + s[1:])
 
-    def in_plane(self) -> plane.PlaneItem:
+    def in_plane(self) -> plane.PlanePart:
         return plane.PlanePart(plane.body_force, (
             *self.total.tolist(), float(self.arm[0])), self.amplitude)
 
@@ -126,7 +126,7 @@ class Moment:
     def shifted(self, s: FloatArray, quadratic: FloatArray) -> "Moment":
         return self
 
-    def in_plane(self) -> plane.PlaneItem:
+    def in_plane(self) -> plane.PlanePart:
         return plane.PlanePart(
             plane.moment, (float(self.moment[0]), float(self.turns)), self.amplitude)
 

@@ -63,7 +63,7 @@ class Inertia:
         return replace(self, moment=self.moment + s[:d],
                        second=self.second + self.moments.symmetric * s[d:] + quadratic)
 
-    def in_plane(self) -> plane.PlaneItem:
+    def in_plane(self) -> plane.PlanePart:
         return plane.PlanePart(
             plane.inertia, (self.mass, *self.moment.tolist(), float(self.second[0])))
 

@@ -55,7 +55,7 @@ class SpatialItem(Item, Protocol):
 class PlanarItem(Item, Protocol):
     """Part of the equations of a frame in the plane, where functionals come in pairs."""
 
-    def in_plane(self) -> plane.PlaneItem: ...
+    def in_plane(self) -> plane.PlanePart: ...
 
 
 @runtime_checkable

@@ -79,7 +79,7 @@ class Attachment:
     ) -> Wrench:
         return Wrench(forces, np.zeros((len(times), 2 * len(self.point) - 3)), None)
 
-    def in_plane(self) -> plane.PlaneItem:
+    def in_plane(self) -> plane.PlanePart:
         return plane.PlanePart(plane.attachment, tuple(self.point.tolist()))
 
     def in_space(self) -> tuple[spatial.SpacePart, ...]:
@@ -133,7 +133,7 @@ class Rotation:
     ) -> Wrench:
         return Wrench(np.zeros((len(times), 2)), forces, None)
 
-    def in_plane(self) -> plane.PlaneItem:
+    def in_plane(self) -> plane.PlanePart:
         return plane.PlanePart(plane.rotation, (float(self.turns), self.angle))
 
 
@@ -165,8 +165,8 @@ class Reaction:
     def shifted(self, s: FloatArray, quadratic: FloatArray) -> "Reaction":
         return self
 
-    def in_plane(self) -> plane.PlaneItem:
-        return plane.Reaction(self.forces_at, self.turns)
+    def in_plane(self) -> plane.PlanePart:
+        return plane.PlanePart(plane.Reaction(self.forces_at, self.turns), ())
 
     def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
         if m.elastic:

@@ -7,6 +7,7 @@ The same equations as for a frame in space, but several times faster
 from cmath import exp
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
 
@@ -15,12 +16,15 @@ from sparsemor.bodies.frames.items import PlanarItem
 from sparsemor.bodies.frames.plane_items import (
     FUNCTIONS,
     NUMBERS,
-    PlaneItem,
-    PlanePart,
+    PlaneFunction,
     evaluate_parts,
 )
 from sparsemor.bodies.frames.plane_motion import SUMS, Motion, Views, views, write
-from sparsemor.core import FloatArray, FrameArrays, FrameWork
+from sparsemor.core import Amplitude, FloatArray, FrameArrays, FrameWork
+
+_Evaluated: TypeAlias = tuple[
+    PlaneFunction, tuple[float, ...], Amplitude | None, int, int, int]
+"""Part of the equations: function, numbers, amplitude, and where it begins."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,10 +32,10 @@ class PlanarFrame(ItemFrame[PlanarItem]):
     """Equations of a body frame in the plane, with rigid coordinates (R_x, R_y, theta)."""
 
     @cached_property
-    def evaluated(self) -> tuple[tuple[PlaneItem, int, int, int], ...]:
+    def evaluated(self) -> tuple[_Evaluated, ...]:
         """Items (forces, joints, inertia) in complex form, each with the numbers of its first pair
         of functionals, first coordinate of the other body and first multiplier."""
-        return tuple((item.in_plane(), j // 2, o, k)
+        return tuple((*item.in_plane(), j // 2, o, k)
                      for item, (j, o, k) in zip(self.items, self.starts, strict=True))
 
     def evaluate(
@@ -46,16 +50,17 @@ class PlanarFrame(ItemFrame[PlanarItem]):
         s0, s1, s2 = s.view("c16").tolist() if self.elastic else ((), (), ())
         m = Motion(yl, vl, complex(yl[0], yl[1]), e, e.conjugate(), vl[2], al[2],
                    complex(al[0], al[1]), c1, c2, t, self.elastic, s0, s1, s2,
-                   forms.tolist())
-        total = [0.0] * SUMS
-        for item, j, o, k in self.evaluated:
-            item.evaluate(m, j, o, k, total, out)
-        write(total, out)
+                   forms.tolist(), work.fresh)
+        total = [0j] * SUMS
+        for function, numbers, amplitude, j, o, k in self.evaluated:
+            g = 1.0 if amplitude is None else amplitude(t)
+            function(numbers, g, m, j, o, k, total, out)
+        write(total, work.fresh, out)
 
     def arrays(self) -> FrameArrays | None:
         """Equations as a function on arrays, None where a part has no numbers."""
-        parts = [item for item, *_ in self.evaluated if isinstance(item, PlanePart)]
-        if len(parts) < len(self.items):
+        parts = [item.in_plane() for item in self.items]
+        if any(part.function not in FUNCTIONS for part in parts):
             return None
         kinds = [FUNCTIONS.index(part.function) for part in parts]
         numbers = np.zeros((len(parts), NUMBERS))

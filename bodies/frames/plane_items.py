@@ -2,18 +2,17 @@
 constraints.
 
 Each is a function of its constant `numbers`, the present value g of its amplitude, and the motion.
-It adds its force and torque to `total` (rows 0-2, then H02, H12, H20, H21, H22, H00, H11, H01,
-H10) and writes its own columns: pairs of functionals from number j on, coordinates of another body
-from o on, multipliers from k on. The data are those of the classes of the same names in items.py,
-inertia.py, springs.py and constraints.py, whose `in_plane` creates them; notation:
-plane_motion.py. The functions are also compiled (core/protocols/body_frame.py): they use numbers
-and arrays only.
+It adds its force and torque to `total` (`plane_motion.write`) and writes its own columns: pairs of
+functionals from number j on, coordinates of another body from o on, multipliers from k on. The data
+are those of the classes of the same names in items.py, inertia.py, springs.py and constraints.py,
+whose `in_plane` creates them; notation: plane_motion.py. The functions are also compiled
+(core/protocols/body_frame.py): they use numbers and arrays only.
 """
 
 from cmath import exp
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -25,27 +24,13 @@ PlaneFunction: TypeAlias = Callable[
     [Numbers, float, Motion, int, int, int, Total, Views], None]
 
 
-class PlaneItem(Protocol):
-    """A part of a planar frame's equations, in complex numbers."""
-
-    def evaluate(
-        self, m: Motion, j: int, o: int, k: int, total: Total, out: Views
-    ) -> None: ...
-
-
-@dataclass(frozen=True, slots=True)
-class PlanePart:
-    """A function of this module with its numbers and amplitude (None: constant 1)."""
+class PlanePart(NamedTuple):
+    """Part of a planar frame's equations: a function with its numbers and amplitude (None: constant
+    1)."""
 
     function: PlaneFunction
     numbers: tuple[float, ...]
     amplitude: Amplitude | None = None
-
-    def evaluate(
-        self, m: Motion, j: int, o: int, k: int, total: Total, out: Views
-    ) -> None:
-        g = 1.0 if self.amplitude is None else self.amplitude(m.t)
-        self.function(self.numbers, g, m, j, o, k, total, out)
 
 
 def inertia(
@@ -71,29 +56,26 @@ def inertia(
     f = mass * m.acc + swing
     lever = p.conjugate() * ec
     arm = lever * m.acc
-    df = 1j * swing + e * (complex(-2 * w * c1, c2) * p + 2j * c1 * p1)
-    total[0] += f.real
-    total[1] += f.imag
-    total[2] += arm.imag + al * zz + 2 * w * zv + za
-    total[3] += df.real
-    total[4] += df.imag
-    total[5] += c2 * lever.imag
-    total[6] += c2 * lever.real
-    total[7] += -arm.real + c2 * zz + 2 * c1 * zv
-    total[8] += mass * c2
-    total[9] += mass * c2
+    total[0] += f
+    total[3] += complex(arm.imag + al * zz + 2 * w * zv + za, c2 * zz + 2 * c1 * zv - arm.real)
+    beta = ec * m.acc
     if m.elastic:
-        beta = ec * m.acc
         out.sigma[j], out.sigma[j + 1] = beta, spin
-        sy, tau, turn = out.sigma_y, out.tau, -1j * beta
-        pull = c2 * ec
-        sy[0, j], sy[1, j], sy[2, j] = pull, 1j * pull, turn
-        sy[2, j + 1] = complex(-2 * w * c1, c2)
-        nu = (e * (spin + complex(c2, 2 * w * c1))).conjugate()
-        tau[0, j], tau[1, j], tau[2, j] = nu, 1j * nu, turn
-        tau[2, j + 1] = complex(2 * al + 2 * w * c1, c2)
         on_u = out.coefficients
         on_u[0], on_u[1], on_u[3] = -w * w, al, 2 * w
+    if not m.fresh:
+        return
+    by_angle = complex(-2 * w * c1, c2)  # derivative of spin
+    total[1] += 1j * swing + e * (by_angle * p + 2j * c1 * p1)
+    total[2] += 1j * c2 * lever.conjugate()
+    total[4] += mass * c2
+    total[5] += 1j * mass * c2
+    if m.elastic:
+        sy, tau, turn, pull = out.sigma_y, out.tau, -1j * beta, c2 * ec
+        sy[0, j], sy[1, j], sy[2, j], sy[2, j + 1] = pull, 1j * pull, turn, by_angle
+        nu = (e * (spin - 1j * by_angle)).conjugate()
+        tau[0, j], tau[1, j], tau[2, j] = nu, 1j * nu, turn
+        tau[2, j + 1] = complex(2 * al + 2 * w * c1, c2)
 
 
 def body_force(
@@ -103,11 +85,9 @@ def body_force(
     functionals: the load and sum u x f."""
     f = m.e * complex(numbers[0], numbers[1]) * g
     arm = numbers[2] + (m.s[j].imag if m.elastic else 0.0)
-    total[0] -= f.real
-    total[1] -= f.imag
-    total[2] -= g * arm
-    total[3] += f.imag
-    total[4] -= f.real
+    total[0] -= f
+    total[1] -= 1j * f
+    total[3] -= g * arm
     if m.elastic:
         out.sigma[j] = -g
         out.tau[2, j] = -1j * g
@@ -121,14 +101,12 @@ def space_force(
     f = g * complex(numbers[3], numbers[4])
     fb = m.ec * f
     arm = complex(numbers[1], numbers[2]) + (m.s[j] if m.elastic else 0j)
-    torque = arm.conjugate() * fb
-    total[0] -= numbers[0] * f.real
-    total[1] -= numbers[0] * f.imag
-    total[2] -= torque.imag
-    total[7] += torque.real
+    total[0] -= numbers[0] * f
+    total[3] += 1j * arm.conjugate() * fb
     if m.elastic:
         out.sigma[j] = -fb
-        out.sigma_y[2, j] = out.tau[2, j] = 1j * fb
+        if m.fresh:
+            out.sigma_y[2, j] = out.tau[2, j] = 1j * fb
 
 
 def moment(
@@ -136,7 +114,7 @@ def moment(
 ) -> None:
     """Moment on a body or on the mean rotation of a set. numbers: moment, N m; 1 where the set
     turns, 0 for the body itself."""
-    total[2] -= g * numbers[0]
+    total[3] -= g * numbers[0]
     if m.elastic and numbers[1] > 0.0:
         out.sigma[j] = -g * numbers[0]
 
@@ -149,18 +127,19 @@ def attachment(
     z = complex(numbers[0], numbers[1]) + (m.s[j] if m.elastic else 0j)
     f = complex(y[k], y[k + 1])
     fb, rz = ec * f, m.e * z
-    at, torque = m.r + rz, z.conjugate() * fb
-    total[0] += f.real
-    total[1] += f.imag
-    total[2] += torque.imag
-    total[7] -= torque.real
+    at = m.r + rz
+    total[0] += f
+    total[3] -= 1j * z.conjugate() * fb
     rows, H = out.rows, out.H
     rows[k], rows[k + 1] = at.real, at.imag
+    if m.elastic:
+        out.sigma[j] = fb
+    if not m.fresh:
+        return
     H[0, k] = H[1, k + 1] = H[k, 0] = H[k + 1, 1] = 1.0
     H[2, k] = H[k, 2] = -rz.imag
     H[2, k + 1] = H[k + 1, 2] = rz.real
     if m.elastic:
-        out.sigma[j] = fb
         sy, tau = out.sigma_y, out.tau
         sy[k, j] = tau[k, j] = ec
         sy[k + 1, j] = tau[k + 1, j] = 1j * ec
@@ -174,7 +153,7 @@ def rotation(
     turns, 0 for the body itself; angle: mean rotation in the shape from which displacements are
     measured, rad."""
     moment, deforms = m.y[k], numbers[0] > 0.0 and m.elastic
-    total[2] += moment
+    total[3] += moment
     out.rows[k] = m.y[2] + numbers[1] + (m.s[j].real if deforms else 0.0)
     out.H[2, k] = out.H[k, 2] = 1.0
     if deforms:
@@ -199,10 +178,8 @@ def slide(
     n, rz = exp(1j * angle) * complex(numbers[2], numbers[3]), m.e * z
     gap, f, fb = m.r + rz - complex(x, y), lam * n, lam * m.ec * n
     torque = z.conjugate() * fb
-    total[0] += f.real
-    total[1] += f.imag
-    total[2] += torque.imag
-    total[7] -= torque.real
+    total[0] += f
+    total[3] -= 1j * torque
     rows, H, pull = out.rows, out.H, n.conjugate() * gap
     rows[k] = pull.real - numbers[4]
     H[k, 0], H[k, 1], H[k, 2] = n.real, n.imag, (rz.conjugate() * n).imag
@@ -233,8 +210,9 @@ class Reaction:
     forces_at: Table
     turns: bool
 
-    def evaluate(
-        self, m: Motion, j: int, o: int, k: int, total: Total, out: Views
+    def __call__(
+        self, numbers: Numbers, g: float, m: Motion, j: int, o: int, k: int, total: Total,
+        out: Views
     ) -> None:
         if m.elastic:
             x, y, moment = self.forces_at.at(m.t).tolist()
@@ -261,29 +239,30 @@ def evaluate_parts(
     b, elastic = len(y), s.shape[1] > 0
     e, c, columns = exp(1j * y[2]), s.view(np.complex128), sigma.view(np.complex128)
     m = Motion(y, v, complex(y[0], y[1]), e, e.conjugate(), v[2], a[2], complex(a[0], a[1]), c1, c2,
-               0.0, elastic, c[0], c[1], c[2], forms)
+               0.0, elastic, c[0], c[1], c[2], forms, True)
     out = Views(columns[b], columns[:b], tau.view(np.complex128), border[:, :b], border[:, b],
                 coefficients)
-    sums[:SUMS] = 0.0
+    total = sums.view(np.complex128)
+    total[:SUMS] = 0.0
     for i in range(len(kinds)):
         kind, own, g = kinds[i], numbers[i], gains[i]
         j, o, k = starts[i, 0] // 2, starts[i, 1], starts[i, 2]
         if kind == 0:
-            inertia(own, g, m, j, o, k, sums, out)
+            inertia(own, g, m, j, o, k, total, out)
         elif kind == 1:
-            body_force(own, g, m, j, o, k, sums, out)
+            body_force(own, g, m, j, o, k, total, out)
         elif kind == 2:
-            space_force(own, g, m, j, o, k, sums, out)
+            space_force(own, g, m, j, o, k, total, out)
         elif kind == 3:
-            attachment(own, g, m, j, o, k, sums, out)
+            attachment(own, g, m, j, o, k, total, out)
         elif kind == 4:
-            rotation(own, g, m, j, o, k, sums, out)
+            rotation(own, g, m, j, o, k, total, out)
         elif kind == 5:
-            slide(own, g, m, j, o, k, sums, out)
+            slide(own, g, m, j, o, k, total, out)
         elif kind == 6:
-            moment(own, g, m, j, o, k, sums, out)
+            moment(own, g, m, j, o, k, total, out)
         elif kind == 7:
-            spring(own, g, m, j, o, k, sums, out)
+            spring(own, g, m, j, o, k, total, out)
         else:
-            rotational_spring(own, g, m, j, o, k, sums, out)
-    write(sums, out)
+            rotational_spring(own, g, m, j, o, k, total, out)
+    write(total, m.fresh, out)

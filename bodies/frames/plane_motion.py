@@ -17,8 +17,8 @@ from sparsemor.core import FloatArray, FrameWork
 
 ComplexArray = NDArray[np.complex128]
 Numbers: TypeAlias = Sequence[float] | FloatArray
-Total: TypeAlias = list[float] | FloatArray
-SUMS = 12
+Total: TypeAlias = list[complex] | ComplexArray
+SUMS = 6
 """Number of sums over all items (`write`)."""
 
 
@@ -28,7 +28,8 @@ class Motion(NamedTuple):
     y: rigid coordinates and multipliers, v: their rates; r (m), e = exp(i theta), ec its conjugate;
     w, al: angular velocity and acceleration (1/s, 1/s^2); acc: R'' (m/s^2); elastic: True if the
     body deforms, and then s, s1, s2: functionals of u, u' and u'', one complex number per pair, and
-    forms: quadratic forms of u (see `BodyFrame.evaluate`).
+    forms: quadratic forms of u (see `BodyFrame.evaluate`). fresh: False where derivatives need not
+    be written.
     """
 
     y: Sequence[float] | FloatArray
@@ -47,6 +48,7 @@ class Motion(NamedTuple):
     s1: Sequence[complex] | ComplexArray
     s2: Sequence[complex] | ComplexArray
     forms: Sequence[float] | FloatArray
+    fresh: bool
 
 
 class Views(NamedTuple):
@@ -72,11 +74,15 @@ def views(work: FrameWork) -> Views:
                  work.border[:, -1], work.coefficients)
 
 
-def write(total: Sequence[float] | FloatArray, out: Views) -> None:
-    """Writes the sums over all items: rows 0-2, then H02, H12, H20, H21, H22, H00, H11, H01,
-    H10."""
-    rows, H = out.rows, out.H
-    rows[0], rows[1], rows[2] = total[0], total[1], total[2]
-    H[0, 2], H[1, 2], H[2, 0], H[2, 1] = total[3], total[4], total[5], total[6]
-    H[2, 2] = total[7]
-    H[0, 0], H[1, 1], H[0, 1], H[1, 0] = total[8], total[9], total[10], total[11]
+def write(total: Total, fresh: bool, out: Views) -> None:
+    """Writes the sums over all items: force and its derivative by the angle, derivatives of the
+    torque by x + i y, torque + i its derivative by the angle, derivatives of the force by x and
+    y."""
+    rows, H, force, torque = out.rows, out.H, total[0], total[3]
+    rows[0], rows[1], rows[2] = force.real, force.imag, torque.real
+    if not fresh:
+        return
+    by_angle, by_place, by_x, by_y = total[1], total[2], total[4], total[5]
+    H[0, 2], H[1, 2], H[2, 2] = by_angle.real, by_angle.imag, torque.imag
+    H[2, 0], H[2, 1] = by_place.real, by_place.imag
+    H[0, 0], H[1, 0], H[0, 1], H[1, 1] = by_x.real, by_x.imag, by_y.real, by_y.imag

@@ -28,9 +28,9 @@ def spring(
     across = speed - n * (n.conjugate() * speed).real
     f = stiffness * length + damping * (n.conjugate() * speed).real + g
     F = f * n
-    total[0] += F.real
-    total[1] += F.imag
-    total[2] += (rz.conjugate() * F).imag
+    arm = rz.conjugate() * F
+    total[0] += F
+    total[3] += arm.imag
     # derivatives of gap by own, then by the other body's coordinates; of speed at fixed rates
     by = (1.0 + 0j, 1j, 1j * rz, -1.0 + 0j, -1j, -1j * rb)
     by_turn = (0j, 0j, -m.w * rz, 0j, 0j, turn * rb)
@@ -43,12 +43,11 @@ def spring(
         d = of_f * n + f * (by[i] - n * along) / length
         d2 = (by[2].conjugate() * d).real
         if i == 0:
-            total[8], total[11], total[5] = total[8] + d.real, total[11] + d.imag, total[5] + d2
+            total[4], total[2] = total[4] + d, total[2] + d2
         elif i == 1:
-            total[10], total[9], total[6] = total[10] + d.real, total[9] + d.imag, total[6] + d2
+            total[5], total[2] = total[5] + d, total[2] + 1j * d2
         elif i == 2:
-            total[3], total[4] = total[3] + d.real, total[4] + d.imag
-            total[7] += d2 - (rz.conjugate() * F).real
+            total[1], total[3] = total[1] + d, total[3] + 1j * (d2 - arm.real)
         else:
             H[0, at], H[1, at], H[2, at] = d.real, d.imag, d2
         if moves:
@@ -71,8 +70,7 @@ def rotational_spring(
     if moves:
         phi, rate = m.y[2] - m.y[o + 2], m.w - m.v[o + 2]
     moment, slope = stiffness * phi + damping * rate + g, stiffness + damping * m.c1
-    total[2] += moment
-    total[7] += slope
+    total[3] += complex(moment, slope)
     if moves:
         out.rows[o + 2] = -moment
         out.H[2, o + 2] = out.H[o + 2, 2] = -slope

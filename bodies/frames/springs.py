@@ -6,6 +6,7 @@ They act on rigid coordinates alone: a flexible body is attached by a massless f
 """
 
 from dataclasses import dataclass
+from typing import Protocol, TypeAlias
 
 import numpy as np
 
@@ -13,11 +14,29 @@ from sparsemor.bodies.frames import plane_items as plane
 from sparsemor.bodies.frames import plane_springs
 from sparsemor.bodies.frames import rotation as rot
 from sparsemor.bodies.frames import space_items as spatial
-from sparsemor.bodies.frames.attitude import Attitude, Free, attitude
-from sparsemor.bodies.frames.items import EYE, RigidItem
+from sparsemor.bodies.frames.attitude import Attitude, Free, attitude, vector_rates
+from sparsemor.bodies.frames.items import EYE, Item, RigidItem
 from sparsemor.bodies.frames.motion import Motion, Sums
 from sparsemor.bodies.frames.space_springs import space_rotational_spring, space_spring
-from sparsemor.core import Amplitude, FloatArray
+from sparsemor.core import (
+    Amplitude,
+    FloatArray,
+    amplitudes_along,
+    points_in_space,
+    vectors_in_space,
+)
+
+Along: TypeAlias = tuple[FloatArray, FloatArray]
+"""Rigid coordinates of a body at T times and their rates (T, n)."""
+
+
+class SpringItem(Item, Protocol):
+    """Item of a force element, which can be evaluated along given motion."""
+
+    def along(self, times: FloatArray, own: Along, other: Along) -> tuple[FloatArray, FloatArray]:
+        """Force (T,), N or N m, and the force (N) and moment (N m) on the own side (T, 3 d - 3), in
+        space axes with the sign of the left-hand sides of the equations."""
+        ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,7 +57,7 @@ class Spring(RigidItem):
     others: int
     place: FloatArray
 
-    def in_plane(self) -> plane.PlaneItem:
+    def in_plane(self) -> plane.PlanePart:
         place = self.place.tolist() if not self.others else [0.0] * 3
         return plane.PlanePart(plane_springs.spring, (
             *self.point.tolist(), *self.base.tolist(), self.stiffness, self.damping,
@@ -83,6 +102,21 @@ class Spring(RigidItem):
             turn = slice(there.start + 3, there.stop)
             out.H[turn, turn] -= far.bend(F, self.base)
 
+    def along(self, times: FloatArray, own: Along, other: Along) -> tuple[FloatArray, FloatArray]:
+        d = len(self.point)
+        gap = _placed(own[0], self.point) - _placed(other[0], self.base)
+        speed = (own[1][:, :d] + vector_rates(*own, self.point)
+                 - other[1][:, :d] - vector_rates(*other, self.base))
+        length = np.linalg.norm(gap, axis=1)
+        n = gap / length[:, None]
+        f = (self.stiffness * length + self.damping * (n * speed).sum(axis=1)
+             + amplitudes_along((self.drive,), times)[:, 0])
+        return f, np.hstack([f[:, None] * n, np.zeros((len(times), 2 * d - 3))])
+
+
+def _placed(pose: FloatArray, z: FloatArray) -> FloatArray:
+    return points_in_space(pose, np.broadcast_to(z, (len(pose), len(z))))
+
 
 def _turned(turn: Attitude, rates: FloatArray, b: FloatArray) -> FloatArray:
     """(3, n) derivative of (d (A b) / dq) rates by the n attitude coordinates q."""
@@ -106,9 +140,15 @@ class RotationalSpring(RigidItem):
     others: int
     angle: float
 
-    def in_plane(self) -> plane.PlaneItem:
+    def in_plane(self) -> plane.PlanePart:
         return plane.PlanePart(plane_springs.rotational_spring, (
             self.stiffness, self.damping, float(self.others > 0), self.angle), self.drive)
+
+    def along(self, times: FloatArray, own: Along, other: Along) -> tuple[FloatArray, FloatArray]:
+        phi, rate = (a[:, 2] - b[:, 2] for a, b in zip(own, other, strict=True))
+        M = (self.stiffness * phi + self.damping * rate
+             + amplitudes_along((self.drive,), times)[:, 0])
+        return M, np.stack([0 * M, 0 * M, M], axis=1)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -153,6 +193,19 @@ class SpatialRotationalSpring(RigidItem):
         slope = (self.stiffness + self.damping * m.c1) * along + self.damping * bend.dot(rates)
         out.rows[at] += moment * along
         out.H[np.ix_(at, at)] += np.outer(along, slope) + moment * bend
+
+    def along(self, times: FloatArray, own: Along, other: Along) -> tuple[FloatArray, FloatArray]:
+        d, e = vectors_in_space(own[0], self.own), (self.first, self.second)
+        f = [vectors_in_space(other[0], x) for x in e]
+        c, s = ((d * x).sum(axis=1) for x in f)
+        turning = vector_rates(*own, self.own)
+        c1, s1 = ((turning * x + d * vector_rates(*other, y)).sum(axis=1)
+                  for x, y in zip(f, e, strict=True))
+        size = c * c + s * s
+        M = (self.stiffness * np.arctan2(s, c) + self.damping * (c * s1 - s * c1) / size
+             + amplitudes_along((self.drive,), times)[:, 0])
+        by_turn = np.cross(d, c[:, None] * f[1] - s[:, None] * f[0]) / size[:, None]
+        return M, np.hstack([0 * by_turn, M[:, None] * by_turn])
 
     def _cosine(
         self, m: Motion, far: Attitude, e: FloatArray

@@ -1,7 +1,8 @@
 """Force elements: forces between two sides by a law, without a constraint between them.
 
 The law acts on rigid coordinates. A flexible side is represented by a massless frame that is
-constrained to its set; the multipliers are the forces that it passes on.
+constrained to its set; the multipliers are the forces that it passes on. Along a prescribed motion
+the forces are known in advance, and act on the displacements of flexible sides as loads.
 """
 
 from abc import abstractmethod
@@ -12,10 +13,21 @@ from typing import ClassVar
 import numpy as np
 
 from sparsemor.bodies.body import Body
+from sparsemor.bodies.frames.springs import SpringItem
 from sparsemor.bodies.joints.conditions import Conditions, constant, massless_frame
-from sparsemor.bodies.joints.part import JointPart
+from sparsemor.bodies.joints.part import JointPart, write_reactions
 from sparsemor.bodies.joints.side import Side, sides_of
-from sparsemor.core import Block, Equations, FrameItem, InputError, Part, Plugin, TimeFunction
+from sparsemor.core import (
+    Block,
+    Equations,
+    FloatArray,
+    FrameHistory,
+    InputError,
+    Part,
+    Plugin,
+    Table,
+    TimeFunction,
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,18 +52,41 @@ class Drive:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class ItemForce:
+    """Recorded force of an item, N or N m: sign times its force along the motion of its sides."""
+
+    item: SpringItem
+    sign: float
+
+    def __call__(
+        self, times: FloatArray, motion: Sequence[tuple[FloatArray, FloatArray]]
+    ) -> FloatArray:
+        return self.sign * self.item.along(times, *motion)[0]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class ForceElementPart:
-    """Force element of a scene: an item of the frame of body `own`, which reads the coordinates of
-    body `reads` ("" for one at rest). held: constraints of massless frames, None for rigid sides;
-    adjusted: these frames."""
+    """Force element of a scene: an item of the frame of the first of its two `sides`, which reads
+    the coordinates of the other one. law, recorded: force that is recorded, its name and unit;
+    held: constraints of massless frames, None for rigid sides; adjusted: these frames; reactions:
+    forces and moments on both sides where their motion is prescribed, else None."""
 
     name: str
-    own: Body
-    item: FrameItem
-    reads: str
-    held: JointPart | None
+    sides: tuple[Side, Side]
+    item: SpringItem
+    law: ItemForce
+    recorded: tuple[str, str]
+    held: JointPart | None = None
     adjusted: Mapping[str, Body] = field(default_factory=dict)
+    reactions: Table | None = None
+    turns: bool = False
     localized: bool = True
+
+    @property
+    def moved_by(self) -> tuple[str | FrameHistory, str | FrameHistory]:
+        one, two = self.sides
+        return (f"{one.reads}.rigid" if one.reads else one.motion,
+                f"{two.reads}.rigid" if two.reads else two.motion)
 
     @property
     def components(self) -> tuple[tuple[str, str], ...]:
@@ -62,31 +97,36 @@ class ForceElementPart:
         return () if self.held is None else self.held.blocks()
 
     def contribute(self, equations: Equations) -> None:
+        if self.reactions is not None:
+            write_reactions(equations, self.sides, self.reactions, self.turns)
+            return
         if self.held is not None:
             self.held.contribute(equations)
-        self.own.frame_item(equations, self.item, None,
-                            reads=f"{self.reads}.rigid" if self.reads else "")
+        own, other = self.sides
+        assert own.body is not None
+        own.body.frame_item(equations, self.item, None,
+                            reads=f"{other.reads}.rigid" if other.reads else "")
 
 
 class ForceElement(Plugin):
     """Base class of force elements between two of `body:set` and `ground`.
 
     dimensions: dimensions in which it exists; turns: True if it acts on rotations, False if on
-    points.
+    points; recorded: name and unit of its force in results.
     """
 
     dimensions: ClassVar[tuple[int, ...]] = (2, 3)
     turns: ClassVar[bool] = False
+    recorded: ClassVar[tuple[str, str]]
 
     between: tuple[str, str]
     """The two sides: each a set `body:set`, or `ground`."""
 
     def build(self, name: str, parts: Mapping[str, Part]) -> ForceElementPart:
         ends = sides_of(parts, self.between, self.dimensions)
-        if any(s.body is not None and s.body.guide is not None for s in ends):
-            raise InputError(
-                "a force element of bodies whose motion is computed in a rigid stage: drop "
-                "rigid_stage from the scene")
+        bodies = [s.body for s in ends if s.body is not None]
+        if any(b.guide is not None for b in bodies) and not any(b.moves for b in bodies):
+            return self._prescribed(name, ends)
         sides, held, frames = [], [], {}
         for end, which in zip(ends, ("first", "second"), strict=True):
             if not end.flexible:
@@ -99,15 +139,34 @@ class ForceElement(Plugin):
             frames[frame.body.name] = frame.body
         for more in held[1:]:
             held[0].add(more)
-        own, other = sides if sides[0].reads else sides[::-1]
-        if own.body is None or not own.reads:
+        first = bool(sides[0].reads)
+        own, other = sides if first else sides[::-1]
+        if not own.reads:
             raise InputError("no side can move", "between")
-        item = self.item(own, other, own is sides[0])
+        item = self.item(own, other, first)
+        return ForceElementPart(name, (own, other), item, self._law(item, first), self.recorded,
+                                held[0].joint() if held else None, frames)
+
+    def _prescribed(self, name: str, ends: tuple[Side, Side]) -> ForceElementPart:
+        """The element between sides whose motion is prescribed."""
+        first = ends[0].body is not None
+        own, other = ends if first else ends[::-1]
+        item = self.item(own, other, first)
+        times = max((s.motion.times for s in ends), key=len)
+        _, wrench = item.along(times, own.motion.along(times)[:2], other.motion.along(times)[:2])
+        if self.turns:
+            for side in ends:  # refuses a set without a mean rotation
+                _ = side.turning
         return ForceElementPart(
-            name, own.body, item, other.reads, held[0].joint() if held else None, frames)
+            name, (own, other), item, self._law(item, first), self.recorded,
+            reactions=Table(times, np.hstack([wrench, -wrench])), turns=self.turns)
+
+    def _law(self, item: SpringItem, first: bool) -> ItemForce:
+        """Force that is recorded: of a rotational one the moment on the first side."""
+        return ItemForce(item, -1.0 if self.turns and first else 1.0)
 
     @abstractmethod
-    def item(self, own: Side, other: Side, first: bool) -> FrameItem:
+    def item(self, own: Side, other: Side, first: bool) -> SpringItem:
         """Item of the frame of `own`, which moves; first: True if it is the first side of the
         scene."""
 

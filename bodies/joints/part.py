@@ -66,8 +66,9 @@ class JointPart:
         if self.inert:
             return
         if self.reactions is not None:
-            for i, side in enumerate(self.sides):
-                self._reaction(equations, side, i, self.reactions)
+            # a joint that lets its sides turn makes no moment, and its set may be a single point
+            turns = not all(isinstance(c.item, Attachment) for c in self.conditions)
+            write_reactions(equations, self.sides, self.reactions, turns)
             return
         block = f"{self.name}.multiplier"
         for c in self.conditions:
@@ -97,18 +98,18 @@ class JointPart:
         """The same joint with prescribed forces and moments on its sides."""
         return replace(self, reactions=reactions, adjusted={})
 
-    def _reaction(
-        self, equations: Equations, side: Side, number: int, reactions: Table
-    ) -> None:
-        """Adds the prescribed reaction force and moment to the elastic rows of side `number`;
-        nothing for a side without displacements."""
+
+def write_reactions(
+    equations: Equations, sides: Sequence[Side], reactions: Table, turns: bool
+) -> None:
+    """Adds prescribed forces on sides and, with `turns`, moments to their elastic rows; nothing for
+    a side without displacements. reactions: `wrench.size` columns for each side."""
+    for number, side in enumerate(sides):
         if not side.flexible or side.body is None:
-            return
+            continue
         mine = reactions.columns(size(side) * number + np.arange(size(side)))
         vectors = nodal.along(side.mean(), side.d)
-        # a joint that lets its sides turn makes no moment, and its set may be a single point
-        turning = None if all(isinstance(c.item, Attachment) for c in self.conditions) else (
-            side.turning)
+        turning = side.turning if turns else None
         if turning is not None:
             vectors = np.concatenate([vectors, turning], axis=1)
         side.body.frame_item(equations, Reaction(mine, turning is not None), vectors)

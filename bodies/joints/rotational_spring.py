@@ -6,11 +6,11 @@ from pydantic import Field, model_validator
 
 from sparsemor.bodies.frames.rotation import across
 from sparsemor.bodies.frames.springs import RotationalSpring as RotationalSpringItem
-from sparsemor.bodies.frames.springs import SpatialRotationalSpring
+from sparsemor.bodies.frames.springs import SpatialRotationalSpring, SpringItem
 from sparsemor.bodies.joints.force_element import Drive, ForceElement
 from sparsemor.bodies.joints.side import Side, unit
 from sparsemor.bodies.loads.amplitude import NumberOrFunction
-from sparsemor.core import FrameItem, InputError
+from sparsemor.core import InputError
 
 
 class RotationalSpring(ForceElement):
@@ -24,6 +24,7 @@ class RotationalSpring(ForceElement):
     """
 
     turns: ClassVar[bool] = True
+    recorded: ClassVar[tuple[str, str]] = ("torque", "N m")
 
     stiffness: float = Field(default=0.0, ge=0.0)
     """Stiffness, N m/rad."""
@@ -42,7 +43,7 @@ class RotationalSpring(ForceElement):
             raise ValueError("it does nothing: give a stiffness, a damping or a torque")
         return self
 
-    def item(self, own: Side, other: Side, first: bool) -> FrameItem:
+    def item(self, own: Side, other: Side, first: bool) -> SpringItem:
         sign = 1.0 if first else -1.0
         others = len(other.pose) if other.reads else 0
         start = float(own.pose[2] - other.pose[2]) if own.d == 2 else 0.0

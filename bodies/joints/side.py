@@ -9,7 +9,7 @@ import numpy as np
 from sparsemor.bodies.body import Body
 from sparsemor.bodies.frames.constraints import GROUND as AT_ORIGIN
 from sparsemor.bodies.targets import GROUND, Target, find_target
-from sparsemor.core import FloatArray, FrameItem, Gather, InputError, Part
+from sparsemor.core import FloatArray, FrameHistory, FrameItem, Gather, InputError, Part
 
 NEAR = 1e-8
 """Largest relative initial gap between sides that must coincide."""
@@ -71,6 +71,12 @@ class Side:
     def axes(self) -> FloatArray:
         """(d, d) rotation matrix from the side's axes to space axes at the start."""
         return np.eye(self.d) if self.body is None else self.body.start_rotation()
+
+    @property
+    def motion(self) -> FrameHistory:
+        """Motion of the side where it is not an unknown: prescribed, or at rest."""
+        guide = None if self.body is None else self.body.guide
+        return FrameHistory.standing(self.pose) if guide is None else guide
 
     @property
     def reads(self) -> str:

@@ -1,6 +1,6 @@
 """Spring and damper along the line between two points, with an actuator force."""
 
-from typing import Self
+from typing import ClassVar, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -20,6 +20,8 @@ class SpringDamper(ForceElement):
     together; l: their distance, m. A flexible side has multipliers: the force on it, N (space
     axes), and the moment that keeps its massless frame from turning, zero.
     """
+
+    recorded: ClassVar[tuple[str, str]] = ("tension", "N")
 
     stiffness: float = Field(default=0.0, ge=0.0)
     """Stiffness, N/m."""

@@ -68,6 +68,6 @@ def training_lines(reference: RunResult, runs: Mapping[str, RunResult]) -> list[
         elif end < last * (1 - 1e-9):
             lines.append(f"trained to {end:.4g} s of {last:.4g} s: {who}")
         else:
-            lines.append(f"on the training run: {who}; errors of other runs are larger "
-                         "(--training-end 0.5 trains on the first half)")
+            lines.append(f"errors in training, on the run of which the basis was made: {who}; "
+                         "errors of other runs are larger")
     return lines

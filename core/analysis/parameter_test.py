@@ -16,6 +16,7 @@ from sparsemor.core.results.error_norms import LIMIT, measure_errors, measure_na
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.results.tables import csv_table, marked, number, text_table, with_head
 from sparsemor.core.scene.defaults import FULL_ORDER
+from sparsemor.core.scene.html import html_text
 from sparsemor.core.scene.parameters import uniform, values_at
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.reduced_model import ReducedModel, reduce
@@ -70,6 +71,10 @@ class ParameterTest:
     def __repr__(self) -> str:
         return f"<ParameterTest of {len(self.rows)} runs: " + ", ".join(
             f"{m} {e:.1e}" for m, e in self.worst.items()) + ">"
+
+    def _repr_html_(self) -> str:
+        """The table, for notebooks."""
+        return html_text(str(self))
 
     def to_csv(self) -> str:
         """CSV text of the rows."""

@@ -1,5 +1,6 @@
 """Command `sparsemor compare`: runs one scene with several reducers; the first is the reference."""
 
+import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -38,6 +39,8 @@ if TYPE_CHECKING:
     from sparsemor.core.results.run_result import RunResult
 
 Out = Annotated[Path | None, out_option("runs/SCENE-compare")]
+HALF = 0.5
+"""Fraction of the run on which bases are trained where the scene would train them on all of it."""
 
 
 def compare(
@@ -53,7 +56,8 @@ def compare(
     as_json: Json = False, quiet: Quiet = False,
     training_end: Annotated[
         float | None, typer.Option(min=0.0, max=1.0, help="Fraction of the run on which bases are "
-                                   "trained; errors after it are tabulated and drawn.")
+                                   f"trained; errors after it are tabulated and drawn. {HALF} by "
+                                   "default if the scene trains on all of the run.")
     ] = None,
     error_limit: Annotated[
         float, typer.Option(min=0.0, help="Errors above this are marked in tables and charts.")
@@ -63,6 +67,8 @@ def compare(
     with exit_codes(as_json):
         loaded = load_with(scene, settings)
         with located_in(loaded):
+            if training_end is None and covered(loaded, settings):
+                training_end = HALF
             if training_end is not None:
                 loaded = trained_on(loaded, training_end)
             scenes = variants(loaded, words(reducers) or [])
@@ -74,9 +80,17 @@ def compare(
         _report(results, failures, directory, as_json, quiet, charts, error_limit)
 
 
+def covered(scene: Scene, settings: Sequence[str] | None) -> bool:
+    """True if the training run of a scene is all of its run, without being named in `--set`."""
+    training = scene.training
+    return (not any(s.startswith("training") for s in settings or ())
+            and not training.overrides and training.parameters is None
+            and scene.training_end >= scene.time.end * (1 - 1e-9))
+
+
 def trained_on(scene: Scene, share: float) -> Scene:
     """The scene with a training run of the first steps, a share of all."""
-    steps = max(1, round(share * scene.time.end / scene.time.step))
+    steps = max(1, math.ceil(share * scene.time.end / scene.time.step - 1e-6))
     return scene.using({"training.end": steps * scene.time.step}, label="--training-end")
 
 

@@ -24,10 +24,13 @@ Out = Annotated[Path | None, typer.Option("--out", help="File (default: SCENE-RE
 Fields = Annotated[bool, typer.Option(
     "--fields", help="Keep meshes and bases too, for pictures and export of the model's results.")]
 
+Rounded = Annotated[float, typer.Option(
+    help="Relative errors of large matrices in a smaller file; 0 keeps all digits.")]
+
 
 def reduce(
     scene: SceneName, settings: Settings = None, out: Out = None, fields: Fields = False,
-    force: ReplaceFile = False, as_json: Json = False, quiet: Quiet = False,
+    rounded: Rounded = 0.0, force: ReplaceFile = False, as_json: Json = False, quiet: Quiet = False,
 ) -> None:
     """Prepare the reduced model of a scene and write it to a file, which `sparsemor run` runs
     without mesh and training."""
@@ -40,7 +43,7 @@ def reduce(
 
             begun = time.perf_counter()
             model = prepare(loaded, observers=observers)
-            model.save(file, fields=fields)
+            model.save(file, fields=fields, rounded=rounded)
         said = {"status": "done", "scene": loaded.name, "reducer": loaded.reducer_name,
                 "unknowns": model.size, "seconds": time.perf_counter() - begun,
                 "bytes": file.stat().st_size, "may_change": list(model.free), "out": str(file)}

@@ -23,12 +23,16 @@ class FrameWork:
     attachment equations ("rows"). tau (b, p): d rows = H dy + tau ds with s = directions^T u.
     coefficients (2 g + 1,) = kappa, mu, 1: forces sum kappa_g M_g u + sum mu_g M_g u'. For the
     exact Jacobian only: kappa_y, mu_y (b, g) are the derivatives of kappa and mu by y, quad (b, 3,
-    g) those of the rows by the forms (u.M_g u, u.M_g u', u.M_g u'').
+    g) those of the rows by the forms (u.M_g u, u.M_g u', u.M_g u''). fresh: False where derivatives
+    of the evaluation before serve, so that a frame need not write H, tau and the first b rows of
+    sigma.
     """
 
-    __slots__ = ("border", "coefficients", "kappa_y", "mu_y", "quad", "sigma", "tau", "views")
+    __slots__ = ("border", "coefficients", "fresh", "kappa_y", "mu_y", "quad", "sigma", "tau",
+                 "views")
 
     def __init__(self, p: int, b: int, g: int) -> None:
+        self.fresh = True
         self.views: object = None  # a kernel's own views of these arrays, made once
         self.sigma, self.border, self.tau = zeros((b + 1, p)), zeros((b, b + 1)), zeros((b, p))
         self.coefficients = zeros(2 * g + 1)

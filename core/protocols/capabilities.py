@@ -56,7 +56,7 @@ BUILT: Mapping[str, tuple[type, ...]] = {
              body.FollowsMotion, body.CarriesSurfaceLoads, body.LimitsTemperature, *_ANY_PART),
     "contact": (contact.ImportsMotion, contact.ConductsHeat, contact.ReportsNoContact,
                 contact.ReportsChatter, contact.ReportsPassage, *_CONNECTOR),
-    "joint": (joint.NamesMultipliers, joint.PrescribesReactions,
+    "joint": (joint.NamesMultipliers, joint.HasForceLaw, joint.PrescribesReactions,
               joint.PassesReactionsOn, *_CONNECTOR),
     "load": _CONNECTOR,
 }

@@ -1,11 +1,12 @@
 """Interfaces of joints: options of a joint, the built joint, and optional methods."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Protocol, runtime_checkable
 
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.protocols.load_tables import Table
 from sparsemor.core.protocols.part import Part
+from sparsemor.core.protocols.prescribed_motion import FrameHistory
 
 
 class JointPlugin(Protocol):
@@ -27,6 +28,35 @@ class NamesMultipliers(Protocol):
     @property
     def components(self) -> tuple[tuple[str, str], ...]:
         """Name and unit of each multiplier, such as ("force x", "N")."""
+        ...
+
+
+class ForceLaw(Protocol):
+    """Force of a force element, such as a spring, as a function of the motion of its two sides."""
+
+    def __call__(
+        self, times: FloatArray, motion: Sequence[tuple[FloatArray, FloatArray]]
+    ) -> FloatArray:
+        """Force (T,), N or N m, at times (T,), s. motion: of each side rigid coordinates and their
+        rates (T, n)."""
+        ...
+
+
+@runtime_checkable
+class HasForceLaw(Protocol):
+    """A built joint whose force is no multiplier but follows from the motion of its sides. It is
+    recorded with the results."""
+
+    @property
+    def law(self) -> ForceLaw: ...
+    @property
+    def recorded(self) -> tuple[str, str]:
+        """Name and unit of the force, such as ("tension", "N")."""
+        ...
+
+    @property
+    def moved_by(self) -> tuple[str | FrameHistory, str | FrameHistory]:
+        """Block of rigid coordinates of each side, or its motion where it is no unknown."""
         ...
 
 

@@ -72,6 +72,7 @@ class Stage:
     m or "area" m2 in contact, largest "pressure" Pa) -> (T,). reactions_passed_on: joint ->
     reactions (T, columns) for joints whose prescribed reactions differ from their multipliers.
     dropped: largest initial acceleration that its first step did without, m/s2 or rad/s2 (0: none).
+    components: joint -> name and unit of each multiplier.
     """
 
     times: FloatArray
@@ -81,3 +82,4 @@ class Stage:
     contacts: Mapping[str, Mapping[str, FloatArray]]
     reactions_passed_on: Mapping[str, FloatArray] = field(default_factory=dict)
     dropped: float = 0.0
+    components: Mapping[str, tuple[tuple[str, str], ...]] = field(default_factory=dict)

@@ -266,8 +266,12 @@ class ChoosesReducer(Protocol):
         training run."""
         ...
 
-    def choose(self, problem: ReducedProblem) -> Choice:
-        """Reducer for this problem. Raises InputError where none can be chosen."""
+    def choose(
+        self, problem: ReducedProblem, unstable: Callable[[Mapping[str, object], StepSolver], str]
+    ) -> Choice:
+        """Reducer for this problem. unstable: options of a reducer and its step solver -> reason
+        why it must not be chosen, "" for a stable one. Raises InputError where none can be
+        chosen."""
         ...
 
 

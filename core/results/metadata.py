@@ -57,7 +57,8 @@ class RunHeader:
     contact -> names of the resultants that are stored; multipliers: block of Lagrange multipliers
     -> (name, unit) of each; estimates: blocks whose error is estimated; fall_back: time, block and
     reason where the run left its reduced model and went on at full order, {} if it did not;
-    enriched: times from which it had more atoms, s.
+    enriched: times from which it had more atoms, s; forces: force element -> name and unit of its
+    force.
     """
 
     scene: Mapping[str, Any]
@@ -81,6 +82,7 @@ class RunHeader:
     estimates: tuple[str, ...] = ()
     fall_back: Mapping[str, Any] = field(default_factory=dict)
     enriched: tuple[float, ...] = ()
+    forces: Mapping[str, tuple[str, str]] = field(default_factory=dict)
 
     def attributes(self) -> dict[str, Any]:
         """Attributes of the stored result: the entries of the header that are not arrays, as plain
@@ -105,6 +107,7 @@ class RunHeader:
             "estimates": list(self.estimates),
             "fall_back": dict(self.fall_back),
             "enriched": list(self.enriched),
+            "forces": {name: list(force) for name, force in self.forces.items()},
         }
 
 

@@ -22,6 +22,7 @@ from scipy.sparse import csr_array
 
 from sparsemor.core.protocols import TimeFunction
 from sparsemor.core.results.model_format import MAGIC
+from sparsemor.core.results.packed_arrays import compact, order, restored, shuffled
 
 LARGEST = 2**32
 """Largest size of the data of a file, bytes."""
@@ -78,13 +79,13 @@ class Packed:
                 AssertionError) as error:
             raise PackedError(f"no model fits the data ({type(error).__name__}: {error})") from None
 
-    def dump(self) -> bytes:
-        """Bytes of the file: magic line, SHA-256 digest of the rest, then the compressed data."""
-        heads = [[a.dtype.str, list(a.shape), _order(a)] for a in self.arrays]
+    def dump(self, rounded: float = 0.0) -> bytes:
+        """Bytes of the file: magic line, SHA-256 digest of the rest, then the compressed data.
+        rounded: as for `compact`."""
+        heads, data = compact(self.arrays, rounded)
         head = json.dumps([self.about, self.tree, sorted(self.used), heads], separators=(",", ":"),
                           allow_nan=False).encode()
-        parts = [len(head).to_bytes(8, "little"), head, *map(_shuffled, self.arrays)]
-        payload = zlib.compress(b"".join(parts), 6)
+        payload = zlib.compress(b"".join([len(head).to_bytes(8, "little"), head, *data]), 6)
         return MAGIC + hashlib.sha256(payload).hexdigest().encode() + b"\n" + payload
 
     @classmethod
@@ -104,40 +105,14 @@ class Packed:
             body = memoryview(stream.decompress(payload, LARGEST))
             size = int.from_bytes(body[:8], "little")
             about, tree, used, heads = json.loads(bytes(body[8 : 8 + size]))
-            arrays, at = [], 8 + size
-            for kind, shape, order in heads:
-                array = _restored(body[at:], np.dtype(kind), shape, order)
-                arrays.append(array)
-                at += array.nbytes
-            return cls(tree, tuple(arrays), frozenset(used), dict(about))
-        except (ValueError, TypeError, IndexError, zlib.error, RecursionError,
+            return cls(tree, restored(heads, body[8 + size:]), frozenset(used), dict(about))
+        except (ValueError, TypeError, LookupError, zlib.error, RecursionError,
                 MemoryError) as error:
             raise PackedError(f"it cannot be read ({error})") from None
 
 
 def _identity(a: NDArray[Any]) -> tuple[object, ...]:
-    return a.dtype.str, a.shape, _order(a), hashlib.sha256(_shuffled(a)).digest()
-
-
-def _order(a: NDArray[Any]) -> str:
-    return "F" if a.flags.f_contiguous and not a.flags.c_contiguous else "C"
-
-
-def _shuffled(a: NDArray[Any]) -> bytes:
-    """Bytes of an array, first bytes of all entries first, which compress better."""
-    flat = np.ascontiguousarray(a.ravel(order=_order(a)))  # type: ignore[arg-type]
-    return flat.view(np.uint8).reshape(-1, a.itemsize).T.tobytes() if a.size else b""
-
-
-def _restored(
-    data: memoryview, kind: np.dtype[Any], shape: list[int], order: str
-) -> NDArray[Any]:
-    if kind.hasobject or kind.kind not in "biuf":
-        raise ValueError(f"an array of {kind}")
-    count = int(np.prod(shape, dtype=np.int64))
-    raw = np.frombuffer(data, np.uint8, count * kind.itemsize)
-    flat = np.ascontiguousarray(raw.reshape(kind.itemsize, count).T).reshape(-1).view(kind)
-    return flat.reshape(shape, order="F" if order == "F" else "C")
+    return a.dtype.str, a.shape, order(a), hashlib.sha256(shuffled(a)).digest()
 
 
 @dataclass(slots=True)
@@ -187,7 +162,7 @@ class _Packer:
 
     def _dense(self, value: NDArray[Any]) -> Any:
         """An array, or that it is another one with its last two axes swapped."""
-        if value.ndim > 2 and _order(value) == "C":
+        if value.ndim > 2 and order(value) == "C":
             number = self._numbers.get(_identity(np.ascontiguousarray(value.swapaxes(-1, -2))))
             if number is not None and _identity(value) not in self._numbers:
                 return {"swapped": number}

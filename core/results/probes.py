@@ -1,15 +1,17 @@
-"""Probes: position, displacement and temperature of material points, from reduced unknowns."""
+"""Quantities recorded next to the unknowns: position, displacement and temperature of material
+points (probes), and forces of force elements."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.protocols import Dictionary, ProbePlace
+from sparsemor.core.protocols import Dictionary, ForceLaw, HasForceLaw, ProbePlace
 from sparsemor.core.protocols.layout import Layout, Quantity
 from sparsemor.core.protocols.poses import points_in_space
+from sparsemor.core.protocols.prescribed_motion import FrameHistory
 from sparsemor.core.results.metadata import Probe
 
 
@@ -112,3 +114,36 @@ class ProbeReader:
         if self.temperature is not None:
             found["temperature"] = values[-1]
         return found
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ForceReader:
+    """Evaluation of the force of one force element from the solver's rigid coordinates.
+
+    component: name and unit; ends: of each of its sides the position of the rigid coordinates in x,
+    or its motion where it is no unknown.
+    """
+
+    name: str
+    component: tuple[str, str]
+    law: ForceLaw
+    ends: tuple[slice | FrameHistory, slice | FrameHistory]
+
+    @classmethod
+    def of(cls, name: str, part: HasForceLaw, layout: Layout) -> "ForceReader":
+        one, two = (layout[e] if isinstance(e, str) else e for e in part.moved_by)
+        return cls(name, part.recorded, part.law, (one, two))
+
+    def __call__(
+        self, times: FloatArray, x: FloatArray, rates: Mapping[int, FloatArray]
+    ) -> FloatArray:
+        """(j,) force at times (j,), s, for solver states x (j, n). rates: first column of rigid
+        coordinates -> their rates (j, size)."""
+        return self.law(times, [
+            (x[:, e], rates[e.start]) if isinstance(e, slice) else e.along(times)[:2]
+            for e in self.ends])
+
+
+def rate_columns(readers: Sequence[ForceReader]) -> Mapping[int, slice]:
+    """First column -> columns of the rigid coordinates whose rates the readers need."""
+    return {e.start: e for r in readers for e in r.ends if isinstance(e, slice)}

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.protocols.layout import Layout, Quantity
+from sparsemor.core.protocols.load_tables import Table
 from sparsemor.core.protocols.poses import (
     KNOWN,
     PLANAR_POSE,
@@ -386,14 +387,20 @@ class RunResult:
                 for name, kept in self._attributes.get("contacts", {}).items()}
 
     def joint_forces(self) -> Mapping[str, Mapping[tuple[str, str], FloatArray]]:
-        """Joint -> (name, unit) of each multiplier -> (j,) its values, N or N m, at the stored
-        steps, with the sign of the left-hand side of the equations of motion."""
-        found = {}
+        """Joint -> (name, unit) -> (j,) values, N or N m, at the stored steps: multipliers, with
+        the sign of the left-hand side of the equations of motion, and forces of force elements."""
+        found: dict[str, dict[tuple[str, str], FloatArray]] = {}
+        if (stage := self.stage()) is not None:
+            for name, of_unit in stage.components.items():
+                kept = Table(stage.times, stage.reactions[name]).along(self.times)
+                found[name] = dict(zip(of_unit, kept.T, strict=True))
         for b in self.layout:
             given = self._data.attributes_of(b.name) if b.kind.order == 0 else {}
             if "components" in given:
-                of_unit = zip(given["components"], given["units"].split(", "), strict=True)
+                of_unit = tuple(zip(given["components"], given["units"].split(", "), strict=True))
                 found[b.owner] = dict(zip(of_unit, self.block(b.name).T, strict=True))
+        for name, (what, si) in self._attributes.get("forces", {}).items():
+            found.setdefault(name, {})[what, si] = self._array(f"force.{name}")
         return found
 
     def to_xarray(self) -> "xr.Dataset":

@@ -20,6 +20,7 @@ def stage_attributes(stage: Stage | None) -> dict[str, Any] | None:
         return None
     return {"frames": list(stage.frames), "moves": sorted(stage.moves),
             "reactions": list(stage.reactions),
+            "components": {n: [list(c) for c in kept] for n, kept in stage.components.items()},
             "contacts": {name: list(h) for name, h in stage.contacts.items()}}
 
 
@@ -51,4 +52,6 @@ def read_stage(names: Mapping[str, Any], data: ResultArrays) -> Stage:
     return Stage(times, frames, frozenset(names["moves"]),
                  {n: read(f"{n}.reaction") for n in names["reactions"]},
                  {n: {what: read(f"{n}.{what}") for what in histories}
-                  for n, histories in names["contacts"].items()})
+                  for n, histories in names["contacts"].items()},
+                 components={n: tuple((what, si) for what, si in kept)
+                             for n, kept in names.get("components", {}).items()})

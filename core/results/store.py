@@ -48,8 +48,9 @@ class ChunkOfSteps:
     times (j,): s; x (j, n): unknowns of the step solver; iterations (j,); remaining (j,): estimated
     relative errors that these leave; step_seconds (j,): computing times, s; supports: block -> (j,
     k) active basis vectors (an absent reduced block uses all of them); probes: name -> (j,
-    components); contacts: `contact.resultant` -> (j,); given: body -> (j, functions) prescribed
-    temperatures, K; estimates: block -> (j,) norms of its estimated error.
+    components); contacts: `contact.resultant` -> (j,); forces: force element -> (j,); given: body
+    -> (j, functions) prescribed temperatures, K; estimates: block -> (j,) norms of its estimated
+    error.
     """
 
     times: FloatArray
@@ -60,6 +61,7 @@ class ChunkOfSteps:
     supports: Mapping[str, BoolArray] = field(default_factory=dict)
     probes: Mapping[str, FloatArray] = field(default_factory=dict)
     contacts: Mapping[str, FloatArray] = field(default_factory=dict)
+    forces: Mapping[str, FloatArray] = field(default_factory=dict)
     given: Mapping[str, FloatArray] = field(default_factory=dict)
     estimates: Mapping[str, FloatArray] = field(default_factory=dict)
 
@@ -275,6 +277,7 @@ def columns_of(
             columns[f"{b.name}.active"] = steps.supports.get(b.name, everything)
     columns |= {f"probe.{name}": values for name, values in steps.probes.items()}
     columns |= {f"contact.{name}": values for name, values in steps.contacts.items()}
+    columns |= {f"force.{name}": values for name, values in steps.forces.items()}
     columns |= {f"error_estimate.{n}": values for n, values in steps.estimates.items()}
     columns |= {f"{body}.given": values for body, values in steps.given.items()}
     if columns.keys() != arrays.keys():

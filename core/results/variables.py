@@ -67,6 +67,8 @@ def time_arrays(header: RunHeader) -> dict[str, dict[str, Any]]:
     for name, kept in header.contacts.items():
         for what in kept:
             add(f"contact.{name}.{what}", "float64", (), units=CONTACT_UNITS.get(what, ""))
+    for name, (what, si) in header.forces.items():
+        add(f"force.{name}", "float64", (), units=si, long_name=what)
     return made
 
 

@@ -1,4 +1,4 @@
-"""HTML for notebooks: tables of text."""
+"""HTML for notebooks: tables, and text in columns."""
 
 from collections.abc import Sequence
 from html import escape
@@ -12,3 +12,8 @@ def html_table(rows: Sequence[Sequence[str]], caption: str = "") -> str:
     parts += ["<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>"
               for row in body]
     return f"<table>{''.join(parts)}</table>"
+
+
+def html_text(text: str) -> str:
+    """HTML of text whose columns are aligned by spaces."""
+    return f"<pre>{escape(text)}</pre>"

@@ -66,11 +66,15 @@ class BoxTraining(Plugin):
     """Estimated error, relative to the largest change of a block, at which `greedy` ends."""
     points: list[dict[str, float]] | None = Field(default=None, min_length=1)
     """The points themselves, instead of a choice: all parameters of each."""
+    workers: int = Field(default=1, ge=1)
+    """Number of processes that make the training runs, with the same digits; `greedy` makes them
+    one after the other."""
 
     @model_validator(mode="after")
     def _used(self) -> "BoxTraining":
-        used = {"points"} if self.points is not None else {
-            "latin_hypercube": {"choice", "samples", "seed"}, "corners": {"choice"},
+        used = {"points", "workers"} if self.points is not None else {
+            "latin_hypercube": {"choice", "samples", "seed", "workers"},
+            "corners": {"choice", "workers"},
             "greedy": {"choice", "samples", "seed", "candidates", "tolerance"}}[self.choice]
         for name in sorted(self.model_dump(exclude_defaults=True).keys() - used):
             raise InputError("has no effect next to points" if self.points is not None else

@@ -18,6 +18,7 @@ from sparsemor.core.errors import InputError
 from sparsemor.core.linalg.threads import fixed_threads
 from sparsemor.core.model.body_cache import BodyCache
 from sparsemor.core.model.model import Model
+from sparsemor.core.model.resolved_start import resolved_start
 from sparsemor.core.notes import Note, information
 from sparsemor.core.protocols import (
     Choice,
@@ -25,6 +26,7 @@ from sparsemor.core.protocols import (
     ReadsFiles,
     ReducedProblem,
     SelectsFields,
+    StepSolver,
     TrialRun,
 )
 from sparsemor.core.protocols.layout import Quantity
@@ -32,12 +34,15 @@ from sparsemor.core.registry.hooks import Manager, new_manager
 from sparsemor.core.results.atomic_files import replace_file
 from sparsemor.core.results.tables import text_table
 from sparsemor.core.scene.defaults import CHOOSER, FULL_ORDER
+from sparsemor.core.scene.html import html_text
 from sparsemor.core.scene.nested import nested
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.cache import Cache
+from sparsemor.core.simulation.linearization import check_run
 from sparsemor.core.simulation.offline import Offline, step_count
 from sparsemor.core.simulation.offline_cache import Products
 from sparsemor.core.simulation.prepare import prepared
+from sparsemor.core.simulation.progress import progress_bar
 from sparsemor.core.simulation.rigid_stage import acts_on_motion
 from sparsemor.core.status import SolveFailed
 
@@ -45,7 +50,7 @@ CHOSEN, UNMET = "chosen", "tolerance_unmet"
 """Kinds of the notes on a chosen reducer."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Advice:
     """Fields and reducer that trial runs chose for a scene.
 
@@ -111,6 +116,13 @@ class Advice:
             f"chosen: {self.summary}",
             f"full-order run {self.full_seconds:.3g} s, trial runs {self.seconds:.3g} s"])
 
+    def __repr__(self) -> str:
+        return f"<Advice: {self.summary}>"
+
+    def _repr_html_(self) -> str:
+        """Trial runs and reasons, for notebooks."""
+        return html_text(str(self))
+
     def _worst(self, errors: Mapping[str, float], field: str) -> str:
         """Largest error of a field over its blocks, as text."""
         found = [e for n, e in errors.items() if self.fields[n] == field]
@@ -120,19 +132,21 @@ class Advice:
 @fixed_threads()
 def advise(
     scene: Scene, *, tolerance: float | None = None, observers: Sequence[object] = (),
-    cache: Cache | None = None, body_cache: BodyCache | None = None,
+    cache: Cache | None = None, body_cache: BodyCache | None = None, progress: bool = False,
 ) -> Advice:
     """Fields and reducer for a scene, chosen by trial runs over its training run.
 
     tolerance: largest error of each field, relative to its largest change; by default that of the
-    scene's own reducer, if that chooses. Raises InputError for bad input, SolveFailed if the
-    training run fails.
+    scene's own reducer, if that chooses; progress: show it on standard error. Raises InputError for
+    bad input, SolveFailed if the training run fails.
     """
     if not isinstance(scene.reducer, ChoosesReducer):
         scene = scene.using({"reducer": CHOOSER})
     if tolerance is not None:
         scene = scene.using({"reducer.tolerance": tolerance}, label="tolerance")
-    return _advice(scene, cache or Cache(), new_manager(observers), body_cache or BodyCache())
+    with progress_bar(progress) as bar:
+        manager = new_manager((*observers, *bar))
+        return _advice(scene, cache or Cache(), manager, body_cache or BodyCache())
 
 
 def explicit(
@@ -183,6 +197,19 @@ def _asked(
     """Blocks that are left out, and the chosen reducer; None where no block remains."""
     training = _training(scene)
     problem = _problem(training, model, offline)
+
+    def choice_for(model: Model, offline: Offline) -> Choice:
+        start = resolved_start(model, training.integrator, training.time.step).state
+
+        def unstable(reducer: Mapping[str, object], solver: StepSolver) -> str:
+            tried = training.using({
+                "reducer": reducer, "check_stability": scene.check_stability}, label=CHOSEN)
+            if tried.check_stability == "refuse":  # here it rejects a candidate
+                tried = tried.using({"check_stability": "warn"}, label=CHOSEN)
+            return " ".join(n.text for n in check_run(tried, model, solver, start, offline)[0])
+
+        return chooser.choose(_problem(training, model, offline), unstable)
+
     covered = not scene.training.overrides and scene.training_end >= scene.time.end
     gone = chooser.left_out(problem) if covered else ()
     if gone:
@@ -198,10 +225,10 @@ def _asked(
             rows = {n: offline.snapshots(n).T for n in names}
             kept = Offline(smaller, lambda: [("", lambda: rows)], Products(None), tools[1],
                            offline.recording)
-            choice = chooser.choose(_problem(training, smaller, kept))
+            choice = choice_for(smaller, kept)
             if not choice.doubts:
                 return gone, choice
-    return (), chooser.choose(problem)
+    return (), choice_for(model, offline)
 
 
 def _problem(scene: Scene, model: Model, offline: Offline) -> ReducedProblem:

@@ -17,10 +17,13 @@ def load_functions(scene: Scene) -> Mapping[str, TimeFunction]:
     return dict(functions_of_time({"loads": scene.loads}))
 
 
-def kept_options(scene: Scene) -> Mapping[str, object]:
-    """Options of a scene as plain data, without those that a run of its model may change."""
+def kept_options(scene: Scene, parameters: bool = False) -> Mapping[str, object]:
+    """Options of a scene as plain data, without those that a run of its model may change.
+    parameters: without the values of its parameters too, with which its equations are projected
+    again."""
     tree = scene.dump()
-    for key in (*FREE, *load_functions(scene)):
+    declared = [k for p in scene.parameters.values() for k in p.keys] if parameters else []
+    for key in (*declared, *FREE, *load_functions(scene)):
         node: Any = tree
         *path, last = find(tree, key)
         for part in path:

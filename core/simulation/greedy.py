@@ -101,10 +101,10 @@ def estimated_error(
         states.append(taken.state.x)
     worst, X = 0.0, np.stack(states)
     for name, errors in record.stored().items():
-        d, c = solver.dictionaries[name], X[:, solver.layout[name]]
-        R = np.asarray(np.linalg.qr(d.atoms, mode="r"))
+        d, c = solver.dictionaries.get(name), X[:, solver.layout[name]]
+        R = np.eye(c.shape[1]) if d is None else np.asarray(np.linalg.qr(d.atoms, mode="r"))
         change = float(np.linalg.norm((c - c[0]) @ R.T, axis=1).max())
-        size = float(np.linalg.norm(d.offset + d.atoms @ c[0]))
+        size = float(np.linalg.norm(c[0] if d is None else d.offset + d.atoms @ c[0]))
         scale = change if change > CONSTANT_CHANGE * size else size
         worst = max(worst, float(errors.max()) / (scale or 1.0))
     return worst if isfinite(worst) else inf

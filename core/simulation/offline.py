@@ -46,15 +46,16 @@ class Offline:
     passed in. trained: True if a basis needs snapshots, also if the basis came from the cache.
     expected: estimated memory of the run, bytes, None before the estimate.
     reducer: identity of a third-party reducer, part of its cache keys; notes: warnings about the
-    choice of training runs.
+    choice of training runs. at_once: makes several training runs at once and stores them in the
+    cache under the keys that it is called with; None if they are made one after the other.
     """
 
     def __init__(
         self, model: Model, training: Callable[[], Sequence[TrainingRun]], products: Products,
         manager: Manager | None = None, recording: Recording | None = None,
-        reducer: Sequence[object] = (),
+        reducer: Sequence[object] = (), at_once: Callable[[Sequence[str]], None] | None = None,
     ) -> None:
-        self._model, self._training = model, training
+        self._model, self._training, self._at_once = model, training, at_once
         self._reducer = list(reducer)
         self._snapshots: Mapping[str, FloatArray] | None = None
         self._made: dict[str, tuple[Dictionary, float]] = {}
@@ -103,11 +104,26 @@ class Offline:
 
     def snapshots(self, name: str) -> FloatArray:
         if self._snapshots is None:
+            apart = self._trained_at_once()
             found = [self.products.remember("training", self._place(key), train)
                      for key, train in self._runs]
+            if apart:
+                self.products.used["training"] = "miss" if apart == len(found) else "mixed"
             self._snapshots = found[0] if len(found) == 1 else {
                 n: np.concatenate([each[n] for each in found]) for n in found[0]}
         return self._snapshots[name].T
+
+    def _trained_at_once(self) -> int:
+        """Number of training runs that other processes made, as they were not in the cache."""
+        if self._at_once is None or self.products.cache is None:
+            return 0
+        places = (self._place(key) for key, _ in self._runs)
+        missing = [p for p in places if not self.products.cache.place("training", p).exists()]
+        if len(missing) < 2:
+            return 0
+        with self.products.elsewhere("training"):
+            self._at_once(missing)
+        return len(missing)
 
     def _place(self, key: str) -> str:
         return "" if self.products.cache is None else digest(key)

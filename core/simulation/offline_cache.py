@@ -133,6 +133,16 @@ class Products:
         if not hit:
             record(self.cache.place(kind, key), {f"{kind}/{key}": seconds})
 
+    @contextmanager
+    def elsewhere(self, kind: str) -> Iterator[None]:
+        """Context in which other processes compute products of a kind, which store their own
+        computing times."""
+        start = time.perf_counter()
+        yield
+        elapsed = time.perf_counter() - start
+        self.spent.waited += elapsed
+        self.seconds[kind] = self.seconds.get(kind, 0.0) + elapsed
+
     def remember(
         self, kind: str, key: str, make: Callable[[], Arrays]
     ) -> Arrays:

@@ -20,6 +20,7 @@ from sparsemor.core.protocols import (
     Dictionary,
     ErrorEstimator,
     EstimatesErrors,
+    HasForceLaw,
     ReducedProblem,
     State,
     StepSolver,
@@ -27,7 +28,7 @@ from sparsemor.core.protocols import (
 from sparsemor.core.registry.hooks import Manager
 from sparsemor.core.registry.returned_values import complete
 from sparsemor.core.results.metadata import RunHeader
-from sparsemor.core.results.probes import ProbeReader
+from sparsemor.core.results.probes import ForceReader, ProbeReader
 from sparsemor.core.scene.parameters import Point, values_at
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.cache import Cache
@@ -58,11 +59,12 @@ class PreparedRun:
     """A run up to its first step: everything that further runs of the same model share.
 
     solver: step solver; start: state from which it starts, of the full-order model, or in the
-    unknowns of a solver without mesh; header: of the result; probes, given: what is recorded next
-    to the unknowns; notes, stability, spaces: findings before the first step; trained_to: end of
-    the training run, s; contacts: warnings about contacts along a rigid-body pre-simulation, None
-    without one. model: assembled model, estimator: of the error, and offline data, None where they
-    are not at hand; own_loads: False if the run has other loads than that model.
+    unknowns of a solver without mesh; header: of the result; probes, forces, given: what is
+    recorded next to the unknowns; notes, stability, spaces: findings before the first step;
+    trained_to: end of the training run, s; contacts: warnings about contacts along a rigid-body
+    pre-simulation, None without one. model: assembled model, estimator: of the error, and offline
+    data, None where they are not at hand; own_loads: False if the run has other loads than that
+    model.
     """
 
     scene: Scene
@@ -80,6 +82,7 @@ class PreparedRun:
     estimator: ErrorEstimator | None = None
     offline: Offline | None = None
     own_loads: bool = True
+    forces: tuple[ForceReader, ...] = ()
 
     def factored(self) -> Sequence[Factored]:
         """Reports of the linear systems of the assembled model."""
@@ -138,7 +141,9 @@ def prepared_run(
          *before_run(scene, model), *of_solver(scene, solver), *unstable, *missed, *offline.notes,
          *(() if estimator is None else estimator.notes)),
         stability, spaces, scene.training_end, stage_warnings(model),
-        model, estimator, offline), offline
+        model, estimator, offline, forces=tuple(
+            ForceReader.of(name, part, solver.layout) for name, part in model.parts.items()
+            if isinstance(part, HasForceLaw))), offline
 
 
 def prepared(

@@ -26,6 +26,7 @@ from sparsemor.core.results.error_norms import estimated_errors
 from sparsemor.core.results.json_data import finite
 from sparsemor.core.results.output_directory import STORE
 from sparsemor.core.results.output_lock import check_owned
+from sparsemor.core.results.probes import rate_columns
 from sparsemor.core.results.saved_state import SavedError
 from sparsemor.core.results.solver_report import solvers_summary
 from sparsemor.core.results.store import ChunkOfSteps, ResultWriter
@@ -71,13 +72,14 @@ class Recorder:
         self._every, self._saved = run.scene.output.every, time.perf_counter()
         self._on_disk = isinstance(writer, ResultWriter)
         self.take_up(run)
-        self._rows: list[tuple[float, FloatArray, int, float, float]] = []
+        self._rows: list[tuple[float, FloatArray, int, float, float, list[FloatArray]]] = []
         self._contacts: list[Mapping[str, float]] = []
         self._supports: list[Mapping[str, BoolArray]] = []
 
     def take_up(self, run: PreparedRun) -> None:
         """Records the steps of this run from now on."""
         self.run, self.solver = run, run.solver
+        self._rates = rate_columns(run.forces)
         # along a rigid stage histories are kept already; only conduction acts in addition
         solver: object = run.solver
         self._reports = solver if run.header.stage is None and isinstance(
@@ -190,7 +192,8 @@ class Recorder:
         self, state: State, tally: Tally, supports: Mapping[str, BoolArray], memory: StepMemory
     ) -> None:
         self._rows.append((
-            state.t, state.x, tally.last_iterations, tally.last_remaining, tally.last_seconds))
+            state.t, state.x, tally.last_iterations, tally.last_remaining, tally.last_seconds,
+            [state.v[at].copy() for at in self._rates.values()]))
         self._supports.append(dict(supports))
         if self.errors is not None:
             self.errors.store()
@@ -212,9 +215,10 @@ class Recorder:
         estimates = {} if self.errors is None else self.errors.stored()
         if not self._rows:
             return
-        t, x, iterations, remaining, seconds = (
+        t, x, iterations, remaining, seconds, rates = (
             list(c) for c in zip(*self._rows, strict=True))
         X, times = np.array(x), np.array(t)
+        rate = dict(zip(self._rates, map(np.array, zip(*rates, strict=True)), strict=True))
         supports = {name: np.array([s[name] for s in self._supports])
                     for name in self._supports[0]}
         self.writer.append(ChunkOfSteps(
@@ -222,6 +226,7 @@ class Recorder:
             {p.name: p(times, X) for p in self.run.probes},
             {name: np.array([c[name] for c in self._contacts])
              for name in (self._contacts or [{}])[0]},
+            {f.name: f(times, X, rate) for f in self.run.forces},
             {body: shape.given_at(times) for body, shape in self.run.given.items()}, estimates))
         self._rows, self._supports, self._contacts = [], [], []
 

@@ -33,6 +33,7 @@ from sparsemor.core.results.output_lock import owned
 from sparsemor.core.results.packed import Packed, PackedError, Table, table_of
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.results.store import ResultWriter
+from sparsemor.core.scene.html import html_table
 from sparsemor.core.scene.nested import changes, functions_of_time, nested
 from sparsemor.core.scene.overrides import split
 from sparsemor.core.scene.parameters import values_at
@@ -51,6 +52,7 @@ from sparsemor.core.simulation.other_start import (
     started_from,
 )
 from sparsemor.core.simulation.prepare import PreparedRun, prepared_run
+from sparsemor.core.simulation.progress import progress_bar
 from sparsemor.core.simulation.recorder import Recorder
 from sparsemor.core.simulation.simulate import stepped
 from sparsemor.core.simulation.step_statistics import Tally
@@ -66,22 +68,23 @@ their first atoms."""
 @fixed_threads()
 def reduce(
     scene: Scene, *, observers: Sequence[object] = (), cache: Cache | None = None,
-    body_cache: BodyCache | None = None,
+    body_cache: BodyCache | None = None, progress: bool = False,
 ) -> "ReducedModel":
     """Reduced model of a scene, prepared up to its first step: meshed, trained, projected, checked.
 
-    observers, cache, body_cache: as for `simulate`. Raises InputError for bad input and for a
-    reducer that reduces nothing, SolveFailed if the training run fails.
+    observers, cache, body_cache, progress: as for `simulate`. Raises InputError for bad input and
+    for a reducer that reduces nothing, SolveFailed if the training run fails.
     """
-    begun = time.perf_counter()
-    manager, cache = new_manager(observers), cache or Cache()
+    begun, cache = time.perf_counter(), cache or Cache()
     bodies = BodyCache() if body_cache is None else body_cache.of_bodies()
-    scene = explicit(scene, cache, manager, bodies)
-    if not isinstance(scene.reducer, UsesBases):
-        raise InputError(f"{scene.reducer_name} reduces nothing: name a reducer that has a "
-                         "trial basis", "reducer")
-    # not a model of the trial runs, whose loads are objects of another scene
-    run, offline = prepared_run(scene, cache, manager, bodies.of_bodies())
+    with progress_bar(progress) as bar:
+        manager = new_manager((*observers, *bar))
+        scene = explicit(scene, cache, manager, bodies)
+        if not isinstance(scene.reducer, UsesBases):
+            raise InputError(f"{scene.reducer_name} reduces nothing: name a reducer that has a "
+                             "trial basis", "reducer")
+        # not a model of the trial runs, whose loads are objects of another scene
+        run, offline = prepared_run(scene, cache, manager, bodies.of_bodies())
     kept = run, offline.without_snapshots()
 
     def again(changed: Scene, atoms: int | None = None) -> PreparedRun:
@@ -134,6 +137,13 @@ class ReducedModel:
 
     def __repr__(self) -> str:
         return f"<ReducedModel {self.scene.name}, {self._run.header.reducer}, {self.size} unknowns>"
+
+    def _repr_html_(self) -> str:
+        """Main facts of the model, for notebooks."""
+        return html_table([
+            ["model of", self.scene.name], ["reducer", self._run.header.reducer],
+            ["unknowns", ", ".join(f"{b.name} ({b.size})" for b in self._run.solver.layout)],
+            ["a run may change", ", ".join([*self.free, *self.scene.parameters])]])
 
     @property
     def scene(self) -> Scene:
@@ -205,16 +215,20 @@ class ReducedModel:
 
     def check(self, overrides: Mapping[str, Any] | Scene) -> None:
         """Raises the InputError that a run with these overrides would raise."""
-        self._changed(overrides, {})
+        if faults := self._faults(self._scene_with(overrides)):
+            raise InputError(list(faults.values()))
 
-    def save(self, path: str | Path, *, fields: bool = False) -> None:
+    def save(self, path: str | Path, *, fields: bool = False, rounded: float = 0.0) -> None:
         """Writes the model to a file. fields: with meshes and bases, so that its results have
         displacements and temperatures of all nodes; without them they have coefficients, rigid
-        motion, joint forces and probes.
+        motion, joint forces and probes. rounded: errors of large matrices in a smaller file,
+        relative to the largest entry of each row; 0 keeps every digit.
 
         Raises InputError for a model that cannot be stored, and, with `fields`, for one that was
         read from a file without them.
         """
+        if not 0.0 <= rounded < 1.0:
+            raise InputError(f"must be at least 0 and below 1 (got {rounded:g})", "rounded")
         run, dictionaries = self._run, self._run.header.dictionaries
         if fields and not all(len(d.offset) for d in dictionaries.values()):
             raise InputError("this model was read from a file without fields", "fields")
@@ -230,7 +244,7 @@ class ReducedModel:
         del parts["scene"]
         scene = run.scene
         data = replace(self._pack(parts), about={"scene": scene.dump(), "name": scene.name})
-        replace_file(Path(path), data.dump())
+        replace_file(Path(path), data.dump(rounded))
 
     # ------------------------------------------------------------------ changes
 
@@ -287,18 +301,13 @@ class ReducedModel:
         model."""
         if not (overrides or initial):
             return self._run
-        run = self._run
-        scene = overrides if isinstance(overrides, Scene) else self.scene.using(
-            overrides, label="run")
+        run, scene = self._run, self._scene_with(overrides)
         keys = list(changes(self.scene.dump(), scene.dump()))
-        found = {key: f for key in keys if (f := self._fault(key, scene)) is not None}
-        if self._again is not None and found and all(map(self._declared, found)):
+        if faults := [*self._faults(scene).values(), *block_faults(initial, run.solver.layout)]:
+            raise InputError(faults)
+        if self._again is not None and any(self._fault(key, scene) for key in keys):
             again = ReducedModel(self._again(scene, None), again=self._again)
             return again._changed({}, initial)
-        faults = list(found.values())
-        faults += block_faults(initial, run.solver.layout)
-        if faults:
-            raise InputError(faults)
         run = replace(run, scene=scene, header=replace(
             run.header, scene=scene.dump(), scene_digest=scene.digest(),
             steps_planned=step_count(scene)), notes=(
@@ -315,6 +324,17 @@ class ReducedModel:
                 notes = start_notes(made, start, initial, run.solver.layout)
                 run = replace(run, notes=(*(n for n in run.notes if n.kind != START), *notes))
         return run
+
+    def _scene_with(self, overrides: Mapping[str, Any] | Scene) -> Scene:
+        return overrides if isinstance(overrides, Scene) else self.scene.using(
+            overrides, label="run")
+
+    def _faults(self, scene: Scene) -> Mapping[str, Fault]:
+        """Key -> fault of the changes that need a new model; none if they are values of parameters
+        with which the equations can be projected again."""
+        found = {key: f for key in changes(self.scene.dump(), scene.dump())
+                 if (f := self._fault(key, scene)) is not None}
+        return {} if self._again is not None and all(map(self._declared, found)) else found
 
     def _fault(self, key: str, scene: Scene) -> Fault | None:
         """Fault of a changed key that the model depends on, None for one that may change."""

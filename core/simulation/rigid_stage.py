@@ -38,6 +38,7 @@ from sparsemor.core.scene.run_identity import Identity
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.offline import Offline, full_run
 from sparsemor.core.simulation.offline_cache import Products, mesh_content
+from sparsemor.core.simulation.run_header import multiplier_components
 from sparsemor.core.status import SolveFailed, Status
 
 STAGE = "rigid stage"
@@ -162,7 +163,7 @@ class _Imported(Followed):
 @np.errstate(all="ignore")  # overflow is a status of the step, not a warning
 def _run(scene: Scene, model: Model, manager: Manager) -> Arrays:
     """Results of the rigid-body pre-simulation at T times: times (T,), s; per body pose, rate and
-    acceleration (T, 3, n); per joint Lagrange multipliers (T, l) and, from
+    acceleration (T, 3, n); per joint Lagrange multipliers (T, l), their names and units and, from
     `reactions_passed_on(times, multipliers, poses)`, the reaction forces for the flexible model."""
     layout = model.layout
     try:
@@ -173,6 +174,7 @@ def _run(scene: Scene, model: Model, manager: Manager) -> Arrays:
         raise SolveFailed(failure.status, failure.time, failure.block,
                           f"{failure.detail}; {_OWN_STEPS}") from None
     times = np.array([s.t for s in kept])
+    components = multiplier_components(model)
     frames = {b.owner: np.stack([np.stack([s.x, s.v, s.a])[:, layout[b.name]] for s in kept])
               for b in layout if b.kind.quantity is Quantity.POSE}
     made: dict[str, Any] = {
@@ -189,6 +191,8 @@ def _run(scene: Scene, model: Model, manager: Manager) -> Arrays:
         if b.kind.order == 0 and b.owner in scene.joints:
             made[f"reaction.{b.owner}"] = reactions = np.stack([s.x[layout[b.name]] for s in kept])
             joint = model.parts[b.owner]
+            if b.name in components:
+                made[f"components.{b.owner}"] = np.array(components[b.name])
             if isinstance(joint, PassesReactionsOn):
                 made[f"handed.{b.owner}"] = joint.reactions_passed_on(times, reactions, poses)
     return made
@@ -200,7 +204,9 @@ def _stage(arrays: Arrays) -> Stage:
               for n, m in _under("frame", arrays).items()}
     return Stage(times, frames, frozenset(str(n) for n in arrays["moves"]),
                  _under("reaction", arrays), {}, _under("handed", arrays),
-                 float(arrays["dropped"]))
+                 float(arrays["dropped"]),
+                 {name: tuple((str(what), str(si)) for what, si in kept)
+                  for name, kept in _under("components", arrays).items()})
 
 
 def _under(group: str, arrays: Arrays) -> Arrays:

@@ -5,7 +5,13 @@ from importlib.metadata import version
 
 from sparsemor.core.linalg.threads import described
 from sparsemor.core.model.model import Model, distinct_names
-from sparsemor.core.protocols import BodyShape, HasShape, NamesMultipliers, StepSolver
+from sparsemor.core.protocols import (
+    BodyShape,
+    HasForceLaw,
+    HasShape,
+    NamesMultipliers,
+    StepSolver,
+)
 from sparsemor.core.protocols.step_solver import resultant_sources_of
 from sparsemor.core.results.metadata import RunHeader
 from sparsemor.core.results.probes import ProbeReader
@@ -60,4 +66,5 @@ def header_of(
         contacts={a.name: a.term.histories for a in resultant_sources_of(solver, None)}
         if model.stage is None else {},
         multipliers=multiplier_components(model), estimates=estimates,
+        forces={n: p.recorded for n, p in model.parts.items() if isinstance(p, HasForceLaw)},
     )

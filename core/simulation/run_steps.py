@@ -210,8 +210,9 @@ class RunSteps:
             *started(full, self.scene.integrator, self._full_state()), count))
         if not steps[-1].outcome.status.ok:
             return False
-        permitted = {n: LEFT_OUT * watch.limit.tolerance * c for n, c in errors.changes.items()}
         states, old = [s.state for s in steps], run.solver.dictionaries
+        permitted = {n: LEFT_OUT * watch.limit.tolerance * c for n, c in errors.changes.items()
+                     if n in old}
         try:
             new = enriched(run, with_new_atoms(old, states, model.layout, permitted), self.state.t)
         except (InputError, SolveFailed):

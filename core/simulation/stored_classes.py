@@ -11,11 +11,11 @@ from sparsemor.core.protocols.prescribed_motion import FrameHistory, Stage
 from sparsemor.core.protocols.prescribed_quantities import Held, Prescribed
 from sparsemor.core.protocols.separable import LoadColumn, MovingBody, Separated
 from sparsemor.core.results.metadata import Probe, RunHeader
-from sparsemor.core.results.probes import Linear, ProbeReader
+from sparsemor.core.results.probes import ForceReader, Linear, ProbeReader
 from sparsemor.core.simulation.diagnostics.trial_space import TrialSpace
 
 CLASSES: Sequence[object] = (
-    Block, BodyShape, CompressedLocal, Dictionary, FieldKind, FrameHistory, Held, Layout, Level,
-    Linear, LoadColumn, MovingBody, Note, Prescribed, Probe, ProbePlace, ProbeReader,
+    Block, BodyShape, CompressedLocal, Dictionary, FieldKind, ForceReader, FrameHistory, Held,
+    Layout, Level, Linear, LoadColumn, MovingBody, Note, Prescribed, Probe, ProbePlace, ProbeReader,
     Quantity, RunHeader, Separated, Stage, State, StressConstants, Table, TrialSpace,
 )

@@ -26,6 +26,7 @@ from sparsemor.core.simulation.memory.estimate import trains
 from sparsemor.core.simulation.offline import Offline, TrainingRun, full_run, step_count
 from sparsemor.core.simulation.offline_cache import Products, mesh_content
 from sparsemor.core.simulation.rigid_stage import staged
+from sparsemor.core.simulation.workers.training_runs import train_at_once
 
 TRAINING = "training run"
 """Prefix of messages about failures of the training run."""
@@ -96,10 +97,18 @@ def offline_of(
             points, offline.notes = greedy()
         return [run(point) for point in points]
 
+    def at_once(missing: Sequence[str]) -> None:
+        assert box is not None and products.cache is not None
+        points = {digest(run(point)[0]): point for point in box.chosen(scene.parameters)}
+        train_at_once(scene, {k: points[k] for k in missing}, products.cache, box.workers,
+                      lambda done: manager.hook.on_offline(
+                          product=f"training run {done} of {len(missing)}"))
+
     training = scene.for_training()
     recording = Recording(training.integrator, training.time.step, training.training.every,
                           training.time.end)
-    offline = Offline(model, runs, products, manager, recording, origin(type(scene.reducer)))
+    offline = Offline(model, runs, products, manager, recording, origin(type(scene.reducer)),
+                      at_once if box is not None and box.workers > 1 else None)
     return offline
 
 

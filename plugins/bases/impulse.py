@@ -9,6 +9,7 @@ from sparsemor.core import (
     BlockData,
     Dictionary,
     FloatArray,
+    InputError,
     Plugin,
     distinct_names,
     oriented_unit_columns,
@@ -22,6 +23,11 @@ from sparsemor.plugins.bases.load_patterns import (
 from sparsemor.plugins.bases.orthogonalise import independent
 from sparsemor.plugins.bases.response_compression import largest_directions, steps_of
 from sparsemor.plugins.bases.static_response import factorize, is_thermal
+from sparsemor.plugins.bases.tabled_responses import tabled_responses
+
+REST = 1e-7
+"""Norm of the part of superposed responses that may be left out, relative to their largest singular
+value."""
 
 
 class Impulse(Plugin):
@@ -46,6 +52,10 @@ class Impulse(Plugin):
     """Largest number of steps from one delay to the next; where delays are further apart, the steps
     are longer: nearly the same temperatures at a fraction of the cost. Left out: the steps of the
     run."""
+    superposed: bool = False
+    """Superpose the responses with the amplitudes of the load tables (Duhamel's sum): the block's
+    response to all its tables, one solve per step, for displacements also to the temperatures that
+    the tables cause. Fewer atoms at the same error, but for these tables alone."""
     count: int | None = Field(default=None, ge=1)
     """Number of orthonormal atoms to which the responses are compressed by singular value
     decomposition, in addition to the uniform temperature and the initial values; each response is
@@ -65,6 +75,11 @@ class Impulse(Plugin):
     @model_validator(mode="after")
     def _one_kind(self) -> "Impulse":
         refuse_both(self.positions, self.tabled, "positions")
+        for name, value in (("positions", self.positions), ("tabled", self.tabled),
+                            ("delays", self.delays), ("substeps", self.substeps)):
+            if self.superposed and value is not None:
+                raise InputError("superposed: true takes the response to the load tables, which "
+                                 f"{name} does not change: leave it out", name)
         return self
 
     @property
@@ -77,11 +92,18 @@ class Impulse(Plugin):
 
     def unfit(self, data: BlockData, snapshots: int) -> str:
         """Reason why a block cannot have these responses (no load moves over it); "" if it can."""
-        return "" if data.moving else str(refuse_nowhere(data, "impulse"))
+        return "" if self._acts(data) else str(refuse_nowhere(data, "impulse"))
+
+    def _acts(self, data: BlockData) -> bool:
+        """True if a load moves over the block or, for `superposed`, heats it."""
+        heated = self.superposed and data.heat is not None and data.coupling is not None
+        return bool(data.moving or heated and data.heat is not None and data.heat.moving)
 
     def build(self, data: BlockData) -> Dictionary:
         """Dictionary with atoms (n, k). Raises InputError if no load moves or the time step is
         unknown."""
+        if self.superposed:
+            return self._superposed(data)
         forces, names = moving_loads(data, self.positions, self.tabled)
         if not names:
             raise refuse_nowhere(data, "impulse")
@@ -101,6 +123,22 @@ class Impulse(Plugin):
         return Dictionary(oriented_unit_columns(atoms), np.zeros(data.size), names_of_atoms, {
             "positions": len(names), "delays": ", ".join(map(str, delays)),
             "responses": len(names) * len(delays), "kept": atoms.shape[1]})
+
+    def _superposed(self, data: BlockData) -> Dictionary:
+        """Orthonormal atoms of the response to the load tables, its leading directions."""
+        if not self._acts(data):
+            raise refuse_nowhere(data, "impulse")
+        known_step(data, "impulse")
+        first, names = _lasting(data)
+        _, Q = independent(first, self.rank_rtol)
+        X = tabled_responses(data)
+        U = largest_directions(X, Q, self.count or min(X.shape), self.rank_rtol, REST)
+        if not U.shape[1]:  # all tables are 0
+            raise refuse_nowhere(data, "impulse")
+        return Dictionary(
+            oriented_unit_columns(np.hstack([Q, U])), np.zeros(data.size),
+            (*names, *(f"response {i}" for i in range(U.shape[1]))),
+            {"responses": X.shape[1], "kept": Q.shape[1] + U.shape[1]})
 
     def _pooled(
         self, first: FloatArray, responses: list[FloatArray], delays: FloatArray

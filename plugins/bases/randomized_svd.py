@@ -35,22 +35,26 @@ def held(A: FloatArray, Q: FloatArray, product: InnerProduct) -> float:
     return 1.0 - missed * missed
 
 
-def left_singular(A: FloatArray, level: float) -> tuple[FloatArray, FloatArray]:
+def left_singular(
+    A: FloatArray, level: float, rest: float = 0.0
+) -> tuple[FloatArray, FloatArray]:
     """Left singular vectors U (n, r) and singular values (r,), decreasing, of A (n, M).
 
     All singular values above `level` times the largest are included, each accurate to a small
     multiple of round-off of the largest. The method of snapshots (eigenvectors of A^T A) would lose
-    everything below 1e-8.
+    everything below 1e-8. rest: norm of a part of A, relative to the largest singular value, that
+    may be left out.
     """
     n, M = A.shape
-    size, largest = _FIRST_SKETCH, min(n, M) // 3
+    size, largest = _FIRST_SKETCH, min(n, M) // (2 if rest else 3)
+    allowed = max(rest, 0.5 * min(level, round_off_level(n, M)))
     Q: FloatArray = np.zeros((n, 0))
     rng = np.random.default_rng([n, M])  # fixed: the same snapshots give the same atoms
     while size <= largest:
         Q = _extend(A, Q, size, rng)
         B = Q.T @ A
         U, s = _dense(B)
-        if _residual(A, Q, B, InnerProduct()) <= 0.5 * min(level, round_off_level(n, M)) * s[0]:
+        if _residual(A, Q, B, InnerProduct()) <= allowed * s[0]:
             return Q @ U, s
         size *= 2
     return _dense(A)

@@ -10,25 +10,27 @@ from sparsemor.plugins.bases.randomized_svd import left_singular, round_off_leve
 
 
 def largest_directions(
-    A: FloatArray, first: FloatArray, count: int, rtol: float
+    A: FloatArray, first: FloatArray, count: int, rtol: float, rest: float = 0.0
 ) -> FloatArray:
     """Leading left singular vectors (n, k), at most `count`, of A (n, j) orthogonal to `first` (n,
     p).
 
-    `first` has orthonormal columns; singular values must exceed `rtol` times the largest.
+    `first` has orthonormal columns; singular values must exceed `rtol` times the largest. rest: see
+    `left_singular`.
     """
     for _ in range(2):  # once leaves what cancellation brings back
         A = A - first @ (first.T @ A)
     if not A.any():
         return A[:, :0]
-    U, s = left_singular(A, max(rtol, round_off_level(*A.shape)))
+    U, s = left_singular(A, max(rtol, round_off_level(*A.shape)), rest)
     kept = min(count, int(np.count_nonzero(s > rtol * s[0])), len(A) - first.shape[1])
     return U[:, :kept]
 
 
 def steps_of(data: BlockData) -> int:
     """Number of time steps that the tables of the moving loads cover; 1 if the step is unknown."""
-    span = max(m.table.times[-1] - m.table.times[0] for m in data.moving)
+    moving = [*data.moving, *(data.heat.moving if data.heat is not None else ())]
+    span = max(m.table.times[-1] - m.table.times[0] for m in moving)
     return max(1, round(float(span) / data.step)) if data.step else 1
 
 

@@ -1,7 +1,7 @@
 """Reducer `auto`: chooses fields, reducer, bases and numbers of atoms by trial runs over the
 training run."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Annotated, Any, ClassVar
 
@@ -19,7 +19,7 @@ from sparsemor.core import (
     TrialRun,
     slot_default,
 )
-from sparsemor.reducers.auto.sources import CONSTANT, Source, attached, learned, pulses
+from sparsemor.reducers.auto.sources import CONSTANT, Source, learned, responses
 from sparsemor.reducers.auto.trials import Reference
 from sparsemor.reducers.projection.base import Projection, ProjectionReducer
 from sparsemor.reducers.projection.ecsw.reducer import Ecsw
@@ -35,8 +35,6 @@ ATTEMPTS = 4
 """Largest number of trial runs for one kind of bases."""
 WEIGHINGS = 2
 """Largest number of sets of ECSW weights."""
-TAIL = 0.03
-"""Rest of the load tables that is left out, relative to the tolerance."""
 WORTH = 4
 """Elements of local terms per atom from which on their hyper-reduction is tried."""
 RIGID = 1e-9
@@ -79,16 +77,25 @@ class Auto(ReducedStepOptions):
             found += [name] if needless else []
         return tuple(found)
 
-    def choose(self, problem: ReducedProblem) -> Choice:
-        """Reducer for a problem, by trial runs over its training run."""
+    def choose(
+        self, problem: ReducedProblem, unstable: Callable[[Mapping[str, object], StepSolver], str]
+    ) -> Choice:
+        """Reducer for a problem, by trial runs over its training run. ECSW that is unstable gives
+        way to Galerkin projection, which is not checked: its model inherits the stability of the
+        full-order one."""
         search = Search(self, problem)
-        counts = search.learned()
-        counts = search.sized(problem, counts)
+        counts = search.sized(problem, search.learned())
+        if search.tau:
+            options = search.options("ecsw", counts)
+            why = unstable(options, made(options).project(problem).solver())
+            if why:
+                search.without_weights(why)
+                counts = search.sized(problem, counts)
         return search.choice(counts)
 
     def prepare(self, problem: ReducedProblem) -> StepSolver:
-        """Step solver of the chosen reducer."""
-        return made(self.choose(problem).reducer).prepare(problem)
+        """Step solver of the chosen reducer, without a stability check."""
+        return made(self.choose(problem, lambda options, solver: "").reducer).prepare(problem)
 
     def restart_refusal(self) -> str:
         return "trial runs take fixed steps: name the reducer of a run with time.control"
@@ -105,10 +112,10 @@ class Search:
         self.moving: list[str] = []
         self.sources: dict[str, Source] = {}
         self.tau = 0.0
+        self.rejected = ""
         self.falls: Mapping[str, FloatArray] = {}
         self.lead: dict[str, int] = {}
         self.targets = dict.fromkeys(problem.model.reducible(), SAFE * auto.tolerance)
-        tail = TAIL * auto.tolerance
         for name in problem.model.reducible():
             data = problem.model.block_data(name)
             if data.heat is not None:
@@ -118,8 +125,7 @@ class Search:
                 self.sources[name] = lambda k: dict(CONSTANT)
             elif data.moving or carried:
                 self.moving.append(name)
-                self.sources[name] = (pulses(data, tail) if data.order == 1
-                                      else attached(data, tail, auto.most))
+                self.sources[name] = responses(data)
             else:
                 self.sources[name] = learned(auto.basis)
 
@@ -166,6 +172,10 @@ class Search:
             self.lead = {n: max(0, k - self.auto.most) for n, k in total.items()}
         return counts
 
+    def without_weights(self, why: str) -> None:
+        """Rejects ECSW, for a reason."""
+        self.tau, self.rejected = 0.0, f"ecsw was rejected: {why}"
+
     def _needed(self, name: str) -> int:
         """Smallest number of atoms whose projection error meets the block's target; all if none
         does."""
@@ -197,7 +207,7 @@ class Search:
         """True if local terms have so many elements that their hyper-reduction may pay."""
         model = self.problem.model
         local = any(b.local for b in model.separated.heat) or model.separated.elastic_local
-        if not local or model.separated.other and Ecsw().check(model):
+        if not local or self.rejected or model.separated.other and Ecsw().check(model):
             return False
         touched = sum(whole.leading(counts).solver().elements_touched.values())
         return touched > WORTH * sum(counts.values()) and not Ecsw().check(model)
@@ -223,7 +233,7 @@ class Search:
     def choice(self, counts: Mapping[str, int]) -> Choice:
         """The chosen reducer, and what speaks for and against it."""
         tolerance = self.auto.tolerance
-        reasons: list[str] = []
+        reasons = [self.rejected] if self.rejected else []
         doubts: list[str] = []
         held = next((t for t in reversed(self.trials) if t.holdout), None)
         last = self.trials[-1]

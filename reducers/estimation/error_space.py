@@ -30,6 +30,8 @@ from sparsemor.core import (
 
 COUNT = 100
 """Least number of vectors in addition to the atoms; as many as atoms if these are more."""
+COUPLED = 40
+"""Number of vectors in addition to the atoms where the errors of all blocks are solved together."""
 OVERSAMPLING = 20
 """Number of random combinations of many residual columns, beyond the wanted vectors, that are
 solved for."""
@@ -98,30 +100,30 @@ class ErrorSpace:
 def error_space(
     name: str, model: AssembledModel, operators: Operators, atoms: FloatArray,
     sources: Sequence[FloatArray], starts: FloatArray, step: StepFactors,
-    offline: OfflineProducts
+    offline: OfflineProducts, coupled: bool
 ) -> ErrorSpace:
-    """Space of the errors of a block with trial basis `atoms` (n, k).
+    """Space of the errors of a block with trial basis `atoms` (n, k). coupled: True if the errors
+    of all blocks are solved together.
 
     sources: columns (n, j) that span its residuals; starts (n, j): errors of the initial state,
     which the space contains. Raises SolveFailed where an operator cannot be factorized.
     """
-    S = unit(np.hstack(sources))
+    S, count = unit(np.hstack(sources)), COUPLED if coupled else max(COUNT, atoms.shape[1])
 
     def make() -> dict[str, FloatArray]:
-        return {"vectors": _vectors(name, model, operators, atoms, S, starts, step)}
+        return {"vectors": _vectors(name, model, operators, atoms, S, starts, step, count)}
 
-    depends = (name, *operators.numbers, atoms, S, starts, tuple(step), COUNT)
+    depends = (name, *operators.numbers, atoms, S, starts, tuple(step), count)
     found = offline.remember("error_space", depends, make)["vectors"]
     return in_modes(np.asarray(found), operators)
 
 
 def _vectors(
     name: str, model: AssembledModel, operators: Operators, atoms: FloatArray, S: FloatArray,
-    starts: FloatArray, step: StepFactors
+    starts: FloatArray, step: StepFactors, count: int
 ) -> FloatArray:
     """Orthonormal vectors (n, q): the span of the atoms first, then that of the starts, then at
-    most `COUNT` others, or as many as atoms."""
-    count = max(COUNT, atoms.shape[1])
+    most `count` others."""
     drawn = S.shape[1], count + OVERSAMPLING
     if drawn[0] > drawn[1]:  # the range of random combinations, Halko et al. 2011
         S = unit(S @ np.random.default_rng(drawn[0]).standard_normal(drawn))

@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sparsemor.core import FloatArray, IntArray
-from sparsemor.reducers.step.frame_step import BodyStep, PrescribedFactors, buffers
+from sparsemor.core import FloatArray
+from sparsemor.reducers.step.frame_step import BodyStep, PrescribedFactors
 from sparsemor.reducers.step.operators import TestedElastic, TestedHeat
 from sparsemor.reducers.step.time_tables import LoadsInTime
 
@@ -46,49 +46,30 @@ class HeatResidual:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ElasticResidual:
-    """Residual of an elastic block with the terms of its frame (reducers/step/operators.py) on q
-    modes.
+    """Residual of an elastic block on q modes, with the terms of its frame, whose motion is
+    prescribed (reducers/step/operators.py).
 
-    border (N,): positions of rigid coordinates and multipliers among all unknowns, empty where the
-    motion of frames is prescribed. operators ((3 + g) k + p + kT, q): transposes of stiffness,
+    operators ((3 + g) k + p + kT, q): transposes of stiffness,
     damping, mass, generators, directions and minus the coupling with kT temperatures.
     """
 
     step: BodyStep
     tested: TestedElastic
-    border: IntArray
     operators: FloatArray
     loads: LoadsInTime
 
     @classmethod
-    def of(cls, step: BodyStep, b: TestedElastic, border: IntArray) -> "ElasticResidual":
+    def of(cls, step: BodyStep, b: TestedElastic) -> "ElasticResidual":
         columns = [b.stiffness, b.damping, b.mass, *b.generators, b.directions, -b.coupling]
         loads = LoadsInTime(-b.constant, b.loads, tuple(b.amplitudes), tuple(b.tables))
-        return cls(step, b, border, np.ascontiguousarray(np.hstack(columns).T), loads)
+        return cls(step, b, np.ascontiguousarray(np.hstack(columns).T), loads)
 
     def __call__(self, run: Trajectory) -> FloatArray:
         """Residuals (j, q)."""
         e, g, b = self.step.elastic, len(self.tested.generators), self.tested
         c, v, a = run.x[:, e], run.v[:, e], run.a[:, e]
-        factors = self._factors(run)
+        factors = PrescribedFactors(self.step)(run.times)
         kappa, mu, sigma = factors[:, :g], factors[:, g : 2 * g], factors[:, 2 * g :]
         inertia = [kappa[:, i, None] * c + mu[:, i, None] * v for i in range(g)]
         heat = [run.x[:, self.step.thermal]] if b.coupling.size else []
         return np.hstack([c, v, a, *inertia, sigma, *heat]) @ self.operators - self.loads(run.times)
-
-    def _factors(self, run: Trajectory) -> FloatArray:
-        """Factors kappa, mu and sigma (j, 2 g + p) of the frame (core/protocols/body_frame.py)."""
-        step = self.step
-        if not len(self.border):
-            return PrescribedFactors(step)(run.times)
-        work, = buffers([step.frame])
-        y, v, a = (z[:, self.border] @ step.to_border.T for z in (run.x, run.v, run.a))
-        moved = [part + z for part, z in zip(
-            step.border_motion_along(run.times), (y, v, a), strict=True)]
-        found, e = np.empty((len(y), len(work.coefficients) - 1 + step.frame.p)), step.elastic
-        for i, t in enumerate(run.times.tolist()):
-            y, v, a = (z[i] for z in moved)
-            step.evaluate(y, v, a, 0.0, 0.0, self.tested, run.x[i, e], run.v[i, e], run.a[i, e],
-                          t, work)
-            found[i] = np.concatenate((work.coefficients[:-1], work.sigma[-1]))
-        return found

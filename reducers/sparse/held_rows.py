@@ -162,5 +162,8 @@ class ElasticRows:
         """Factors sigma (p,), and kappa and mu, of the body's frame at the solution."""
         w, loop = work.frames[self.number], work.loop
         assert loop is not None
-        # without a border its factors are those of the frame's own motion
-        return loop.sigma[self.number] if mechanics.size else w.sigma[-1], w.coefficients
+        sigma = w.sigma[-1]
+        if mechanics.size:  # otherwise that of the frame's own motion
+            moved = mechanics.system.stacked(loop.dy)[mechanics.at[self.number]]
+            sigma = sigma - moved.dot(w.sigma[:-1])
+        return sigma, w.coefficients

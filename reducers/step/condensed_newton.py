@@ -46,6 +46,7 @@ class Mechanics:
         targets: Sequence[tuple[int, Amplitude]], tolerances: Tolerances,
     ) -> None:
         self.bodies, self.n_rigid, self.algebraic = tuple(bodies), n_rigid, algebraic
+        self.local = _local(bodies)
         self.size = n_rigid + algebraic.stop - algebraic.start
         self.targets, self.tol = tuple(targets), tolerances
         self.system = bordered_system([b.to_border for b in bodies], self.size, n_rigid)
@@ -76,6 +77,7 @@ class Mechanics:
         other = copy(self)
         other.bodies = tuple(
             replace(b, block=blocks.get(b.elastic_name, b.block)) for b in self.bodies)
+        other.local = _local(other.bodies)
         return other
 
     def solve(
@@ -85,13 +87,17 @@ class Mechanics:
         iterations, block of a failure, and details."""
         loop = self._begin(step, now, memory)
         work.loop = loop
-        last, slow = inf, None
-        local = any(past is not None and past.local is not None for past in loop.history)
+        last, change, slow = inf, inf, None
         before: list[float] | None = None
         mixed: FloatArray | None
         for iteration in range(1, self.tol.max_iterations + 1):
+            if iteration > 1:
+                self._displace(step, loop)
             mixed = None if slow is None else self._gather(loop)
-            change = self._iterate(step, loop, memory, work)
+            # a matrix that hardly changes is kept: the ratio of changes shows what that costs
+            fresh = iteration == 1 or change > KEPT or change > SLOW * last
+            last = change
+            change = self._iterate(step, loop, memory, work, fresh)
             if not change < inf:
                 return self._broken(iteration, loop)
             if change < 0:
@@ -102,7 +108,7 @@ class Mechanics:
                 now.remaining = max(now.remaining, error)
                 self._move(now, loop, memory)
                 return Status.DONE, iteration, "", ""
-            if local and change > GROWN * last:
+            if self.local and change > GROWN * last:
                 break
             before = loop.changes
             if slow is None and iteration > 1 and change > SLOW * last:
@@ -110,7 +116,6 @@ class Mechanics:
             if slow is not None and mixed is not None:
                 self._scatter(slow.mix(mixed, self._gather(loop), self._weights(memory)), loop)
                 before = None  # the next change is no image of this one
-            last = change
         detail = f"last relative change {change:.1e} after {iteration} iterations"
         return Status.NOT_CONVERGED, iteration, self._worst(loop), detail
 
@@ -157,8 +162,6 @@ class Mechanics:
         known = len(memory.elastic) > 0
         loop.reference = [self._reference(i, step.c2, memory) if known else 0.0
                           for i in range(len(self.bodies))]
-        loop.z = [_NONE] * len(self.bodies)
-        loop.sigma = [_NONE] * len(self.bodies)
         loop.changes, loop.dy = [0.0] * (len(self.bodies) + 1), _NONE
         loop.targets = np.zeros(self.size)
         for i, f in self.targets:
@@ -166,8 +169,9 @@ class Mechanics:
         loop.predicted = np.concatenate((now.x[:nr], now.x[self.algebraic]))
         loop.d, loop.acceleration = np.zeros(self.size), now.a[:nr] / step.c2
         rates = self.system.stacked_rates
-        loop.border = (self.system.stacked(loop.predicted) + self.origin, rates(now.v[:nr]),
-                       rates(now.a[:nr]))
+        loop.border = loop.now = (
+            self.system.stacked(loop.predicted) + self.origin, rates(now.v[:nr]),
+            rates(now.a[:nr]))
         for at, guide in self.with_motion:
             for values, part in zip(loop.border, guide.at(step.t), strict=True):
                 values[at] += part
@@ -203,37 +207,38 @@ class Mechanics:
         own = d[:nr]
         memory.acceleration = max(memory.acceleration, c2 * sqrt(float(own.dot(own))))
 
-    def _iterate(
-        self, step: StepFormula, loop: Loop, memory: Scales, work: Workspace
-    ) -> float:
-        """One Newton iteration; returns the largest relative change (-1: singular)."""
-        c1, c2, H, rows = step.c1, step.c2, work.H.views, work.rows
+    def _displace(self, step: StepFormula, loop: Loop) -> None:
+        """Border unknowns with rates, and products of the displacements, at the increments."""
         moved = self.system.stacked(loop.d)
         y, v, a = loop.border
-        y, v, a = y + moved, v + c1 * moved, a + c2 * moved
-        for i, (b, w, past, at) in enumerate(
-                zip(self.bodies, work.frames, loop.history, self.at, strict=True)):
+        loop.now = y + moved, v + step.c1 * moved, a + step.c2 * moved
+        for b, past, d in zip(self.bodies, loop.history, loop.u, strict=True):
+            if b.block is not None and past is not None:
+                b.block.move(d, past)
+
+    def _iterate(
+        self, step: StepFormula, loop: Loop, memory: Scales, work: Workspace, fresh: bool
+    ) -> float:
+        """One Newton iteration; returns the largest relative change (-1: singular). fresh: False if
+        frames may keep the derivatives of the iteration before."""
+        c1, c2, t, (y, v, a) = step.c1, step.c2, step.t, loop.now
+        for b, w, past, at, d, H in zip(self.bodies, work.frames, loop.history, self.at, loop.u,
+                                        work.H.views, strict=True):
+            w.fresh = fresh
             if b.block is None or past is None:
-                b.frame.evaluate(y[at], v[at], a[at], c1, c2, _NONE_OF, _NONE, step.t, w)
-                H[i][:], rows[at] = w.border[:, :-1], w.border[:, -1]
-                continue
-            d = loop.u[i]
-            of = b.block.functionals(d, past)
-            b.frame.evaluate(y[at], v[at], a[at], c1, c2, of.s, of.forms, step.t, w)
-            z, Pz = b.block.combine(past, w.coefficients, d, w.sigma[-1])
-            # border minus tau D^-1 (elastic columns and residual): the Schur complement
-            Gs = b.block.G.dot(w.sigma.T)
-            Gs[:, -1] += of.d + Pz
-            reduced = w.border - w.tau.dot(Gs)
-            H[i][:], rows[at] = reduced[:, :-1], reduced[:, -1]
-            loop.z[i] = z
+                b.frame.evaluate(y[at], v[at], a[at], c1, c2, _NONE_OF, _NONE, t, w)
+                H[:] = w.border
+            else:
+                b.frame.evaluate(y[at], v[at], a[at], c1, c2, past.s, past.forms, t, w)
+                # border minus tau D^-1 (elastic columns and residual): the Schur complement
+                np.subtract(w.border, w.tau.dot(b.block.condensed(d, past, w)), H)
         return self._advance(loop, memory, work)
 
     def _advance(self, loop: Loop, memory: Scales, work: Workspace) -> float:
         nr = self.n_rigid
         system = self.system
-        loop.matrix = B = system.assembled(work.H.values)
-        dy = system.solved(B, system.collected(work.rows) - loop.targets)
+        loop.matrix, r = system.assembled(work.H.values)
+        dy = system.solved(loop.matrix, r - loop.targets)
         if dy is None:
             return -1.0
         loop.d = loop.d - dy
@@ -243,13 +248,11 @@ class Mechanics:
         if not memory.floor:
             memory.elastic, memory.floor = [0.0] * len(self.bodies), self._floors(work)
             memory.bending = memory.elastic[:]
-        for i, (b, w, at) in enumerate(zip(self.bodies, work.frames, self.at, strict=True)):
-            past = loop.history[i]
+        for i, (b, past, at) in enumerate(zip(self.bodies, loop.history, self.at, strict=True)):
             if b.block is None or past is None:
                 changes.append(0.0)
                 continue
-            loop.sigma[i] = w.sigma[-1] - moved[at].dot(w.sigma[:-1])
-            new = b.block.update(loop.z[i], loop.sigma[i])
+            new = b.block.increment(past, moved[at])
             d, u = new - loop.u[i], past.u + new
             moved2, size = float(d.dot(d)), float(u.dot(u))
             if size > memory.elastic[i]:
@@ -263,15 +266,13 @@ class Mechanics:
                 changes.append(sqrt(moved2) / scale if scale > 0.0 and moved2 < inf else inf)
             loop.u[i] = new
         loop.changes = changes
-        change = max(changes)
-        return change if all(c < inf for c in changes) else inf
+        return max(changes)  # not a number if the first one is
 
     def _floors(self, work: Workspace) -> list[float]:
         """Round-off |du|^2 of each body's displacements for a position R of size 1: it is exact to
         eps |R|, so its acceleration to c2 eps |R|, and the inertia forces deform the bodies."""
         return [0.0 if b.block is None or not b.free else (4 * EPS) ** 2 * sum(
-            float(u.dot(u)) for u in (b.block.update(_ZERO, r) for r in
-                                      w.sigma[: b.frame.rigid_size]))
+            float(u.dot(u)) for u in (b.block.response(r) for r in w.sigma[: b.frame.rigid_size]))
                 for b, w in zip(self.bodies, work.frames, strict=True)]
 
     def _worst(self, loop: Loop) -> str:
@@ -291,7 +292,15 @@ class Mechanics:
 
 SLOW = 0.2
 """Ratio of consecutive changes above which the iteration is accelerated."""
+KEPT = 1e-5
+"""Largest change after which the matrix of the iteration is kept."""
 _NONE, _NONE_OF, _ZERO = np.zeros(0), np.zeros((3, 0)), np.zeros(1)
+
+
+def _local(bodies: Sequence[BodyStep]) -> bool:
+    """True if displacements of any body have local terms."""
+    return any(made is not None and made.local is not None
+               for b in bodies for made in (b.block, b.prescribed))
 
 
 def _positions(body: BodyStep) -> int:

@@ -14,8 +14,10 @@ import numpy as np
 
 from sparsemor.core import (
     AssembledModel,
+    CompressedLocal,
     Dictionary,
     FloatArray,
+    HasPoints,
     IntArray,
     Layout,
     Note,
@@ -124,17 +126,10 @@ def reduced_general(
 ) -> ReducedGeneral:
     """Step solver of a reduced model in which terms couple bodies; points: number of past states to
     extrapolate; limits: largest permitted |coefficient| of each block."""
-    model, dictionaries, layout = projected.model, projected.dictionaries, projected.layout
-    couple = _Couple(model, layout, dictionaries, {n: projected.wide(n) for n in dictionaries})
-    terms = [*(t for b in model.separated.heat for t in b.local),
-             *model.separated.elastic_local, *model.separated.between]
-    coupled = [couple(t) for t in terms]
+    model, dictionaries = projected.model, projected.dictionaries
+    equations = dense_equations(projected)
+    coupled, terms = equations.coupled, coupling_terms(model)
     visited = elements(model, [c.term for c in coupled], [t.rows for t in terms])
-    equations = Dense(
-        layout,
-        [DenseHeat(layout[n], b.solved) for n, b in projected.heat.items()],
-        _bodies(projected), coupled, model.separated.border_targets, border_positions(layout),
-        model.separated.step, coupling(model))
     count = sum(c.term.elements for c in coupled)
     names = ", ".join(sorted({n for n, _ in equations.named if n})) or "a term"
     reports = (information(
@@ -143,6 +138,27 @@ def reduced_general(
     reports = (*notes, *reports, *unavailable_resultants(c.term for c in coupled))
     return ReducedGeneral(equations, visited, tolerances, points, dictionaries, projected.rows,
                           limits or {}, reports, facts or {})
+
+
+def dense_equations(projected: ProjectedModel, by_elements: bool = False) -> Dense:
+    """Equations of a whole step of a reduced model. by_elements: local terms are evaluated with
+    their sparse derivatives at each element, which for many atoms costs less than projected points;
+    they must be left out of the elastic operators in `projected`."""
+    model, layout = projected.model, projected.layout
+    couple = _Couple(model, layout, projected.dictionaries,
+                     {n: projected.wide(n) for n in projected.dictionaries}, by_elements)
+    return Dense(
+        layout,
+        [DenseHeat(layout[n], b.solved) for n, b in projected.heat.items()],
+        _bodies(projected), [couple(t) for t in coupling_terms(model)],
+        model.separated.border_targets, border_positions(layout), model.separated.step,
+        coupling(model))
+
+
+def coupling_terms(model: AssembledModel) -> list[Term]:
+    """Terms that are not linear in the unknowns of one body, or act between bodies."""
+    s = model.separated
+    return [*(t for b in s.heat for t in b.local), *s.elastic_local, *s.between]
 
 
 def _bodies(projected: ProjectedModel) -> list[DenseBody]:
@@ -173,10 +189,13 @@ class _Couple:
     layout: Layout
     dictionaries: Mapping[str, Dictionary]
     wide: Mapping[str, FloatArray]
+    by_elements: bool = False
 
     def __call__(self, term: Term) -> Coupled:
         trial, columns = self._trial(term.columns)
         left, rows = self._left(term.rows)
+        if self.by_elements and isinstance(term, HasPoints):
+            return Coupled.of(CompressedLocal.of(term, trial, left), rows, columns)
         return Coupled.of(term.compress(trial, left), rows, columns)
 
     def _parts(self, at: IntArray) -> Iterable[tuple[str, IntArray, IntArray]]:

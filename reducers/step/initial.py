@@ -56,14 +56,13 @@ def consistent_start(
     if not mechanics.size:
         return _prescribed_start(mechanics, tested, state)
     system, parts = mechanics.system, []
-    H, rows = system.matrices(), np.zeros(len(mechanics.origin))
-    for body, t, at, matrix in zip(
-            mechanics.bodies, tested, mechanics.at, H.views, strict=True):
+    H = system.matrices()
+    for body, t, matrix in zip(mechanics.bodies, tested, H.views, strict=True):
         p = _linear(mechanics, body, t, state, scales)
         parts.append(p)
-        matrix[:], rows[at] = p.H - p.tau @ p.S, p.rows - p.tau @ p.base
-    r = system.collected(rows) - _target_accelerations(mechanics, state.t, scales.h)
-    z = -system.least(system.assembled(H.values), r)
+        matrix[:, :-1], matrix[:, -1] = p.H - p.tau @ p.S, p.rows - p.tau @ p.base
+    B, r = system.assembled(H.values)
+    z = -system.least(B, r - _target_accelerations(mechanics, state.t, scales.h))
     x, a = state.x.copy(), state.a.copy()
     a[:nr], x[mechanics.algebraic] = z[:nr], z[nr:]
     stacked = system.stacked(z)

@@ -8,6 +8,7 @@ import numpy as np
 from sparsemor.core import BoolArray, FloatArray, Frame
 from sparsemor.reducers.step.acceptance import EPS, MARGIN, Tolerances
 from sparsemor.reducers.step.blocks.elastic_block import History
+from sparsemor.reducers.step.blocks.thermal_block import HeatJacobian
 from sparsemor.reducers.step.border.system import BodyMatrices, BorderedSystem
 from sparsemor.reducers.step.frame_step import BodyStep, buffers
 
@@ -18,22 +19,23 @@ class Loop:
     targets: prescribed values of the constraints; predicted, d (N,): border unknowns of the model
     and their increments, dy: last change of these; acceleration: predicted rigid accelerations
     over c2;
-    border: stacked border unknowns of the bodies with first and second rates at d = 0; matrix:
-    bordered matrix as its system stores it; u, z, sigma: of each body, increments of the elastic
-    unknowns, z (elastic_block.py) and factors of the frame directions. changes: relative change of
+    border, now: stacked border unknowns of the bodies with first and second rates, at d = 0 and at
+    d; matrix: bordered matrix as its system stores it; u: increments of the elastic unknowns of
+    each body. changes: relative change of
     the rigid coordinates, then |du| of each body relative to its largest |u|; size: reference
     magnitude of the former, reference: of the latter; distance: squared distance of each body from
     the origin.
     """
 
     __slots__ = ("acceleration", "border", "changes", "d", "distance", "dy", "history", "matrix",
-                 "predicted", "reference", "sigma", "size", "targets", "u", "z")
+                 "now", "predicted", "reference", "size", "targets", "u")
 
     history: list[History | None]
     targets: FloatArray
     acceleration: FloatArray
     predicted: FloatArray
     border: tuple[FloatArray, FloatArray, FloatArray]
+    now: tuple[FloatArray, FloatArray, FloatArray]
     d: FloatArray
     dy: FloatArray
     matrix: FloatArray
@@ -42,22 +44,21 @@ class Loop:
     reference: list[float]
     distance: list[float]
     u: list[FloatArray]
-    z: list[FloatArray]
-    sigma: list[FloatArray]
 
 
 class Workspace:
     """Working arrays of the mechanical steps of one run: frame quantities of each body, border
-    matrices H and rows of all bodies, and the final iteration state of the last step. Each solve
-    overwrites them; they contain no state of the run. Each thread needs its own."""
+    matrices H of all bodies, and the final iteration state of the last step. Each solve
+    overwrites them; they contain no state of the run, nor do the kept Jacobians of thermal blocks,
+    `heat`, which can be computed again. Each thread needs its own."""
 
-    __slots__ = ("H", "frames", "loop", "of", "rows", "system")
+    __slots__ = ("H", "frames", "heat", "loop", "of", "system")
 
     def __init__(self, frames: Sequence[Frame], system: BorderedSystem | None) -> None:
         self.of, self.frames, self.system = tuple(frames), buffers(frames), system
         self.H = BodyMatrices(np.zeros(0), []) if system is None else system.matrices()
-        self.rows = np.zeros(sum(f.border for f in frames))
         self.loop: Loop | None = None
+        self.heat: dict[str, HeatJacobian] = {}
 
     def separate(self) -> "Workspace":
         """New arrays of the same sizes."""
@@ -123,7 +124,7 @@ def rounded_off(
         if b.block is None or past is None or change <= tol:
             continue
         noise = b.block.noise(d, past, w.coefficients)
-        bent = sum(share * np.abs(b.block.update(np.zeros(1), sigma)) for share, sigma in zip(
+        bent = sum(share * np.abs(b.block.response(sigma)) for share, sigma in zip(
             shares[at], w.sigma[:-1], strict=True))
         noise += float(np.linalg.norm(bent))
         if change * scale > MARGIN * noise:

@@ -5,6 +5,7 @@ from typing import Self
 
 from sparsemor.core import BoolArray, FloatArray
 from sparsemor.reducers.step.acceptance import Scales
+from sparsemor.reducers.step.blocks.thermal_block import HeatJacobian
 from sparsemor.reducers.step.iteration_state import Workspace
 from sparsemor.reducers.step.predictor import Past
 
@@ -48,7 +49,8 @@ class Memory(RunMemory):
 
     full_newton_steps: number of steps solved by Newton's method with the exact Jacobian;
     full_newton_next: number of coming steps that use it from the beginning; linear: block ->
-    iterations of its linear solver.
+    iterations of its linear solver; linearized: thermal block -> [T, T', t] at which its kept
+    Jacobian was evaluated (`HeatJacobian`).
     """
 
     work: Workspace
@@ -56,13 +58,33 @@ class Memory(RunMemory):
     full_newton_steps: int = 0
     full_newton_next: int = 0
     linear: dict[str, int] = field(default_factory=dict)
+    linearized: dict[str, FloatArray] = field(default_factory=dict)
 
     def __getstate__(self) -> dict[str, object]:
         return {name: value for name, value in vars(self).items() if name != "work"}
 
     def copy(self) -> Self:
         return replace(super().copy(), scales=self.scales.copy(), work=self.work.separate(),
-                       linear=dict(self.linear))
+                       linear=dict(self.linear), linearized=dict(self.linearized))
+
+    def moved(self, x: FloatArray) -> None:
+        super().moved(x)
+        self.linearized.clear()
+
+    def jacobian(self, block: str) -> HeatJacobian | None:
+        """The kept Jacobian of a thermal block, without factors where these are to be computed;
+        None where it has none."""
+        at, known = self.linearized.get(block), self.work.heat.get(block)
+        if at is None:
+            return None
+        return known if known is not None and known.at is at else HeatJacobian(at)
+
+    def keep(self, block: str, jacobian: HeatJacobian | None) -> None:
+        """Keeps a Jacobian of a thermal block for the next step, or none."""
+        self.work.heat.pop(block, None)
+        self.linearized.pop(block, None)
+        if jacobian is not None:
+            self.work.heat[block], self.linearized[block] = jacobian, jacobian.at
 
     def counted(self, block: str, iterations: int) -> None:
         """Adds iterations of a block's linear solver to the count."""

@@ -94,15 +94,17 @@ class DenseBody:
         if b.coupling.size:
             r[e] -= b.coupling.dot(x[self.step.thermal])
 
-    def jacobian(
-        self, J: FloatArray, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: float,
-        c2: float, w: FrameWork,
-    ) -> None:
+    def border_blocks(
+        self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: float, c2: float,
+        w: FrameWork,
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Derivatives of the rigid rows by the n rigid unknowns of the body, (n, n), of its k
+        elastic rows by them, (k, n), and of the rigid rows by its elastic unknowns, (n, k)."""
         yv, ya = self._evaluate(x, v, a, t, c1, c2, w)
         b, T, e = self.tested, self.map, self.step.elastic
-        J[np.ix_(self.at, self.at)] += T.T @ w.border[:, :-1] @ T
+        corner = T.T @ w.border[:, :-1] @ T
         if b is None:
-            return
+            return corner, np.zeros((0, len(self.at))), np.zeros((len(self.at), 0))
         self.step.frame.exact(yv, ya, c1, c2, w)
         c, cv, ca, G, Q = x[e], v[e], a[e], b.generators, b.quadratic
         column = (b.directions @ w.sigma[:-1].T + G.dot(c).T @ w.kappa_y.T
@@ -110,11 +112,22 @@ class DenseBody:
         turned = c @ Q  # (g, k): Q^T c
         forms = np.stack([Q.dot(c) + turned, Q.dot(cv) + c1 * turned, Q.dot(ca) + c2 * turned])
         row = w.tau @ b.functional + np.tensordot(w.quad, forms, 2)
-        J[e, self.at] += column @ T
-        J[self.at, e] += T.T @ row
+        return corner, column @ T, T.T @ row
+
+    def jacobian(
+        self, J: FloatArray, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: float,
+        c2: float, w: FrameWork,
+    ) -> None:
+        corner, column, row = self.border_blocks(x, v, a, t, c1, c2, w)
+        b, e = self.tested, self.step.elastic
+        J[np.ix_(self.at, self.at)] += corner
+        if b is None:
+            return
+        J[e, self.at] += column
+        J[self.at, e] += row
         kappa, mu = w.coefficients[:-1].reshape(2, -1)
         J[e, e] += (b.stiffness + c1 * b.damping + c2 * b.mass
-                    + np.tensordot(kappa + c1 * mu, G, 1))
+                    + np.tensordot(kappa + c1 * mu, b.generators, 1))
         if b.coupling.size:
             J[e, self.step.thermal] -= b.coupling
 

@@ -172,8 +172,7 @@ class Stepper:
                 return now.outcome(status, n, name, detail)
             iterations = max(iterations, n)
         if self.mechanics is not None and self.mechanics.bodies:
-            local = any(b.local is not None for b in self.elastic.values())
-            scales = memory.scales.copy() if local else None
+            scales = memory.scales.copy() if self.mechanics.local else None
             status, iterations, block, detail = self.mechanics.solve(
                 step, now, memory.scales, memory.work)
             if self.iterating:
@@ -200,12 +199,14 @@ class Stepper:
             far = float(np.abs(now.x[at] - last).max()) > 0.1 * float(np.abs(last).max())
             if far:  # below 0 K radiation has a second solution
                 now.heat(at, None, last - now.x[at])
-        d, status, n, linear, detail, remaining = block.solve(now.x[at], now.v[at], now.step.t)
+        d, status, n, linear, detail, remaining, jacobian = block.solve(
+            now.x[at], now.v[at], now.step.t, memory.jacobian(name))
         now.remaining = max(now.remaining, remaining)
         if linear:
             memory.counted(name, linear)
         if status.ok:
             now.heat(at, block.active, d)
+            memory.keep(name, jacobian)
         return status, n, detail
 
     def _rescued(
@@ -237,8 +238,10 @@ class Stepper:
         limits."""
         bad = self._insane(outcome.x)
         if bad is None:
-            x, rates = outcome.x, outcome.rates
-            memory.past.push(x, x - step.free if rates is None else step.departure(x, *rates))
+            x, rates, d = outcome.x, outcome.rates, outcome.departure
+            if d is None:
+                d = x - step.free if rates is None else step.departure(x, *rates)
+            memory.past.push(x, d)
         return bad or outcome
 
     def _insane(self, x: FloatArray) -> StepOutcome | None:

@@ -81,11 +81,13 @@ def case_of(elements: int, given: argparse.Namespace, folder: Path) -> Case:
     own = common.scene_at(elements, given.end, "hot_pendulum")
     own = own.using({key: json.loads(value) for key, value in given.set})
     model = assemble(own)
-    name = f"{{}}_{elements}_{round(given.end / own.time.step)}"
-    trained = full_order(own.using(own.training.overrides), folder, name.format("training"))
+    name, end = f"{{}}_{elements}_{{}}", own.training.end or given.end
+    steps, learnt = (round(t / own.time.step) for t in (given.end, end))
+    trained = full_order(own.using({**own.training.overrides, "time.end": end}), folder,
+                         name.format("training", learnt))
     case = Case(own, model, {}, {b: np.ascontiguousarray(trained[:, model.layout[b]].T)
                                  for b in model.reducible()}, folder)
-    states = {h: full_order(case.scene(h), folder, name.format(h)) for h in given.histories}
+    states = {h: full_order(case.scene(h), folder, name.format(h, steps)) for h in given.histories}
     return replace(case, states=states)
 
 

@@ -4,7 +4,9 @@
 
 CPU time of whole runs, the least of interleaved ones, with everything that a run includes. `beside
 ms`: of a run whose steps are not computed but recorded ones; `other ms`: what a run with other
-loads takes more; `open ms`: reading the model's file.
+loads takes more; `open ms`: reading the model's file. `rounded mb`: file with large matrices
+rounded to 1e-9, `rounded change`: of the coefficients of its run, relative to the largest of their
+block.
 """
 
 import argparse
@@ -23,6 +25,7 @@ from modules import report
 from sparsemor import ReducedModel, Scene, load, load_model, simulate
 from sparsemor.core.model.body_cache import BodyCache
 from sparsemor.core.registry.hooks import new_manager
+from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.prepare import prepared_run
 from sparsemor.core.simulation.time_stepping import TimeStep, iterate
@@ -31,6 +34,7 @@ RATIO = {"slider_plate": 10.0, "double_pendulum": 10.0, "brake_disk": 50.0}
 """Targets: full-order run over a run of the kept model."""
 BESIDE, OPEN, SIZE = 30.0, 200.0, 5.0
 """Targets: ms next to the steps, ms to open a file, MB of a file."""
+ROUNDED = 1e-9
 
 
 def fill(into: report.Report, given: argparse.Namespace) -> None:
@@ -38,7 +42,8 @@ def fill(into: report.Report, given: argparse.Namespace) -> None:
         "bodies.link1.mesh.elements": 320, "bodies.link2.mesh.elements": 320, "time.end": 0.05,
         "training.end": 0.05})} if given.quick else {name: load(name) for name in RATIO}
     table = into.table("CPU time", full_s=".3g", kept_s=".3g", ratio=".3g", from_file=".3g",
-                       beside_ms=".2g", other_ms=".2g", open_ms=".2g", file_mb=".3g")
+                       beside_ms=".2g", other_ms=".2g", open_ms=".2g", file_mb=".3g",
+                       rounded_mb=".3g", rounded_change=".1e")
     with tempfile.TemporaryDirectory() as place:
         for name, scene in scenes.items():
             report.progress(name)
@@ -59,6 +64,8 @@ def measured(scene: Scene, file: Path, repeats: int) -> dict[str, float]:
     loaded, tree = load_model(file), scene.dump()["loads"]
     functions = {k: tree[k.split(".")[1]][k.split(".")[2]] for k in model.free if "loads" in k}
     other = {k: {**f, "level": 1.1 * f["level"]} for k, f in functions.items()}
+    rough = file.with_suffix(".rounded")
+    model.save(rough, rounded=ROUNDED)
     ways: dict[str, Callable[[], object]] = {
         "kept": model.run, "loaded": loaded.run, "other": lambda: model.run(other),
         "open": lambda: load_model(file)}
@@ -71,7 +78,15 @@ def measured(scene: Scene, file: Path, repeats: int) -> dict[str, float]:
             "from_file": whole / seconds["loaded"],
             "beside_ms": 1e3 * beside(model, 5 * repeats),
             "other_ms": 1e3 * (seconds["other"] - seconds["kept"]),
-            "open_ms": 1e3 * seconds["open"], "file_mb": file.stat().st_size / 1e6}
+            "open_ms": 1e3 * seconds["open"], "file_mb": file.stat().st_size / 1e6,
+            "rounded_mb": rough.stat().st_size / 1e6,
+            "rounded_change": change(model.run(), load_model(rough).run())}
+
+
+def change(one: RunResult, other: RunResult) -> float:
+    """Largest difference of the unknowns of a block, relative to the largest of them."""
+    pairs = ((np.asarray(one.block(b.name)), np.asarray(other.block(b.name))) for b in one.layout)
+    return max(float(np.abs(a - b).max() / (np.abs(a).max() or 1.0)) for a, b in pairs)
 
 
 def timed(do: Callable[[], object]) -> float:

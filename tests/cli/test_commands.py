@@ -108,7 +108,7 @@ def test_run_in_words() -> None:
 @pytest.mark.full
 def test_compare(tmp_path: Path) -> None:
     shown = in_json("compare", SWING, "--reducers", "full,galerkin,sparse", "--set",
-                    "time.end=0.1", "--out", "out")
+                    "time.end=0.1", "--training-end", "1", "--out", "out")
     assert shown["status"] == "done" and shown["failures"] == []
     assert [r["run"] for r in shown["runs"]] == ["full", "galerkin", "sparse"]
     for run in shown["runs"]:
@@ -129,8 +129,8 @@ def test_compare(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_compare_goes_on_where_it_stopped() -> None:
-    asked = ["compare", SWING, "--reducers", "full,galerkin", "--set", "time.end=0.02", "--out",
-             "out"]
+    asked = ["compare", SWING, "--reducers", "full,galerkin", "--set", "time.end=0.02",
+             "--training-end", "1", "--out", "out"]
     simulate(load(SWING, {"reducer": "full", "time.end": 0.02}), out="out/full")
     before = Path("out/full/result.zarr/zarr.json").read_bytes()
     out, _ = sparsemor(*asked, "--resume")

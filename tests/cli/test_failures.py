@@ -233,7 +233,8 @@ def test_compare_shows_a_run_that_failed() -> None:
                "reducer.budgets": FEW}
     sets = [x for k, v in changes.items() for x in ("--set", f"{k}={json.dumps(v)}")]
     done = CliRunner().invoke(
-        app, ["compare", SWING, "--reducers", "full,sparse", *sets, "--out", "out"])
+        app, ["compare", SWING, "--reducers", "full,sparse", *sets, "--training-end", "1",
+              "--out", "out"])
     assert done.exit_code == 1
     row = next(line for line in done.stdout.splitlines() if line.startswith("sparse "))
     assert row.split()[1] in STOPS

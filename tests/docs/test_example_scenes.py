@@ -136,6 +136,7 @@ def test_slider_crank_by_commands(
     # the crank's moments about the hub: torque - r x (force on the pin) = I theta''
     a = full.block("crank.rigid")[:, 2]
     forces = full.joint_forces()["crank_pin"]
+    assert full.joint_forces()["return_spring"]["tension", "N"][0] == pytest.approx(-100.0)
     x, y = (forces[f"force {axis}", "N"] for axis in "xy")
     late = full.times > 0.021
     moment = 25.0 - 0.1 * (np.cos(a) * y - np.sin(a) * x)

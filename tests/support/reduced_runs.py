@@ -9,6 +9,7 @@ from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.testing.in_memory_run import March
 from sparsemor.reducers.estimation.build import error_model
+from sparsemor.reducers.estimation.coupled_errors import CoupledErrors
 from sparsemor.reducers.estimation.estimator import ErrorModel
 
 
@@ -28,7 +29,7 @@ def states(run: March) -> list[State]:
             for t, x, v, a in zip(run.t.tolist(), run.x, run.v, run.a, strict=True)]
 
 
-def model_of(scene: Scene, run: March, every: int = 1) -> ErrorModel:
+def model_of(scene: Scene, run: March, every: int = 1) -> ErrorModel | CoupledErrors:
     """Error model for the steps of a reduced run of `scene`."""
     problem = ReducedProblem(
         run.model, scene.integrator, scene.time.step, Offline.of(run.model, {}),

@@ -5,8 +5,8 @@ from typing import Any, cast
 from urllib.parse import urlsplit
 
 from sparsemor.core.analysis.study.jobs import execute
-from sparsemor.core.analysis.study.pools import Ended, Payload
 from sparsemor.core.errors import InputError
+from sparsemor.core.simulation.workers.local_pool import Ended, Payload
 
 SECONDS = 10.0
 """Timeout of the connection to the scheduler, s."""

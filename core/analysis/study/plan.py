@@ -172,7 +172,8 @@ class _Maker:
         if isinstance(reducer, UsesBases):
             bases = [reducer.basis, dict(reducer.bases)]
             learns = any(b.needs_snapshots for b in (reducer.basis, *reducer.bases.values()))
-            model = digest(kept_options(scene), training if learns else "")
+            boxed = learns and scene.training.parameters is not None
+            model = digest(kept_options(scene, boxed), training if learns else "")
         else:
             training = ""
         own = bool(key) and is_full_order(reducer) and (

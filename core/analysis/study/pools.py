@@ -1,24 +1,13 @@
-"""Worker pools of a study: this process, or other processes (local_pool.py, dask_pool.py)."""
+"""Worker pools of a study: this process, or other processes (core/simulation/workers/local_pool.py,
+dask_pool.py)."""
 
 from collections import deque
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 from sparsemor.core.analysis.study.jobs import execute
 from sparsemor.core.analysis.study.kept_models import KeptModels
 from sparsemor.core.registry.registry import Registry
-
-Payload = Mapping[str, Any]
-
-
-@dataclass(frozen=True, slots=True)
-class Ended:
-    """Result of a job; if its worker died, `answer` is None and `death` the cause."""
-
-    name: str
-    answer: dict[str, Any] | None
-    death: str = ""
+from sparsemor.core.simulation.workers.local_pool import Ended, Payload
 
 
 class Pool(Protocol):

@@ -1,14 +1,17 @@
 """Progress of a study on standard error: a progress bar in a terminal, otherwise lines."""
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
 from sparsemor.core.analysis.study.columns import cell
 from sparsemor.core.analysis.study.plan import Plan
-from sparsemor.core.analysis.study.run import Watch
 from sparsemor.core.analysis.study.scheduler import Row, State
+
+Watch = Callable[[State, Row | None], None]
+"""Callback for progress: called after each run with its row, and repeatedly with None while jobs
+run."""
 
 
 @contextmanager

@@ -1,7 +1,7 @@
 """Execution of a study, from its plan to its table."""
 
 import shutil
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +11,8 @@ from sparsemor.core.analysis.study.jobs import DIED
 from sparsemor.core.analysis.study.journal import Journal, is_study
 from sparsemor.core.analysis.study.plan import Plan
 from sparsemor.core.analysis.study.pools import Pool, SerialPool
-from sparsemor.core.analysis.study.scheduler import Row, Schedule, State
+from sparsemor.core.analysis.study.progress import Watch, shown
+from sparsemor.core.analysis.study.scheduler import Row, Schedule
 from sparsemor.core.errors import InputError
 from sparsemor.core.registry.registry import Registry
 from sparsemor.core.results.output_directory import OutputDirectory
@@ -19,9 +20,8 @@ from sparsemor.core.status import Status
 
 KEPT = "runs"
 """Folder of the results that are kept, in that of the study."""
-Watch = Callable[[State, Row | None], None]
-"""Callback for progress: called after each run with its row, and repeatedly with None while jobs
-run."""
+WORKER = "sparsemor.core.analysis.study.worker"
+"""Program of the worker processes."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,18 +41,20 @@ class StudyOutcome:
 def study(
     file: str | Path | Mapping[str, Any], *, out: str | Path | None = None, workers: int = 0,
     scheduler: str = "", times: bool = True, registry: Registry | None = None,
+    progress: bool = False,
 ) -> list[Row]:
     """Executes a study and returns its table: one mapping per run, in order.
 
     file: name of a packaged study, path, or the contents of a study file as plain data; out: output
     folder, by default `runs/NAME`, where a repeated call continues an incomplete study; workers:
     number of processes on this machine, 0 for none but this process; scheduler: address of a
-    dask.distributed cluster; times: include the columns that depend on the machine. Raises
-    InputError before anything is written.
+    dask.distributed cluster; times: include the columns that depend on the machine; progress: show
+    it on standard error. Raises InputError before anything is written.
     """
     plan = Plan.of(file, registry)
-    done = run_plan(plan, out=out, workers=workers, scheduler=scheduler, times=times,
-                   registry=registry)
+    with shown(plan, not progress) as watch:
+        done = run_plan(plan, out=out, workers=workers, scheduler=scheduler, times=times,
+                        registry=registry, watch=watch)
     return list(done.rows)
 
 
@@ -110,9 +112,10 @@ def _pool(
     if cluster is not None:
         yield cluster, None
         return
-    from sparsemor.core.analysis.study.local_pool import LocalPool
+    from sparsemor.core.simulation.workers.local_pool import LocalPool
 
-    pool: Pool = LocalPool(workers, folder / "workers.log") if workers else SerialPool(registry)
+    pool: Pool = LocalPool(
+        workers, folder / "workers.log", WORKER) if workers else SerialPool(registry)
     scratch: Any = folder / ".scratch"
     shutil.rmtree(scratch, ignore_errors=True)
     scratch.mkdir()

@@ -14,7 +14,8 @@ from typing import Any, Literal
 
 from sparsemor.core.analysis.study.jobs import BROKEN, DIED, REFUSED
 from sparsemor.core.analysis.study.plan import Plan, Run
-from sparsemor.core.analysis.study.pools import Ended, Pool
+from sparsemor.core.analysis.study.pools import Pool
+from sparsemor.core.simulation.workers.local_pool import Ended
 from sparsemor.core.status import Status
 
 Row = dict[str, Any]

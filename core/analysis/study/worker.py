@@ -1,40 +1,17 @@
-"""Worker process of a study (`python -m` this module): reads one job per line of its standard input
-and writes one result per line.
+"""Worker process of a study (`python -m` this module)."""
 
-It exits at the end of its input, and thus with the process that started it.
-"""
+from functools import partial
 
-import json
-import os
-import queue
-import signal
-import sys
-import threading
+from sparsemor.core.simulation.workers.serve import Execute, serve
 
 
-def main() -> None:
-    """Executes jobs until the end of standard input."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that gives out jobs
-    answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
-    os.dup2(2, 1)  # what plugins print is no answer
-    lines: queue.Queue[str] = queue.Queue()
-    threading.Thread(target=_listen, args=(lines,), daemon=True).start()
+def executing() -> Execute:
+    """Execution of the jobs of a study, with the models that earlier ones have prepared."""
     from sparsemor.core.analysis.study.jobs import execute
     from sparsemor.core.analysis.study.kept_models import KeptModels
 
-    models = KeptModels()
-    while True:
-        message = json.loads(lines.get())
-        answer = execute(message["job"], None, models)
-        answers.write(json.dumps({"name": message["name"], "answer": answer}) + "\n")
-        answers.flush()
-
-
-def _listen(lines: "queue.Queue[str]") -> None:
-    for line in sys.stdin:
-        lines.put(line)
-    os._exit(0)  # also in the middle of a run: nobody wants its answer
+    return partial(execute, models=KeptModels())
 
 
 if __name__ == "__main__":
-    main()
+    serve(executing)

@@ -38,43 +38,50 @@ def expected_states(
         (K_T + C / H) T_i = C / H T_(i-1) + q_i      K u_i = f_i + K_fT T_i
 
     with conductivity K_T, capacity C, heat loads q, stiffness K, forces f and thermal coupling
-    K_fT. Loads are averaged over coarse steps H = end / COUNT; radiation, contacts that are
-    evaluated in the step, and inertia are neglected. Raises SolveFailed where a matrix is singular.
+    K_fT. Loads are averaged over coarse steps H = end / COUNT, and H = step.h for heat that moves,
+    which is elsewhere after a coarse step; radiation, contacts that are evaluated in the step, and
+    inertia are neglected. Raises SolveFailed where a matrix is singular.
     """
     times = np.linspace(0.0, end, min(COUNT, max(1, round(end / step.h))) + 1)
     for heat in model.separated.heat:
         if heat.thermal == name:
             none = np.zeros((heat.capacity.shape[0], 0))
-            return ExpectedStates(_temperatures(model, heat, times), none, ())
+            return ExpectedStates(_temperatures(model, heat, times, step.h), none, ())
     for body in model.separated.moving:
         if body.elastic == name and body.operators is not None:
-            return _displacements(model, name, body.operators, body.thermal, times)
+            return _displacements(model, name, body.operators, body.thermal, times, step.h)
     raise KeyError(name)
 
 
-def _temperatures(model: AssembledModel, heat: HeatBody, times: FloatArray) -> FloatArray:
-    """Estimated temperatures (n, M), K, at times (M,), s."""
-    H = float(times[1] - times[0])
+def _temperatures(
+    model: AssembledModel, heat: HeatBody, times: FloatArray, h: float
+) -> FloatArray:
+    """Estimated temperatures (n, M), K, at times (M,), s, for a run with steps of h, s."""
+    coarse = float(times[1] - times[0])
+    steps = max(1, round(coarse / h)) if heat.tables else 1
+    H = coarse / steps
     carried = heat.capacity / H
     data = model.block_data(heat.thermal)
     factor = BlockSolvers(model.solvers.of(heat.thermal)).factorize(
         heat.thermal, heat.conductivity + carried, data.places, "expected states")
     states = [model.x0[model.layout[heat.thermal]]]
-    for before, after in zip(times[:-1], times[1:], strict=True):
+    fine = np.linspace(times[0], times[-1], steps * (len(times) - 1) + 1)
+    for before, after in zip(fine[:-1], fine[1:], strict=True):
         q = heat.constant + heat.loads @ _mean(heat.amplitudes, before, after)
         q = q + _moving(heat.tables, before, after, len(q))
         states.append(solve_or_fail(factor, np.asarray(carried @ states[-1] + q), heat.thermal))
-    return np.stack(states, axis=1)
+    return np.stack(states[::steps], axis=1)
 
 
 def _displacements(
-    model: AssembledModel, name: str, ops: ElasticOperators, thermal: str, times: FloatArray
+    model: AssembledModel, name: str, ops: ElasticOperators, thermal: str, times: FloatArray,
+    h: float,
 ) -> ExpectedStates:
     data = model.block_data(name)
     heat = next((h for h in model.separated.heat if h.thermal == thermal), None)
     thermal_forces = np.zeros((data.size, len(times)))
     if heat is not None and ops.coupling is not None:
-        thermal_forces = np.asarray(ops.coupling @ _temperatures(model, heat, times))
+        thermal_forces = np.asarray(ops.coupling @ _temperatures(model, heat, times, h))
     forces = []
     for i, (before, after) in enumerate(zip(times[:-1], times[1:], strict=True), 1):
         f = ops.constant + ops.loads @ _mean(ops.amplitudes, before, after)

@@ -76,8 +76,9 @@ class ErrorWatch:
         self.changes = changes
         assert run.estimator is not None
         blocks, self.every = run.estimator.blocks, run.estimator.every
-        self._triangles = {n: np.asarray(np.linalg.qr(run.solver.dictionaries[n].atoms, mode="r"))
-                           for n in blocks}
+        bases = {n: run.solver.dictionaries.get(n) for n in blocks}
+        self._triangles = {n: np.eye(run.solver.layout.block(n).size) if d is None else np.asarray(
+            np.linalg.qr(d.atoms, mode="r")) for n, d in bases.items()}
 
     def exceeded(self, state: State, errors: Mapping[str, float]) -> Exceeded | None:
         """The block with the largest relative error, if that is above the tolerance."""

@@ -5,10 +5,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sparsemor.core import Amplitude, FloatArray, IntArray, evaluate_amplitudes, total_load
+from sparsemor.core import (
+    Amplitude,
+    FloatArray,
+    FrameWork,
+    IntArray,
+    evaluate_amplitudes,
+    total_load,
+)
 from sparsemor.reducers.linalg.active_columns import ActiveColumns, few
 from sparsemor.reducers.step.acceptance import EPS
-from sparsemor.reducers.step.blocks.elastic_block import ElasticBlock, Functionals, History
+from sparsemor.reducers.step.blocks.elastic_block import ElasticBlock, History
 from sparsemor.reducers.step.blocks.elastic_local import LocalForces, ReducedLocal
 from sparsemor.reducers.step.operators import TestedElastic
 from sparsemor.reducers.step.predictor import Prediction
@@ -23,18 +30,17 @@ class CompressedElastic(ElasticBlock):
     Vectors are stacked as [z; P^T z], so that one product gives both. H (s + p, 3 k + kt + j):
     matrix of h for the inputs u0, v0, a0, temperatures and load amplitudes; base (s + p,): its
     constant part. S (g (s + p) + g s + p, k): D^-1 M_g, M_g in the active rows, and P^T as
-    factors of coefficients; step_S: the active columns of these for increments, times 1, c1 and
-    c2 where rates need them; order: numbers of the products S [u0, v0, a0] in the same order.
-    tables: tabulated (for example moving) loads, projected on s + p rows; few: H and S where few
-    atoms are active.
+    factors of coefficients; step_S: the active columns of these for increments, times 1, c1 and c2
+    where rates need them, and [0; P^T] next to the former; order: numbers of [S u0, S v0, S a0, h]
+    in the same order. EG (s + p, p): [E; G]. tables: tabulated (for example moving) loads,
+    projected on s + p rows; few: H and S where few atoms are active.
     """
 
     H: FloatArray
     base: FloatArray
     S: FloatArray
     step_S: FloatArray
-    E: FloatArray
-    G: FloatArray
+    EG: FloatArray
     active: IntArray | None
     amplitudes: tuple[Amplitude, ...]
     sizes: tuple[int, int, int]
@@ -62,18 +68,18 @@ class CompressedElastic(ElasticBlock):
         S = np.concatenate([turned, forms, b.functional])
         each_rate = [np.concatenate([c * A for c in (1.0, c1, c2)])
                      for A in (forms, b.functional)]
-        step_S = np.concatenate([turned, c1 * turned, *each_rate])[:, use]
-        E = rows[:, inputs:-1]
+        step_S = np.concatenate(
+            [turned, c1 * turned, np.zeros((s, k)), b.functional, *each_rate])[:, use]
         numbers, n, m = np.arange(3 * len(S)).reshape(3, -1), len(turned), len(turned) + len(forms)
-        order = np.concatenate((numbers[0, :n], numbers[1, :n], numbers[:, n:m].ravel(),
-                                numbers[:, m:].ravel()))
+        order = np.concatenate((
+            numbers[0, :n], numbers[1, :n], np.arange(numbers.size, numbers.size + s + p),
+            numbers[:, n:m].ravel(), numbers[:, m:].ravel()))
         H = np.ascontiguousarray(rows[:, :inputs])
-        wide = S.shape[1]
-        some = (ActiveColumns(H), ActiveColumns(S)) if few(support, wide) else None
-        return cls(H, rows[:, -1].copy(), S,
-                   np.ascontiguousarray(step_S), np.ascontiguousarray(E[:s]),
-                   np.ascontiguousarray(E[s:]), support, b.amplitudes, (s, p, g), order,
-                   tabulated(b.tables, both, support is None), ReducedLocal.of(b.local, both), some)
+        some = (ActiveColumns(H), ActiveColumns(S)) if few(support, k) else None
+        return cls(H, rows[:, -1].copy(), S, np.ascontiguousarray(step_S),
+                   np.ascontiguousarray(rows[:, inputs:-1]), support, b.amplitudes, (s, p, g),
+                   order, tabulated(b.tables, both, support is None),
+                   ReducedLocal.of(b.local, both), some)
 
     def rates(self, k: int) -> tuple[FloatArray, FloatArray]:
         rows = self.H[: self.sizes[0]]
@@ -91,39 +97,43 @@ class CompressedElastic(ElasticBlock):
             h.h -= total_load(self.tables, at.t)
         past = inputs[: 3 * k].reshape(3, k)
         out = past.dot(self.S.T) if self.few is None else self.few[1].times(past)
-        h.products = out.take(self.order)
+        h.products = np.concatenate((out.ravel(), h.h)).take(self.order)
         h.u = at.x if self.active is None else at.x[self.active]
+        self._evaluate(h, h.products, h.u)
         return h
 
-    def functionals(self, d: FloatArray, history: History) -> Functionals:
+    def move(self, d: FloatArray, history: History) -> None:
+        self._evaluate(history, history.products + self.step_S.dot(d), history.u + d)
+
+    def _evaluate(self, history: History, products: FloatArray, u: FloatArray) -> None:
+        """Terms at the displacements u (s,); products: in the order of step_S."""
         s, p, g = self.sizes
-        change = self.step_S.dot(d)
-        out, n = change + history.products, 2 * g * (s + p)
+        n = (2 * g + 1) * (s + p)
         m = n + 3 * g * s
-        history.stack = out[:n].reshape(2 * g, s + p)
-        forms: FloatArray = out[n:m].reshape(3 * g, s).dot(history.u + d)
-        return Functionals(change[m : m + p], out[m:].reshape(3, p), forms)
+        history.stack = products[:n].reshape(2 * g + 1, s + p)
+        history.forms = products[n:m].reshape(3 * g, s).dot(u)
+        history.s = products[m:].reshape(3, p)
 
-    def combine(
-        self, history: History, factors: FloatArray, d: FloatArray, sigma: FloatArray,
-    ) -> tuple[FloatArray, FloatArray]:
-        z: FloatArray = factors[:-1].dot(history.stack)
-        z += history.h
+    def condensed(self, d: FloatArray, history: History, work: FrameWork) -> FloatArray:
+        rows, s = work.sigma.dot(self.EG.T), self.sizes[0]
+        rows[-1] += work.coefficients.dot(history.stack)
         if history.local is not None:
-            z = z + history.local.rows(d)
-        s = self.sizes[0]
-        return z[:s], z[s:]
+            rows[-1] += history.local.rows(d)
+        history.terms = (rows[:, :s],)
+        return np.asarray(rows[:, s:].T)
 
-    def update(self, z: FloatArray, sigma: FloatArray) -> FloatArray:
-        new: FloatArray = -(z + self.E.dot(sigma))
-        return new
+    def increment(self, history: History, dy: FloatArray) -> FloatArray:
+        rows, = history.terms
+        return np.asarray(dy.dot(rows[:-1]) - rows[-1])
+
+    def response(self, sigma: FloatArray) -> FloatArray:
+        return self.EG[: self.sizes[0]] @ sigma
 
     def noise(self, d: FloatArray, history: History, factors: FloatArray) -> float:
         s, p, g = self.sizes
-        at = history.at
+        n, at = 2 * g * (s + p), history.at
         inputs = np.concatenate([at.x, at.v, at.a, at.T])
         terms = np.abs(self.H[:, : len(inputs)]) @ np.abs(inputs) + np.abs(self.base)
-        turned = np.abs(self.step_S[: 2 * g * (s + p)]) @ np.abs(d) + np.abs(
-            history.products[: 2 * g * (s + p)])
+        turned = np.abs(self.step_S[:n]) @ np.abs(d) + np.abs(history.products[:n])
         terms += np.abs(factors[:-1]) @ turned.reshape(2 * g, s + p)
         return EPS * float(np.linalg.norm(terms[:s]))

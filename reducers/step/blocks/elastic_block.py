@@ -16,7 +16,6 @@ matrices in advance. The iteration is the same for both.
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -25,6 +24,7 @@ from sparsemor.core import (
     ElasticOperators,
     Factorized,
     FloatArray,
+    FrameWork,
     IntArray,
     Status,
     solve_or_fail,
@@ -41,18 +41,20 @@ from sparsemor.reducers.step.time_tables import plus_loads
 
 
 class History:
-    """Constants of one elastic block in a step, from its prediction.
+    """One elastic block in a step: constants from its prediction, and terms at the last iterate.
 
     at: the prediction; u (s,): predicted displacements of the active unknowns; h: terms of the
-    prediction and loads; products: values of the products of `functionals` at the prediction, in
-    one vector if reduced; stack: rows M_g u, then M_g u', at the last iterate, times D^-1 if
-    reduced; local: local terms, None where there are none. Of an iterative linear solver: its
-    number of iterations in this step, the norm of its residual, and status and message of a solve
-    that did not converge.
+    prediction and loads; products: of the prediction and its rates with M_g and P; local: local
+    terms, None where there are none. Of an iterative linear solver: its number of iterations in
+    this step, the norm of its residual, and status and message of a solve that did not converge.
+
+    At the increment d: s (3, p) = P^T (u, u', u''); forms (3 g,) = u.M_g (u, u', u''); stack: rows
+    M_g u, then M_g u', and if reduced times D^-1, and h + P^T d as the last row; terms: what
+    one method leaves for the next.
     """
 
-    __slots__ = ("at", "c1", "c2", "failure", "h", "iterations", "local", "products", "residual",
-                 "s", "stack", "u")
+    __slots__ = ("at", "c1", "c2", "failure", "forms", "h", "iterations", "local", "products",
+                 "residual", "s", "stack", "terms", "u")
 
     def __init__(self, at: Prediction, c1: float, c2: float) -> None:
         self.at, self.c1, self.c2 = at, c1, c2
@@ -60,20 +62,13 @@ class History:
         self.local: StepForces | None = None
         self.failure: tuple[Status, str] | None = None
 
+    forms: FloatArray
     h: FloatArray
     products: FloatArray
     s: FloatArray
     stack: FloatArray
+    terms: tuple[FloatArray, ...]
     u: FloatArray
-
-
-class Functionals(NamedTuple):
-    """Products of the displacements u with rates at an iterate: d (p,) = P^T of the increment; s
-    (3, p) = P^T (u, u', u''); forms (3 g,) = u.M_g (u, u', u'')."""
-
-    d: FloatArray
-    s: FloatArray
-    forms: FloatArray
 
 
 class DisplacementBlock(ABC):
@@ -95,33 +90,34 @@ class DisplacementBlock(ABC):
 
 
 class ElasticBlock(DisplacementBlock):
-    """Displacements of a body whose frame has unknowns. G (p, p) = P^T D^-1 P."""
-
-    G: FloatArray
+    """Displacements of a body whose frame has unknowns."""
 
     @abstractmethod
     def begin(self, at: Prediction, c1: float, c2: float) -> History:
-        """Constants of a step from the prediction."""
+        """A step from the prediction, at d = 0."""
 
     @abstractmethod
-    def functionals(self, d: FloatArray, history: History) -> Functionals:
+    def move(self, d: FloatArray, history: History) -> None:
         """Products of the displacements with P and M_g at the increment d (s,)."""
 
     @abstractmethod
-    def combine(
-        self, history: History, factors: FloatArray, d: FloatArray, sigma: FloatArray,
-    ) -> tuple[FloatArray, FloatArray]:
-        """z and P^T z after `functionals`; factors (2 g + 1,) = [kappa, mu, 1]. -(d + E sigma) is
-        the initial guess of an iterative linear solver."""
+    def condensed(self, d: FloatArray, history: History, work: FrameWork) -> FloatArray:
+        """P^T times the elastic rows and their derivatives by the border unknowns, with the frame
+        evaluated at d: (p, b + 1), columns P^T E sigma_y, then P^T (d + z + E sigma)."""
 
     @abstractmethod
-    def update(self, z: FloatArray, sigma: FloatArray) -> FloatArray:
-        """Increment of the block, -(z + E sigma)."""
+    def increment(self, history: History, dy: FloatArray) -> FloatArray:
+        """Increment -(z + E sigma) of the block (s,), for border unknowns (b,) less dy than those
+        of `condensed`."""
+
+    @abstractmethod
+    def response(self, sigma: FloatArray) -> FloatArray:
+        """Displacements E sigma (s,) due to factors sigma (p,) of the frame directions."""
 
     @abstractmethod
     def noise(self, d: FloatArray, history: History, factors: FloatArray) -> float:
         """Norm of the errors of the increment d due to rounding of the terms of the elastic rows;
-        factors as in `combine`."""
+        factors (2 g + 1,) = [kappa, mu, 1]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -159,39 +155,47 @@ class FullElastic(ElasticBlock):
         own = len(o.generators) and o.generators[0] is o.mass
         s.h = predicted_forces(o, s.products[2, 0] if own else o.mass @ at.a, at)
         s.s = values @ o.directions
+        s.terms = (np.zeros(s.s.shape[1]),)
+        s.stack, s.forms = s.products[:2].reshape(-1, len(at.x)), (s.products @ at.x).ravel()
         return s
 
-    def functionals(self, d: FloatArray, history: History) -> Functionals:
+    def move(self, d: FloatArray, history: History) -> None:
         rates = np.array([1.0, history.c1, history.c2])[:, None]
-        P, products, past = (
-            self.ops.directions.T @ d, each(self.ops.generators, d), history.products)
+        products, past, at = each(self.ops.generators, d), history.products, history.at
         u, g = history.u + d, len(products)
         history.stack = np.empty((2 * g, len(d)))
         np.add(past[0], products, out=history.stack[:g])
         np.multiply(products, history.c1, out=history.stack[g:])
         history.stack[g:] += past[1]
-        forms = (past.reshape(-1, len(d)) @ u).reshape(3, g) + rates * (products @ u)
-        return Functionals(P, history.s + rates * P, forms.ravel())
+        forms = past @ u + rates * (products @ u)
+        history.forms, Pd = forms.ravel(), self.ops.directions.T @ d
+        history.s = np.stack([at.x, at.v, at.a]) @ self.ops.directions + rates * Pd
+        history.terms = (Pd,)
 
-    def combine(
-        self, history: History, factors: FloatArray, d: FloatArray, sigma: FloatArray,
-    ) -> tuple[FloatArray, FloatArray]:
-        right = history.h + factors[:-1] @ history.stack
+    def condensed(self, d: FloatArray, history: History, work: FrameWork) -> FloatArray:
+        right = history.h + work.coefficients[:-1] @ history.stack
         if history.local is not None:
             right = right + history.local.rows(d)
         if self.factor.iterative:
-            z = self._iterated(right, -(d + self.E @ sigma), history)
+            z = self._iterated(right, -(d + self.E @ work.sigma[-1]), history)
         else:
             z = self.factor.solve(right)
-        return z, self.ops.directions.T @ z
+        rows = self.G @ work.sigma.T
+        rows[:, -1] += history.terms[0] + self.ops.directions.T @ z
+        history.terms = z, work.sigma
+        return rows
 
     def _iterated(self, right: FloatArray, guess: FloatArray, history: History) -> FloatArray:
         """Solution of an iterative linear solver; nan where it does not converge: the step then
         fails with the status in `history`."""
         return solved_by_iteration(self.ops, self.factor, right, guess, history)
 
-    def update(self, z: FloatArray, sigma: FloatArray) -> FloatArray:
-        return -(z + self.E @ sigma)
+    def increment(self, history: History, dy: FloatArray) -> FloatArray:
+        z, sigma = history.terms
+        return np.asarray(-(z + self.E @ (sigma[-1] - dy @ sigma[:-1])))
+
+    def response(self, sigma: FloatArray) -> FloatArray:
+        return self.E @ sigma
 
     def noise(self, d: FloatArray, history: History, factors: FloatArray) -> float:
         return rounded(self.ops, self.factor, d, history)

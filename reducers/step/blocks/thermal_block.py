@@ -2,8 +2,9 @@
 increment d from a prediction: T = T0 + d, T' = T0' + c1 d.
 
 The coupling to displacements is one-way (T loads u), so heat is solved first. Without local terms
-the block is linear and takes one solve; local terms (radiation) are iterated with the factorized
-constant part, or by Newton's method where that contracts poorly.
+the block is linear and takes one solve. Local terms (radiation, k(T)) are iterated: at full order
+with the factorized constant part, or by Newton's method where that contracts poorly; reduced by
+Newton's method with a Jacobian that is kept over several steps.
 """
 
 from collections.abc import Sequence
@@ -29,6 +30,7 @@ from sparsemor.core import (
 from sparsemor.reducers.linalg.active_columns import ActiveColumns, few
 from sparsemor.reducers.linalg.modal_coordinates import carried, dense, times
 from sparsemor.reducers.linalg.superlu import factorize
+from sparsemor.reducers.step.acceptance import estimated_error
 from sparsemor.reducers.step.operators import TestedHeat
 from sparsemor.reducers.step.time_tables import LoadsInTime, TimeTable, plus_loads, tabulated
 
@@ -39,15 +41,31 @@ STUCK = 1e-7
 nearly isothermal body K T is a small difference of its terms."""
 
 
+RENEWED = 0.03
+"""Ratio of the first two changes of a step from which the next step has a new Jacobian."""
+SLOW = 0.1
+"""Ratio of consecutive changes from which the iteration goes on with a new Jacobian."""
+
 START_ITERATIONS = 5
 """Largest number of Newton iterations for consistent initial rates, which capacities enter
 linearly."""
 
 
+class HeatJacobian(NamedTuple):
+    """Jacobian of a reduced thermal block at temperatures T with rates T' at t, s. at (2 k + 1,):
+    [T, T', t]; of: the block; factors: LU factors, row exchanges and LAPACK's status, None where
+    they are to be computed from `at`."""
+
+    at: FloatArray
+    of: "CompressedHeat | None" = None
+    factors: tuple[FloatArray, IntArray, int] | None = None
+
+
 class HeatOutcome(NamedTuple):
     """Result of a thermal solve. d: increments of the (active) unknowns from their prediction;
     linear: iterations of an iterative linear solver; detail: message of a failure; remaining:
-    last change relative to the largest temperature, 0 for a linear problem."""
+    estimated error relative to the largest temperature, 0 for a linear problem; jacobian: the one
+    to keep for the next step, None for a new one."""
 
     d: FloatArray
     status: Status
@@ -55,6 +73,7 @@ class HeatOutcome(NamedTuple):
     linear: int = 0
     detail: str = ""
     remaining: float = 0.0
+    jacobian: HeatJacobian | None = None
 
 
 class HeatBlock(Protocol):
@@ -65,8 +84,11 @@ class HeatBlock(Protocol):
         """Number of elements that one evaluation of its local terms visits."""
         ...
 
-    def solve(self, T: FloatArray, rate: FloatArray, t: float) -> HeatOutcome:
-        """Increments of the temperatures from a prediction T (k,) with its rate, at t, s."""
+    def solve(
+        self, T: FloatArray, rate: FloatArray, t: float, kept: HeatJacobian | None = None
+    ) -> HeatOutcome:
+        """Increments of the temperatures from a prediction T (k,) with its rate, at t, s; kept: the
+        Jacobian that the step before left."""
         ...
     def start_rates(self, x: FloatArray, v: FloatArray, t: float) -> FloatArray:
         """Rates at the unknowns x that satisfy the equations of the block at t, s; v: a guess."""
@@ -102,7 +124,9 @@ class FullHeat:
         """The given rates: those of the initial state are consistent at full order."""
         return v
 
-    def solve(self, T: FloatArray, rate: FloatArray, t: float) -> HeatOutcome:
+    def solve(
+        self, T: FloatArray, rate: FloatArray, t: float, kept: HeatJacobian | None = None
+    ) -> HeatOutcome:
         heat = self.heat
         b = plus_loads(
             heat.constant - heat.capacity @ rate - heat.conductivity @ T, heat, t)
@@ -248,7 +272,9 @@ class CompressedHeat:
                 break
         return rates if np.isfinite(rates).all() else v
 
-    def solve(self, T: FloatArray, rate: FloatArray, t: float) -> HeatOutcome:
+    def solve(
+        self, T: FloatArray, rate: FloatArray, t: float, kept: HeatJacobian | None = None
+    ) -> HeatOutcome:
         if self.few is None:
             base = times(self.by_rate, rate)
             base += times(self.by_value, T)
@@ -258,40 +284,58 @@ class CompressedHeat:
         base += self.prescribed.at(t)
         if not self.local:
             return HeatOutcome(base, Status.DONE, 1)
-        return self._iterate(base, T, rate, t)
+        if self.active is not None:  # others may be active in the next step
+            return self._iterate(base, T, rate, t, None)._replace(jacobian=None)
+        if kept is not None and (kept.of is not self or kept.factors is None):
+            at, k = kept.at, len(T)
+            kept = self._linearized(at[:k], at[k : 2 * k], float(at[-1]), at)[1]
+        return self._iterate(base, T, rate, t, kept)
+
+    def _linearized(
+        self, T: FloatArray, rate: FloatArray, t: float, at: FloatArray | None = None
+    ) -> tuple[FloatArray, HeatJacobian]:
+        """Local terms (s,) at T with its rate, and the factorized Jacobian there."""
+        n, r, J = len(T), np.zeros(len(self.by_rate)), self.identity
+        zero, c1 = np.zeros(n), np.full(n, self.c1)
+        for evaluate in self.evaluated:
+            added, slope = evaluate(T, rate, zero, t, c1, zero)
+            r = r + added
+            J = J + (slope if self.active is None else slope[:, self.active])
+        at = np.concatenate((T, rate, (t,))) if at is None else at
+        return r, HeatJacobian(at, self, dgetrf(J))
 
     def _iterate(
-        self, base: FloatArray, T: FloatArray, rate: FloatArray, t: float
+        self, base: FloatArray, T: FloatArray, rate: FloatArray, t: float,
+        jacobian: HeatJacobian | None,
     ) -> HeatOutcome:
-        n, d, now = len(T), np.zeros(len(base)), T
-        full, zero, c1 = np.zeros(n), np.zeros(n), np.full(n, self.c1)
-        factors: tuple[FloatArray, IntArray, int] | None = None
+        n, d, zero = len(T), np.zeros(len(base)), np.zeros(len(T))
+        full, before, first = np.zeros(n), np.inf, 0.0
         for i in range(1, self.max_iterations + 1):
             full = d if self.active is None else full
             if self.active is not None:
                 full[self.active] = d
             now, rates, r = T + full, rate + self.c1 * full, d - base
-            if factors is None:
-                J = self.identity
-                for evaluate in self.evaluated:
-                    added, slope = evaluate(now, rates, zero, t, c1, zero)
-                    r = r + added
-                    J = J + (slope if self.active is None else slope[:, self.active])
-                factors = dgetrf(J)
+            if jacobian is None:
+                added, jacobian = self._linearized(now, rates, t)
+                r += added
             else:
                 for term in self.local:
-                    r = r + term.residual(now, rates, zero, t)
-            lu, pivots, info = factors
+                    r += term.residual(now, rates, zero, t)
+            assert jacobian.factors is not None
+            lu, pivots, info = jacobian.factors
             step = dgetrs(lu, pivots, r)[0]
             change, size = float(abs(step).max()), float(abs(now).max())
             if not change < np.inf or info > 0:
                 finite = np.isfinite(r).all() and np.isfinite(lu).all()
                 return HeatOutcome(d, Status.SINGULAR if finite else Status.NOT_FINITE, i)
             d = d - step
-            if change <= self.rtol * size:
-                return HeatOutcome(d, Status.DONE, i, 0, "", change / max(size, TINY))
-            # quadratic convergence: the next change is expected below the tolerance, which is
-            # verified with this Jacobian
-            if not change * change <= self.rtol * size * size:
-                factors = None
+            error = estimated_error(change, before)
+            first = change / before if i == 2 else first
+            if error <= self.rtol * size:
+                return HeatOutcome(d, Status.DONE, i, 0, "", error / max(size, TINY),
+                                   jacobian if first <= RENEWED else None)
+            if change > SLOW * before:
+                jacobian, before = None, np.inf
+            else:
+                before = change
         return HeatOutcome(d, Status.NOT_CONVERGED, self.max_iterations)

@@ -50,29 +50,30 @@ def bordered_system(maps: Sequence[FloatArray], size: int, n_rigid: int) -> Bord
 class Pattern:
     """Structure of a bordered system: maps T_i, and entries of B that can differ from zero.
 
-    rows, columns (nnz,): their positions; combination (nnz, sum b^2): B of all entries of the
-    bodies' matrices. map: all T_i (sum b, N), rates: its columns of rigid coordinates.
+    rows, columns (nnz,): their positions; combination (nnz + N, sum b (b + 1)): B, then r, of all
+    entries of the bodies' matrices and rows. map: all T_i (sum b, N), rates: its columns of rigid
+    coordinates.
     """
 
     def __init__(self, maps: Sequence[FloatArray], size: int, n_rigid: int) -> None:
         self.size, self.borders = size, [len(T) for T in maps]
         self.map = csr_array(vstack([csr_array(T) for T in maps]))
-        self.rates, self.back = csr_array(self.map[:, :n_rigid]), csr_array(self.map.T)
-        self.sizes = abs(self.map)
+        self.rates, self.sizes = csr_array(self.map[:, :n_rigid]), abs(self.map)
         entries, sources, factors, first = [], [], [], 0
         for T in maps:
-            used = np.flatnonzero(T.any(axis=0))
+            used, b = np.flatnonzero(T.any(axis=0)), len(T)
             M = coo_array(T[:, used].T)
-            both = coo_array(kron(M, M))  # of (T^T H T) in rows, both by rows
+            both = coo_array(kron(M, np.pad(T[:, used].T, ((0, 0), (0, 1)))))  # of T^T H T, by rows
             i, j = np.divmod(both.row, len(used))
-            entries.append(used[j] * size + used[i])
-            sources.append(both.col + first)
-            factors.append(both.data)
-            first += len(T) ** 2
-        keys, at = np.unique(np.concatenate(entries), return_inverse=True)
+            entries += [used[j] * size + used[i], size**2 + used[M.row]]
+            sources += [both.col + first, first + M.col * (b + 1) + b]
+            factors += [both.data, M.data]
+            first += b * (b + 1)
+        found, at = np.unique(np.concatenate(entries), return_inverse=True)
+        keys = found[found < size**2]
         self.columns, self.rows = np.divmod(keys, size)
         self.combination = csr_array(
-            (np.concatenate(factors), (at, np.concatenate(sources))), shape=(len(keys), first))
+            (np.concatenate(factors), (at, np.concatenate(sources))), shape=(len(found), first))
 
     def matrix(self, values: FloatArray) -> Csr:
         """The matrix with these entries (nnz,)."""
@@ -93,14 +94,15 @@ class SparseSystem(ABC):
 
     def __init__(self, pattern: Pattern, entries: IntArray, length: int) -> None:
         self.pattern, self.entries = pattern, entries
-        C = coo_array(pattern.combination)
+        C, n = coo_array(pattern.combination), pattern.size
+        places = np.concatenate((entries, length + np.arange(n)))
         self.combination: Csr = csr_array(
-            (C.data, (entries[C.row], C.col)), shape=(length, C.shape[1]))
+            (C.data, (places[C.row], C.col)), shape=(length + n, C.shape[1]))
 
     def matrices(self) -> BodyMatrices:
-        edges = np.cumsum([0, *(b * b for b in self.pattern.borders)]).tolist()
+        edges = np.cumsum([0, *(b * (b + 1) for b in self.pattern.borders)]).tolist()
         values = np.zeros(edges[-1])
-        return BodyMatrices(values, [values[first:last].reshape(b, b) for first, last, b in zip(
+        return BodyMatrices(values, [values[first:last].reshape(b, b + 1) for first, last, b in zip(
             edges, edges[1:], self.pattern.borders, strict=False)])
 
     def stacked(self, x: FloatArray) -> FloatArray:
@@ -112,11 +114,9 @@ class SparseSystem(ABC):
     def stacked_sizes(self, x: FloatArray) -> FloatArray:
         return np.asarray(self.pattern.sizes @ x)
 
-    def collected(self, rows: FloatArray) -> FloatArray:
-        return np.asarray(self.pattern.back @ rows)
-
-    def assembled(self, H: FloatArray) -> FloatArray:
-        return np.asarray(self.combination @ H)
+    def assembled(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+        both, n = self.combination @ values, self.pattern.size
+        return both[:-n], both[-n:]
 
     @abstractmethod
     def solved(self, B: FloatArray, r: FloatArray) -> FloatArray | None:

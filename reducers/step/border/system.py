@@ -4,7 +4,7 @@ The pose and attachment forces of body i, its border unknowns, are y_i = T_i x +
 N rigid coordinates and multipliers x of the model. Matrices H_i of the bodies, from which elastic
 unknowns are eliminated (Schur complement), form the system of each iteration,
 
-    B dx = r,     B = sum_i T_i^T H_i T_i.
+    B dx = r,     B = sum_i T_i^T H_i T_i,     r = sum_i T_i^T r_i.
 
 A few unknowns are solved for with dense matrices; chains, trees and loops of many bodies with
 sparse ones (sparse.py), whose cost grows in proportion to the number of bodies.
@@ -21,7 +21,8 @@ from sparsemor.reducers.step.border.least_norm import least
 
 
 class BodyMatrices(NamedTuple):
-    """Working array `values` with the matrices H_i (b_i, b_i) of all bodies, and a view of each."""
+    """Working array `values` with the matrices H_i of all bodies and their rows r_i, and a view of
+    each, (b_i, b_i + 1), with r_i as the last column."""
 
     values: FloatArray
     views: list[FloatArray]
@@ -47,17 +48,12 @@ class BorderedSystem(Protocol):
         """|T| x (sum b,) for magnitudes x (N,)."""
         ...
 
-    def collected(self, rows: FloatArray) -> FloatArray:
-        """T^T rows (N,) of the rows (sum b,) of all bodies."""
-        ...
-
-    def assembled(self, H: FloatArray) -> FloatArray:
-        """B in the storage of this system; H: `values` of the bodies' matrices."""
+    def assembled(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """B in the storage of this system, and r (N,); values: those of the bodies' matrices."""
         ...
 
     def solved(self, B: FloatArray, r: FloatArray) -> FloatArray | None:
-        """Solution B^-1 r (N,), not finite where B is not; None where B is singular. r may be
-        overwritten."""
+        """Solution B^-1 r (N,), not finite where B is not; None where B is singular."""
         ...
 
     def least(self, B: FloatArray, r: FloatArray) -> FloatArray:
@@ -81,24 +77,27 @@ class DenseSystem:
         self.map = np.concatenate([np.zeros((0, size)), *maps])
         edges = np.cumsum([0, *map(len, maps)]).tolist()
         self.at = list(map(slice, edges, edges[1:]))
+        # T_i in its first N columns, and r_i in the last one
+        self.with_rows = np.concatenate([np.zeros((0, size + 1)), *(
+            np.pad(T, ((0, 1), (0, 1))) for T in maps)])
+        self.with_rows[[at.stop + i for i, at in enumerate(self.at)], -1] = 1.0
         self.stacked: Callable[[FloatArray], FloatArray] = self.map.dot
         self.stacked_rates: Callable[[FloatArray], FloatArray] = self.map[:, :n_rigid].dot
 
     def matrices(self) -> BodyMatrices:
-        H = np.zeros((len(self.map), len(self.map)))
-        return BodyMatrices(H, [H[at, at] for at in self.at])
+        values = np.zeros((len(self.map), len(self.with_rows)))
+        return BodyMatrices(values, [values[at, at.start + i : at.stop + i + 1]
+                                     for i, at in enumerate(self.at)])
 
     def stacked_sizes(self, x: FloatArray) -> FloatArray:
         return np.asarray(np.abs(self.map).dot(x))
 
-    def collected(self, rows: FloatArray) -> FloatArray:
-        return np.asarray(rows.dot(self.map))
-
-    def assembled(self, H: FloatArray) -> FloatArray:
-        return np.asarray(self.map.T.dot(H.dot(self.map)))
+    def assembled(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+        both = self.map.T.dot(values.dot(self.with_rows))
+        return both[:, :-1], both[:, -1]
 
     def solved(self, B: FloatArray, r: FloatArray) -> FloatArray | None:
-        x, info = dgesv(B, r, 1, 1)[2:]
+        x, info = dgesv(B, r)[2:]
         return None if info > 0 else x
 
     def least(self, B: FloatArray, r: FloatArray) -> FloatArray:

@@ -39,6 +39,24 @@ NO_HEAT = HeatArrays(_NONE, _NONE, _NONE, _EMPTY, _EMPTY, np.zeros(0), _EMPTY, -
 """An empty thermal block, of the type of all."""
 
 
+class KeptHeat(NamedTuple):
+    """Kept Jacobian of a thermal block with local terms (`HeatJacobian`): J (s, s), pivots (s,):
+    its factors; at (2, k), timed (q,): temperatures and rates, and functions of time, at which it
+    was evaluated. state (2,): 0 for none, 1 where factors are to be computed, 2 where they are
+    there; then the number of the step of this call in which it was evaluated, -1 for earlier.
+    """
+
+    J: FloatArray
+    pivots: IntArray
+    at: FloatArray
+    timed: FloatArray
+    state: IntArray
+
+
+NO_KEPT = KeptHeat(_EMPTY, _NONE, _EMPTY, np.zeros(0), _NONE)
+"""No Jacobian, of the type of all."""
+
+
 class BodyArrays(NamedTuple):
     """Constants of bodies: frames, maps to the border, and their reduced displacements
     (elastic_block.py; k = 0 for a rigid body). The first index of each array, not given here, is

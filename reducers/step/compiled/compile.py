@@ -20,14 +20,15 @@ from sparsemor.reducers.step.compiled import dense, kernel, local, mechanics, pr
 FUNCTIONS: tuple[Callable[..., object], ...] = (
     acceptance.estimated_error, acceptance.reference, dense.add_product, dense.add_rates,
     dense.add_products, dense.add_turned, dense.product, dense.solve_in_place, dense.norm,
-    local.evaluate_law, local.variables, local.evaluate_points, local.local_rows,
-    local.factor_in_place, local.solve_factored, mechanics.begin, mechanics.begin_local,
-    mechanics.add_local, mechanics.functionals, mechanics.combine, mechanics.frames,
-    mechanics.pose, mechanics.add_reduced, mechanics.magnitude, mechanics.displaced,
-    mechanics.solve_mechanics, prescribed.thermal_forces, prescribed.corrected,
+    local.evaluate_law, local.variables, local.evaluate_points, local.rows_at, local.rows_of,
+    local.local_rows, local.factor_in_place, local.solve_factored, mechanics.begin,
+    mechanics.begin_local, mechanics.add_local, mechanics.functionals, mechanics.combine,
+    mechanics.frames, mechanics.pose, mechanics.add_reduced, mechanics.magnitude,
+    mechanics.displaced, mechanics.solve_mechanics, prescribed.thermal_forces, prescribed.corrected,
     prescribed.solve_body, prescribed.solve_prescribed, kernel.free_first, kernel.free_motion,
     kernel.at_departure, kernel.predict, kernel.update, kernel.new_first, kernel.new_state,
-    kernel.accept, kernel.iterate_heat, kernel.heated, kernel.heat_ahead, kernel.advance)
+    kernel.accept, kernel.renewed, kernel.iterate_heat, kernel.heated, kernel.heat_ahead,
+    kernel.advance)
 """Functions of the kernel, each after those that it calls."""
 BARE: tuple[Callable[..., object], ...] = (
     acceptance.estimated_error, acceptance.reference, dense.add_product, dense.add_rates,
@@ -103,7 +104,7 @@ def compiled_advance(functions: Functions, folder: Path) -> Any:
     try:
         return bound(functions, lambda f: njit(
             cache=True, error_model="numpy", _nrt=f.__code__ not in bare,
-            fastmath=reordered if f.__name__ == "add_turned" else fast)(f))
+            fastmath=reordered if f.__name__ in ("add_turned", "solve_factored") else fast)(f))
     finally:
         config.CACHE_DIR = before
 

@@ -6,16 +6,18 @@ round-off, acceleration, and the full Newton iteration.
 """
 
 from collections.abc import Sequence
-from math import sqrt
+from math import inf, sqrt
 
 import numpy as np
 
 from sparsemor.core import FloatArray, IntArray
-from sparsemor.reducers.step.blocks.thermal_block import TINY
+from sparsemor.reducers.step.acceptance import estimated_error
+from sparsemor.reducers.step.blocks.thermal_block import RENEWED, SLOW, TINY
 from sparsemor.reducers.step.compiled.arrays import (
     BodyArrays,
     BodyTerms,
     HeatArrays,
+    KeptHeat,
     MechanicsWork,
     ModelArrays,
     PrescribedArrays,
@@ -25,6 +27,7 @@ from sparsemor.reducers.step.compiled.dense import product
 from sparsemor.reducers.step.compiled.local import (
     evaluate_points,
     factor_in_place,
+    local_rows,
     solve_factored,
     variables,
 )
@@ -33,9 +36,9 @@ from sparsemor.reducers.step.compiled.prescribed import solve_prescribed, therma
 
 
 def advance(
-    m: ModelArrays, heat: Sequence[HeatArrays], bodies: BodyArrays, terms: Sequence[BodyTerms],
-    work: MechanicsWork, prescribed: Sequence[PrescribedArrays], run: RunArrays, timed: FloatArray,
-    targets: FloatArray, states: FloatArray, effort: FloatArray,
+    m: ModelArrays, heat: Sequence[HeatArrays], kept: Sequence[KeptHeat], bodies: BodyArrays,
+    terms: Sequence[BodyTerms], work: MechanicsWork, prescribed: Sequence[PrescribedArrays],
+    run: RunArrays, timed: FloatArray, targets: FloatArray, states: FloatArray, effort: FloatArray,
 ) -> int:
     """Takes up to len(timed) steps and returns how many were solved; `run` is then at the last of
     these.
@@ -53,7 +56,7 @@ def advance(
     for h in heat:
         linear = linear and not len(h.local.terms)
     if linear:
-        heat_ahead(m, heat, run.z.copy(), timed, warm, warmed, new)
+        heat_ahead(m, heat, kept, run.z.copy(), timed, warm, warmed, new)
     forces = thermal_forces(prescribed, warm)
     for i in range(len(timed)):
         free_motion(m, run.z, free, rate)
@@ -66,8 +69,9 @@ def advance(
         at_departure(m, d, free, rate, x, v, a)
         most, hot = 1, 0.0
         if not linear:
-            for h in heat:
-                taken, left = heated(h, m.c1_first, timed[i], run.ring[run.at[0], :n], x, v, d)
+            for g in range(len(heat)):
+                taken, left = heated(
+                    heat[g], kept[g], i, m.c1_first, timed[i], run.ring[run.at[0], :n], x, v, d)
                 if taken == LEFT:
                     return i
                 most, hot = max(most, taken), max(hot, left)
@@ -96,8 +100,8 @@ def advance(
 
 
 def heat_ahead(
-    m: ModelArrays, heat: Sequence[HeatArrays], z: FloatArray, timed: FloatArray, x: FloatArray,
-    d: FloatArray, new: FloatArray
+    m: ModelArrays, heat: Sequence[HeatArrays], kept: Sequence[KeptHeat], z: FloatArray,
+    timed: FloatArray, x: FloatArray, d: FloatArray, new: FloatArray
 ) -> None:
     """Temperatures x and their departures d from the free motion (T, n) in all steps from the state
     z, which is overwritten, without local terms: they depend on no other unknowns. new: working
@@ -106,8 +110,8 @@ def heat_ahead(
     for i in range(len(timed)):
         free_first(m, z, x[i])
         v[:] = 0.0
-        for h in heat:
-            heated(h, m.c1_first, timed[i], x[i], x[i], v, d[i])
+        for g in range(len(heat)):
+            heated(heat[g], kept[g], i, m.c1_first, timed[i], x[i], x[i], v, d[i])
         new_first(m, z, x[i], d[i], new)
 
 
@@ -245,11 +249,11 @@ def update(
 
 
 def heated(
-    h: HeatArrays, c1: float, timed: FloatArray, last: FloatArray, x: FloatArray, v: FloatArray,
-    d: FloatArray
+    h: HeatArrays, kept: KeptHeat, number: int, c1: float, timed: FloatArray, last: FloatArray,
+    x: FloatArray, v: FloatArray, d: FloatArray
 ) -> tuple[int, float]:
-    """Solves a thermal block (thermal_block.py), in place; returns the number of iterations, or
-    LEFT, and the last relative change. last (n,): unknowns of the last step."""
+    """Solves a thermal block (thermal_block.py) in step `number`, in place; returns the number of
+    iterations, or LEFT, and the estimated error. last (n,): unknowns of the last step."""
     for i in h.idle:
         v[i] -= c1 * x[i]
         d[i] -= x[i]
@@ -260,9 +264,9 @@ def heated(
     if h.table >= 0:
         r += timed[h.table : h.table + len(r)]
     r += product(h.by_rate, v[h.at]) + product(h.by_value, x[h.at])
-    count, change = 1, 0.0
+    count, error = 1, 0.0
     if len(h.local.terms):
-        count, change = iterate_heat(h, c1, timed, last, x, v, r)
+        count, error = iterate_heat(h, kept, number, c1, timed, last, x, v, r)
         if count == LEFT:
             return LEFT, 0.0
     for j in range(len(r)):
@@ -270,37 +274,58 @@ def heated(
         d[i] += r[j]
         x[i] += r[j]
         v[i] += c1 * r[j]
-    return count, change
+    return count, error
+
+
+def renewed(
+    h: HeatArrays, kept: KeptHeat, c1: float
+) -> bool:
+    """Evaluates and factorizes the Jacobian at `kept.at`; False where it is singular."""
+    a, J = h.local, kept.J
+    z, w = np.empty(len(a.offset)), np.empty(len(a.offset))
+    variables(a, kept.timed, kept.at[0], kept.at[1], z, w)
+    flux, slope = np.empty(a.L.shape[1]), np.empty((a.L.shape[1], len(J)))
+    evaluate_points(a, kept.timed, z, w, c1, flux, slope)
+    np.dot(a.L, slope, J)
+    for i in range(len(J)):
+        J[i, i] += 1.0
+    kept.state[0] = 2 if factor_in_place(J, kept.pivots) else 0
+    return bool(kept.state[0] > 0)
 
 
 def iterate_heat(
-    h: HeatArrays, c1: float, timed: FloatArray, last: FloatArray, x: FloatArray, v: FloatArray,
-    r: FloatArray
+    h: HeatArrays, kept: KeptHeat, number: int, c1: float, timed: FloatArray, last: FloatArray,
+    x: FloatArray, v: FloatArray, r: FloatArray
 ) -> tuple[int, float]:
     """Increments of a thermal block with local terms by Newton's method, in r, which has those
-    without local terms; returns the number of iterations, or LEFT, and the last relative change."""
+    without local terms; returns the number of iterations, or LEFT, and the estimated relative
+    error."""
     a, T, s = h.local, x[h.at], len(r)
     far, top = 0.0, 0.0
     for i in h.at:
         far, top = max(far, abs(x[i] - last[i])), max(top, abs(last[i]))
     if far > 0.1 * top:
         return LEFT, 0.0
+    if len(h.active) < len(h.at):  # others may be active in the next step
+        kept.state[0] = 0
+    if kept.state[0] == 1 and not renewed(h, kept, c1):
+        return LEFT, 0.0
     z, w = np.empty(len(a.offset)), np.empty(len(a.offset))
     variables(a, timed, T, v[h.at], z, w)
-    d, J, pivots = np.zeros(s), np.empty((s, s)), np.zeros(s, dtype=np.int64)
-    flux, slope, none = np.empty(a.L.shape[1]), np.empty((a.L.shape[1], s)), np.empty((0, 0))
-    new = True
+    d, before, first = np.zeros(s), inf, 0.0
     for iteration in range(1, h.iterations + 1):
-        moved = np.dot(a.moving, d)
-        evaluate_points(a, timed, z + moved, w + c1 * moved, c1, flux, slope if new else none)
-        step = d - r + np.dot(a.L, flux)
-        if new:
-            np.dot(a.L, slope, J)
-            for i in range(s):
-                J[i, i] += 1.0
-            if not factor_in_place(J, pivots):
+        step = d - r + local_rows(a, timed, z, w, c1, d)
+        if kept.state[0] == 0:
+            now, rates = x.copy(), v.copy()
+            for j in range(s):
+                now[h.active[j]] += d[j]
+                rates[h.active[j]] += c1 * d[j]
+            kept.at[0, :], kept.at[1, :] = now[h.at], rates[h.at]
+            kept.timed[:] = timed
+            kept.state[1] = number
+            if not renewed(h, kept, c1):
                 return LEFT, 0.0
-        solve_factored(J, pivots, step)
+        solve_factored(kept.J, kept.pivots, step)
         change, size = 0.0, 0.0
         for j in range(s):  # others are zero
             change = max(change, abs(step[j]))
@@ -308,8 +333,16 @@ def iterate_heat(
         if not np.all(np.isfinite(step)):
             return LEFT, 0.0
         d -= step
-        if change <= h.rtol * size:
+        error = estimated_error(change, before)
+        if iteration == 2:
+            first = change / before
+        if error <= h.rtol * size:
             r[:] = d
-            return iteration, change / max(size, TINY)
-        new = not change * change <= h.rtol * size * size
+            if not first <= RENEWED:
+                kept.state[0] = 0
+            return iteration, error / max(size, TINY)
+        if change > SLOW * before:
+            kept.state[0], before = 0, inf
+        else:
+            before = change
     return LEFT, 0.0

@@ -16,7 +16,9 @@ class LocalArrays(NamedTuple):
     pairs, without the last of the latter. numbers, gains: constants and amplitudes of the laws;
     gains, effects_at: numbers of the first tabulated amplitude and prescribed value. weights (q,),
     coordinates (d, q): of all points. P (p, k), offset (p,), effects (p, f): as in `PointArrays`
-    for all k inputs; moving (p, s): columns of P of the s active unknowns. reads (r, 3): first row
+    for all k inputs, rated (2,): first and last row whose rates a law reads; moved (2,),
+    moving (m, s): the same for values that the s active unknowns change, and these rows and columns
+    of P. reads (r, 3): first row
     of P, 1 where there is one per point, 1 for a rate; tests (m, 2): first column of L, 1 where it
     has one per point; pairs (j, 2): test and read of each derivative. L (l, w), the test functions.
     """
@@ -30,6 +32,8 @@ class LocalArrays(NamedTuple):
     P: FloatArray
     offset: FloatArray
     effects: FloatArray
+    rated: IntArray
+    moved: IntArray
     moving: FloatArray
     reads: IntArray
     tests: IntArray
@@ -41,7 +45,8 @@ _NUMBERS, _MATRIX = np.zeros(0), np.zeros((0, 0))
 _PAIRS = np.zeros((0, 2), dtype=np.int64)
 NO_LOCAL = LocalArrays(
     np.zeros((0, 12), dtype=np.int64), _NUMBERS, -1, -1, _NUMBERS, _MATRIX, _MATRIX, _NUMBERS,
-    _MATRIX, _MATRIX, np.zeros((0, 3), dtype=np.int64), _PAIRS, _PAIRS, _MATRIX)
+    _MATRIX, np.zeros(2, dtype=np.int64), np.zeros(2, dtype=np.int64), _MATRIX,
+    np.zeros((0, 3), dtype=np.int64), _PAIRS, _PAIRS, _MATRIX)
 """No local terms, of the type of all."""
 
 
@@ -83,13 +88,17 @@ def evaluate_law(
 def variables(
     a: LocalArrays, timed: FloatArray, x: FloatArray, v: FloatArray, z: FloatArray, w: FloatArray
 ) -> None:
-    """Variables z (p,) and their rates w (p,) for the inputs x with rates v."""
+    """Variables z (p,) and their rates w (p,), zero where no law reads them, for the inputs x with
+    rates v."""
     z[:] = a.offset + np.dot(a.P, x)
-    w[:] = np.dot(a.P, v)
+    w[:] = 0.0
+    rated = slice(a.rated[0], a.rated[1])
+    if a.rated[1] > a.rated[0]:
+        w[rated] = np.dot(a.P[rated], v)
     count = a.effects.shape[1]
     for j in range(count):
         z += timed[a.effects_at + j] * a.effects[:, j]
-        w += timed[a.effects_at + count + j] * a.effects[:, j]
+        w[rated] += timed[a.effects_at + count + j] * a.effects[rated, j]
 
 
 def evaluate_points(
@@ -138,19 +147,38 @@ def evaluate_points(
                     if once and q + 1 < (e + 1) * Q:
                         continue
                     to, of = start + q if wide else start + e, row + q if own else row + e
-                    for c in range(slope.shape[1]):
-                        slope[to, c] += factor * a.moving[of, c]
+                    of -= a.moved[0]
+                    if 0 <= of < len(a.moving):
+                        for c in range(slope.shape[1]):
+                            slope[to, c] += factor * a.moving[of, c]
+
+
+def rows_at(a: LocalArrays, timed: FloatArray, z: FloatArray, w: FloatArray) -> FloatArray:
+    """Residual (l,) at variables z with rates w."""
+    flux = np.empty(a.L.shape[1])
+    evaluate_points(a, timed, z, w, 0.0, flux, np.zeros((0, 0)))
+    found: FloatArray = np.dot(a.L, flux)
+    return found
+
+
+def rows_of(a: LocalArrays, timed: FloatArray, x: FloatArray, v: FloatArray) -> FloatArray:
+    """Residual (l,) at the inputs x with rates v."""
+    z, w = np.empty(len(a.offset)), np.empty(len(a.offset))
+    variables(a, timed, x, v, z, w)
+    return rows_at(a, timed, z, w)
 
 
 def local_rows(
     a: LocalArrays, timed: FloatArray, z: FloatArray, w: FloatArray, c1: float, d: FloatArray
 ) -> FloatArray:
     """Residual (l,) at the increments d (s,) from variables z with rates w."""
-    flux, none = np.empty(a.L.shape[1]), np.zeros((0, 0))
-    change = np.dot(a.moving, d)
-    evaluate_points(a, timed, z + change, w + c1 * change, c1, flux, none)
-    found: FloatArray = np.dot(a.L, flux)
-    return found
+    if not np.any(d):
+        return rows_at(a, timed, z, w)
+    change, moved = np.dot(a.moving, d), slice(a.moved[0], a.moved[1])
+    values, rates = z.copy(), w.copy()
+    values[moved] += change
+    rates[moved] += c1 * change
+    return rows_at(a, timed, values, rates)
 
 
 def factor_in_place(A: FloatArray, pivots: IntArray) -> bool:

@@ -29,15 +29,17 @@ def points_of(terms: Sequence[object], name: str) -> list[PointArrays]:
 
 
 def local_arrays(
-    found: Sequence[PointArrays], active: IntArray, laws: list[Called], timed: Timed
+    found: Sequence[PointArrays], active: IntArray, laws: list[Called], timed: Timed,
+    first: int = 0,
 ) -> LocalArrays:
-    """Terms of one block, stacked; active (s,): inputs that are solved for. Functions of new laws
-    are added to `laws`."""
+    """Terms of one block, stacked; active (s,): inputs that are solved for; first: that of the
+    inputs, without those that no term depends on. Functions of new laws are added to `laws`."""
     if not found:
         return NO_LOCAL
     terms, reads, tests, pairs = (list[list[int]]() for _ in range(4))
     numbers, L, amplitudes = list[FloatArray](), list[FloatArray](), list[Amplitude]()
     point = row = column = constants = 0
+    rated: list[int] = []
     for one in found:
         law, (E, Q) = (one.law.function, one.law.calls), one.weights.shape
         if law not in laws:
@@ -50,6 +52,7 @@ def local_arrays(
         amplitudes += one.law.amplitudes
         for start, width, rate in one.reads.tolist():
             reads.append([row + start, int(width == Q), rate])
+            rated += [row + start, row + start + E * width] if rate else []
         for test in one.tests:
             tests.append([column, int(test.shape[1] == E * Q)])
             L.append(test)
@@ -58,7 +61,9 @@ def local_arrays(
         constants, point, row = constants + len(one.law.numbers), point + E * Q, row + len(one.P)
     if len(laws) > LAWS:
         raise NotCompiled(f"more than {LAWS} different laws")
-    P = np.concatenate([one.P for one in found])
+    P = np.ascontiguousarray(np.concatenate([one.P[:, first:] for one in found]))
+    used = np.flatnonzero(P[:, active].any(axis=1))
+    moved = slice(used[0], used[-1] + 1) if len(used) else slice(0, 0)
     effects = np.zeros((len(P), sum(len(one.values) for one in found)))
     row = column = 0
     for one in found:
@@ -72,8 +77,11 @@ def local_arrays(
     return LocalArrays(
         np.array(terms, dtype=np.int64), np.concatenate(numbers), timed.amplitudes(amplitudes),
         timed.amplitudes(prescribed), np.concatenate([one.weights.ravel() for one in found]),
-        np.concatenate(coordinates, axis=1), P.copy(),
+        np.concatenate(coordinates, axis=1), P,
         np.concatenate([one.offset for one in found]), effects,
-        np.ascontiguousarray(P[:, active]), np.array(reads, dtype=np.int64).reshape(-1, 3),
+        np.array([min(rated, default=0), max(rated, default=0)], dtype=np.int64),
+        np.array([moved.start, moved.stop], dtype=np.int64),
+        P[moved] if len(active) == P.shape[1] else np.ascontiguousarray(P[moved, active]),
+        np.array(reads, dtype=np.int64).reshape(-1, 3),
         np.array(tests, dtype=np.int64).reshape(-1, 2),
         np.array(pairs, dtype=np.int64).reshape(-1, 2), np.concatenate(L, axis=1))

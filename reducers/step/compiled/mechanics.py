@@ -17,7 +17,7 @@ from sparsemor.reducers.step.compiled.arrays import (
     RunArrays,
 )
 from sparsemor.reducers.step.compiled.dense import add_product, add_rates, norm, solve_in_place
-from sparsemor.reducers.step.compiled.local import local_rows, variables
+from sparsemor.reducers.step.compiled.local import local_rows, rows_of, variables
 from sparsemor.reducers.step.condensed_newton import SLOW
 
 LEFT = -1
@@ -65,13 +65,11 @@ def begin_local(
     """Local terms at the prediction: those that depend on temperatures alone are final."""
     i = t.number
     u, k, T, kt, s = b.u[i], b.k[i], b.T[i], b.kt[i], b.s[i]
-    inputs = np.concatenate((x[u : u + k], x[T : T + kt]))
-    rates = np.concatenate((v[u : u + k], v[T : T + kt]))
     if len(t.still.terms):
-        values, by_time = np.empty(len(t.still.offset)), np.empty(len(t.still.offset))
-        variables(t.still, timed, inputs, rates, values, by_time)
-        w.h[i, : s + b.p[i]] += local_rows(t.still, timed, values, by_time, m.c1, w.d[i, :s])
+        w.h[i, : s + b.p[i]] += rows_of(t.still, timed, x[T : T + kt], v[T : T + kt])
     if len(t.local.terms):
+        inputs = np.concatenate((x[u : u + k], x[T : T + kt]))
+        rates = np.concatenate((v[u : u + k], v[T : T + kt]))
         variables(t.local, timed, inputs, rates, t.values, t.rates)
 
 

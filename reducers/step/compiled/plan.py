@@ -44,12 +44,13 @@ SYMMETRIC = 1e-12
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plan:
-    """Arrays of a model for compiled steps. bodies, terms: all bodies with unknown motion, and
-    their local terms; prescribed: each with prescribed motion; frame: function of the frames of the
-    former; laws: functions of the laws of local terms; timed: functions of time; targets: numbers
-    of border unknowns with the functions that prescribe them; border: number of border
-    unknowns."""
+    """Arrays of a model for compiled steps. hot: names of the thermal blocks `heat`; bodies, terms:
+    all bodies with unknown motion, and their local terms; prescribed: each with prescribed motion;
+    frame: function of the frames of the former; laws: functions of the laws of local terms; timed:
+    functions of time; targets: numbers of border unknowns with the functions that prescribe them;
+    border: number of border unknowns."""
 
+    hot: tuple[str, ...]
     heat: tuple[HeatArrays, ...]
     bodies: BodyArrays
     terms: tuple[BodyTerms, ...]
@@ -80,11 +81,12 @@ def plan(s: Stepper) -> Plan:
     mechanics, timed, laws = s.mechanics, Timed(), list[Called]()
     if mechanics is None:
         raise NotCompiled("the model has no step of its own blocks")
+    hot = tuple(name for name, _ in s.hot)
     heat = tuple(_heat(where, s.heat[name], name, timed, laws) for name, where in s.hot)
     if isinstance(mechanics, PrescribedFrames):
         moved = tuple(_prescribed(i, b, timed, laws) for i, b in enumerate(mechanics.bodies)
                       if b.prescribed is not None)
-        return Plan(heat, stacked(()), (), moved, None, tuple(laws), timed, (), 0)
+        return Plan(hot, heat, stacked(()), (), moved, None, tuple(laws), timed, (), 0)
     if mechanics.size > LARGEST_BORDER:
         raise NotCompiled(f"{mechanics.size} rigid coordinates and joint forces")
     frames = [_frame(b) for b in mechanics.bodies]
@@ -93,7 +95,7 @@ def plan(s: Stepper) -> Plan:
     terms: list[BodyTerms] = []
     bodies = [_body(i, b, f, timed, laws, terms)
               for i, (b, f) in enumerate(zip(mechanics.bodies, frames, strict=True))]
-    return Plan(heat, stacked(bodies), tuple(terms), (), frames[0], tuple(laws), timed,
+    return Plan(hot, heat, stacked(bodies), tuple(terms), (), frames[0], tuple(laws), timed,
                 mechanics.targets, mechanics.size)
 
 
@@ -128,16 +130,17 @@ def _heat(
 
 
 def _forces(
-    local: LocalForces | None, name: str, active: IntArray, laws: list[Called], timed: Timed
+    local: LocalForces | None, name: str, k: int, active: IntArray, laws: list[Called], timed: Timed
 ) -> tuple[LocalArrays, LocalArrays]:
-    """Local terms of displacements that depend on temperatures alone, and the others."""
+    """Local terms of k displacements: those that depend on temperatures alone, as functions of
+    these, and the others."""
     if local is None:
         return NO_LOCAL, NO_LOCAL
     if not isinstance(local, ReducedLocal):
         raise NotCompiled(f"{name} is of full order")
-    still, moving = (local_arrays(points_of(terms, name), active, laws, timed)
-                     for terms in (local.still, local.moving))
-    return still, moving
+    still, moving = (points_of(terms, name) for terms in (local.still, local.moving))
+    return (local_arrays(still, active[:0], laws, timed, k),
+            local_arrays(moving, active, laws, timed))
 
 
 def _body(
@@ -164,7 +167,7 @@ def _body(
     (s, p, g), j = e.sizes, e.H.shape[1] - 3 * k - kt
     u, v, a, rest = np.split(e.H.T, (k, 2 * k, 3 * k))
     H = np.concatenate((u, a, rest, v if v.any() else v[:0]))
-    still, local = _forces(e.local, b.elastic_name, active - b.elastic.start, laws, timed)
+    still, local = _forces(e.local, b.elastic_name, k, active - b.elastic.start, laws, timed)
     if len(still.terms) or len(local.terms):
         points = np.zeros((2, len(local.offset)))
         terms.append(BodyTerms(i, still, local, *points))
@@ -173,7 +176,7 @@ def _body(
         T=number(b.thermal.start), kt=number(kt), g=number(g), p=number(p),
         inputs=number(len(H)), H=by_four(H), base=array(e.base), j=number(j),
         products=by_four(e.S.T), step_products=by_four(e.S[:, active - b.elastic.start].T),
-        E=array(e.E.T), G=array(e.G.T), amplitude=number(timed.amplitudes(e.amplitudes)),
+        E=array(e.EG[:s].T), G=array(e.EG[s:].T), amplitude=number(timed.amplitudes(e.amplitudes)),
         table=number(timed.tables(e.tables)))
 
 
@@ -192,7 +195,7 @@ def _prescribed(
         np.zeros((0, k)) if e.damping is None else array(np.atleast_2d(e.damping)),
         array(e.coupling.T), array(e.G), array(e.leading), *_halves(e),
         timed.table(table, width), width,
-        *_forces(e.local, b.elastic_name, active - b.elastic.start, laws, timed))
+        *_forces(e.local, b.elastic_name, k, active - b.elastic.start, laws, timed))
 
 
 def _halves(e: CompressedPrescribed) -> tuple[FloatArray, FloatArray, FloatArray]:

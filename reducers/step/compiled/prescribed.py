@@ -10,7 +10,7 @@ from sparsemor.core import FloatArray
 from sparsemor.reducers.step.acceptance import LEAST, TRUSTED, estimated_error
 from sparsemor.reducers.step.compiled.arrays import ModelArrays, PrescribedArrays, RunArrays
 from sparsemor.reducers.step.compiled.dense import add_products, add_turned, product
-from sparsemor.reducers.step.compiled.local import local_rows, variables
+from sparsemor.reducers.step.compiled.local import local_rows, rows_of, variables
 from sparsemor.reducers.step.compiled.mechanics import LEFT
 from sparsemor.reducers.step.condensed_newton import SLOW
 
@@ -52,9 +52,7 @@ def solve_body(
     rates = np.concatenate((uv, v[b.T : b.T + b.kt]))
     local = len(b.local.terms) > 0
     if len(b.still.terms):
-        values, by_time = np.empty(len(b.still.offset)), np.empty(len(b.still.offset))
-        variables(b.still, timed, inputs, rates, values, by_time)
-        image -= local_rows(b.still, timed, values, by_time, m.c1, np.zeros(s))
+        image -= rows_of(b.still, timed, inputs[k:], rates[k:])
     values, by_time = np.empty(len(b.local.offset)), np.empty(len(b.local.offset))
     if local:
         variables(b.local, timed, inputs, rates, values, by_time)

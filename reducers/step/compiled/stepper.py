@@ -10,6 +10,7 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 
 from sparsemor.core import (
+    FloatArray,
     ManySteps,
     Note,
     State,
@@ -19,10 +20,14 @@ from sparsemor.core import (
     information,
     require,
 )
+from sparsemor.reducers.step.blocks.thermal_block import HeatJacobian
 from sparsemor.reducers.step.compiled.arrays import (
     NO_HEAT,
+    NO_KEPT,
     NO_PRESCRIBED,
     NO_TERMS,
+    HeatArrays,
+    KeptHeat,
     ModelArrays,
     RunArrays,
 )
@@ -115,6 +120,9 @@ class CompiledSteps:
         self._advance = advance_arrays
         self._work = work_of(plan.bodies, plan.border)
         self._heat = listed(plan.heat, NO_HEAT)
+        self._own = [_kept(h, plan.timed.width) for h in plan.heat]
+        self._at: list[FloatArray | None] = [None] * len(self._own)
+        self._kept = listed(self._own, NO_KEPT)
         self._terms = listed(plan.terms, NO_TERMS)
         self._prescribed = listed(plan.prescribed, NO_PRESCRIBED)
 
@@ -127,15 +135,46 @@ class CompiledSteps:
         times = np.cumsum([state.t, *[self.h] * min(count, self._ahead)])[1:]  # as step by step
         run = _run_arrays(state, memory)
         states, effort = np.empty((len(times), *run.z.shape)), np.zeros((len(times), 2))
+        self._load(memory)
         done = self._advance(
-            self.model, self._heat, self.plan.bodies, self._terms, self._work, self._prescribed,
-            run, self.plan.timed.along(times), self.plan.targets_along(times), states, effort)
+            self.model, self._heat, self._kept, self.plan.bodies, self._terms, self._work,
+            self._prescribed, run, self.plan.timed.along(times), self.plan.targets_along(times),
+            states, effort)
+        self._store(memory, times)
         if done:
             _keep(run, memory)
         # a step that is left to the uncompiled solver is often followed by others
         self._ahead = min(4 * self._ahead, LONGEST) if done == len(times) else 2
         return StepBlock(times[:done].tolist(), states[:done],
                          effort[:done, 0].astype(int).tolist(), effort[:done, 1].tolist())
+
+    def _load(self, memory: Memory) -> None:
+        """Takes the Jacobians of thermal blocks over from the memory; those of the last call have
+        their factors."""
+        for i, (name, kept) in enumerate(zip(self.plan.hot, self._own, strict=True)):
+            at = memory.linearized.get(name)
+            kept.state[:] = (0 if at is None else 2 if at is self._at[i] else 1), -1
+            if kept.state[0] == 1 and at is not None:
+                kept.at[:] = at[:-1].reshape(2, -1)
+                kept.timed[:] = self.plan.timed.along(at[-1:])[0]
+
+    def _store(self, memory: Memory, times: FloatArray) -> None:
+        """Keeps them in the memory, also those of a step that was not solved: it is tried alike
+        wherever a block begins."""
+        for i, (name, kept) in enumerate(zip(self.plan.hot, self._own, strict=True)):
+            ready, number = kept.state.tolist()
+            if not ready:
+                memory.keep(name, None)
+            elif number >= 0:
+                memory.keep(name, HeatJacobian(np.append(kept.at.ravel(), times[number])))
+            self._at[i] = memory.linearized.get(name) if ready == 2 else None
+
+
+def _kept(h: HeatArrays, width: int) -> KeptHeat:
+    """Working arrays for the Jacobian of a thermal block, with this many functions of time."""
+    s = len(h.active) if len(h.local.terms) else 0
+    return KeptHeat(np.zeros((s, s)), np.zeros(s, dtype=np.int64), np.zeros((2, len(h.at))),
+                    np.zeros(width), np.zeros(2, dtype=np.int64))
 
 
 def _compiled(plan: Plan) -> tuple[Callable[..., int], Callable[[Sequence[Any], Any], Any]]:

@@ -1,21 +1,29 @@
-"""Models that the reducer `auto` chooses: errors in training and under loads that were not trained,
-CPU time of a step relative to the packaged reducer, and time of the choice.
+"""Models that the reducer `auto` chooses, next to hand-made reducers of this repository: errors at
+parameters that were not trained, CPU time of a step, and time of the choice.
 
-    python tests/benchmarks/errors/advice.py [--quick] [--scenes NAMES] [--sets 20]
+    python tests/benchmarks/errors/advice.py [--quick] [--scenes NAMES] [--sets 20] [--folder DIR]
 
-One line per scene and tolerance. `error`: the largest of all fields (rigid, elastic, thermal),
-relative to the largest change of the block, in training, and the largest over all parameter sets,
-which change speed, friction, heat flux and start angle by up to 20 % at random (the slider's speed
-downwards only: a faster one leaves its plate). The bases stay those of the nominal training run.
-`above`: number of parameter sets with a field above the tolerance. `cost`: CPU time per step over
-that of the packaged reducer, in turns. `time`: CPU time of `advise` with its training run over that
-of the training run alone.
+Parameter sets change heat flux, start angle and gravity (double_pendulum) or speed and friction by
+up to 20 % at random (the slider's speed downwards only: a faster one leaves its plate); training
+runs and numbers of atoms stay those of the nominal scene. A full-order run of each set is stored in
+DIR once, and so is each error, so that an interrupted program continues.
+
+One line per scene, tolerance and model. `error`: the largest of all fields (rigid, elastic,
+thermal), relative to the largest change of the block, in training, and the largest over the sets.
+`above`: number of sets with a field above the tolerance. `cost`: CPU time of a step over that of
+the packaged reducer, and over that of the cheapest hand-made one whose error is within the
+tolerance on the same sets (`--hand`: the first of them), in turns. `time`: CPU time of `advise`
+with its training run over that of a full-order run.
 """
 
 import argparse
+import json
+import shutil
+import sys
 import time
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
@@ -42,16 +50,24 @@ REPEATS = 3
 
 @dataclass(frozen=True)
 class Case:
-    """Scene, changes for random factors (2,) between 0.8 and 1.2, and those of the training run."""
+    """A scene.
 
-    settings: Mapping[str, Any]
+    changes: of a parameter set, for random factors (3,) between 0.8 and 1.2; nominal: those of the
+    training run; hand_made: changes for the reducers to compare with, next to the packaged one;
+    every: steps between stored states.
+    """
+
     changes: Callable[[Any], dict[str, Any]]
     nominal: Mapping[str, Any]
+    hand_made: Mapping[str, Mapping[str, Any]]
+    every: int = 1
+    settings: Mapping[str, Any] = field(default_factory=dict)
 
 
 def pendulum(f: Any) -> dict[str, Any]:
     return {"loads.heating.flux": float(1e6 * f[0]),
-            "bodies.link2.pose.angle": float(0.08726646259971647 * f[1])}
+            "bodies.link2.pose.angle": float(0.08726646259971647 * f[1]),
+            "loads.gravity.g": [0.0, float(-9.81 * f[2])]}
 
 
 def slider(f: Any) -> dict[str, Any]:
@@ -67,12 +83,42 @@ def disk(f: Any) -> dict[str, Any]:
             "contacts.brake.friction.coefficient": float(0.7 * f[1])}
 
 
+def pod(count: int, **bases: int) -> dict[str, Any]:
+    """Galerkin projection on POD atoms; bases: numbers by the first word of the pattern."""
+    special = {{"thermal": "*.thermal", "slider": "slider.*", "pad": "pad.*"}[n]:
+               {"use": "pod", "count": k} for n, k in bases.items()}
+    return {"reducer": {"use": "galerkin", "basis": {"use": "pod", "count": count},
+                        "bases": special}}
+
+
+def pulses(heat: int, less: int) -> dict[str, Any]:
+    """Training-free atoms of the slider (tests/benchmarks/studies/outside_slider.yaml)."""
+    def both(k: int) -> tuple[dict[str, Any], dict[str, Any]]:
+        own = {"use": "impulse", "count": k}
+        return own, {"use": "dictionary", "orthonormal": True, "bases": [
+            {"use": "attachment", "thermal": own, "count": k}, "static"]}
+    return {"reducer": {"use": "galerkin", "basis": both(heat)[0], "bases": {
+        "slider.thermal": both(less)[0], "plate.elastic": both(heat)[1],
+        "slider.elastic": both(less)[1]}}}
+
+
 CASES = {
-    "double_pendulum": Case({}, pendulum, pendulum((1.0, 1.0))),
-    "slider_plate": Case({}, slider, {}),
-    "brake_disk": Case({}, disk, {}),
+    "slider_plate": Case(slider, slider((1.0, 1.0, 1.0)), {
+        "POD 100": pod(100, slider=20),  # studies/slider_methods.yaml
+        "pulses": pulses(300, 120),
+        "POD 200, 5 training runs": {  # docs/parameters.md
+            **pod(200, slider=100), "parameters": {
+                "speed": {"key": ["joints.drive.x.final", "bodies.slider.pose.velocity.0"],
+                          "range": [0.8, 1.0]},
+                "friction": {"key": "contacts.sole.friction.coefficient", "range": [0.15, 0.25]}},
+            "training.every": 2, "training.parameters": {"choice": "corners"}}}),
+    "double_pendulum": Case(pendulum, pendulum((1.0, 1.0, 1.0)), {
+        "POD 40/30": pod(40, thermal=30), "POD 80/20": pod(80, thermal=20)}, 4),
+    "brake_disk": Case(disk, disk((1.0, 1.0, 1.0)), {
+        "POD 100": pod(100, pad=20), "POD 200": pod(200, pad=30)}, 4),
 }
-QUICK = {"double_pendulum": Case(COARSE, pendulum, pendulum((1.0, 1.0)))}
+QUICK = {"double_pendulum": Case(
+    pendulum, pendulum((1.0, 1.0, 1.0)), {"POD 40/30": pod(40, thermal=30)}, settings=COARSE)}
 
 
 def cpu(do: Callable[[], Any]) -> tuple[Any, float]:
@@ -81,65 +127,123 @@ def cpu(do: Callable[[], Any]) -> tuple[Any, float]:
     return found, time.process_time() - begun
 
 
-@np.errstate(all="ignore")
-def steps(scene: Scene, cache: Cache, bodies: BodyCache) -> Callable[[], None]:
-    """All steps of a scene, prepared."""
-    run, _ = prepared_run(scene, cache, new_manager(()), bodies)
-    step = step_of(run.solver, scene.integrator, scene.time.step)
+class Bench:
+    """Runs of one scene, whose full-order results and errors are stored in a folder."""
 
-    def march() -> None:
-        for _ in iterate(step, *started(run.solver, scene.integrator, run.start),
-                         step_count(scene)):
-            pass
+    def __init__(self, name: str, case: Case, folder: Path) -> None:
+        self.name, self.case = name, case
+        self.folder = folder / name
+        self.folder.mkdir(parents=True, exist_ok=True)
+        self.cache, self.bodies = Cache(folder / "cache"), BodyCache()
+        self.scene = load(name, dict(case.settings))
+        self.known = self.folder / "known.json"
+        self.numbers: dict[str, Any] = (
+            json.loads(self.known.read_text()) if self.known.exists() else {})
+        factors = np.random.default_rng(1).uniform(0.8, 1.2, (100, 3))
+        self.changes = [dict[str, Any](), *map(case.changes, factors)]
 
-    return march
+    def remembered(self, key: str, make: Callable[[], Any]) -> Any:
+        if key not in self.numbers:
+            self.numbers[key] = make()
+            self.known.write_text(json.dumps(self.numbers))
+        return self.numbers[key]
+
+    def reference(self, i: int) -> RunResult:
+        """Full-order run of set i, 0 for the nominal scene."""
+        out = self.folder / f"full_{i:02d}"
+        if not out.with_suffix(".done").exists():
+            shutil.rmtree(out, ignore_errors=True)
+            simulate(self.scene.using({
+                **self.changes[i], "reducer": "full", "output.every": self.case.every}),
+                out=out, cache=self.cache, body_cache=self.bodies)
+            out.with_suffix(".done").touch()
+        return RunResult(out / "result.zarr")
+
+    def error(self, model: Scene, i: int) -> float:
+        """Largest error of a field in a run of set i; inf for a run that stops."""
+        change = self.changes[i]
+        boxed = model.training.parameters is not None
+        trained = {"training.overrides": self.case.nominal} if (
+            change and self.case.nominal and not boxed) else {}
+        scene = model.using({**change, **trained, "output.every": self.case.every})
+
+        def made() -> float:
+            full = self.reference(i)
+            try:
+                found = measure_errors(full, simulate(
+                    scene, cache=self.cache, body_cache=self.bodies)).worst
+            except SolveFailed:
+                return float("inf")
+            return max(e for name, e in found.items() if name in FIELDS)
+
+        return float(self.remembered(f"error {scene.digest()}", made))
+
+    def errors(self, model: Scene, sets: int, limit: float = np.inf) -> list[float]:
+        """Errors at the first sets, up to the first one above `limit`."""
+        found = list[float]()
+        for i in range(1, sets + 1):
+            found.append(self.error(model, i))
+            if found[-1] > limit:
+                break
+        return found
+
+    @np.errstate(all="ignore")
+    def steps(self, scene: Scene) -> Callable[[], None]:
+        """All steps of a scene, prepared."""
+        run, _ = prepared_run(scene, self.cache, new_manager(()), self.bodies)
+        step = step_of(run.solver, scene.integrator, scene.time.step)
+
+        def march() -> None:
+            for _ in iterate(step, *started(run.solver, scene.integrator, run.start),
+                             step_count(scene)):
+                pass
+
+        return march
+
+    def full_seconds(self) -> float:
+        """CPU time, s, of a full-order run in an empty cache."""
+        with TemporaryDirectory() as place:
+            return cpu(lambda: simulate(
+                self.scene.using({"reducer": "full"}), cache=Cache(place)))[1]
+
+    def advice_seconds(self, tolerance: float) -> float:
+        """CPU time, s, of `advise` with its training run."""
+        with TemporaryDirectory() as place:
+            return cpu(lambda: advise(self.scene, tolerance=tolerance, cache=Cache(place)))[1]
 
 
-def worst(reference: RunResult, scene: Scene, cache: Cache, bodies: BodyCache) -> float:
-    """Largest error of a field; inf for a run that stops."""
-    try:
-        found = measure_errors(
-            reference, simulate(scene, cache=cache, body_cache=bodies)).worst
-    except SolveFailed:
-        return float("inf")
-    return max(e for name, e in found.items() if name in FIELDS)
-
-
-def measured(name: str, case: Case, sets: int, tolerances: Iterable[float]) -> None:
-    with TemporaryDirectory() as place:
-        cache, bodies, rng = Cache(place), BodyCache(), np.random.default_rng(1)
-        scene = load(name, dict(case.settings))
-        advised = {}
-        seconds = 0.0
-        for tolerance in tolerances:
-            advised[tolerance] = cpu(lambda t=tolerance: advise(
-                scene, tolerance=t, cache=cache, body_cache=bodies))
-            if not seconds:
-                seconds = cpu(lambda: simulate(
-                    scene.using({"reducer": "full"}), cache=Cache(f"{place}/new")))[1]
-                first = advised[tolerance][1]
-        changes = [dict[str, Any](), *(
-            case.changes(rng.uniform(0.8, 1.2, 2)) for _ in range(sets))]
-        errors: dict[float, list[float]] = {t: [] for t in tolerances}
-        for change in changes:
-            full = simulate(scene.using({**change, "reducer": "full"}), cache=cache,
-                            body_cache=bodies)
-            trained = {"training.overrides": case.nominal} if change and case.nominal else {}
-            for t, (advice, _) in advised.items():
-                errors[t].append(worst(
-                    full, advice.scene.using({**change, **trained}), cache, bodies))
-        packaged = steps(scene, cache, bodies)
-        for t, (advice, cost) in advised.items():
-            chosen, ratios = steps(advice.scene, cache, bodies), []
-            for _ in range(REPEATS):
-                ratios.append(cpu(chosen)[1] / cpu(packaged)[1])
-            atoms = "/".join(map(str, advice.choice.trials[-1].atoms.values()))
-            other = errors[t][1:]
-            spent = first if t == next(iter(tolerances)) else cost + seconds
-            print(f"| {name} | {t:g} | {advice.choice.reducer['use']} {atoms} | "
-                  f"{errors[t][0]:.1e} | {max(other, default=0.0):.1e} | "
-                  f"{sum(e > t for e in other)} of {len(other)} | "
-                  f"{float(np.median(ratios)):.2f} | {spent / seconds:.2f} |", flush=True)
+def measured(bench: Bench, sets: int, hand: int, timed: bool) -> None:
+    case, name, scene = bench.case, bench.name, bench.scene
+    chosen = {t: advise(scene, tolerance=t, cache=bench.cache, body_cache=bench.bodies)
+              for t in TOLERANCES}
+    errors: dict[float, list[float]] = {t: [] for t in TOLERANCES}
+    for i in range(sets + 1):
+        for t, advice in chosen.items():
+            errors[t].append(bench.error(advice.scene, i))
+            print(f"{name} {t:g}, set {i}: {errors[t][-1]:.1e}", file=sys.stderr, flush=True)
+    hand_made = {"packaged": scene, **{
+        label: scene.using(dict(settings)) for label, settings in case.hand_made.items()}}
+    found = {label: bench.errors(model, min(hand, sets), TOLERANCES[0])
+             for label, model in hand_made.items()}
+    for label, e in found.items():
+        print(f"| {name} | | {label} | | {max(e):.1e} | of {len(e)} | | |", flush=True)
+    marches = {label: bench.steps(model) for label, model in hand_made.items()
+               if label == "packaged" or max(found[label]) <= TOLERANCES[0]}
+    for t, advice in chosen.items():
+        other, met = errors[t][1:], [label for label, e in found.items() if max(e) <= t]
+        march, spent = bench.steps(advice.scene), dict[str, list[float]]()
+        for _ in range(REPEATS):
+            for label in dict.fromkeys(["packaged", *met]):
+                spent.setdefault(label, []).append(cpu(march)[1] / cpu(marches[label])[1])
+        ratio = {label: float(np.median(r)) for label, r in spent.items()}
+        best = max(met, key=lambda label: ratio[label], default="")
+        took = f"{bench.advice_seconds(t) / bench.full_seconds():.1f}" if timed else ""
+        atoms = "/".join(map(str, advice.choice.trials[-1].atoms.values()))
+        print(f"| {name} | {t:g} | {advice.choice.reducer['use']} {atoms} | {errors[t][0]:.1e} | "
+              f"{max(other):.1e} | {sum(e > t for e in other)} of {len(other)} | "
+              f"{ratio['packaged']:.2f}, "
+              + (f"{ratio[best]:.2f} ({best})" if met else "none meets it")
+              + f" | {took} |", flush=True)
 
 
 def main() -> None:
@@ -147,13 +251,17 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true")
     parser.add_argument("--scenes", default=",".join(CASES))
     parser.add_argument("--sets", type=int, default=20)
+    parser.add_argument("--hand", type=int, default=5, help="sets for the hand-made reducers")
+    parser.add_argument("--folder", type=Path, default=Path("advice"))
+    parser.add_argument("--no-time", action="store_true", help="do not measure `time`")
     given = parser.parse_args()
     cases = QUICK if given.quick else {n: CASES[n] for n in given.scenes.split(",")}
-    print("| scene | tolerance | chosen | error | error, other loads | above | cost | time |\n"
+    print("| scene | tolerance | model | error | error, other sets | above | cost | time |\n"
           "|---|---|---|---|---|---|---|---|", flush=True)
     for name, case in cases.items():
-        measured(name, case, 1 if given.quick else given.sets,
-                 TOLERANCES[1:2] if given.quick else TOLERANCES)
+        with TemporaryDirectory() as place:
+            measured(Bench(name, case, Path(place) if given.quick else given.folder),
+                     1 if given.quick else given.sets, given.hand, not given.no_time)
 
 
 if __name__ == "__main__":

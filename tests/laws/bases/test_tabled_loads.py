@@ -1,5 +1,7 @@
-"""Atoms for loads that cover many nodes: shapes that the tables have, in place of unit loads."""
+"""Atoms for loads that cover many nodes: shapes that the tables have, in place of unit loads, and
+responses to the tables."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +21,8 @@ from sparsemor.core.testing.in_memory_run import march
 from sparsemor.plugins.bases.attachment import Attachment
 from sparsemor.plugins.bases.impulse import Impulse
 from sparsemor.plugins.bases.load_patterns import tabled_loads
+from sparsemor.plugins.bases.static import Static
+from sparsemor.plugins.bases.union import Overcomplete
 
 BRAKE = Path(__file__).parents[2] / "scenes" / "small_brake.yaml"
 H = 1e-3
@@ -27,6 +31,7 @@ H = 1e-3
 @pytest.mark.parametrize("basis", [
     Impulse(tabled=2), Impulse(tabled=3, substeps=2, count=4),
     Attachment(tabled=2, thermal=Impulse(tabled=2, count=4), count=5), Attachment(tabled=3),
+    Impulse(superposed=True, count=4),
 ], ids=repr)
 def test_laws_with_the_options(basis: Basis) -> None:
     check_basis(basis, seed=1, trials=9)
@@ -71,6 +76,23 @@ def test_shapes_need_fewer_atoms_than_places(disk) -> None:
     shapes = left_out(Impulse(tabled=20, count=20).build(data).atoms, T)
     places = left_out(Impulse(count=20).build(data).atoms, T)
     assert shapes < 2e-2 and shapes < 0.5 * places, (shapes, places)
+
+
+@pytest.mark.full
+def test_superposed_responses_represent_the_run_with_few_atoms(disk) -> None:
+    """The full-order run steps the same equations; its displacements have other loads, too."""
+    T = disk[3] - disk[3][:, :1]
+    every, few = (Impulse(superposed=True, count=k).build(disk[1]) for k in (None, 12))
+    shapes = Impulse(tabled=20, count=12).build(disk[1])
+    assert left_out(every.atoms, T) < 1e-6
+    assert left_out(few.atoms, T) < 0.5 * left_out(shapes.atoms, T)
+    own = Overcomplete(bases=[Static(), Impulse(superposed=True)], orthonormal=True)
+    assert left_out(own.build(disk[0]).atoms, disk[2]) < 1e-3
+    for data in (disk[0], disk[1]):
+        still = tuple(replace(m, table=m.table.over(np.inf)) for m in data.moving)
+        heat = None if data.heat is None else replace(data.heat, moving=())
+        with pytest.raises(InputError, match="no load moves"):
+            Impulse(superposed=True).build(replace(data, moving=still, heat=heat))
 
 
 def test_longer_steps_between_delays_lose_little(disk) -> None:

@@ -7,6 +7,8 @@ import pytest
 from scipy.sparse import csr_array
 from thermal_contact import ContactResistance
 
+from reduced_runs import errors as true_errors
+from reduced_runs import estimates, learnt
 from sparsemor.bodies.terms.field_kinds import MULTIPLIER, THERMAL
 from sparsemor.core import InputError
 from sparsemor.core.model.assembly import assemble
@@ -57,6 +59,17 @@ def errors(found: March, truth: March) -> dict[str, float]:
         change = np.abs(truth.block(name) - truth.block(name)[0]).max()
         out[name] = float(np.abs(x - truth.block(name)).max() / change)
     return out
+
+
+@pytest.mark.full
+def test_the_error_of_coupled_temperatures_is_estimated() -> None:
+    full = run("full")
+    scene = bars(divisions=(6, 2)).using({
+        "reducer": {**REDUCERS["galerkin"], "basis": {"use": "pod", "count": 4}}, "time.end": 0.02})
+    found = march(scene, model=linked(scene), snapshots=learnt(full))
+    guess = estimates(scene, found)
+    for name in HOT:
+        assert guess[name].max() == pytest.approx(true_errors(full, found, name).max(), rel=1e-3)
 
 
 @pytest.mark.full

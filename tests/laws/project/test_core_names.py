@@ -21,7 +21,6 @@ TEXTS = {
     ("__init__.py", "name.startswith('_')"),  # private names of Python
     ("analysis/study/dask_pool.py", "'://' in address"),
     ("analysis/study/journal.py", "line.endswith(b'\\n')"),
-    ("analysis/study/local_pool.py", "line.endswith('\\n')"),
     ("model/assembly.py", "group.removesuffix('s')"),  # keys of a scene and kinds of plugins
     ("results/output_directory.py", "path.name.startswith(_SCRATCH)"),
     ("results/run_result.py", "n.removeprefix('probe.')"),  # an array of a probe
@@ -29,6 +28,7 @@ TEXTS = {
     ("results/tables.py", "text.endswith(MARK)"), ("results/tables.py", "t.endswith(MARK)"),
     ("simulation/cache.py", "Path(name).parent.name.startswith(_SCRATCH)"),
     ("simulation/offline.py", "phase.removesuffix(' run')"),
+    ("simulation/workers/local_pool.py", "line.endswith('\\n')"),
     ("simulation/run_header.py", "g.startswith('sparsemor.')"),  # groups of entry points
 }
 """File and test of the begin or end of a text, none of which is the name of a part."""

@@ -17,7 +17,7 @@ modules of `STATED`."""
 STATED = ("results.", "simulation.recorder.", "simulation.step_control.ControlledSteps.summary",
           "simulation.linearization.check.", "linalg.threads.", "registry.hooks.Events.on_finish",
           "protocols.layout.FieldKind.of_plain", "simulation.reduced_model.",
-          "simulation.prepare.PreparedRun.stability")
+          "simulation.prepare.PreparedRun.stability", "simulation.workers.")
 ALLOWED = {
     "registry.option_types.type_in_words": "a JSON schema",
     "registry.registry.Registry.load": "a class of any kind of plugin, which the caller names",

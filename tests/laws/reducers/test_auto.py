@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from sparsemor import advise, load, simulate
+from sparsemor.core.notes import Note
 from sparsemor.core.results.error_norms import measure_errors
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.simulation.cache import Cache
@@ -34,6 +35,7 @@ def equal(one: RunResult, other: RunResult) -> bool:
 def test_the_chosen_scene_repeats_the_run(cache: Cache, tmp_path: Path) -> None:
     scene = load("double_pendulum", {**COARSE, "reducer": AUTO})
     advice = advise(scene, cache=cache)
+    assert "chosen: galerkin" in advice._repr_html_() and "\n" not in repr(advice)
     advice.save(tmp_path / "chosen.yaml")
     text = (tmp_path / "chosen.yaml").read_text()
     again = load(tmp_path / "chosen.yaml")
@@ -88,3 +90,17 @@ def test_a_field_that_the_training_run_may_not_show_is_kept(cache: Cache) -> Non
         **COARSE, "time.end": 0.04, "training.end": 0.02, "loads.heating.flux": late})
     advice = advise(scene, tolerance=1e-2, cache=cache)
     assert not advice.left_out
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("reason", ["", "it blows up"])
+def test_an_unstable_candidate_is_not_chosen(
+    reason: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Instability is predicted for ECSW alone; the next candidate is Galerkin projection."""
+    notes = (Note(reason, "unstable"),) if reason else ()
+    monkeypatch.setattr("sparsemor.core.simulation.advice.check_run", lambda *of: (notes, {}))
+    scene = load("hot_plate", {"bodies.plate.mesh.divisions": [20, 8], "time.end": 12.0})
+    choice = advise(scene, tolerance=1e-2, cache=Cache(tmp_path)).choice
+    assert choice.reducer["use"] == ("galerkin" if reason else "ecsw")
+    assert any(reason in text for text in choice.reasons) and not choice.doubts

@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from reduced_runs import learnt, model_of, states
+from reduced_runs import errors, estimates, learnt, model_of, states
 from small_scenes import everything, tiny
+from sparsemor.bodies.terms.weak_term import WeakTerm
 from sparsemor.core.analysis.charts.error_over_time import error_over_time_figure
 from sparsemor.core.analysis.compare import compare
 from sparsemor.core.model.equations import system_residual
@@ -25,8 +26,9 @@ from sparsemor.integrators.bdf1 import Bdf1
 from sparsemor.integrators.bdf2 import Bdf2
 from sparsemor.integrators.generalized_alpha import GeneralizedAlpha
 from sparsemor.reducers.estimation import error_space
+from sparsemor.reducers.estimation.coupled_errors import CoupledErrors
+from sparsemor.reducers.estimation.estimator import ErrorModel
 from sparsemor.reducers.estimation.modal_steps import ModalSteps
-from sparsemor.reducers.estimation.residuals import Trajectory
 
 INTEGRATORS: list[Integrator] = [Bdf1(), Bdf2(), GeneralizedAlpha()]
 
@@ -71,12 +73,13 @@ def test_modes_step_as_the_integrator_says(integrator: Integrator, field: str) -
 
 @pytest.mark.full
 def test_the_residual_is_that_of_the_full_equations() -> None:
-    """On the modes of the error, at states of the reduced run; the frame of the bar is free."""
+    """On the modes of the errors, at states of the reduced run; the frame of the bar is free."""
     scene, run = reduced()
     model, full = model_of(scene, run), run.model
-    along = Trajectory(run.t, run.x, run.v, run.a)
-    assert {b.name for b in (*model.heat, *model.elastic)} == {"bar.elastic", "bar.thermal"}
-    whole = []
+    assert isinstance(model, CoupledErrors)
+    modes = {b.name: b.space.modes for b in model.spaces}
+    assert set(modes) == {"bar.elastic", "bar.thermal"}
+    found, whole = [], []
     for s in states(run):
         z = []
         for part, values in enumerate((s.x, s.v, s.a)):
@@ -87,27 +90,73 @@ def test_the_residual_is_that_of_the_full_equations() -> None:
                     d.atoms @ own + (d.offset if part == 0 else 0.0))
             z.append(wide)
         whole.append(system_residual(full.layout, full.terms, *z, s.t))
-    for b in (*model.heat, *model.elastic):
-        expected = np.array(whole)[:, full.layout[b.name]] @ b.space.modes
-        terms = np.abs(b.residual.operators).sum(axis=0) * np.abs(run.x).max()
-        assert (np.abs(b.residual(along) - expected) <= 1e-9 * np.abs(expected).max()
-                + 1e-13 * terms).all(), b.name
+        found.append(model.working().residual(model.lifted(s)))
+    for b in full.layout:
+        expected = np.array(whole)[:, full.layout[b.name]]
+        expected = expected @ modes[b.name] if b.name in modes else expected
+        own = np.array(found)[:, model.equations.layout[b.name]]
+        size = np.abs(np.array(whole)).max()
+        assert np.abs(own - expected).max() <= 1e-9 * size, b.name
+
+
+def arrays(model: ErrorModel | CoupledErrors) -> list[tuple[int, ...]]:
+    """Shapes of what an estimate of linear blocks reads."""
+    if isinstance(model, CoupledErrors):
+        tested = [b.tested for b in model.equations.bodies if b.tested is not None]
+        return [(model.equations.layout.size,), *(t.generators.shape for t in tested),
+                *(b.lift.shape for b in model.spaces), *(b.space.norm.shape for b in model.spaces)]
+    return [model.first.load.shape, model.second.load.shape,
+            *(b.residual.operators.shape for b in (*model.heat, *model.elastic)),
+            *(b.space.norm.shape for b in (*model.heat, *model.elastic))]
 
 
 @pytest.mark.full
-def test_its_arrays_do_not_grow_with_the_mesh(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("held", [
+    {}, {"bodies.bar.frame": "fixed", "bodies.bar.reference": {"clamp": "left"}, "joints": {}}])
+def test_its_arrays_do_not_grow_with_the_mesh(
+    held: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(error_space, "COUNT", 2)
+    monkeypatch.setattr(error_space, "COUPLED", 2)
     sizes = []
     for elements in (1, 3):
         scene = tiny().using({"bodies.bar.mesh.divisions": [6 * elements, 2 * elements],
-                              "time.end": 2 * tiny().time.step})
+                              "time.end": 2 * tiny().time.step, **held})
         full = march(scene.using({"reducer": "full"}))
         other = reduced_scene(scene, basis={"use": "modal", "count": 3})
         model = model_of(other, march(other, model=full.model, snapshots=learnt(full)))
-        sizes.append([(b.residual.operators.shape, b.space.norm.shape)
-                      for b in (*model.heat, *model.elastic)]
-                     + [(model.first.load.shape, model.second.load.shape)])
+        assert isinstance(model, ErrorModel if held else CoupledErrors)
+        sizes.append(arrays(model))
     assert sizes[0] == sizes[1]
+
+
+@pytest.mark.full
+def test_the_mesh_is_visited_at_the_steps_of_an_estimate_only(
+    monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By terms that are not linear, a few times at each estimate."""
+    visits: list[float] = []
+    response = WeakTerm._response
+
+    def counted(self: WeakTerm, x: Any, v: Any, t: float) -> Any:
+        visits.append(t)
+        return response(self, x, v, t)
+
+    scene = tiny().using({"loads.glow": {
+        "use": "radiation", "on": ["bar:top"], "emissivity": 0.7, "surroundings": 293.15}})
+    full = march(scene.using({"reducer": "full"}))
+    other = reduced_scene(scene)
+    run = march(other, model=full.model, snapshots=learnt(full))
+    model, known = model_of(other, run, every=5), states(run)
+    record = ErrorRecord(model, consistent_state(run.model), known[0])
+    monkeypatch.setattr(WeakTerm, "_response", counted)
+    run = march(other, model=full.model, solver=run.solver)
+    assert not visits
+    for i, s in enumerate(known[1:], 1):
+        record.take(s, i)
+    record.present()
+    estimated = [s.t for i, s in enumerate(known) if i and i % 5 == 0]
+    assert set(visits) == set(estimated) and len(visits) <= 6 * len(estimated)
 
 
 @pytest.mark.full
@@ -151,7 +200,7 @@ def test_between_estimates_the_last_one_counts() -> None:
 def test_a_result_has_the_estimate_at_its_stored_steps() -> None:
     scene = reduced_scene(tiny(), error_estimate=1).using({"output": {"every": 2}})
     result = simulate(scene)
-    assert set(result.error_estimates) == {"bar.elastic", "bar.thermal"}
+    assert set(result.error_estimates) == {"bar.rigid", "bar.elastic", "bar.thermal"}
     for name in result.error_estimates:
         assert result.error_estimate(name).shape == result.times.shape
         assert (result.error_estimate(name)[1:] > 0.0).all()
@@ -192,7 +241,7 @@ def test_a_comparison_puts_estimate_and_error_together() -> None:
     assert figure is not None
     dotted = [line for axes in figure.axes for line in axes.lines
               if line.get_label() == "run, estimated"]
-    assert len(dotted) == sum(len(axes.collections) for axes in figure.axes) == 2
+    assert len(dotted) == sum(len(axes.collections) for axes in figure.axes) == 3
     for axes in figure.axes:
         for band, line in zip(axes.collections, [n for n in axes.lines if n in dotted],
                               strict=False):
@@ -202,15 +251,14 @@ def test_a_comparison_puts_estimate_and_error_together() -> None:
 
 
 @pytest.mark.full
-def test_blocks_without_an_estimate_are_named() -> None:
-    """Radiation is not linear: the heat of such a body has none, and so has what it deforms."""
-    scene = reduced_scene(everything())
-    full = march(everything())
-    model = model_of(scene, march(scene, model=full.model, snapshots=learnt(full)))
-    local = {b.thermal for b in full.model.separated.heat if b.local}
-    assert local
-    for name in full.model.reducible():
-        noted = [n for n in model.notes if f"the error of {name} is not estimated" in n.text]
-        assert (name in model.blocks) is not bool(noted), name
-        if name in local:
-            assert noted and "nonlinear" in noted[0].text
+def test_every_block_of_every_kind_of_part_has_an_estimate() -> None:
+    """Rigid and flexible bodies with all plane joints and loads, radiation among them."""
+    scene, full = reduced_scene(everything()), march(everything())
+    run = march(scene, model=full.model, snapshots=learnt(full))
+    found = estimates(scene, run)
+    assert set(found) == {b.name for b in full.model.layout.differential}
+    for name, guess in found.items():
+        true = errors(full, run, name)
+        change = np.abs(full.block(name) - full.block(name)[0]).max()
+        if true.max() > 1e-9 * change:
+            assert 0.5 < guess.max() / true.max() < 10.0, name

@@ -31,12 +31,15 @@ def test_a_scene_from_plain_data_is_that_of_a_file(tmp_path: Path) -> None:
 
 
 @pytest.mark.full
-def test_a_study_from_plain_data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_study_from_plain_data(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "ball.yaml").write_text("format: 1\n" + "\n".join(
         f"{key}: {value}" for key, value in BALL.items()))
-    rows = study({"scene": "ball.yaml", "grid": {"time.step": [0.01, 0.005]}})
+    rows = study({"scene": "ball.yaml", "grid": {"time.step": [0.01, 0.005]}}, progress=True)
     assert [row["status"] for row in rows] == ["done", "done"]
+    assert "2/2 done" in capsys.readouterr().err
     assert (tmp_path / "runs" / "study").is_dir()
     with pytest.raises(InputError, match="^grid.nix.0: nix: no such option"):
         study({"scene": "ball.yaml", "grid": {"nix": [1]}})

@@ -5,6 +5,7 @@ import json
 import os
 import subprocess
 import sys
+import zlib
 from functools import cache
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from small_scenes import everything, tiny
 from sparsemor import InputError, ReducedModel, load, load_model, reduce, simulate
 from sparsemor.core.results.model_format import MAGIC
 from sparsemor.core.results.packed import Packed, PackedError
+from sparsemor.core.results.packed_arrays import compact, restored
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.scene.scene import Scene
 
@@ -135,6 +137,8 @@ def test_another_start_fits_the_joints_or_is_refused() -> None:
 
 def test_what_may_change() -> None:
     assert model().free == ("title", "output", "time.end", "loads.gravity.factor", FLUX)
+    assert f"<td>title, output, time.end, loads.gravity.factor, {FLUX}</td>" in (
+        model()._repr_html_())
     assert len(model().run({"output.every": 4, "time.end": 0.08}).times) == 21
 
 
@@ -201,7 +205,7 @@ def test_a_damaged_or_foreign_file_is_one_error(file: Path, tmp_path: Path) -> N
             load_model(other)
     for content, said in ((data[:-9], "damaged"), (b"", "no reduced model"),
                           (b"format: 1\n", "no reduced model"),
-                          (data.replace(MAGIC, MAGIC.replace(b"1", b"9")), "another version")):
+                          (data.replace(MAGIC, MAGIC.replace(b"2", b"9")), "another version")):
         other.write_bytes(content)
         with pytest.raises(InputError, match=said):
             load_model(other)
@@ -243,3 +247,21 @@ def test_a_file_needs_neither_folder_nor_cache(file: Path, tmp_path: Path) -> No
         text=True, env={**os.environ, "SPARSEMOR_CACHE": str(tmp_path / "cache")}).stdout
     assert json.loads(said) == model().run().probe("end")[-1].tolist()
     assert not list(elsewhere.iterdir())
+
+
+def test_matrices_times_a_stored_vector_are_stored_once() -> None:
+    rng = np.random.default_rng(0)
+    A, v, B = rng.random((2, 90, 90)), rng.random(90), rng.random((110, 100)) - 0.5
+    arrays = [np.ascontiguousarray((A * v[:, None]).swapaxes(1, 2)), v, A, A * v[:, None], B]
+    heads, data = compact(arrays)
+    assert len(data) == 3
+    for one, other in zip(restored(heads, memoryview(b"".join(data))), arrays, strict=True):
+        assert np.array_equal(one, other) and one.flags.c_contiguous
+    with pytest.raises(ValueError, match="rows of"):
+        restored([*heads[:4], [*heads[4][:3], [1, 2, False]]], memoryview(b"".join(data)))
+    few, data = compact(arrays, 1e-6)
+    rough = restored(few, memoryview(b"".join(data)))
+    assert np.array_equal(rough[1], v) and np.array_equal(rough[3], rough[2] * v[:, None])
+    errors = np.abs(rough[4] - B).max(axis=1) / np.abs(B).max(axis=1)
+    assert 1e-8 < errors.max() <= 1e-6
+    assert len(zlib.compress(b"".join(data))) < 0.6 * A.nbytes + 0.6 * B.nbytes

@@ -19,6 +19,7 @@ from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.greedy import greedy_points
 from sparsemor.core.simulation.offline_cache import Products
+from sparsemor.core.status import SolveFailed
 
 FLUX, ANGLE = "loads.heating.flux", "bodies.bar.pose.angle"
 BOX = {"flux": {"key": FLUX, "range": [5.0e5, 2.0e6]}, "angle": {"key": ANGLE, "range": [0.0, 0.5]}}
@@ -52,6 +53,8 @@ FAULTS: list[tuple[dict[str, Any], str, str]] = [
     ({"training.parameters": {"points": [{"flux": 1.0e6}]}}, "training.parameters.points.0",
      "flux, angle"),
     ({"training.parameters": {"choice": "corners", "samples": 3}}, "training.parameters.samples",
+     "has no effect"),
+    ({"training.parameters": {"choice": "greedy", "workers": 2}}, "training.parameters.workers",
      "has no effect"),
     ({"parameters.fluks": 1.0e6}, "parameters.fluks", "flux"),
 ]
@@ -203,3 +206,19 @@ def test_errors_at_random_parameters_by_size() -> None:
     assert found.to_csv().count("\n") == 7 and model().offline_seconds > 0.0
     again = parameter_test(model(), 3)
     assert [r["error_elastic"] for r in again.rows] == [r["error_elastic"] for r in whole]
+
+
+@pytest.mark.full
+def test_training_runs_in_other_processes_have_the_same_digits(tmp_path: Path) -> None:
+    alone, seen = Cache(tmp_path / "alone"), Cache(tmp_path / "at_once")
+    one = reduce(boxed(choice="corners"), cache=alone)
+    two = reduce(boxed(choice="corners", workers=2), cache=seen)
+    assert sorted(e.key for e in alone.entries() if e.kind == "training") == sorted(
+        e.key for e in seen.entries() if e.kind == "training")
+    assert two._run.offline.products.used["training"] == "miss"
+    for b in one.run().layout:
+        assert np.array_equal(one.run().block(b.name), two.run().block(b.name)), b.name
+    point = {"flux": 5.0e5, "angle": 0.0}
+    bad = boxed(points=[point, {**point, "flux": 1e300}], workers=2)
+    with pytest.raises(SolveFailed, match="training run"):
+        reduce(bad, cache=seen)

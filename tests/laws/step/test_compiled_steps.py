@@ -19,7 +19,8 @@ from sparsemor.core.arrays import FloatArray
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.model.model import Model
-from sparsemor.core.protocols import ReducedProblem, State, StepMemory
+from sparsemor.core.protocols import ReducedProblem, State
+from sparsemor.core.results.saved_state import Saved
 from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.simulation.time_stepping import FixedStep, iterate, started
@@ -29,6 +30,7 @@ from sparsemor.reducers.step.compiled.compile import bound
 from sparsemor.reducers.step.compiled.plan import model_arrays, plan
 from sparsemor.reducers.step.compiled.stepper import CompiledSteps, compilable, wanted
 from sparsemor.reducers.step.compiled.timed import NotCompiled
+from sparsemor.reducers.step.memory import Memory
 from sparsemor.reducers.step.solver import Stepper
 from turning_bars import bar, turning
 
@@ -50,8 +52,10 @@ class Case(NamedTuple):
             self.model, s.integrator, s.time.step, Offline.of(self.model, self.snapshots),
             np.random.default_rng(3)))
 
-    def start(self, solver: Any) -> tuple[State, StepMemory]:
-        return started(solver, self.scene.integrator, consistent_state(self.model))
+    def start(self, solver: Any) -> tuple[State, Memory]:
+        state, memory = started(solver, self.scene.integrator, consistent_state(self.model))
+        assert isinstance(memory, Memory)
+        return state, memory
 
     def step(self, solver: Any) -> FixedStep:
         return FixedStep.of(self.scene.integrator, solver, self.scene.time.step)
@@ -153,17 +157,28 @@ def test_a_flexible_bar_that_slides_on_another_body(ground: bool) -> None:
     law(trained(s, GALERKIN), 20)
 
 
-def test_the_partition_into_blocks_changes_no_bit() -> None:
-    case = heated()
+@pytest.mark.parametrize(("with_laws", "kernel"), [
+    (False, True), pytest.param(True, True, marks=pytest.mark.full),
+    pytest.param(True, False, marks=pytest.mark.full)])
+def test_the_partition_into_blocks_changes_no_bit(with_laws: bool, kernel: bool) -> None:
+    case = hot("ecsw", False) if with_laws else heated()
     solver = case.solver()
-    whole = states(case, solver, 20, in_python(case, solver))
-    many = in_python(case, solver)
+
+    def many() -> CompiledSteps | None:
+        return in_python(case, solver) if kernel else None
+
+    whole = states(case, solver, 20, many())
     state, memory = case.start(solver)
     pieces: list[Any] = []
+    evaluated: set[float] = set()
     for count in (1, 4, 6, 9):
-        pieces += iterate(case.step(solver), state, memory, count, many=many)
+        for taken in iterate(case.step(solver), state, memory, count, many=many()):
+            pieces.append(taken)
+            evaluated |= {at[-1] for at in memory.linearized.values()}
         state = pieces[-1].state
-        many = in_python(case, solver)  # as after a restart
+        memory = Saved.of(memory).into(case.start(solver)[1])  # a restart
+    # a Jacobian of heat serves several steps
+    assert 0 < len(evaluated) < 10 if with_laws else not evaluated
     for one, other in zip(whole, pieces, strict=True):
         assert np.array_equal(one.state.x, other.state.x)
         assert np.array_equal(one.state.v, other.state.v)

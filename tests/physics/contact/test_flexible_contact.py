@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pressed_slider import BOTH, LOAD, SIDE, STEP, forces, full, scene, stored
-from reduced_runs import decoded, learnt
+from reduced_runs import decoded, errors, estimates, learnt
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.model.equations import rate_factors
 from sparsemor.core.model.model import Model
@@ -173,3 +173,12 @@ def test_a_step_that_is_too_long_is_told() -> None:
     with pytest.raises(SolveFailed, match="contact sole: a point of slider went") as raised:
         march(falling(300.0, 5))
     assert raised.value.status is Status.NOT_CONVERGED and raised.value.time < 2 * STEP
+
+
+@np.errstate(all="ignore")
+def test_errors_of_a_contact_in_the_step_are_estimated() -> None:
+    reduced = scene(BOTH, reducer={"use": "galerkin", "basis": {"use": "pod", "count": 8}})
+    run = march(reduced, model=full().model, snapshots=learnt(full()))
+    found = estimates(reduced, run)
+    for name in run.solver.dictionaries:
+        assert 0.8 < found[name].max() / errors(full(), run, name).max() < 1.25, name

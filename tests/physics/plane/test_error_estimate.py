@@ -73,3 +73,26 @@ def test_a_pendulum_outside_its_training_is_estimated(reducer: str) -> None:
         assert true[late].max() > 1e-8 * change, name
         ratio = found[name][late].max() / true[late].max()
         assert 0.7 < ratio < 1.4, (name, ratio)
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("trained", [6e5, 1.5e5])
+def test_steel_whose_properties_depend_on_temperature_is_estimated(trained: float) -> None:
+    """k(T), c(T), E(T) and alpha(T) with radiation, trained on the flux of the run or a quarter."""
+    def strip(flux: float) -> Scene:
+        scene = bar(["elastic", "thermal"], {
+            "flux": {"use": "heat_flux", "on": ["bar:top"], "flux": flux},
+            "glow": {"use": "radiation", "on": ["bar:right"], "emissivity": 0.7,
+                     "surroundings": 293.15}}, "bdf1", 20.0)
+        return scene.using({"bodies.bar.material": "carbon_steel"})
+
+    full = march(strip(6e5))
+    assert full.block("bar.thermal").max() > 450.0
+    reduced = strip(6e5).using({"reducer": {
+        "use": "galerkin", "basis": {"use": "pod", "count": 3}}})
+    learning = full if trained == 6e5 else march(strip(trained))
+    run = march(reduced, model=full.model, snapshots=learnt(learning))
+    found = estimates(reduced, run)
+    for name in ("bar.elastic", "bar.thermal"):
+        true = errors(full, run, name)
+        assert 0.8 < found[name].max() / true.max() < 1.25, name

@@ -7,12 +7,18 @@ import pytest
 
 from joint_runs import BAR, driven, moved, run
 from reduced_runs import decoded, learnt
+from sparsemor import simulate
+from sparsemor.bodies.frames.attitude import vector_rates, velocity_at
+from sparsemor.bodies.frames.rotation import across
+from sparsemor.bodies.frames.springs import RotationalSpring as PlaneRotationalSpring
+from sparsemor.bodies.frames.springs import SpatialRotationalSpring, Spring
 from sparsemor.bodies.joints.rotational_spring import RotationalSpring
 from sparsemor.bodies.joints.spring_damper import SpringDamper
 from sparsemor.bodies.loads.torque import Torque
+from sparsemor.core.analysis.charts.joint_forces import joint_forces_figure
 from sparsemor.core.errors import InputError
 from sparsemor.core.model.assembly import assemble
-from sparsemor.core.simulation.validation import checked_model
+from sparsemor.core.protocols.poses import vectors_in_space
 from sparsemor.core.testing import check_joint, check_load
 from sparsemor.core.testing.in_memory_run import March, march, scene_of
 
@@ -204,7 +210,157 @@ def test_a_torque_needs_components_of_the_dimension() -> None:
             "t": {"use": "torque", "on": "disk:hub", "torque": [0.0, 0.0, 1.0]}}}))
 
 
-def test_a_spring_is_refused_with_a_rigid_stage() -> None:
-    scene = scene_of({**driven(), "rigid_stage": {}})
-    with pytest.raises(InputError, match="computed in a rigid stage: drop rigid_stage"):
-        checked_model(scene)
+# --------------------------------------------------------------------------- recorded forces
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("others", [0, 3, 7, 4])
+def test_recorded_forces_are_the_ones_that_act(others: int) -> None:
+    """Along random motion: a spring of stiffness 1 measures its length or angle, a damper of
+    damping 1 the rate of that, and the power of its forces is force times rate."""
+    rng = np.random.default_rng(others)
+    d = 2 if others in (0, 3) else 3
+
+    def motion(h: float) -> list[tuple[Any, Any]]:
+        found = []
+        for pose, rate in moving:
+            if pose.shape[1] == 7:
+                pose = pose + h * rate
+                pose[:, 3:] /= np.linalg.norm(pose[:, 3:])
+                found.append((pose, rate))
+            else:
+                found.append((pose + h * rate, rate))
+        return found
+
+    moving = []
+    for n in (3 if d == 2 else 7, others or 3):
+        pose, rate = rng.normal(size=(2, 1, n))
+        if n == 7:
+            pose[:, 3:] /= np.linalg.norm(pose[:, 3:])
+            rate[:, 3:] -= pose[:, 3:] * (pose[:, 3:] * rate[:, 3:]).sum()
+        moving.append((pose, rate if n != 3 or others else 0 * rate))
+    still = moving[1][0][0]
+    point, base = rng.normal(size=(2, d))
+    axes = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    t, h = np.zeros(1), 1e-6
+
+    def item(k: float, c: float, f: float, spins: bool) -> Any:
+        if not spins:
+            return Spring(point, base, k, c, lambda t: f, others, still)
+        if d == 2:
+            return PlaneRotationalSpring(k, c, lambda t: f, others, 0.0)
+        return SpatialRotationalSpring(
+            axes[0], axes[1], axes[2], k, c, lambda t: f, others, still)
+
+    for spins in (False, True):
+        ahead, back = (item(1, 0, 0, spins).along(t, *motion(s))[0][0] for s in (h, -h))
+        rate = item(0, 1, 0, spins).along(t, *moving)[0][0]
+        assert rate == pytest.approx((ahead - back) / (2 * h), rel=1e-7)
+        _, wrench = item(0, 0, 3.0, spins).along(t, *moving)
+        power = 0.0
+        for sign, (pose, v), z in zip((1, -1), moving, (point, base), strict=True):
+            power += sign * float(wrench[0, :d] @ velocity_at(pose[0], v[0], z))
+            for m, e in zip(wrench[0, d:], np.eye(3) if d == 3 else [None], strict=True):
+                if e is None:
+                    power += sign * m * v[0, 2]
+                else:  # w . e of the frame: of two vectors across it
+                    a, b = (vectors_in_space(pose, x)[0] for x in across_in(pose, e))
+                    power += sign * m * float(b @ vector_rates(pose, v, across_in(pose, e)[0])[0])
+        assert power == pytest.approx(3.0 * rate, rel=1e-9)
+
+
+def across_in(pose: Any, e: Any) -> tuple[Any, Any]:
+    """Two vectors in the axes of a frame that are across the direction e of space, a x b = e."""
+    A = np.stack([vectors_in_space(pose, u)[0] for u in np.eye(3)], axis=1)
+    a, b = across(e)
+    return A.T @ a, A.T @ b
+
+
+@pytest.mark.full
+def test_the_force_of_a_spring_between_rigid_sides_is_stored(tmp_path: Any) -> None:
+    scene = scene_of({
+        "bodies": {"ball": moved(DISK, 0.5, 0.0, velocity=[0.4, 0.0])}, "integrator": EXACT,
+        "joints": {"spring": {"use": "spring_damper", "between": ["ground", "ball:hub"],
+                              "stiffness": 80.0, "damping": 3.0, "length": 0.4}},
+        "time": {"end": 0.5, "step": 2e-3}, "output": {"every": 3}})
+    result = simulate(scene, out=tmp_path)
+    (name, unit), force = next(iter(result.joint_forces()["spring"].items()))
+    assert (name, unit) == ("tension", "N")
+    x = march(scene).x[:, 0][np.r_[0:250:3, 250]]
+    d, w = 0.75, np.sqrt(40.0 - 0.75**2)
+    t = result.times
+    rate = np.exp(-d * t) * (0.4 * np.cos(w * t) - (0.1 * 40.0 + 0.4 * d) / w * np.sin(w * t))
+    assert np.abs(force - (80.0 * (x - 0.4) + 3.0 * rate)).max() < 2e-3
+    assert joint_forces_figure(result) is not None
+
+
+# --------------------------------------------------------------------------- two stages
+
+
+@pytest.mark.full
+def test_an_actuator_stretches_the_bar_that_it_pulls_in_two_stages() -> None:
+    """A free bar pulled at its end: F L / (2 E A) under the inertia of its own mass."""
+    mesh = {**BAR["mesh"], "divisions": [8, 1]}
+    free = {**BAR, "mesh": mesh, "material": {"E": 5e8, "nu": 0.0, "rho": 1100}}
+    result = simulate(scene_of({
+        "bodies": {"bar": free}, "rigid_stage": {}, "time": {"end": 0.1, "step": 1e-3},
+        "joints": {"ram": {"use": "spring_damper", "between": ["bar:right", "ground"],
+                           "ground": [1e4, 0.0],
+                           "force": {"use": "smooth_step", "end": 0.05, "final": 50.0}}}}))
+    assert result.joint_forces()["ram"]["tension", "N"][-1] == pytest.approx(50.0)
+    end = result.points("bar")[:, 0] > 0.499
+    stretch = result.nodal_displacement("bar", -1)[end, 0].mean()
+    assert stretch == pytest.approx(50.0 * 0.5 / (2 * 5e8 * 0.02 * 0.1), rel=2e-3)
+
+
+def in_space() -> dict[str, Any]:
+    """Two flexible bars in space on hinges, with a motor between them and a spring to the
+    ground."""
+    axis = [0.0, 1.0, 0.0]
+    mate = {**SOLID, "pose": {"position": [0.5, 0.0, 0.0]}}
+    return {
+        "bodies": {"one": SOLID, "two": mate}, "time": {"end": 0.02, "step": 1e-3},
+        "joints": {
+            "pin": {"use": "revolute", "between": ["ground", "one:left"], "axis": axis},
+            "elbow": {"use": "revolute", "between": ["one:right", "two:left"], "axis": axis},
+            "motor": {"use": "rotational_spring", "between": ["two:right", "one:right"],
+                      "axis": axis, "stiffness": 20.0, "damping": 0.1, "torque": 4.0},
+            "tie": {"use": "spring_damper", "between": ["two:right", "ground"],
+                    "stiffness": 1e3, "damping": 5.0, "ground": [1.0, 0.3, -0.5]}}}
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("tree", [driven(), in_space()])
+def test_two_stages_of_stiff_bodies_are_the_run_of_one_stage(
+    tree: dict[str, Any], tmp_path: Any
+) -> None:
+    """The feedback of the deformation, which two stages neglect, is of the order 1 / E."""
+    bodies = {n: {**b, "material": {**b["material"], "E": 2e12}}
+              for n, b in tree["bodies"].items()}
+    scene = scene_of({**tree, "bodies": bodies, "time": {"end": 0.01, "step": 1e-3}})
+    one = simulate(scene, out=tmp_path / "one")
+    two = simulate(scene.using({"rigid_stage": {}}), out=tmp_path / "two")
+    for block in ("one.elastic", "two.elastic"):
+        x, y = one.block(block), two.block(block)
+        assert np.abs(x - y).max() < 2e-3 * np.abs(x).max(), block
+    forces = two.joint_forces()
+    assert set(forces) == set(one.joint_forces())
+    for joint, kept in forces.items():
+        wanted = one.joint_forces()[joint]
+        scale = max(np.abs(v[1:]).max() for v in wanted.values())
+        for name, values in kept.items():
+            missed = np.abs(values - wanted[name])[1:]  # the start is undeformed, no equilibrium
+            assert missed.max() < 5e-3 * scale, (joint, name)
+
+
+@pytest.mark.full
+def test_a_reduced_run_of_two_stages_has_the_springs_too(tmp_path: Any) -> None:
+    scene = scene_of({**driven(), "rigid_stage": {}, "time": {"end": 0.02, "step": 1e-3}})
+    reducer = {"use": "galerkin", "basis": {"use": "pod", "count": 15}}
+    full = simulate(scene, out=tmp_path / "full")
+    reduced = simulate(scene.using({"reducer": reducer}), out=tmp_path / "reduced")
+    for block in ("one.elastic", "two.elastic"):
+        x, y = full.block(block), reduced.block(block)
+        assert np.abs(x - y).max() < 1e-3 * np.abs(x).max()
+    np.testing.assert_array_equal(full.joint_forces()["tie"]["tension", "N"],
+                                  reduced.joint_forces()["tie"]["tension", "N"])

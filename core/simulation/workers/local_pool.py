@@ -1,4 +1,5 @@
-"""Worker processes of a study on this machine; a process that dies is replaced."""
+"""Worker processes on this machine, for the runs of a study and for training runs; a process that
+dies is replaced."""
 
 import json
 import os
@@ -7,16 +8,25 @@ import signal
 import subprocess
 import sys
 import threading
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO
-
-from sparsemor.core.analysis.study.pools import Ended, Payload
+from typing import IO, Any
 
 ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS",
               "VECLIB_MAXIMUM_THREADS", "NUMEXPR_NUM_THREADS")
 
-_WORKER = "sparsemor.core.analysis.study.worker"
+Payload = Mapping[str, Any]
+"""Job as plain data."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ended:
+    """Result of a job; if its worker died, `answer` is None and `death` the cause."""
+
+    name: str
+    answer: dict[str, Any] | None
+    death: str = ""
 
 
 @dataclass(slots=True, eq=False)
@@ -26,13 +36,14 @@ class _Worker:
 
 
 class LocalPool:
-    """Pool of `workers` processes with one BLAS thread each; their output is appended to the file
-    `log`."""
+    """Pool of `workers` processes with one BLAS thread each, which execute the module `program`
+    (serve.py); their output is appended to the file `log`."""
 
     repeats = 3
 
-    def __init__(self, workers: int, log: Path) -> None:
+    def __init__(self, workers: int, log: Path, program: str) -> None:
         self.workers = self.slots = workers
+        self._program = program
         self._log: IO[str] = log.open("a", encoding="utf-8")
         self._alive: list[_Worker] = []
         self._lines: queue.Queue[tuple[_Worker, str]] = queue.Queue()
@@ -73,7 +84,7 @@ class LocalPool:
 
     def _start(self) -> _Worker:
         process = subprocess.Popen(
-            [sys.executable, "-m", _WORKER], text=True, encoding="utf-8",
+            [sys.executable, "-m", self._program], text=True, encoding="utf-8",
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._log,
             env=os.environ | dict.fromkeys(ONE_THREAD, "1"))
         worker = _Worker(process)

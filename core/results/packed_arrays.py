@@ -1,0 +1,112 @@
+"""Arrays of a kept model as bytes that compress well, and back, to the last digit unless rounded.
+
+Bytes are ordered by their significance. A large matrix that is another one with its rows times a
+vector, such as the operators of a step, D^-1 A with a diagonal D, is stored as the numbers of the
+two. Numbers of full precision that depend on nothing else do not compress.
+"""
+
+from collections.abc import Sequence
+from itertools import permutations
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+LARGE = 10_000
+"""Number of entries from which a matrix is stored as a product, or rounded."""
+Head = list[Any]
+"""Data type, shape, order, and None or [matrix, vector, transposed]: the numbers of two arrays
+whose product it is."""
+
+
+def compact(
+    arrays: Sequence[NDArray[Any]], rounded: float = 0.0
+) -> tuple[list[Head], list[bytes]]:
+    """Heads of all arrays and bytes of those that are no products. rounded: bound of the rounding
+    of large matrices, as a fraction of the largest entry of each row."""
+    products = _products(arrays)
+    return [[a.dtype.str, list(a.shape), order(a), products.get(i)] for i, a in enumerate(arrays)
+            ], [shuffled(_rounded(a, rounded)) for i, a in enumerate(arrays) if i not in products]
+
+
+def restored(heads: Sequence[Head], data: memoryview) -> tuple[NDArray[Any], ...]:
+    """Inverse of `compact`. Raises ValueError, TypeError or LookupError for heads of no arrays."""
+    stored, at = dict[int, NDArray[Any]](), 0
+    for i, (kind, shape, layout, product) in enumerate(heads):
+        if product is None:
+            stored[i] = _restored(data[at:], np.dtype(kind), shape, layout)
+            at += stored[i].nbytes
+    made = []
+    for i, (_, _, layout, product) in enumerate(heads):
+        if product is None:
+            made.append(stored[i])
+        else:
+            matrix, vector, transposed = product
+            made.append(np.asarray(_times(stored[matrix], stored[vector], bool(transposed)),
+                                   order="F" if layout == "F" else "C"))
+    return tuple(made)
+
+
+def order(a: NDArray[Any]) -> str:
+    return "F" if a.flags.f_contiguous and not a.flags.c_contiguous else "C"
+
+
+def shuffled(a: NDArray[Any]) -> bytes:
+    """Bytes of an array, first bytes of all entries first, which compress better."""
+    flat = np.ascontiguousarray(a.ravel(order=order(a)))  # type: ignore[arg-type]
+    return flat.view(np.uint8).reshape(-1, a.itemsize).T.tobytes() if a.size else b""
+
+
+def _rounded(a: NDArray[Any], share: float) -> NDArray[Any]:
+    """A large matrix with its entries rounded to multiples of a power of two, with errors of at
+    most `share` times the largest entry of their row; other arrays as they are."""
+    if not share or not _is_large(a):
+        return a
+    largest = np.abs(a).max(axis=-1, keepdims=True)
+    unit = 2.0 ** np.floor(np.log2(2.0 * share * np.where(largest > 0.0, largest, 1.0)))
+    return np.asarray(np.round(a / unit) * unit)
+
+
+def _products(arrays: Sequence[NDArray[Any]]) -> dict[int, tuple[int, int, bool]]:
+    """Number of a large matrix -> numbers of the matrix and the vector whose product, `_times`, it
+    is to the last digit."""
+    found: dict[int, tuple[int, int, bool]] = {}
+    kept = set[int]()
+    large = [i for i, a in enumerate(arrays) if _is_large(a)]
+    for i, j in permutations(large, 2):
+        if i in found or i in kept or j in found:
+            continue
+        a, b = arrays[i], arrays[j]
+        for n, v in enumerate(arrays):
+            if v.shape != b.shape[-2:-1] or v.dtype != b.dtype:
+                continue
+            for transposed in (False, True):
+                of = a.swapaxes(-1, -2) if transposed else a
+                if of.shape == b.shape and np.array_equal(of[..., 0], b[..., 0] * v) and (
+                        np.array_equal(a, _times(b, v, transposed))):
+                    found[i] = j, n, transposed
+                    kept.add(j)
+    return found
+
+
+def _times(b: NDArray[Any], v: NDArray[Any], transposed: bool) -> NDArray[Any]:
+    """Matrices b (.., m, n) with their rows times v (m,), or the transposed ones."""
+    if v.shape != b.shape[-2:-1]:
+        raise ValueError(f"a vector {v.shape} for rows of {b.shape}")
+    made = np.asarray(b * v[:, None])
+    return made.swapaxes(-1, -2) if transposed else made
+
+
+def _is_large(a: NDArray[Any]) -> bool:
+    return a.ndim > 1 and a.size >= LARGE and a.dtype.kind == "f"
+
+
+def _restored(
+    data: memoryview, kind: np.dtype[Any], shape: list[int], layout: str
+) -> NDArray[Any]:
+    if kind.hasobject or kind.kind not in "biuf":
+        raise ValueError(f"an array of {kind}")
+    count = int(np.prod(shape, dtype=np.int64))
+    raw = np.frombuffer(data, np.uint8, count * kind.itemsize)
+    flat = np.ascontiguousarray(raw.reshape(kind.itemsize, count).T).reshape(-1).view(kind)
+    return flat.reshape(shape, order="F" if layout == "F" else "C")

@@ -1,0 +1,82 @@
+"""Approximate Jacobian of a model whose blocks are linear and written in eigenmodes: diagonal
+blocks, temperatures that load displacements, and a border of rigid coordinates and multipliers.
+
+Terms between two modes of one block, which come from damping and from rotation and are small
+against inertia in one step, are left out; the iteration that solves with this Jacobian corrects
+them. Rigid coordinates and multipliers are solved for by the Schur complement of the modes.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sparsemor.core import FloatArray, IntArray
+from sparsemor.reducers.step.newton.memory import Factor
+from sparsemor.reducers.step.reduced_residual import Dense
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BodyModes:
+    """Modes of one body in the Jacobian: their range, that of its temperatures, and its rigid
+    unknowns (n,); diagonal (q,), coupling (q, qT) with temperatures, column (q, n), row (n, q)."""
+
+    at: slice
+    thermal: slice
+    rigid: IntArray
+    diagonal: FloatArray
+    coupling: FloatArray
+    column: FloatArray
+    row: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BorderedModes:
+    """The factorized Jacobian; heat: range and diagonal of each thermal block; border: positions of
+    rigid unknowns and multipliers."""
+
+    heat: tuple[tuple[slice, FloatArray], ...]
+    bodies: tuple[BodyModes, ...]
+    border: IntArray
+    factor: Factor
+
+    @classmethod
+    def of(
+        cls, equations: Dense, x: FloatArray, v: FloatArray, a: FloatArray, t: float,
+        c1: float, c2: float, c1_first: float
+    ) -> "BorderedModes":
+        """The Jacobian at unknowns x with rates v and a (n,) at t, s, with dv = c1 dx, da = c2 dx
+        (temperatures: c1_first). Raises RuntimeError where it is singular."""
+        border = equations.border
+        number = np.zeros(equations.layout.size, dtype=np.int64)
+        number[border] = np.arange(len(border))
+        S, bodies = np.zeros((len(border), len(border))), []
+        for body, w in zip(equations.bodies, equations.work, strict=True):
+            corner, column, row = body.border_blocks(x, v, a, t, c1, c2, w)
+            at = np.ix_(number[body.at], number[body.at])
+            S[at] += corner
+            if (b := body.tested) is None:
+                continue
+            kappa, mu = w.coefficients[:-1].reshape(2, -1)
+            diagonal = (np.diagonal(b.stiffness) + c1 * np.diagonal(b.damping)
+                        + c2 * np.diagonal(b.mass)
+                        + (kappa + c1 * mu) @ np.diagonal(b.generators, axis1=1, axis2=2))
+            S[at] -= row @ (column / diagonal[:, None])
+            bodies.append(BodyModes(body.step.elastic, body.step.thermal, body.at, diagonal,
+                                    b.coupling, column, row))
+        heat = tuple((h.at, np.diagonal(h.tested.conductivity)
+                      + c1_first * np.diagonal(h.tested.capacity)) for h in equations.heat)
+        return cls(heat, tuple(bodies), border, equations.factorize(S))
+
+    def solve(self, r: FloatArray) -> FloatArray:
+        """Solution (n,) for a right-hand side r (n,)."""
+        z, rest = np.zeros(len(r)), r.copy()
+        for at, diagonal in self.heat:
+            z[at] = r[at] / diagonal
+        for b in self.bodies:
+            load = r[b.at] + b.coupling @ z[b.thermal] if b.coupling.size else r[b.at]
+            z[b.at] = load / b.diagonal
+            rest[b.rigid] -= b.row @ z[b.at]
+        z[self.border] = self.factor.solve(rest[self.border])
+        for b in self.bodies:
+            z[b.at] -= b.column @ z[b.rigid] / b.diagonal
+        return z

@@ -1,0 +1,202 @@
+"""Online estimate of the error of a whole reduced model: its equations on the spaces of the errors
+of all blocks, with rigid coordinates and multipliers.
+
+The error e = x_full - x_reduced satisfies R(x_reduced + e, ..) = 0 with the residual R of the
+full-order equations, and the formulas of the integrator like each of the runs. R is projected on
+the spaces of errors (error_space.py) and solved by Newton's method from the free motion of e, so
+that properties which depend on temperature, radiation, contact, and the reaction of rigid
+coordinates and joint forces act on the error as they act on the run. Terms that are not linear are
+evaluated on the whole mesh, once or twice at each estimate and at no other time.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from sparsemor.core import (
+    FloatArray,
+    Integrator,
+    Layout,
+    Note,
+    State,
+    Status,
+    StepFormula,
+    StepOutcome,
+    UpdateRules,
+    advanced,
+    rate_factors,
+    step_formula,
+)
+from sparsemor.reducers.estimation.bordered_modes import BorderedModes
+from sparsemor.reducers.estimation.error_space import ErrorSpace
+from sparsemor.reducers.step.newton.memory import Factor
+from sparsemor.reducers.step.reduced_residual import Dense
+
+ITERATIONS = 5
+"""Largest number of iterations with one Jacobian at an estimate."""
+ACCURACY = 1e-3
+"""Relative change of the errors of each block at which the iteration ends."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ReducedBlock:
+    """A reduced block with the space of its errors: atoms = modes @ lift; offset (n,): that of its
+    trial basis."""
+
+    name: str
+    space: ErrorSpace
+    offset: FloatArray
+    lift: FloatArray
+
+
+class Motion(NamedTuple):
+    """Unknowns x with rates v and a (n,) at t, s."""
+
+    t: float
+    x: FloatArray
+    v: FloatArray
+    a: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CoupledErrors:
+    """Estimator of errors (`ErrorEstimator`) by the equations of the whole model on the spaces of
+    errors. every: steps between two estimates, over which the error equation takes one step of
+    size h, s; full, reduced: layouts of the full-order and of the reduced model; blocks: those with
+    an estimate, displacements, temperatures and rigid coordinates."""
+
+    every: int
+    h: float
+    spaces: tuple[ReducedBlock, ...]
+    equations: Dense
+    full: Layout
+    reduced: Layout
+    integrator: Integrator
+    rules: UpdateRules
+    notes: tuple[Note, ...]
+
+    @property
+    def blocks(self) -> tuple[str, ...]:
+        return tuple(b.name for b in self.equations.layout.differential)
+
+    def start(self, full: State, reduced: State) -> dict[str, FloatArray]:
+        """Memory of the estimate at the start of a run: errors (s, n) of the initial state with
+        their rates and the integrator's history, and the state itself (3, n) with its time, in the
+        coordinates of the error spaces."""
+        layout, known = self.equations.layout, self.lifted(reduced)
+        spaces, e = {b.name: b for b in self.spaces}, np.zeros((3, layout.size))
+        for block in layout:
+            at, b = layout[block.name], spaces.get(block.name)
+            for i, whole in enumerate((full.x, full.v, full.a)):
+                x = whole[self.full[block.name]]
+                if b is not None:
+                    x = b.space.coefficients(x - b.offset if i == 0 else x)
+                e[i, at] = x - (known.x, known.v, known.a)[i][at]
+        x, v, a = e
+        return self._memory(self.integrator.start(
+            layout, State(full.t, x, v, a, np.zeros((layout.size, 0)))), known)
+
+    def corrected(self, full: State, memory: Mapping[str, FloatArray]) -> State:
+        """A state of the full model plus the estimated errors and their rates."""
+        x, v, a = full.x.copy(), full.v.copy(), full.a.copy()
+        spaces = {b.name: b.space.modes for b in self.spaces}
+        for block in self.equations.layout:
+            at, there = self.equations.layout[block.name], self.full[block.name]
+            for part, e in zip((x, v, a), memory["errors"][:3, at], strict=True):
+                part[there] += spaces[block.name] @ e if block.name in spaces else e
+        return State(full.t, x, v, a, full.memory)
+
+    def present(self, memory: Mapping[str, FloatArray]) -> dict[str, float]:
+        """Estimated error norm of each block at present."""
+        return self._norms(memory["errors"][0])
+
+    def advance(
+        self, states: Sequence[State], memory: dict[str, FloatArray]
+    ) -> dict[str, FloatArray]:
+        """Estimated error norms (j,) of each block at j successive states, every `every`-th of the
+        run; `memory` is brought to the last."""
+        return self.working()._advanced([self.lifted(s) for s in states], memory)
+
+    def carry(self, count: int, memory: dict[str, FloatArray]) -> dict[str, FloatArray]:
+        """The same for `count` estimates along full-order steps, to which no error is added: by the
+        equations at the last state that was reduced, with zero residual there."""
+        at, own = Motion(float(memory["time"]), *memory["reduced"]), self.working()
+        return own._advanced([at] * count, memory, own.residual(at))
+
+    def working(self) -> "CoupledErrors":
+        """The same estimator with new working arrays, of one call or one thread."""
+        return replace(self, equations=self.equations.with_work())
+
+    def _advanced(
+        self, run: Sequence[Motion], memory: dict[str, FloatArray],
+        permitted: FloatArray | float = 0.0
+    ) -> dict[str, FloatArray]:
+        found: dict[str, list[float]] = {n: [] for n in self.blocks}
+        for at in run:
+            x, v, a, *history = memory["errors"]
+            error = self._step(at, State(at.t - self.h, x, v, a, np.reshape(
+                history, (len(history), len(x))).T), permitted)
+            memory |= self._memory(error, at)
+            for n, norm in self._norms(error.x).items():
+                found[n].append(norm)
+        return {n: np.array(v) for n, v in found.items()}
+
+    def _step(self, at: Motion, error: State, permitted: FloatArray | float) -> State:
+        """Errors at a state of the run from those at the state before: R(state + error) =
+        `permitted`."""
+        layout = self.equations.layout
+        formula = step_formula(self.rules, layout, error, self.h)
+        d, factor = np.zeros(layout.size), None
+        for _ in range(ITERATIONS):
+            x, v, a = formula.at(d)
+            now = Motion(at.t, at.x + x, at.v + v, at.a + a)
+            r = self.residual(now) - permitted
+            if factor is None:
+                try:
+                    factor = self._jacobian(now, formula)
+                except RuntimeError:  # singular: the errors go on freely
+                    break
+            change = factor.solve(r)
+            d = d - change
+            if all(np.linalg.norm(change[i]) <= ACCURACY * np.linalg.norm((formula.free + d)[i])
+                   for i in (layout[n] for n in self.blocks)):
+                break
+        x, v, a = formula.at(d)
+        return advanced(self.rules, layout, error, formula, StepOutcome(
+            x, Status.DONE, 1, rates=(v, a)))
+
+    def _jacobian(self, at: Motion, formula: StepFormula) -> Factor:
+        """Factorized derivative of the residual. Raises RuntimeError where it is singular."""
+        equations, rates = self.equations, (formula.c1, formula.c2, formula.c1_first)
+        if not equations.coupled:
+            return BorderedModes.of(equations, at.x, at.v, at.a, at.t, *rates)
+        c1, c2 = rate_factors(equations.layout, *rates)
+        return equations.factorize(equations.jacobian(at.x, at.v, at.a, at.t, c1, c2))
+
+    def residual(self, at: Motion) -> FloatArray:
+        """Residual (n,) of the full-order equations on the error spaces."""
+        return self.equations.residual(
+            at.x, at.v, at.a, at.t, self.equations.prescribed(at.t))
+
+    def lifted(self, state: State) -> Motion:
+        """A state of the reduced model in the coordinates of the error spaces."""
+        layout, lifts = self.equations.layout, {b.name: b.lift for b in self.spaces}
+        wide = np.zeros((3, layout.size))
+        for block in layout:
+            for z, part in zip((state.x, state.v, state.a), wide, strict=True):
+                own = z[self.reduced[block.name]]
+                part[layout[block.name]] = (
+                    lifts[block.name] @ own if block.name in lifts else own)
+        return Motion(state.t, *wide)
+
+    def _norms(self, e: FloatArray) -> dict[str, float]:
+        layout, norms = self.equations.layout, {b.name: b.space.norm for b in self.spaces}
+        return {n: float(np.linalg.norm(
+            norms[n] @ e[layout[n]] if n in norms else e[layout[n]])) for n in self.blocks}
+
+    @staticmethod
+    def _memory(error: State, at: Motion) -> dict[str, FloatArray]:
+        return {"errors": np.vstack([error.x, error.v, error.a, error.memory.T]),
+                "reduced": np.stack([at.x, at.v, at.a]), "time": np.array(at.t)}

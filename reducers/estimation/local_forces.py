@@ -1,0 +1,116 @@
+"""Terms that are not linear in the unknowns of their block, such as radiation and conductivity that
+depends on temperature, at states of the training run: their forces, and their tangent."""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.sparse import coo_array, csr_array
+
+from sparsemor.core import (
+    Csr,
+    Dictionary,
+    ElasticLocal,
+    FloatArray,
+    HeatBody,
+    IntArray,
+    MovingBody,
+    ReducedProblem,
+)
+from sparsemor.reducers.estimation.error_space import Operators
+
+STATES = 40
+"""Number of snapshots at which forces are evaluated."""
+
+
+class LocalForces:
+    """Local terms of the blocks of a model at snapshots of its training run; without training, at
+    the initial state."""
+
+    def __init__(self, problem: ReducedProblem) -> None:
+        self.model, self.offline = problem.model, problem.offline
+
+    def _states(self, name: str) -> FloatArray:
+        """States (n, M) of a block: the initial one, then snapshots; (0, M) without the block."""
+        if name not in self.model.layout:
+            return np.zeros((0, 1))
+        x = self.model.x0[self.model.layout[name]][:, None]
+        if not self.offline.trained:
+            return x
+        known = self.offline.snapshots(name)
+        chosen = np.unique(np.linspace(0, known.shape[1] - 1, STATES).astype(int))
+        return np.hstack([x, known[:, chosen]])
+
+    def of_heat(self, b: HeatBody, d: Dictionary) -> FloatArray:
+        """Forces (n, j) of the local terms of a thermal block at its states, and with their rates
+        in the directions of the changes from state to state."""
+        if not b.local:
+            return np.zeros((len(d.offset), 0))
+        T, start = self._states(b.thermal), self.model.layout[b.thermal].start
+        rates = np.hstack([np.diff(T, axis=1), d.atoms[:, :1]])
+        found = np.zeros((2, *T.shape))
+        for term in b.local:
+            rows, at = term.rows - start, term.columns - start
+            zero = np.zeros(len(at))
+            for i, (x, v) in enumerate(zip(T.T, rates.T, strict=True)):
+                found[0][rows, i] += term.residual(x[at], zero, zero, 0.0)
+                found[1][rows, i] += term.residual(x[at], v[at], zero, 0.0)
+        return np.hstack([found[0], found[1] - found[0]])
+
+    def tangent_of_heat(self, b: HeatBody) -> Operators:
+        """Operators of a thermal block with the tangent of its local terms at the state in the
+        middle of training."""
+        constant = Operators.of(b)
+        if not b.local:
+            return constant
+        T, start = self._states(b.thermal), self.model.layout[b.thermal].start
+        x, K, C = T[:, T.shape[1] // 2], constant.stiffness, constant.damping
+        for term in b.local:
+            at = term.columns - start
+            zero, one = np.zeros(len(at)), np.ones(len(at))
+            still, moved = (_placed(term.jacobian(x[at], zero, zero, 0.0, c, zero),
+                                    term.rows - start, at, K.shape[0]) for c in (zero, one))
+            K, C = K + still, C + (moved - still)
+        return replace(constant, stiffness=csr_array(K), damping=csr_array(C))
+
+    def of_elastic(self, m: MovingBody, d: Dictionary) -> FloatArray:
+        """Forces (n, j) of the local terms of an elastic block at its states."""
+        assert m.operators is not None
+        if not m.operators.local:
+            return np.zeros((len(d.offset), 0))
+        u, T = self._states(m.elastic), self._states(m.thermal)
+        found = np.zeros(u.shape)
+        for part in m.operators.local:
+            for i in range(u.shape[1]):
+                x = _read(part, u[:, i], T[:, i])
+                zero = np.zeros(len(x))
+                found[part.rows, i] += part.term.residual(x, zero, zero, 0.0)
+        return found
+
+    def tangent_of_elastic(self, m: MovingBody) -> Operators:
+        """Operators of an elastic block with the tangent of its local terms at the state in the
+        middle of training."""
+        assert m.operators is not None
+        constant, u, T = Operators.of(m.operators), self._states(m.elastic), self._states(m.thermal)
+        K, i = constant.stiffness, u.shape[1] // 2
+        for part in m.operators.local:
+            x = _read(part, u[:, i], T[:, i])
+            zero = np.zeros(len(x))
+            cold = ~part.hot
+            J = csr_array(part.term.jacobian(x, zero, zero, 0.0, zero, zero))[:, cold]
+            K = K + _placed(J, part.rows, part.columns[cold], K.shape[0])
+        return replace(constant, stiffness=csr_array(K))
+
+
+def _read(part: ElasticLocal, u: FloatArray, T: FloatArray) -> FloatArray:
+    """Values at the columns of a local term."""
+    x = np.empty(len(part.columns))
+    x[part.hot], x[~part.hot] = T[part.columns[part.hot]], u[part.columns[~part.hot]]
+    return x
+
+
+def _placed(J: Csr, rows: IntArray, columns: IntArray, n: int) -> Csr:
+    """The symmetric part of a matrix of some rows and columns in all n rows and columns of the
+    block, which linear solvers require."""
+    found = coo_array(J)
+    wide = csr_array((found.data, (rows[found.row], columns[found.col])), shape=(n, n))
+    return csr_array(0.5 * (wide + wide.T))
