@@ -49,6 +49,7 @@ FAULTS: list[tuple[dict[str, Any], str, str]] = [
     ({"parameters.flux.key": "training.every"}, "parameters.flux.key", "no number at"),
     ({"parameters.flux.key": [FLUX, "time.end"]}, "parameters.flux.key", "different values"),
     ({"parameters.flux.range": [2.0, 1.0]}, "parameters.flux.range", "the smaller one"),
+    ({"parameters": {"a.b": BOX["flux"]}}, "parameters.a.b", "letters, digits and _"),
     ({"parameters": {}}, "training.parameters", "declares no parameters"),
     ({"training.parameters": {"points": [{"flux": 1.0e6}]}}, "training.parameters.points.0",
      "flux, angle"),
