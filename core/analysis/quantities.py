@@ -35,7 +35,8 @@ class QuantityOfInterest(Plugin):
     probe: str = ""
     """Name of a probe."""
     joint: str = ""
-    """Name of a joint; without `component` the norm of its forces, N."""
+    """Name of a joint; without `component` the norm of its forces, N, or of a force element its
+    tension, N, or torque, N m, without sign."""
     contact: str = ""
     """Name of a contact."""
     field: Literal["", "displacement", "temperature", "stress", "strain"] = ""
@@ -89,6 +90,9 @@ class QuantityOfInterest(Plugin):
             if self.component:
                 named = {name: values for (name, _), values in forces.items()}
                 return times, named[_known(self.component, named, "component")]
+            one = result.element_forces.get(self.joint)
+            if one is not None:  # multipliers of its flexible sides repeat it
+                return times, np.abs(forces[one])
             return times, np.sqrt(np.sum([
                 v**2 for (_, unit), v in forces.items() if unit == "N"], axis=0))
         extreme = np.min if self.take == "min" else np.max

@@ -399,9 +399,14 @@ class RunResult:
             if "components" in given:
                 of_unit = tuple(zip(given["components"], given["units"].split(", "), strict=True))
                 found[b.owner] = dict(zip(of_unit, self.block(b.name).T, strict=True))
-        for name, (what, si) in self._attributes.get("forces", {}).items():
-            found.setdefault(name, {})[what, si] = self._array(f"force.{name}")
+        for name, force in self.element_forces.items():
+            found.setdefault(name, {})[force] = self._array(f"force.{name}")
         return found
+
+    @property
+    def element_forces(self) -> dict[str, tuple[str, str]]:
+        """Force element -> name and unit of its force."""
+        return {n: (what, si) for n, (what, si) in self._attributes.get("forces", {}).items()}
 
     def to_xarray(self) -> "xr.Dataset":
         """All stored arrays as a lazily loaded xarray dataset with dimension names and units."""

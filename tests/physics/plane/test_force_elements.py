@@ -16,6 +16,7 @@ from sparsemor.bodies.joints.rotational_spring import RotationalSpring
 from sparsemor.bodies.joints.spring_damper import SpringDamper
 from sparsemor.bodies.loads.torque import Torque
 from sparsemor.core.analysis.charts.joint_forces import joint_forces_figure
+from sparsemor.core.analysis.quantities import QuantityOfInterest
 from sparsemor.core.errors import InputError
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.protocols.poses import vectors_in_space
@@ -292,6 +293,8 @@ def test_the_force_of_a_spring_between_rigid_sides_is_stored(tmp_path: Any) -> N
     rate = np.exp(-d * t) * (0.4 * np.cos(w * t) - (0.1 * 40.0 + 0.4 * d) / w * np.sin(w * t))
     assert np.abs(force - (80.0 * (x - 0.4) + 3.0 * rate)).max() < 2e-3
     assert joint_forces_figure(result) is not None
+    largest = QuantityOfInterest(joint="spring").of(result)
+    assert largest == np.abs(force).max()
 
 
 # --------------------------------------------------------------------------- two stages
