@@ -19,6 +19,7 @@ class Status(Enum):
 
     @property
     def ok(self) -> bool:
+        """True for a solve that succeeded or a run that reached its end."""
         return self is Status.DONE
 
     @property

@@ -10,8 +10,9 @@ from typing import Annotated, Any, TypeVar
 
 import typer
 
-from sparsemor.core.errors import Damaged, InputError
+from sparsemor.core.errors import Damaged, Fault, InputError
 from sparsemor.core.registry.validation_errors import shown
+from sparsemor.core.results.model_format import is_model_file
 from sparsemor.core.results.output_directory import OutputDirectory
 from sparsemor.core.scene.overrides import parse_settings
 from sparsemor.core.scene.scene import Scene, load
@@ -59,12 +60,24 @@ def check_new_file(file: Path, replace: bool) -> None:
 def load_with(scene: str, settings: Sequence[str] | None) -> Scene:
     """Loads a scene file or a packaged scene, with the changes of `--set`. Raises
     `LocatedError`."""
-    try:
+    if is_model_file(Path(scene)):
+        text = f"{scene}: is a reduced model, which `sparsemor run` takes; give its scene here"
+        raise LocatedError([Fault("", text)], [text])
+    with located_in_settings():
         overrides = parse_settings(settings or ())
+    return load(scene, overrides)
+
+
+@contextmanager
+def located_in_settings() -> Iterator[None]:
+    """Context that locates input errors in the options `--set`. Raises `LocatedError`."""
+    try:
+        yield
+    except LocatedError:
+        raise
     except InputError as error:
         lines = [f"--set {f.key}: {f.message}" if f.key else f.message for f in error.faults]
         raise LocatedError(error.faults, lines) from None
-    return load(scene, overrides)
 
 
 @contextmanager

@@ -1,6 +1,6 @@
 """Command `sparsemor run`: simulates one scene and stores the result."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -17,6 +17,7 @@ from sparsemor.core.cli.options import (
     inform,
     load_with,
     located_in,
+    located_in_settings,
     out_option,
     place_for_result,
     print_json,
@@ -29,7 +30,6 @@ from sparsemor.core.results.model_format import is_model_file
 from sparsemor.core.results.solver_report import solvers_in_words
 from sparsemor.core.results.tables import marked
 from sparsemor.core.scene.overrides import parse_settings
-from sparsemor.core.scene.yaml_reader import LocatedError
 
 if TYPE_CHECKING:
     from sparsemor.core.simulation.reduced_model import ReducedModel
@@ -43,8 +43,13 @@ def run(
 ) -> None:
     """Simulate a scene, or a model that `sparsemor reduce` wrote, and store the result."""
     with exit_codes(as_json):
-        model = _kept(scene, settings, resume)
-        loaded = load_with(scene, settings) if model is None else model.scene
+        model = _kept(scene, resume)
+        if model is None:
+            loaded = load_with(scene, settings)
+        else:
+            with located_in_settings():
+                loaded = model.scene.using(parse_settings(settings or ()))
+                model.check(loaded)
         directory = out or Path("runs", f"{loaded.name}-{loaded.reducer_name}")
         with (place_for_result(directory, resume, force), located_in(loaded),
               progress(quiet or as_json) as observers):
@@ -53,8 +58,7 @@ def run(
 
                 result = simulate(loaded, out=directory, resume=resume, observers=observers)
             else:
-                result = model.run(parse_settings(settings or ()), out=directory,
-                                   observers=observers)
+                result = model.run(loaded, out=directory, observers=observers)
         summary = dict(result.summary)
         if as_json:
             print_json(summary)
@@ -67,9 +71,8 @@ def run(
             inform(summary.get("information", ()))
 
 
-def _kept(scene: str, settings: Sequence[str] | None, resume: bool) -> "ReducedModel | None":
-    """The reduced model in a file; None for a scene. Raises LocatedError for changes that it does
-    not allow."""
+def _kept(scene: str, resume: bool) -> "ReducedModel | None":
+    """The reduced model in a file; None for a scene. Raises LocatedError."""
     if not is_model_file(Path(scene)):
         return None
     from sparsemor.core.simulation.reduced_model import load_model
@@ -78,13 +81,6 @@ def _kept(scene: str, settings: Sequence[str] | None, resume: bool) -> "ReducedM
         model = load_model(scene)
         if resume:
             raise InputError("a run of a kept model is not resumed: run it again", "resume")
-    try:
-        model.check(parse_settings(settings or ()))
-    except LocatedError:
-        raise
-    except InputError as error:
-        raise LocatedError(
-            error.faults, [f"--set {f.key}: {f.message}" for f in error.faults]) from None
     return model
 
 

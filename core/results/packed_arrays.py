@@ -60,10 +60,10 @@ def shuffled(a: NDArray[Any]) -> bytes:
 def _rounded(a: NDArray[Any], share: float) -> NDArray[Any]:
     """A large matrix with its entries rounded to multiples of a power of two, with errors of at
     most `share` times the largest entry of their row; other arrays as they are."""
-    if not share or not _is_large(a):
+    if not share or not _is_large(a) or not np.isfinite(a).all():
         return a
     largest = np.abs(a).max(axis=-1, keepdims=True)
-    unit = 2.0 ** np.floor(np.log2(2.0 * share * np.where(largest > 0.0, largest, 1.0)))
+    unit = 2.0 ** np.floor(np.log2(np.maximum(2.0 * share * largest, np.finfo(a.dtype).tiny)))
     return np.asarray(np.round(a / unit) * unit)
 
 

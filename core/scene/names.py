@@ -1,4 +1,5 @@
-"""Rules for the names that a scene gives to its bodies, joints, contacts, loads and probes."""
+"""Rules for the names that a scene gives to its bodies, joints, contacts, loads, probes and
+parameters."""
 
 import re
 from collections.abc import Mapping
@@ -10,7 +11,9 @@ from sparsemor.core.registry.registry import suggestions
 from sparsemor.core.registry.validation_errors import custom
 
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
-_NAMED = ("bodies", "joints", "contacts", "loads", "probes")
+_OWN = ("probes", "parameters")
+"""Groups whose names may be those of another group, too."""
+_NAMED = ("bodies", "joints", "contacts", "loads", *_OWN)
 LONGEST = 100
 """Largest number of characters of a name."""
 RESERVED = "ground"
@@ -43,7 +46,7 @@ def _complaint(group: str, name: object, owners: dict[object, str]) -> str:
         return f"a name has at most {LONGEST} characters (this one has {len(name)})"
     if name == RESERVED:
         return f"{RESERVED} means the fixed world: choose another name"
-    if group == "probes":
+    if group in _OWN:
         return ""
     if name in owners:
         return (f"this name is taken in {owners[name]}: bodies, joints, contacts and loads share "

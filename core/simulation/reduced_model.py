@@ -362,8 +362,8 @@ class ReducedModel:
             return Fault("time.end", f"cannot be after {prepared:g} s, where the rigid-body "
                          "pre-simulation ends that the model follows")
         faults = (*endless(scene), *time_faults(scene))
-        own = ("time.end", ESTIMATE) if self.estimates_errors else ("time.end",)
-        return next((f for f in faults if f.key in own), None)
+        own = {"time.end", "time.step", *([ESTIMATE] if self.estimates_errors else [])}
+        return next((Fault("time.end", f.message) for f in faults if f.key in own), None)
 
 
 def _functions(scene: Scene) -> Mapping[str, BaseModel]:

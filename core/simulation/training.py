@@ -102,7 +102,7 @@ def offline_of(
         points = {digest(run(point)[0]): point for point in box.chosen(scene.parameters)}
         train_at_once(scene, {k: points[k] for k in missing}, products.cache, box.workers,
                       lambda done: manager.hook.on_offline(
-                          product=f"training run {done} of {len(missing)}"))
+                          product=f"training runs, {done} of {len(missing)} done"))
 
     training = scene.for_training()
     recording = Recording(training.integrator, training.time.step, training.training.every,

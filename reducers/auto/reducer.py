@@ -97,6 +97,9 @@ class Auto(ReducedStepOptions):
         """Step solver of the chosen reducer, without a stability check."""
         return made(self.choose(problem, lambda options, solver: "").reducer).prepare(problem)
 
+    def restart_refusal(self) -> str:
+        return "trial runs take fixed steps: name the reducer of a run with time.control"
+
 
 class Search:
     """Trial runs for one problem: numbers of atoms by block, and the reducer."""

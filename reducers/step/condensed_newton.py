@@ -2,9 +2,9 @@
 
 Unknowns are the increments from a prediction (elastic_block.py). The elastic blocks are eliminated
 with their constant operator D, which leaves a small bordered system for rigid coordinates and
-multipliers (Schur complement). The residual is exact; the Jacobian
-neglects terms quadratic in u, so that the iteration converges linearly and fast. It ends when the
-error estimated from two changes of this step is below the tolerance (acceptance.py).
+multipliers (Schur complement). The residual is exact; the Jacobian neglects terms quadratic in u
+and is kept after a small change, so that the iteration converges linearly and fast. It ends when
+the error estimated from two changes of this step is below the tolerance (acceptance.py).
 """
 
 from collections.abc import Mapping, Sequence

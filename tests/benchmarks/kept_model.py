@@ -84,9 +84,10 @@ def measured(scene: Scene, file: Path, repeats: int) -> dict[str, float]:
 
 
 def change(one: RunResult, other: RunResult) -> float:
-    """Largest difference of the unknowns of a block, relative to the largest of them."""
-    pairs = ((np.asarray(one.block(b.name)), np.asarray(other.block(b.name))) for b in one.layout)
-    return max(float(np.abs(a - b).max() / (np.abs(a).max() or 1.0)) for a, b in pairs)
+    """Largest difference of the coefficients of a block, relative to the largest of them."""
+    pairs = ((one.coefficients(n), other.coefficients(n)) for b in one.layout
+             if one.reduced(n := b.name))
+    return max(float(np.abs(a - b).max() / np.abs(a).max()) for a, b in pairs)
 
 
 def timed(do: Callable[[], object]) -> float:

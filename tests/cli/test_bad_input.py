@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 
 from sparsemor import InputError, load, simulate
 from sparsemor.core.cli import app
+from sparsemor.core.results.model_format import MAGIC
 from sparsemor.core.simulation.validation import checked_model
 
 SWING = (Path(__file__).parents[1] / "scenes" / "swing.yaml").read_text(encoding="utf-8")
@@ -48,6 +49,13 @@ def refused(*arguments: str) -> list[str]:
     assert (done.code, done.out) == (2, "")
     assert sorted(Path().rglob("*")) == before
     return list(done.lines)
+
+
+@pytest.mark.parametrize("command", ["validate", "reduce", "compare", "advise", "stability"])
+def test_a_reduced_model_is_no_scene(command: str, here: Path) -> None:
+    Path("bar.model").write_bytes(MAGIC)
+    assert refused(command, "bar.model") == [
+        "bar.model: is a reduced model, which `sparsemor run` takes; give its scene here"]
 
 
 MESH = "{use: rectangle, size: [1.0, 0.1], divisions: [10, 2]}"

@@ -5,7 +5,7 @@ import json
 import shlex
 import sys
 import traceback
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -86,12 +86,20 @@ def execute(job: Job) -> str:
     A run that stops early, such as a diverged one, is a result, not a failure. Raises
     KeyboardInterrupt if the user interrupts the job.
     """
+    return _reason(_execute_run if isinstance(job.entry, RunEntry) else _execute_study, job)
+
+
+def profile(job: Job) -> str:
+    """Splits the computing time of a completed run unless that has been done; otherwise as
+    `execute`."""
+    return _reason(_profile_run, job)
+
+
+def _reason(work: Callable[[Job, Any], None], job: Job) -> str:
+    """Reason why a piece of work failed, "" if it did not."""
     try:
         with fixed_threads():
-            if isinstance(job.entry, RunEntry):
-                _execute_run(job, job.entry)
-            else:
-                _execute_study(job, job.entry)
+            work(job, job.entry)
     except SolveFailed as error:
         if error.status is Status.INTERRUPTED:
             raise KeyboardInterrupt from None
@@ -117,7 +125,12 @@ def _execute_run(job: Job, entry: RunEntry) -> None:
         kept = _simulated(scene, folder)
     if kept.status.ok and is_full_order(scene.reducer):
         keep_reference(scene, folder)
-    if job.profiled and kept.status.ok and not (folder / SPLIT).is_file():
+
+
+def _profile_run(job: Job, entry: RunEntry) -> None:
+    scene, folder = scene_of(entry, job.quick), Path(job.folder)
+    kept = completed(scene, folder)
+    if kept is not None and kept.status.ok and not (folder / SPLIT).is_file():
         split = profiled(scene, entry.profile, job.matrix)
         replace_file(folder / SPLIT, (json.dumps(split) + "\n").encode())
 

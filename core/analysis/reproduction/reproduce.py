@@ -8,7 +8,13 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from sparsemor.core.analysis.reproduction.jobs import Job, command_of, execute, jobs_of
+from sparsemor.core.analysis.reproduction.jobs import (
+    Job,
+    command_of,
+    execute,
+    jobs_of,
+    profile,
+)
 from sparsemor.core.analysis.reproduction.page import write_pages
 from sparsemor.core.analysis.reproduction.paper import BROKEN, Item, Paper, PaperFile
 from sparsemor.core.analysis.reproduction.processes import executed
@@ -71,7 +77,10 @@ def reproduce(
             resume=not force, force=force, replaceable=lambda: (folder / ABOUT).is_file(),
             kind="reproductions only, and this is none"):
         _begin(folder, file, quick)
-        failed = _executed(jobs_of(file, chosen, folder, quick), count, watch)
+        jobs = jobs_of(file, chosen, folder, quick)
+        failed = _executed(execute, jobs, count, watch, "runs and studies")
+        timed = [j for j in jobs if j.profiled and j.name not in failed]
+        failed |= _executed(profile, timed, 1, watch, "runs timed")  # next to no other work
         verdicts = _judged(chosen, StoredResults(file, folder, quick, failed), count, watch)
         commands = {i.id: commands_of(file, i, quick) for i in chosen}
         files = [*write_pages(file, verdicts, commands, folder, quick),
@@ -116,13 +125,15 @@ def _begin(folder: Path, file: PaperFile, quick: bool) -> None:
                          "another --out", "out")
 
 
-def _executed(jobs: Sequence[Job], workers: int, watch: Watch) -> dict[str, str]:
-    """Executes all jobs; returns name -> reason of those that failed."""
+def _executed(
+    work: Callable[[Job], str], jobs: Sequence[Job], workers: int, watch: Watch, what: str
+) -> dict[str, str]:
+    """Does a piece of work for all jobs; returns name -> reason of those that failed."""
     calls, failed = {job.name: job for job in jobs}, {}
     after = {job.name: job.entry.after for job in jobs if job.entry.after}
     for done, (name, reason) in enumerate(executed(
-            execute, calls, workers, after, lambda name: "its process died twice"), 1):
-        watch(f"{done} of {len(calls)} runs and studies: {name}{': ' * bool(reason)}{reason}")
+            work, calls, workers, after, lambda name: "its process died twice"), 1):
+        watch(f"{done} of {len(calls)} {what}: {name}{': ' * bool(reason)}{reason}")
         if reason:
             failed[name] = reason
     return failed

@@ -38,9 +38,10 @@ def expected_states(
         (K_T + C / H) T_i = C / H T_(i-1) + q_i      K u_i = f_i + K_fT T_i
 
     with conductivity K_T, capacity C, heat loads q, stiffness K, forces f and thermal coupling
-    K_fT. Loads are averaged over coarse steps H = end / COUNT, and H = step.h for heat that moves,
-    which is elsewhere after a coarse step; radiation, contacts that are evaluated in the step, and
-    inertia are neglected. Raises SolveFailed where a matrix is singular.
+    K_fT. Loads are averaged over coarse steps H = end / COUNT. Loads that move are elsewhere after
+    such a step: for their heat H = step.h, and their forces are averaged over the last step.h.
+    Radiation, contacts that are evaluated in the step, and inertia are neglected. Raises
+    SolveFailed where a matrix is singular.
     """
     times = np.linspace(0.0, end, min(COUNT, max(1, round(end / step.h))) + 1)
     for heat in model.separated.heat:
@@ -85,7 +86,7 @@ def _displacements(
     forces = []
     for i, (before, after) in enumerate(zip(times[:-1], times[1:], strict=True), 1):
         f = ops.constant + ops.loads @ _mean(ops.amplitudes, before, after)
-        forces.append(f + _moving(ops.tables, before, after, len(f)) + thermal_forces[:, i])
+        forces.append(f + _moving(ops.tables, after - h, after, len(f)) + thermal_forces[:, i])
     named = [i for i, column in enumerate(ops.columns)
              if column.name and ops.directions[:, i].any()]
     factor = BlockSolvers(model.solvers.of(name)).factorize(

@@ -21,7 +21,7 @@ def train_at_once(
     report: Callable[[int], object],
 ) -> None:
     """Makes the training runs of a scene at the points by key, and stores them in the cache under
-    these keys. report: called with the number of finished runs.
+    these keys. report: called at the start and with the number of finished runs.
 
     A run that failed, or whose process died, is not stored: the caller makes it again and meets its
     error.
@@ -32,6 +32,7 @@ def train_at_once(
     pool = LocalPool(min(workers, len(points)), Path(os.devnull), PROGRAM)
     try:
         waiting, running, done = list(points), 0, 0
+        report(done)
         while waiting or running:
             while waiting and running < pool.slots:
                 key = waiting.pop(0)

@@ -188,15 +188,17 @@ class Bench:
         return found
 
     @np.errstate(all="ignore")
-    def steps(self, scene: Scene) -> Callable[[], None]:
-        """All steps of a scene, prepared."""
+    def steps(self, scene: Scene) -> Callable[[], float]:
+        """CPU time, s, of all steps of a scene, prepared; without the projection of its start."""
         run, _ = prepared_run(scene, self.cache, new_manager(()), self.bodies)
         step = step_of(run.solver, scene.integrator, scene.time.step)
 
-        def march() -> None:
-            for _ in iterate(step, *started(run.solver, scene.integrator, run.start),
-                             step_count(scene)):
+        def march() -> float:
+            state, memory = started(run.solver, scene.integrator, run.start)
+            begun = time.process_time()
+            for _ in iterate(step, state, memory, step_count(scene)):
                 pass
+            return time.process_time() - begun
 
         return march
 
@@ -224,17 +226,17 @@ def measured(bench: Bench, sets: int, hand: int, timed: bool) -> None:
     hand_made = {"packaged": scene, **{
         label: scene.using(dict(settings)) for label, settings in case.hand_made.items()}}
     found = {label: bench.errors(model, min(hand, sets), TOLERANCES[0])
-             for label, model in hand_made.items()}
+             for label, model in hand_made.items() if hand}
     for label, e in found.items():
         print(f"| {name} | | {label} | | {max(e):.1e} | of {len(e)} | | |", flush=True)
     marches = {label: bench.steps(model) for label, model in hand_made.items()
-               if label == "packaged" or max(found[label]) <= TOLERANCES[0]}
+               if label == "packaged" or hand and max(found[label]) <= TOLERANCES[0]}
     for t, advice in chosen.items():
         other, met = errors[t][1:], [label for label, e in found.items() if max(e) <= t]
         march, spent = bench.steps(advice.scene), dict[str, list[float]]()
         for _ in range(REPEATS):
             for label in dict.fromkeys(["packaged", *met]):
-                spent.setdefault(label, []).append(cpu(march)[1] / cpu(marches[label])[1])
+                spent.setdefault(label, []).append(march() / marches[label]())
         ratio = {label: float(np.median(r)) for label, r in spent.items()}
         best = max(met, key=lambda label: ratio[label], default="")
         took = f"{bench.advice_seconds(t) / bench.full_seconds():.1f}" if timed else ""
@@ -242,7 +244,7 @@ def measured(bench: Bench, sets: int, hand: int, timed: bool) -> None:
         print(f"| {name} | {t:g} | {advice.choice.reducer['use']} {atoms} | {errors[t][0]:.1e} | "
               f"{max(other):.1e} | {sum(e > t for e in other)} of {len(other)} | "
               f"{ratio['packaged']:.2f}, "
-              + (f"{ratio[best]:.2f} ({best})" if met else "none meets it")
+              + (f"{ratio[best]:.2f} ({best})" if met else "none meets it" if hand else "not tried")
               + f" | {took} |", flush=True)
 
 
@@ -251,7 +253,7 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true")
     parser.add_argument("--scenes", default=",".join(CASES))
     parser.add_argument("--sets", type=int, default=20)
-    parser.add_argument("--hand", type=int, default=5, help="sets for the hand-made reducers")
+    parser.add_argument("--hand", type=int, default=5, help="sets for hand-made reducers, or 0")
     parser.add_argument("--folder", type=Path, default=Path("advice"))
     parser.add_argument("--no-time", action="store_true", help="do not measure `time`")
     given = parser.parse_args()

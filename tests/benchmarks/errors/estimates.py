@@ -159,7 +159,7 @@ def leaves(tolerance: float) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--scenes", default=",".join(CASES))
-    parser.add_argument("--trained", default="", help="only with such training")
+    parser.add_argument("--trained", default="", help="only with such training, - for none")
     parser.add_argument("--every", type=int, default=1)
     parser.add_argument("--whole", action="store_true", help="whole runs on the scenes' meshes")
     parser.add_argument("--cost", action="store_true", help="measure the time, too")
@@ -194,7 +194,7 @@ def main() -> None:
                     print("\n".join(lines(training, reducer, measure_errors(reference, run))),
                           flush=True)
             if asked.cost:
-                scene = reduced(load(name), "galerkin")
+                scene = reduced(load(name, dict(short)), "galerkin")
                 print(f"\ngalerkin: {cost(scene, asked.every)}", flush=True)
 
 

@@ -17,6 +17,9 @@ CASES: dict[str, tuple[dict[str, Any], str, str]] = {
     "control and rows that change": (
         {"time.control": {"tolerance": 1e-3}, "reducer": {**SPARSE, "resample": 1}},
         "time.control", "the rows of this reducer change with the steps"),
+    "control and trial runs": (
+        {"time.control": {"tolerance": 1e-3}, "reducer": "auto"},
+        "time.control", "trial runs take fixed steps"),
     "more windows than snapshots": (
         {"reducer": {"use": "galerkin", "basis": {"use": "pod", "windows": 9}}},
         "reducer.basis", "9 windows were requested of 5 snapshots of bar.elastic"),

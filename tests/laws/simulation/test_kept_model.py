@@ -149,6 +149,7 @@ def test_what_may_change() -> None:
     ({"seed": 4}, "seed: cannot change"),
     ({"reducer.basis.count": 5}, "reducer.basis.count: cannot change"),
     ({"time.end": 0.0405}, "time.end: .*is not a whole number of steps"),
+    ({"time.end": 1e30}, "time.end: 1e.33 steps of 0.001 s"),
     ({"loads.heating.on": ["bar:left"]}, "loads.heating.on"),
 ])
 def test_any_other_change_is_refused_by_its_key(change: dict[str, object], said: str) -> None:
