@@ -33,7 +33,6 @@ class StepOutcome:
 
     x (n,): unknowns; rates: their rates v and a, which a solver of increments knows to more digits
     than the step formula gives for x (core/protocols/integrator.py); None: those of the formula;
-    departure (n,): from the free motion of the formula, None where it follows from the others;
     remaining: estimated error that the iteration leaves, relative to the largest value of each part
     of the unknowns, 0 for a direct solution.
     """
@@ -45,7 +44,6 @@ class StepOutcome:
     detail: str = ""
     rates: tuple[FloatArray, FloatArray] | None = None
     remaining: float = 0.0
-    departure: FloatArray | None = None
 
 
 def advanced(

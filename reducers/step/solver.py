@@ -238,10 +238,8 @@ class Stepper:
         limits."""
         bad = self._insane(outcome.x)
         if bad is None:
-            x, rates, d = outcome.x, outcome.rates, outcome.departure
-            if d is None:
-                d = x - step.free if rates is None else step.departure(x, *rates)
-            memory.past.push(x, d)
+            x, rates = outcome.x, outcome.rates
+            memory.past.push(x, x - step.free if rates is None else step.departure(x, *rates))
         return bad or outcome
 
     def _insane(self, x: FloatArray) -> StepOutcome | None:

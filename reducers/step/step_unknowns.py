@@ -68,7 +68,7 @@ class StepUnknowns:
     ) -> StepOutcome:
         """The unknowns and their rates as the solution of the step."""
         x, v, a = self.step.at(self.d)
-        return StepOutcome(x, status, iterations, block, detail, (v, a), self.remaining, self.d)
+        return StepOutcome(x, status, iterations, block, detail, (v, a), self.remaining)
 
 
 def inactive(at: slice, active: IntArray) -> IntArray:
