@@ -426,6 +426,7 @@ def test_the_chosen_models_are_measured_under_other_loads(tmp_path: Path) -> Non
         [sys.executable, SCRIPTS / "errors" / "advice.py", "--quick"],
         env=os.environ | {"SPARSEMOR_CACHE": str(tmp_path)}, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    cells = [c.strip() for c in done.stdout.splitlines()[-1].strip("|").split("|")]
-    assert cells[:2] == ["double_pendulum", "0.001"] and cells[5] == "0 of 1"
-    assert 0.0 < float(cells[3]) < 1e-3 and 0.0 < float(cells[4]) < 1e-3
+    for line, tolerance in zip(done.stdout.splitlines()[-3:], (1e-2, 1e-3, 1e-4), strict=True):
+        cells = [c.strip() for c in line.strip("|").split("|")]
+        assert cells[:2] == ["double_pendulum", f"{tolerance:g}"] and cells[5] == "0 of 1"
+        assert 0.0 < float(cells[3]) < tolerance and 0.0 < float(cells[4]) < tolerance
