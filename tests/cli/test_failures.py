@@ -100,7 +100,7 @@ def test_too_large_a_step_or_load(settings: dict[str, Any]) -> None:
 
 @pytest.mark.full
 @pytest.mark.parametrize("settings", [
-    {"time__step": 0.09, "time__end": 3.6, "training__end": 3.6,
+    {"time__step": 0.085, "time__end": 3.4, "training__end": 3.4,
      "integrator": "generalized_alpha"},
     {"loads__weight__g": [0.0, -1e6]},
 ], ids=["large step", "huge load"])
