@@ -94,7 +94,7 @@ def _simulate(
     with kept(recorder.writer, new=recorder.checkpoint is None):
         result = stepped(run, recorder, manager, tally, keeper)
     if keeper is not None:
-        offline.keep_training(keeper.finished(), keeper.share * tally.online)
+        offline.keep_training(keeper.finished(), keeper.share * result.summary["wall_s"]["online"])
     return result
 
 
