@@ -45,8 +45,6 @@ SCENES: Mapping[str, Mapping[str, Any]] = {
     "slider_plate": {"time.end": 1.875e-4, "training.end": 1.875e-4},
     "brake_disk": {"time.end": 0.02, "training.end": 0.02},
 }
-LONG: Mapping[str, tuple[Mapping[str, Any], ...]] = {"brake_disk": ({"reducer": "ecsw"},)}
-"""Swaps whose training takes minutes, with the 248 atoms that this scene keeps; not run here."""
 OF_THE_ELEMENTS = ("undershoot",)
 """Kinds of warnings that full-order runs have, too, and that say nothing of the reduction."""
 HEAD = """\
@@ -91,7 +89,7 @@ def outcomes(name: str, folder: Path) -> Iterator[Row]:
     cache, bodies = Cache(folder / "cache"), BodyCache()
     scene = load(name).using(SCENES[name])
     references: dict[str, RunResult] = {}
-    for number, word in enumerate(({}, *(w for w in WORDS if w not in LONG.get(name, ())))):
+    for number, word in enumerate(({}, *WORDS)):
         row = {"scene": name, "set": json.dumps(word)}
         try:
             swapped = scene.using(word)
@@ -134,7 +132,7 @@ def page(rows: list[Row]) -> str:
     for word in WORDS:
         ((slot, plugin),) = word.items()
         said = plugin if isinstance(plugin, str) else json.dumps(plugin).replace('"', "")
-        found = [cells.get((scene, json.dumps(word)), "not run: long training") for scene in SCENES]
+        found = [cells[scene, json.dumps(word)] for scene in SCENES]
         lines.append(f"| `{slot}` | `{said}` | " + " | ".join(found) + " |")
     return "\n".join([*lines, ""])
 

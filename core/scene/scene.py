@@ -101,8 +101,9 @@ class Scene(Plugin):
     instability and continue; `refuse`: raise an error; `off`: skip."""
     check_trial_space: Literal["warn", "refuse", "off"] = "warn"
     """Check, before the run, that the atoms of each reduced block represent its training run, or
-    without training an estimate of the run and the static responses to its loads. `warn`: report a
-    projection error above 0.01 and continue; `refuse`: raise an error; `off`: skip."""
+    without training an estimate of the run and the static and impulse responses to its loads.
+    `warn`: report a projection error above 0.01 and continue; `refuse`: raise an error; `off`:
+    skip."""
     output: Output = Output()
     """Output options."""
     probes: dict[str, Probe] = {}

@@ -106,8 +106,10 @@ def methods() -> dict[str, tuple[dict[str, Any], bool]]:
             {"use": "deim", **POD, "force_basis": {"use": "pod", "energy": 1.0}}, False),
         "deim, POD 100, 0.9999 of force": (
             {"use": "deim", **POD, "force_basis": {"use": "pod", "energy": 0.9999}}, False),
-        "ecsw, POD 30 and 40": ({"use": "ecsw", **FEW_POD, "tau": 1e-3}, False),
-        "ecsw, POD 100": ({"use": "ecsw", **POD, "tau": 1e-2}, False),
+        "ecsw, POD 30 and 40": (
+            {"use": "ecsw", "constant": "weighted", **FEW_POD, "tau": 1e-3}, False),
+        "ecsw, POD 100": (
+            {"use": "ecsw", "constant": "weighted", **POD, "tau": 1e-2}, False),
         "D^-1 r, Q-DEIM, POD 100": (of_the_error(POD, Q_DEIM, 200, 40), False),
         "D^-1 r, Q-DEIM + ring, POD 100": (of_the_error(POD, RING, 200, 0), False),
         "D^-1 r, Q-DEIM, POD 200": (of_the_error(MANY_POD, Q_DEIM, 400, 40), False),

@@ -110,7 +110,7 @@ def errors(run: March, x: FloatArray) -> dict[str, float]:
 def options(case: Case, name: str) -> dict[str, Any]:
     """A reducer with the bases of the scene."""
     packaged: dict[str, Any] = case.own.dump()["reducer"]
-    return {**packaged, "use": name} if name == "ecsw" else {
+    return {**packaged, "constant": "weighted"} if name == "ecsw" else {
         "use": name, "basis": packaged["basis"], "bases": packaged.get("bases", {})}
 
 

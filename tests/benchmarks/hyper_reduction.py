@@ -20,7 +20,7 @@ from sparsemor.core.status import SolveFailed
 METHODS: dict[str, dict[str, Any]] = {
     "galerkin": {"use": "galerkin"}, "lspg": {"use": "lspg"}, "deim": {"use": "deim"},
     "gnat": {"use": "gnat"}, "gnat, energy": {"use": "gnat", "norm": "energy"},
-    "ecsw": {"use": "ecsw"}}
+    "ecsw": {"use": "ecsw", "constant": "weighted"}}
 MATCH, REACH = 1e-8, 1e-4
 """Wanted in each field: deim is to match galerkin, whose own error is far below; gnat and ecsw are
 to reach full order so far."""

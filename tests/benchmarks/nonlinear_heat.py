@@ -87,7 +87,7 @@ def options(name: str, atoms: int) -> dict[str, Any]:
     if name == "sparse":
         found |= {"sampler": "deim", "budgets": {"*": {"rows": 2 * atoms, "atoms": atoms}}}
     if name == "ecsw":
-        found["tau"] = 1e-7
+        found |= {"constant": "weighted", "tau": 1e-7}
     return found
 
 

@@ -46,7 +46,7 @@ def methods(counts: Mapping[str, int]) -> dict[str, dict[str, Any]]:
     return {
         "galerkin": {"use": "galerkin", **pod},
         "deim": {"use": "deim", **pod},
-        "ecsw": {"use": "ecsw", "tau": 1e-3, **pod},
+        "ecsw": {"use": "ecsw", "constant": "weighted", "tau": 1e-3, **pod},
         "sparse": {"use": "sparse", **pod, "sampler": {**Q_DEIM, "required": False},
                    "residual": "preconditioned", "budgets": twice},
         "sparse, ring": {"use": "sparse", **pod, "sampler": {**Q_DEIM, "required": "ring"},

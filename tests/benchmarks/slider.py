@@ -95,7 +95,7 @@ def methods() -> dict[str, tuple[dict[str, Any], bool]]:
         "galerkin": ({"use": "galerkin", **POD}, False),
         "deim": ({"use": "deim", **POD}, False),
         "gnat": ({"use": "gnat", **POD}, False),
-        "ecsw": ({"use": "ecsw", **POD}, False),
+        "ecsw": ({"use": "ecsw", "constant": "weighted", **POD}, False),
         "published, UNTF": (published(), True),
         "published, none": (published(preconditioner="none"), True),
         "leading atoms, LHS, UNTF": (sparse(POD, sampler=drawn, preconditioner="untf"), True),
@@ -137,7 +137,7 @@ def outside() -> dict[str, dict[str, Any]]:
         "galerkin, training-free": {"use": "galerkin", **FREE},
         "galerkin, POD and training-free": {"use": "galerkin", **BOTH},
         "deim, POD": {"use": "deim", **POD},
-        "ecsw, POD": {"use": "ecsw", **POD},
+        "ecsw, POD": {"use": "ecsw", "constant": "weighted", **POD},
         "sparse, training-free, rows of D^-1 r": sparse(
             FREE, sampler=Q_DEIM, residual="preconditioned", budgets=MANY),
         "recommended": recommended(),

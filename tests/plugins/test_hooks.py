@@ -106,7 +106,7 @@ def test_what_is_computed_before_the_first_step_is_told(
 ) -> None:
     swing = load(Path(__file__).parents[1] / "scenes" / "swing.yaml", {
         "time.end": 0.02, "training.end": 0.02, "check_stability": "off",
-        "reducer": {"use": "ecsw", "basis": {"use": "pod", "count": 3}}})
+        "reducer": {"use": "ecsw", "constant": "weighted", "basis": {"use": "pod", "count": 3}}})
     told, bar, cache = Phases(), Phases(), Cache(tmp_path)
     monkeypatch.setattr(ProgressBar, "observer", lambda self: bar)
     simulate(swing, cache=cache, observers=[told], progress=True)

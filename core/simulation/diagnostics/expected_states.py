@@ -14,14 +14,22 @@ from sparsemor.core.protocols.separable import Amplitude, ElasticOperators, Heat
 
 COUNT = 24
 """Number of coarse time steps over the run."""
+ROUND_OFF = 1e-12
+"""Ratio of a sum of forces to one of its terms below which the sum is round-off."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ExpectedStates:
     """Estimated states (n, M) of one block: the initial state, then estimates at M - 1 later times.
 
-    responses (n, j): static displacements under unit loads whose size is not known before the run
-    (inertia and joint forces); names (j,): those loads.
+    responses (n, j): displacements of norm 1 or less that the loads can cause, and names (j,) of
+    these. Static ones are K^-1 f for unit loads f whose size is not known before the run (inertia
+    and joint forces). Impulse responses are inertial, where u = K^-1 f is static:
+
+        v = K^-1 M u,    scaled to the norm min(1, |v| / (h^2 |u|))
+
+    the first term in which motion differs from the static one, (K + s^2 M)^-1 f = u - s^2 v + ..,
+    with the size that it has at s = 1/h, the fastest change that steps of h resolve.
     """
 
     states: FloatArray
@@ -86,17 +94,28 @@ def _displacements(
     forces = []
     for i, (before, after) in enumerate(zip(times[:-1], times[1:], strict=True), 1):
         f = ops.constant + ops.loads @ _mean(ops.amplitudes, before, after)
-        forces.append(f + _moving(ops.tables, after - h, after, len(f)) + thermal_forces[:, i])
+        f = f + _moving(ops.tables, after - h, after, len(f)) + thermal_forces[:, i]
+        # a uniform temperature of no stress: thermal forces cancel to round-off
+        cancelled = np.linalg.norm(f) <= ROUND_OFF * np.linalg.norm(ops.constant)
+        forces.append(np.zeros_like(f) if cancelled else f)
     named = [i for i, column in enumerate(ops.columns)
              if column.name and ops.directions[:, i].any()]
     factor = BlockSolvers(model.solvers.of(name)).factorize(
         name, ops.stiffness, data.places, "expected states")
     b = np.column_stack([*forces, ops.directions[:, named]])
     x = solve_or_fail(factor, np.ascontiguousarray(b), name)
+    v = solve_or_fail(factor, np.ascontiguousarray(ops.mass @ x), name)
+    size, inertial = np.linalg.norm(x, axis=0), np.linalg.norm(v, axis=0)
+    moved = np.flatnonzero(size)
+    unit = moved[moved >= len(forces)]
+    loads = ["the loads"] * len(forces) + [ops.columns[i].name for i in named]
     start = model.x0[model.layout[name]]
     return ExpectedStates(
-        np.column_stack([start, x[:, : len(forces)]]), x[:, len(forces):],
-        tuple(ops.columns[i].name for i in named))
+        np.column_stack([start, x[:, : len(forces)]]),
+        np.column_stack([x[:, unit] / size[unit],
+                         v[:, moved] / np.maximum(inertial, h**2 * size)[moved]]),
+        (*(f"the static response to {loads[i]}" for i in unit),
+         *(f"the impulse response to {loads[i]}" for i in moved)))
 
 
 def _mean(amplitudes: Sequence[Amplitude], before: float, after: float) -> FloatArray:

@@ -6,7 +6,7 @@ orthogonal projection on the atoms (basis vectors). No reduced run on these atom
 one.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -51,19 +51,20 @@ class TrialSpace:
     """Projection error of one block, and the range of its coordinates in training.
 
     error: largest projection error of the expected states, relative to `change`, their largest
-    change (2-norm over the unknowns; 0 for a constant field); load: the load whose static response
-    has the largest projection error, "" for none, and load_error, that error relative to the
-    response's norm. trained: True if the expected states are training snapshots. axes (r, k):
-    orthonormal coordinates y = axes c, along the principal axes of the training, of coefficients c
-    (k,) of the atoms; (0, k) where y = c; low, high (r,): range of y, both empty without training.
+    change (2-norm over the unknowns; 0 for a constant field); response: the static or impulse
+    response to a load with the largest projection error, "" for none, and response_error, that
+    error (`ExpectedStates.responses`). trained: True if the expected states are training snapshots.
+    axes (r, k): orthonormal coordinates y = axes c, along the principal axes of the training, of
+    coefficients c (k,) of the atoms; (0, k) where y = c; low, high (r,): range of y, both empty
+    without training.
     """
 
     name: str
     atoms: int
     error: float
     change: float
-    load: str
-    load_error: float
+    response: str
+    response_error: float
     trained: bool
     axes: FloatArray
     low: FloatArray
@@ -77,9 +78,9 @@ class TrialSpace:
                 "displacements, heat in coarse time steps)"
             what = f"{who} cannot represent {of}: projection error {self.error:.2g} of its " \
                 "largest change"
-        elif self.load_error > LIMIT:
-            what = f"{who} cannot represent the static response to {self.load}: projection " \
-                f"error {self.load_error:.2g} of its norm"
+        elif self.response_error > LIMIT:
+            what = f"{who} cannot represent {self.response}: projection error " \
+                f"{self.response_error:.2g} of the norm of the static response"
         else:
             return None
         return Note(f"{what} (limit {LIMIT:g}), and the reduced run is no better: take more atoms "
@@ -106,14 +107,14 @@ def trial_spaces(
     for name, d in dictionaries.items():
         if not d.atoms.shape[1]:
             continue
-        depends: tuple[object, ...] = (name, d.atoms, d.offset, offline.trained)
+        depends: tuple[object, ...] = ("responses", name, d.atoms, d.offset, offline.trained)
         if not offline.trained:
             depends = (*depends, h, end)
         arrays = offline.remember(
             "trial_space", depends, partial(_tested, model, offline, name, d, h, end))
         found.append(TrialSpace(
             name, d.atoms.shape[1], float(arrays["error"]), float(arrays["change"]),
-            str(arrays["load"]), float(arrays["load_error"]), offline.trained,
+            str(arrays["response"]), float(arrays["response_error"]), offline.trained,
             np.asarray(arrays["axes"]), np.asarray(arrays["low"]), np.asarray(arrays["high"])))
     return tuple(found)
 
@@ -123,22 +124,22 @@ def _tested(
 ) -> Arrays:
     Q, R = _orthogonal(d.atoms)
     none = np.zeros(0)
-    load, load_error = "", 0.0
+    response, response_error = "", 0.0
     if offline.trained:
         states = offline.snapshots(name)
     else:
         try:
             expected = expected_states(model, name, StepFactors(h, 0.0, 0.0, 0.0), end)
         except SolveFailed:  # the run itself will say so
-            return {"error": np.array(0.0), "change": np.array(0.0), "load": np.array(""),
-                    "load_error": np.array(0.0), "axes": np.zeros((0, 0)), "low": none,
+            return {"error": np.array(0.0), "change": np.array(0.0), "response": np.array(""),
+                    "response_error": np.array(0.0), "axes": np.zeros((0, 0)), "low": none,
                     "high": none}
         states = expected.states
-        load, load_error = _worst(Q, expected.responses, expected.names)
+        response, response_error = _worst(Q, expected.responses, expected.names)
     error, change, gram = _projected(Q, d.offset, states)
-    found = {"error": np.array(error), "change": np.array(change), "load": np.array(load),
-             "load_error": np.array(load_error), "axes": np.zeros((0, R.shape[1])), "low": none,
-             "high": none}
+    found = {"error": np.array(error), "change": np.array(change), "response": np.array(response),
+             "response_error": np.array(response_error), "axes": np.zeros((0, R.shape[1])),
+             "low": none, "high": none}
     if not offline.trained or change == 0.0:
         return found
     turn = np.eye(0)
@@ -187,16 +188,14 @@ def _projected(
     return error / change, change, gram
 
 
-def _worst(Q: FloatArray, responses: FloatArray, names: Iterable[str]) -> tuple[str, float]:
-    """Name of the static response, of responses (n, j), with the largest projection error relative
-    to its norm, and that error."""
-    norms = np.linalg.norm(responses, axis=0)
+def _worst(Q: FloatArray, responses: FloatArray, names: Sequence[str]) -> tuple[str, float]:
+    """Name of the response, of responses (n, j), with the largest projection error, and that
+    error."""
     left = np.linalg.norm(responses - Q @ (Q.T @ responses), axis=0)
-    ratio = np.divide(left, norms, out=np.zeros_like(left), where=norms > 0.0)
-    if not len(ratio):  # temperatures, or nothing moves
+    if not len(left):  # temperatures, or nothing moves
         return "", 0.0
-    worst = int(ratio.argmax())
-    return list(names)[worst], float(ratio[worst])
+    worst = int(left.argmax())
+    return names[worst], float(left[worst])
 
 
 def check_trial_spaces(

@@ -27,6 +27,7 @@ from sparsemor.core import (
     OfflineProducts,
     Term,
     WeighsElements,
+    information,
 )
 from sparsemor.reducers import (
     Approximation,
@@ -65,10 +66,11 @@ class Ecsw(ProjectionReducer):
     """Relative tolerance of the weights at the training states: errors of projected elastic forces
     are measured by the displacements they cause, of heat by the rates of temperature, of local
     terms such as radiation by the heat."""
-    constant: Literal["weighted", "exact"] = "weighted"
-    """Stiffness, thermal forces, capacity and conduction with constant properties: `weighted` like
-    local terms, or `exact`, projected over all elements. They are projected once, so that a step
-    costs the same; `exact` has the errors of local terms alone and less training."""
+    constant: Literal["exact", "weighted"] = "exact"
+    """Stiffness, thermal forces, capacity and conduction with constant properties: `exact`,
+    projected over all elements, or `weighted` like local terms. They are projected once, so that a
+    step costs the same; `exact` has the errors of local terms alone and less training, and equals
+    `galerkin` on bodies without local terms."""
     states: int = Field(default=200, ge=2)
     """Largest number of training states, evenly spread, for the weights of local terms such as
     radiation or temperature-dependent conductivity."""
@@ -113,6 +115,12 @@ class Ecsw(ProjectionReducer):
             Note(f"{n}: no choice of elements repeats the training forces to {self.tau:g}, the "
                  f"best comes to {f['residual']:.1e}", "ecsw_training")
             for n, f in facts.items() if float(f["residual"]) > 1.05 * self.tau)
+        exact = [n for n in dictionaries if n not in facts]
+        if exact:
+            text = (f"reducer ecsw is galerkin in {', '.join(exact)}: without local terms a step "
+                    "visits no elements, so none are selected (reducer.constant: weighted weighs "
+                    "those of constant matrices)")
+            notes += (information(text, "no_effect") if facts else Note(text, "no_effect"),)
         return Approximation(
             model.with_separated(weighed), facts,
             {n: int(f["elements_kept"]) for n, f in facts.items() if "elements_kept" in f}, notes)

@@ -74,7 +74,8 @@ REPEATS = 3
 def reduced(scene: Scene, reducer: str) -> Scene:
     """The scene with this reducer, and its own options where both have them."""
     other = "full" if reducer == scene.reducer_name else scene.reducer_name
-    return variants(scene, [other, reducer])[reducer]
+    changed = variants(scene, [other, reducer])[reducer]
+    return changed.using({"reducer.constant": "weighted"}) if reducer == "ecsw" else changed
 
 
 def reducers(name: str) -> tuple[str, ...]:

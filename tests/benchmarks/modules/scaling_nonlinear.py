@@ -24,7 +24,7 @@ POD = {"basis": {"use": "pod", "count": ATOMS}}
 METHODS: dict[str, dict[str, Any]] = {
     "deim": {"use": "deim", **POD},
     "gnat": {"use": "gnat", **POD},
-    "ecsw": {"use": "ecsw", "tau": 1e-6, **POD},
+    "ecsw": {"use": "ecsw", "constant": "weighted", "tau": 1e-6, **POD},
     "sparse": {"use": "sparse", **POD, "sampler": {"use": "deim", "required": False},
                "budgets": {"*": {"rows": 2 * ATOMS, "atoms": ATOMS}}},
 }

@@ -15,6 +15,7 @@ from sparsemor.core.simulation.validation import checked_model
 from sparsemor.core.testing.in_memory_run import March, march, scene_of
 from sparsemor.reducers.projection.ecsw.reducer import Ecsw
 
+WEIGHTED = {"use": "ecsw", "constant": "weighted"}
 BASES = {"basis": {"use": "pod", "count": 16}, "bases": {"*.thermal": {"use": "pod", "count": 12}}}
 
 
@@ -45,7 +46,7 @@ def errors(run: March, reference: March) -> dict[str, float]:
 
 def repeated(reference: March, scene: Scene, **options: Any) -> March:
     snapshots = {n: reference.block(n).T for n in reference.model.reducible()}
-    reducer = {"use": "ecsw", **BASES, **options}
+    reducer = {**WEIGHTED, **BASES, **options}
     return march(scene.using({"reducer": reducer}), model=reference.model, snapshots=snapshots)
 
 
@@ -93,8 +94,8 @@ def test_everything_is_projected_as_galerkin_does() -> None:
     reference = march(everything())
     snapshots = {n: reference.block(n).T for n in reference.model.reducible()}
     basis = {"basis": {"use": "pod", "count": 10}}
-    runs = [march(everything().using({"reducer": {"use": use, **basis}}), snapshots=snapshots)
-            for use in ("galerkin", "ecsw")]
+    runs = [march(everything().using({"reducer": {**use, **basis}}), snapshots=snapshots)
+            for use in ({"use": "galerkin"}, WEIGHTED)]
     for name in snapshots:
         one, other = (unknowns(r, name) for r in runs)
         assert np.abs(one - other).max() < 1e-5 * np.abs(one).max(), name
@@ -124,8 +125,9 @@ def test_few_facets_radiate_for_all_and_no_more_on_a_finer_mesh() -> None:
         scene = radiating(divisions)
         reference = march(scene)
         snapshots = {"plate.thermal": reference.block("plate.thermal").T}
-        runs = [march(scene.using({"reducer": {"use": use, "basis": {"use": "pod", "count": 10}}}),
-                      model=reference.model, snapshots=snapshots) for use in ("galerkin", "ecsw")]
+        runs = [march(scene.using({"reducer": {**use, "basis": {"use": "pod", "count": 10}}}),
+                      model=reference.model, snapshots=snapshots)
+                for use in ({"use": "galerkin"}, WEIGHTED)]
         fact = runs[1].solver.facts["plate.thermal"]
         assert runs[0].solver.elements_touched["plate.thermal"] == fact["local_elements"]
         assert fact["local_elements"] == 2 * divisions[0]
@@ -139,7 +141,7 @@ def test_few_facets_radiate_for_all_and_no_more_on_a_finer_mesh() -> None:
     assert kept[1] < 960 / 7 and abs(kept[1] - kept[0]) <= 15
 
 
-def test_exact_constant_forces_are_those_of_galerkin() -> None:
+def test_without_local_terms_it_is_galerkin_and_says_so() -> None:
     """Only facets that radiate are weighted; without them the runs of both agree to round-off."""
     scene = radiating([20, 2]).using({"time.end": 20.0})
     for loads in (scene, scene.using({"loads": {}})):
@@ -147,16 +149,18 @@ def test_exact_constant_forces_are_those_of_galerkin() -> None:
         snapshots = {"plate.thermal": reference.block("plate.thermal").T}
         basis = {"basis": {"use": "pod", "count": 6}}
         exact, whole = (march(loads.using({"reducer": {**basis, **options}}), snapshots=snapshots)
-                        for options in ({"use": "ecsw", "constant": "exact"}, {"use": "galerkin"}))
+                        for options in ({"use": "ecsw"}, {"use": "galerkin"}))
         one, other = (unknowns(run, "plate.thermal") for run in (exact, whole))
         difference = np.abs(one - other).max() / np.abs(other).max()
         if loads is scene:
             fact = exact.solver.facts["plate.thermal"]
             assert fact["local_elements_kept"] == exact.solver.elements_touched["plate.thermal"]
             assert 0 < int(fact["local_elements_kept"]) < 40 and "elements" not in fact
-            assert 0.0 < difference < 1e-6
+            assert 0.0 < difference < 1e-6 and not exact.solver.notes
         else:
             assert not exact.solver.facts and difference < 1e-13
+            (note,) = exact.solver.notes
+            assert note.kind == "no_effect" and "galerkin in plate.thermal: without" in note.text
 
 
 def test_a_body_at_rest_keeps_all_its_elements() -> None:
@@ -164,7 +168,7 @@ def test_a_body_at_rest_keeps_all_its_elements() -> None:
     scene = radiating([6, 2]).using({
         "bodies.plate.initial_temperature": 300.0, "loads": {}, "time.end": 10.0})
     reference = march(scene)
-    run = march(scene.using({"reducer": {"use": "ecsw", "basis": {"use": "pod", "count": 1}}}),
+    run = march(scene.using({"reducer": {**WEIGHTED, "basis": {"use": "pod", "count": 1}}}),
                 snapshots={"plate.thermal": reference.block("plate.thermal").T})
     assert run.solver.facts["plate.thermal"]["elements_kept"] == 24
     assert np.ptp(run.block("plate.thermal")) < 1e-9
@@ -178,13 +182,16 @@ class Plain:
 
 def test_bodies_and_terms_that_offer_no_elements_are_refused_in_words() -> None:
     model = checked_model(everything())
-    assert not Ecsw().check(model)
+    assert not Ecsw(constant="weighted").check(model)
     s = model.separated
     rigid_copy = replace(s, heat=(
         replace(s.heat[0], integrals=None), replace(s.heat[1], local=(Plain(),)), *s.heat[2:]),
         moving=tuple(m if m.operators is None else replace(
             m, operators=replace(m.operators, integrals=None)) for m in s.moving))
-    faults = Ecsw().check(replace(model, separated=rigid_copy))
+    changed = replace(model, separated=rigid_copy)
+    (fault,) = Ecsw().check(changed)  # constant matrices need no elements
+    assert "Plain on body hot does not offer" in fault.message
+    faults = Ecsw(constant="weighted").check(changed)
     words = [f.message for f in faults]
     assert len(words) == 5
     assert "body plate does not offer for its heat" in words[0]
@@ -207,7 +214,7 @@ def test_the_packaged_pendulum_with_default_options() -> None:
     scene = load("double_pendulum", {"reducer": "full"})
     reference = march(scene)
     snapshots = {n: reference.block(n).T for n in reference.model.reducible()}
-    run = march(scene.using({"reducer": "ecsw"}), model=reference.model, snapshots=snapshots)
+    run = march(scene.using({"reducer": WEIGHTED}), model=reference.model, snapshots=snapshots)
     assert max(errors(run, reference).values()) < 1e-4
     angles = [r.x[:, [2, 5]] for r in (run, reference)]
     assert largest(angles[0] - angles[1]) < 1e-6

@@ -28,7 +28,7 @@ REDUCERS: Mapping[str, Any] = {
                  "bases": {"*.thermal": {"use": "static"}}},
     "sparse": {"use": "sparse", "basis": POD, "budgets": SMALL},
     "deim": {"use": "deim", "basis": POD},
-    "ecsw": {"use": "ecsw", "basis": POD},
+    "ecsw": {"use": "ecsw", "constant": "weighted", "basis": POD},
 }
 
 
