@@ -37,6 +37,8 @@ def refusal(attributes: Mapping[str, Any], scene: Scene) -> str:
     if not changed <= END:
         return f"it was made from another scene; {ELSEWHERE}"
     before = float(kept["time"]["end"])
+    if changed == {"training.end"}:
+        return f"its training.end is another one; {ELSEWHERE}"
     if scene.time.end <= before:
         return (f"it was made with time.end {before}, and a run is continued to a later one (got "
                 f"{scene.time.end}); {ELSEWHERE}")

@@ -131,7 +131,8 @@ def test_compare(tmp_path: Path) -> None:
 def test_compare_goes_on_where_it_stopped() -> None:
     asked = ["compare", SWING, "--reducers", "full,galerkin", "--set", "time.end=0.02",
              "--training-end", "1", "--out", "out"]
-    simulate(load(SWING, {"reducer": "full", "time.end": 0.02}), out="out/full")
+    simulate(load(SWING, {"reducer": "full", "time.end": 0.02, "training.end": 0.02}),
+             out="out/full")
     before = Path("out/full/result.zarr/zarr.json").read_bytes()
     out, _ = sparsemor(*asked, "--resume")
     assert Path("out/full/result.zarr/zarr.json").read_bytes() == before

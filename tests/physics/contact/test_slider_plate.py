@@ -180,8 +180,9 @@ def test_pictures(tmp_path: Path, cache: Cache) -> None:
     files = write_charts(compare(reference=runs["full"], sparse=runs["sparse"]),
                          tmp_path / "pictures", formats=["png"])
     assert {f.stem for f in files} == {
-        "contact_forces", "positions", "deformation", "temperature", "error_over_time",
-        "work_precision", "active_atoms_sparse", "probe_displacement", "probe_temperature"}
+        "contact_forces", "joint_forces", "positions", "deformation", "temperature",
+        "error_over_time", "work_precision", "active_atoms_sparse", "probe_displacement",
+        "probe_temperature"}
 
 
 @pytest.mark.slow
