@@ -72,7 +72,6 @@ _MEANING = {
     "rho": "density, kg/m3", "E": "Young's modulus, Pa", "nu": "Poisson's ratio",
     "alpha": "thermal expansion, 1/K", "k": "conductivity, W/(m K)", "c": "specific heat, J/(kg K)",
 }
-_CURVES = ("E", "alpha", "k", "c")
 
 
 @dataclass(frozen=True, slots=True)

@@ -79,8 +79,9 @@ class Reference(Plugin):
         ends = [find_set(mesh, s, "reference.chord") for s in chord]
         for name, nodes in zip(chord, ends, strict=True):
             if len(nodes) != 1:
-                raise InputError(f"set {name!r} has {len(nodes)} points: a chord end is one point",
-                                 "reference.chord")
+                raise InputError(
+                    f"set {name!r} has {len(nodes)} points: a chord end is one point; declare one "
+                    f"in sets, as in {{end: {{nearest: {[0.0] * d}}}}}", "reference.chord")
         points = [int(e[0]) for e in ends]
         if points[0] == points[1]:
             raise InputError("the two ends of the chord are the same point", "reference.chord")

@@ -3,6 +3,7 @@ traceback."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from numbers import Integral
 from typing import ParamSpec, TypeVar
 
 P = ParamSpec("P")
@@ -37,6 +38,12 @@ class InputError(ValueError):
 
 class Damaged(InputError):
     """Error for a stored file that is missing or was altered; the message has its path."""
+
+
+def check_count(value: object, key: str, least: int = 1) -> None:
+    """Raises InputError, with the key, unless a value is an integer of at least `least`."""
+    if not isinstance(value, Integral) or isinstance(value, bool) or value < least:
+        raise InputError(f"must be an integer of at least {least} (got {value!r})", key)
 
 
 class Gather:

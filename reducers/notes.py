@@ -54,7 +54,7 @@ def no_effect(options: Sequence[str], why: str) -> tuple[Note, ...]:
 def unselected(reducer: Plugin, active: Mapping[str, tuple[int, int]]) -> tuple[Note, ...]:
     """Note on selection options where every budget covers its dictionary. active: block -> (largest
     number of active atoms, atoms in the dictionary)."""
-    if any(budget < atoms for budget, atoms in active.values()):
+    if not active or any(budget < atoms for budget, atoms in active.values()):
         return ()
     counts = ", ".join(f"{name} {atoms} of {atoms}" for name, (_, atoms) in active.items())
     return no_effect(changed(reducer, OF_A_SELECTION), (
@@ -70,6 +70,7 @@ def shadowed_basis(
     if not all(matched_option(name, own, False) for name in model.reducible()):
         return ()
     return no_effect(changed(reducer, ["basis"]), (
+        "no body of the scene has a field that is reduced" if not model.reducible() else
         f"reducer.bases ({', '.join(bases)}) names the basis of every block; change it there"))
 
 

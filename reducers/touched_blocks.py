@@ -2,14 +2,7 @@
 
 from collections.abc import Sequence
 
-from sparsemor.core import (
-    AssembledModel,
-    IntArray,
-    Layout,
-    NamesSource,
-    ReducedTerm,
-    Term,
-)
+from sparsemor.core import AssembledModel, IntArray, Layout, NamesSource, ReducedTerm, Term
 
 
 def touched(layout: Layout, rows: IntArray) -> frozenset[str]:

@@ -13,12 +13,7 @@ import numpy as np
 
 from sparsemor.bodies.frames.frame import ItemFrame
 from sparsemor.bodies.frames.items import PlanarItem
-from sparsemor.bodies.frames.plane_items import (
-    FUNCTIONS,
-    NUMBERS,
-    PlaneFunction,
-    evaluate_parts,
-)
+from sparsemor.bodies.frames.plane_items import FUNCTIONS, NUMBERS, PlaneFunction, evaluate_parts
 from sparsemor.bodies.frames.plane_motion import SUMS, Motion, Views, views, write
 from sparsemor.core import Amplitude, FloatArray, FrameArrays, FrameWork
 

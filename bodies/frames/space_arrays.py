@@ -22,14 +22,7 @@ from sparsemor.bodies.frames.space_items import (
     space_force,
     unit_length,
 )
-from sparsemor.bodies.frames.space_motion import (
-    SpaceMotion,
-    SpaceSums,
-    levers,
-    spin,
-    turn,
-    vector,
-)
+from sparsemor.bodies.frames.space_motion import SpaceMotion, SpaceSums, levers, spin, turn, vector
 from sparsemor.bodies.frames.space_springs import space_rotational_spring, space_spring
 from sparsemor.core import FloatArray, FrameArrays, IntArray
 

@@ -18,14 +18,7 @@ from scipy.sparse import csr_array
 from sparsemor.bodies.fem.pointwise_law import PointwiseLaw, Response, Variable
 from sparsemor.bodies.fem.quadrature import ShapeFunctions
 from sparsemor.bodies.terms.point_term import PointTerm, Projected
-from sparsemor.core import (
-    Csr,
-    FloatArray,
-    IntArray,
-    Quantity,
-    TimeFunction,
-    Trial,
-)
+from sparsemor.core import Csr, FloatArray, IntArray, Quantity, TimeFunction, Trial
 
 
 @dataclass(frozen=True, slots=True, eq=False)

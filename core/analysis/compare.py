@@ -6,13 +6,7 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from sparsemor.core.analysis.gains import (
-    Gain,
-    end_of_training,
-    gain_table,
-    gains,
-    training_lines,
-)
+from sparsemor.core.analysis.gains import Gain, end_of_training, gain_table, gains, training_lines
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.results.cost import RunFacts, pays_after, run_facts

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from sparsemor.core.analysis.study.jobs import cached_reference
-from sparsemor.core.errors import InputError
+from sparsemor.core.errors import InputError, check_count
 from sparsemor.core.model.body_cache import BodyCache
 from sparsemor.core.results.error_norms import LIMIT, measure_errors, measure_names
 from sparsemor.core.results.run_result import RunResult
@@ -102,8 +102,13 @@ def parameter_test(
     model: a reduced model, or a scene of which one is made; seed: of the points, other than that of
     training; sizes: also for the models of so many first atoms of each block; progress: called with
     the number of runs done and of all. Full-order runs are kept in the cache, shared with studies.
-    Raises InputError for a scene without parameters, SolveFailed if a full-order run fails.
+    Raises InputError for a scene without parameters and for wrong numbers, SolveFailed if a
+    full-order run fails.
     """
+    check_count(count, "count")
+    check_count(seed, "seed", least=0)
+    for size in sizes:
+        check_count(size, "sizes")
     made = reduce(model) if isinstance(model, Scene) else model
     scene = made.scene
     if not scene.parameters:
@@ -115,11 +120,11 @@ def parameter_test(
         if not full.status.ok:
             raise SolveFailed(full.status, float(full.times[-1]), "", "full order")
         for atoms in (None, *sizes):
-            run, size = _run(made, point, atoms)
+            run, unknowns = _run(made, point, atoms)
             errors = measure_errors(full, run).worst if run.status.ok else {}
             names |= dict.fromkeys(f"error_{m}" for m in errors)
             rows.append({
-                "run": done + 1, **point, "unknowns": size, "status": run.status.value,
+                "run": done + 1, **point, "unknowns": unknowns, "status": run.status.value,
                 **{f"error_{m}": e for m, e in errors.items()},
                 "full_s": _seconds(full), "reduced_s": _seconds(run),
                 "warnings": " ".join(run.summary.get("note_kinds", ()))})

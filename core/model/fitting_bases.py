@@ -6,13 +6,7 @@ from typing import Any
 
 from sparsemor.core.model.block_patterns import matched_option
 from sparsemor.core.notes import Note
-from sparsemor.core.protocols import (
-    AssembledModel,
-    Basis,
-    ChecksBlock,
-    CombinesBases,
-    UsesBases,
-)
+from sparsemor.core.protocols import AssembledModel, Basis, ChecksBlock, CombinesBases, UsesBases
 from sparsemor.core.registry.registry import Registry
 from sparsemor.core.scene.defaults import BASIS
 

@@ -12,12 +12,7 @@ import numpy as np
 
 from sparsemor.core.arrays import IntArray
 from sparsemor.core.model.frame_equations import frame_rows, frame_term
-from sparsemor.core.model.linear_equations import (
-    matrix_term,
-    table_term,
-    target_term,
-    vector_term,
-)
+from sparsemor.core.model.linear_equations import matrix_term, table_term, target_term, vector_term
 from sparsemor.core.protocols import Term
 from sparsemor.core.protocols.contributions import (
     FrameRecord,

@@ -59,7 +59,7 @@ def sampled_rows(
     rows: Any = np.asarray(sampler.sample(data, m, dictionary, rng, required))
     if rows.ndim != 1 or (rows.size and rows.dtype.kind not in "iu"):
         raise _wrong(sampler, "sample", f"{rows.dtype} of shape {rows.shape}",
-                     "integers of shape (r,)", "reducer.sampler")
+                     "an array of integers of shape (r,)", "reducer.sampler")
     if rows.size and (rows.min() < 0 or rows.max() >= data.size
                       or len(np.unique(rows)) < len(rows)):
         raise _wrong(sampler, "sample", f"{rows.size} rows from {rows.min()} to {rows.max()}",
@@ -84,7 +84,7 @@ def built_weights(preconditioner: Preconditioner, B: FloatArray) -> FloatArray:
     m = len(B)
     if P.shape != (m, m) or P.dtype.kind not in "fiu":
         raise _wrong(preconditioner, "build", f"{P.dtype} of shape {P.shape}",
-                     f"numbers of shape ({m}, {m})", "reducer.preconditioner")
+                     f"an array of numbers of shape ({m}, {m})", "reducer.preconditioner")
     found: FloatArray = P.astype(np.float64)
     return found
 

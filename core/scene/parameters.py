@@ -3,6 +3,7 @@ over which a reduced model is trained, run and tested."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import product
+from numbers import Real
 from typing import Annotated, Any, Literal, TypeGuard
 
 import numpy as np
@@ -19,6 +20,8 @@ Point = Mapping[str, float]
 """Parameter -> value."""
 CENTRE = 0.5
 """Centre of a range, as a share of its width."""
+_NO_MODEL = ("format", "seed", "time", "output", "parameters", "training", "reducer")
+"""Keys with numbers that are not of the model: training runs over a box have the same steps."""
 SAMPLES = 9
 """Number of training runs unless the scene gives one."""
 
@@ -125,7 +128,9 @@ def _at(parameters: Mapping[str, Parameter], shares: FloatArray) -> list[Point]:
 
 
 def values_at(point: Point) -> dict[str, float]:
-    """Values of parameters as overrides."""
+    """Values of parameters as overrides. Raises InputError for anything but names and values."""
+    if not isinstance(point, Mapping):
+        raise InputError(f"give names with values, such as {{flux: 1e6}} (got {point!r})")
     return {f"parameters.{name}": value for name, value in point.items()}
 
 
@@ -137,15 +142,19 @@ def with_values(tree: Mapping[str, Any], overrides: Mapping[str, Any]) -> dict[s
     named = declared if isinstance(declared, Mapping) else {}
     for key, value in overrides.items():
         path = split(key)
-        if len(path) != 2 or path[0] != "parameters" or not _is_number(value):
+        if len(path) != 2 or path[0] != "parameters" or value is None or isinstance(
+                value, Mapping | BaseModel):
             found[key] = value
             continue
+        if not _is_number(value):
+            raise InputError(f"the value of a parameter is a number (got {value!r})", key)
         entry = named.get(path[1])
         if not isinstance(entry, Mapping) or "key" not in entry:
             raise InputError([Fault(key, "the scene declares no such parameter: "
                                     + suggestions(str(path[1]), list(named), "declared"))])
         keys = entry["key"]
-        found |= dict.fromkeys([keys] if isinstance(keys, str) else keys, value)
+        plain = value if isinstance(value, int) else float(value)
+        found |= dict.fromkeys([keys] if isinstance(keys, str) else keys, plain)
     return found
 
 
@@ -155,6 +164,7 @@ def parameter_faults(
 ) -> Iterator[tuple[tuple[str | int, ...], str]]:
     """Location and message of each fault: keys without a number, keys of one parameter with
     different values, points of other parameters. tree: the data of the scene."""
+    owners: dict[tuple[str | int, ...], str] = {}
     for name, p in parameters.items():
         values = [number_at(scene, tree, key) for key in p.keys]
         numbers = [v for v in values if v is not None]
@@ -162,8 +172,11 @@ def parameter_faults(
         for i, (key, value) in enumerate(zip(p.keys, values, strict=True)):
             if value is None:
                 yield at if isinstance(p.key, str) else (*at, i), (
-                    f"there is no number at {key} in the scene: give the key of one, and write it "
-                    "there")
+                    f"there is no number of the model at {key or 'no key'} in the scene: give "
+                    "the key of one, and write it there")
+            elif (owner := owners.setdefault(tuple(find(tree, key)), name)) != name:
+                yield at if isinstance(p.key, str) else (*at, i), (
+                    f"{key} is a key of parameter {owner} already")
         if numbers == values and len(set(numbers)) > 1:
             yield at, f"its keys have different values: {', '.join(f'{v:g}' for v in numbers)}"
     if training is None:
@@ -181,7 +194,7 @@ def number_at(scene: BaseModel, tree: Mapping[str, Any], key: str) -> float | No
     """Number at a dotted key of a scene (of a function of time: its only option), None where there
     is none. tree: the data of the scene."""
     path = find(tree, key)
-    if path[0] in ("parameters", "training", "reducer"):
+    if path[0] in _NO_MODEL:
         return None
     value: object = scene
     for part in path:
@@ -200,4 +213,4 @@ def number_at(scene: BaseModel, tree: Mapping[str, Any], key: str) -> float | No
 
 
 def _is_number(value: object) -> TypeGuard[int | float]:
-    return isinstance(value, int | float) and not isinstance(value, bool)
+    return isinstance(value, Real) and not isinstance(value, bool)

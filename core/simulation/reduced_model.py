@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel
 
-from sparsemor.core.errors import Fault, InputError
+from sparsemor.core.errors import Fault, InputError, check_count
 from sparsemor.core.linalg.threads import described, fixed_threads
 from sparsemor.core.model.body_cache import BodyCache
 from sparsemor.core.model.initial_state import START
@@ -207,6 +207,8 @@ class ReducedModel:
         """The model with other values of its scene's parameters: the equations projected again on
         the same trial basis, or on the first `atoms` atoms of each block. Raises InputError for a
         model from a file, which has no equations to project."""
+        if atoms is not None:
+            check_count(atoms, "atoms")
         if self._again is None:
             raise InputError("this model was read from a file, without the mesh that it needs to "
                              "project equations again", "parameters")

@@ -5,13 +5,7 @@ from importlib.metadata import version
 
 from sparsemor.core.linalg.threads import described
 from sparsemor.core.model.model import Model, distinct_names
-from sparsemor.core.protocols import (
-    BodyShape,
-    HasForceLaw,
-    HasShape,
-    NamesMultipliers,
-    StepSolver,
-)
+from sparsemor.core.protocols import BodyShape, HasForceLaw, HasShape, NamesMultipliers, StepSolver
 from sparsemor.core.protocols.step_solver import resultant_sources_of
 from sparsemor.core.results.metadata import RunHeader
 from sparsemor.core.results.probes import ProbeReader

@@ -1,5 +1,4 @@
-"""Time loop of a run: its steps, what is recorded of them, and what follows from a large estimated
-error."""
+"""Time loop of a run: its steps and what is recorded of them."""
 
 import errno
 import time
@@ -9,52 +8,30 @@ from dataclasses import replace
 
 import numpy as np
 
-from sparsemor.core.errors import Damaged, InputError
+from sparsemor.core.errors import Damaged
 from sparsemor.core.notes import Note
-from sparsemor.core.protocols import (
-    ManySteps,
-    RedrawsRows,
-    State,
-    StepMemory,
-)
+from sparsemor.core.protocols import ManySteps, RedrawsRows, State, StepMemory
 from sparsemor.core.registry.hooks import Manager, RunStart
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.simulation.diagnostics.alternating_joint_forces import alternating_forces
 from sparsemor.core.simulation.diagnostics.contact_warnings import contact_warnings
 from sparsemor.core.simulation.diagnostics.plausibility import after_run
-from sparsemor.core.simulation.diagnostics.trial_space import (
-    beyond_training,
-)
+from sparsemor.core.simulation.diagnostics.trial_space import beyond_training
 from sparsemor.core.simulation.diagnostics.undershoot import undershoot
-from sparsemor.core.simulation.error_control.actions import (
-    Accepted,
-    ErrorWatch,
-    Exceeded,
-    at_full_order,
-    expanded,
+from sparsemor.core.simulation.error_control.actions import Accepted, ErrorWatch, Exceeded
+from sparsemor.core.simulation.error_control.continuation import (
+    Continuation,
+    fall_back,
+    with_more_atoms,
 )
-from sparsemor.core.simulation.error_control.enrichment import (
-    LEFT_OUT,
-    MOST,
-    coefficient_maps,
-    enriched,
-    in_atoms,
-    with_new_atoms,
-)
-from sparsemor.core.simulation.error_control.enrichment import STEPS as ADDED_STEPS
 from sparsemor.core.simulation.error_control.notes import error_limit, large_estimates
-from sparsemor.core.simulation.error_control.record import ErrorRecord
 from sparsemor.core.simulation.interrupt import Interrupt
 from sparsemor.core.simulation.offline import step_count
 from sparsemor.core.simulation.prepare import PreparedRun
 from sparsemor.core.simulation.recorder import Recorder, in_summary
-from sparsemor.core.simulation.step_control import (
-    ControlledSteps,
-    ControlMemory,
-    step_of,
-)
+from sparsemor.core.simulation.step_control import ControlledSteps, ControlMemory, step_of
 from sparsemor.core.simulation.step_statistics import Tally
-from sparsemor.core.simulation.time_stepping import iterate, many_steps, started
+from sparsemor.core.simulation.time_stepping import iterate
 from sparsemor.core.simulation.training import SnapshotKeeper
 from sparsemor.core.status import SolveFailed, Status
 
@@ -75,32 +52,32 @@ class RunSteps:
         self.seen_changes, self.seen_draws = -1, self._resamplings()
 
     def go(self) -> RunResult:
-        tally, recorder, hook = self.tally, self.recorder, self.manager.hook
+        recorder, hook = self.recorder, self.manager.hook
         try:
             with Interrupt() as interrupt:  # while the first checkpoint is written, too
                 hook.on_start(run=RunStart(
                     self.scene.title, recorder.reducer, self.state.t, self.scene.time.end,
-                    self.steps - tally.done))
+                    self.steps - self.tally.done))
                 if recorder.checkpoint is None:  # from here on a killed run can be resumed
                     recorder.start(self.state, self.solver.supports(self.memory), self.memory)
-                    recorder.save(self.state, self.memory, tally)
-                self._begun = time.perf_counter() - tally.online
+                    recorder.save(self.state, self.memory, self.tally)
+                self._begun = time.perf_counter() - self.tally.online
                 if self.keeper is not None:
-                    self.keeper.take(tally.done, self.state)
+                    self.keeper.take(self.tally.done, self.state)
                 failure = self._steps(interrupt)
         finally:
             if self.keeper is not None:
                 self.keeper.close()
-        tally.online = time.perf_counter() - self._begun
+        self.tally.online = time.perf_counter() - self._begun
         if failure is None or failure.status in (Status.INTERRUPTED, Status.INACCURATE):
-            recorder.save(self.state, self.memory, tally)
+            recorder.save(self.state, self.memory, self.tally)
         else:
             recorder.keep_last(
-                self.state, tally, self.solver.supports(self.memory), self.memory)
+                self.state, self.tally, self.solver.supports(self.memory), self.memory)
         if failure is not None and failure.status is not Status.INTERRUPTED:
             hook.on_failure(status=failure.status, t=failure.time, block=failure.block,
                             detail=failure.detail)
-        tally.online = time.perf_counter() - self._begun  # with what was written last
+        self.tally.online = time.perf_counter() - self._begun  # with what was written last
         return self._finish(failure)
 
     def _finish(self, failure: SolveFailed | None) -> RunResult:
@@ -162,8 +139,11 @@ class RunSteps:
                     Status.INACCURATE, self.state.t, why.block, why.reason)
             else:
                 self._take_back(accepted)
-                if action == "fall_back" or not self._enrich(why):
-                    self._fall_back(replace(why, t=self.state.t))
+                context = self.run, self.recorder, self.tally
+                found = None if action == "fall_back" else with_more_atoms(
+                    *context, self.manager, self.state, self.watch, why, self.steps)
+                self._go_on(found or fall_back(
+                    *context, self.state, replace(why, t=self.state.t)))
                 accepted = self._accepted()
         return None
 
@@ -173,74 +153,14 @@ class RunSteps:
     def _take_back(self, accepted: Accepted) -> None:
         """Drops the steps after an accepted state."""
         self.recorder.back_to(accepted.mark)
-        self.state = accepted.state
-        for name, value in vars(deepcopy(accepted.tally)).items():
-            setattr(self.tally, name, value)
+        self.state, self.tally = accepted.state, accepted.tally
 
-    def _full_state(self) -> State:
-        assert self.run.model is not None
-        return expanded(
-            self.state, self.solver.layout, self.solver.dictionaries, self.run.model.layout)
-
-    def _fall_back(self, why: Exceeded) -> None:
-        """Goes on at full order from the present state."""
-        begun, start = time.perf_counter(), self._full_state()
-        assert self.recorder.errors is not None
-        self.run = at_full_order(self.run, why)
-        self.solver, self.watch, self.many = self.run.solver, None, None
-        self.recorder.go_on(self.run, {})
-        self.recorder.errors.exact = True
-        self.state, self.memory = started(self.solver, self.scene.integrator, start)
-        self.tally.full_seconds += time.perf_counter() - begun
+    def _go_on(self, found: Continuation) -> None:
+        """Takes the remaining steps with another step solver."""
+        self.run, self.solver = found.run, found.run.solver
+        self.state, self.memory = found.state, found.memory
+        self.many, self.watch = found.many, found.watch
         self._save()
-
-    def _enrich(self, why: Exceeded) -> bool:
-        """Takes some steps at full order from the present state, and goes on with atoms that
-        represent them; False, with nothing changed, where that is not possible."""
-        begun, run, tally, recorder = time.perf_counter(), self.run, self.tally, self.recorder
-        model, errors, watch = run.model, recorder.errors, self.watch
-        assert model is not None and errors is not None and watch is not None
-        count = -(-ADDED_STEPS // watch.every) * watch.every
-        count -= tally.done % watch.every
-        if len(run.header.enriched) == MOST or count >= self.steps - tally.done:
-            return False
-        full = at_full_order(run, why).solver
-        steps = list(iterate(
-            step_of(full, self.scene.integrator, self.scene.time.step),
-            *started(full, self.scene.integrator, self._full_state()), count))
-        if not steps[-1].outcome.status.ok:
-            return False
-        states, old = [s.state for s in steps], run.solver.dictionaries
-        permitted = {n: LEFT_OUT * watch.limit.tolerance * c for n, c in errors.changes.items()
-                     if n in old}
-        try:
-            new = enriched(run, with_new_atoms(old, states, model.layout, permitted), self.state.t)
-        except (InputError, SolveFailed):
-            return False
-        assert new.estimator is not None
-        solver, layout = new.solver, new.solver.layout
-        state, memory = started(solver, self.scene.integrator, states[-1])
-        recorder.go_on(new, coefficient_maps(old, solver.dictionaries))
-        errors.exact, supports = True, solver.supports(memory)
-        for taken in steps:
-            tally.add(taken.seconds, taken.outcome)
-            tally.full_steps += 1
-            reduced = in_atoms(taken.state, layout, model.layout, solver.dictionaries)
-            recorder.take(reduced, tally, supports, memory)
-            if self.manager.has_observers:
-                self.manager.hook.on_step(
-                    step=tally.done, t=reduced.t, x=reduced.x, outcome=taken.outcome)
-        recorder.flush()
-        recorder.errors = errors = ErrorRecord(
-            new.estimator, errors.estimator.corrected(states[-1], errors.memory), state,
-            errors.changes)
-        self.run, self.solver, self.state, self.memory = new, solver, state, memory
-        self.many = many_steps(solver, self.scene.integrator, self.scene.time.step, self.steps)
-        self.watch = ErrorWatch(
-            watch.limit, new, solver.start(run.start)[0], errors.changes)
-        tally.full_seconds += time.perf_counter() - begun
-        self._save()
-        return True
 
     def _save(self) -> None:
         self.tally.online, self.due = time.perf_counter() - self._begun, False

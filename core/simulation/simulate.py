@@ -14,11 +14,7 @@ from sparsemor.core.errors import InputError
 from sparsemor.core.linalg.threads import fixed_threads
 from sparsemor.core.model.body_cache import BodyCache
 from sparsemor.core.model.model import Model
-from sparsemor.core.protocols import (
-    RedrawsRows,
-    State,
-    StepMemory,
-)
+from sparsemor.core.protocols import RedrawsRows, State, StepMemory
 from sparsemor.core.registry.hooks import Manager, new_manager
 from sparsemor.core.registry.returned_values import complete
 from sparsemor.core.results.output_lock import owned
@@ -28,11 +24,7 @@ from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.admission import admit, kept
 from sparsemor.core.simulation.advice import explicit
 from sparsemor.core.simulation.cache import Cache
-from sparsemor.core.simulation.error_control.actions import (
-    ErrorWatch,
-    Exceeded,
-    at_full_order,
-)
+from sparsemor.core.simulation.error_control.actions import ErrorWatch, Exceeded, at_full_order
 from sparsemor.core.simulation.error_control.notes import error_limit
 from sparsemor.core.simulation.error_control.record import ErrorRecord
 from sparsemor.core.simulation.memory.limits import peak
@@ -94,7 +86,7 @@ def _simulate(
     with kept(recorder.writer, new=recorder.checkpoint is None):
         result = stepped(run, recorder, manager, tally, keeper)
     if keeper is not None:
-        offline.keep_training(keeper.finished(), keeper.share * tally.online)
+        offline.keep_training(keeper.finished(), keeper.share * result.summary["wall_s"]["online"])
     return result
 
 

@@ -5,13 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.protocols import (
-    Integrator,
-    State,
-    StepFormula,
-    StepOutcome,
-    UpdateRules,
-)
+from sparsemor.core.protocols import Integrator, State, StepFormula, StepOutcome, UpdateRules
 from sparsemor.core.protocols.integrator import step_formula
 from sparsemor.core.protocols.layout import Block, Layout
 from sparsemor.core.protocols.step_solver import advanced

@@ -4,12 +4,7 @@ import numpy as np
 
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.model import Model
-from sparsemor.core.protocols import (
-    ChangesBodies,
-    JointPlugin,
-    NamesMultipliers,
-    Quantity,
-)
+from sparsemor.core.protocols import ChangesBodies, JointPlugin, NamesMultipliers, Quantity
 from sparsemor.core.testing.assembled import (
     Entries,
     derivative,

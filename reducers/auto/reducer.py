@@ -29,6 +29,9 @@ from sparsemor.reducers.step_options import ReducedStepOptions
 REDUCERS: Mapping[str, type[ProjectionReducer]] = {"galerkin": Galerkin, "ecsw": Ecsw}
 SAFE = 0.3
 """Share of the tolerance that errors over the training run may reach, a margin for other loads."""
+SPARE = 0.25
+"""Share of atoms, two at least, that learned bases have beyond what the training run needs: a
+margin for other parameters, under which projection errors fall more slowly with the number."""
 TIGHTER = 0.3
 """Factor of the target of a projection error where a trial run is not accurate enough."""
 ATTEMPTS = 4
@@ -144,11 +147,12 @@ class Search:
 
     def learned(self) -> dict[str, int]:
         """Numbers of atoms that meet the tolerance with bases of the first part of the training
-        run."""
+        run; of learned bases also spare ones."""
         if not self.trained:
             return {}
         offline = self.problem.offline.learning(self.ref.first)
-        return self.sized(replace(self.problem, offline=offline), {}, "learned from the first part")
+        met = self.sized(replace(self.problem, offline=offline), {}, "learned from the first part")
+        return {n: k if n in self.moving else k + max(2, round(SPARE * k)) for n, k in met.items()}
 
     def sized(
         self, problem: ReducedProblem, least: Mapping[str, int], said: str = ""
@@ -216,9 +220,11 @@ class Search:
         self, problem: ReducedProblem, counts: dict[str, int], total: Mapping[str, int], said: str
     ) -> dict[str, int]:
         """Numbers of atoms with which ECSW meets the tolerance. Each attempt trains weights of
-        its own; where the first part of the training run has been tried, the whole is not
-        tried again."""
+        its own; where the first part of the training run has been tried, the whole is tried
+        once."""
         if self.tau and not said:
+            chosen = made(self.options("ecsw", counts)).project(problem)
+            self._tried(chosen, f"ecsw, tau {self.tau:.1g}", "")
             return counts
         self.tau = 0.1 * self.auto.tolerance
         for attempt in range(WEIGHINGS):

@@ -28,11 +28,7 @@ from sparsemor.reducers.estimation.error_space import (
 from sparsemor.reducers.estimation.estimator import BlockErrors, ErrorModel
 from sparsemor.reducers.estimation.local_forces import LocalForces
 from sparsemor.reducers.estimation.residuals import ElasticResidual, HeatResidual
-from sparsemor.reducers.step.coupled_reduced import (
-    ProjectedBlock,
-    ProjectedModel,
-    dense_equations,
-)
+from sparsemor.reducers.step.coupled_reduced import ProjectedBlock, ProjectedModel, dense_equations
 from sparsemor.reducers.step.frame_step import BodyStep
 from sparsemor.reducers.step.operators import TestedElastic, TestedHeat, TestMap
 

@@ -16,13 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sparsemor.core import (
-    FloatArray,
-    Integrator,
-    Layout,
-    Note,
-    State,
-)
+from sparsemor.core import FloatArray, Integrator, Layout, Note, State
 from sparsemor.reducers.estimation.error_space import ErrorSpace
 from sparsemor.reducers.estimation.modal_steps import ModalSteps
 from sparsemor.reducers.estimation.residuals import ElasticResidual, HeatResidual, Trajectory

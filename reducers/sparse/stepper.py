@@ -19,12 +19,7 @@ from sparsemor.core import (
 )
 from sparsemor.reducers.sparse.memory import SparseMemory
 from sparsemor.reducers.sparse.supported_steps import SupportedSteps
-from sparsemor.reducers.step.compiled.stepper import (
-    Compiled,
-    CompiledSteps,
-    compiled_steps,
-    wanted,
-)
+from sparsemor.reducers.step.compiled.stepper import Compiled, CompiledSteps, compiled_steps, wanted
 from sparsemor.reducers.step.predictor import Past, block_starts
 from sparsemor.reducers.step.solver import Stepper
 

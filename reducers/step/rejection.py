@@ -4,13 +4,7 @@ surfaces."""
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
-from sparsemor.core import (
-    ChecksStep,
-    IntArray,
-    Status,
-    StepFormula,
-    StepOutcome,
-)
+from sparsemor.core import ChecksStep, IntArray, Status, StepFormula, StepOutcome
 
 Checked = tuple[ChecksStep, IntArray]
 """A term that checks steps, with its columns."""

@@ -8,13 +8,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from sparsemor.core.analysis.reproduction.jobs import (
-    Job,
-    command_of,
-    execute,
-    jobs_of,
-    profile,
-)
+from sparsemor.core.analysis.reproduction.jobs import Job, command_of, execute, jobs_of, profile
 from sparsemor.core.analysis.reproduction.page import write_pages
 from sparsemor.core.analysis.reproduction.paper import BROKEN, Item, Paper, PaperFile
 from sparsemor.core.analysis.reproduction.processes import executed

@@ -7,13 +7,7 @@ from itertools import product
 from typing import Any
 
 from sparsemor.core.errors import InputError
-from sparsemor.core.protocols import (
-    BlockBudget,
-    BudgetsFields,
-    DrawsRequired,
-    Sampler,
-    SamplesRows,
-)
+from sparsemor.core.protocols import BlockBudget, BudgetsFields, DrawsRequired, Sampler, SamplesRows
 from sparsemor.core.registry.plugin import Plugin
 from sparsemor.core.scene.scene import Scene
 

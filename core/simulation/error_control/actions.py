@@ -12,13 +12,7 @@ import numpy as np
 
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.notes import Note
-from sparsemor.core.protocols import (
-    Dictionary,
-    ErrorLimit,
-    ReducedProblem,
-    State,
-    StepSolver,
-)
+from sparsemor.core.protocols import Dictionary, ErrorLimit, ReducedProblem, State, StepSolver
 from sparsemor.core.protocols.layout import Layout
 from sparsemor.core.results.probes import ProbeReader
 from sparsemor.core.scene.defaults import FULL_ORDER

@@ -31,11 +31,7 @@ from sparsemor.core import (
     unconverged_note,
 )
 from sparsemor.reducers.step.acceptance import EPS, rounding
-from sparsemor.reducers.step.blocks.elastic_local import (
-    FullLocal,
-    LocalForces,
-    StepForces,
-)
+from sparsemor.reducers.step.blocks.elastic_local import FullLocal, LocalForces, StepForces
 from sparsemor.reducers.step.predictor import Prediction
 from sparsemor.reducers.step.time_tables import plus_loads
 

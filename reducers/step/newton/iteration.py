@@ -12,14 +12,7 @@ from math import inf
 
 import numpy as np
 
-from sparsemor.core import (
-    FloatArray,
-    Quantity,
-    Status,
-    StepFormula,
-    StepOutcome,
-    rate_factors,
-)
+from sparsemor.core import FloatArray, Quantity, Status, StepFormula, StepOutcome, rate_factors
 from sparsemor.reducers.step.acceptance import EPS, LEAST, MARGIN, STALLED, Tolerances, rounding
 from sparsemor.reducers.step.newton.equations import Equations
 from sparsemor.reducers.step.newton.memory import Linearisation, NewtonMemory

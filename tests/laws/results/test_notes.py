@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from small_scenes import tiny
 from sparsemor import load, simulate
 from sparsemor.core.analysis.stability.survey import unsampled
 from sparsemor.core.notes import Level, Note, information, kinds, sentences
@@ -26,6 +27,15 @@ def test_how_a_step_is_solved_is_information_and_no_unsampled_load(here: object)
     summary = simulate(scene).summary
     assert not summary["notes"] and not summary["note_kinds"]
     assert any("couples blocks" in text for text in summary["information"])
+
+
+@pytest.mark.full
+def test_a_basis_without_a_field_to_reduce_is_said_to_have_no_effect(here: object) -> None:
+    rigid = {"bodies.bar.fields": [], "bodies.bar.reference": None, "loads.heating": None,
+             "time.end": 2e-3, "reducer": {"use": "sparse", "basis": {"use": "pod", "count": 3},
+                                           "solver": {"use": "omp"}}}
+    assert simulate(tiny().using(rigid)).summary["notes"] == [
+        "reducer.basis has no effect: no body of the scene has a field that is reduced"]
 
 
 def test_only_unsampled_loads_are_counted_as_such() -> None:

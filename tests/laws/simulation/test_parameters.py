@@ -43,11 +43,15 @@ def full_order(scene: Scene, **values: float) -> RunResult:
 
 
 FAULTS: list[tuple[dict[str, Any], str, str]] = [
-    ({"parameters.flux.key": "loads.cooling.flux"}, "parameters.flux.key", "no number at"),
-    ({"parameters.flux.key": "loads.gravity.g"}, "parameters.flux.key", "no number at"),
-    ({"parameters.flux.key": "title"}, "parameters.flux.key", "no number at"),
-    ({"parameters.flux.key": "training.every"}, "parameters.flux.key", "no number at"),
-    ({"parameters.flux.key": [FLUX, "time.end"]}, "parameters.flux.key", "different values"),
+    ({"parameters.flux.key": "loads.cooling.flux"}, "parameters.flux.key", "no number of the"),
+    ({"parameters.flux.key": "loads.gravity.g"}, "parameters.flux.key", "no number of the"),
+    ({"parameters.flux.key": "title"}, "parameters.flux.key", "no number of the"),
+    ({"parameters.flux.key": "training.every"}, "parameters.flux.key", "no number of the"),
+    ({"parameters.flux.key": [FLUX, "bodies.bar.thickness"]}, "parameters.flux.key",
+     "different values"),
+    ({"parameters.flux.key": "time.step"}, "parameters.flux.key", "no number of the"),
+    ({"parameters.angle.key": FLUX}, "parameters.angle.key", "is a key of parameter flux already"),
+    ({"parameters.flux": "1e6x"}, "parameters.flux", "is a number (got '1e6x')"),
     ({"parameters.flux.range": [2.0, 1.0]}, "parameters.flux.range", "the smaller one"),
     ({"parameters": {"a.b": BOX["flux"]}}, "parameters.a.b", "letters, digits and _"),
     ({"parameters": {}}, "training.parameters", "declares no parameters"),
@@ -67,6 +71,28 @@ def test_faults_are_located(changes: dict[str, Any], key: str, words: str) -> No
         boxed(choice="corners").using(changes)
     assert [f.key for f in error.value.faults] == [key]
     assert words in str(error.value)
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("wrong", [
+    {"count": 0}, {"count": 2.5}, {"seed": -1}, {"seed": None}, {"sizes": (0,)}, {"sizes": ("a",)}])
+def test_wrong_numbers_of_a_test_are_refused_before_it_runs(wrong: dict[str, Any]) -> None:
+    with pytest.raises(InputError, match="must be an integer of at least") as error:
+        parameter_test(model(), **wrong)
+    assert [f.key for f in error.value.faults] == list(wrong)
+
+
+@pytest.mark.full
+def test_values_of_any_kind_of_number_and_nothing_else() -> None:
+    plain = model().run(parameters={"flux": 1.25e6})
+    same = model().run(parameters={"flux": np.float32(1.25e6)})  # type: ignore[dict-item]
+    np.testing.assert_array_equal(same.block("bar.thermal"), plain.block("bar.thermal"))
+    anything: Any
+    for anything in ([("flux", 1e6)], "flux", {"flux": [1e6]}, {"flux": True}):
+        with pytest.raises(InputError, match="give names with values|is a number"):
+            model().run(parameters=anything)
+    with pytest.raises(InputError, match="must be an integer of at least 1"):
+        model().at({}, atoms=0)
 
 
 def test_a_value_in_the_file_lies_in_its_range_and_a_set_one_may_leave_it() -> None:
