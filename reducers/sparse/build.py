@@ -229,10 +229,11 @@ class Build:
         warm = {n: h for n, h in heat.items() if n not in fixed_heat}
         self._refuse(warm, choosing, base)
         steps = SupportedSteps(base, warm, choosing, row_set)
+        carried = frozenset(n for n in steps.empty if o.carries(n))
         selection = (
-            BlockwiseSelection.of(steps, o.solver, o.hysteresis, o.carried, o.settled)
+            BlockwiseSelection.of(steps, o.solver, o.hysteresis, bool(carried), o.settled)
             if o.selection == "blocks" else
-            JointSelection(steps, o.solver, o.hysteresis, o.carried, o.polish))
+            JointSelection(steps, o.solver, o.hysteresis, carried, o.polish))
         return SparseStepper(base, steps, selection, o.every, o.compiled)
 
     def _wide(self, source: SampledHeat) -> FloatArray:

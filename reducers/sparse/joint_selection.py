@@ -34,16 +34,16 @@ from sparsemor.reducers.step.step_unknowns import StepUnknowns
 class JointSelection:
     """Selection by the sparse solver's own `solve`, in full in every step.
 
-    carried: start from the supports of the previous step, otherwise from the empty ones; polish:
-    solve the step again on the selected supports. With both, a selection starts from the step's
-    solution on the previous supports, and replaces them only where it lowers the residual norm by
-    the fraction `hysteresis`.
+    carried: blocks that start from the support of the previous step, the others start from the
+    empty one; polish: solve the step again on the selected supports. With both, a selection starts
+    from the step's solution on the previous supports, and replaces them only where it lowers the
+    residual norm by the fraction `hysteresis`.
     """
 
     steps: SupportedSteps
     solver: SparseSolver
     hysteresis: float
-    carried: bool
+    carried: frozenset[str]
     polish: bool
 
     def solve(self, step: StepFormula, memory: SparseMemory) -> StepOutcome:
@@ -98,7 +98,7 @@ class JointSelection:
             if name not in self.steps.heat:
                 now.heat(at, None, base.heat[name].solve(x[at], now.v[at], step.t).d)
                 continue
-            support = self._first(memory.supports[name])
+            support = self._first(name, memory)
             out = self._solved(
                 self._heat(name, step), SparseStart(np.where(support, x[at], 0.0), support))
             if not out.status.ok:
@@ -110,7 +110,7 @@ class JointSelection:
             if insane is not None:
                 return insane
         if self.steps.elastic:
-            first = {n: self._first(memory.supports[n]) for n in self.steps.elastic}
+            first = {n: self._first(n, memory) for n in self.steps.elastic}
             problem, start = self._mechanics(step, x, first)
             out = self._solved(problem, start)
             if not out.status.ok:
@@ -126,9 +126,10 @@ class JointSelection:
             memory.past.restart()  # coefficients may have jumped: the past is no guide
         return StepOutcome(x, Status.DONE, iterations, rates=step.at(x - step.free)[1:])
 
-    def _first(self, support: BoolArray) -> BoolArray:
-        """Initial support of a selection."""
-        return support if self.carried else np.zeros_like(support)
+    def _first(self, name: str, memory: SparseMemory) -> BoolArray:
+        """Initial support of the selection in a block."""
+        support = memory.supports[name]
+        return support if name in self.carried else np.zeros_like(support)
 
     def _heat(self, name: str, step: StepFormula) -> HeatProblem:
         at = self.steps.base.layout[name]

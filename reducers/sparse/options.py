@@ -78,9 +78,9 @@ class SparseOptions(ReducedStepOptions):
     """Norm of the residual, relative to that of the coefficients, up to which a support is kept and
     no other is sought; at least round-off. With `residual: preconditioned` it is a relative error
     of the sampled displacements or temperatures. Applies to `selection: blocks`."""
-    carried: bool = True
+    carried: bool | dict[str, bool] = True
     """Warm start: each selection starts from the support of the previous step, otherwise from the
-    empty support."""
+    empty support. By block pattern with `polish: false`, as the paper leaves the start open."""
     polish: bool = True
     """Re-solve each step on the selected support, with the equations of rigid coordinates and
     multipliers satisfied exactly. False, as published: the solution of the sparse solver is used,
@@ -95,3 +95,9 @@ class SparseOptions(ReducedStepOptions):
         """True if the sampled rows of a block are those of D^-1 r."""
         table = {"*": self.residual} if isinstance(self.residual, str) else self.residual
         return matched_option(name, table, "plain") == "preconditioned"
+
+    def carries(self, name: str) -> bool:
+        """True if the selection in a block starts from the support of the previous step."""
+        if isinstance(self.carried, bool):
+            return self.carried
+        return matched_option(name, self.carried, True)

@@ -165,6 +165,11 @@ class Sparse(SparseOptions):
             self.selection == "joint")
         faults += resampling_faults(model, self.resample, self.row_sets)
         faults += self._residual_faults(model)
+        if not isinstance(self.carried, bool):
+            faults += pattern_faults(model, "carried", self.carried)
+            if self.polish:
+                faults.append(Fault("carried", "selections in a step that is solved again start "
+                                    "together: take true or false, or polish: false"))
         faults += coupled_faults(model, self.budgets, self.basis, self.bases, self.resample)
         if not self.polish and self.every > 1:
             faults.append(Fault("every", "without polish each step needs its own selection: "
