@@ -20,6 +20,10 @@ class UnitNormTightFrame(Plugin):
     """Largest number of alternating projections."""
     tolerance: float = Field(default=0.0, ge=0.0)
     """Stop early when no cosine between two columns changes by more than this. 0: never."""
+    products: int | None = Field(default=None, ge=1, le=100)
+    """Number of products with the Gram matrix that approximate its leading eigenvectors, from those
+    of the projection before. Left out: exact eigenvectors, as published. One product costs an
+    eighth of them, and P B is closer to a tight frame, because it stays near the row space of B."""
 
     def check(self, rows: int, atoms: int) -> str:
         if atoms >= rows:
@@ -51,13 +55,30 @@ class UnitNormTightFrame(Plugin):
                 break
             cosines = G
             # Eq. 31 as a least-squares fit of S by P B: S B^+ of the first B, whatever P was
-            P = _tight_frame(_shrunk(G, m), m) @ inverse
+            P = self._tight_frame(_shrunk(G, m), F) @ inverse
         if condition_number(P) == float("inf"):
             raise InputError(
                 f"UNTF found a tight frame that the {m} sampled rows cannot reach (P is "
                 "singular): take fewer rows, more atoms, or preconditioner: none"
             )
         return P
+
+    def _tight_frame(self, G: FloatArray, F: FloatArray) -> FloatArray:
+        """Tight frame S (m, k) nearest to a rank-m square root of the Gram matrix G (Eq. 30); F (m,
+        k): frame before.
+
+        With G = U Lambda U^T cut at rank m and S = Lambda^(1/2) U^T, the step sqrt(k/m) (S
+        S^T)^(-1/2) S is sqrt(k/m) U^T: no root of a small or negative eigenvalue is taken, and any
+        other orthonormal basis of the columns of U gives the same Gram matrix.
+        """
+        m, k = F.shape
+        if self.products is None:
+            U = linalg.eigh(G, subset_by_index=(k - m, k - 1), check_finite=False)[1][:, ::-1]
+        else:
+            U = F.T
+            for _ in range(self.products):
+                U = np.linalg.qr(G @ U)[0]
+        return np.asarray(np.sqrt(k / m) * U.T)
 
 
 def _right_inverse(A: FloatArray) -> FloatArray:
@@ -75,13 +96,3 @@ def _shrunk(G: FloatArray, m: int) -> FloatArray:
     np.fill_diagonal(H, np.diag(G))
     return H
 
-
-def _tight_frame(G: FloatArray, m: int) -> FloatArray:
-    """Tight frame S (m, k) nearest to a rank-m square root of the Gram matrix G (Eq. 30).
-
-    With G = U Lambda U^T cut at rank m and S = Lambda^(1/2) U^T, the step sqrt(k/m) (S S^T)^(-1/2)
-    S is sqrt(k/m) U^T: no root of a small or negative eigenvalue is taken.
-    """
-    k = G.shape[0]
-    _, U = linalg.eigh(G, subset_by_index=(k - m, k - 1), check_finite=False)
-    return np.asarray(np.sqrt(k / m) * U[:, ::-1].T)

@@ -10,6 +10,8 @@ from scipy.linalg import lapack
 from sparsemor.core import BoolArray, FloatArray, Group, IntArray
 
 EPS = float(np.finfo(np.float64).eps)
+_BLOCK = 64
+"""Working columns of LAPACK's blocked QR factorization."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -29,6 +31,10 @@ class Linearised:
     def at(cls, c: FloatArray, r: FloatArray, jacobian: FloatArray) -> "Linearised":
         norms = np.sqrt(np.einsum("ij,ij->j", jacobian, jacobian))
         return cls(jacobian / np.where(norms > 0.0, norms, 1.0), r, norms * c, norms)
+
+    def moved(self, c: FloatArray, r: FloatArray) -> "Linearised":
+        """The linearisation at other coefficients c with residual r and the same Jacobian."""
+        return Linearised(self.J, r, self.norms * c, self.norms)
 
     @property
     def finite(self) -> bool:
@@ -71,12 +77,15 @@ def fit(linear: Linearised, active: BoolArray, rank_rtol: float) -> Fit | None:
         return Fit(active, z, r, 1.0)
     if columns.size > A.shape[0]:
         return None
-    Q, R = np.linalg.qr(A)
+    k = columns.size
+    QR, tau, _, _ = lapack.dgeqrf(A, lwork=_BLOCK * k)
+    R = QR[:k]
     rcond = float(lapack.dtrcon(R)[0])
     if not rcond > rank_rtol:
         return None
     # the step is solved for, not z: its rounding shrinks as the iteration converges
-    step = lapack.dtrtrs(R, -(Q.T @ r))[0]
+    turned = lapack.dormqr("L", "T", QR, tau, -r[:, None], _BLOCK)[0][:k, 0]
+    step = lapack.dtrtrs(R, turned)[0]
     z[columns] = linear.z[columns] + step
     return Fit(active, z, r + A @ step, rcond)
 

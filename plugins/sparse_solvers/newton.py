@@ -109,9 +109,13 @@ class SupportNewton(Plugin):
         groups, visits, explore = problem.groups, Visits(), True
         choose = self.chooser(groups, support)
         good = SparseOutcome(c, support, Status.NOT_FINITE, 0, float("inf"))
+        linear, last_J = None, None
         for iteration in range(1, self.max_iterations + 1):
-            r = problem.residual(c)
-            linear = Linearised.at(c, r, problem.jacobian(c))
+            r, J = problem.residual(c), problem.jacobian(c)
+            if linear is None or J is not last_J:
+                linear, last_J = Linearised.at(c, r, J), J
+            else:
+                linear = linear.moved(c, r)
             if not linear.finite:
                 return replace(good, status=Status.NOT_FINITE, iterations=iteration)
             good = SparseOutcome(c, support, Status.DONE, iteration, float(np.linalg.norm(r)))

@@ -69,8 +69,8 @@ class HeatProblem:
 @dataclass(frozen=True, slots=True, eq=False)
 class BodyInProblem:
     """A body in the mechanical problem: compressed sampled rows (None for a rigid body), ranges of
-    its columns and rows, scale of the rows, and the part of the residual that is constant in the
-    step."""
+    its columns and rows, scale of the rows, the part of the residual (m,) that is constant in the
+    step, and the products `turned` (m, g) of the rotation matrices M_g with the past rates."""
 
     body: BodyStep
     few: Few | None
@@ -78,6 +78,7 @@ class BodyInProblem:
     rows: slice
     scale: float
     fixed: FloatArray
+    turned: FloatArray
 
 
 class MechanicsProblem:
@@ -94,23 +95,25 @@ class MechanicsProblem:
         groups, k, m = [], 0, 0
         for body, s in zip(mechanics.bodies, sampled, strict=True):
             if s is None:
-                self.members.append(
-                    BodyInProblem(body, None, slice(0, 0), slice(0, 0), 1.0, np.zeros(0)))
+                self.members.append(BodyInProblem(
+                    body, None, slice(0, 0), slice(0, 0), 1.0, np.zeros(0), np.zeros((0, 0))))
                 continue
-            rows, atoms = s.few[1].shape
+            t, (rows, atoms) = s.few[0], s.few[1].shape
             size = float(np.linalg.norm(s.few[1], axis=0).max())
             self.members.append(BodyInProblem(
                 body, s.few, slice(k, k + atoms), slice(m, m + rows), 1 / size,
-                self._history(s.few[0], body)))
+                self._history(t, body), (t.generators @ self.r1[body.elastic]).T))
             groups.append(Group(s.block.name, k, k + atoms, s.block.budget))
             k, m = k + atoms, m + rows
         self.k, self.m, self.border = k, m, mechanics.size
         self.groups = (*groups, Group("border", k, k + self.border, None))
         self.needs = mechanics_needs([s for s in sampled if s is not None], self.border)
         self._at, self._both = np.zeros(0), (np.zeros(0), np.zeros((0, 0)))
-        self._row_scale = np.ones(m + self.border)
-        size = np.linalg.norm(self._raw(self.start())[1][m:], axis=1)
-        self._row_scale[m:] = BORDER / np.where(size > 0, size, 1.0)
+        self._border_scale = np.ones(self.border)
+        if self.border:
+            size = np.linalg.norm(self._raw(self.start())[1][m:], axis=1)
+            self._border_scale = BORDER / np.where(size > 0, size, 1.0)
+            self._at = np.zeros(0)
 
     def start(self) -> FloatArray:
         """Initial guess: the predicted state."""
@@ -119,21 +122,28 @@ class MechanicsProblem:
         return np.concatenate([*parts, self.x[:nr], self.x[self.mechanics.algebraic]])
 
     def residual(self, c: FloatArray) -> FloatArray:
-        return self._raw(c)[0] * self._row_scale
+        return self._raw(c)[0]
 
     def jacobian(self, c: FloatArray) -> FloatArray:
-        return self._raw(c)[1] * self._row_scale[:, None]
+        """Jacobian (m + border, k + border); the same array for all c where the motion of all
+        frames is prescribed."""
+        return self._raw(c)[1]
 
     def _raw(self, c: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Unscaled residual and Jacobian; the last ones are kept, because a solver evaluates both
-        at one c."""
+        """Residual and Jacobian; the last ones are kept, because a solver evaluates both at one c.
+        """
         if not np.array_equal(c, self._at):
-            self._both, self._at = self._made(c), c.copy()
+            J = None if self.border or not len(self._at) else self._both[1]
+            self._both, self._at = self._made(c, J), c.copy()
         return self._both
 
-    def _made(self, c: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _made(
+        self, c: FloatArray, constant: FloatArray | None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Residual and Jacobian at c; constant: the Jacobian, if it is known."""
         step, me, y = self.step, self.mechanics, c[self.k :]
-        r, J = np.zeros(self.m + self.border), np.zeros((self.m + self.border, len(c)))
+        r = np.zeros(self.m + self.border)
+        J = np.zeros((self.m + self.border, len(c)), order="F") if constant is None else constant
         for i, f in me.targets:
             r[self.m + i] -= f(step.t)
         rates = np.zeros((2, me.size))
@@ -147,12 +157,15 @@ class MechanicsProblem:
                 continue
             t, B = p.few
             kappa, mu = w.coefficients[:-1].reshape(2, -1)
-            D = B + np.tensordot(kappa + step.c1 * mu, t.generators, 1)
-            past = np.tensordot(mu, t.generators, 1) @ self.r1[p.body.elastic]
-            r[p.rows] = p.scale * (D @ c[p.columns] + p.fixed + past + t.directions @ w.sigma[-1])
-            J[p.rows, p.columns] = p.scale * D
+            own = J[p.rows, p.columns]
+            if constant is None:
+                plus_turned(own, B, kappa + step.c1 * mu, t.generators, p.scale)
+            r[p.rows] = own @ c[p.columns] + p.scale * (
+                p.fixed + p.turned @ mu + t.directions @ w.sigma[-1])
             J[p.rows, self.k :] = p.scale * (t.directions @ (w.sigma[:-1].T @ T))
             J[self.m :, p.columns] = T.T @ (w.tau @ t.functional)
+        r[self.m :] *= self._border_scale
+        J[self.m :] *= self._border_scale[:, None]
         return r, J
 
     def _evaluate(
@@ -180,3 +193,14 @@ class MechanicsProblem:
         if t.coupling.size:
             h = h - t.coupling @ self.x[body.thermal]
         return plus_loads(h, t, self.step.t, -1.0)
+
+
+def plus_turned(
+    into: FloatArray, B: FloatArray, factors: FloatArray, generators: FloatArray, scale: float
+) -> None:
+    """Writes scale (B + sum_g factors_g M_g) to `into` (m, k), from B (m, k) and the rotation
+    matrices M_g (g, m, k)."""
+    np.multiply(B, scale, out=into)
+    for factor, M in zip((scale * factors).tolist(), generators, strict=True):
+        if factor:
+            into += factor * M

@@ -138,7 +138,7 @@ class SampledElastic:
                        ReachedColumns.of(block.name, block.B), prescribed, step)
         t, B, reach, first = compact_elastic(tested, block.B)
         if reach == len(B):
-            t = t.by_columns()
+            t, B = t.by_columns(), np.asfortranarray(B)
             return cls(block, tested, (t, B), first, t, ReachedColumns.of(block.name, B),
                        prescribed, step)
         near = np.arange(reach)

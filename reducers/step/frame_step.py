@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sparsemor.core import EvaluatesManyTimes, FloatArray, Frame, FrameHistory, FrameWork
+from sparsemor.reducers.linalg.active_columns import few
 from sparsemor.reducers.step.blocks.elastic_block import ElasticBlock
 from sparsemor.reducers.step.blocks.prescribed_frame_block import PrescribedBlock
 from sparsemor.reducers.step.operators import TestedElastic
@@ -60,7 +61,11 @@ class BodyStep:
             self.frame.evaluate(y, v, a, c1, c2, np.zeros((3, 0)), NONE, t, work)
             return
         values = np.stack([c, cv, ca])
-        forms = (tested.quadratic.dot(values.T) * c[:, None]).sum(axis=1).T.ravel()
+        quadratic, own = tested.quadratic, values
+        use = np.flatnonzero(values.any(axis=0))
+        if few(use, len(c)):
+            quadratic, own = quadratic[:, use[:, None], use], values[:, use]
+        forms = (quadratic.dot(own.T) * own[0][:, None]).sum(axis=1).T.ravel()
         self.frame.evaluate(
             y, v, a, c1, c2, values.dot(tested.functional.T), forms, t, work)
 

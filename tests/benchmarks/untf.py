@@ -1,13 +1,15 @@
-"""UNTF against none: paired seeds, a sign test, and two sets of BLAS kernels.
+"""UNTF and Parseval frames against none: paired seeds, a sign test, and two sets of BLAS kernels.
 
     python tests/benchmarks/untf.py [--quick] [--seeds 30] [--kernels Haswell Prescott]
                                     [--only NAME ..]
 
-Each pair is two runs with the same sampled rows, with UNTF on the thermal rows and without. Heat is
-solved as published (complete basis, greedy selection from the sampled rows of r); displacements,
-which UNTF does not touch and temperatures do not feel, have leading atoms and no selection. A run
-that stops counts as worse than one that does not. The test: two-sided, ties left out
-(scipy.stats.binomtest). Kernels: each in a process of its own (OPENBLAS_CORETYPE).
+Each pair is two runs with the same sampled rows, with a preconditioner of the thermal rows and
+without: UNTF with exact eigenvectors of the clipped Gram matrix, as published, UNTF with one
+product with that matrix in their place (option `products`), and a Parseval frame. Heat is solved as
+published (complete basis, greedy selection from the sampled rows of r); displacements, which it
+does not touch and temperatures do not feel, have leading atoms and no selection. A run that stops
+counts as worse than one that does not. The test: two-sided, ties left out (scipy.stats.binomtest).
+Kernels: each in a process of its own (OPENBLAS_CORETYPE).
 """
 
 import argparse
@@ -16,6 +18,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
+from itertools import product
 from typing import Any
 
 import common
@@ -25,7 +28,12 @@ from modules.recovered_scenes import case_of, combined
 from scipy.stats import binomtest
 
 GREEDY = {"use": "greedy_gauss_newton", "candidates": "correlated"}
-UNTF = {"use": "untf", "iterations": 20}
+WITH: dict[str, Any] = {
+    "untf": {"use": "untf", "iterations": 20},
+    "untf, one product": {"use": "untf", "iterations": 20, "products": 1},
+    "parseval": "parseval",
+}
+"""Preconditioners that are compared with none."""
 RATIO = 2.0
 """Ratio of the errors of one seed with two sets of kernels from which on round-off decides."""
 
@@ -69,7 +77,7 @@ def one(name: str, seeds: Sequence[int], quick: bool = False) -> list[dict[str, 
     case, rows = case_of(scene, changes | (SMALL if quick else {})), []
     for seed in seeds:
         row: dict[str, Any] = {"case": name, "seed": seed}
-        for which, P in (("none", "none"), ("untf", UNTF)):
+        for which, P in {"none": "none", **WITH}.items():
             run = case.run({**options, "preconditioner": P}, seed)
             done = isinstance(run, common.Trajectory) and run.failure is None
             row[which] = {"stopped": not done}
@@ -87,20 +95,20 @@ def size(run: Mapping[str, Any], measure: str) -> float:
     return float("inf") if run["stopped"] else float(run[measure])
 
 
-def judged(rows: Sequence[Mapping[str, Any]], measure: str) -> dict[str, Any]:
-    """Medians, and the sign test of `measure`."""
-    pairs = [(size(r["none"], measure), size(r["untf"], measure)) for r in rows]
+def judged(rows: Sequence[Mapping[str, Any]], measure: str, which: str) -> dict[str, Any]:
+    """Medians, and the sign test of `measure`, for the preconditioner `which`."""
+    pairs = [(size(r["none"], measure), size(r[which], measure)) for r in rows]
     better, worse = sum(b < a for a, b in pairs), sum(b > a for a, b in pairs)
     p = float(binomtest(better, better + worse).pvalue) if better + worse else 1.0
-    none, untf = (float(np.median([p[i] for p in pairs])) for i in (0, 1))
-    return {"none": none, "untf": untf, "better_with": better, "worse_with": worse, "p": p,
-            "verdict": "no difference shown" if p >= 0.05 else
-                       "better with UNTF" if better > worse else "worse with UNTF"}
+    none, preconditioned = (float(np.median([p[i] for p in pairs])) for i in (0, 1))
+    return {"none": none, "with": preconditioned, "better_with": better, "worse_with": worse,
+            "p": p, "verdict": "no difference shown" if p >= 0.05 else
+            "better" if better > worse else "worse"}
 
 
 def fill(out: report.Report, given: argparse.Namespace) -> None:
     out.settings |= {
-        "pairs": f"seeds 1 to {given.seeds}, the same rows with UNTF and without",
+        "pairs": f"seeds 1 to {given.seeds}, the same rows with a preconditioner and without",
         "errors": "medians of the largest errors of the runs; inf: more than half stopped",
         "p": "two-sided sign test; below 0.05 counts as a difference"}
     found: dict[str, list[dict[str, Any]]] = {}
@@ -119,13 +127,14 @@ def compared(
 ) -> None:
     """Tables of the pairs of each set of kernels."""
     for measure in ("thermal", "combined"):
-        table = out.table(f"{measure} error", none=".1e", untf=".1e", p=".2g")
-        for name in names:
+        table = out.table(f"{measure} error", none=".1e", p=".2g", **{"with": ".1e"})
+        for name, which in product(names, WITH):
             for kernels, rows in found.items():
                 own = [r for r in rows if r["case"] == name]
-                stops = {f"stopped_{w}": sum(r[w]["stopped"] for r in own)
-                         for w in ("none", "untf")}
-                table.add(case=name, kernels=kernels, **judged(own, measure), **stops)
+                stops = {f"stopped_{label}": sum(r[w]["stopped"] for r in own)
+                         for label, w in (("none", "none"), ("with", which))}
+                table.add(case=name, preconditioner=which, kernels=kernels,
+                          **judged(own, measure, which), **stops)
     if len(found) > 1:
         between(out, *list(found.values())[:2], names)
 
@@ -139,7 +148,7 @@ def between(
                       "end differs, between the kernels")
     for name in names:
         row: dict[str, Any] = {"case": name}
-        for which in ("none", "untf"):
+        for which in ("none", *WITH):
             pairs = [(size(a[which], "thermal"), size(b[which], "thermal"))
                      for a, b in zip(one, other, strict=True) if a["case"] == name]
             row[which] = sum(a != b and not max(a, b) <= RATIO * min(a, b) for a, b in pairs)

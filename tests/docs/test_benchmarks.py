@@ -185,10 +185,12 @@ def test_safe_rules_exclude_columns_at_large_penalties_alone(run: Run) -> None:
 def test_untf_is_judged_by_pairs(run: Run) -> None:
     found = run("untf")
     for measure in ("thermal", "combined"):
-        (row,) = rows_of(found, f"{measure} error")
-        assert row["better_with"] + row["worse_with"] == 2
-        assert row["p"] >= 0.5 and row["verdict"] == "no difference shown"
-        assert row["none"] != row["untf"]
+        rows = rows_of(found, f"{measure} error")
+        assert [r["preconditioner"] for r in rows] == ["untf", "untf, one product", "parseval"]
+        for row in rows:
+            assert row["better_with"] + row["worse_with"] == 2
+            assert row["p"] >= 0.5 and row["verdict"] == "no difference shown"
+            assert row["none"] != row["with"]
 
 
 @pytest.mark.slow

@@ -105,6 +105,28 @@ def test_the_residuals_of_blocks_are_those_of_the_joint_problem(kind: str) -> No
         assert size > 1e-9 * terms, "few atoms leave a residual above rounding"
 
 
+@pytest.mark.parametrize("kind", quick(
+    ("joint", "weighted rows", "rows of D^-1 r", "frame at rest"), "joint", "frame at rest"))
+def test_the_jacobian_of_sampled_rows_is_the_derivative_of_their_residual(kind: str) -> None:
+    """With respect to coefficients, at a state and at one with few nonzero ones; where all frames
+    are at rest it does not depend on the coefficients, and is made once."""
+    solver, _, step, x, now = solved(kind)
+    assert now.mechanics is not None
+    problem = MechanicsProblem(
+        now.mechanics, list(solver.steps.elastic.values()), step, x)
+    c = problem.start()
+    few = np.where(np.arange(len(c)) < problem.k - 2, 0.0, c)
+    for at in (c, few):
+        J, size = problem.jacobian(at)[: problem.m], max(1.0, float(np.abs(at).max()))
+        for j in range(problem.k):
+            d = np.zeros(len(c))
+            d[j] = 1e-5 * size
+            change = (problem.residual(at + d) - problem.residual(at - d))[: problem.m]
+            np.testing.assert_allclose(
+                change / (2e-5 * size), J[:, j], atol=1e-6 * np.abs(J[:, j]).max())
+    assert (problem.jacobian(few) is problem.jacobian(c)) == (kind == "frame at rest")
+
+
 @pytest.mark.full
 def test_radiation_is_held_at_its_value_in_the_step() -> None:
     """With local terms, too, the solution of the step is least squares on its support."""

@@ -38,6 +38,27 @@ def test_untf_as_published_may_leave_the_row_space() -> None:
     assert condition_number(P) < 1e4
 
 
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(("m", "k"), [(20, 80), (80, 82), (100, 120)])
+def test_untf_by_products_is_a_tight_frame_of_the_same_coherence(
+    m: int, k: int, seed: int
+) -> None:
+    """Also where exact eigenvectors leave the row space: (100, 120), seed 1."""
+    B = np.random.default_rng(seed).standard_normal((m, k))
+    exact = UnitNormTightFrame().build(B) @ B
+    PB = UnitNormTightFrame(products=1).build(B) @ B
+    assert condition_number(unit_columns(PB)) < 1.5
+    assert coherence(PB) == pytest.approx(coherence(exact), abs=0.01)
+
+
+def test_many_products_are_exact_eigenvectors() -> None:
+    B = np.random.default_rng(0).standard_normal((10, 25))
+    exact = cosines(UnitNormTightFrame(iterations=1).build(B) @ B)
+    error = [np.abs(cosines(UnitNormTightFrame(iterations=1, products=n).build(B) @ B) - exact)
+             .max() for n in (1, 10, 100)]
+    assert error[0] > 10 * error[1] and error[2] < 1e-6
+
+
 def test_untf_does_not_change_the_solutions() -> None:
     rng = np.random.default_rng(0)
     B = rng.standard_normal((12, 30))
