@@ -23,6 +23,8 @@ OF_A_SELECTION = ("solver", "selection", "hysteresis", "every", "carried", "poli
 """Options of the reducer `sparse` that have an effect only where atoms are selected."""
 UNSAMPLED = "unsampled"
 """Kind of the notes on loads and joints that act on no sampled row."""
+WORSE = 10.0
+"""Ratio of condition numbers, after and before a preconditioner, from which on a note says so."""
 KEEP = "keep the required rows (sampler.required: true) or sample more rows"
 GENERAL = ("auto", "splu")
 """Linear solvers that use SuperLU for matrices that are unsymmetric or change in each iteration;
@@ -49,6 +51,20 @@ def no_effect(options: Sequence[str], why: str) -> tuple[Note, ...]:
     names = ", ".join(f"reducer.{name}" for name in options)
     verb = "has" if len(options) == 1 else "have"
     return (Note(f"{names} {verb} no effect: {why}", NO_EFFECT),)
+
+
+def worse_conditioned(
+    name: str, facts: Mapping[str, float | int | str]
+) -> tuple[Note, ...]:
+    """Note on a preconditioner that makes the sampled rows of a block worse conditioned; facts: the
+    condition numbers before and after it (`row_facts`)."""
+    before, after = (float(facts.get(key, 0.0)) for key in ("condition", "condition_after"))
+    if not 0.0 < WORSE * before < after:
+        return ()
+    return (information(
+        f"reducer.preconditioner: the sampled rows of {name} have condition number {before:.2g} "
+        f"without it and {after:.2g} with it, which makes selections from few rows less accurate: "
+        "take parseval, or untf with products: 1", "worse_conditioned"),)
 
 
 def unselected(reducer: Plugin, active: Mapping[str, tuple[int, int]]) -> tuple[Note, ...]:

@@ -19,7 +19,7 @@ from sparsemor.core import (
     solver_refusal,
 )
 from sparsemor.reducers.checks import unselectable, unselectable_blocks
-from sparsemor.reducers.notes import no_effect, unsampled_loads
+from sparsemor.reducers.notes import no_effect, unsampled_loads, worse_conditioned
 from sparsemor.reducers.sparse.block_selection import BlockwiseSelection
 from sparsemor.reducers.sparse.joint_problem import mechanics_needs, shape_needs
 from sparsemor.reducers.sparse.joint_selection import JointSelection
@@ -180,6 +180,8 @@ class Build:
         block = Sampled(name, self.dictionaries[name], rows, self.atoms[name] or B.shape[1],
                         B if P is None else P @ B, P)
         measured = {} if self.offline is None else dict(row_facts(B, P))
+        if block.selects:
+            notes += worse_conditioned(name, measured)
         error = None if self.offline is None else checked_rows(
             self.model, self.offline, block, self._map(name, rows), self.step)
         if error is not None:

@@ -1,12 +1,12 @@
 """Further runs of a kept reduced model against further full-order runs, in one process.
 
-    python tests/benchmarks/kept_model.py [--quick] [--out kept_model.json]
+    python tests/benchmarks/kept_model.py [--quick] [--compiled] [--scenes NAME ..] [--out FILE]
 
 CPU time of whole runs, the least of interleaved ones, with everything that a run includes. `beside
 ms`: of a run whose steps are not computed but recorded ones; `other ms`: what a run with other
 loads takes more; `open ms`: reading the model's file. `rounded mb`: file with large matrices
 rounded to 1e-9, `rounded change`: of the coefficients of its run, relative to the largest of their
-block.
+block. `--compiled`: runs with `reducer.compiled: on` as well, after one that compiles.
 """
 
 import argparse
@@ -40,14 +40,18 @@ ROUNDED = 1e-9
 def fill(into: report.Report, given: argparse.Namespace) -> None:
     scenes = {"double_pendulum": load("double_pendulum", {
         "bodies.link1.mesh.elements": 320, "bodies.link2.mesh.elements": 320, "time.end": 0.05,
-        "training.end": 0.05})} if given.quick else {name: load(name) for name in RATIO}
+        "training.end": 0.05})} if given.quick else {name: load(name) for name in given.scenes}
     table = into.table("CPU time", full_s=".3g", kept_s=".3g", ratio=".3g", from_file=".3g",
                        beside_ms=".2g", other_ms=".2g", open_ms=".2g", file_mb=".3g",
-                       rounded_mb=".3g", rounded_change=".1e")
+                       rounded_mb=".3g", rounded_change=".1e", compiled_s=".3g",
+                     compiled_ratio=".3g")
     with tempfile.TemporaryDirectory() as place:
         for name, scene in scenes.items():
             report.progress(name)
             row = measured(scene, Path(place, f"{name}.model"), 2 if given.quick else 5)
+            if given.compiled:
+                row["compiled_s"] = compiled(scene, 2 if given.quick else 5)
+                row["compiled_ratio"] = row["full_s"] / row["compiled_s"]
             table.add(scene=name, **row)
             into.at_least(f"{name}, full order over kept", row["ratio"], RATIO[name])
             into.at_most(f"{name}, ms next to the steps", row["beside_ms"], BESIDE)
@@ -82,6 +86,15 @@ def measured(scene: Scene, file: Path, repeats: int) -> dict[str, float]:
             "rounded_change": change(model.run(), load_model(rough).run())}
 
 
+def compiled(scene: Scene, repeats: int) -> float:
+    """CPU time, s, of a run of the kept model by machine code, once it is compiled."""
+    run, _ = prepared_run(
+        scene.using({"reducer.compiled": "on"}), Cache(), new_manager(()), BodyCache())
+    model = ReducedModel(run)
+    model.run()
+    return min(timed(model.run) for _ in range(repeats))
+
+
 def change(one: RunResult, other: RunResult) -> float:
     """Largest difference of the coefficients of a block, relative to the largest of them."""
     pairs = ((one.coefficients(n), other.coefficients(n)) for b in one.layout
@@ -110,6 +123,12 @@ def beside(model: ReducedModel, repeats: int) -> float:
         return min(timed(model.run) for _ in range(repeats))
 
 
+def arguments(given: list[str] | None = None) -> argparse.Namespace:
+    parser = report.options("kept_model", __doc__)
+    parser.add_argument("--scenes", nargs="+", choices=[*RATIO], default=[*RATIO], metavar="NAME")
+    parser.add_argument("--compiled", action="store_true", help="run machine code as well")
+    return parser.parse_args(given)
+
+
 if __name__ == "__main__":
-    sys.exit(report.run_plan("kept_model", fill, report.options(
-        "kept_model", __doc__).parse_args()))
+    sys.exit(report.run_plan("kept_model", fill, arguments()))

@@ -13,7 +13,8 @@ from sparsemor.plugins.preconditioners.none import NoPreconditioner
 from sparsemor.plugins.preconditioners.parseval import Parseval
 from sparsemor.plugins.preconditioners.row_scaling import RowScaling
 from sparsemor.plugins.preconditioners.untf import UnitNormTightFrame
-from sparsemor.reducers.sparse.sampled_block import weigh
+from sparsemor.reducers.notes import worse_conditioned
+from sparsemor.reducers.sparse.sampled_block import row_facts, weigh
 
 
 def test_none_is_the_identity() -> None:
@@ -49,6 +50,15 @@ def test_untf_by_products_is_a_tight_frame_of_the_same_coherence(
     PB = UnitNormTightFrame(products=1).build(B) @ B
     assert condition_number(unit_columns(PB)) < 1.5
     assert coherence(PB) == pytest.approx(coherence(exact), abs=0.01)
+
+
+def test_a_note_says_that_untf_makes_rows_worse_conditioned() -> None:
+    B = np.random.default_rng(1).standard_normal((100, 120))
+    exact, near = (row_facts(B, UnitNormTightFrame(products=n).build(B)) for n in (None, 1))
+    (note,) = worse_conditioned("bar.thermal", exact)
+    assert "bar.thermal have condition number 19 without it and 2.1e+02 with it" in note.text
+    assert worse_conditioned("bar.thermal", near) == ()
+    assert worse_conditioned("bar.thermal", row_facts(B, None)) == ()
 
 
 def test_many_products_are_exact_eigenvectors() -> None:
