@@ -1,16 +1,16 @@
 """Numbers among the options of plugins: true and false are none."""
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from pydantic_core import CoreSchema, PydanticKnownError, core_schema
 
 
-def without_booleans(schema: CoreSchema) -> Any:
+def without_booleans(schema: CoreSchema) -> CoreSchema:
     """The same pydantic schema, in which no number accepts true or false as 1 or 0, at any depth
     except in references to other models, which have their own schema."""
-    return _rewritten(schema)
+    return cast(CoreSchema, _rewritten(schema))
 
 
 def _rewritten(part: Any) -> Any:
