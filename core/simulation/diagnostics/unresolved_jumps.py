@@ -28,6 +28,7 @@ UNRESOLVED = "unresolved_jump"
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(3)
 
 
+@np.errstate(all="ignore")  # huge numbers are no times
 def unresolved_jump(key: str, function: TimeFunction, count: int, h: float) -> Note | None:
     """Warning about a function whose integral over `count` steps of h (s) differs from the sum of
     its values at the steps, because it jumps. key: its key in the scene."""
@@ -78,7 +79,7 @@ def numbers_in(function: TimeFunction) -> Iterator[float]:
 
 def _breaks(function: TimeFunction, end: float) -> FloatArray:
     """Characteristic times of a function between 0 and `end`, s; none if there are too many."""
-    numbers = np.unique(list(numbers_in(function)))
+    numbers = np.unique([n for n in numbers_in(function) if n < end])
     if len(numbers) <= FEW:
         numbers = np.unique([*numbers, *(numbers[:, None] + numbers).ravel()])
     found = numbers[(numbers > 0.0) & (numbers < end)]

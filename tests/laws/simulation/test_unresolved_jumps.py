@@ -8,7 +8,7 @@ import pytest
 
 from sparsemor import load, simulate
 from sparsemor.core.simulation.diagnostics.unresolved_jumps import unresolved_jump
-from sparsemor.plugins.functions import Pulse, Ramp, Sine, SmoothStep, Table
+from sparsemor.plugins.functions import Constant, Pulse, Ramp, Sine, SmoothStep, Table
 
 H, STEPS = 1e-3, 100
 
@@ -53,6 +53,7 @@ RNG = np.random.default_rng(0)
 RESOLVED = {
     "a step that stays": Pulse(start=0.0103, duration=1.0, level=1.0),
     "a steep ramp that stays": Ramp(start=0.0103, end=0.0104, final=1.0),
+    "a huge constant": Constant(level=1e308),
     "a slow ramp": Ramp(end=0.1, final=1.0),
     "a smooth step": SmoothStep(start=0.01, end=0.02, final=-1.0),
     "a sine": Sine(amplitude=1.0, frequency=0.0103),
