@@ -18,14 +18,19 @@ if TYPE_CHECKING:
         displacement_gradient as displacement_gradient,
     )
     from sparsemor.bodies.fem.pointwise_law import temperature_gradient as temperature_gradient
+    from sparsemor.bodies.frames.items import RigidItem as RigidItem
     from sparsemor.bodies.frames.moments import MassProperties as MassProperties
+    from sparsemor.bodies.frames.plane_items import PlanePart as PlanePart
+    from sparsemor.bodies.frames.springs import SpringItem as SpringItem
     from sparsemor.bodies.joints.between import Between as Between
     from sparsemor.bodies.joints.conditions import Conditions as Conditions
     from sparsemor.bodies.joints.conditions import conditions_between as conditions_between
     from sparsemor.bodies.joints.conditions import conditions_on as conditions_on
     from sparsemor.bodies.joints.conditions import constant as constant
+    from sparsemor.bodies.joints.force_element import Drive as Drive
     from sparsemor.bodies.joints.force_element import ForceElement as ForceElement
     from sparsemor.bodies.joints.part import JointPart as JointPart
+    from sparsemor.bodies.joints.side import Side as Side
     from sparsemor.bodies.loads.amplitude import NumberOrFunction as NumberOrFunction
     from sparsemor.bodies.loads.amplitude import amplitude as amplitude
     from sparsemor.bodies.loads.part import LoadPart as LoadPart
@@ -51,11 +56,15 @@ _HOMES = {
     "fem.pointwise_law": (
         "HasLawArrays", "PointwiseLaw", "Response", "TEMPERATURE", "TEMPERATURE_RATE",
         "Variable", "displacement_gradient", "temperature_gradient"),
+    "frames.items": ("RigidItem",),
     "frames.moments": ("MassProperties",),
+    "frames.plane_items": ("PlanePart",),
+    "frames.springs": ("SpringItem",),
     "joints.between": ("Between",),
     "joints.conditions": ("Conditions", "conditions_between", "conditions_on", "constant"),
-    "joints.force_element": ("ForceElement",),
+    "joints.force_element": ("Drive", "ForceElement"),
     "joints.part": ("JointPart",),
+    "joints.side": ("Side",),
     "loads.amplitude": ("NumberOrFunction", "amplitude"),
     "loads.part": ("LoadPart",),
     "loads.vectors": ("components",),

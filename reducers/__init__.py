@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from sparsemor.reducers.projection.force_snapshots import force_modes as force_modes
     from sparsemor.reducers.projection.force_snapshots import force_snapshots as force_snapshots
     from sparsemor.reducers.projection.force_snapshots import interpolation as interpolation
+    from sparsemor.reducers.projection.galerkin_error import galerkin_notes as galerkin_notes
     from sparsemor.reducers.projection.interpolation import Interpolating as Interpolating
     from sparsemor.reducers.projection.maps import Approximation as Approximation
     from sparsemor.reducers.projection.maps import Linear as Linear
@@ -37,6 +38,7 @@ _HOMES = {
     "projection.maps": ("Approximation", "Linear", "Maps", "Reducible"),
     "projection.force_snapshots": (
         "choose_points", "force_modes", "force_snapshots", "interpolation"),
+    "projection.galerkin_error": ("galerkin_notes",),
     "projection.interpolation": ("Interpolating",),
     "linalg.modal_coordinates": ("modal_coordinates",),
     "linalg.left_inverse": ("left_inverse",),

@@ -3,10 +3,11 @@ the second time derivative of the constraints hold at t = 0. Without them, secon
 lose an order."""
 
 import numpy as np
-from scipy.sparse import block_array, csr_array
+from scipy.sparse import block_array, csr_array, hstack
 
 from sparsemor.core.arrays import Csr, FloatArray
 from sparsemor.core.model.constraint_rates import Constraints
+from sparsemor.core.model.dependent_constraints import dependent_joints, in_words
 from sparsemor.core.model.equations import system_jacobian, system_residual
 from sparsemor.core.model.schur_complement import solve_by_blocks
 from sparsemor.core.notes import Note
@@ -30,7 +31,7 @@ def consistent_state(model: AssembledModel) -> State:
 
     The unknowns are a of second-order, v of first-order fields, and the multipliers; all enter
     linearly. Solved once per model; the arrays are read-only. Raises SolveFailed if the system is
-    singular.
+    singular, with the names of redundant joints.
     """
     if not model.starts:
         model.starts.append(_solved(model, 0.0))
@@ -57,7 +58,9 @@ def _solved(model: AssembledModel, t: float) -> State:
     try:
         z = -solve_by_blocks(model, A, r)
     except RuntimeError:
-        raise SolveFailed(Status.SINGULAR, t, "", "accelerations at the start") from None
+        redundant = in_words(dependent_joints(layout, hstack([across, held[algebraic]]).tocsr()))
+        what = "accelerations at the start" + (f": {redundant}" if redundant else "")
+        raise SolveFailed(Status.SINGULAR, t, "", what) from None
     _check_finite(layout, z, t, "accelerations and joint forces at the start")
     a[second], v[first], x[algebraic] = z[second], z[first], x[algebraic] + z[algebraic]
     for series in (x, v, a):

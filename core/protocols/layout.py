@@ -36,7 +36,8 @@ class FieldKind:
     title: name in figures; empty: `name`.
     scale: a large change, in `unit`; default reference of the error control of the time step.
     smallest: least magnitude of an unknown in finite differences, in `unit`.
-    change: finite-difference step relative to the largest unknown of the block.
+    change: finite-difference step relative to the largest unknown of the block, of a pose relative
+    to `smallest`.
     central: True for fourth-order central differences, False for one-sided ones.
     """
 

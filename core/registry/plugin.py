@@ -1,8 +1,11 @@
 """Base class of plugins: a frozen pydantic model whose fields are the plugin's options."""
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler
+from pydantic_core import CoreSchema
+
+from sparsemor.core.registry.numbers import without_booleans
 
 API = 2
 """Version of the extension interface `sparsemor.core`."""
@@ -12,7 +15,8 @@ class Plugin(BaseModel):
     """Base class of plugins: fields are options, methods implement the protocol of the plugin's
     kind.
 
-    Unknown options and non-finite numbers are rejected. A plugin may set `sparsemor_api` to the
+    Unknown options and non-finite numbers are rejected, and true or false where an option is a
+    number. A plugin may set `sparsemor_api` to the
     version of the interface that it was written for; another version is an error that names the
     plugin.
     """
@@ -23,3 +27,12 @@ class Plugin(BaseModel):
         frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True,
         ignored_types=(bool, str),  # checked with the class's protocol, where it is named
     )
+
+    @classmethod
+    def __get_pydantic_core_schema__(
+        cls, source: Any, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        schema = handler(source)
+        own: Any = handler.resolve_ref_schema(schema)
+        own["schema"] = without_booleans(own["schema"])
+        return schema

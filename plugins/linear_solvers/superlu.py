@@ -28,6 +28,10 @@ ENTRY = 12
 SUPERLU = {"minimum_degree": "MMD_AT_PLUS_A", "columns": "COLAMD", "dissection": "NATURAL"}
 WORKING = 1.2
 """Peak memory of SuperLU's factorization relative to that of the factors."""
+CHUNK = 32
+"""Largest number of right-hand sides that SuperLU solves at once: more do not stay in the
+processor's cache. For 1000 of them, CPU time falls from 1.8 to 1.0 s (brake_disk, 7018 unknowns)
+and from 1.1 to 0.4 s (10 000 unknowns in the plane); 16 to 64 take the same."""
 WORTH = 5000
 """Number of unknowns from which nested dissection is used in 3-D."""
 
@@ -71,7 +75,8 @@ class Splu(Plugin):
                 "cg or amg, or a coarser mesh") from None
         except RuntimeError as error:  # a pivot that is exactly zero
             return not_solved("splu", A, Status.SINGULAR, str(error))
-        return solved_directly("splu", A, ENTRY * int(lu.nnz), _ordered(lu.solve, order))
+        return solved_directly("splu", A, ENTRY * int(lu.nnz),
+                               _ordered(chunked(lu.solve), order))
 
     def expected(self, A: Csr, places: DofLocations | None = None) -> int:
         """Estimated peak memory, bytes: SuperLU allocates more than it fills."""
@@ -84,6 +89,22 @@ class Splu(Plugin):
             return self.ordering
         in_space = places is not None and places.coordinates.shape[1] == 3
         return "dissection" if in_space and A.shape[0] >= WORTH else "minimum_degree"
+
+
+def chunked(solve: Callable[[FloatArray], FloatArray]) -> Callable[[FloatArray], FloatArray]:
+    """The same solver of A x = b, which solves for many columns of b in chunks of similar size, of
+    at most `CHUNK` columns."""
+
+    def by_chunks(b: FloatArray) -> FloatArray:
+        if b.ndim == 1 or b.shape[1] <= CHUNK:
+            return solve(b)
+        x = np.empty(b.shape, order="F")
+        ends = np.linspace(0, b.shape[1], -(-b.shape[1] // CHUNK) + 1).astype(int)
+        for first, end in zip(ends, ends[1:], strict=False):
+            x[:, first:end] = solve(b[:, first:end])
+        return x
+
+    return by_chunks
 
 
 def _ordered(

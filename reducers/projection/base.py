@@ -59,7 +59,7 @@ class ProjectionReducer(ReducedStepOptions, ABC):
     """Base class of projection-based reducers: their common options and the assembly of reduced
     blocks.
 
-    A subclass defines `maps`; `approximation` and `in_modes` may stay as they are.
+    A subclass defines `maps`; `approximation`, `in_modes` and `notes_on` may stay as they are.
     """
 
     basis: Annotated[Basis, Slot("basis")] = slot_default("pod")
@@ -95,6 +95,10 @@ class ProjectionReducer(ReducedStepOptions, ABC):
         coordinates), and the factor by which coefficients can grow in this change of basis."""
         return {}
 
+    def notes_on(self, made: "Projection") -> Sequence[Note]:
+        """Notes on the accuracy of a model before it runs, from known states; by default none."""
+        return ()
+
     def check(self, model: AssembledModel) -> Sequence[Fault]:
         """Faults of the options found by counting, before any training; keys relative to the
         reducer."""
@@ -116,7 +120,8 @@ class ProjectionReducer(ReducedStepOptions, ABC):
     def prepare(self, problem: ReducedProblem) -> Stepper | ReducedGeneral:
         """Step solver of the reduced model. Raises InputError where the reducer does not apply to
         the scene, SolveFailed for linearly dependent atoms."""
-        return self.project(problem).solver()
+        made = self.project(problem)
+        return replace(made, notes=(*made.notes, *self.notes_on(made))).solver()
 
 
 @dataclass(frozen=True, slots=True, eq=False)

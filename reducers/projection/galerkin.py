@@ -1,10 +1,18 @@
 """Galerkin reducer, for POD or any other basis: trial and test basis are the same, projected
 offline."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
-from sparsemor.core import AssembledModel, Dictionary
-from sparsemor.reducers import Maps, ProjectionReducer, Reducible, TestMap, modal_coordinates
+from sparsemor.core import AssembledModel, Dictionary, Note
+from sparsemor.reducers import (
+    Maps,
+    Projection,
+    ProjectionReducer,
+    Reducible,
+    TestMap,
+    galerkin_notes,
+    modal_coordinates,
+)
 
 
 class Galerkin(ProjectionReducer):
@@ -34,3 +42,6 @@ class Galerkin(ProjectionReducer):
                 turned[m.elastic] = modal_coordinates(
                     dictionaries[m.elastic], o.stiffness, o.mass, "Hz")
         return {name: found for name, found in turned.items() if found is not None}
+
+    def notes_on(self, made: Projection) -> Sequence[Note]:
+        return galerkin_notes(made)

@@ -8,7 +8,6 @@ import numpy as np
 from sparsemor.core import (
     CONSTANT_CHANGE,
     AssembledModel,
-    BlockData,
     Csr,
     FloatArray,
     IntArray,
@@ -16,10 +15,10 @@ from sparsemor.core import (
     OfflineProducts,
     SolveFailed,
     StepFactors,
-    expected_states,
     least_squares_coefficients,
 )
 from sparsemor.reducers.sparse.sampled_block import Sampled
+from sparsemor.reducers.states_to_test import states_to_test
 from sparsemor.reducers.step.operators import TestMap
 
 SAMPLED_ROWS = "sampled_rows"
@@ -106,7 +105,9 @@ def checked_rows(
     slow = data.stiffness + data.mass / span if data.order == 1 else data.stiffness
 
     def make() -> dict[str, FloatArray]:
-        states = _states(model, offline, data, step)
+        states = states_to_test(model, offline, data, step, span)
+        if states is None:
+            return {"error": np.array([])}
         most = _SELECTED if block.selects else min(_STATES, max(_SELECTED, _ENTRIES // data.size))
         at = np.unique(np.linspace(0, states.shape[1] - 1, most).astype(np.int64))
         found = row_error(block, np.asarray(states[:, at]), test, data.operator, slow)
@@ -117,19 +118,6 @@ def checked_rows(
         block.name, block.dictionary.atoms, block.dictionary.offset, block.B, weight, block.rows,
         block.budget, data.operator, slow, offline.trained, span), make)["error"]
     return RowError(float(error[0]), float(error[1])) if len(error) else None
-
-
-def _states(
-    model: AssembledModel, offline: OfflineProducts, data: BlockData, step: StepFactors
-) -> FloatArray:
-    """Test states (n, M) for the recovery error."""
-    if offline.trained:
-        return offline.snapshots(data.name)
-    assert offline.recording is not None
-    try:
-        return expected_states(model, data.name, step, offline.recording.end).states
-    except SolveFailed:  # the run itself will say so
-        return np.zeros((data.size, 1))
 
 
 def _rows(block: Sampled, test: TestMap, values: FloatArray) -> FloatArray:

@@ -141,6 +141,8 @@ FAULTS: dict[str, tuple[list[tuple[str, str]], str, str, str]] = {
     "no atoms": (
         [("count: 6", "count: 0")], "count:", "reducer.basis.count",
         "greater than or equal to 1 (got 0)"),
+    "true for a number": (
+        [("mass: 0.5", "mass: true")], "mass:", "bodies.bob.mass", "a valid number (got true)"),
     "an unknown reducer": (
         [("use: sparse", "use: sparce")], "reducer:", "reducer", "did you mean sparse?"),
 }

@@ -171,7 +171,8 @@ def test_redundant_joints_have_no_unique_forces() -> None:
     done = run(SWING, joints__again=again)
     assert done.code == 1 and done.shown["status"] == "singular"
     assert done.lines == [
-        "singular at t = 0 s (accelerations at the start): "
+        "singular at t = 0 s (accelerations at the start: the constraints of pivot and again "
+        "depend on each other): "
         + Status.SINGULAR.advice_for(sampled=False)]
     assert "redundant joints" in Status.SINGULAR.advice
     assert not Path("out").exists()

@@ -152,6 +152,7 @@ class Study:
         reference = read.file.reference
         if isinstance(reference, dict) and "fixed" in reference:
             read.check(_of_fixed(reference))
+        read.check(_without_effect(read.file))
         return read
 
     def check(self, findings: Sequence[Finding]) -> None:
@@ -175,3 +176,11 @@ def _of_fixed(reference: dict[str, Any]) -> list[Finding]:
     others = [key for key in reference if key != "fixed"]
     return [Finding(("reference", key), "move it under `fixed`, the only key allowed here")
             for key in others]
+
+
+def _without_effect(file: StudyFile) -> list[Finding]:
+    """Keys about errors in a study without errors."""
+    keys = {"errors_from": file.errors_from > 0.0, "over_time": file.over_time}
+    return [Finding((key,), "has no effect with reference: none, which leaves out the errors: "
+                    "remove one of the two")
+            for key, used in keys.items() if used and not file.compared]

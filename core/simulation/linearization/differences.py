@@ -31,7 +31,7 @@ from sparsemor.core.protocols import (
     StepSolver,
 )
 from sparsemor.core.protocols.integrator import step_formula
-from sparsemor.core.protocols.layout import Layout
+from sparsemor.core.protocols.layout import Layout, Quantity
 from sparsemor.core.protocols.step_solver import advanced
 from sparsemor.core.status import SolveFailed, Status
 
@@ -232,10 +232,11 @@ def _solve(
 
 def _sizes(layout: Layout, x: FloatArray) -> FloatArray:
     """Size (n,) of each unknown: largest absolute value in its block, at least `smallest` of its
-    kind."""
+    kind. Of a pose `smallest`: its change by a step depends neither on the distance from the origin
+    nor on the number of turns."""
     sizes = np.ones(layout.size)
     for b in layout:
-        top = float(np.abs(x[layout[b.name]]).max())
+        top = 0.0 if b.kind.quantity is Quantity.POSE else float(np.abs(x[layout[b.name]]).max())
         sizes[layout[b.name]] = max(top, b.kind.smallest)
     return sizes
 

@@ -158,10 +158,12 @@ def test_a_run_on_streamed_snapshots_keeps_them_once(
     for name in ("disk.elastic", "disk.thermal"):
         want = plain.block(name)
         assert np.abs(run.block(name) - want).max() <= 1e-6 * np.abs(want - want[0]).max()
-    assert {e.kind for e in cache.entries()} == {"training", "basis", "trial_space"}
+    assert {e.kind for e in cache.entries()} == {
+        "training", "basis", "galerkin_error", "trial_space"}
     assert not [f for d in cache.root.glob(".scratch.*") for f in d.iterdir()]
     again = simulate(small(), cache=cache)
-    assert again.summary["cache"] == {"basis": "hit", "trial_space": "hit"}
+    assert again.summary["cache"] == {
+        "basis": "hit", "galerkin_error": "hit", "trial_space": "hit"}
     assert np.array_equal(again.block("disk.elastic"), run.block("disk.elastic"))
 
 

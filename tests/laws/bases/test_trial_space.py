@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.sparse import csr_array
 
 from small_scenes import tiny
 from sparsemor import simulate
@@ -15,6 +16,7 @@ from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.diagnostics.trial_space import trial_spaces
 from sparsemor.core.simulation.offline import Offline
+from sparsemor.reducers.projection.galerkin_error import GalerkinError, galerkin_error
 from tiers import quick
 from tiny_scene import full, snapshots
 
@@ -39,7 +41,8 @@ def run(shared: Cache, tmp_path: Path, scene: Scene | None = None, **reducer: An
 def notes(result: RunResult, kind: str) -> list[str]:
     """Sentences of one kind: its words tell them apart."""
     words = {"trial_space": "cannot represent", "beyond_training": "left the range",
-             "sampled_rows": "do not determine", "no_effect": "no effect"}[kind]
+             "sampled_rows": "do not determine", "no_effect": "no effect",
+             "galerkin_error": "Galerkin projection on"}[kind]
     found = [text for text in result.summary["notes"] if words in text]
     assert bool(found) == (kind in result.summary["note_kinds"])
     return found
@@ -131,6 +134,53 @@ def test_a_field_that_does_not_change_has_no_note() -> None:
     one = Dictionary(np.full((27, 1), 27.0 ** -0.5), np.zeros(27), ())
     (space,) = trial_spaces(model, offline, {"bar.thermal": one}, 1e-3, 0.01)
     assert space.change == 0.0 and space.error < 1e-12 and space.note() is None
+
+
+# ------------------------------------------------------------------------ Galerkin solutions
+
+
+@pytest.mark.full
+def test_the_error_of_galerkin_solutions_is_foreseen(
+    shared: Cache, tmp_path: Path, reference: RunResult
+) -> None:
+    """One atom holds the states to 0.2 of their change, and its solution is wrong by 0.7: stiff
+    deformations weigh more in the equations than in the error."""
+    result = run(shared, tmp_path, use="galerkin", bases={"*.elastic": {"use": "pod", "count": 1}})
+    (text,) = notes(result, "galerkin_error")
+    stated, best = (float(text.split(f"{words} ")[1].split()[0].rstrip("):"))
+                    for words in ("has an error of", "projected orthogonally"))
+    error = measure_errors(reference, result).worst["bar.elastic"]
+    assert stated > 2.0 * best
+    assert 0.8 < stated / error < 1.25
+
+
+def test_galerkin_errors_are_those_of_the_reduced_equations() -> None:
+    """For x = 0 at the start, the solution of A^T D A c = A^T D x; best: the orthogonal part."""
+    rng = np.random.default_rng(4)
+    half = rng.standard_normal((9, 9))
+    D, A = half @ half.T + 0.1 * np.eye(9), np.linalg.qr(rng.standard_normal((9, 2)))[0]
+    x = np.hstack([np.zeros((9, 1)), rng.standard_normal((9, 4))])
+    change = np.linalg.norm(x, axis=0).max()
+    found = galerkin_error(Dictionary(A, np.zeros(9), ()), csr_array(D), x)
+    assert found is not None
+    solved = A @ np.linalg.solve(A.T @ D @ A, A.T @ D @ x)
+    assert found.galerkin == pytest.approx(np.linalg.norm(x - solved, axis=0).max() / change)
+    assert found.best == pytest.approx(np.linalg.norm(x - A @ A.T @ x, axis=0).max() / change)
+    assert found.best <= found.galerkin
+    whole = galerkin_error(Dictionary(np.eye(9), np.zeros(9), ()), csr_array(D), x)
+    assert whole is not None and whole.galerkin < 1e-12 and whole.note("a", 9) is None
+    assert galerkin_error(Dictionary(A, np.zeros(9), ()), csr_array(D), x[:, :1]) is None
+
+
+@pytest.mark.parametrize(("galerkin", "best", "noted"), [
+    (0.02, 0.002, True), (0.009, 0.001, False), (0.3, 0.2, False), (0.5, 0.2, True)])
+def test_galerkin_errors_are_noted_beyond_those_of_the_atoms(
+    galerkin: float, best: float, noted: bool
+) -> None:
+    note = GalerkinError(galerkin, best).note("bar.elastic", 3)
+    assert (note is not None) == noted
+    if note is not None:
+        assert f"an error of {galerkin:.2g} of its largest change" in note.text
 
 
 # ------------------------------------------------------------------------ beyond training

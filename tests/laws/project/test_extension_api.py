@@ -56,10 +56,10 @@ def test_each_name_is_there(name: str) -> None:
 
 
 BODIES = {
-    "BODY_KINDS", "Between", "Body", "Conditions", "DenseTerm", "ELASTIC",
-    "ForceElement", "HasLawArrays", "Isotropic", "JointPart", "LoadPart", "MULTIPLIER",
-    "MassProperties", "NumberOrFunction",
-    "PointwiseLaw", "Pose", "RIGID", "Response", "TEMPERATURE", "TEMPERATURE_RATE", "THERMAL",
+    "BODY_KINDS", "Between", "Body", "Conditions", "DenseTerm", "Drive",
+    "ELASTIC", "ForceElement", "HasLawArrays", "Isotropic", "JointPart", "LoadPart", "MULTIPLIER",
+    "MassProperties", "NumberOrFunction", "PlanePart", "PointwiseLaw", "Pose", "RIGID",
+    "Response", "RigidItem", "Side", "SpringItem", "TEMPERATURE", "TEMPERATURE_RATE", "THERMAL",
     "Target", "Variable", "amplitude", "components", "conditions_between", "conditions_on",
     "constant", "curve_at", "displacement_gradient", "find_body", "find_surfaces", "find_target",
     "need_field", "numbers_of", "temperature_gradient",
@@ -67,7 +67,7 @@ BODIES = {
 REDUCERS = {
     "Approximation", "ErrorModel", "Interpolating", "Linear", "Maps", "Projection",
     "ProjectionReducer", "Reducible", "TestMap", "choose_points", "error_model", "force_modes",
-    "force_snapshots", "interpolation", "left_inverse", "modal_coordinates",
+    "force_snapshots", "galerkin_notes", "interpolation", "left_inverse", "modal_coordinates",
 }
 
 

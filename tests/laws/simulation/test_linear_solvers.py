@@ -25,7 +25,7 @@ from sparsemor.plugins.linear_solvers.cholmod import Cholmod
 from sparsemor.plugins.linear_solvers.conjugate_gradients import ConjugateGradients
 from sparsemor.plugins.linear_solvers.pardiso import Pardiso
 from sparsemor.plugins.linear_solvers.smoothed_aggregation import SmoothedAggregation
-from sparsemor.plugins.linear_solvers.superlu import ENTRY, Splu
+from sparsemor.plugins.linear_solvers.superlu import CHUNK, ENTRY, Splu, chunked
 
 PACKAGE = {"pardiso": "pypardiso", "cholmod": "sksparse", "amg": "pyamg"}
 STEEL = Isotropic(E=200e9, nu=0.3, rho=7850, alpha=12.3e-6, k=44.5, c=475)
@@ -50,6 +50,26 @@ def elastic(n: int) -> tuple[Csr, DofLocations]:
     free = np.setdiff1d(np.arange(3 * len(mesh.points)), held)
     K = fe.elastic_stiffness(mesh, STEEL, 1.0, "solid")[free][:, free]
     return K, DofLocations(mesh.points[free // 3], free % 3)
+
+
+@pytest.mark.parametrize("columns", [1, CHUNK, CHUNK + 1, 3 * CHUNK + 5])
+def test_superlu_solves_for_many_columns_in_chunks(columns: int) -> None:
+    A, places = elastic(3)
+    b = np.random.default_rng(1).standard_normal((A.shape[0], columns))
+    widths: list[int] = []
+
+    def solve(part: FloatArray) -> FloatArray:
+        widths.append(part.shape[1])
+        return np.linalg.solve(A.toarray(), part)
+
+    expected = np.linalg.solve(A.toarray(), b)
+    size = np.abs(expected).max()
+    assert np.allclose(chunked(solve)(b), expected, rtol=0.0, atol=1e-13 * size)
+    assert sum(widths) == columns
+    assert max(widths) <= CHUNK and max(widths) - min(widths) <= 1
+    for ordering in ("minimum_degree", "dissection"):
+        x = Splu(ordering=ordering).factorize(A, places).solve(b)
+        assert np.allclose(x, expected, rtol=0.0, atol=1e-12 * size)
 
 
 @pytest.mark.parametrize("solver", [

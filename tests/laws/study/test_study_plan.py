@@ -115,6 +115,10 @@ def test_a_combination_that_only_some_values_refuse_is_a_refused_run() -> None:
      "study.yaml:2:13: reference.fixed: give changes to the scene"),
     ("scene: scene.yaml\nreference: {fixed: {}, seed: 1}\ngrid: {seed: [1, 2]}\n",
      "study.yaml:2:24: reference.seed: move it under `fixed`"),
+    ("scene: scene.yaml\nreference: none\nerrors_from: 0.1\ngrid: {seed: [1]}\n",
+     "study.yaml:3:1: errors_from: has no effect with reference: none"),
+    ("scene: scene.yaml\nreference: none\nover_time: true\ngrid: {seed: [1]}\n",
+     "study.yaml:3:1: over_time: has no effect with reference: none"),
 ])
 def test_faults_have_their_place(text: str, expected: str) -> None:
     with pytest.raises(InputError) as caught:

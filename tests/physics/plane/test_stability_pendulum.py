@@ -40,11 +40,12 @@ def stepped(scene: Scene) -> tuple[StepMap, StepSolver]:
     return step_map(solver, scene.integrator, H, state, memory), solver
 
 
-def pendulum(angle: float, integrator: Any) -> Scene:
-    """A rigid body of 2 kg and 0.3 kg m^2 about its centre, 0.6 m from a pin, at rest."""
+def pendulum(angle: float, integrator: Any, x: float = 0.0) -> Scene:
+    """A rigid body of 2 kg and 0.3 kg m^2 about its centre, 0.6 m from a pin at x (m), at rest."""
     return scene_of({
         "bodies": {"bob": {"use": "rigid", "mass": 2.0, "inertia": 0.3, "center": [0.6, 0.0],
-                           "points": {"a": [0.0, 0.0]}, "pose": {"angle": angle}}},
+                           "points": {"a": [0.0, 0.0]},
+                           "pose": {"angle": angle, "position": [x, 0.0]}}},
         "joints": {"pin": {"use": "revolute", "between": ["ground", "bob:a"]}},
         "loads": {"gravity": {"use": "gravity", "g": [0.0, -G]}},
         "time": {"end": 0.01, "step": H}, "integrator": integrator})
@@ -64,6 +65,18 @@ def test_a_hanging_pendulum_under_bdf1_shrinks_as_its_rule_says() -> None:
 def test_an_inverted_pendulum_grows_and_that_is_its_own() -> None:
     step, _ = stepped(pendulum(UP, "bdf1"))
     assert radius(step.matrix) == pytest.approx(1.0 / (1.0 - RATE * H), abs=1e-8)
+
+
+@pytest.mark.parametrize(("x", "turns", "error"), [
+    (1e4, 0, 1e-7), (1e6, 0, 3e-5), (0.0, 1000, 1e-6), (-1e6, -1000, 3e-5)])
+def test_the_place_and_whole_turns_change_round_off_only(
+    x: float, turns: int, error: float
+) -> None:
+    """Perturbations do not grow with coordinates: 1000 km away, or after 1000 turns, errors are
+    those of positions rounded to 1e-10 m."""
+    angle = UP + 2.0 * np.pi * turns
+    step, _ = stepped(pendulum(angle, "bdf1", x))
+    assert radius(step.matrix) == pytest.approx(1.0 / (1.0 - RATE * H), abs=error)
 
 
 @pytest.mark.parametrize("rho", [0.0, 0.8, 1.0])

@@ -42,7 +42,8 @@ def test_galerkin_without_training(
     reducer: dict[str, Any], elastic: float, thermal: float, full: RunResult, tmp_path: Path
 ) -> None:
     result = run({"use": "galerkin", **reducer}, tmp_path)
-    assert set(result.summary["cache"]) - {"span"} == {"basis", "trial_space"}
+    assert set(result.summary["cache"]) - {"span"} == {
+        "basis", "galerkin_error", "trial_space"}
     errors = compare(full, reduced=result).errors["reduced"]
     assert errors["elastic"] < elastic and errors["thermal"] < thermal
     assert errors["angle_rad"] < 1e-4
@@ -68,7 +69,8 @@ def test_a_basis_of_snapshots_in_a_dictionary_trains(tmp_path: Path) -> None:
     bases = ["modal", {"use": "pod", "count": 5}]
     result = run({"use": "galerkin",
                   "basis": {"use": "dictionary", "bases": bases, "orthonormal": True}}, tmp_path)
-    assert set(result.summary["cache"]) == {"basis", "training", "trial_space"}
+    assert set(result.summary["cache"]) == {
+        "basis", "galerkin_error", "training", "trial_space"}
 
 
 def test_sampled_rows_take_training_free_bases(full: RunResult, tmp_path: Path) -> None:
