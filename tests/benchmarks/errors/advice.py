@@ -281,7 +281,7 @@ def measured(
         best = max(met, key=lambda label: ratio[label], default="")
         took = f"{bench.advice_seconds(t) / whole:.1f}" if timed else ""
         each = " | ".join(
-            f"{max(e[n] for e in other):.1e}" if n in other[0] else "" for n in FIELDS)
+            f"{max(e[n] for e in other):.1e}" if other and n in other[0] else "" for n in FIELDS)
         atoms = "/".join(map(str, advice.choice.trials[-1].atoms.values()))
         print(f"| {name} | {t:g} | {advice.choice.reducer['use']} {atoms} | "
               f"{max(errors[t][0].values()):.1e} | {each} | "
@@ -295,7 +295,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true")
     parser.add_argument("--scenes", default=",".join(CASES))
-    parser.add_argument("--sets", type=int, default=20)
+    parser.add_argument("--sets", type=int, default=20, help="0: the scene's own parameters alone")
     parser.add_argument("--tolerances", default=",".join(f"{t:g}" for t in TOLERANCES))
     parser.add_argument("--hand", type=int, default=5, help="sets for hand-made reducers, or 0")
     parser.add_argument("--folder", type=Path, default=Path("advice"))
