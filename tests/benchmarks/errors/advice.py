@@ -2,12 +2,14 @@
 parameters that were not trained, CPU time of a step, and time of the choice.
 
     python tests/benchmarks/errors/advice.py [--quick] [--scenes NAMES] [--sets 20] [--folder DIR]
+        [--tolerances 1e-2,1e-3,1e-4]
 
 Parameter sets change two or three numbers by up to 20 % at random: heat flux, start angle and
-gravity (pendulums), speed and friction (the slider's speed downwards only: a faster one leaves its
-plate), or heat flux, film coefficient and emissivity (plates); training runs and numbers of atoms
-stay those of the nominal scene. A full-order run of each set is stored in DIR once, and so are the
-errors, so that an interrupted program continues.
+gravity (pendulums), speed and friction (slider_plate, its speed downwards only: a faster slider
+leaves its plate), speed, friction and pressing force (brake_disk), or heat flux, film coefficient
+and emissivity (plates); training runs and numbers of atoms stay those of the nominal scene. A
+full-order run of each set is stored in DIR once, and so are the errors, so that an interrupted
+program continues.
 
 One line per scene, tolerance and model. Errors are relative to the largest change of the block.
 `error`: the largest of all fields with the scene's own parameters; `rigid`, `elastic`, `thermal`:
@@ -82,7 +84,8 @@ def slider(f: Any) -> dict[str, Any]:
 def disk(f: Any) -> dict[str, Any]:
     spin = [0.0, 0.0, float(66.667 * f[0])]
     return {"bodies.disk.pose.spin": spin, "bodies.car.pose.spin": spin,
-            "contacts.brake.friction.coefficient": float(0.7 * f[1])}
+            "contacts.brake.friction.coefficient": float(0.7 * f[1]),
+            "loads.press.force": float(18000 * f[2])}
 
 
 def flux(values: Sequence[float], times: Sequence[float], f: float) -> dict[str, Any]:
@@ -248,23 +251,25 @@ class Bench:
             return cpu(lambda: advise(self.scene, tolerance=tolerance, cache=Cache(place)))[1]
 
 
-def measured(bench: Bench, sets: int, hand: int, timed: bool) -> None:
+def measured(
+    bench: Bench, tolerances: Sequence[float], sets: int, hand: int, timed: bool
+) -> None:
     case, name, scene = bench.case, bench.name, bench.scene
     chosen = {t: advise(scene, tolerance=t, cache=bench.cache, body_cache=bench.bodies)
-              for t in TOLERANCES}
-    errors: dict[float, list[dict[str, float]]] = {t: [] for t in TOLERANCES}
+              for t in tolerances}
+    errors: dict[float, list[dict[str, float]]] = {t: [] for t in tolerances}
     for i in range(sets + 1):
         for t, advice in chosen.items():
             errors[t].append(bench.error(advice.scene, i))
             print(f"{name} {t:g}, set {i}: {errors[t][-1]}", file=sys.stderr, flush=True)
     hand_made = {"packaged": scene, **{
         label: scene.using(dict(settings)) for label, settings in case.hand_made.items()}}
-    found = {label: bench.errors(model, min(hand, sets), TOLERANCES[0])
+    found = {label: bench.errors(model, min(hand, sets), max(tolerances))
              for label, model in hand_made.items() if hand}
     for label, e in found.items():
         print(f"| {name} | | {label} | | largest {max(e):.1e} | | | of {len(e)} | | |", flush=True)
     marches = {label: bench.steps(model) for label, model in hand_made.items()
-               if label == "packaged" or hand and max(found[label]) <= TOLERANCES[0]}
+               if label == "packaged" or hand and max(found[label]) <= max(tolerances)}
     whole = bench.full_seconds() if timed else np.nan
     for t, advice in chosen.items():
         other, met = errors[t][1:], [label for label, e in found.items() if max(e) <= t]
@@ -276,7 +281,7 @@ def measured(bench: Bench, sets: int, hand: int, timed: bool) -> None:
         best = max(met, key=lambda label: ratio[label], default="")
         took = f"{bench.advice_seconds(t) / whole:.1f}" if timed else ""
         each = " | ".join(
-            f"{max(e[n] for e in other):.1e}" if n in other[0] else "" for n in FIELDS)
+            f"{max(e[n] for e in other):.1e}" if other and n in other[0] else "" for n in FIELDS)
         atoms = "/".join(map(str, advice.choice.trials[-1].atoms.values()))
         print(f"| {name} | {t:g} | {advice.choice.reducer['use']} {atoms} | "
               f"{max(errors[t][0].values()):.1e} | {each} | "
@@ -290,17 +295,19 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true")
     parser.add_argument("--scenes", default=",".join(CASES))
-    parser.add_argument("--sets", type=int, default=20)
+    parser.add_argument("--sets", type=int, default=20, help="0: the scene's own parameters alone")
+    parser.add_argument("--tolerances", default=",".join(f"{t:g}" for t in TOLERANCES))
     parser.add_argument("--hand", type=int, default=5, help="sets for hand-made reducers, or 0")
     parser.add_argument("--folder", type=Path, default=Path("advice"))
     parser.add_argument("--no-time", action="store_true", help="do not measure `time`")
     given = parser.parse_args()
+    tolerances = [float(t) for t in given.tolerances.split(",")]
     cases = QUICK if given.quick else {n: CASES[n] for n in given.scenes.split(",")}
     print("| scene | tolerance | model | error | rigid | elastic | thermal | above | cost | time |"
           "\n|---|---|---|---|---|---|---|---|---|---|", flush=True)
     for name, case in cases.items():
         with TemporaryDirectory() as place:
-            measured(Bench(name, case, Path(place) if given.quick else given.folder),
+            measured(Bench(name, case, Path(place) if given.quick else given.folder), tolerances,
                      1 if given.quick else given.sets, given.hand, not given.no_time)
 
 
