@@ -71,4 +71,8 @@ class ReducedStepOptions(StepOptions):
     def error_estimator(self, problem: ReducedProblem, solver: StepSolver) -> ErrorEstimator | None:
         """Estimator of the errors of runs of `solver`, None without the option."""
         every = self.error_limit.every
-        return error_model(problem, solver, every) if every else None
+        return error_model(problem, solver, every, self.active_atoms) if every else None
+
+    def active_atoms(self, name: str, atoms: int) -> int:
+        """Largest number of active ones of the `atoms` atoms of a block."""
+        return atoms

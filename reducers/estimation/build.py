@@ -1,6 +1,6 @@
 """Assembly of the error model of a reduced run from the full model and the trial bases."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -27,6 +27,12 @@ from sparsemor.reducers.estimation.error_space import (
 )
 from sparsemor.reducers.estimation.estimator import BlockErrors, ErrorModel
 from sparsemor.reducers.estimation.local_forces import LocalForces
+from sparsemor.reducers.estimation.reduced_states import (
+    InAtoms,
+    InModes,
+    Projected,
+    StateMap,
+)
 from sparsemor.reducers.estimation.residuals import ElasticResidual, HeatResidual
 from sparsemor.reducers.step.coupled_reduced import ProjectedBlock, ProjectedModel, dense_equations
 from sparsemor.reducers.step.frame_step import BodyStep
@@ -34,17 +40,19 @@ from sparsemor.reducers.step.operators import TestedElastic, TestedHeat, TestMap
 
 
 def error_model(
-    problem: ReducedProblem, solver: StepSolver, every: int
+    problem: ReducedProblem, solver: StepSolver, every: int,
+    active: Callable[[str, int], int] = lambda _, atoms: atoms,
 ) -> ErrorModel | CoupledErrors:
     """Error model of the runs of `solver`, for every `every`-th step: by blocks where the motion of
-    frames is prescribed and all terms are linear, else of the whole model.
+    frames is prescribed and all terms are linear, else of the whole model. active: largest number
+    of active atoms of a block with so many atoms.
 
     Raises SolveFailed where an operator of a block cannot be factorized.
     """
     separated = problem.model.separated
     local = separated.elastic_local or any(b.local for b in separated.heat)
     whole = bool(local or separated.border_size or separated.between)
-    build = _Builder(problem, solver, every, whole)
+    build = _Builder(problem, solver, every, whole, active)
     return build.coupled() if whole else build.by_blocks()
 
 
@@ -53,7 +61,8 @@ class _Builder:
     errors act on displacements."""
 
     def __init__(
-        self, problem: ReducedProblem, solver: StepSolver, every: int, whole: bool
+        self, problem: ReducedProblem, solver: StepSolver, every: int, whole: bool,
+        active: Callable[[str, int], int],
     ) -> None:
         self.problem, self.solver, self.every, self.whole = problem, solver, every, whole
         self.model = problem.model
@@ -61,15 +70,23 @@ class _Builder:
         self.step = StepFactors(self.h, *problem.integrator.rules(self.h).factors)
         self.notes: list[Note] = []
         self.local = LocalForces(problem)
+        self.active = active
 
     def by_blocks(self) -> ErrorModel:
-        heat = {b.thermal: self._heat(b) for b in self.model.separated.heat
-                if b.thermal in self.solver.dictionaries}
-        elastic = [self._elastic(m, heat) for m in self.model.separated.moving
-                   if m.elastic in self.solver.dictionaries]
+        known, spaces = self.solver.dictionaries, dict[str, ErrorSpace]()
+        warm = [b for b in self.model.separated.heat if b.thermal in known]
+        moving = [m for m in self.model.separated.moving if m.elastic in known]
+        for b in warm:
+            spaces[b.thermal] = self._heat_space(b)
+        for m in moving:
+            hot = spaces.get(m.thermal)
+            spaces[m.elastic] = self._elastic_space(
+                m, np.zeros((0, 0)) if hot is None else hot.modes)
+        blocks = _Coordinates(self, spaces)
         return ErrorModel.of(
-            self.every, self.problem.step, list(heat.values()), elastic, self.model.layout,
-            self.problem.integrator, self.notes)
+            self.every, self.problem.step, [blocks.heat(b) for b in warm],
+            [blocks.elastic(m) for m in moving], self.model.layout, self.solver.layout,
+            blocks.layout, self.problem.integrator, self.notes)
 
     def coupled(self) -> CoupledErrors:
         heat, elastic, spaces = {}, {}, dict[str, ErrorSpace]()
@@ -77,7 +94,7 @@ class _Builder:
 
         def add(name: str, space: ErrorSpace) -> TestMap:
             spaces[name] = space
-            dictionaries[name] = Dictionary(space.modes, self._dictionary(name).offset, ())
+            dictionaries[name] = Dictionary(space.modes, self.dictionary(name).offset, ())
             return TestMap(left=np.ascontiguousarray(space.modes.T))
 
         for b in self.model.separated.heat:
@@ -98,7 +115,8 @@ class _Builder:
         projected = ProjectedModel(self.model, dictionaries, {}, heat, elastic)
         blocks = [ReducedBlock(
             name, space, dictionaries[name].offset,
-            least_squares_coefficients(space.modes, self._dictionary(name).atoms))
+            self.projected(name, space) or InModes(
+                least_squares_coefficients(space.modes, self.dictionary(name).atoms)))
             for name, space in spaces.items()]
         integrator = self.problem.integrator
         return CoupledErrors(
@@ -106,50 +124,38 @@ class _Builder:
             self.model.layout, self.solver.layout, integrator, integrator.rules(self.h),
             tuple(self.notes))
 
-    def _dictionary(self, name: str) -> Dictionary:
+    def dictionary(self, name: str) -> Dictionary:
         """Trial basis of a block; all its unknowns where it is not reduced."""
         n = self.model.block_data(name).size
         return self.solver.dictionaries.get(name) or Dictionary(np.eye(n), np.zeros(n), ())
 
+    def _spanned(self, name: str) -> Dictionary:
+        """Atoms that the space of errors contains: all of them, or as many leading ones as can be
+        active, of a basis from which few are and which has more than half as many as unknowns."""
+        d = self.dictionary(name)
+        n, k = d.atoms.shape
+        return d.leading(self.active(name, k)) if 2 * k > n else d
+
+    def projected(self, name: str, space: ErrorSpace) -> Projected | None:
+        """Projection of the states of a block whose space of errors has the leading atoms only."""
+        d = self.dictionary(name)
+        if self._spanned(name).atoms.shape == d.atoms.shape:
+            return None
+        return Projected.of(d.atoms, space)
+
     def _heat_space(self, b: HeatBody) -> ErrorSpace:
-        d = self._dictionary(b.thermal)
+        d = self._spanned(b.thermal)
         columns = [*residual_columns(b, d.atoms, d.offset, d.atoms), self.local.of_heat(b, d)]
         return self._space(b.thermal, self.local.tangent_of_heat(b), d, columns)
 
     def _elastic_space(self, m: MovingBody, errors: FloatArray) -> ErrorSpace:
         """errors (nT, q): modes of the errors of the body's temperatures."""
         assert m.operators is not None
-        d, o = self._dictionary(m.elastic), m.operators
-        hot = self._dictionary(m.thermal) if m.thermal in self.model.layout else None
+        d, o = self._spanned(m.elastic), m.operators
+        hot = self.dictionary(m.thermal) if m.thermal in self.model.layout else None
         spanned = errors if hot is None else np.column_stack([errors, hot.offset])
         columns = [*residual_columns(o, d.atoms, d.offset, spanned), self.local.of_elastic(m, d)]
         return self._space(m.elastic, self.local.tangent_of_elastic(m), d, columns)
-
-    def _heat(self, b: HeatBody) -> BlockErrors:
-        name, d, space = b.thermal, self._dictionary(b.thermal), self._heat_space(b)
-        tested = TestedHeat.of(b, d, TestMap(left=space.modes.T))
-        residual = HeatResidual.of(self.solver.layout[name], tested)
-        return self._block(name, space, residual, d)
-
-    def _elastic(self, m: MovingBody, heat: Mapping[str, BlockErrors]) -> BlockErrors:
-        assert m.operators is not None
-        name, o, layout = m.elastic, m.operators, self.solver.layout
-        d, warm = self.solver.dictionaries[name], heat.get(m.thermal)
-        errors = warm.space.modes if warm is not None else np.zeros((0, 0))
-        space = self._elastic_space(m, errors)
-        test = TestMap(left=space.modes.T)
-        tested = TestedElastic.of(o, m.frame, d, self.solver.dictionaries.get(m.thermal), test)
-        step = BodyStep(
-            m.name, tested.frame, m.to_border, m.origin, None, layout[name],
-            layout[m.thermal] if m.thermal in layout else slice(0, 0), name, m.guide)
-        warmth = None
-        if o.coupling is not None and warm is not None:
-            warmth = np.ascontiguousarray((test(o.coupling) @ errors).T)
-        if space.coupled > PROPORTIONAL:
-            self.notes.append(information(
-                f"the damping of {name} couples its eigenmodes, by {space.coupled:.1e} of its "
-                "size, which the estimate of its error leaves out", "estimate_damping"))
-        return self._block(name, space, ElasticResidual.of(step, tested), d, m.thermal, warmth)
 
     def _space(
         self, name: str, operators: Operators, d: Dictionary, columns: Sequence[FloatArray]
@@ -159,9 +165,52 @@ class _Builder:
         return error_space(name, model, operators, d.atoms, columns, starts, self.step,
                            self.problem.offline, self.whole)
 
+
+class _Coordinates:
+    """Error equations of blocks whose frames are prescribed. bases: block -> basis of the
+    coordinates that its residual is evaluated in, the modes of its errors where these do not span
+    its atoms, and `layout` of these coordinates."""
+
+    def __init__(self, build: _Builder, spaces: Mapping[str, ErrorSpace]) -> None:
+        self.build, self.spaces = build, spaces
+        self.states: dict[str, StateMap] = {}
+        self.bases: dict[str, Dictionary] = {}
+        for name, space in spaces.items():
+            d, projected = build.dictionary(name), build.projected(name, space)
+            self.states[name] = projected or InAtoms()
+            self.bases[name] = Dictionary(space.modes, d.offset, ()) if projected else d
+        self.layout = build.solver.layout.resized(
+            {n: d.atoms.shape[1] for n, d in self.bases.items()})
+
+    def heat(self, b: HeatBody) -> BlockErrors:
+        name = b.thermal
+        tested = TestedHeat.of(b, self.bases[name], TestMap(left=self.spaces[name].modes.T))
+        return self._block(name, HeatResidual.of(self.layout[name], tested))
+
+    def elastic(self, m: MovingBody) -> BlockErrors:
+        assert m.operators is not None
+        name, o, layout = m.elastic, m.operators, self.layout
+        space, warm = self.spaces[name], self.spaces.get(m.thermal)
+        test = TestMap(left=space.modes.T)
+        tested = TestedElastic.of(
+            o, m.frame, self.bases[name], self.bases.get(m.thermal), test, rigid=False)
+        step = BodyStep(
+            m.name, tested.frame, m.to_border, m.origin, None, layout[name],
+            layout[m.thermal] if m.thermal in layout else slice(0, 0), name, m.guide)
+        warmth = None
+        if o.coupling is not None and warm is not None:
+            warmth = np.ascontiguousarray((test(o.coupling) @ warm.modes).T)
+        if space.coupled > PROPORTIONAL:
+            self.build.notes.append(information(
+                f"the damping of {name} couples its eigenmodes, by {space.coupled:.1e} of its "
+                "size, which the estimate of its error leaves out", "estimate_damping"))
+        return self._block(name, ElasticResidual.of(step, tested), m.thermal, warmth)
+
     def _block(
-        self, name: str, space: ErrorSpace, residual: HeatResidual | ElasticResidual,
-        d: Dictionary, heat: str = "", warmth: FloatArray | None = None
+        self, name: str, residual: HeatResidual | ElasticResidual, heat: str = "",
+        warmth: FloatArray | None = None
     ) -> BlockErrors:
-        return BlockErrors(name, space, residual, d.atoms, d.offset, self.model.layout[name],
-                           self.solver.layout[name], heat, warmth)
+        build, d = self.build, self.build.dictionary(name)
+        return BlockErrors(
+            name, self.spaces[name], residual, d.atoms, d.offset, build.model.layout[name],
+            build.solver.layout[name], self.states[name], heat, warmth)

@@ -31,6 +31,7 @@ from sparsemor.core import (
 )
 from sparsemor.reducers.estimation.bordered_modes import BorderedModes
 from sparsemor.reducers.estimation.error_space import ErrorSpace
+from sparsemor.reducers.estimation.reduced_states import StateMap, ranges
 from sparsemor.reducers.step.newton.memory import Factor
 from sparsemor.reducers.step.reduced_residual import Dense
 
@@ -42,13 +43,13 @@ ACCURACY = 1e-3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReducedBlock:
-    """A reduced block with the space of its errors: atoms = modes @ lift; offset (n,): that of its
-    trial basis."""
+    """A reduced block with the space of its errors; states: map of its coefficients to the modes;
+    offset (n,): that of its trial basis."""
 
     name: str
     space: ErrorSpace
     offset: FloatArray
-    lift: FloatArray
+    states: StateMap
 
 
 class Motion(NamedTuple):
@@ -85,7 +86,7 @@ class CoupledErrors:
         """Memory of the estimate at the start of a run: errors (s, n) of the initial state with
         their rates and the integrator's history, and the state itself (3, n) with its time, in the
         coordinates of the error spaces."""
-        layout, known = self.equations.layout, self.lifted(reduced)
+        layout, (known, outside) = self.equations.layout, self.projected([reduced])[0]
         spaces, e = {b.name: b for b in self.spaces}, np.zeros((3, layout.size))
         for block in layout:
             at, b = layout[block.name], spaces.get(block.name)
@@ -96,7 +97,7 @@ class CoupledErrors:
                 e[i, at] = x - (known.x, known.v, known.a)[i][at]
         x, v, a = e
         return self._memory(self.integrator.start(
-            layout, State(full.t, x, v, a, np.zeros((layout.size, 0)))), known)
+            layout, State(full.t, x, v, a, np.zeros((layout.size, 0)))), known, outside)
 
     def corrected(self, full: State, memory: Mapping[str, FloatArray]) -> State:
         """A state of the full model plus the estimated errors and their rates."""
@@ -106,40 +107,43 @@ class CoupledErrors:
             at, there = self.equations.layout[block.name], self.full[block.name]
             for part, e in zip((x, v, a), memory["errors"][:3, at], strict=True):
                 part[there] += spaces[block.name] @ e if block.name in spaces else e
+        for name, at in self._outside.items():
+            for part, rest in zip((x, v, a), memory["outside"][:, at], strict=True):
+                part[self.full[name]] -= rest
         return State(full.t, x, v, a, full.memory)
 
     def present(self, memory: Mapping[str, FloatArray]) -> dict[str, float]:
         """Estimated error norm of each block at present."""
-        return self._norms(memory["errors"][0])
+        return self._norms(memory["errors"][0], memory["outside"][0])
 
     def advance(
         self, states: Sequence[State], memory: dict[str, FloatArray]
     ) -> dict[str, FloatArray]:
         """Estimated error norms (j,) of each block at j successive states, every `every`-th of the
         run; `memory` is brought to the last."""
-        return self.working()._advanced([self.lifted(s) for s in states], memory)
+        return self.working()._advanced(self.projected(states), memory)
 
     def carry(self, count: int, memory: dict[str, FloatArray]) -> dict[str, FloatArray]:
         """The same for `count` estimates along full-order steps, to which no error is added: by the
         equations at the last state that was reduced, with zero residual there."""
         at, own = Motion(float(memory["time"]), *memory["reduced"]), self.working()
-        return own._advanced([at] * count, memory, own.residual(at))
+        return own._advanced([(at, memory["outside"])] * count, memory, own.residual(at))
 
     def working(self) -> "CoupledErrors":
         """The same estimator with new working arrays, of one call or one thread."""
         return replace(self, equations=self.equations.with_work())
 
     def _advanced(
-        self, run: Sequence[Motion], memory: dict[str, FloatArray],
+        self, run: Sequence[tuple[Motion, FloatArray]], memory: dict[str, FloatArray],
         permitted: FloatArray | float = 0.0
     ) -> dict[str, FloatArray]:
         found: dict[str, list[float]] = {n: [] for n in self.blocks}
-        for at in run:
+        for at, outside in run:
             x, v, a, *history = memory["errors"]
             error = self._step(at, State(at.t - self.h, x, v, a, np.reshape(
                 history, (len(history), len(x))).T), permitted)
-            memory |= self._memory(error, at)
-            for n, norm in self._norms(error.x).items():
+            memory |= self._memory(error, at, outside)
+            for n, norm in self._norms(error.x, outside[0]).items():
                 found[n].append(norm)
         return {n: np.array(v) for n, v in found.items()}
 
@@ -182,21 +186,41 @@ class CoupledErrors:
 
     def lifted(self, state: State) -> Motion:
         """A state of the reduced model in the coordinates of the error spaces."""
-        layout, lifts = self.equations.layout, {b.name: b.lift for b in self.spaces}
-        wide = np.zeros((3, layout.size))
-        for block in layout:
-            for z, part in zip((state.x, state.v, state.a), wide, strict=True):
-                own = z[self.reduced[block.name]]
-                part[layout[block.name]] = (
-                    lifts[block.name] @ own if block.name in lifts else own)
-        return Motion(state.t, *wide)
+        return self.projected([state])[0][0]
 
-    def _norms(self, e: FloatArray) -> dict[str, float]:
+    def projected(self, states: Sequence[State]) -> list[tuple[Motion, FloatArray]]:
+        """States of the reduced model in the coordinates of the error spaces, each with the parts
+        (3, m) of x, v and a outside of them, of all blocks in turn."""
+        layout, maps = self.equations.layout, {b.name: b.states for b in self.spaces}
+        rows = [z for s in states for z in (s.x, s.v, s.a)]
+        known = np.vstack([np.zeros((0, self.reduced.size)), *rows])
+        wide, outside = np.zeros((len(known), layout.size)), [np.zeros((len(known), 0))]
+        for block in layout:
+            own = known[:, self.reduced[block.name]]
+            if block.name in maps:
+                own, rest = maps[block.name](own)
+                outside.append(rest)
+            wide[:, layout[block.name]] = own
+        whole = np.hstack(outside)
+        return [(Motion(s.t, *wide[i : i + 3]), whole[i : i + 3])
+                for s, i in zip(states, range(0, len(known), 3), strict=True)]
+
+    @property
+    def _outside(self) -> dict[str, slice]:
+        """Ranges of the blocks with reduced states outside of their error space."""
+        sizes = {b.name: b.states.outside for b in self.spaces}
+        return ranges({b.name: sizes[b.name] for b in self.equations.layout
+                       if sizes.get(b.name)})
+
+    def _norms(self, e: FloatArray, outside: FloatArray) -> dict[str, float]:
         layout, norms = self.equations.layout, {b.name: b.space.norm for b in self.spaces}
-        return {n: float(np.linalg.norm(
-            norms[n] @ e[layout[n]] if n in norms else e[layout[n]])) for n in self.blocks}
+        rest = self._outside
+        return {n: float(np.linalg.norm(np.concatenate([
+            norms[n] @ e[layout[n]] if n in norms else e[layout[n]],
+            outside[rest.get(n, slice(0, 0))]]))) for n in self.blocks}
 
     @staticmethod
-    def _memory(error: State, at: Motion) -> dict[str, FloatArray]:
+    def _memory(error: State, at: Motion, outside: FloatArray) -> dict[str, FloatArray]:
         return {"errors": np.vstack([error.x, error.v, error.a, error.memory.T]),
-                "reduced": np.stack([at.x, at.v, at.a]), "time": np.array(at.t)}
+                "reduced": np.stack([at.x, at.v, at.a]), "time": np.array(at.t),
+                "outside": outside}

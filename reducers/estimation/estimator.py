@@ -19,13 +19,15 @@ import numpy as np
 from sparsemor.core import FloatArray, Integrator, Layout, Note, State
 from sparsemor.reducers.estimation.error_space import ErrorSpace
 from sparsemor.reducers.estimation.modal_steps import ModalSteps
+from sparsemor.reducers.estimation.reduced_states import StateMap, ranges
 from sparsemor.reducers.estimation.residuals import ElasticResidual, HeatResidual, Trajectory
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BlockErrors:
-    """Error equation of one block. atoms (n, k) and offset (n,): its trial basis; at: its unknowns
-    in the full model and in the reduced one; warmth (qT, q): loads of the modes by errors of the
+    """Error equation of one block. atoms (n, k) and offset (n,): its trial basis; full, reduced:
+    its unknowns in the full model and in the reduced one; states: map of its coefficients to the
+    coordinates that residuals are evaluated in; warmth (qT, q): loads of the modes by errors of the
     body's temperatures, whose block is `heat` ("" without)."""
 
     name: str
@@ -35,6 +37,7 @@ class BlockErrors:
     offset: FloatArray
     full: slice
     reduced: slice
+    states: StateMap
     heat: str = ""
     warmth: FloatArray | None = None
 
@@ -58,13 +61,16 @@ class BlockErrors:
 @dataclass(frozen=True, slots=True, eq=False)
 class ErrorModel:
     """Estimator of errors (`ErrorEstimator`). heat, elastic: blocks of first and second order;
-    layout: their modes; every: steps between two estimates, over which the error equation takes one
-    step."""
+    layout: their modes; reduced: layout of the reduced model; coordinates: that of its states in
+    the coordinates that residuals are evaluated in; every: steps between two estimates, over which
+    the error equation takes one step."""
 
     every: int
     heat: tuple[BlockErrors, ...]
     elastic: tuple[BlockErrors, ...]
     layout: Layout
+    reduced: Layout
+    coordinates: Layout
     integrator: Integrator
     first: ModalSteps
     second: ModalSteps
@@ -73,9 +79,11 @@ class ErrorModel:
     @classmethod
     def of(
         cls, every: int, h: float, heat: Sequence[BlockErrors], elastic: Sequence[BlockErrors],
-        full: Layout, integrator: Integrator, notes: Sequence[Note],
+        full: Layout, reduced: Layout, coordinates: Layout, integrator: Integrator,
+        notes: Sequence[Note],
     ) -> "ErrorModel":
-        """Error model for every `every`-th step of size h, s; full: layout of the full model."""
+        """Error model for every `every`-th step of size h, s; full: layout of the full model;
+        reduced, coordinates: as above."""
         layout = Layout([full.block(b.name).resized(b.space.size) for b in (*heat, *elastic)])
         rules = integrator.rules(every * h)
         first, second = (
@@ -83,8 +91,8 @@ class ErrorModel:
                 [b.space.stiffness for b in blocks], [b.space.damping for b in blocks],
                 [b.space.mass for b in blocks])))
             for rule, blocks in ((rules.first, heat), (rules.second, elastic)))
-        return cls(every, tuple(heat), tuple(elastic), layout, integrator, first, second,
-                   tuple(notes))
+        return cls(every, tuple(heat), tuple(elastic), layout, reduced, coordinates, integrator,
+                   first, second, tuple(notes))
 
     @property
     def blocks(self) -> tuple[str, ...]:
@@ -100,7 +108,9 @@ class ErrorModel:
         state = self.integrator.start(
             self.layout, State(full.t, x, v, a, np.zeros((self.layout.size, 0))))
         rows = np.vstack([state.x, state.v, state.a, state.memory.T])
-        return {"first": rows[:, self.layout.first], "second": rows[:, self.layout.second]}
+        at = Trajectory(np.array([reduced.t]), reduced.x[None], reduced.v[None], reduced.a[None])
+        return {"first": rows[:, self.layout.first], "second": rows[:, self.layout.second],
+                "outside": self._projected(at)[1][:, -1]}
 
     def corrected(self, full: State, memory: Mapping[str, FloatArray]) -> State:
         """A state of the full model plus the estimated errors and their rates."""
@@ -109,13 +119,20 @@ class ErrorModel:
             for b, at in modes_of(blocks):
                 for part, values in zip((x, v, a), z[:3, at], strict=True):
                     part[b.full] += b.space.modes @ values
+        for b, at in self._outside:
+            for part, values in zip((x, v, a), memory["outside"][:, at], strict=True):
+                part[b.full] -= values
         return State(full.t, x, v, a, full.memory)
 
     def present(self, memory: Mapping[str, FloatArray]) -> dict[str, float]:
         """Estimated error norm of each block at present."""
-        return {b.name: float(np.linalg.norm(b.space.norm @ z[0, at]))
-                for blocks, z in ((self.heat, memory["first"]), (self.elastic, memory["second"]))
-                for b, at in modes_of(blocks)}
+        found = {b.name: float(np.linalg.norm(b.space.norm @ z[0, at]))
+                 for blocks, z in ((self.heat, memory["first"]), (self.elastic, memory["second"]))
+                 for b, at in modes_of(blocks)}
+        for b, at in self._outside:
+            rest = float(np.linalg.norm(memory["outside"][0, at]))
+            found[b.name] = float(np.hypot(found[b.name], rest))
+        return found
 
     def advance(
         self, states: Sequence[State], memory: dict[str, FloatArray]
@@ -137,6 +154,10 @@ class ErrorModel:
     ) -> dict[str, FloatArray]:
         found: dict[str, FloatArray] = {}
         modal: dict[str, FloatArray] = {}
+        if isinstance(run, int):
+            outside = np.repeat(memory["outside"][:, None], count, axis=1)
+        else:
+            run, outside = self._projected(run)
         for blocks, which, steps in ((self.heat, "first", self.first),
                                      (self.elastic, "second", self.second)):
             loads = [np.zeros((count, 0)), *(b.force(run, modal) for b in blocks)]
@@ -144,7 +165,37 @@ class ErrorModel:
             for b, at in modes_of(blocks):
                 modal[b.name] = x[:, at]
                 found[b.name] = np.linalg.norm(x[:, at] @ b.space.norm.T, axis=1)
+        for b, at in self._outside:
+            found[b.name] = np.hypot(found[b.name], np.linalg.norm(outside[0][:, at], axis=1))
+        if count:
+            memory["outside"] = outside[:, -1]
         return found
+
+    @property
+    def _outside(self) -> list[tuple[BlockErrors, slice]]:
+        """Blocks with reduced states outside of their error space, with their ranges."""
+        blocks = {b.name: b for b in (*self.heat, *self.elastic) if b.states.outside}
+        found = ranges({n: b.states.outside for n, b in blocks.items()})
+        return [(blocks[n], at) for n, at in found.items()]
+
+    def _projected(self, run: Trajectory) -> tuple[Trajectory, FloatArray]:
+        """Reduced states in the coordinates of the residuals, and the parts (3, j, m) of x, v and a
+        outside of the error spaces."""
+        maps = {b.name: b for b in (*self.heat, *self.elastic)}
+        count = len(run.times)
+        if not self._outside:
+            return run, np.zeros((3, count, 0))
+        wide = np.zeros((3, count, self.coordinates.size))
+        outside = {b.name: np.zeros((3, count, 0)) for b, _ in self._outside}
+        for block in self.coordinates:
+            b = maps.get(block.name)
+            C = np.vstack([part[:, self.reduced[block.name]] for part in (run.x, run.v, run.a)])
+            if b is not None:
+                C, rest = b.states(C)
+                if b.name in outside:
+                    outside[b.name] = rest.reshape(3, count, -1)
+            wide[:, :, self.coordinates[block.name]] = C.reshape(3, count, -1)
+        return Trajectory(run.times, *wide), np.concatenate(list(outside.values()), axis=2)
 
 
 def modes_of(blocks: Sequence[BlockErrors]) -> list[tuple[BlockErrors, slice]]:

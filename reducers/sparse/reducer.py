@@ -65,6 +65,9 @@ class Sparse(SparseOptions):
         found = of_field(field, self.budgets)
         return None if found is None else BlockBudget(found.rows, found.atoms)
 
+    def active_atoms(self, name: str, atoms: int) -> int:
+        return min(matched_option(name, self.budgets, Budget()).atoms or atoms, atoms)
+
     def with_rows(self, rows: Mapping[str, int]) -> "Sparse":
         return self.model_copy(update={"budgets": self._varied("rows", rows)})
 

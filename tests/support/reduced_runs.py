@@ -11,6 +11,7 @@ from sparsemor.core.testing.in_memory_run import March
 from sparsemor.reducers.estimation.build import error_model
 from sparsemor.reducers.estimation.coupled_errors import CoupledErrors
 from sparsemor.reducers.estimation.estimator import ErrorModel
+from sparsemor.reducers.step_options import ReducedStepOptions
 
 
 def learnt(run: March) -> dict[str, FloatArray]:
@@ -34,7 +35,9 @@ def model_of(scene: Scene, run: March, every: int = 1) -> ErrorModel | CoupledEr
     problem = ReducedProblem(
         run.model, scene.integrator, scene.time.step, Offline.of(run.model, {}),
         np.random.default_rng(0))
-    return error_model(problem, run.solver, every)
+    reducer = scene.reducer
+    assert isinstance(reducer, ReducedStepOptions)
+    return error_model(problem, run.solver, every, reducer.active_atoms)
 
 
 def estimates(scene: Scene, run: March, every: int = 1) -> dict[str, FloatArray]:

@@ -71,15 +71,17 @@ class ErrorWatch:
         assert run.estimator is not None
         blocks, self.every = run.estimator.blocks, run.estimator.every
         bases = {n: run.solver.dictionaries.get(n) for n in blocks}
-        self._triangles = {n: np.eye(run.solver.layout.block(n).size) if d is None else np.asarray(
-            np.linalg.qr(d.atoms, mode="r")) for n, d in bases.items()}
+        self._lengths = {n: np.eye(run.solver.layout.block(n).size) if d is None else lengths(
+            d.atoms) for n, d in bases.items()}
 
     def exceeded(self, state: State, errors: Mapping[str, float]) -> Exceeded | None:
         """The block with the largest relative error, if that is above the tolerance."""
         worst, block = 0.0, ""
-        for name, R in self._triangles.items():
+        for name, R in self._lengths.items():
             at = self._layout[name]
-            moved = float(np.linalg.norm(R @ (state.x[at] - self._start[at])))
+            change = state.x[at] - self._start[at]
+            used = np.flatnonzero(change)  # few of many atoms
+            moved = float(np.linalg.norm(R[:, used] @ change[used]))
             self.changes[name] = size = max(self.changes[name], moved)
             ratio = errors[name] / size if size > 0.0 else 0.0
             if not ratio <= worst:  # true for what is not a number, too
@@ -89,6 +91,13 @@ class ErrorWatch:
         return Exceeded(state.t, block, f"the estimated error of {block} reaches {worst:.2g} of "
                         f"its largest change at {state.t:.4g} s (tolerance "
                         f"{self.limit.tolerance:g})")
+
+
+def lengths(atoms: FloatArray) -> FloatArray:
+    """Matrix R (m, k) with |R c| = |atoms c|: the triangle of few atoms (n, k), and the atoms
+    themselves if these are many, whose factorization takes minutes."""
+    n, k = atoms.shape
+    return atoms if 2 * k > n else np.asarray(np.linalg.qr(atoms, mode="r"))
 
 
 def at_full_order(run: PreparedRun, why: Exceeded) -> PreparedRun:

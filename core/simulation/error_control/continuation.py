@@ -18,6 +18,7 @@ from sparsemor.core.simulation.error_control.enrichment import (
     MOST,
     STEPS,
     coefficient_maps,
+    complete,
     enriched,
     in_atoms,
     with_new_atoms,
@@ -63,9 +64,13 @@ def with_more_atoms(
     watch: ErrorWatch, why: Exceeded, end: int,
 ) -> Continuation | None:
     """Takes some steps at full order from a state, and goes on with atoms that represent them;
-    None, with nothing changed, where that is not possible. end: number of steps of the run."""
+    None, with nothing changed, where that is not possible, as with complete bases. end: number of
+    steps of the run."""
     begun, model, errors, scene = time.perf_counter(), run.model, recorder.errors, run.scene
     assert model is not None and errors is not None
+    full_bases = {n for n, d in run.solver.dictionaries.items() if complete(d)}
+    if why.block in full_bases or full_bases == set(run.solver.dictionaries):
+        return None
     count = -(-STEPS // watch.every) * watch.every - tally.done % watch.every
     if len(run.header.enriched) == MOST or count >= end - tally.done:
         return None

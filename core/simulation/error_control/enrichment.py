@@ -65,6 +65,12 @@ class OtherBases:
         return replace(self, base=self.base.learning(count))
 
 
+def complete(dictionary: Dictionary) -> bool:
+    """True if the atoms are as many as the unknowns, so that there are no further ones."""
+    n, k = dictionary.atoms.shape
+    return bool(k >= n)
+
+
 def with_new_atoms(
     known: Mapping[str, Dictionary], states: Sequence[State], layout: Layout,
     permitted: Mapping[str, float],

@@ -29,6 +29,7 @@ from sparsemor.reducers.estimation import error_space
 from sparsemor.reducers.estimation.coupled_errors import CoupledErrors
 from sparsemor.reducers.estimation.estimator import ErrorModel
 from sparsemor.reducers.estimation.modal_steps import ModalSteps
+from sparsemor.reducers.estimation.reduced_states import InModes, Projected
 
 INTEGRATORS: list[Integrator] = [Bdf1(), Bdf2(), GeneralizedAlpha()]
 
@@ -104,7 +105,8 @@ def arrays(model: ErrorModel | CoupledErrors) -> list[tuple[int, ...]]:
     if isinstance(model, CoupledErrors):
         tested = [b.tested for b in model.equations.bodies if b.tested is not None]
         return [(model.equations.layout.size,), *(t.generators.shape for t in tested),
-                *(b.lift.shape for b in model.spaces), *(b.space.norm.shape for b in model.spaces)]
+                *(m.lift.shape for b in model.spaces if isinstance(m := b.states, InModes)),
+                *(b.space.norm.shape for b in model.spaces)]
     return [model.first.load.shape, model.second.load.shape,
             *(b.residual.operators.shape for b in (*model.heat, *model.elastic)),
             *(b.space.norm.shape for b in (*model.heat, *model.elastic))]
@@ -264,3 +266,37 @@ def test_every_block_of_every_kind_of_part_has_an_estimate() -> None:
         change = np.abs(full.block(name) - full.block(name)[0]).max()
         if true.max() > 1e-9 * change:
             assert 0.5 < guess.max() / true.max() < 10.0, name
+
+
+HELD = {"bodies.bar.frame": "fixed", "bodies.bar.reference": {"clamp": "left"}, "joints": {}}
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("held", [{}, HELD], ids=["free frame", "fixed frame"])
+@pytest.mark.parametrize("atoms", [3, 8])
+def test_a_complete_basis_has_an_estimate_on_its_leading_atoms(
+    held: dict[str, Any], atoms: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Atoms selected in each step from as many as unknowns, on a run with twice the heat: the space
+    of the errors is small, and what the states have outside of it is an error."""
+    monkeypatch.setattr(error_space, "COUNT", 8)
+    monkeypatch.setattr(error_space, "COUPLED", 8)
+    scene = tiny().using({"bodies.bar.mesh.divisions": [12, 4], **held, "reducer": {
+        "use": "sparse", "basis": {"use": "pod", "complete": True}, "residual": "preconditioned",
+        "sampler": {"use": "lhs", "required": False}, "hysteresis": 0.0,
+        "budgets": {"*": {"rows": 40, "atoms": atoms}}}})
+    trained = march(scene.using({"reducer": "full"}))
+    other = scene.using({"loads.heating.flux": 2e6})
+    full = march(other.using({"reducer": "full"}))
+    run = march(other, model=full.model, snapshots=learnt(trained))
+    model = model_of(other, run)
+    blocks = ({b.name: (b.space, b.states) for b in model.spaces}
+              if isinstance(model, CoupledErrors) else
+              {b.name: (b.space, b.states) for b in (*model.heat, *model.elastic)})
+    found = estimates(other, run)
+    for name, (space, states_of) in blocks.items():
+        n, k = run.solver.dictionaries[name].atoms.shape
+        assert n == k and space.size <= atoms + 8 + 2 and isinstance(states_of, Projected)
+        true = errors(full, run, name)
+        print(name, n, space.size, true.max(), found[name].max() / true.max())
+        assert 0.5 < found[name].max() / true.max() < 10.0, name

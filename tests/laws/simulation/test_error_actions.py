@@ -242,3 +242,20 @@ def test_steps_in_blocks_end_at_the_estimates(monkeypatch: pytest.MonkeyPatch) -
     assert set(counts) == {6} and len(counts) == 3  # the third one is taken back
     assert run.summary["fall_back"]["time"] == plain.summary["fall_back"]["time"]
     np.testing.assert_array_equal(run.block("bar.thermal"), plain.block("bar.thermal"))
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("action", ["fall_back", "enrich"])
+def test_selection_from_a_complete_basis_falls_back(action: str) -> None:
+    """There are no atoms to add; 12 of 68 atoms are selected in each step."""
+    estimate = {"every": 2, "tolerance": TOLERANCE, "action": action}
+    scene = passing(action).using({"reducer": {
+        "use": "sparse", "basis": {"use": "pod", "complete": True}, "residual": "preconditioned",
+        "sampler": {"use": "lhs", "required": False}, "budgets": {"*": {"rows": 40, "atoms": 12}},
+        "error_estimate": estimate}})
+    blind = errors(simulate(scene.using({"reducer.error_estimate.action": "warn"})))
+    assert blind.worst["thermal"] > 10 * TOLERANCE
+    assert 0.5 < blind.effectivity["bar.thermal"] < 2.0
+    run = simulate(scene)
+    assert run.summary["enriched"] == {} and run.summary["fall_back"]["steps"] < STEPS
+    assert errors(run).worst["thermal"] < TOLERANCE
