@@ -29,7 +29,9 @@ class SparseProblem(Protocol):
     """Sparse least-squares problem: coefficients c with few nonzero entries per group that minimise
     the 2-norm of residual(c).
 
-    Rows are scaled so that they are comparable. needs: names from `PROBLEM_FEATURES`.
+    Rows are scaled so that they are comparable. needs: names from `PROBLEM_FEATURES`. jacobian: the
+    same array object for two c only if the Jacobian is the same, because solvers then keep its
+    column lengths; it is never changed in place.
     """
 
     @property

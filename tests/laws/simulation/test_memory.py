@@ -133,7 +133,7 @@ def test_results_say_what_was_held(tmp_path: Path) -> None:
     run = simulate(load(SCENE, {"bodies.disk.mesh.refine": 0.3, "reducer": "full"}),
                    cache=Cache(tmp_path))
     held = run.summary["memory"]
-    # the kernel counts pages in batches for each processor: a later reading may be smaller by some
+    # inaccurate by pages that the kernel counts in batches, proc(5): a later reading may be smaller
     batches = 1e-3
     assert 0 < held["peak_offline_gb"] <= held["peak_gb"] <= memory.peak() / 1e9 + batches
     assert held["expected_gb"] > 0 and held["available_gb"] > 0
