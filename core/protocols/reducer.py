@@ -267,11 +267,12 @@ class ChoosesReducer(Protocol):
         ...
 
     def choose(
-        self, problem: ReducedProblem, unstable: Callable[[Mapping[str, object], StepSolver], str]
+        self, problem: ReducedProblem,
+        unstable: Callable[[Mapping[str, object], StepSolver, Sequence[State]], str],
     ) -> Choice:
-        """Reducer for this problem. unstable: options of a reducer and its step solver -> reason
-        why it must not be chosen, "" for a stable one. Raises InputError where none can be
-        chosen."""
+        """Reducer for this problem. unstable: options of a reducer, its step solver, and states of
+        a run of it that are close to the training run, none if there was no such run -> reason why
+        it must not be chosen, "" for a stable one. Raises InputError where none can be chosen."""
         ...
 
 

@@ -151,8 +151,9 @@ class RespondsExactly(Protocol):
     """A step solver with an exact derivative of its solution by the history terms of the step
     formula, instead of finite differences."""
 
-    def response(self, step: StepFormula, x: FloatArray) -> FloatArray:
-        """Derivative (n, 2 n) of the solution x (n,) of a step by the history terms [r1; r2]."""
+    def response(self, step: StepFormula, x: FloatArray) -> FloatArray | None:
+        """Derivative (n, 2 n) of the solution x (n,) of a step by the history terms [r1; r2]; None
+        for a solver that has none. Raises RuntimeError where the Jacobian is singular."""
         ...
 
 

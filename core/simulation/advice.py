@@ -26,6 +26,7 @@ from sparsemor.core.protocols import (
     ReadsFiles,
     ReducedProblem,
     SelectsFields,
+    State,
     StepSolver,
     TrialRun,
 )
@@ -201,12 +202,15 @@ def _asked(
     def choice_for(model: Model, offline: Offline) -> Choice:
         start = resolved_start(model, training.integrator, training.time.step).state
 
-        def unstable(reducer: Mapping[str, object], solver: StepSolver) -> str:
+        def unstable(
+            reducer: Mapping[str, object], solver: StepSolver, states: Sequence[State]
+        ) -> str:
             tried = training.using({
                 "reducer": reducer, "check_stability": scene.check_stability}, label=CHOSEN)
             if tried.check_stability == "refuse":  # here it rejects a candidate
                 tried = tried.using({"check_stability": "warn"}, label=CHOSEN)
-            return " ".join(n.text for n in check_run(tried, model, solver, start, offline)[0])
+            return " ".join(n.text for n in check_run(
+                tried, model, solver, start, offline, states)[0])
 
         return chooser.choose(_problem(training, model, offline), unstable)
 

@@ -1,7 +1,7 @@
 """Reducer `auto`: chooses fields, reducer, bases and numbers of atoms by trial runs over the
 training run."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Annotated, Any, ClassVar
 
@@ -15,6 +15,7 @@ from sparsemor.core import (
     ReducedProblem,
     Slot,
     SolveFailed,
+    State,
     StepSolver,
     TrialRun,
     slot_default,
@@ -32,14 +33,24 @@ SAFE = 0.3
 SPARE = 0.25
 """Share of atoms, two at least, that learned bases have beyond what the training run needs: a
 margin for other parameters, under which projection errors fall more slowly with the number."""
+HELD_OUT = 0.5
+"""Share of the tolerance that errors may reach on the part of the training run that was held
+out."""
 TIGHTER = 0.3
-"""Factor of the target of a projection error where a trial run is not accurate enough."""
+"""Least factor of the target of a projection error where a trial run is not accurate enough."""
+NEARER = 0.7
+"""Share of its limit to which an error on that part is to fall."""
 ATTEMPTS = 4
 """Largest number of trial runs for one kind of bases."""
 WEIGHINGS = 2
 """Largest number of sets of ECSW weights."""
 WORTH = 4
 """Elements of local terms per atom from which on their hyper-reduction is tried."""
+TELLING = 4
+"""Largest number of atoms that bases of the first part of the training run may need, as a multiple
+of what bases of the whole need: beyond it the first part does not show what follows."""
+PARTS = 3
+"""Largest number of first parts that are tried, each half-way from the last one to the whole."""
 RIGID = 1e-9
 """Largest displacement, relative to the size of its body, of a body that may as well be rigid."""
 
@@ -58,7 +69,8 @@ class Auto(ReducedStepOptions):
     """Largest error of each field, relative to its largest change."""
     learning: float = Field(default=0.5, gt=0.0, lt=1.0)
     """Share of the training run from which the bases of the trial runs are learned; the rest is
-    held out. The chosen bases learn from the whole of it."""
+    held out. Where this share does not show what follows, a larger one is taken. The chosen bases
+    learn from the whole of it."""
     most: int = Field(default=500, ge=1)
     """Largest number of atoms of a block."""
     basis: Annotated[Basis, Slot("basis")] = slot_default("pod")
@@ -81,24 +93,26 @@ class Auto(ReducedStepOptions):
         return tuple(found)
 
     def choose(
-        self, problem: ReducedProblem, unstable: Callable[[Mapping[str, object], StepSolver], str]
+        self, problem: ReducedProblem,
+        unstable: Callable[[Mapping[str, object], StepSolver, Sequence[State]], str],
     ) -> Choice:
         """Reducer for a problem, by trial runs over its training run. ECSW that is unstable gives
         way to Galerkin projection, which is not checked: its model inherits the stability of the
         full-order one."""
         search = Search(self, problem)
-        counts = search.sized(problem, search.learned())
+        least = search.learned()
+        counts = search.sized(search.largest(problem), least)
         if search.tau:
-            options = search.options("ecsw", counts)
-            why = unstable(options, made(options).project(problem).solver())
+            tried = search.last
+            why = unstable(search.options("ecsw", counts), *tried) if tried else "it is singular"
             if why:
                 search.without_weights(why)
-                counts = search.sized(problem, counts)
+                counts = search.sized(search.largest(problem), counts)
         return search.choice(counts)
 
     def prepare(self, problem: ReducedProblem) -> StepSolver:
         """Step solver of the chosen reducer, without a stability check."""
-        return made(self.choose(problem, lambda options, solver: "").reducer).prepare(problem)
+        return made(self.choose(problem, lambda *of: "").reducer).prepare(problem)
 
     def restart_refusal(self) -> str:
         return "trial runs take fixed steps: name the reducer of a run with time.control"
@@ -111,6 +125,7 @@ class Search:
         self.auto, self.problem = auto, problem
         self.ref = Reference.of(problem, auto.learning)
         self.trials: list[TrialRun] = []
+        self.last: tuple[StepSolver, Sequence[State]] | None = None
         self.heat: dict[str, str] = {}
         self.moving: list[str] = []
         self.sources: dict[str, Source] = {}
@@ -118,7 +133,7 @@ class Search:
         self.rejected = ""
         self.falls: Mapping[str, FloatArray] = {}
         self.lead: dict[str, int] = {}
-        self.targets = dict.fromkeys(problem.model.reducible(), SAFE * auto.tolerance)
+        self.targets: dict[str, float] = {}
         for name in problem.model.reducible():
             data = problem.model.block_data(name)
             if data.heat is not None:
@@ -135,7 +150,7 @@ class Search:
     @property
     def trained(self) -> bool:
         """True if any basis learns from snapshots."""
-        return any(n not in self.moving and n not in self.ref.constant for n in self.sources)
+        return any(self._learns(n) for n in self.sources)
 
     def options(self, use: str, counts: Mapping[str, int]) -> dict[str, Any]:
         """Options of a reducer with so many atoms of each block, as in a scene."""
@@ -147,25 +162,47 @@ class Search:
 
     def learned(self) -> dict[str, int]:
         """Numbers of atoms that meet the tolerance with bases of the first part of the training
-        run; of learned bases also spare ones."""
+        run; of learned bases also spare ones.
+
+        The first part is a larger one where bases of a smaller one need far more atoms than bases
+        of the whole, or miss the tolerance on what follows.
+        """
         if not self.trained:
             return {}
-        offline = self.problem.offline.learning(self.ref.first)
-        met = self.sized(replace(self.problem, offline=offline), {}, "learned from the first part")
-        return {n: k if n in self.moving else k + max(2, round(SPARE * k)) for n, k in met.items()}
+        offline, share = self.problem.offline, self.auto.learning
+        self.largest(self.problem)
+        whole = {n: self._needed(n) for n in self.sources if self._learns(n)}
+        for left in reversed(range(PARTS)):
+            self.ref = self.ref.after(share)
+            part = replace(self.problem, offline=offline.learning(self.ref.first))
+            largest = self.largest(part)
+            if not left or all(self._needed(n) <= TELLING * k for n, k in whole.items()):
+                met = self.sized(largest, {}, f"learned from the first {share:.3g} of it")
+                held_out = self.trials[-1].holdout.values()
+                if max(held_out, default=np.inf) <= self.auto.tolerance:
+                    break
+            share = 0.5 * (1.0 + share)
+        return {n: k + max(2, round(SPARE * k)) if n in whole else k for n, k in met.items()}
 
-    def sized(
-        self, problem: ReducedProblem, least: Mapping[str, int], said: str = ""
-    ) -> dict[str, int]:
-        """Numbers of atoms, at least those of `least`, that meet the tolerance with the bases of
-        `problem`; said: what these have learned, "" for the whole training run."""
+    def largest(self, problem: ReducedProblem) -> Projection:
+        """The model with as many atoms as there may be. Sets their projection errors and the
+        targets of these."""
         most = dict.fromkeys(self.sources, self.auto.most)
         whole = made(self.options("galerkin", most)).project(problem)
-        total = {n: d.atoms.shape[1] for n, d in whole.dictionaries.items()}
         self.falls = {n: self.ref.projection(n, d) for n, d in whole.dictionaries.items()}
+        self.targets = dict.fromkeys(self.sources, SAFE * self.auto.tolerance)
+        return whole
+
+    def sized(
+        self, whole: Projection, least: Mapping[str, int], said: str = ""
+    ) -> dict[str, int]:
+        """Numbers of atoms, at least those of `least`, that meet the tolerance, among those of the
+        largest model; said: what its bases have learned, "" for the whole training run."""
+        total = {n: d.atoms.shape[1] for n, d in whole.dictionaries.items()}
         counts = {n: min(max(self._needed(n), least.get(n, 1)), total[n]) for n in total}
         if self._hyper(whole, counts):
-            return self._weighted(problem, counts, total, said)
+            return self._weighted(whole, counts, total, said)
+        self.tau = 0.0
         for attempt in range(ATTEMPTS):
             trial = self._tried(whole.leading(counts), f"galerkin{said and ', '}{said}", said)
             more = self._grown(counts, total, trial)
@@ -180,6 +217,10 @@ class Search:
         """Rejects ECSW, for a reason."""
         self.tau, self.rejected = 0.0, f"ecsw was rejected: {why}"
 
+    def _learns(self, name: str) -> bool:
+        """True if the basis of a block learns from snapshots."""
+        return name not in self.moving and name not in self.ref.constant
+
     def _needed(self, name: str) -> int:
         """Smallest number of atoms whose projection error meets the block's target; all if none
         does."""
@@ -191,17 +232,26 @@ class Search:
     ) -> dict[str, int]:
         """Numbers of atoms after a trial run: more in blocks that are not accurate enough, and in
         the temperatures that act on them."""
-        poor = {n for n, e in trial.errors.items() if e > SAFE * self.auto.tolerance}
+        share, nearer = (HELD_OUT, NEARER) if trial.holdout else (SAFE, TIGHTER)
+        limit, factors = share * self.auto.tolerance, dict[str, float]()
+        for name, error in trial.errors.items():
+            for each in {name, self.heat.get(name, name)} if error > limit else ():
+                factor = max(nearer * limit / error, TIGHTER)
+                factors[each] = min(factor, factors.get(each, 1.0))
         more = dict(counts)
-        for name in poor | {self.heat[n] for n in poor if n in self.heat}:
-            self.targets[name] *= TIGHTER
+        for name, factor in factors.items():
+            self.targets[name] *= factor
             more[name] = min(max(self._needed(name), counts[name] + 1), total[name])
         return more
 
     def _tried(self, projection: Projection, method: str, said: str) -> TrialRun:
         try:
-            trial = self.ref.run(method, projection.solver(), bool(said))
+            solver = projection.solver()
+            trial, states = self.ref.run(method, solver, bool(said))
+            right = max(trial.errors.values()) <= self.auto.tolerance
+            self.last = solver, states if right else ()
         except SolveFailed:  # dependent atoms
+            self.last = None
             atoms = {n: d.atoms.shape[1] for n, d in projection.dictionaries.items()}
             trial = TrialRun(method, atoms, dict.fromkeys(atoms, np.inf), {}, None)
         self.trials.append(trial)
@@ -217,24 +267,39 @@ class Search:
         return touched > WORTH * sum(counts.values()) and not Ecsw().check(model)
 
     def _weighted(
-        self, problem: ReducedProblem, counts: dict[str, int], total: Mapping[str, int], said: str
+        self, whole: Projection, counts: dict[str, int], total: Mapping[str, int], said: str
     ) -> dict[str, int]:
         """Numbers of atoms with which ECSW meets the tolerance. Each attempt trains weights of
         its own; where the first part of the training run has been tried, the whole is tried
         once."""
         if self.tau and not said:
-            chosen = made(self.options("ecsw", counts)).project(problem)
+            chosen = made(self.options("ecsw", counts)).project(whole.problem)
             self._tried(chosen, f"ecsw, tau {self.tau:.1g}", "")
             return counts
         self.tau = 0.1 * self.auto.tolerance
         for attempt in range(WEIGHINGS):
-            projection = made(self.options("ecsw", counts)).project(problem)
+            projection = self._weighed(whole, counts, bool(said))
             trial = self._tried(projection, f"ecsw, tau {self.tau:.1g}{said and ', '}{said}", said)
             more = self._grown(counts, total, trial)
             if more == counts or attempt + 1 == WEIGHINGS:
                 break
             counts, self.tau = more, max(0.1 * self.tau, 1e-8)
         return counts
+
+    def _weighed(
+        self, whole: Projection, counts: Mapping[str, int], part: bool
+    ) -> Projection:
+        """ECSW model on the leading atoms. part: with bases of the first part of the training run,
+        and as large a part of the states from which weights are trained."""
+        options, problem = self.options("ecsw", counts), whole.problem
+        reducer = Ecsw(**{k: v for k, v in options.items() if k != "use"})
+        if not part:
+            return reducer.project(problem)
+        share = self.ref.first / self.ref.count
+        reducer = reducer.model_copy(update={"states": max(2, round(share * reducer.states))})
+        few = whole.leading(counts)
+        return replace(few, reducer=reducer, approximation=reducer.approximation(
+            problem.model, few.dictionaries, problem.offline, problem.step))
 
     def choice(self, counts: Mapping[str, int]) -> Choice:
         """The chosen reducer, and what speaks for and against it."""

@@ -2,8 +2,8 @@
 errors of these snapshots."""
 
 import time
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from sparsemor.core import (
     Dictionary,
     FloatArray,
     ReducedProblem,
+    State,
     StepSolver,
     TrialRun,
     advanced,
@@ -19,6 +20,9 @@ from sparsemor.core import (
     consistent_state,
     step_formula,
 )
+
+LINEARIZED = 5
+"""Number of states of a trial run about which its model is linearised."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,8 +55,13 @@ class Reference:
                 change = size
             scales[name] = change or 1.0
         every = 1 if taken is None else taken.every
-        first = min(max(2, round(learning * count)), max(count - 1, 1))
-        return cls(problem, scales, frozenset(constant), count, every, first)
+        found = cls(problem, scales, frozenset(constant), count, every, 0)
+        return found.after(learning)
+
+    def after(self, learning: float) -> "Reference":
+        """The same for bases that learn from another share of the snapshots."""
+        first = min(max(2, round(learning * self.count)), max(self.count - 1, 1))
+        return replace(self, first=first)
 
     def projection(self, name: str, d: Dictionary) -> FloatArray:
         """Largest relative projection error (k + 1,) of the states of a block on the first 0 to k
@@ -67,14 +76,19 @@ class Reference:
             np.maximum(worst[1:], left.max(axis=1), out=worst[1:])
         return np.sqrt(np.maximum(worst, 0.0)) / self.scales[name]
 
-    def run(self, method: str, solver: StepSolver, holdout: bool) -> TrialRun:
-        """Trial run of a step solver from the start to the end of the training run. holdout: True
-        if its bases have learned the first part alone."""
+    def run(
+        self, method: str, solver: StepSolver, holdout: bool
+    ) -> tuple[TrialRun, Sequence[State]]:
+        """Trial run of a step solver from the start to the end of the training run, and a few of
+        its states; none if it fails. holdout: True if its bases have learned the first part
+        alone."""
         problem, layout = self.problem, solver.layout
         h, rules = problem.step, problem.integrator.rules(problem.step)
         atoms = {n: d.atoms.shape[1] for n, d in solver.dictionaries.items()}
         kept = {n: np.zeros((k, self.count)) for n, k in atoms.items()}
         ok, steps = True, (self.count - 1) * self.every
+        due = {round(i * steps / (LINEARIZED - 1)) for i in range(LINEARIZED)}
+        states: list[State] = []
         with np.errstate(all="ignore"):  # overflow ends in a status
             state, memory = solver.start(consistent_state(problem.model))
             state = problem.integrator.start(layout, state)
@@ -87,16 +101,19 @@ class Reference:
                     if not ok:
                         break
                     state = advanced(rules, layout, state, formula, outcome)
+                if n in due:
+                    states.append(state)
                 if n % self.every == 0:
                     for name, c in kept.items():
                         c[:, n // self.every] = state.x[layout[name]]
             ms = 1e3 * (time.process_time() - begun) / max(steps, 1)
         errors = {n: self._errors(n, d, kept[n]) if ok else np.full(self.count, np.inf)
                   for n, d in solver.dictionaries.items()}
-        return TrialRun(
+        trial = TrialRun(
             method, atoms, {n: float(e.max()) for n, e in errors.items()},
             {n: float(e[self.first:].max()) for n, e in errors.items()} if holdout else {},
             ms, sum(solver.elements_touched.values()))
+        return trial, states if ok else ()
 
     def _errors(self, name: str, d: Dictionary, c: FloatArray) -> FloatArray:
         """Relative errors (M,) of coefficients c (k, M) of a block."""

@@ -228,6 +228,8 @@ def fast(
         points, len(heat) + len(elastic), True, limits, notes,
         {n: p.tested for n, p in projected.elastic.items()}, facts,
         {n: block.elements for n, block in heat.items()})
+    if elastic and not model.separated.border_size:
+        return made  # frames follow a prescribed motion: nothing is iterated
     # made here, so that what steps does not hold the model
     whole: Equations = reduced_general(projected, tolerances, points).equations
     return replace(made, newton=FullNewton(Assembled(whole), tolerances))

@@ -29,7 +29,6 @@ from sparsemor.core import (
     derivative_from_right,
     information,
     motion_step,
-    rate_factors,
     time_derivatives,
     unavailable_resultants,
 )
@@ -37,6 +36,7 @@ from sparsemor.reducers.step.acceptance import Tolerances
 from sparsemor.reducers.step.border.least_norm import least
 from sparsemor.reducers.step.frame_step import BodyStep
 from sparsemor.reducers.step.newton.memory import NewtonMemory
+from sparsemor.reducers.step.newton.response import linear_response
 from sparsemor.reducers.step.newton.stepper import NewtonStepper
 from sparsemor.reducers.step.operators import TestedElastic, TestedHeat, TestMap
 from sparsemor.reducers.step.reduced_residual import Dense, DenseBody, DenseHeat
@@ -109,14 +109,7 @@ class ReducedGeneral(NewtonStepper):
 
     def response(self, step: StepFormula, x: FloatArray) -> FloatArray:
         """Linear response (n, 2 n) of the step's solution x to changes of [r1; r2]."""
-        layout, t, equations = self.layout, step.t, self.equations.with_work()
-        c1, c2 = rate_factors(layout, step.c1, step.c2, step.c1_first)
-        at = x, c1 * x + step.r1, c2 * x + step.r2, t
-        zero, one = np.zeros(layout.size), np.ones(layout.size)
-        K = equations.jacobian(*at, zero, zero)
-        C, M = equations.jacobian(*at, one, zero) - K, equations.jacobian(*at, zero, one) - K
-        factor = equations.factorize(equations.jacobian(*at, c1, c2))
-        return np.asarray(-factor.solve(np.hstack([C, M])))
+        return linear_response(self.equations, step, x)
 
 
 def reduced_general(

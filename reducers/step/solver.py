@@ -276,6 +276,13 @@ class Stepper:
                 found[name] = -np.hstack([w[:, use] for w in rates])
         return found
 
+    def response(self, step: StepFormula, x: FloatArray) -> FloatArray | None:
+        """Linear response (n, 2 n) of the solution x of a step to changes of [r1; r2]; None where
+        no equations of the whole step are at hand, or these are not reduced."""
+        if self.newton is None or not self.dictionaries:
+            return None
+        return self.newton.response(step, x)
+
     def supports(self, memory: Memory) -> Mapping[str, BoolArray]:
         return memory.supports
 

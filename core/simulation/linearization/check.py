@@ -26,6 +26,7 @@ from sparsemor.core.scene.independent_of_physics import IRRELEVANT
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.linearization.differences import StepMap, step_map
 from sparsemor.core.simulation.linearization.reference import (
+    full_state,
     linearization_times,
     projected,
     states_along,
@@ -194,10 +195,14 @@ def _judged(
 
 
 def check_run(
-    scene: Scene, model: Model, solver: StepSolver, full: State, offline: Offline
+    scene: Scene, model: Model, solver: StepSolver, full: State, offline: Offline,
+    states: Sequence[State] = (),
 ) -> tuple[tuple[Note, ...], dict[str, Any]]:
     """Stability check of a run before its first step, about the full-order initial state `full`:
     warnings, and numbers to store. The result is cached with the offline products.
+
+    states: those of the solver in a run that is known to be accurate, in the order of their times;
+    without them the Galerkin model of the same atoms is run.
 
     Full-order and Galerkin models are the reference and are not checked. Raises InputError (key
     `check_stability`) if the model is unstable and the scene's option is `refuse`.
@@ -207,8 +212,8 @@ def check_run(
         return (), {}
     plain = {key: value for key, value in IRRELEVANT.items() if key not in ("seed", "parameters")}
     kept = offline.remember(
-        "stability", (scene.using(plain).digest(),),
-        lambda: _as_arrays(_judged_run(scene, model, solver, full)))
+        "stability", (scene.using(plain).digest(), *([len(states)] if states else [])),
+        lambda: _as_arrays(_judged_run(scene, model, solver, full, states)))
     words, facts = str(kept["words"]), json.loads(str(kept["facts"]))
     if not words:
         return (), facts
@@ -217,11 +222,13 @@ def check_run(
     return (Note(words, UNSTABLE),), facts
 
 
-def _judged_run(scene: Scene, model: Model, solver: StepSolver, full: State) -> Judgement:
+def _judged_run(
+    scene: Scene, model: Model, solver: StepSolver, full: State, known: Sequence[State]
+) -> Judgement:
     integrator, h, steps = scene.integrator, scene.time.step, step_count(scene)
     registry = scene.source.registry
-    states = states_along(
-        model, integrator, h, solver, full, linearization_times(h, steps), registry)
+    states = [full_state(solver, s) for s in known] if known and integrator.order == 1 else (
+        states_along(model, integrator, h, solver, full, linearization_times(h, steps), registry))
     return judge_along(solver, integrator, h, steps, states, Reference(model, registry))
 
 

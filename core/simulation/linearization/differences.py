@@ -5,8 +5,9 @@ A step takes z = (x, v, a, integrator memory) to the next z in three stages: `fo
 and in x, so unit differences of them are exact: dw = R dz, dz' = P dz + Q dx'. Only the solver's
 response dx' = S dw is nonlinear; it is differenced, column by column, in the reduced unknowns. The
 map is P + Q S R. It needs `solve` only, and so exists for every reducer and integrator, third-party
-ones included. Solvers with contact return their exact response (`RespondsExactly`), because
-penetrations of 1e-7 m are too small for differences. Multipliers carry no state.
+ones included. Solvers that have an exact response return it (`RespondsExactly`): it costs one
+factorization instead of a solve for each unknown, and penetrations of 1e-7 m in contact are too
+small for differences. Multipliers carry no state.
 
 Perturbation sizes belong to the kinds of fields (docs/stability.md): the eigenvalue 1 of rigid
 unknowns is nearly defective, so their columns need an error below 1e-10: four points. All other
@@ -135,8 +136,9 @@ def step_map(
     small = solver.layout.resized(
         {b.name: int(active[solver.layout[b.name]].sum()) for b in solver.layout})
     scale = _sizes(solver.layout, x)
-    S = _exact(solver, formula, x) if isinstance(solver, RespondsExactly) else (
-        _response_by_some_change(solver, formula, memory, np.flatnonzero(active), scale))
+    S = _exact(solver, formula, x) if isinstance(solver, RespondsExactly) else None
+    if S is None:
+        S = _response_by_some_change(solver, formula, memory, np.flatnonzero(active), scale)
     inner = State(state.t, state.x[active], state.v[active], state.a[active],
                   state.memory[active])
     part = Affine.of(integrator, small, inner, h)
@@ -146,9 +148,11 @@ def step_map(
     return StepMap(solver, supports, small, matrix, S, formula, part, scale[active])
 
 
-def _exact(solver: RespondsExactly, formula: StepFormula, x: FloatArray) -> FloatArray:
+def _exact(
+    solver: RespondsExactly, formula: StepFormula, x: FloatArray
+) -> FloatArray | None:
     try:
-        return np.asarray(solver.response(formula, x))
+        return solver.response(formula, x)
     except RuntimeError:
         raise SolveFailed(Status.SINGULAR, formula.t) from None
 

@@ -40,6 +40,8 @@ PER_WEIGHT = 4
 ATTEMPTS = 6
 """Largest number of times that the tolerance of the combinations is lowered, since they are met
 better than the equations themselves."""
+KEPT = 16_000_000
+"""Largest number of entries of G that are kept: 128 MB."""
 CANDIDATES = 20_000
 """Largest number of elements among which weights are searched."""
 
@@ -142,16 +144,20 @@ def local_equations(
     """Training matrix G (m, F) of a local term such as radiation or k(T): left (k, m) times the
     contribution of each element at states x (n, M) and rates v (n, M), at times t (M,), s.
 
-    G is evaluated for a few elements at a time. It is identified in the cache by its sum G 1 and
-    its products with two other vectors.
+    G is evaluated for a few elements at a time, once if it has at most `KEPT` entries. It is
+    identified in the cache by its sum G 1 and its products with two other vectors.
     """
-    count = term.elements
+    count, rows = term.elements, len(left) * len(t)
+
+    def evaluated(part: Part) -> FloatArray:
+        shares = term.contributions(left, x, v, t, np.arange(count)[part])
+        return shares.reshape(len(shares), -1)
+
+    whole = evaluated(slice(0, count)) if rows * count <= KEPT else None
 
     def make(part: Part) -> FloatArray:
-        shares = term.contributions(left, x, v, t, np.arange(count)[part])
-        return np.ascontiguousarray(shares.reshape(len(shares), -1).T)
+        return (evaluated(part) if whole is None else whole[part]).T
 
-    rows = len(left) * len(t)
     probes = np.random.default_rng(0).standard_normal((count, 2))
     sums, size, sizes = np.zeros((rows, 3)), 0.0, np.zeros((1, count))
     for first in range(0, count, step := max(BLOCK // max(rows, 1), 1)):

@@ -16,6 +16,7 @@ from sparsemor.reducers.step.acceptance import Tolerances
 from sparsemor.reducers.step.newton.equations import Equations
 from sparsemor.reducers.step.newton.iteration import solve
 from sparsemor.reducers.step.newton.memory import NewtonMemory
+from sparsemor.reducers.step.newton.response import linear_response
 from sparsemor.reducers.step.predictor import Past, block_starts
 
 STEPS = 10
@@ -52,6 +53,10 @@ class FullNewton:
             return outcome
         second = self._solved(step, past.newest, past)
         return replace(second, iterations=outcome.iterations + second.iterations)
+
+    def response(self, step: StepFormula, x: FloatArray) -> FloatArray:
+        """Linear response (n, 2 n) of the solution x of a step to changes of [r1; r2]."""
+        return linear_response(self.equations, step, x)
 
     def _solved(
         self, step: StepFormula, guess: FloatArray, past: Past

@@ -76,6 +76,36 @@ def test_a_nonlinear_scene_keeps_the_tolerance_under_other_loads(cache: Cache) -
 
 
 @pytest.mark.full
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-4])
+def test_the_first_part_reaches_to_where_it_shows_what_follows(
+    tolerance: float, cache: Cache
+) -> None:
+    """A flux on another side begins after half of the training run: bases of that half, of which
+    all 23 atoms were taken, have an error of 6.5e-3 on the rest."""
+    times, values = (0, 1000, 1100, 1300, 1400, 2000), (0, 0, 1e5, 1e5, 0, 0)
+    late = {"use": "heat_flux", "on": ["plate:left"],
+            "flux": {"use": "table", "times": times, "values": values}}
+    scene = load(EXAMPLES / "radiating_plate.yaml", {"loads.late": late})
+    choice = advise(scene, tolerance=tolerance, cache=cache).choice
+    assert any("the first 0.75 of it" in t.method for t in choice.trials) and not choice.doubts
+    assert 0.0 < max(t.holdout["plate.thermal"] for t in choice.trials[-2:-1]) <= tolerance
+    assert choice.trials[-1].atoms["plate.thermal"] <= 20
+
+
+@pytest.mark.full
+def test_the_stability_check_takes_the_states_of_the_trial_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """No other run is made for it."""
+    def refused(*of: object) -> None:
+        raise AssertionError("a run of the Galerkin model")
+
+    monkeypatch.setattr("sparsemor.core.simulation.linearization.check.states_along", refused)
+    scene = load("hot_plate", {"bodies.plate.mesh.divisions": [20, 8], "time.end": 12.0})
+    assert advise(scene, tolerance=1e-2, cache=Cache(tmp_path)).choice.reducer["use"] == "ecsw"
+
+
+@pytest.mark.full
 @pytest.mark.parametrize(("changes", "fields", "reducer"), [
     (COARSE, ["elastic", "thermal"], "galerkin"),
     (HEAT_FREE, ["elastic"], "galerkin"),

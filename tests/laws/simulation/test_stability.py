@@ -15,7 +15,7 @@ from sparsemor.core.protocols.integrator import step_formula
 from sparsemor.core.protocols.step_solver import advanced
 from sparsemor.core.registry.hooks import new_manager
 from sparsemor.core.results.saved_state import Saved
-from sparsemor.core.scene.scene import Scene
+from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.linearization import (
     Judgement,
@@ -29,6 +29,7 @@ from sparsemor.core.simulation.linearization.check import over_the_run
 from sparsemor.core.simulation.linearization.differences import packed, unpacked
 from sparsemor.core.simulation.linearization.reference import linearization_times, states_along
 from sparsemor.core.simulation.offline_cache import Products
+from sparsemor.core.simulation.prepare import prepared_run
 from sparsemor.core.simulation.simulate import simulate
 from sparsemor.core.simulation.time_stepping import started
 from sparsemor.core.simulation.training import offline_of
@@ -198,6 +199,39 @@ def test_growth_adds_up_over_the_parts_of_the_run() -> None:
     assert alone.gate == pytest.approx(10.0)
     broken = over_the_run([judgement(0.0, 0.0), judgement(0.5, inf), judgement(1.0, 0.0)])
     assert broken.gate == inf and broken.t == 0.5
+
+
+class Plain:
+    """A step solver without its exact response."""
+
+    def __init__(self, solver: StepSolver) -> None:
+        self.solver, self.layout = solver, solver.layout
+
+    def solve(self, step: Any, memory: Any) -> Any:
+        return self.solver.solve(step, memory)
+
+    def supports(self, memory: Any) -> Any:
+        return self.solver.supports(memory)
+
+
+@pytest.mark.parametrize("reducer", quick(["ecsw", "galerkin", "deim", "gnat", "lspg"], "ecsw"))
+def test_an_exact_response_is_that_of_small_changes(reducer: str) -> None:
+    """Of laws that depend on temperature, joints and frames, in the middle of a run."""
+    links = {f"bodies.link{i}.mesh.elements": 320 for i in (1, 2)}
+    scene = load("hot_pendulum", {
+        **links, "time.end": 0.02, "training.end": 0.02, "check_stability": "off",
+        "reducer": {"use": reducer, "basis": {"use": "pod", "count": 8}}})
+    run, _ = prepared_run(scene, Cache(), new_manager(()))
+    states = states_along(run.model, scene.integrator, 1e-3, run.solver, run.start, (0.0, 0.02))
+    for full in states:
+        state, memory = started(run.solver, scene.integrator, full)
+        exact, plain = (step_map(s, scene.integrator, 1e-3, state, memory.copy())
+                        for s in (run.solver, Plain(run.solver)))
+        assert np.abs(plain.response).max() > 1e-3
+        np.testing.assert_allclose(exact.response, plain.response, rtol=1e-4,
+                                   atol=3e-5 * np.abs(plain.response).max())
+        assert abs(eigenvalues(exact.matrix)[0]) == pytest.approx(
+            abs(eigenvalues(plain.matrix)[0]), abs=1e-6)
 
 
 @pytest.mark.full
