@@ -39,7 +39,8 @@ out."""
 TIGHTER = 0.3
 """Least factor of the target of a projection error where a trial run is not accurate enough."""
 NEARER = 0.7
-"""Share of its limit to which an error on that part is to fall."""
+"""Share of its limit to which the error of ECSW on that part is to fall, since more atoms need more
+elements; for Galerkin projection `TIGHTER`."""
 ATTEMPTS = 4
 """Largest number of trial runs for one kind of bases."""
 WEIGHINGS = 2
@@ -205,7 +206,7 @@ class Search:
         self.tau = 0.0
         for attempt in range(ATTEMPTS):
             trial = self._tried(whole.leading(counts), f"galerkin{said and ', '}{said}", said)
-            more = self._grown(counts, total, trial)
+            more = self._grown(counts, total, trial, TIGHTER)
             if more == counts or attempt + 1 == ATTEMPTS:
                 break
             counts = more
@@ -228,15 +229,15 @@ class Search:
         return int(met[0]) + 1 if met.size else len(self.falls[name]) - 1
 
     def _grown(
-        self, counts: Mapping[str, int], total: Mapping[str, int], trial: TrialRun
+        self, counts: Mapping[str, int], total: Mapping[str, int], trial: TrialRun, aim: float
     ) -> dict[str, int]:
         """Numbers of atoms after a trial run: more in blocks that are not accurate enough, and in
-        the temperatures that act on them."""
-        share, nearer = (HELD_OUT, NEARER) if trial.holdout else (SAFE, TIGHTER)
-        limit, factors = share * self.auto.tolerance, dict[str, float]()
+        the temperatures that act on them. aim: share of its limit to which an error shall fall."""
+        share, factors = HELD_OUT if trial.holdout else SAFE, dict[str, float]()
+        limit = share * self.auto.tolerance
         for name, error in trial.errors.items():
             for each in {name, self.heat.get(name, name)} if error > limit else ():
-                factor = max(nearer * limit / error, TIGHTER)
+                factor = max(aim * limit / error, TIGHTER)
                 factors[each] = min(factor, factors.get(each, 1.0))
         more = dict(counts)
         for name, factor in factors.items():
@@ -280,7 +281,7 @@ class Search:
         for attempt in range(WEIGHINGS):
             projection = self._weighed(whole, counts, bool(said))
             trial = self._tried(projection, f"ecsw, tau {self.tau:.1g}{said and ', '}{said}", said)
-            more = self._grown(counts, total, trial)
+            more = self._grown(counts, total, trial, NEARER if said else TIGHTER)
             if more == counts or attempt + 1 == WEIGHINGS:
                 break
             counts, self.tau = more, max(0.1 * self.tau, 1e-8)
