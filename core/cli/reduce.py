@@ -24,13 +24,15 @@ Out = Annotated[Path | None, typer.Option("--out", help="File (default: SCENE-RE
 Fields = Annotated[bool, typer.Option(
     "--fields", help="Keep meshes and bases too, for pictures and export of the model's results.")]
 
-Rounded = Annotated[float, typer.Option(
-    help="Relative errors of large matrices in a smaller file; 0 keeps all digits.")]
+Rounded = Annotated[float | None, typer.Option(
+    help="Relative errors of large matrices in a smaller file; 0 keeps all digits (default: 0, or "
+         "1e-9 for a file of more than 5 MB).")]
 
 
 def reduce(
     scene: SceneName, settings: Settings = None, out: Out = None, fields: Fields = False,
-    rounded: Rounded = 0.0, force: ReplaceFile = False, as_json: Json = False, quiet: Quiet = False,
+    rounded: Rounded = None, force: ReplaceFile = False, as_json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
     """Prepare the reduced model of a scene and write it to a file, which `sparsemor run` runs
     without mesh and training."""
@@ -43,13 +45,16 @@ def reduce(
 
             begun = time.perf_counter()
             model = prepare(loaded, observers=observers)
-            model.save(file, fields=fields, rounded=rounded)
+            saved = model.save(file, fields=fields, rounded=rounded)
         said = {"status": "done", "scene": loaded.name, "reducer": loaded.reducer_name,
                 "unknowns": model.size, "seconds": time.perf_counter() - begun,
-                "bytes": file.stat().st_size, "may_change": list(model.free), "out": str(file)}
+                "bytes": file.stat().st_size, "rounded": saved.rounded,
+                "rounded_change": saved.change, "may_change": list(model.free), "out": str(file)}
         if as_json:
             print_json(said)
         elif not quiet:
             typer.echo(f"{model.size} unknowns, {file.stat().st_size / 1e6:.2g} MB, prepared in "
-                       f"{said['seconds']:.3g} s\na run may change {', '.join(model.free)}\n"
-                       f"model: {file}")
+                       f"{said['seconds']:.3g} s\na run may change {', '.join(model.free)}")
+            for note in saved.notes:
+                typer.echo(note.text)
+            typer.echo(f"model: {file}")

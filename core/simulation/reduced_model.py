@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields as fields_of
 from dataclasses import replace
 from functools import cached_property
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -54,11 +55,19 @@ from sparsemor.core.simulation.other_start import (
 from sparsemor.core.simulation.prepare import PreparedRun, prepared_run
 from sparsemor.core.simulation.progress import progress_bar
 from sparsemor.core.simulation.recorder import Recorder
+from sparsemor.core.simulation.saved_model import (
+    ENOUGH,
+    HARMLESS,
+    LARGE_FILE,
+    SavedModel,
+    largest_difference,
+)
 from sparsemor.core.simulation.simulate import stepped
 from sparsemor.core.simulation.step_statistics import Tally
 from sparsemor.core.simulation.stored_classes import CLASSES
 from sparsemor.core.simulation.time_stepping import started
 from sparsemor.core.simulation.validation import ESTIMATE, endless, time_faults
+from sparsemor.core.status import SolveFailed
 
 Again = Callable[[Scene, int | None], PreparedRun]
 """Preparation of a scene with other values of parameters on the same trial bases, or on so many of
@@ -103,20 +112,24 @@ def load_model(path: str | Path, *, registry: Registry | None = None) -> "Reduce
     not installed.
     """
     try:
-        packed = Packed.load(Path(path).read_bytes())
-        scene = build(Source.of_tree(packed.about["scene"], registry, packed.about["name"]))
-        parts = packed.made(_table(scene), _functions(scene))
-        header, solver = parts.pop("header"), parts["solver"]
-        if not (isinstance(header, RunHeader) and isinstance(solver, LeavesMesh)):
-            raise PackedError("it holds something else")
-        return ReducedModel(PreparedRun(
-            scene=scene, header=replace(header, scene=scene.dump(), platform=described()),
-            **parts))
+        return _unpacked(Path(path).read_bytes(), registry)
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from None
     except (PackedError, KeyError, TypeError, AttributeError) as error:
         raise InputError(f"{path} is no reduced model that this program can use: {error}; save it "
                          "again from its scene") from None
+
+
+def _unpacked(data: bytes, registry: Registry | None) -> "ReducedModel":
+    """The model from the bytes of its file."""
+    packed = Packed.load(data)
+    scene = build(Source.of_tree(packed.about["scene"], registry, packed.about["name"]))
+    parts = packed.made(_table(scene), _functions(scene))
+    header, solver = parts.pop("header"), parts["solver"]
+    if not (isinstance(header, RunHeader) and isinstance(solver, LeavesMesh)):
+        raise PackedError("it holds something else")
+    return ReducedModel(PreparedRun(
+        scene=scene, header=replace(header, scene=scene.dump(), platform=described()), **parts))
 
 
 class ReducedModel:
@@ -220,33 +233,61 @@ class ReducedModel:
         if faults := self._faults(self._scene_with(overrides)):
             raise InputError(list(faults.values()))
 
-    def save(self, path: str | Path, *, fields: bool = False, rounded: float = 0.0) -> None:
+    def save(
+        self, path: str | Path, *, fields: bool = False, rounded: float | None = None
+    ) -> SavedModel:
         """Writes the model to a file. fields: with meshes and bases, so that its results have
         displacements and temperatures of all nodes; without them they have coefficients, rigid
         motion, joint forces and probes. rounded: errors of large matrices in a smaller file,
-        relative to the largest entry of each row; 0 keeps every digit.
+        relative to the largest entry of each row; 0 keeps every digit. None rounds to 1e-9 where
+        the file would have more than 5 MB, if that changes no unknown of a run of the model by more
+        than 1e-6.
 
         Raises InputError for a model that cannot be stored, and, with `fields`, for one that was
         read from a file without them.
         """
-        if not 0.0 <= rounded < 1.0:
+        if rounded is not None and not 0.0 <= rounded < 1.0:
             raise InputError(f"must be at least 0 and below 1 (got {rounded:g})", "rounded")
-        run, dictionaries = self._run, self._run.header.dictionaries
-        if fields and not all(len(d.offset) for d in dictionaries.values()):
+        bases = self._run.header.dictionaries.values()
+        if fields and not all(len(d.offset) for d in bases):
             raise InputError("this model was read from a file without fields", "fields")
+        saved = SavedModel(rounded or 0.0, 0.0)
+        data = self._file(fields, saved)
+        if rounded is None and len(data) > LARGE_FILE:
+            saved = SavedModel(ENOUGH, 0.0)
+            rough = self._file(fields, saved)
+            saved = replace(saved, change=self._change(rough))
+            if saved.change > HARMLESS:
+                saved = SavedModel(0.0, 0.0)
+        elif rounded:
+            saved = replace(saved, change=self._change(data))
+        replace_file(Path(path), self._file(fields, saved) if saved.rounded else data)
+        return saved
+
+    def _file(self, fields: bool, saved: SavedModel) -> bytes:
+        """Bytes of the model's file."""
+        run = self._run
+        solver, start = self._meshless
         header = run.header if fields else replace(
             run.header, bodies={}, dictionaries=self._meshless[0].dictionaries)
-        solver, start = self._meshless
         parts = {f.name: getattr(run, f.name) for f in fields_of(run)} | {
             "solver": solver, "start": start, "header": replace(header, scene={}, estimates=()),
             "model": None, "estimator": None, "own_loads": True, "offline": None,
             "given": run.given if fields else {}, "probes": tuple(
                 replace(p, place=replace(p.place, displacement=None, temperature=None))
-                for p in run.probes)}
+                for p in run.probes), "notes": (*run.notes, *saved.notes)}
         del parts["scene"]
-        scene = run.scene
-        data = replace(self._pack(parts), about={"scene": scene.dump(), "name": scene.name})
-        replace_file(Path(path), data.dump(rounded))
+        about = {"scene": run.scene.dump(), "name": run.scene.name}
+        return replace(self._pack(parts), about=about).dump(saved.rounded)
+
+    def _change(self, data: bytes) -> float:
+        """Largest difference of an unknown in a run of the model in the bytes of a file, relative
+        to the largest of its block in a run of this one; `inf` where either run fails."""
+        try:
+            one, other = self.run(), _unpacked(data, self.scene.source.registry).run()
+        except SolveFailed:
+            return inf
+        return largest_difference(one, other)
 
     # ------------------------------------------------------------------ changes
 

@@ -71,6 +71,30 @@ def test_a_model_from_a_file_runs_alike(file: Path) -> None:
     assert_equal(load_model(file).run(), model().run())
 
 
+def test_a_large_file_is_rounded_where_that_changes_no_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Above 5 MB, here above none, and for matrices of any size: rounding these to 1e-9 changes the
+    bar's displacements by 15 %."""
+    monkeypatch.setattr("sparsemor.core.simulation.reduced_model.LARGE_FILE", 0)
+    monkeypatch.setattr("sparsemor.core.results.packed_arrays.LARGE", 10)
+    files = {share: tmp_path / f"{share}.model" for share in (None, 0.0, 1e-9, 1e-15)}
+    saved = {share: model().save(file, rounded=share) for share, file in files.items()}
+    assert saved[None] == saved[0.0] and files[None].read_bytes() == files[0.0].read_bytes()
+    assert saved[1e-9].change > 1e-3 and 0.0 < saved[1e-15].change < 1e-6
+    assert files[1e-9].stat().st_size < files[1e-15].stat().st_size < files[0.0].stat().st_size
+    told = load_model(files[1e-9]).run().summary
+    assert "rounded" in told["note_kinds"] and "--rounded 0" in " ".join(told["notes"])
+    told = load_model(files[1e-15]).run().summary
+    assert "rounded" not in told["note_kinds"]
+    assert "rounds large matrices to 1e-15" in " ".join(told["information"])
+    monkeypatch.setattr("sparsemor.core.simulation.reduced_model.ENOUGH", 1e-15)
+    assert model().save(files[None]).rounded == 1e-15, "which changes no run"
+    one, other = model().run(), load_model(files[None]).run()
+    a, b = one.coefficients("bar.elastic"), other.coefficients("bar.elastic")
+    assert 0.0 < np.abs(b - a).max() < 1e-6 * np.abs(a).max()
+
+
 @pytest.mark.full
 def test_other_loads_give_the_run_of_a_new_model(file: Path) -> None:
     for changes in ({FLUX: LOW}, {FLUX: {"use": "ramp", "end": 0.02, "final": 2e6}},
