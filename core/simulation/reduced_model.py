@@ -44,6 +44,13 @@ from sparsemor.core.simulation.admission import kept
 from sparsemor.core.simulation.advice import explicit
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.diagnostics.plausibility import SETTINGS, of_settings
+from sparsemor.core.simulation.diagnostics.rounded_file import (
+    ENOUGH,
+    HARMLESS,
+    LARGE_FILE,
+    SavedModel,
+    largest_difference,
+)
 from sparsemor.core.simulation.free_options import FREE, inside, load_functions
 from sparsemor.core.simulation.offline import step_count
 from sparsemor.core.simulation.other_start import (
@@ -55,13 +62,6 @@ from sparsemor.core.simulation.other_start import (
 from sparsemor.core.simulation.prepare import PreparedRun, prepared_run
 from sparsemor.core.simulation.progress import progress_bar
 from sparsemor.core.simulation.recorder import Recorder
-from sparsemor.core.simulation.saved_model import (
-    ENOUGH,
-    HARMLESS,
-    LARGE_FILE,
-    SavedModel,
-    largest_difference,
-)
 from sparsemor.core.simulation.simulate import stepped
 from sparsemor.core.simulation.step_statistics import Tally
 from sparsemor.core.simulation.stored_classes import CLASSES
