@@ -25,8 +25,8 @@ Fields = Annotated[bool, typer.Option(
     "--fields", help="Keep meshes and bases too, for pictures and export of the model's results.")]
 
 Rounded = Annotated[float | None, typer.Option(
-    help="Relative errors of large matrices in a smaller file; 0 keeps all digits (default: 0, or "
-         "1e-9 for a file of more than 5 MB).")]
+    help="Relative errors of large matrices in a smaller file; 0 keeps all digits (default: 0; for "
+         "a file of more than 5 MB 1e-9, if a run shows that it does no harm).")]
 
 
 def reduce(

@@ -274,8 +274,7 @@ class Search:
         its own; where the first part of the training run has been tried, the whole is tried
         once."""
         if self.tau and not said:
-            chosen = made(self.options("ecsw", counts)).project(whole.problem)
-            self._tried(chosen, f"ecsw, tau {self.tau:.1g}", "")
+            self._tried(self._weighed(whole, counts, False), f"ecsw, tau {self.tau:.1g}", "")
             return counts
         self.tau = 0.1 * self.auto.tolerance
         for attempt in range(WEIGHINGS):

@@ -83,11 +83,11 @@ def test_a_large_file_is_rounded_where_that_changes_no_run(
     assert saved[None] == saved[0.0] and files[None].read_bytes() == files[0.0].read_bytes()
     assert saved[1e-9].change > 1e-3 and 0.0 < saved[1e-15].change < 1e-6
     assert files[1e-9].stat().st_size < files[1e-15].stat().st_size < files[0.0].stat().st_size
-    told = load_model(files[1e-9]).run().summary
-    assert "rounded" in told["note_kinds"] and "--rounded 0" in " ".join(told["notes"])
-    told = load_model(files[1e-15]).run().summary
-    assert "rounded" not in told["note_kinds"]
-    assert "rounds large matrices to 1e-15" in " ".join(told["information"])
+    summary = load_model(files[1e-9]).run().summary
+    assert "rounded" in summary["note_kinds"] and "--rounded 0" in " ".join(summary["notes"])
+    summary = load_model(files[1e-15]).run().summary
+    assert "rounded" not in summary["note_kinds"]
+    assert "rounds large matrices to 1e-15" in " ".join(summary["information"])
     monkeypatch.setattr("sparsemor.core.simulation.reduced_model.ENOUGH", 1e-15)
     assert model().save(files[None]).rounded == 1e-15, "which changes no run"
     one, other = model().run(), load_model(files[None]).run()
