@@ -10,15 +10,14 @@ from collections.abc import Callable, Iterator, Mapping
 from importlib import metadata
 from pathlib import Path
 
+import hypothesis
 import pytest
 from threadpoolctl import threadpool_limits
 
-from cpu_limit import CpuLimit
 from installed_once import entry_points
 
 ROOT = Path(__file__).parents[1]
 THIRD_PARTY = Path(__file__).parent / "third_party"
-LONG = 300
 Distribute = Callable[..., None]
 
 TOY_PLUGINS = '''
@@ -127,33 +126,23 @@ TOY_NAMES = {
 }
 
 
-def pytest_addoption(parser: pytest.Parser) -> None:
-    parser.addoption(
-        "--cpu-limit", type=float, default=0.5, metavar="S",
-        help="CPU seconds of a test without a tier (0: no limit, for profiles and coverage)")
+hypothesis.settings.register_profile(  # the same examples on every machine, however slow it is
+    "sparsemor", derandomize=True, deadline=None, database=None,
+    suppress_health_check=[hypothesis.HealthCheck.too_slow])
 
 
 def pytest_configure(config: pytest.Config) -> None:
+    hypothesis.settings.load_profile("sparsemor")
     # One thread of BLAS, for workers and programs that tests start, too: most matrices here are
     # small, and the threads of two workers on two cores wait for each other.
     os.environ.update(OPENBLAS_NUM_THREADS="1", OMP_NUM_THREADS="1", MKL_NUM_THREADS="1")
+    os.environ["COLUMNS"] = "100"  # of tables, whatever terminal the tests are started from
+    for name in ("FORCE_COLOR", "CLICOLOR_FORCE", "PYTHONWARNINGS"):
+        os.environ.pop(name, None)
     threadpool_limits(limits=1, user_api="blas")
     metadata.entry_points = entry_points
     if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # started in the background by a shell
         signal.signal(signal.SIGINT, signal.default_int_handler)
-    if limit := config.getoption("--cpu-limit"):
-        config.pluginmanager.register(CpuLimit(limit), "cpu_limit")
-
-
-def pytest_terminal_summary(terminalreporter: "pytest.TerminalReporter") -> None:
-    """Names long files of the product, and fails nothing: a file is one concept, and is looked at
-    again where it is long, never cut to fit a number."""
-    folders = ("core", "bodies", "integrators", "reducers", "plugins")
-    lengths = {file.relative_to(ROOT): len(file.read_text(encoding="utf-8").splitlines())
-               for folder in folders for file in (ROOT / folder).rglob("*.py")}
-    for name, lines in sorted(lengths.items()):
-        if lines > LONG:
-            terminalreporter.write_line(f"{name} has {lines} lines, more than {LONG}", yellow=True)
 
 
 @pytest.fixture(autouse=True, scope="session")

@@ -198,7 +198,7 @@ def on_terminal(*arguments: object) -> tuple[str, str]:
             break
         shown += part
     os.close(outer)
-    out, _ = process.communicate(timeout=60)
+    out, _ = process.communicate(timeout=600)
     assert process.returncode == 0
     return out, shown.decode(errors="replace")
 

@@ -110,7 +110,7 @@ LONG = ["--set", "reducer=full", "--set", "time.end=5", "--out", "out"]
 def test_ctrl_c_leaves_a_run_that_can_be_continued(tmp_path: Path) -> None:
     process = started("run", str(SWING), *LONG)
     process.send_signal(signal.SIGINT)
-    out, err = process.communicate(timeout=60)
+    out, err = process.communicate(timeout=600)
     assert (process.returncode, out) == (130, "")
     first, second = err.splitlines()
     assert first.startswith("interrupted at t = ")
@@ -130,7 +130,7 @@ def test_ctrl_c_leaves_a_run_that_can_be_continued(tmp_path: Path) -> None:
 def test_a_killed_program_leaves_a_store_that_opens() -> None:
     process = started("run", str(SWING), *LONG)
     process.kill()
-    process.communicate(timeout=60)
+    process.communicate(timeout=600)
     left = open_result("out")
     assert left.status is Status.INTERRUPTED and left.summary == {}
     assert np.isfinite(left.block("arm.elastic")).all()

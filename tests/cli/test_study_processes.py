@@ -90,7 +90,7 @@ def test_killed_and_continued_with_workers(whole: str) -> None:
     workers = children(process.pid)
     assert workers
     process.kill()
-    process.communicate(timeout=60)
+    process.communicate(timeout=600)
     assert not Path("killed/table.csv").exists()
     for _ in range(1000):  # workers do not outlive their study
         if not any(alive(pid) for pid in workers):
@@ -126,7 +126,7 @@ def alive(pid: int) -> bool:
 def test_ctrl_c_leaves_a_table_that_can_be_continued(whole: str) -> None:
     process = started_and_committed(1, "six.yaml", "--workers", 1, "--no-times", "--out", "cut")
     process.send_signal(signal.SIGINT)
-    out, err = process.communicate(timeout=60)
+    out, err = process.communicate(timeout=600)
     assert process.returncode == 130
     assert "not run yet" in out
     assert "interrupted: the same command continues" in err.splitlines()[-1]

@@ -1,4 +1,4 @@
-"""Form of the pages: length, width of lines, links to the glossary where a term is first used."""
+"""Form of the pages: links to the glossary where a term is first used."""
 
 import re
 from pathlib import Path
@@ -13,7 +13,6 @@ LINKED = [p for p in PAGES if p.parent in (DOCS, DOCS / "measured")
           and p.name not in ("glossary.md", "index.md", "bibliography.md", "paper_map.md",
                              "verification.md")]
 """Pages for readers; the others are lists."""
-WORDS, WIDTH, README = 1500, 100, 90
 TERMS = {
     # term as a page writes it -> its row in the glossary
     r"atoms?": "atom",
@@ -60,20 +59,6 @@ def unlinked(page: str, glossary: str) -> list[str]:
             seen.add(m.lastgroup)
             missing.append(m[0])
     return missing
-
-
-@pytest.mark.parametrize("path", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
-def test_pages_are_short(path: Path) -> None:
-    text = path.read_text(encoding="utf-8")
-    wide = [line for line in prose(text) if len(line) > WIDTH]
-    assert not wide, f"lines of prose have at most {WIDTH} characters"
-    assert sum(len(line.split()) for line in prose(text)) <= WORDS
-
-
-def test_the_readme_is_short() -> None:
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    assert len(text.splitlines()) <= README
-    assert text.count("<img") == 1 and len(re.findall(r"(?m)^\|--", text)) == 1
 
 
 def test_terms_of_the_glossary_exist() -> None:

@@ -49,7 +49,7 @@ def test_the_schema_completes_it_and_leaves_the_broken_one_out(third_party):
 
 def test_its_law_test_passes(third_party, tmp_path):
     """In a temporary folder of its own: other test runs clean up the common one."""
-    done = run(third_party, "-m", "pytest", "-q", "-p", "no:cacheprovider", "--cpu-limit", "0",
+    done = run(third_party, "-m", "pytest", "-q", "-p", "no:cacheprovider",
                "--basetemp", str(tmp_path / "own"),
                "--rootdir", str(SAMPLE), str(SAMPLE / "check_sample.py"))
     assert done.returncode == 0, done.stdout

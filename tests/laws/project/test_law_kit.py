@@ -9,7 +9,7 @@ from typing import Any
 import meshio
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from joint_runs import driven
@@ -104,8 +104,7 @@ def test_every_kind_has_laws() -> None:
 @pytest.mark.parametrize("examples", quick((2, 5), 2))
 @pytest.mark.parametrize(("kind", "name"), RANDOM, ids=lambda word: str(word))
 def test_laws_over_random_inputs(kind: str, name: str, examples: int) -> None:
-    @settings(max_examples=examples, deadline=None, derandomize=True,
-              suppress_health_check=[HealthCheck.too_slow])
+    @settings(max_examples=examples)
     @given(seed=st.integers(0, 2**31 - 1))
     def kept(seed: int) -> None:
         LAWS[kind](made(kind, name), seed)

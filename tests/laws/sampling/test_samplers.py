@@ -49,7 +49,7 @@ def draw(sampler: Sampler, block: BlockData, m: int, required: IntArray, seed: i
 
 
 @given(st.integers(1, 300), st.data())
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_each_stratum_gives_one_row(N: int, data: st.DataObject) -> None:
     m = data.draw(st.integers(1, N))
     rows = one_per_stratum(N, m, np.random.default_rng(N))

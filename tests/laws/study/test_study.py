@@ -43,7 +43,7 @@ PLAIN = st.recursive(
 
 @pytest.mark.full
 @example(values=["\r"], cut=1)
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @given(values=st.lists(PLAIN, min_size=1, max_size=5), cut=st.integers(1, 12))
 def test_what_was_committed_survives_a_torn_line(values: list[Any], cut: int) -> None:
     plan = planned(HEAD + "grid: {bodies.a.mass: [1, 2, 3, 4, 5, 6]}\n")
