@@ -122,6 +122,11 @@ class Flexible(Plugin):
     not given."""
 
     @property
+    def immobile(self) -> bool:
+        """True if the body has heat alone: its frame is fixed, and it has no displacements."""
+        return self.frame == "fixed" and ELASTIC.name not in self.fields
+
+    @property
     def stored_classes(self) -> Sequence[object]:
         """Classes of the frames and terms of a kept model."""
         from sparsemor.bodies.stored_classes import CLASSES

@@ -151,6 +151,12 @@ class BodyPlugin(Protocol):
     def build(self, name: str, base: Path) -> Body: ...
 
 
+def immobile(plugin: object) -> bool:
+    """True if a body plugin says, by its attribute `immobile`, that its body has no unknowns of
+    motion, as one with heat alone in a fixed frame. A plugin that does not say may move."""
+    return bool(getattr(plugin, "immobile", False))
+
+
 class Body(Part, Protocol):
     """A built body, as read by the assembly of a model.
 

@@ -1,6 +1,8 @@
 """Default plugins, by name, of scenes and commands that name none: the only plugin names in
 core."""
 
+MOTION, HEAT = "generalized_alpha", "bdf2"
+"""Integrators of second order: of scenes in which something moves, and of heat alone."""
 FULL_ORDER = "full"
 """Reducer of training runs, reference solutions and rigid-body pre-simulations."""
 PROJECTION = "galerkin"

@@ -27,12 +27,13 @@ from sparsemor.core.protocols import (
     LoadPlugin,
     Reducer,
 )
+from sparsemor.core.protocols.body import immobile
 from sparsemor.core.protocols.layout import FieldKind, declared_kinds
 from sparsemor.core.registry.plugin import Plugin
 from sparsemor.core.registry.registry import Registry
 from sparsemor.core.registry.slot import Slot, name_default_slots, slot_default
 from sparsemor.core.registry.validation_errors import custom, shown, with_advice
-from sparsemor.core.scene.defaults import FULL_ORDER
+from sparsemor.core.scene.defaults import FULL_ORDER, HEAT, MOTION
 from sparsemor.core.scene.html import html_table
 from sparsemor.core.scene.names import name_faults
 from sparsemor.core.scene.options import Initial, Output, Probe, RigidStage, Time, Training
@@ -84,8 +85,8 @@ class Scene(Plugin):
     options describe."""
     time: Time
     """Time span and step of the run."""
-    integrator: Annotated[Integrator, Slot("integrator")] = slot_default("bdf1")
-    """Time integrator."""
+    integrator: Annotated[Integrator, Slot("integrator")] = slot_default(MOTION)
+    """Time integrator. Where no body moves or deforms, the default is `bdf2`."""
     linear_solver: Annotated[LinearSolver, Slot("linear_solver")] = slot_default("auto")
     """Linear solver of the large constant matrices of displacements and temperatures, in full-order
     and training runs and in bases that need no training run."""
@@ -122,9 +123,11 @@ class Scene(Plugin):
     ) -> "Scene":
         if not isinstance(data, Mapping):
             return validate(data)
-        lines = name_faults(data)
+        lines, named = name_faults(data), name_default_slots(cls, data)
         try:
-            scene = validate(name_default_slots(cls, data))
+            scene = validate(named)
+            if "integrator" not in data and all(map(immobile, scene.bodies.values())):
+                scene = validate({**named, "integrator": HEAT})
         except ValidationError as error:
             lines = with_advice(cls, error) + lines
         else:

@@ -21,6 +21,7 @@ bodies:
 loads:
   weight: {{use: gravity}}
 time: {{end: {END}, step: {STEP}}}
+integrator: bdf1
 """
 
 

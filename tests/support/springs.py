@@ -155,7 +155,7 @@ def bars(divisions: tuple[int, int] = (8, 2), **changes: Any) -> Scene:
         "joints": {"a": {"use": "revolute", "between": ["ground", "one:left"]},
                    "b": {"use": "revolute", "between": ["ground", "two:right"]}},
         "loads": {"gravity": {"use": "gravity", "g": [0.0, -9.81]}},
-        "time": {"end": 0.03, "step": 1e-3}, **changes})
+        "time": {"end": 0.03, "step": 1e-3}, "integrator": "bdf1", **changes})
 
 
 def coupled(scene: Scene) -> Model:

@@ -26,7 +26,8 @@ def bar(E: float, divisions: tuple[int, int, int] = (3, 1, 1), **reducer: Any) -
             "material": {**STEEL, "E": E}, "damping": {"mass": 2.0, "stiffness": 1e-5},
             "initial_temperature": "293.15 + 50*x"}},
         "loads": {"weight": {"use": "gravity", "g": [1.0, 2.0, -9.0]}},
-        "time": {"end": STEPS * H, "step": H}, "reducer": {"use": "full", **reducer}})
+        "time": {"end": STEPS * H, "step": H}, "integrator": "bdf1",
+        "reducer": {"use": "full", **reducer}})
 
 
 def plane_bar(E: float, **reducer: Any) -> Scene:
@@ -36,7 +37,8 @@ def plane_bar(E: float, **reducer: Any) -> Scene:
             "mesh": Rectangle(size=(0.3, 0.1), divisions=(4, 2)), "thickness": 0.02,
             "material": {**STEEL, "E": E}}},
         "loads": {"weight": {"use": "gravity", "g": [1.0, -9.0]}},
-        "time": {"end": STEPS * H, "step": H}, "reducer": {"use": "full", **reducer}})
+        "time": {"end": STEPS * H, "step": H}, "integrator": "bdf1",
+        "reducer": {"use": "full", **reducer}})
 
 
 def turning(scene: Scene, spin: float, size: int, steps: int = STEPS) -> Model:

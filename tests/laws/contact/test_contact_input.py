@@ -33,7 +33,7 @@ def tree(
                    "ball": {"use": "rigid", "mass": 1.0, "inertia": 1.0,
                             "points": {"low": [0.0, 0.0]}}},
         "contacts": {"sole": sole | (contact or {})},
-        "time": {"end": 1e-3, "step": 1e-4}, **others}
+        "time": {"end": 1e-3, "step": 1e-4}, "integrator": "bdf1", **others}
 
 
 def refused(given: dict[str, Any]) -> str:

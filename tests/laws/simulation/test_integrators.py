@@ -22,6 +22,7 @@ from sparsemor.core.protocols.step_solver import advanced
 from sparsemor.core.registry.plugin import Plugin
 from sparsemor.core.status import Status
 from sparsemor.core.testing import check_integrator
+from sparsemor.core.testing.in_memory_run import scene_of
 from sparsemor.core.testing.integrator import integrate
 from sparsemor.integrators.bdf1 import Bdf1
 from sparsemor.integrators.bdf2 import Bdf2
@@ -235,3 +236,26 @@ class Broken(Plugin):
 def test_a_broken_integrator_fails_its_law(fault: str, words: str) -> None:
     with pytest.raises(AssertionError, match=words):
         check_integrator(Broken(fault=fault))
+
+
+def named(bodies: dict[str, object], **more: object) -> str:
+    """Integrator of a scene, as its dump names it."""
+    scene = scene_of({"bodies": bodies, "time": {"end": 1.0, "step": 0.1}, **more})
+    return str(scene.dump()["integrator"])
+
+
+def test_a_scene_that_names_none_has_one_of_second_order() -> None:
+    """generalized_alpha with rho_inf 0.8 where something moves or deforms, bdf2 for heat alone."""
+    ball = {"use": "rigid", "mass": 1.0, "inertia": 1.0}
+    plate = {"use": "flexible", "mesh": {"use": "rectangle", "size": [1.0, 1.0],
+                                         "divisions": [1, 1]}, "thickness": 0.1, "frame": "fixed",
+             "material": {"rho": 1.0, "E": 1.0, "nu": 0.3, "k": 1.0, "c": 1.0}}
+    alpha, bdf2 = "{'use': 'generalized_alpha', 'rho_inf': 0.8}", "{'use': 'bdf2'}"
+    heat = {**plate, "fields": ["thermal"]}
+    assert named({"ball": ball}) == named({"ball": ball, "plate": heat}) == alpha
+    assert named({"plate": {**plate, "fields": ["elastic"]}}) == alpha
+    assert named({"plate": {**heat, "frame": "floating"}}) == alpha
+    assert named({"plate": heat}) == bdf2
+    assert named({"plate": heat}, integrator="bdf1") == "{'use': 'bdf1'}"
+    assert named({"plate": heat}, integrator={"rho_inf": 0.5}) == alpha.replace("0.8", "0.5")
+    assert named({"ball": ball}, integrator={"rho_inf": 0.5}) == alpha.replace("0.8", "0.5")

@@ -49,7 +49,7 @@ def run(
     return march(scene_of({
         "bodies": {"block": brick(LOW, SIZE, (2, 1, 1), pose=dict(pose),
                                   sets={"skin": {"where": skin}}), "plate": base},
-        "contacts": {"sole": contact}, "time": {"end": end, "step": step},
+        "contacts": {"sole": contact}, "time": {"end": end, "step": step}, "integrator": "bdf1",
         "loads": {"weight": {"use": "gravity", "g": [0.0, 0.0, -G]}} if loads is None else loads,
         **options}))
 

@@ -42,7 +42,7 @@ def test_a_soft_body_that_spins_fast(spin: float) -> None:
 def test_radiation_in_long_steps() -> None:
     """4 eps sigma T^3 outweighs capacity and conduction here, so the fixed factor diverges."""
     scene = {
-        "bodies": {"plate": GLOWING}, "time": {"end": 1e6, "step": 1e5},
+        "bodies": {"plate": GLOWING}, "time": {"end": 1e6, "step": 1e5}, "integrator": "bdf1",
         "loads": {"glow": {"use": "radiation", "on": ["plate:left", "plate:top"],
                            "emissivity": 0.9, "surroundings": 400},
                   "lamp": {"use": "heat_flux", "on": ["plate:right"], "flux": 2e4}}}

@@ -147,7 +147,7 @@ def bar(T: float, fields: list[str], hold: dict[str, str], **options: Any) -> Fl
             "material": {"rho": 7850, "E": SOFTENING, "nu": 0.3, "alpha": STRETCHING,
                          "k": 40, "c": 500}, **options}
     run = march(scene_of({"bodies": {"bar": body}, "loads": loads,
-                          "time": {"end": 1.0, "step": 0.1}}))
+                          "time": {"end": 1.0, "step": 0.1}, "integrator": "bdf1"}))
     found: Any = run.model.parts["bar"]
     u = np.zeros(found.X.size)
     u[found.elasticity.free] = run.block("bar.elastic")[-1]
@@ -199,7 +199,7 @@ def test_two_materials_conduct_in_series() -> None:
             "material": {"rho": 1000, "k": 20, "c": 500},
             "materials": {"second": {"rho": 4000, "k": 60, "c": 300}}}
     run = march(scene_of({"bodies": {"slab": body}, "joints": held,
-                          "time": {"end": 4e7, "step": 1e7}}))
+                          "time": {"end": 4e7, "step": 1e7}, "integrator": "bdf1"}))
     x, T = last(run)
     flux = 200.0 / (0.05 / 20.0 + 0.05 / 60.0)
     want = np.where(x < 0.05, 500.0 - flux * x / 20.0, 300.0 + flux * (L - x) / 60.0)
