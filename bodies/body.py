@@ -20,6 +20,7 @@ from sparsemor.bodies.frames.joint_items import Attachment
 from sparsemor.bodies.frames.moments import MassProperties, moments_of
 from sparsemor.bodies.frames.plane import PlanarFrame
 from sparsemor.bodies.frames.rotation import torque
+from sparsemor.bodies.mesh.centres import Centre, centre_of_set
 from sparsemor.bodies.terms.body_terms import (
     write_conduction,
     write_elasticity,
@@ -67,7 +68,8 @@ class Body:
     position and angle (4) for a frame that rotates about the z axis alone. inertia: mass and
     moments about the frame origin, None for a massless frame; mass_matrix (N, N): scalar, kg, None
     for a rigid body without mesh. moves: True if the rigid coordinates are unknowns; otherwise the
-    frame is fixed, or follows the prescribed motion `guide`. T0, T_ref (N,): initial and
+    frame is fixed, or follows the prescribed motion `guide`. points: set -> numbers of its points;
+    centres: set -> its centre (d,), m, where the scene gives it. T0, T_ref (N,): initial and
     stress-free temperature, K; thickness, m, of a planar body. temperature_limits: property
     -> temperatures, K, between which it is defined. notes: warnings about its mesh and
     sets. kernel: class that evaluates its frame equations.
@@ -80,6 +82,7 @@ class Body:
     velocity: FloatArray
     moves: bool
     points: Mapping[str, IntArray]
+    centres: Mapping[str, FloatArray] = field(default_factory=dict)
     mesh: Mesh | None = None
     thickness: float = 1.0
     mass_matrix: Csr | None = None
@@ -290,8 +293,14 @@ class Body:
                              f"{suggestions(which, sorted(self.points), 'sets')}", key)
         return self.points[which]
 
+    def centre_of(self, which: str, nodes: IntArray) -> Centre:
+        """Centre of the set `which`, whose points are `nodes`."""
+        if self.mesh is None:
+            return Centre.of_points(self.X, nodes)
+        return centre_of_set(self.mesh, nodes, self.centres.get(which))
+
     def probe(self, name: str, at: str | Sequence[float]) -> ProbePlace:
-        """Probe at a material point: the mean of a named set, or the node nearest to body
+        """Probe at a material point: the centre of a named set, or the node nearest to body
         coordinates (d,), m."""
         weights, point = self._probed(at)
         displacement: FloatArray | None = None
@@ -310,8 +319,8 @@ class Body:
         """Weights (N,) and reference position (d,), m (body frame), of a probe."""
         points, weights = self.X, np.zeros(len(self.X))
         if isinstance(at, str):
-            nodes = self.named(at, "at")
-            weights[nodes] = 1.0 / len(nodes)
+            centre = self.centre_of(at, self.named(at, "at"))
+            return centre.weights, centre.point
         elif len(at) != self.d:
             raise InputError(f"body {self.name!r} is {KINDS[self.d]} coordinates", "at")
         elif self.mesh is None:  # a rigid body is the same everywhere

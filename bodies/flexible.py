@@ -22,7 +22,7 @@ from sparsemor.bodies.material import Region, constants_at, curves, regions_of, 
 from sparsemor.bodies.mesh.check import check_mesh
 from sparsemor.bodies.mesh.expression import FormulaText, evaluate_formula
 from sparsemor.bodies.mesh.plausibility import mesh_notes
-from sparsemor.bodies.mesh.sets import PointSet, with_sets
+from sparsemor.bodies.mesh.sets import PointSet, given_centres, with_sets
 from sparsemor.bodies.pose import Pose
 from sparsemor.bodies.reference import Reference
 from sparsemor.bodies.terms.field_kinds import BODY_KINDS, ELASTIC, THERMAL
@@ -153,15 +153,16 @@ class Flexible(Plugin):
         T0 = gather("", self._initial_temperature, mesh)
         regions = gather("materials", regions_of, mesh, self.material, self.materials,
                          self.reference_temperature)
+        centres = gather("sets", given_centres, mesh, self.sets)
         gather.check()
-        assert T0 is not None and regions is not None
+        assert T0 is not None and regions is not None and centres is not None
         d, thickness, heats = mesh.dimension, self._thickness(mesh), THERMAL.name in self.fields
         m = summed(regions, lambda r: scalar_mass(mesh, r.constants.rho * thickness, r.cells))
         pose, velocity = self.pose.start(d, self.frame == "spinning")
         return Body(
             name=name, X=mesh.points, inertia=MassProperties.of_mesh(m, mesh.points), pose=pose,
-            velocity=velocity, moves=self.frame != "fixed", points=mesh.point_sets, mesh=mesh,
-            thickness=thickness, mass_matrix=m,
+            velocity=velocity, moves=self.frame != "fixed", points=mesh.point_sets,
+            centres=centres, mesh=mesh, thickness=thickness, mass_matrix=m,
             elasticity=None if held is None else self._elasticity(mesh, m, held, regions),
             heat=self._heat(mesh, regions) if heats else None, T0=T0,
             temperature_limits=self._limits(),

@@ -2,18 +2,20 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from sparsemor.bodies.body import Body
 from sparsemor.bodies.fem.surface import boundary_facets
 from sparsemor.bodies.frames import nodal
+from sparsemor.bodies.mesh.centres import Centre
 from sparsemor.core import FloatArray, Gather, InputError, IntArray, Mesh, Part, suggestions
 
 GROUND = "ground"
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Target:
     """A named set of points of one body."""
 
@@ -21,11 +23,14 @@ class Target:
     nodes: IntArray
     text: str
 
+    @cached_property
+    def centre(self) -> Centre:
+        """Centre of the set, where joints, forces and probes act."""
+        return self.body.centre_of(self.text.partition(":")[2], self.nodes)
+
     def mean(self) -> FloatArray:
-        """(N,) weights of the mean of the set's points."""
-        weights = np.zeros(len(self.body.X))
-        weights[self.nodes] = 1.0 / len(self.nodes)
-        return weights
+        """(N,) weights of the displacement and position of the set's centre."""
+        return self.centre.weights
 
     @property
     def flexible(self) -> bool:
@@ -41,7 +46,7 @@ class Target:
         if not self.flexible or body.elasticity is None:
             return None
         try:
-            vectors = nodal.mean_turn(self.mean(), body.X)
+            vectors = nodal.mean_turn(self.centre.even, body.X)
         except np.linalg.LinAlgError:
             where, what = ("are at one place", "two or more places") if body.d == 2 else (
                 "lie on one line (or are one point)", "a set that spans a plane")

@@ -5,7 +5,7 @@ from sparsemor.bodies.joints.conditions import Conditions
 
 
 class Fixed(Between):
-    """Fixed joint: the mean points of two sets coincide and their relative rotation is constant.
+    """Fixed joint: the centres of two sets coincide and their relative rotation is constant.
 
     Multipliers: force on the first side (N, space axes) and moment (N m); in space three moments,
     about axes that coincide with the space axes at the start and rotate with the bodies.

@@ -8,9 +8,9 @@ from sparsemor.core import InputError
 
 
 class Revolute(Between):
-    """Revolute joint: the mean points of two sets coincide; rotation about the axis is free.
+    """Revolute joint: the centres of two sets coincide; rotation about the axis is free.
 
-    With one set, its mean point is fixed in space. In the plane the axis is normal to it.
+    With one set, its centre is fixed in space. In the plane the axis is normal to it.
 
     Multipliers: the force on the first side, N (space axes); in space two moments perpendicular to
     the axis, N m.

@@ -88,7 +88,7 @@ class Side:
         return self.target.mean()
 
     def place(self) -> FloatArray:
-        """(d,) initial position of the side's mean point, m, space axes."""
+        """(d,) initial position of the side's centre, m, space axes."""
         assert self.body is not None
         return self.body.start_position(self.mean())
 
@@ -158,13 +158,22 @@ def unit(axis: Sequence[float] | None, d: int, key: str = "axis") -> FloatArray:
 
 
 def check_meet(a: Side, b: Side) -> None:
-    """InputError if the mean points of two sides are apart at the start."""
+    """InputError if the centres of two sides are apart at the start."""
     za, zb = a.place(), b.place()
     gap = float(np.linalg.norm(za - zb))
     if gap > NEAR * size_of(a, b) and a.target is not None and b.target is not None:
         raise InputError(
             f"the two sides do not meet at the start: {a.target.text} is at {_place(za)} m, "
-            f"{b.target.text} at {_place(zb)} m, {gap:.3g} m apart; correct a pose", "between")
+            f"{b.target.text} at {_place(zb)} m, {gap:.3g} m apart; {_from_means(a, b)}correct a "
+            "pose, or name the centre of a set (`sets: {NAME: {centre: [...]}}`)", "between")
+
+
+def _from_means(*sides: Side) -> str:
+    """Distance of each side's centre from the mean of its facets, in words."""
+    found = [f"that of {t.text}, {t.centre.how}, is {t.centre.shift:.3g} m from the mean of its "
+             "facets; " for t in (s.target for s in sides)
+             if t is not None and t.body.mesh is not None]
+    return "".join(found)
 
 
 def size_of(*sides: Side) -> float:

@@ -5,7 +5,7 @@ from sparsemor.bodies.joints.conditions import Conditions
 
 
 class Spherical(Between):
-    """Spherical joint: the mean points of two sets coincide, or one is fixed in space.
+    """Spherical joint: the centres of two sets coincide, or one is fixed in space.
 
     In the plane: `revolute`.
 

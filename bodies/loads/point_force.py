@@ -1,4 +1,4 @@
-"""Point force, or a force distributed evenly over the points of a set."""
+"""Point force, or a force distributed evenly over the facets of a set."""
 
 from collections.abc import Mapping
 from typing import Literal
@@ -13,7 +13,7 @@ from sparsemor.core import Equations, Part, Plugin
 
 
 class PointForce(Plugin):
-    """Point force at the mean point of a set, with axes of the body or of space."""
+    """Point force at the centre of a set, distributed over its facets, with axes of the body or of space."""
 
     on: str
     """Point or set `body:set`."""

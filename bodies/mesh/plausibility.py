@@ -1,7 +1,7 @@
 """Warnings about the mesh and the sets of a flexible body: input that is valid but most likely a
 mistake."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -22,6 +22,9 @@ def mesh_notes(name: str, mesh: Mesh, sets: Mapping[str, PointSet]) -> tuple[Not
     """Warnings about coincident nodes that are not shared, and about sets far from the mesh."""
     found = [note for key, one in sets.items() if one.nearest is not None
              for note in outside_box_notes(f"bodies.{name}.sets.{key}", one.nearest, mesh.points)]
+    found += [note for key, one in sets.items() if one.centre is not None
+              for note in far_centre(f"bodies.{name}.sets.{key}.centre", np.array(one.centre),
+                                     mesh.points[mesh.point_sets[key]])]
     count = coincident_nodes(mesh.corners)
     if count:
         found.append(Note(
@@ -29,6 +32,17 @@ def mesh_notes(name: str, mesh: Mesh, sets: Mapping[str, PointSet]) -> tuple[Not
             "cut open there, as by a crack; merge them in the mesh file unless a crack is "
             "intended", "coincident_nodes"))
     return tuple(found)
+
+
+def far_centre(key: str, centre: FloatArray, points: FloatArray) -> Iterator[Note]:
+    """Warning if a centre (d,) is further outside the bounding box of the set's points (n, d), m,
+    than the box's diagonal."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    away = float(np.linalg.norm(centre - np.clip(centre, low, high)))
+    size = float(np.linalg.norm(high - low))
+    if away > size:
+        yield Note(f"{key} is {away:.3g} m outside the points of the set, which are within "
+                   f"{size:.3g} m: its displacement is extrapolated that far", "distant_point")
 
 
 def coincident_nodes(points: FloatArray) -> int:

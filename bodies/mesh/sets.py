@@ -6,12 +6,23 @@ from dataclasses import replace
 import numpy as np
 from pydantic import model_validator
 
+from sparsemor.bodies.mesh.centres import centre_of_set
 from sparsemor.bodies.mesh.expression import ConditionText, evaluate_condition
-from sparsemor.core import Fault, InputError, IntArray, Mesh, Plugin, suggestions
+from sparsemor.core import (
+    Fault,
+    FloatArray,
+    Gather,
+    InputError,
+    IntArray,
+    Mesh,
+    Plugin,
+    suggestions,
+)
 
 
 class PointSet(Plugin):
-    """Named set of mesh points, by exactly one of `box`, `where` and `nearest`."""
+    """Named set of mesh points, by exactly one of `box`, `where` and `nearest`; or the centre of a
+    set of the mesh file."""
 
     box: list[tuple[float, float]] | None = None
     """Box [[x0, x1], [y0, y1]], with [z0, z1] in 3-D, m: the points inside, boundary included."""
@@ -21,10 +32,15 @@ class PointSet(Plugin):
     """Position [x, y] or [x, y, z], m: the nearest point of the mesh (the lowest number on a tie).
     """
 
+    centre: list[float] | None = None
+    """Centre of the set, m (body axes), for joints, forces, torques and probes on it, instead of
+    the mean of its facets or the centre of the circle or cylinder on which they lie. Without `box`,
+    `where` and `nearest`: of the set of this name in the mesh."""
+
     @model_validator(mode="after")
     def _one(self) -> "PointSet":
         options = [name for name in ("box", "where", "nearest") if getattr(self, name) is not None]
-        if len(options) != 1:
+        if len(options) != 1 and (options or self.centre is None):
             raise InputError(
                 f"{' and '.join(options) or 'nothing'} given; a point set takes exactly one of "
                 "box, where, nearest"
@@ -48,6 +64,11 @@ class PointSet(Plugin):
             raise InputError(f"no point of the mesh is in this set; the mesh fills {extent} m")
         return found
 
+    @property
+    def only_centre(self) -> bool:
+        """True for the centre of a set that the mesh has."""
+        return self.box is None and self.where is None and self.nearest is None
+
     def _in_box(self, mesh: Mesh) -> IntArray:
         _same_dimension(len(self.box or ()), mesh, "box")
         low, high = np.array(self.box).T
@@ -67,6 +88,12 @@ def with_sets(mesh: Mesh, sets: Mapping[str, PointSet]) -> Mesh:
     found: dict[str, IntArray] = {}
     faults: list[Fault] = []
     for name, declared in sets.items():
+        if declared.only_centre:
+            if name not in mesh.point_sets:
+                faults.append(Fault(name, "the mesh has no set of this name: "
+                                    f"{suggestions(name, sorted(mesh.point_sets), 'sets')}; or "
+                                    "say which points are in it by box, where or nearest"))
+            continue
         if name in mesh.point_sets:
             faults.append(Fault(name, f"the mesh has a set '{name}' already: take another name"))
             continue
@@ -77,6 +104,27 @@ def with_sets(mesh: Mesh, sets: Mapping[str, PointSet]) -> Mesh:
     if faults:
         raise InputError(faults)
     return replace(mesh, point_sets={**mesh.point_sets, **found})
+
+
+def given_centres(mesh: Mesh, sets: Mapping[str, PointSet]) -> dict[str, FloatArray]:
+    """Set -> centre (d,), m, where the scene gives it; InputError with keys `<name>.centre` for one
+    that the set cannot have."""
+    found: dict[str, FloatArray] = {}
+    gather = Gather()
+    for name, declared in sets.items():
+        if declared.centre is not None:
+            found[name] = np.array(declared.centre, dtype=np.float64)
+            gather("", _check_centre, mesh, name, found[name])
+    gather.check()
+    return found
+
+
+def _check_centre(mesh: Mesh, name: str, point: FloatArray) -> None:
+    _same_dimension(len(point), mesh, f"{name}.centre")
+    try:
+        centre_of_set(mesh, mesh.point_sets[name], point)
+    except InputError as error:
+        raise error.under(f"{name}.centre") from None
 
 
 def find_set(mesh: Mesh, name: str, key: str) -> IntArray:

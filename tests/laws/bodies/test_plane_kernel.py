@@ -38,7 +38,8 @@ class Lifted(Plugin):
     def build(self, name: str, base: Path) -> Body:
         made = assemble(scene_of({"bodies": {name: self.flat}, "time": {"end": 1.0, "step": 1.0}}))
         body: Any = made.parts[name]
-        return body if self.size == 3 else in_space(body, self.size)
+        flat = replace(body, mesh=None)  # sets are points on both
+        return flat if self.size == 3 else in_space(flat, self.size)
 
 
 def in_space(body: Body, size: int) -> Body:

@@ -95,8 +95,8 @@ def tip(got: March, name: str) -> FloatArray:
     body: Any = got.model.parts[name]
     u = np.zeros((len(got.t), 2 * len(body.X)))
     u[:, body.elasticity.free] = got.block(f"{name}.elastic")
-    right = body.points["right"]
-    y, z = got.block(f"{name}.rigid"), (body.X @ [1, 1j] + u.view(complex))[:, right].mean(axis=1)
+    weights = body.centre_of("right", body.points["right"]).weights
+    y, z = got.block(f"{name}.rigid"), (body.X @ [1, 1j] + u.view(complex)) @ weights
     place = y[:, 0] + 1j * y[:, 1] + np.exp(1j * y[:, 2]) * z
     return np.stack([(place - place[0]).real, (place - place[0]).imag], axis=1)
 
