@@ -13,7 +13,8 @@ from sparsemor.core import Equations, Part, Plugin
 
 
 class PointForce(Plugin):
-    """Point force at the centre of a set, distributed over its facets, with axes of the body or of space."""
+    """Point force at the centre of a set, distributed over its facets, with axes of the body or of
+    space."""
 
     on: str
     """Point or set `body:set`."""

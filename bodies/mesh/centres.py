@@ -153,15 +153,17 @@ def _of_revolution(
     it is in words; None for facets of another shape."""
     if X.shape[1] == 2:
         found = _circle(X[np.unique(facets)]) if _closed(facets) else None
-        return (None, "") if found is None else (found[0], f"of a circle of radius {found[1]:.6g} m")
+        if found is None:
+            return None, ""
+        return found[0], f"that of a circle of radius {found[1]:.6g} m"
     found = _cylinder(X, facets)
     if found is not None:
-        return found[0], f"on the axis of a cylinder of radius {found[1]:.6g} m"
+        return found[0], f"the middle of a cylinder of radius {found[1]:.6g} m"
     axis = _axis_of_outline(X, facets)
     if axis is None:
         return None, ""
     at, along = axis
-    return at + along * (along @ (mean - at)), "on the axis through the centres of its rims"
+    return at + along * (along @ (mean - at)), "on the axis of its round rims"
 
 
 def _closed(edges: IntArray) -> bool:

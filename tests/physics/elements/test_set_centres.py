@@ -15,7 +15,8 @@ from sparsemor.core.model.assembly import assemble
 from sparsemor.core.testing.in_memory_run import march, scene_of
 
 CASES = Path(__file__).parents[2] / "support" / "cases" / "centres"
-LINK = CASES / "link.msh"  # free tetrahedra of gmsh, bores of 10 mm radius at x = 0 and 80, z 0 to 8
+LINK = CASES / "link.msh"
+"""Free tetrahedra of gmsh, mm: bores of radius 10 at x = 0 and 80, z from 0 to 8."""
 AXIS = np.array([0.3, -0.2])
 
 
