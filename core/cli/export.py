@@ -143,5 +143,8 @@ def _field(name: str) -> "Field":
 
 
 def _line(run: "RunResult", body: str, file: Path, fields: tuple[str, ...], times: int) -> str:
+    from sparsemor.core.results.export.snapshot import exported_mesh
+
     what = ", ".join(fields) or "no field"
-    return f"{file}: {len(run.points(body))} points, {times} times, {what}"
+    points = len(exported_mesh(run, body, fields)[0])
+    return f"{file}: {points} points, {times} times, {what}"

@@ -282,24 +282,33 @@ class RunResult:
         return self.layout.of(body, field) is not None
 
     def strain(self, body: str, step: int) -> FloatArray:
-        """(N, 3, 3) nodal strain in body axes at stored step `step`, with the thermal strain;
-        averaged over the cells at a node."""
+        """(P, 3, 3) nodal strain in body axes at stored step `step`, with the thermal strain;
+        averaged over the cells of one material at a node (`stress_mesh`)."""
         return self._recovery(body).strain(
             self.nodal_displacement(body, step), self._heating(body, step))
 
     def stress(self, body: str, step: int) -> FloatArray:
-        """(N, 3, 3) nodal Cauchy stress in body axes, Pa, at stored step `step`, with the thermal
-        stress; averaged over the cells at a node."""
+        """(P, 3, 3) nodal Cauchy stress in body axes, Pa, at stored step `step`, with the thermal
+        stress; averaged over the cells of one material at a node (`stress_mesh`)."""
         return self._recovery(body).stress(
             self.nodal_displacement(body, step), self._heating(body, step))
 
     def von_mises(self, body: str, step: int) -> FloatArray:
-        """(N,) von Mises stress of the nodal stress, Pa, at stored step `step`."""
+        """(P,) von Mises stress of the nodal stress, Pa, at stored step `step`."""
         return equivalent(self.stress(body, step), 1.5)
 
     def equivalent_strain(self, body: str, step: int) -> FloatArray:
-        """(N,) equivalent strain sqrt(2/3 e : e), e the deviator of the nodal strain."""
+        """(P,) equivalent strain sqrt(2/3 e : e), e the deviator of the nodal strain."""
         return equivalent(self.strain(body, step), 2.0 / 3.0)
+
+    def stress_mesh(self, body: str) -> tuple[IntArray, IntArray]:
+        """Nodes (P,) of the values of stress and strain, and their numbers (E, q) in each cell.
+
+        A node between materials has a value in each of them. The first N values are those of all
+        nodes in one of their materials; with a single material there are no others.
+        """
+        made = self._recovery(body)
+        return made.nodes, made.own
 
     def _heating(self, body: str, step: int) -> FloatArray:
         """(N,) temperatures above the stress-free ones, K."""

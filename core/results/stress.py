@@ -3,7 +3,8 @@
     eps = sym grad u,    sigma = lam tr(eps) I + 2 mu eps - beta (T - T_free) I
 
 in body axes. They are evaluated at the nodes of each cell and averaged there over the cells, with
-their volumes as weights; on the boundary between two materials this is the mean of both.
+their volumes as weights, separately for each material: a node between two of them has a value of
+each, because the stress along their boundary jumps.
 """
 
 from enum import Enum
@@ -31,10 +32,11 @@ FIELDS: dict[str, Field] = {
 
 
 class StressRecovery:
-    """Strain and stress of one body at its nodes.
+    """Strain and stress of one body at its nodes, once for each material of their cells.
 
     points (N, d); cells (E, 3, 4, 6 or 10); constants (R, 5): lam, mu, beta, and lam, beta of the
-    stress across the plane, of each material; region (E,): material of each cell.
+    stress across the plane, of each material; region (E,): material of each cell. nodes (P,): node
+    of each value; own (E, q): number of the value at the nodes of each cell (`_by_material`).
     """
 
     def __init__(
@@ -42,6 +44,8 @@ class StressRecovery:
     ) -> None:
         self.points, self.cells = points, cells
         self.constants = constants[region]  # (E, 5)
+        self.nodes, self.own = _by_material(
+            cells, np.unique(constants, axis=0, return_inverse=True)[1].ravel()[region])
 
     @cached_property
     def _slopes(self) -> tuple[FloatArray, FloatArray]:
@@ -66,7 +70,7 @@ class StressRecovery:
         return np.stack([*ends, *middles], axis=2), volumes
 
     def strain(self, u: FloatArray, heating: FloatArray) -> FloatArray:
-        """(N, 3, 3) strain for displacements u (N, d), m, and temperatures above the stress-free
+        """(P, 3, 3) strain for displacements u (N, d), m, and temperatures above the stress-free
         ones (N,), K; across the plane that of no stress in plane stress, else zero."""
         eps = self._strain(u)
         lam, mu, beta, lam_out, beta_out = self.constants.T[:, :, None]
@@ -78,7 +82,7 @@ class StressRecovery:
         return self._averaged(eps)
 
     def stress(self, u: FloatArray, heating: FloatArray) -> FloatArray:
-        """(N, 3, 3) Cauchy stress, Pa, for displacements u (N, d), m, and temperatures above the
+        """(P, 3, 3) Cauchy stress, Pa, for displacements u (N, d), m, and temperatures above the
         stress-free ones (N,), K."""
         eps, d = self._strain(u), self.points.shape[1]
         lam, mu, beta, lam_out, beta_out = self.constants.T[:, :, None]
@@ -99,13 +103,26 @@ class StressRecovery:
         return eps
 
     def _averaged(self, values: FloatArray) -> FloatArray:
-        """(N, 3, 3) mean of values (E, q, 3, 3) at nodes over the cells."""
-        n, at = len(self.points), self.cells.ravel()
+        """(P, 3, 3) mean of values (E, q, 3, 3) at nodes over the cells of one material."""
+        n, at = len(self.nodes), self.own.ravel()
         weights = np.repeat(self._slopes[1], self.cells.shape[1])
         total = np.bincount(at, weights, n)
         flat = values.reshape(-1, 9)
         sums = np.stack([np.bincount(at, weights * column, n) for column in flat.T], axis=1)
         return np.asarray((sums / np.where(total > 0.0, total, 1.0)[:, None]).reshape(n, 3, 3))
+
+
+def _by_material(cells: IntArray, region: IntArray) -> tuple[IntArray, IntArray]:
+    """Nodes (P,) of the values of a field with a value for each node and material of its cells, and
+    the numbers of these values in cells (E, q). The first N values belong to the nodes 0 to N - 1,
+    in their material of lowest number; then follow those in further materials."""
+    materials = int(region.max(initial=0)) + 1
+    pairs, of = np.unique(cells * materials + region[:, None], return_inverse=True)
+    node = pairs // materials
+    count = int(cells.max(initial=-1)) + 1
+    further = np.diff(node, prepend=-1) == 0
+    number = np.where(further, count - 1 + np.cumsum(further), node)
+    return np.concatenate([np.arange(count), node[further]]), number[of].reshape(cells.shape)
 
 
 def equivalent(tensors: FloatArray, factor: float) -> FloatArray:

@@ -8,16 +8,21 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sparsemor.core.analysis.charts.fields import MAPS, magnification, scale_of, shades, values_of
+from sparsemor.core.analysis.charts.fields import (
+    MAPS,
+    field_mesh,
+    magnification,
+    scale_of,
+    shades,
+    values_of,
+)
 from sparsemor.core.analysis.charts.style import NORMAL, SMALL, new_figure, tidy
 from sparsemor.core.analysis.charts.surface_matplotlib import paint
 from sparsemor.core.analysis.charts.units import unit
 from sparsemor.core.analysis.charts.view import VIEWS, Surface
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.errors import InputError
-from sparsemor.core.model.facets import outer_facets, subdivided
 from sparsemor.core.protocols.layout import Quantity
-from sparsemor.core.protocols.mesh import Mesh
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.results.stress import FIELDS, Field
 
@@ -97,7 +102,7 @@ class _Stage:
 
     run: RunResult
     field: Field
-    facets: Mapping[str, IntArray]
+    meshes: Mapping[str, tuple[IntArray, IntArray, IntArray]]
     points: Mapping[str, FloatArray]
     solid: bool
     factor: float
@@ -110,8 +115,7 @@ class _Stage:
     def of(
         cls, run: RunResult, steps: Sequence[int], field: Field, magnify: float | None
     ) -> "_Stage":
-        meshes = {b: outer_facets(Mesh(run.points(b), subdivided(run.cells(b))))
-                  for b in run.bodies}
+        meshes = {b: field_mesh(run, b, field) for b in run.bodies}
         points = _rigid_points(run)
         sizes = {a.shape[1] for a in (*(run.points(b) for b in meshes), *points.values())}
         if not sizes:
@@ -145,7 +149,8 @@ class _Stage:
 
     def places(self, step: int) -> dict[str, FloatArray]:
         """Body -> positions of its nodes or points in the coordinates of the drawing, m."""
-        found = {b: self.run.positions(b, step, self.factor) for b in self.facets}
+        found = {b: self.run.positions(b, step, self.factor)[nodes]
+                 for b, (nodes, _, _) in self.meshes.items()}
         found |= {b: self.run.in_space(b, step, z) for b, z in self.points.items()}
         return {b: VIEWS[0].rotated(p) for b, p in found.items()} if self.solid else found
 
@@ -168,18 +173,18 @@ class _Stage:
         axes.set(xlim=self.box[:, 0], ylim=self.box[:, 1])
 
     def _plane(self, axes: Any, places: Mapping[str, FloatArray], step: int) -> None:
-        for body, edges in self.facets.items():
+        for body, (_, cells, edges) in self.meshes.items():
             x, y = places[body].T
             values = values_of(self.run, body, step, self.field)
             if values is not None:
-                axes.tripcolor(x, y, subdivided(self.run.cells(body)), values * self.scale,
+                axes.tripcolor(x, y, cells, values * self.scale,
                                shading="gouraud", vmin=self.limits[0], vmax=self.limits[1],
                                cmap=MAPS[self.field])
             axes.plot(x[edges].T, y[edges].T, color=GREY, linewidth=0.5)
 
     def _surface(self, axes: "Axes", places: Mapping[str, FloatArray], step: int) -> None:
         corners, shown = [], []
-        for body, triangles in self.facets.items():
+        for body, (_, _, triangles) in self.meshes.items():
             values = values_of(self.run, body, step, self.field)
             corners.append(places[body][triangles])
             shown.append(np.full(triangles.shape, self.limits[0]) if values is None

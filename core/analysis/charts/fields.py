@@ -8,6 +8,7 @@ import numpy as np
 
 from sparsemor.core.analysis.charts.units import unit
 from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core.model.facets import cell_facets, facet_numbers, subdivided
 from sparsemor.core.protocols.layout import Quantity
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.results.stress import Derived, Field
@@ -34,8 +35,8 @@ def step_near(run: RunResult, time: float) -> int | None:
 
 
 def values_of(run: RunResult, body: str, step: int, quantity: Field) -> FloatArray | None:
-    """(N,) nodal values: displacement magnitude |u|, m, temperature, K, von Mises stress, Pa, or
-    equivalent strain; None for a body without the field."""
+    """(P,) values at the points of `field_mesh`: displacement magnitude |u|, m, temperature, K, von
+    Mises stress, Pa, or equivalent strain; None for a body without the field."""
     if not run.has(body, quantity):
         return None
     if isinstance(quantity, Derived):
@@ -44,6 +45,19 @@ def values_of(run: RunResult, body: str, step: int, quantity: Field) -> FloatArr
     if quantity is Quantity.TEMPERATURE:
         return run.nodal_temperature(body, step)
     return np.asarray(np.linalg.norm(run.nodal_displacement(body, step), axis=1))
+
+
+def field_mesh(run: RunResult, body: str, quantity: Field) -> tuple[IntArray, IntArray, IntArray]:
+    """Nodes (P,) of the points at which a field has values, its cells as linear simplices (E, d +
+    1), and its outer facets (F, d). Stress and strain have several points at a node between
+    materials, where they jump."""
+    cells = run.cells(body)
+    nodes, own = np.arange(len(run.points(body))), cells
+    if isinstance(quantity, Derived) and run.has(body, quantity):
+        nodes, own = run.stress_mesh(body)
+    number, count = facet_numbers(subdivided(cells))
+    drawn = subdivided(own)
+    return nodes, drawn, np.asarray(cell_facets(drawn)[count[number] == 1])
 
 
 def scale_of(

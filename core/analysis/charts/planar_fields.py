@@ -11,6 +11,7 @@ from sparsemor.core.analysis.charts.fields import (
     MAPS,
     NO_RUNS,
     drawn_steps,
+    field_mesh,
     magnification,
     scale_of,
     shades,
@@ -29,9 +30,7 @@ from sparsemor.core.analysis.charts.style import (
 )
 from sparsemor.core.analysis.charts.units import Unit, unit
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.model.facets import outer_facets, subdivided
 from sparsemor.core.protocols.layout import Quantity
-from sparsemor.core.protocols.mesh import Mesh
 from sparsemor.core.protocols.poses import PLANAR_POSE
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.results.stress import Field
@@ -119,13 +118,12 @@ def _draw(axes: Any, run: RunResult, bodies: Sequence[str], step: int, look: _Lo
     for body in bodies:
         values = values_of(run, body, step, look.quantity)
         _trace(axes, run, body, look.metre)
-        x, y = look.metre.factor * run.positions(body, step, look.factor).T
-        cells = subdivided(run.cells(body))
+        nodes, cells, edges = field_mesh(run, body, look.quantity)
+        x, y = look.metre.factor * run.positions(body, step, look.factor)[nodes].T
         if values is not None:
             drawn = axes.tripcolor(
                 x, y, cells, values * look.scale, shading="gouraud", rasterized=True,
                 vmin=look.limits[0], vmax=look.limits[1], cmap=MAPS[look.quantity])
-        edges = outer_facets(Mesh(run.points(body), cells))
         axes.plot(x[edges].T, y[edges].T, color="#606060", linewidth=0.3)
     return drawn
 

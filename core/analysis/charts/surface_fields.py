@@ -12,6 +12,7 @@ from sparsemor.core.analysis.charts.fields import (
     MAPS,
     NO_RUNS,
     drawn_steps,
+    field_mesh,
     magnification,
     round_below,
     scale_of,
@@ -25,9 +26,7 @@ from sparsemor.core.analysis.charts.surface_pyvista import rendered
 from sparsemor.core.analysis.charts.units import unit
 from sparsemor.core.analysis.charts.view import VIEWS, Surface, View, half_of, middle
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.model.facets import outer_facets, subdivided
 from sparsemor.core.protocols.layout import Quantity
-from sparsemor.core.protocols.mesh import Mesh
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.results.stress import Derived, Field
 
@@ -94,7 +93,7 @@ def _skin_of(
 ) -> _Skin:
     factor = magnification(run, [body], steps)
     scale, label = scale_of(run, [body], steps, quantity)
-    triangles = outer_facets(Mesh(run.points(body), subdivided(run.cells(body))))
+    nodes, _, triangles = field_mesh(run, body, quantity)
     fields = [values_of(run, body, step, quantity) for step in steps]
     limits = shades(np.concatenate(
         [scale * field[triangles] for field in fields if field is not None]), quantity)
@@ -104,7 +103,7 @@ def _skin_of(
         (title, VIEWS[0], r) for title, r in {name: run, **others}.items()]
     for title, view, shown in sides:
         at = [step_near(shown, float(run.times[s])) for s in steps]
-        rotated = [None if s is None else view.rotated(shown.positions(body, s, factor))
+        rotated = [None if s is None else view.rotated(shown.positions(body, s, factor)[nodes])
                    for s in at]
         if half is None or not others:
             half = half_of([p for p in rotated if p is not None])

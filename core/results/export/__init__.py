@@ -9,7 +9,7 @@ from typing import Protocol
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.results.atomic_files import writing
 from sparsemor.core.results.export.request import FORMATS, ExportPlan, plan_export
-from sparsemor.core.results.export.snapshot import Frame, frame_at
+from sparsemor.core.results.export.snapshot import Frame, exported_mesh, frame_at
 from sparsemor.core.results.export.vtu import VtuSeries
 from sparsemor.core.results.export.xdmf import XdmfSeries
 from sparsemor.core.results.output_directory import OutputDirectory
@@ -77,7 +77,7 @@ def export(
 
 
 def _write(run: RunResult, plan: ExportPlan, body: str, folder: Path) -> str:
-    series = _WRITERS[plan.format](folder, body, run.cells(body))
+    series = _WRITERS[plan.format](folder, body, exported_mesh(run, body, plan.fields[body])[1])
     for step in plan.steps.tolist():
         series.write(step, float(run.times[step]), frame_at(run, body, step, plan.fields[body]))
     series.close()

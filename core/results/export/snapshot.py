@@ -6,14 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sparsemor.core.arrays import FloatArray
+from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.results.run_result import RunResult
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Frame:
-    """Snapshot of one body. points (N, 3): current node positions, m; fields: name -> (N,), (N,
-    3) or (N, 9) nodal values."""
+    """Snapshot of one body. points (P, 3): current positions, m; fields: name -> (P,), (P, 3) or
+    (P, 9) values there."""
 
     points: FloatArray
     fields: Mapping[str, FloatArray]
@@ -23,25 +23,34 @@ def frame_at(run: RunResult, body: str, step: int, fields: Sequence[str]) -> Fra
     """Snapshot of a body: nodes at R + A (X + u), displacement A u in space axes, temperature.
 
     Warping the points by the displacement field magnifies the deformation. Planar bodies lie in z =
-    0.
+    0. Points are those of `exported_mesh`.
     """
+    nodes = exported_mesh(run, body, fields)[0]
     u = run.nodal_displacement(body, step)
     values: dict[str, FloatArray] = {}
     if "displacement" in fields:
-        values["displacement"] = _in_three(run.turned(body, step, u))
+        values["displacement"] = _in_three(run.turned(body, step, u))[nodes]
     if "temperature" in fields:
-        values["temperature"] = run.nodal_temperature(body, step)
+        values["temperature"] = run.nodal_temperature(body, step)[nodes]
     if "stress" in fields:
         values["stress"] = run.von_mises(body, step)
         values["stress_tensor"] = _turned(run, body, step, run.stress(body, step))
     if "strain" in fields:
         values["strain"] = run.equivalent_strain(body, step)
         values["strain_tensor"] = _turned(run, body, step, run.strain(body, step))
-    return Frame(_in_three(run.in_space(body, step, run.points(body) + u)), values)
+    return Frame(_in_three(run.in_space(body, step, run.points(body) + u))[nodes], values)
+
+
+def exported_mesh(run: RunResult, body: str, fields: Sequence[str]) -> tuple[IntArray, IntArray]:
+    """Nodes (P,) of the points and cells (E, q) of an export: with stress or strain, nodes between
+    materials have a point for each of them."""
+    if {"stress", "strain"} & set(fields):
+        return run.stress_mesh(body)
+    return np.arange(len(run.points(body))), run.cells(body)
 
 
 def _turned(run: RunResult, body: str, step: int, tensors: FloatArray) -> FloatArray:
-    """(N, 9) tensors (N, 3, 3) given in body axes, in space axes, by rows."""
+    """(P, 9) tensors (P, 3, 3) given in body axes, in space axes, by rows."""
     d = run.points(body).shape[1]
     A = np.eye(3)
     A[:d, :d] = run.turned(body, step, np.eye(d)).T

@@ -18,6 +18,8 @@ which it is a warning and not information, relative to the lowest admissible tem
 FIRST, STEPS = 16, 48
 """Number of stored steps that are checked: the first ones, where heat that enters fast is resolved
 least, and others, evenly spread over the run."""
+ROUND = 1e-9
+"""Undershoot relative to the highest temperature that is taken as round-off."""
 
 
 def undershoot(model: Model, result: RunResult) -> tuple[Note, ...]:
@@ -40,7 +42,7 @@ def undershoot(model: Model, result: RunResult) -> tuple[Note, ...]:
         lowest[b.name] = float(T[at].min()), float(result.times[steps[at]])
     return tuple(
         _note(name, T, t, floor, top) for name, (T, t) in lowest.items()
-        if floor - T > SHARE * (top - T))
+        if floor - T > max(SHARE * (top - T), ROUND * abs(top)))
 
 
 def _note(body: str, T: float, t: float, floor: float, top: float) -> Note:

@@ -8,6 +8,8 @@ import pytest
 
 from sparsemor import export, simulate
 from sparsemor.core.analysis.charts import write_run_charts
+from sparsemor.core.analysis.charts.animation import animate
+from sparsemor.core.analysis.charts.fields import field_mesh, values_of
 from sparsemor.core.errors import InputError
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.results.stress import FIELDS, Derived, StressRecovery
@@ -94,6 +96,75 @@ def test_files_and_pictures_have_the_stress(tmp_path: Path) -> None:
         run, tmp_path / "xdmf", "xdmf", fields=["strain"]).files["bar"].read_text()
     files = write_run_charts(run, tmp_path / "pictures", formats=["png"], fields=[Derived.STRESS])
     assert [f.name for f in files if "stress" in f.name] == ["stress.png"]
+
+
+BIMETAL = {
+    "use": "flexible", "order": 2, "thickness": 0.02, "frame": "fixed",
+    "mesh": {"use": "rectangle", "lower": [0.0, -0.01], "size": [0.4, 0.02],
+             "divisions": [40, 4], "diagonal": "alternating"},
+    "sets": {"up": {"where": "y > -1e-9"}}, "reference": {"clamp": "left"},
+    "material": {"E": 2.1e11, "nu": 0.3, "rho": 7800.0, "alpha": 1.2e-5},
+    "materials": {"up": {"E": 1.1e11, "nu": 0.3, "rho": 8900.0, "alpha": 1.9e-5}},
+    "fields": ["elastic"], "initial_temperature": 393.15}
+
+
+def test_stress_jumps_between_two_materials(tmp_path: Path) -> None:
+    """A strip of steel and copper, 100 K warmer than stress-free: 67.3 MPa below the interface and
+    -41.7 MPa above it (Timoshenko 1925, bi-metal thermostats); their mean, 12.8 MPa, is nowhere."""
+    import meshio
+
+    run = bar(tmp_path, BIMETAL, integrator="bdf1")
+    stress, (nodes, own) = run.stress("bar", -1), run.stress_mesh("bar")
+    X, count = run.points("bar"), len(run.points("bar"))
+    assert nodes[:count].tolist() == list(range(count))
+    assert np.array_equal(nodes[own], run.cells("bar"))
+    assert np.abs(X[nodes[count:], 1]).max() < 1e-9 and len(nodes) == count + 81
+    middle = np.flatnonzero((np.abs(X[nodes, 1]) < 1e-9) & (np.abs(X[nodes, 0] - 0.2) < 1e-9))
+    found = np.sort(stress[middle, 0, 0])
+    assert found / 1e6 == pytest.approx([-41.7, 67.3], rel=5e-3)
+    copper = X[run.cells("bar")].mean(axis=1)[:, 1] > 0.0
+    inner = np.abs(X[run.cells("bar")].mean(axis=1)[:, 0] - 0.2) < 0.1
+    below, above = (stress[own[inner & side]][:, :, 0, 0].ravel() for side in (~copper, copper))
+    assert below.max() == pytest.approx(67.3e6, rel=0.01)  # tension grows towards the interface
+    assert above.min() == pytest.approx(-41.7e6, rel=0.01)
+    export(run, tmp_path / "vtu", fields=["stress", "displacement"], at=[2e3])
+    read = meshio.read(next((tmp_path / "vtu" / "bar").glob("*.vtu")))
+    assert len(read.points) == len(read.point_data["displacement"]) == len(nodes)
+    assert read.point_data["stress"] == pytest.approx(run.von_mises("bar", -1))
+    assert len(export(run, tmp_path / "u", fields=["displacement"], at=[2e3]).files) == 1
+    assert len(meshio.read(next((tmp_path / "u" / "bar").glob("*.vtu"))).points) == count
+
+
+def test_regions_of_equal_stiffness_have_one_stress(tmp_path: Path) -> None:
+    same = {**BIMETAL["material"], "rho": 8000.0}  # type: ignore[dict-item]
+    run = bar(tmp_path, {**BIMETAL, "materials": {"up": same}}, integrator="bdf1")
+    assert len(run.stress_mesh("bar")[0]) == len(run.points("bar"))
+
+
+@pytest.mark.full
+def test_pictures_show_both_sides_of_an_interface(tmp_path: Path) -> None:
+    """In the plane and in space: each cell is coloured by the stress of its own material."""
+    run = bar(tmp_path, BIMETAL, integrator="bdf1")
+    nodes, cells, facets = field_mesh(run, "bar", Derived.STRESS)
+    values = values_of(run, "bar", -1, Derived.STRESS)
+    assert values is not None and len(values) == len(nodes)
+    X = run.points("bar")[nodes]
+    middle = (np.abs(X[cells].mean(axis=1)[:, 0] - 0.2) < 0.05)
+    lower = middle & (X[cells].mean(axis=1)[:, 1] < 0.0)
+    upper = middle & ~lower
+    assert values[cells[lower]].max() == pytest.approx(67.3e6, rel=0.01)
+    touching = (np.abs(X[cells[upper]][:, :, 1]) < 1e-9)
+    assert values[cells[upper]][touching] == pytest.approx(41.7e6, rel=0.02)
+    assert len(np.unique(nodes[facets], axis=0)) == len(facets)
+    solid = {k: v for k, v in BIMETAL.items() if k != "thickness"} | {
+        "mesh": {"use": "block", "size": [0.1, 0.02, 0.02], "divisions": [2, 2, 2]},
+        "sets": {"up": {"where": "y > 0.0099"}}, "order": 1}
+    (tmp_path / "solid").mkdir()
+    block = bar(tmp_path / "solid", solid, integrator="bdf1")
+    for one in (run, block):
+        files = write_run_charts(one, tmp_path / "p", formats=["png"], fields=[Derived.STRESS])
+        assert any("stress" in f.name for f in files)
+    animate(block, tmp_path / "a.gif", "stress", frames=2)
 
 
 def test_what_has_no_stress_says_so(tmp_path: Path) -> None:
