@@ -101,7 +101,6 @@ if TYPE_CHECKING:
     from sparsemor.core.registry.slot import Slot as Slot
     from sparsemor.core.registry.slot import slot_default as slot_default
     from sparsemor.core.results.error_norms import CONSTANT_CHANGE as CONSTANT_CHANGE
-    from sparsemor.core.simulation.cache import cache_folder as cache_folder
     from sparsemor.core.simulation.diagnostics.alternating_joint_forces import (
         joints_with_forces as joints_with_forces,
     )
@@ -111,6 +110,7 @@ if TYPE_CHECKING:
     from sparsemor.core.simulation.diagnostics.plausibility import (
         outside_box_notes as outside_box_notes,
     )
+    from sparsemor.core.simulation.kept.machine_code import MachineCode as MachineCode
     from sparsemor.core.simulation.memory.limits import GIGABYTE as GIGABYTE
     from sparsemor.core.simulation.memory.limits import (
         bounded_address_space as bounded_address_space,
@@ -160,10 +160,10 @@ _HOMES = {
         "prepared_recovery", "sampled_rows"),
     "registry.slot": ("Slot", "slot_default"),
     "results.error_norms": ("CONSTANT_CHANGE",),
-    "simulation.cache": ("cache_folder",),
     "simulation.diagnostics.alternating_joint_forces": ("joints_with_forces",),
     "simulation.diagnostics.expected_states": ("expected_states",),
     "simulation.diagnostics.plausibility": ("outside_box_notes",),
+    "simulation.kept.machine_code": ("MachineCode",),
     "simulation.memory.limits": ("GIGABYTE", "bounded_address_space", "machine_memory"),
     "status": ("SolveFailed", "Status"),
 }

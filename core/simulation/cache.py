@@ -39,8 +39,11 @@ def cache_folder() -> Path:
     """Root directory of the cache: environment variable `SPARSEMOR_CACHE`, else the user's cache
     directory."""
     named = os.environ.get("SPARSEMOR_CACHE")
-    if named:
-        return Path(named)
+    return Path(named) if named else own_cache_folder()
+
+
+def own_cache_folder() -> Path:
+    """Directory `sparsemor` in the user's cache directory."""
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "sparsemor"
 
 

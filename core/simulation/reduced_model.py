@@ -52,6 +52,7 @@ from sparsemor.core.simulation.diagnostics.rounded_file import (
     largest_difference,
 )
 from sparsemor.core.simulation.free_options import FREE, inside, load_functions
+from sparsemor.core.simulation.kept.stored_classes import CLASSES
 from sparsemor.core.simulation.offline import step_count
 from sparsemor.core.simulation.other_start import (
     Initial,
@@ -64,7 +65,6 @@ from sparsemor.core.simulation.progress import progress_bar
 from sparsemor.core.simulation.recorder import Recorder
 from sparsemor.core.simulation.simulate import stepped
 from sparsemor.core.simulation.step_statistics import Tally
-from sparsemor.core.simulation.stored_classes import CLASSES
 from sparsemor.core.simulation.time_stepping import started
 from sparsemor.core.simulation.validation import ESTIMATE, endless, time_faults
 from sparsemor.core.status import SolveFailed

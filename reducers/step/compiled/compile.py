@@ -1,22 +1,30 @@
 """Compilation of the kernel by numba, an optional package (`pip install 'sparsemor[fast]'`).
 
 The functions of dense.py, kernel.py, local.py, mechanics.py and prescribed.py are plain Python;
-numba compiles copies of them, which call each other's compiled forms. Machine code is kept in the
-user's cache folder, under a digest of the sources, so that it is never older than these.
+numba compiles copies of them, which call each other's compiled forms. Machine code is kept under a
+digest of the sources, so that it is never older than these, where only its user can have written it
+(`MachineCode`): numba's own files are pickles, found by an index that is a pickle.
 """
 
 import hashlib
 import inspect
+import logging
+import pickle
+import platform
 from collections.abc import Callable
 from functools import cache
+from importlib import import_module
+from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
 from types import FunctionType
 from typing import Any, NamedTuple, TypeAlias
 
+from sparsemor.core import MachineCode
 from sparsemor.reducers.step import acceptance
 from sparsemor.reducers.step.compiled import dense, kernel, local, mechanics, prescribed
 
+_log = logging.getLogger(__name__)
 FUNCTIONS: tuple[Callable[..., object], ...] = (
     acceptance.estimated_error, acceptance.reference, dense.add_product, dense.add_rates,
     dense.add_products, dense.add_turned, dense.product, dense.solve_in_place, dense.norm,
@@ -88,34 +96,66 @@ def bound(functions: Functions, compiled: Callable[[FunctionType], Any]) -> Any:
 
 
 @cache
-def compiled_advance(functions: Functions, folder: Path) -> Any:
-    """Compiled `kernel.advance` for models with these functions; machine code is kept in
-    `folder`."""
+def compiled_advance(functions: Functions) -> Any:
+    """Compiled `kernel.advance` for models with these functions."""
     import numba  # optional, and takes half a second to import
 
-    config: Any = numba.config
     njit: Any = numba.njit  # its types lack `_nrt`
+    kept = MachineCode(name_of(functions))
+    if not kept:
+        _log.warning("compiling the time step once, about a minute; machine code: %s",
+                     kept.folder or "not kept, since no folder is this user's alone")
     frame = () if functions.frame is None else (functions.frame[0], *functions.frame[1])
     bare = {f.__code__ for f in (*BARE, mechanics.evaluate_frame, *frame)
             if isinstance(f, FunctionType)}
     # sums may be reordered where that makes them several times faster
     fast, reordered = {"contract"}, {"contract", "reassoc"}
-    before, config.CACHE_DIR = config.CACHE_DIR, str(folder)
-    try:
-        return bound(functions, lambda f: njit(
-            cache=True, error_model="numpy", _nrt=f.__code__ not in bare,
-            fastmath=reordered if f.__name__ in ("add_turned", "solve_factored") else fast)(f))
-    finally:
-        config.CACHE_DIR = before
+    return bound(functions, lambda f: with_kept_code(njit(
+        error_model="numpy", _nrt=f.__code__ not in bare,
+        fastmath=reordered if f.__name__ in ("add_turned", "solve_factored") else fast)(f), kept))
+
+
+def with_kept_code(compiled: Any, kept: MachineCode) -> Any:
+    """The compiled function, with its machine code taken from `kept` where that has it."""
+    caching, serialize, compiler = (import_module(f"numba.core.{m}") for m in (
+        "caching", "serialize", "compiler"))  # optional
+
+    class Cache(caching._Cache):  # type: ignore[misc, name-defined]
+        """Cache of one function for numba."""
+
+        cache_path = str(kept.folder)
+
+        def load_overload(self, sig: Any, target_context: Any) -> Any:
+            target_context.refresh()
+            found = kept.read(self._key(sig, target_context.codegen()))
+            return None if found is None else compiler.CompileResult._rebuild(
+                target_context, *pickle.loads(found))
+
+        def save_overload(self, sig: Any, data: Any) -> None:
+            kept.write(self._key(sig, data.codegen), serialize.dumps(data._reduce()))
+
+        def _key(self, sig: Any, codegen: Any) -> str:
+            function = compiled.py_func
+            return repr((sig, codegen.magic_tuple(), function.__module__, function.__qualname__,
+                         hashlib.sha256(function.__code__.co_code).hexdigest()))
+
+        def enable(self) -> None: ...
+        def disable(self) -> None: ...
+        def flush(self) -> None: ...
+
+    compiled._cache = Cache()
+    return compiled
 
 
 @cache
-def folder_of(root: Path, functions: Functions) -> Path:
-    """Folder in `root` of the machine code of the kernel with these functions, named by a digest of
-    their sources and their order."""
+def name_of(functions: Functions) -> str:
+    """Name of the machine code of the kernel with these functions: a digest of their sources and
+    their order, and of the versions of Python and numba."""
     own = functions.all
     files = sorted({__file__, *(inspect.getfile(f) for f in (*own, *FUNCTIONS))})
-    names = repr([[f"{f.__module__}.{f.__qualname__}" for f in (law, *calls)]
-                  for law, calls in functions.laws])
+    frame = () if functions.frame is None else (functions.frame,)
+    names = repr([[f"{f.__module__}.{f.__qualname__}" for f in (function, *calls)]
+                  for function, calls in (*frame, *functions.laws)])
+    versions = [platform.python_version(), *map(version, ("numba", "llvmlite", "numpy"))]
     sources = b"".join(Path(f).read_bytes() for f in files)
-    return root / hashlib.sha256(sources + names.encode()).hexdigest()[:16]
+    return hashlib.sha256(sources + names.encode() + repr(versions).encode()).hexdigest()[:16]

@@ -1,10 +1,8 @@
 """Step solver whose steps can be compiled."""
 
-import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from importlib import import_module
-from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
@@ -16,7 +14,6 @@ from sparsemor.core import (
     State,
     StepBlock,
     UpdateRules,
-    cache_folder,
     information,
     require,
 )
@@ -31,7 +28,7 @@ from sparsemor.reducers.step.compiled.arrays import (
     ModelArrays,
     RunArrays,
 )
-from sparsemor.reducers.step.compiled.compile import compiled_advance, folder_of, installed
+from sparsemor.reducers.step.compiled.compile import compiled_advance, installed
 from sparsemor.reducers.step.compiled.plan import Plan, model_arrays, plan
 from sparsemor.reducers.step.compiled.stacked import work_of
 from sparsemor.reducers.step.compiled.timed import NotCompiled
@@ -44,7 +41,6 @@ AUTO = 200_000
 about as many uncompiled steps."""
 LONGEST = 400
 """Largest number of steps of a block: functions of time are tabulated for it."""
-_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -180,9 +176,6 @@ def _kept(h: HeatArrays, width: int) -> KeptHeat:
 def _compiled(plan: Plan) -> tuple[Callable[..., int], Callable[[Sequence[Any], Any], Any]]:
     """Compiled `kernel.advance` and the function that makes its lists."""
     numba: Any = import_module("numba")  # optional, and takes half a second to import
-    folder: Path = folder_of(cache_folder() / "machine_code", plan.functions)
-    if not folder.exists():
-        _log.warning("compiling the time step once, about a minute; machine code: %s", folder)
 
     def listed(items: Sequence[Any], example: Any) -> Any:
         made = numba.typed.List.empty_list(numba.typeof(example))
@@ -190,7 +183,7 @@ def _compiled(plan: Plan) -> tuple[Callable[..., int], Callable[[Sequence[Any], 
             made.append(item)
         return made
 
-    return compiled_advance(plan.functions, folder), listed
+    return compiled_advance(plan.functions), listed
 
 
 def _run_arrays(state: State, memory: Memory) -> RunArrays:

@@ -1,0 +1,1 @@
+"""Machine code, and the classes of which reduced models are kept."""
