@@ -1,7 +1,9 @@
 """Reduced model that is prepared once, run many times, and kept in a file."""
 
+import json
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import fields as fields_of
 from dataclasses import replace
 from functools import cached_property
@@ -30,8 +32,9 @@ from sparsemor.core.registry.registry import Registry
 from sparsemor.core.results.arrays_in_memory import MemoryWriter, fixed_in_memory
 from sparsemor.core.results.atomic_files import replace_file
 from sparsemor.core.results.metadata import RunHeader
+from sparsemor.core.results.model_file.field_types import unfit_field
+from sparsemor.core.results.model_file.packed import Packed, PackedError, Table, table_of
 from sparsemor.core.results.output_lock import owned
-from sparsemor.core.results.packed import Packed, PackedError, Table, table_of
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.results.store import ResultWriter
 from sparsemor.core.scene.html import html_table
@@ -40,6 +43,7 @@ from sparsemor.core.scene.overrides import split
 from sparsemor.core.scene.parameters import values_at
 from sparsemor.core.scene.scene import Scene, build
 from sparsemor.core.scene.source import Source
+from sparsemor.core.scene.yaml_reader import LocatedError
 from sparsemor.core.simulation.admission import kept
 from sparsemor.core.simulation.advice import explicit
 from sparsemor.core.simulation.cache import Cache
@@ -112,24 +116,66 @@ def load_model(path: str | Path, *, registry: Registry | None = None) -> "Reduce
     not installed.
     """
     try:
-        return _unpacked(Path(path).read_bytes(), registry)
+        data = Path(path).read_bytes()
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from None
-    except (PackedError, KeyError, TypeError, AttributeError) as error:
-        raise InputError(f"{path} is no reduced model that this program can use: {error}; save it "
-                         "again from its scene") from None
+    with usable(str(path)):
+        return _unpacked(data, registry, str(path))
 
 
-def _unpacked(data: bytes, registry: Registry | None) -> "ReducedModel":
-    """The model from the bytes of its file."""
+@contextmanager
+def usable(file: str) -> Iterator[None]:
+    """Context in which a model from a file that fits no object or no step is refused in one line;
+    without a file, for a model of this process, nothing is done. Raises InputError."""
+    try:
+        yield
+    except (SolveFailed, OSError):
+        raise
+    except Exception as error:
+        if not file or isinstance(error, InputError) and not isinstance(error, LocatedError):
+            raise
+        own = isinstance(error, PackedError | LocatedError)
+        said = str(error) if own else f"{type(error).__name__}: {error}"
+        line, *more = said.splitlines() or [""]
+        raise InputError(
+            f"{file} is no reduced model that this program can use: {line}"
+            f"{f' (and {len(more)} more)' if more else ''}; save it again from its scene"
+        ) from error
+
+
+def _unpacked(data: bytes, registry: Registry | None, file: str = "") -> "ReducedModel":
+    """The model from the bytes of its file. Raises PackedError for what is no model that fits
+    itself."""
     packed = Packed.load(data)
     scene = build(Source.of_tree(packed.about["scene"], registry, packed.about["name"]))
     parts = packed.made(_table(scene), _functions(scene))
     header, solver = parts.pop("header"), parts["solver"]
     if not (isinstance(header, RunHeader) and isinstance(solver, LeavesMesh)):
         raise PackedError("it holds something else")
-    return ReducedModel(PreparedRun(
-        scene=scene, header=replace(header, scene=scene.dump(), platform=described()), **parts))
+    if faults := [*endless(scene), *time_faults(scene)]:
+        raise PackedError(faults[0].message)
+    run = PreparedRun(
+        scene=scene, header=replace(header, scene=scene.dump(), platform=described()), **parts)
+    if wrong := unfit_field(run):
+        raise PackedError(wrong)
+    _check_consistent(run)
+    return ReducedModel(run, file=file)
+
+
+def _check_consistent(run: PreparedRun) -> None:
+    """Raises PackedError, ValueError or TypeError where unknowns, state and trial bases differ in
+    size, by which memory is taken, or where the header cannot be stored."""
+    layout, start = run.header.layout, run.start
+    json.dumps(run.header.attributes(), allow_nan=False)  # as a result writes them
+    if layout.parts() != run.solver.layout.parts() or run.header.steps_planned != step_count(
+            run.scene):
+        raise PackedError("its header and its step solver differ")
+    if not {a.shape for a in (start.x, start.v, start.a)} <= {
+            (layout.size,), (run.header.full_layout.size,)}:
+        raise PackedError(f"a state of {start.x.shape} for {layout.size} unknowns")
+    for name, made in run.header.dictionaries.items():
+        if made.atoms.ndim != 2 or made.atoms.shape[1] != layout.block(name).size:
+            raise PackedError(f"{name}: a trial basis of {made.atoms.shape}")
 
 
 class ReducedModel:
@@ -142,8 +188,10 @@ class ReducedModel:
     """
 
     def __init__(
-        self, run: PreparedRun, offline_seconds: float = 0.0, again: Again | None = None
+        self, run: PreparedRun, offline_seconds: float = 0.0, again: Again | None = None,
+        file: str = "",
     ) -> None:
+        self._file_name = file
         self._run, self._again, self._fixed = run, again, fixed_in_memory(run.header)
         self.offline_seconds = offline_seconds
         """Time of its preparation with an empty cache, s; 0 for a model from a file."""
@@ -197,23 +245,26 @@ class ReducedModel:
             scene = changed if isinstance(changed, Scene) else self.scene.using(
                 changed, label="run")
             changed = scene.using(values_at(parameters), label="parameters")
-        run = self._changed(changed, initial or {})
+        with usable(self._file_name):
+            run = self._changed(changed, initial or {})
         manager, steps = new_manager(observers), step_count(run.scene)
         tally, begin = Tally(offline=time.perf_counter() - begun), None
         if run.solver is self._run.solver:
-            state, memory = self._begin
+            with usable(self._file_name):
+                state, memory = self._begin
             begin = state, memory.copy()
         own = None if run.offline is self._run.offline else run.offline  # projected again
         products = None if own is None else own.products
         if out is None:
             writer = MemoryWriter(
                 run.header, self._fixed if own is None else fixed_in_memory(run.header))
-            recorder = Recorder(run, writer, None, steps, products)
-            return stepped(run, recorder, manager, tally, begin=begin)
+            with usable(self._file_name):
+                recorder = Recorder(run, writer, None, steps, products)
+                return stepped(run, recorder, manager, tally, begin=begin)
         with owned(Path(out)):
             recorder = Recorder.open(run, Path(out), False, steps, products)
             assert isinstance(recorder.writer, ResultWriter)
-            with kept(recorder.writer, new=True):
+            with kept(recorder.writer, new=True), usable(self._file_name):
                 return stepped(run, recorder, manager, tally, begin=begin)
 
     def at(self, parameters: Mapping[str, float], atoms: int | None = None) -> "ReducedModel":

@@ -24,9 +24,9 @@ ALLOWED = {
     "registry.slot.slot_default": "the default of an option: pydantic makes a plugin of the name",
     "registry.slot.name_default_slots": "the options of a plugin as they are written",
     "results.json_data.finite": "any JSON value",
-    "results.packed.HasParts.of_parts": "arguments of the constructor of any class",
-    "results.packed.Packed.made": "an object of any class of the table",
-    "results.packed.Packed.tree": "plain data of an unknown object",
+    "results.model_file.packed.HasParts.of_parts": "arguments of the constructor of any class",
+    "results.model_file.packed.Packed.made": "an object of any class of the table",
+    "results.model_file.packed.Packed.tree": "plain data of an unknown object",
     "results.saved_state.Saved.tree": "plain data of an unknown memory",
     "results.saved_state.Saved.into": "plain data becomes a memory of the class of another one",
 }

@@ -21,11 +21,22 @@ from pydantic import BaseModel
 from scipy.sparse import csr_array
 
 from sparsemor.core.protocols import TimeFunction
+from sparsemor.core.results.model_file.field_types import unfit_field
+from sparsemor.core.results.model_file.packed_arrays import (
+    compact,
+    declared,
+    order,
+    restored,
+    shuffled,
+)
 from sparsemor.core.results.model_format import MAGIC
-from sparsemor.core.results.packed_arrays import compact, order, restored, shuffled
 
-LARGEST = 2**32
-"""Largest size of the data of a file, bytes."""
+SMALL, RATIO = 2**20, 64
+"""Largest size of what is in a file, bytes: so many, and so many times its compressed bytes.
+Numbers do not compress better; where they do, as zeros, `dump` leaves them as they are."""
+DEEPEST = 128
+"""Levels of the tree; models of the packaged scenes have 31."""
+_PIECE = 2**16
 Table = Mapping[str, object]
 """Name -> class or function that data may name."""
 
@@ -85,30 +96,109 @@ class Packed:
         heads, data = compact(self.arrays, rounded)
         head = json.dumps([self.about, self.tree, sorted(self.used), heads], separators=(",", ":"),
                           allow_nan=False).encode()
-        payload = zlib.compress(b"".join([len(head).to_bytes(8, "little"), head, *data]), 6)
+        body = b"".join([len(head).to_bytes(8, "little"), head, *data])
+        payload = zlib.compress(body, 6)
+        if len(head) + declared(heads) > _most(payload):  # as no reader believes it
+            payload = zlib.compress(body, 0)
         return MAGIC + hashlib.sha256(payload).hexdigest().encode() + b"\n" + payload
 
     @classmethod
     def load(cls, data: bytes) -> "Packed":
         """Inverse of `dump`; executes nothing in the data. Raises PackedError for other formats and
         damaged data."""
-        form, _, rest = data.partition(b"\n")
-        if form + b"\n" != MAGIC:
-            version = form[: len(MAGIC) - 2] == MAGIC[:-2]
+        line = data.find(b"\n") + 1
+        if data[:line] != MAGIC:
+            version = data[: len(MAGIC) - 2] == MAGIC[:-2]
             raise PackedError("it is of another version of the format" if version else
                               "it is no reduced model")
-        digest, _, payload = rest.partition(b"\n")
-        if digest != hashlib.sha256(payload).hexdigest().encode():
+        start = line + 65
+        payload = memoryview(data)[start:]
+        if data[line:start] != hashlib.sha256(payload).hexdigest().encode() + b"\n":
             raise PackedError("its digest does not match: the file is damaged")
         try:
-            stream = zlib.decompressobj()
-            body = memoryview(stream.decompress(payload, LARGEST))
-            size = int.from_bytes(body[:8], "little")
-            about, tree, used, heads = json.loads(bytes(body[8 : 8 + size]))
-            return cls(tree, restored(heads, body[8 + size:]), frozenset(used), dict(about))
+            stream = _Stream(payload)
+            about, tree, used, heads = _head(stream)
+            arrays = restored(heads, stream.take)
+            stream.end()
         except (ValueError, TypeError, LookupError, zlib.error, RecursionError,
                 MemoryError) as error:
             raise PackedError(f"it cannot be read ({error})") from None
+        return cls(tree, arrays, frozenset(used), about)
+
+
+def _most(payload: bytes | memoryview) -> int:
+    """Largest size of what is in compressed data, bytes."""
+    return SMALL + RATIO * len(payload)
+
+
+class _Stream:
+    """Compressed data that is read piece by piece: no more memory is taken than is asked for."""
+
+    def __init__(self, payload: memoryview) -> None:
+        self.payload, self._rest = payload, b""
+        self._at, self._zlib = 0, zlib.decompressobj()
+
+    def take(self, size: int) -> bytearray:
+        """The next bytes. Raises ValueError if there are not so many."""
+        made = bytearray()
+        while len(made) < size:
+            if not self._rest:
+                self._rest = bytes(self.payload[self._at : self._at + _PIECE])
+                self._at += _PIECE
+            piece = self._zlib.decompress(self._rest, size - len(made))
+            self._rest = self._zlib.unconsumed_tail
+            if not piece and (self._zlib.eof or self._at >= len(self.payload) and not self._rest):
+                raise ValueError("it holds fewer bytes than its arrays have")
+            made += piece
+        return made
+
+    def end(self) -> None:
+        """Raises ValueError if there is more."""
+        rest = self._rest + bytes(self.payload[self._at :])
+        if self._zlib.decompress(rest, 1) or not self._zlib.eof or self._zlib.unused_data:
+            raise ValueError("it holds more bytes than its arrays have")
+
+
+def _head(stream: _Stream) -> tuple[dict[str, Any], Any, list[str], list[Any]]:
+    """Plain data, tree, used plugins and heads of arrays. Raises ValueError or TypeError for what
+    is none, or declares more than such a file holds."""
+    size = int.from_bytes(stream.take(8), "little")
+    most = _most(stream.payload)
+    if size > most:
+        raise ValueError(f"its head of {size} bytes is too large for it")
+    text = stream.take(size)
+    values = sum(map(text.count, b"[{,"))
+    if values > SMALL // 32 + len(stream.payload):
+        raise ValueError(f"its head of {values} values is too large for it")
+    about, tree, used, heads = found = json.loads(text.decode())
+    _check_plain(found, 0)
+    whole = size + declared(heads)
+    if whole > most:
+        raise ValueError(f"its arrays would have {whole} bytes, which such a file cannot hold")
+    if not (isinstance(about, dict) and isinstance(about.get("scene"), dict)
+            and isinstance(about.get("name"), str) and all(isinstance(k, str) for k in used)):
+        raise ValueError("it names no scene")
+    return about, tree, used, heads
+
+
+def _check_plain(value: object, depth: int) -> None:
+    """Raises ValueError for data that no writer makes: nested too deep, texts with a NUL or half a
+    character, and integers beyond 64 bits."""
+    if depth > DEEPEST:
+        raise ValueError(f"its data is nested deeper than {DEEPEST} levels")
+    if isinstance(value, str):
+        if "\0" in value:
+            raise ValueError(f"a text holds the character NUL ({value[:40]!r})")
+        value.encode()
+    elif isinstance(value, dict):
+        for key, inner in value.items():
+            _check_plain(key, depth + 1)
+            _check_plain(inner, depth + 1)
+    elif isinstance(value, list):
+        for inner in value:
+            _check_plain(inner, depth + 1)
+    elif isinstance(value, int) and value.bit_length() > 63:
+        raise ValueError("an integer has more than 64 bits")
 
 
 def _identity(a: NDArray[Any]) -> tuple[object, ...]:
@@ -217,6 +307,8 @@ class _Maker:
     plugins: Mapping[str, object]
     arrays: tuple[NDArray[Any], ...]
     _known: list[Any] = field(default_factory=list)
+    _swapped: dict[int, NDArray[Any]] = field(default_factory=dict)
+    _copied: int = 0
 
     def value(self, node: Any) -> Any:
         if node is None or isinstance(node, bool | int | str):
@@ -250,8 +342,16 @@ class _Maker:
         found: Callable[..., Any] = getattr(of, name)
         return found
 
+    def swapped(self, content: int) -> NDArray[Any]:
+        if content not in self._swapped:
+            self._swapped[content] = np.ascontiguousarray(self.arrays[content].swapaxes(-1, -2))
+        return self._swapped[content]
+
     def csr(self, content: Any) -> Any:
         data, indices, indptr, shape = content
+        self._copied += self.arrays[indices].nbytes + self.arrays[indptr].nbytes
+        if self._copied > SMALL + sum(a.nbytes for a in self.arrays):
+            raise PackedError("it names one matrix many times")
         made = csr_array((self.arrays[data], self.arrays[indices], self.arrays[indptr]),
                          shape=tuple(shape))
         made.check_format(full_check=True)
@@ -262,13 +362,16 @@ class _Maker:
         return cls.of_parts(*values) if issubclass(cls, HasParts) else cls(*values)
 
     def fields(self, content: Any) -> Any:
-        return self.named(content[0])(**{n: self.value(v) for n, v in content[1].items()})
+        made = self.named(content[0])(**{n: self.value(v) for n, v in content[1].items()})
+        if wrong := unfit_field(made):
+            raise PackedError(f"no model fits the data ({wrong})")
+        return made
 
 
 _LEAVES: Mapping[str, Callable[[_Maker, Any], Any]] = {
     "float": lambda m, c: float.fromhex(c),
     "array": lambda m, c: m.arrays[c],
-    "swapped": lambda m, c: np.ascontiguousarray(m.arrays[c].swapaxes(-1, -2)),
+    "swapped": _Maker.swapped,
     "scalar": lambda m, c: m.arrays[c][()],
     "slice": lambda m, c: slice(*c),
     "enum": lambda m, c: m.named(c[0])[c[1]],

@@ -5,8 +5,9 @@ vector, such as the operators of a step, D^-1 A with a diagonal D, is stored as 
 two. Numbers of full precision that depend on nothing else do not compress.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import permutations
+from math import prod
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,10 @@ from numpy.typing import NDArray
 
 LARGE = 10_000
 """Number of entries from which a matrix is stored as a product, or rounded."""
+MOST_DIMENSIONS = 8
+_DTYPES = {d.str: d for d in map(np.dtype, ("?", "i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8",
+                                            "f2", "f4", "f8"))}
+"""Data types of arrays, in the order of bytes of this machine."""
 Head = list[Any]
 """Data type, shape, order, and None or [matrix, vector, transposed]: the numbers of two arrays
 whose product it is."""
@@ -29,22 +34,48 @@ def compact(
             ], [shuffled(_rounded(a, rounded)) for i, a in enumerate(arrays) if i not in products]
 
 
-def restored(heads: Sequence[Head], data: memoryview) -> tuple[NDArray[Any], ...]:
-    """Inverse of `compact`. Raises ValueError, TypeError or LookupError for heads of no arrays."""
-    stored, at = dict[int, NDArray[Any]](), 0
+def restored(heads: Sequence[Head], take: Callable[[int], bytearray]) -> tuple[NDArray[Any], ...]:
+    """Inverse of `compact`. take: the next bytes of the data, so many. Raises ValueError, TypeError
+    or LookupError for heads of no arrays."""
+    stored = {i: _restored(take(_bytes_of(kind, shape)), kind, shape, layout)
+              for i, (kind, shape, layout, product) in enumerate(heads) if product is None}
+    made = []
     for i, (kind, shape, layout, product) in enumerate(heads):
         if product is None:
-            stored[i] = _restored(data[at:], np.dtype(kind), shape, layout)
-            at += stored[i].nbytes
-    made = []
-    for i, (_, _, layout, product) in enumerate(heads):
-        if product is None:
             made.append(stored[i])
-        else:
-            matrix, vector, transposed = product
-            made.append(np.asarray(_times(stored[matrix], stored[vector], bool(transposed)),
-                                   order="F" if layout == "F" else "C"))
+            continue
+        matrix, vector, transposed = product
+        _is_product(kind, shape, stored[matrix], stored[vector], transposed)
+        made.append(np.asarray(_times(stored[matrix], stored[vector], transposed),
+                               order="F" if layout == "F" else "C"))
     return tuple(made)
+
+
+def declared(heads: Sequence[Head]) -> int:
+    """Bytes of all arrays, before any memory is taken for them; empty ones count by their other
+    dimensions. Raises ValueError or TypeError for heads of no arrays."""
+    return sum(_bytes_of(kind, [max(n, 1) if isinstance(n, int) else n for n in shape])
+               for kind, shape, _, _ in heads)
+
+
+def _bytes_of(kind: str, shape: list[int]) -> int:
+    if kind not in _DTYPES:
+        raise ValueError(f"an array of {kind!r}")
+    if len(shape) > MOST_DIMENSIONS or not all(type(n) is int and n >= 0 for n in shape):
+        raise ValueError(f"an array of the shape {shape!r:.60}")
+    return int(_DTYPES[kind].itemsize) * prod(shape)
+
+
+def _is_product(
+    kind: str, shape: list[int], matrix: NDArray[Any], vector: NDArray[Any], transposed: bool
+) -> None:
+    """Raises ValueError where an array of this type and shape is not the product that it is said
+    to be."""
+    of = (*shape[:-2], *shape[:-3:-1]) if transposed else tuple(shape)
+    if transposed not in (False, True) or matrix.shape != of or vector.shape != of[-2:-1] or (
+            {matrix.dtype, vector.dtype} != {_DTYPES[kind]}):
+        raise ValueError(f"an array of the shape {shape} as a product of {matrix.shape} and "
+                         f"{vector.shape}")
 
 
 def order(a: NDArray[Any]) -> str:
@@ -91,8 +122,6 @@ def _products(arrays: Sequence[NDArray[Any]]) -> dict[int, tuple[int, int, bool]
 
 def _times(b: NDArray[Any], v: NDArray[Any], transposed: bool) -> NDArray[Any]:
     """Matrices b (.., m, n) with their rows times v (m,), or the transposed ones."""
-    if v.shape != b.shape[-2:-1]:
-        raise ValueError(f"a vector {v.shape} for rows of {b.shape}")
     made = np.asarray(b * v[:, None])
     return made.swapaxes(-1, -2) if transposed else made
 
@@ -101,12 +130,8 @@ def _is_large(a: NDArray[Any]) -> bool:
     return a.ndim > 1 and a.size >= LARGE and a.dtype.kind == "f"
 
 
-def _restored(
-    data: memoryview, kind: np.dtype[Any], shape: list[int], layout: str
-) -> NDArray[Any]:
-    if kind.hasobject or kind.kind not in "biuf":
-        raise ValueError(f"an array of {kind}")
-    count = int(np.prod(shape, dtype=np.int64))
-    raw = np.frombuffer(data, np.uint8, count * kind.itemsize)
-    flat = np.ascontiguousarray(raw.reshape(kind.itemsize, count).T).reshape(-1).view(kind)
+def _restored(data: bytearray, kind: str, shape: list[int], layout: str) -> NDArray[Any]:
+    dtype = _DTYPES[kind]
+    raw = np.frombuffer(data, np.uint8).reshape(dtype.itemsize, prod(shape))
+    flat = np.ascontiguousarray(raw.T).reshape(-1).view(dtype)
     return flat.reshape(shape, order="F" if layout == "F" else "C")
