@@ -97,7 +97,8 @@ class Flexible(Plugin):
     """Material, by its properties or by a plugin that provides them."""
     materials: Annotated[
         dict[str, Annotated[Material, Slot("material")]], BeforeValidator(_isotropic)] = {}
-    """Other materials by set: of the cells with all points in the set."""
+    """Other materials by set: of the cells that a mesh file tags with its name, otherwise of the
+    cells with all points in the set."""
     model: Literal["plane_stress", "plane_strain", "solid"] | None = None
     """Elastic model: plane stress in the plane when not given, `solid` in space."""
     fields: list[Literal["elastic", "thermal"]]
@@ -167,7 +168,7 @@ class Flexible(Plugin):
             heat=self._heat(mesh, regions) if heats else None, T0=T0,
             temperature_limits=self._limits(),
             T_ref=np.full(len(mesh.points), self.reference_temperature),
-            notes=mesh_notes(name, mesh, self.sets))
+            notes=(*mesh.notes, *mesh_notes(name, mesh, self.sets)))
 
     @property
     def _quadratic(self) -> bool:

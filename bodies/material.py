@@ -10,6 +10,7 @@ from pydantic import AfterValidator, Discriminator, Field, Tag
 
 from sparsemor.bodies.temperature_curve import TemperatureCurve
 from sparsemor.core import (
+    BoolArray,
     Csr,
     Fault,
     InputError,
@@ -118,8 +119,8 @@ class Region:
 def regions_of(
     mesh: Mesh, material: Material, others: Mapping[str, Material], temperature: float
 ) -> tuple[Region, ...]:
-    """Materials of all cells: `others` in the cells with all points in the set of that name,
-    `material` elsewhere. temperature: reference temperature, K.
+    """Materials of all cells: `others` in the cells of the set of that name, `material` elsewhere.
+    temperature: reference temperature, K.
 
     InputError under the name of a set that does not exist, contains no cell, or shares cells with
     another one.
@@ -133,9 +134,11 @@ def regions_of(
             faults.append(Fault(name, f"the mesh has no set {name!r}: "
                                 f"{suggestions(name, sorted(mesh.point_sets), 'sets')}"))
             continue
-        inside = np.isin(mesh.cells, mesh.point_sets[name]).all(axis=1)
+        inside = _cells_of(mesh, name)
         if not inside.any():
-            faults.append(Fault(name, "no cell of the mesh has all its points in this set"))
+            faults.append(Fault(name, "no cell of the mesh has all its points in this set"
+                                if name not in mesh.facet_sets else
+                                "this set consists of surfaces, edges or points, not of cells"))
         shared = np.unique(owner[inside])
         if shared.any():
             before = list(others)[int(shared.max()) - 1]
@@ -148,6 +151,16 @@ def regions_of(
     rest = np.flatnonzero(owner == 0)
     first = [Region(material, constants_at(material, temperature), rest)] if len(rest) else []
     return (*first, *found)
+
+
+def _cells_of(mesh: Mesh, name: str) -> BoolArray:
+    """(E,) True for the cells of a set: those that the mesh tags; where it tags neither cells nor
+    facets, those with all points in the set."""
+    if name not in mesh.cell_sets and name not in mesh.facet_sets:
+        return np.asarray(np.isin(mesh.cells, mesh.point_sets[name]).all(axis=1))
+    inside = np.zeros(len(mesh.cells), dtype=np.bool_)
+    inside[mesh.cell_sets.get(name, [])] = True
+    return inside
 
 
 def summed(regions: Sequence[Region], make: Callable[[Region], Csr]) -> Csr:

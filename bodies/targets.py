@@ -61,7 +61,7 @@ class Target:
             raise InputError(f"{self.text!r}: body {self.body.name!r} is rigid and has no surface "
                              "to integrate over; use point_force", key)
         try:
-            return boundary_facets(self.body.mesh, self.nodes)
+            return boundary_facets(self.body.mesh, self.nodes, self.text.partition(":")[2])
         except InputError as error:
             raise error.under(key) from None
 

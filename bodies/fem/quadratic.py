@@ -12,21 +12,33 @@ def with_midpoints(mesh: Mesh) -> Mesh:
 
     The midpoint of an edge belongs to a set if both ends do, and the edge is part of a boundary
     facet or a cell that is in the set as a whole. An edge that crosses the body from one piece of
-    the set to another has its midpoint outside.
+    the set to another has its midpoint outside. Where the mesh tags facets, or only cells, with the
+    name of the set, their edges are those of the set.
     """
     from sparsemor.bodies.fem import forms
 
     ends, of = forms.edges(mesh)
     n = len(mesh.points)
     middles = mesh.points[ends].mean(axis=1)
-    facets = outer_facets(mesh)
     d = mesh.dimension
-    sides = facets[:, [(i, j) for i in range(d) for j in range(i)]].reshape(-1, 2)
-    keys, outer = (np.sort(pairs, axis=1) @ np.array([n, 1]) for pairs in (ends, sides))
+    corners = [(i, j) for i in range(d) for j in range(i)]
+
+    def among(facets: IntArray) -> BoolArray:
+        keys, sides = (np.sort(pairs, axis=1) @ np.array([n, 1])
+                       for pairs in (ends, facets[:, corners].reshape(-1, 2)))
+        return np.isin(keys, sides)
+
+    outer = among(outer_facets(mesh))
+
+    def extended(name: str, members: IntArray) -> IntArray:
+        if name not in mesh.facet_sets:
+            return _extended(mesh, members, ends, of, outer)
+        inside = np.isin(ends, members).all(axis=1) & among(mesh.facet_sets[name])
+        return np.concatenate([members, n + np.flatnonzero(inside)])
+
     return replace(
         mesh, points=np.concatenate([mesh.points, middles]), midpoints=n + of,
-        point_sets={name: _extended(mesh, members, ends, of, np.isin(keys, outer))
-                    for name, members in mesh.point_sets.items()})
+        point_sets={name: extended(name, members) for name, members in mesh.point_sets.items()})
 
 
 def _extended(

@@ -5,23 +5,54 @@ A facet is a row of d corner numbers, ordered for an outward normal.
 
 import numpy as np
 
-from sparsemor.core import Csr, FloatArray, InputError, IntArray, Mesh, outer_facets
+from sparsemor.bodies.mesh.simplices import rows_among
+from sparsemor.core import (
+    Csr,
+    FloatArray,
+    InputError,
+    IntArray,
+    Mesh,
+    cell_facets,
+    facet_numbers,
+)
 
 
-def boundary_facets(mesh: Mesh, nodes: IntArray) -> IntArray:
-    """(F, d) boundary facets with all points in `nodes`, ordered for outward normals.
+def boundary_facets(mesh: Mesh, nodes: IntArray, name: str = "") -> IntArray:
+    """(F, d) boundary facets of the set of that name with the points `nodes`, ordered for outward
+    normals (`set_facets`).
 
     InputError when there are none: the set is inside the body, or a single point.
     """
-    facets = outer_facets(mesh)
-    facets = facets[np.isin(facets, nodes).all(axis=1)]
+    facets = set_facets(mesh, nodes, name)
     if not len(facets):
         kind = "edge" if mesh.dimension == 2 else "face"
+        if name in mesh.facet_sets:
+            raise InputError(
+                f"all {len(mesh.facet_sets[name])} {kind}s of this set lie inside the body, "
+                f"between two of its cells: name a set that covers a piece of the surface")
         raise InputError(
             f"none of the body's boundary {kind}s has all its points among the {len(nodes)} "
             f"points of this set: name a set that covers a piece of the surface"
         )
     return facets
+
+
+def set_facets(mesh: Mesh, nodes: IntArray, name: str = "") -> IntArray:
+    """(F, d) boundary facets of a set, ordered for outward normals, possibly none.
+
+    Those that the mesh tags with the name; else those of the cells that it tags, and of any cell
+    where it tags none, with all points in `nodes`.
+    """
+    number, count = facet_numbers(mesh.cells)
+    outer = count[number] == 1
+    if name in mesh.cell_sets and name not in mesh.facet_sets:
+        tagged = np.zeros(len(mesh.cells), dtype=np.bool_)
+        tagged[mesh.cell_sets[name]] = True
+        outer &= np.repeat(tagged, mesh.dimension + 1)
+    facets = cell_facets(mesh.cells)[outer]
+    return np.asarray(facets[
+        rows_among(facets, mesh.facet_sets[name]) if name in mesh.facet_sets
+        else np.isin(facets, nodes).all(axis=1)])
 
 
 def facet_normals(mesh: Mesh, facets: IntArray) -> FloatArray:

@@ -1,27 +1,39 @@
-"""Mesh from a file, read by meshio and converted to linear simplices."""
+"""Mesh from a file, converted to linear simplices."""
 
-import contextlib
-import io
-import warnings
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from pydantic import Field
 
 from sparsemor.bodies.mesh.check import check_mesh, some
-from sparsemor.bodies.mesh.groups import SIMPLEX, dimension_of, named_points
-from sparsemor.bodies.mesh.simplices import EDGES, signed_measures
-from sparsemor.core import FloatArray, InputError, IntArray, Mesh, Plugin, bounded_address_space
+from sparsemor.bodies.mesh.formats import abaqus, gmsh, nastran, other
+from sparsemor.bodies.mesh.formats.content import QUADRATIC, SIMPLEX, BadLine, Cells, Content
+from sparsemor.bodies.mesh.formats.counts import difference
+from sparsemor.bodies.mesh.groups import Sets, sets_of
+from sparsemor.bodies.mesh.simplices import EDGES, rows_among, signed_measures
+from sparsemor.core import (
+    FloatArray,
+    InputError,
+    IntArray,
+    Mesh,
+    Note,
+    Plugin,
+    bounded_address_space,
+    cell_facets,
+    facet_numbers,
+    information,
+)
 
 FORMATS = {
     ".msh": "gmsh", ".inp": "abaqus", ".vtk": "vtk", ".vtu": "vtu", ".bdf": "nastran",
     ".fem": "nastran", ".nas": "nastran", ".mesh": "medit", ".meshb": "medit", ".med": "med"}
-"""File name extensions, and meshio's name of their format. meshio supports more formats, but their
+"""File name extensions, and the name of their format. meshio supports more formats, but their
 readers do not terminate on some damaged files, or they contain neither triangles nor tetrahedra."""
-QUADRATIC = {2: "triangle6", 3: "tetra10"}
+OWN: dict[str, Callable[[bytes, str], Content]] = {
+    "gmsh": gmsh.read, "abaqus": abaqus.read, "nastran": nastran.read}
+"""Readers of this package; meshio reads the other formats (decision 0032)."""
 STRAIGHT = 1e-3
 """Distance of a quadratic cell's node from the middle of its edge, relative to the edge, up to
 which the edge is straight: files may have few digits."""
@@ -32,16 +44,17 @@ _MOST_LETTERS = 200
 
 
 class MeshFile(Plugin):
-    """Mesh file of triangles or tetrahedra, read by meshio.
+    """Mesh file of triangles or tetrahedra.
 
     Gmsh (msh), Abaqus (inp), VTK (vtk, vtu), Nastran (bdf, fem, nas), Medit (mesh, meshb) or Salome
     (med, with the package h5py).
 
-    The simplices of the highest dimension become the body; all other cells and groups in the file
-    only name sets of points: physical groups and tags, cell sets, point sets. Unused points are
-    dropped. Quadratic triangles and tetrahedra are read by their corners if their edges are
-    straight; the order of the elements is an option of the body. If all cells are inverted, they
-    are reoriented; if only some are, the mesh is rejected.
+    The simplices of the highest dimension become the body; groups of the file become sets with the
+    cells, facets and points that the file tags. Unused points are dropped. Quadratic triangles and
+    tetrahedra are read by their corners if their edges are straight; the order of the elements is
+    an option of the body. Inverted cells are reoriented, unless they overlap others. A line that
+    cannot be read is an error, and so is a number of cells that differs from a plain count of the
+    lines of the file.
     """
 
     path: str = Field(min_length=1)
@@ -58,25 +71,16 @@ class MeshFile(Plugin):
         content = _read(base / self.path, self.path)
         try:
             with np.errstate(all="ignore"):  # points that are not finite are reported by number
-                return _clean(content, self.scale)
+                return _clean(content, self.scale, self.path)
         except InputError as error:
             faults = "; ".join(f.message for f in error.faults)
-            raise InputError(f"{self.path}: {faults}", "path") from None
+            colon = "" if faults.startswith(":") else ": "
+            raise InputError(f"{self.path}{colon}{faults}", "path") from None
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Content:
-    """Content of a mesh file: points (n, 2 or 3); cells: (type, dimension, point numbers (m,
-    corners)) of each nonempty block; sets: name -> point numbers, unsorted."""
-
-    points: FloatArray
-    cells: tuple[tuple[str, int, IntArray], ...]
-    sets: Mapping[str, IntArray]
-
-
-def _read(full: Path, written: str) -> _Content:
-    """Arrays of the file. Readers may print, or run out of memory on damaged files: both are
-    caught."""
+def _read(full: Path, written: str) -> Content:
+    """Content of the file, compared with a plain count of its lines. Readers may print, or run out
+    of memory on damaged files: both are caught."""
     kind = FORMATS.get(full.suffix.lower())
     if kind is None:
         endings = ", ".join(FORMATS)
@@ -86,28 +90,20 @@ def _read(full: Path, written: str) -> _Content:
         raise InputError(
             f"there is no file '{written}'; paths start at the folder of the scene", "path"
         )
-    import meshio
-
-    readers = {"gmsh": meshio.gmsh, "abaqus": meshio.abaqus, "vtk": meshio.vtk, "vtu": meshio.vtu,
-               "nastran": meshio.nastran, "medit": meshio.medit, "med": meshio.med}
     try:
-        with (_silent(), bounded_address_space(BASE + PER_BYTE * full.stat().st_size)):
-            return _arrays(readers[kind].read(str(full)))
+        with bounded_address_space(BASE + PER_BYTE * full.stat().st_size):
+            data = full.read_bytes()
+            content = OWN[kind](data, written) if kind in OWN else other.read(full, kind)
+            different = difference(kind, data, content.counts())
+    except BadLine as error:
+        raise InputError(f"{written}{error.faults[0].message}", "path") from None
     # each of meshio's readers fails in its own way; whatever it is, the file is the cause
     except (Exception, SystemExit) as error:
         raise InputError(f"'{written}' cannot be read as {kind}: {_reason(error, full, written)}",
                          "path") from None
-
-
-@contextlib.contextmanager
-def _silent() -> Iterator[None]:
-    """Context that suppresses printed output and warnings of meshio; the file is checked
-    afterwards."""
-    nowhere = io.StringIO()
-    with (contextlib.redirect_stdout(nowhere), contextlib.redirect_stderr(nowhere),
-          warnings.catch_warnings(), np.errstate(all="ignore")):
-        warnings.simplefilter("ignore")
-        yield
+    if different:
+        raise InputError(f"'{written}': {different}: it is damaged, or misread", "path")
+    return content
 
 
 def _reason(error: BaseException, full: Path, written: str) -> str:
@@ -121,56 +117,56 @@ def _reason(error: BaseException, full: Path, written: str) -> str:
     return f"{text} ({type(error).__name__})" if text else "it is damaged, or another format"
 
 
-def _arrays(raw: Any) -> _Content:
-    """meshio's mesh as arrays of the expected shapes and types; any exception where that is
-    impossible."""
-    points = np.asarray(raw.points, dtype=np.float64)
-    if points.ndim != 2 or points.shape[1] not in (2, 3):
-        raise ValueError(f"points of shape {points.shape}, where (n, 2) or (n, 3) is expected")
-    cells = []
-    for block in raw.cells:
-        if not len(block.data):
-            continue
-        d, data = dimension_of(block.type), np.asarray(block.data, dtype=np.int64)
-        count = d + 1 if block.type == SIMPLEX.get(d) else (
-            (d + 1) * (d + 2) // 2 if block.type == QUADRATIC.get(d) else None)
-        if count is not None and data.shape[1:] != (count,):
-            raise ValueError(f"cells of shape {data.shape}, where (n, {count}) is expected")
-        cells.append((str(block.type), d, data))
-    sets = {name: numbers.ravel() for name, numbers in named_points(raw).items()}
-    for name, numbers in sets.items():
-        if len(numbers) and not 0 <= numbers.min() <= numbers.max() < len(points):
-            raise ValueError(f"set {name!r} names points that do not exist")
-    return _Content(points, tuple(cells), sets)
-
-
-def _clean(content: _Content, scale: float) -> Mesh:
-    d = max((d for _, d, _ in content.cells), default=0)
-    cells = _simplices(content, d)
+def _clean(content: Content, scale: float, name: str) -> Mesh:
+    d = max((block.dimension for block in content.blocks), default=0)
+    chosen = [i for i, block in enumerate(content.blocks) if block.dimension == d]
+    cells = _simplices(content, d, [content.blocks[i] for i in chosen])
     points = scale * _coordinates(content.points, cells, d)
     used = np.unique(cells)
     new = np.full(len(points), -1, dtype=np.int64)
     new[used] = np.arange(used.size)
-    mesh = Mesh(points[used], _oriented(points[used], new[cells]), _renumbered(content.sets, new))
+    sets = sets_of(content, d, chosen, new)
+    mesh = Mesh(points[used], _oriented(points[used], new[cells]), sets.points,
+                facet_sets=sets.facets, cell_sets=sets.cells, notes=content.notes)
     check_mesh(mesh)
-    return mesh
+    return replace(mesh, notes=(*mesh.notes, *_notes(mesh, sets, name)))
 
 
-def _simplices(content: _Content, d: int) -> IntArray:
-    kinds = {kind for kind, dimension, _ in content.cells if dimension == d}
-    if d not in SIMPLEX or not kinds <= {SIMPLEX[d], QUADRATIC[d]}:
-        found = ", ".join(sorted(kinds)) or "no cells"
+def _notes(mesh: Mesh, sets: Sets, name: str) -> list[Note]:
+    """Notes about groups of which the body has nothing, or not all facets."""
+    notes = []
+    if sets.empty:
+        notes.append(information(
+            f"{name}: no point of the groups {', '.join(sets.empty)[:200]} is in a cell of the "
+            "body: they are left out", "mesh_file"))
+    facets = cell_facets(mesh.cells)
+    for key, tagged in sets.facets.items():
+        lost = int(np.count_nonzero(~rows_among(tagged, facets)))
+        if lost:
+            kind = "edges" if mesh.dimension == 2 else "faces"
+            notes.append(Note(
+                f"{name}: {lost} of {len(tagged)} {kind} of the group {key!r} are no {kind} of "
+                "cells of the body, so that loads leave them out: mesh both together",
+                "mesh_file"))
+    return notes
+
+
+def _simplices(content: Content, d: int, blocks: Sequence[Cells]) -> IntArray:
+    wrong = [b for b in blocks if d < 2 or b.kind not in (SIMPLEX[d], QUADRATIC[d])]
+    if wrong or not blocks:
+        found = ", ".join(sorted({b.kind for b in blocks})) or "no cells"
+        at = next((f"{b.place.strip()} has " for b in wrong if b.place), "")
         raise InputError(
-            f"its highest cells are {found}; a body is made of triangles (2-D) or tetrahedra "
+            f"{at}its highest cells are {found}; a body is made of triangles (2-D) or tetrahedra "
             "(3-D) only, linear or quadratic: mesh it with those"
         )
-    blocks = [numbers for _, dimension, numbers in content.cells if dimension == d]
-    for cells in blocks:
+    for block in blocks:
+        cells = block.nodes
         bad = np.flatnonzero(((cells < 0) | (cells >= len(content.points))).any(axis=1))
         if bad.size:
             raise InputError(f"{bad.size} cells name points that do not exist: {some(bad)}")
         _check_straight(content.points, cells[:, : d + 1], cells[:, d + 1 :])
-    return np.concatenate([cells[:, : d + 1] for cells in blocks])
+    return np.concatenate([block.nodes[:, : d + 1] for block in blocks])
 
 
 def _check_straight(points: FloatArray, cells: IntArray, midpoints: IntArray) -> None:
@@ -201,22 +197,22 @@ def _coordinates(points: FloatArray, cells: IntArray, d: int) -> FloatArray:
 
 
 def _oriented(points: FloatArray, cells: IntArray) -> IntArray:
-    inverted = np.flatnonzero(signed_measures(points, cells) < 0)
-    if 0 < inverted.size < len(cells):
+    """Cells in positive orientation: mesh generators write each surface in its own. InputError
+    where cells lie on one side of a facet that they share, so that they overlap."""
+    inverted = signed_measures(points, cells) < 0
+    turned = np.where(inverted[:, None], cells[:, [*range(cells.shape[1] - 2), -1, -2]], cells)
+    if inverted.all() or not inverted.any():
+        return turned
+    facets = cell_facets(turned)
+    number, _ = facet_numbers(turned)
+    ahead = facets[:, 0] < facets[:, 1]
+    if facets.shape[1] == 3:  # sign of the permutation that sorts the three corners
+        ahead = ahead ^ (facets[:, 1] < facets[:, 2]) ^ (facets[:, 0] < facets[:, 2])
+    total = np.bincount(number, weights=np.where(ahead, 1.0, -1.0))
+    folded = np.flatnonzero(np.abs(total[number]) > 1) // cells.shape[1]
+    if folded.size:
+        bad = np.intersect1d(folded, np.flatnonzero(inverted))
         raise InputError(
-            f"{inverted.size} of {len(cells)} cells are inverted, the others are not: "
-            f"{some(inverted)}; repair the mesh"
-        )
-    if not inverted.size:
-        return cells
-    return cells[:, [*range(cells.shape[1] - 2), -1, -2]]
-
-
-def _renumbered(named: Mapping[str, IntArray], new: IntArray) -> dict[str, IntArray]:
-    sets = {}
-    for name, points in named.items():
-        kept = np.unique(new[points])
-        kept = kept[kept >= 0]
-        if kept.size:  # such as the centre of an arc, which is in no cell
-            sets[name] = kept
-    return sets
+            f"{len(bad)} of {len(cells)} cells are inverted and overlap their neighbours: "
+            f"{some(bad)}; repair the mesh")
+    return turned

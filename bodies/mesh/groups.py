@@ -1,57 +1,83 @@
-"""Groups, tags and sets of a mesh file as sets of points."""
+"""Groups of a mesh file as sets of points, facets and cells of the body."""
 
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from sparsemor.core import IntArray
-
-SIMPLEX = {2: "triangle", 3: "tetra"}
-GMSH_WORD = ("point", "curve", "surface", "volume")
-"""Gmsh's term for a group of each dimension; a tag 3 of lines without a name is `curve_3`."""
+from sparsemor.bodies.mesh.formats.content import QUADRATIC, SIMPLEX, Content, Group
+from sparsemor.core import InputError, IntArray
 
 
-def dimension_of(cell_type: str) -> int:
-    """Dimension (0 to 3) of a cell type, by its name in meshio."""
-    from meshio._mesh import topological_dimension
+@dataclass(frozen=True, slots=True, eq=False)
+class Sets:
+    """Sets of a body: name -> sorted point numbers, facets (F, d), sorted cell numbers; names of
+    the groups that contain nothing of the body."""
 
-    return int(topological_dimension[cell_type])
+    points: dict[str, IntArray] = field(default_factory=dict)
+    facets: dict[str, IntArray] = field(default_factory=dict)
+    cells: dict[str, IntArray] = field(default_factory=dict)
+    empty: list[str] = field(default_factory=list)
 
 
-def named_points(raw: Any) -> dict[str, IntArray]:
-    """Name -> point numbers (unsorted, possibly repeated) of the sets of a meshio mesh.
+def sets_of(content: Content, d: int, chosen: Sequence[int], new: IntArray) -> Sets:
+    """Sets of the body that consists of the blocks `chosen`, of dimension d, one after the other;
+    new (n,): number in the body of each point of the file, -1 for unused ones.
 
-    Where a point set and a set of cells share a name, the point set is used.
+    Where a group has points, edges or faces besides cells, its points are theirs: a name that is
+    given to a surface and to a volume is a surface for joints and loads, and a region for
+    materials. Where it has none, its points are those of its cells.
     """
-    gathered: dict[str, list[IntArray]] = {}
-    for name, points in (*_cell_sets(raw), *_physical(raw)):
-        gathered.setdefault(name, []).append(points)
-    sets = {name: np.concatenate(parts) for name, parts in gathered.items()}
-    return sets | {
-        str(name): np.asarray(points, dtype=np.int64) for name, points in raw.point_sets.items()
-    }
-
-
-def _cell_sets(raw: Any) -> Iterator[tuple[str, IntArray]]:
-    for name, per_block in raw.cell_sets.items():
-        if str(name).startswith("gmsh:"):  # bookkeeping of the format, not the user's names
+    starts = dict(zip(chosen, np.cumsum([0, *(len(content.blocks[b].nodes) for b in chosen)]),
+                      strict=False))
+    sets = Sets()
+    for name, group in content.groups.items():
+        _check(name, group, content)
+        cells, low, facets = [], [_renumbered(p, new) for p in group.points], list(group.facets)
+        inside = []
+        for b, rows in group.cells:
+            block = content.blocks[b]
+            nodes = block.nodes[rows]
+            if b in starts:
+                cells.append(starts[b] + rows)
+                inside.append(nodes)
+            else:
+                low.append(_renumbered(nodes, new))
+                if block.dimension == d - 1 and block.kind in (SIMPLEX[d - 1], QUADRATIC[d - 1]):
+                    facets.append(nodes[:, :d])
+        low += [_renumbered(f, new) for f in facets]
+        points = _union(low)
+        if not points.size:
+            points = _union([_renumbered(nodes, new) for nodes in inside])
+        if not points.size:  # such as the centre of an arc, which is in no cell
+            sets.empty.append(name)
             continue
-        for block, numbers in zip(raw.cells, per_block, strict=True):
-            if numbers is not None and len(numbers):
-                chosen = np.asarray(block.data)[np.asarray(numbers, dtype=np.int64)]
-                yield str(name), chosen.ravel().astype(np.int64)
+        sets.points[name] = points
+        if cells:
+            sets.cells[name] = _union(cells)
+        there = [new[f][(new[f] >= 0).all(axis=1)] for f in facets if f.shape[1:] == (d,)]
+        if sum(map(len, there)):
+            sets.facets[name] = np.unique(np.sort(np.concatenate(there), axis=1), axis=0)
+    return sets
 
 
-def _physical(raw: Any) -> Iterator[tuple[str, IntArray]]:
-    tags = raw.cell_data.get("gmsh:physical")
-    if tags is None:
-        return
-    names = {(int(d), int(tag)): str(name) for name, (tag, d) in raw.field_data.items()}
-    for block, block_tags in zip(raw.cells, tags, strict=True):
-        d = dimension_of(block.type)
-        for tag in np.unique(block_tags):
-            if tag != 0:  # 0 is Gmsh's "in no group"
-                name = names.get((d, int(tag)), f"{GMSH_WORD[d]}_{int(tag)}")
-                chosen = np.asarray(block.data)[np.asarray(block_tags) == tag]
-                yield name, chosen.ravel().astype(np.int64)
+def _check(name: str, group: Group, content: Content) -> None:
+    for numbers in (*group.points, *group.facets):
+        if numbers.size and not 0 <= numbers.min() <= numbers.max() < len(content.points):
+            raise InputError(f"set {name!r} names points that do not exist")
+    for b, rows in group.cells:
+        block = content.blocks[b]
+        if rows.size and not 0 <= rows.min() <= rows.max() < len(block.nodes):
+            raise InputError(f"set {name!r} names cells that do not exist")
+        nodes = block.nodes[rows]
+        if nodes.size and not 0 <= nodes.min() <= nodes.max() < len(content.points):
+            raise InputError(f"set {name!r} names points that do not exist")
+
+
+def _renumbered(points: IntArray, new: IntArray) -> IntArray:
+    kept = new[points.ravel()]
+    return np.asarray(kept[kept >= 0])
+
+
+def _union(parts: Sequence[IntArray]) -> IntArray:
+    return np.unique(np.concatenate([np.zeros(0, np.int64), *parts]))

@@ -4,7 +4,7 @@ from math import factorial
 
 import numpy as np
 
-from sparsemor.core import FloatArray, IntArray, Mesh
+from sparsemor.core import BoolArray, FloatArray, IntArray, Mesh, group_equal_rows
 
 EDGES = np.array([[0, 1, 0, 0, 1, 2], [1, 2, 2, 3, 3, 3]])
 """Local corners of the edges of a simplex, in the order of midpoints; a triangle has the first
@@ -46,3 +46,10 @@ def at_centroids(mesh: Mesh) -> tuple[FloatArray, FloatArray]:
     values = np.concatenate([corners * (2 * share - 1), np.full(len(i), 4 * share**2)])
     return values, np.concatenate(
         [(4 * share - 1) * slopes, 4 * share * (slopes[:, i] + slopes[:, j])], axis=1)
+
+
+def rows_among(rows: IntArray, others: IntArray) -> BoolArray:
+    """(R,) True for the rows of an integer array (R, 2 to 4), entries >= 0, whose numbers are those
+    of one of the rows of another, in any order."""
+    number, _, _ = group_equal_rows(np.sort(np.concatenate([others, rows]), axis=1))
+    return np.isin(number[len(others):], number[:len(others)])

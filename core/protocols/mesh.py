@@ -8,6 +8,7 @@ from typing import Literal, Protocol, runtime_checkable
 import numpy as np
 
 from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core.notes import Note
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -16,16 +17,21 @@ class Mesh:
 
     points: (N, d) reference positions, m. cells: (E, d + 1) point numbers of the corners,
     positively oriented. point_sets: name -> sorted point numbers. A surface (line in 2-D) is also a
-    point set; its facets are the boundary facets with all corners in the set. midpoints: (E, 3 or
+    point set; its facets are the boundary facets with all corners in the set, unless the mesh names
+    them. facet_sets: name -> corner numbers (F, d) of the facets that a file tags, those inside the
+    body included; cell_sets: name -> sorted numbers of the cells that it tags. midpoints: (E, 3 or
     6) point numbers of the edges' midpoints of quadratic elements, edges (0, 1), (1, 2), (0, 2),
     (0, 3), (1, 3), (2, 3) of the corners, numbered after all corners; (E, 0) for linear elements.
-    Mesh plugins return linear ones.
+    Mesh plugins return linear ones. notes: warnings about what was read.
     """
 
     points: FloatArray
     cells: IntArray
     point_sets: Mapping[str, IntArray] = field(default_factory=dict)
     midpoints: IntArray = field(default_factory=lambda: np.zeros((0, 0), np.int64))
+    facet_sets: Mapping[str, IntArray] = field(default_factory=dict)
+    cell_sets: Mapping[str, IntArray] = field(default_factory=dict)
+    notes: tuple[Note, ...] = ()
 
     @property
     def dimension(self) -> int:

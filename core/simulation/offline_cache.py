@@ -161,7 +161,8 @@ class Products:
 
 
 def mesh_content(model: Model) -> list[object]:
-    """Points, cells and point sets of every mesh of a model, for cache keys."""
+    """Points, cells and sets of every mesh of a model, for cache keys."""
     meshes = [m for p in model.parts.values() if isinstance(p, HasMesh)
               and (m := p.mesh) is not None]
-    return [[m.points, m.cells, dict(m.point_sets)] for m in meshes]
+    return [[m.points, m.cells, dict(m.point_sets), dict(m.facet_sets), dict(m.cell_sets)]
+            for m in meshes]

@@ -20,6 +20,14 @@ def check_mesh_plugin(plugin: MeshPlugin, base: Path | None = None) -> None:
         law(members.size > 0, f"point set {name} is empty")
         law(bool(np.all(np.diff(members) > 0)), f"point set {name} is not sorted or not distinct")
         law(0 <= members[0] and members[-1] < len(mesh.points), f"point set {name} leaves the mesh")
+    for name, cells in mesh.cell_sets.items():
+        law(bool(np.all(np.diff(cells) > 0)) and (cells >= 0).all() and (
+            cells < len(mesh.cells)).all(), f"cell set {name} is not sorted, or leaves the mesh")
+    for name, facets in mesh.facet_sets.items():
+        law(facets.shape[1:] == (mesh.dimension,) and (facets >= 0).all() and (
+            facets < len(mesh.points)).all(), f"facet set {name} leaves the mesh")
+    law(not {*mesh.cell_sets, *mesh.facet_sets} - {*mesh.point_sets},
+        "a set of cells or facets has no points")
     law(np.array_equal(mesh.points, again.points) and np.array_equal(mesh.cells, again.cells),
         "two builds give different meshes")
     law({n: m.tolist() for n, m in mesh.point_sets.items()}

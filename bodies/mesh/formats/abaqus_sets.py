@@ -1,0 +1,248 @@
+"""Node sets, element sets and surfaces of an Abaqus file as numbers of points and elements."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from sparsemor.bodies.mesh.formats.abaqus_statements import integer, key_of, shown
+from sparsemor.bodies.mesh.formats.content import BadLine, Cells, Group, Numbering
+from sparsemor.core import IntArray, facet_numbers
+
+_FACES = {2: ((0, 1), (1, 2), (2, 0)), 3: ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0))}
+"""Corners of the faces S1, S2, ... of a triangle and of a tetrahedron."""
+FACETS_OF = {2: np.array([(0, 1), (1, 2), (2, 0)]),
+             3: np.array([(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)])}
+"""Corners of the facets in the order of `facet_numbers`."""
+MODEL = ""
+"""Name of the scope outside parts and assembly."""
+
+
+@dataclass(slots=True, eq=False)
+class Scope:
+    """Nodes, elements and sets of a part, of an instance, of the assembly, or of a file without
+    parts; line: where it starts."""
+
+    name: str
+    line: int
+    labels: list[int] = field(default_factory=list)
+    coordinates: list[tuple[float, float, float]] = field(default_factory=list)
+    starts: list[tuple[int, int]] = field(default_factory=list)
+    """Number of nodes before each *NODE, and its line."""
+    blocks: list[tuple[str, list[int], list[list[int]], str]] = field(default_factory=list)
+    """Type of cells, element labels, node labels, place."""
+    nsets: dict[str, list["Entry"]] = field(default_factory=dict)
+    elsets: dict[str, list["Entry"]] = field(default_factory=dict)
+    surfaces: dict[str, list["Entry"]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Entry:
+    """Data lines of a set: (line, words); how: list, range, elements (nodes of an element set) or,
+    of a surface, ELEMENT or NODE; instance: to which its labels belong."""
+
+    keyword: str
+    how: str
+    lines: list[tuple[int, list[str]]]
+    instance: str = ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Placed:
+    """Copy of the mesh of a scope: numbers of its first point, of its first element and of the
+    first element of each of its blocks among all; its numberings."""
+
+    scope: Scope
+    first_point: int
+    first_element: int
+    starts: IntArray
+    nodes: Numbering
+    elements: Numbering
+
+
+class AbaqusSets:
+    """Sets of all scopes as numbers of points and of elements among all."""
+
+    def __init__(self, placed: Mapping[str, Placed], spelled: Mapping[str, Mapping[str, None]],
+                 blocks: Sequence[Cells]) -> None:
+        self.placed, self.spelled, self.blocks = placed, spelled, blocks
+        self.missing: list[str] = []
+        """Remarks on ranges with labels that do not exist."""
+        self.starts = np.cumsum([0, *(len(b.nodes) for b in blocks)])
+        self.known: dict[tuple[str, str, str], IntArray] = {}
+        self.active: set[tuple[str, str, str]] = set()
+        self.top = max((b.dimension for b in blocks), default=0)
+
+    def groups(self) -> dict[str, Group]:
+        """Groups by every spelling of their names; a set of an instance also as `instance.set`."""
+        found: dict[str, Group] = {}
+        outer = self.placed[MODEL].scope
+        taken = {*outer.nsets, *outer.elsets, *outer.surfaces}
+        for scope, placed in self.placed.items():
+            own = placed.scope
+            for key in dict.fromkeys([*own.nsets, *own.elsets, *own.surfaces]):
+                names = [""] if scope == MODEL else [f"{n}." for n in self._spellings(scope)]
+                if scope != MODEL and key not in taken:
+                    names.append("")
+                for name in (a + b for a in names for b in self._spellings(key)):
+                    self._collect(found.setdefault(name, Group()), scope, key)
+            if scope != MODEL and placed.starts[-1] > placed.first_element:
+                for name in self._spellings(scope):
+                    if name not in taken:
+                        self._tag(found.setdefault(name, Group()),
+                                  np.arange(placed.first_element, placed.starts[-1]))
+        return found
+
+    def _spellings(self, key: str) -> list[str]:
+        return list({**self.spelled.get(key, {}), key: None})
+
+    def _collect(self, group: Group, scope: str, key: str) -> None:
+        own = self.placed[scope].scope
+        if key in own.nsets:
+            group.points.append(self.numbers("node", scope, key))
+        if key in own.elsets:
+            self._tag(group, self.numbers("element", scope, key))
+        for entry in own.surfaces.get(key, ()):
+            self._surface(group, scope, entry)
+
+    def _tag(self, group: Group, elements: IntArray) -> None:
+        of = np.searchsorted(self.starts, elements, side="right") - 1
+        for b in np.unique(of):
+            group.cells.append((int(b), elements[of == b] - self.starts[b]))
+
+    def numbers(self, what: str, scope: str, key: str) -> IntArray:
+        """Sorted numbers of the nodes or elements (what) of a set."""
+        at = (what, scope, key)
+        if at not in self.known:
+            sets = self.placed[scope].scope
+            entries = (sets.nsets if what == "node" else sets.elsets)[key]
+            if at in self.active:
+                line = next((n for e in entries for n, _ in e.lines), sets.line)
+                raise BadLine(line, entries[0].keyword, f"the set {key} contains itself")
+            self.active.add(at)
+            parts = [p for entry in entries for p in self._entry(what, scope, entry)]
+            self.known[at] = np.unique(np.concatenate([np.zeros(0, np.int64), *parts]))
+            self.active.remove(at)
+        return self.known[at]
+
+    def _entry(self, what: str, scope: str, entry: Entry) -> list[IntArray]:
+        where = self._scope(entry.instance or scope, entry)
+        placed = self.placed[where]
+        if entry.how == "block":
+            return [np.arange(placed.starts[b], placed.starts[b + 1])
+                    for _, words in entry.lines for b in map(int, words)]
+        if entry.how == "elements":
+            return [self._nodes_of(self._named("element", scope, where, words[0], line, entry))
+                    for line, words in entry.lines]
+        if entry.how == "range":
+            return [self._range(what, placed, words, line, entry) for line, words in entry.lines]
+        found = []
+        for line, words in entry.lines:
+            labels = [w for w in words if w.isdecimal()]
+            if labels:
+                found.append(self._labelled(what, where, labels, line, entry))
+            found += [self._named(what, scope, where, w, line, entry)
+                      for w in words if w and not w.isdecimal()]
+        return found
+
+    def _scope(self, name: str, entry: Entry) -> str:
+        if name not in self.placed:
+            line = next((n for n, _ in entry.lines), 0)
+            raise BadLine(line, entry.keyword, f"there is no instance {name!r}")
+        return name
+
+    def _labelled(self, what: str, scope: str, words: Sequence[str], line: int, entry: Entry
+                  ) -> IntArray:
+        placed = self.placed[scope]
+        numbers = np.array([integer(w, line, entry.keyword) for w in words], dtype=np.int64)
+        rows = (placed.nodes if what == "node" else placed.elements).rows(numbers)
+        bad = np.flatnonzero(rows < 0)
+        if bad.size:
+            raise BadLine(line, entry.keyword, f"there is no {what} {numbers[bad[0]]}")
+        return rows + (placed.first_point if what == "node" else placed.first_element)
+
+    def _range(self, what: str, placed: Placed, words: Sequence[str], line: int, entry: Entry
+               ) -> IntArray:
+        numbers = [integer(w, line, entry.keyword) for w in words]
+        first, last, step = [*numbers, 1][:3] if len(numbers) in (2, 3) else (0, 0, 0)
+        if step < 1 or last < first:
+            raise BadLine(line, entry.keyword, "GENERATE takes first, last, step on each line, "
+                          f"first <= last and step > 0 (given: {', '.join(words)[:80]})")
+        numbering = placed.nodes if what == "node" else placed.elements
+        found = numbering.between(first, last, step)
+        lost = (last - first) // step + 1 - len(found)
+        if lost:
+            self.missing.append(
+                f":{line}: {entry.keyword}: {lost} of the {what}s in this range do not exist")
+        return numbering.rows(found) + (
+            placed.first_point if what == "node" else placed.first_element)
+
+    def _named(self, what: str, scope: str, where: str, word: str, line: int, entry: Entry
+               ) -> IntArray:
+        """Nodes or elements of `set`, `instance.set` or `instance.label`."""
+        sets = "nsets" if what == "node" else "elsets"
+        for at, key in ((where, key_of(word)), (scope, key_of(word))):
+            if key in getattr(self.placed[at].scope, sets):
+                return self.numbers(what, at, key)
+        for dot in (i for i, letter in enumerate(word) if letter == "."):
+            inside, rest = key_of(word[:dot]), word[dot + 1:]
+            if inside in self.placed and inside != MODEL:
+                if rest.isdecimal():
+                    return self._labelled(what, inside, [rest], line, entry)
+                if key_of(rest) in getattr(self.placed[inside].scope, sets):
+                    return self.numbers(what, inside, key_of(rest))
+        raise BadLine(line, entry.keyword, f"there is no set of {what}s {shown(word)[:80]!r}")
+
+    def _nodes_of(self, elements: IntArray) -> IntArray:
+        group = Group()
+        self._tag(group, elements)
+        return np.concatenate([np.zeros(0, np.int64), *(
+            self.blocks[b].nodes[rows].ravel() for b, rows in group.cells)])
+
+    def _surface(self, group: Group, scope: str, entry: Entry) -> None:
+        where = self._scope(entry.instance or scope, entry)
+        for line, words in entry.lines:
+            what = "node" if entry.how == "NODE" else "element"
+            chosen = (self._labelled(what, where, words[:1], line, entry) if words[0].isdecimal()
+                      else self._named(what, scope, where, words[0], line, entry))
+            if what == "node":
+                group.points.append(chosen)
+                continue
+            face = words[1].upper() if len(words) > 1 else ""
+            found = Group()
+            self._tag(found, chosen)
+            for b, rows in found.cells:
+                self._faces(group, b, rows, face, line, entry)
+
+    def _faces(self, group: Group, b: int, rows: IntArray, face: str, line: int, entry: Entry
+               ) -> None:
+        block, d = self.blocks[b], self.blocks[b].dimension
+        if d == self.top - 1 and face in ("", "SPOS", "SNEG"):
+            group.cells.append((b, rows))
+            return
+        if block.kind not in ("triangle", "triangle6", "tetra", "tetra10") or d != self.top:
+            raise BadLine(line, entry.keyword, f"face {face or 'of all sides'!r} of {block.kind} "
+                          "cells: only faces S1, S2, ... of triangles and tetrahedra, and SPOS, "
+                          "SNEG of the facets of a solid, are supported")
+        corners = block.nodes[rows, : d + 1]
+        if not face:
+            group.facets.append(self._free(b, rows))
+            return
+        sides = {f"S{n}": side for n, side in enumerate(_FACES[d], 1)}
+        if face not in sides:
+            raise BadLine(line, entry.keyword, f"face {face[:40]!r} of {block.kind} cells: they "
+                          f"have {', '.join(sides)}")
+        group.facets.append(corners[:, sides[face]])
+
+    def _free(self, b: int, rows: IntArray) -> IntArray:
+        """(F, d) facets of cells that belong to no other cell."""
+        d = self.top
+        solids = [i for i, block in enumerate(self.blocks) if block.dimension == d]
+        cells = np.concatenate([self.blocks[i].nodes[:, : d + 1] for i in solids])
+        number, count = facet_numbers(cells)
+        sides = FACETS_OF[d]
+        first = sum(len(self.blocks[i].nodes) for i in solids if i < b)
+        own = (first + rows)[:, None] * (d + 1) + np.arange(d + 1)
+        free = count[number[own]] == 1
+        facets = self.blocks[b].nodes[rows][:, sides]
+        return np.asarray(facets[free])

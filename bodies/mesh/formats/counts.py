@@ -1,0 +1,217 @@
+"""Plain count of the cells in the lines of a mesh file, for comparison with what was read.
+
+It shares no code with the readers: it only looks for the lines and words that every cell has.
+"""
+
+import re
+from collections import Counter
+from collections.abc import Callable, Iterable
+
+_VTK = {1: "vertex", 3: "line", 21: "line3", 5: "triangle", 22: "triangle6", 10: "tetra",
+        24: "tetra10"}
+_GMSH = {15: ("vertex", 1), 1: ("line", 2), 8: ("line3", 3), 2: ("triangle", 3),
+         9: ("triangle6", 6), 4: ("tetra", 4), 11: ("tetra10", 10)}
+_MEDIT = {"Vertices": "", "Edges": "line", "Triangles": "triangle", "Tetrahedra": "tetra"}
+_ABAQUS = re.compile(
+    r"(?:CP[SE]|CPEG|[DA]C2D|D?S|M3D|R3D|SFM3D)(3|6)[A-Z]*|(?:[DA]?C3D)(4|10)[A-Z]*")
+_NASTRAN = {"CTRIA3": "triangle", "CTRIAR": "triangle", "CTRIA6": "triangle6", "CTETRA": "tetra"}
+COUNTED = {"line", "line3", "triangle", "triangle6", "tetra", "tetra10"}
+"""Types of cells that are compared where the count knows them."""
+
+
+def difference(kind: str, data: bytes, read: dict[str, int]) -> str:
+    """Sentence about a type or a set whose number of cells is another in the lines of a text file
+    than among those that were read; "" where there is none, and for binary files.
+
+    read: `triangle` or `triangle in 'copper'` -> number of cells.
+    """
+    try:
+        plain = _COUNTS[kind](data) if kind in _COUNTS else None
+    except (ValueError, IndexError):  # lines in an unusual form
+        plain = None
+    if plain is None:
+        return ""
+    if kind == "nastran":  # both are CTETRA
+        read = {k: n + read.get(k.replace("tetra", "tetra10", 1), 0) * k.startswith("tetra")
+                for k, n in ({k.replace("tetra10", "tetra", 1): 0 for k in read} | read).items()
+                if not k.startswith("tetra10")}
+    for key in sorted({*plain, *read}):
+        what = key.split(" in ")[0]
+        if what not in COUNTED or (key not in plain and " in " in key) or (
+                kind in ("abaqus", "nastran") and what.startswith("line")):
+            continue  # sets that list their members are checked member by member
+        if plain.get(key, 0) != read.get(key, 0):
+            return (f"{read.get(key, 0)} cells of type {key} were read, and a plain count of its "
+                    f"lines finds {plain.get(key, 0)}")
+    return ""
+
+
+def _lines(data: bytes) -> list[str]:
+    return data.decode("latin-1").replace("\r\n", "\n").replace("\r", "\n").split("\n")
+
+
+def _abaqus(data: bytes) -> dict[str, int] | None:
+    """Data lines under *ELEMENT by type, and by the ELSET in that line outside of parts; those of a
+    part once for each of its instances."""
+    found: Counter[str] = Counter()
+    by_part: dict[str, Counter[str]] = {}
+    part, kind, words, name, width = "", "", 0, "", 0
+    copies: Counter[str] = Counter()
+
+    def close() -> None:
+        if kind and words:
+            counts = by_part.setdefault(part, Counter()) if part else found
+            counts[kind] += words // width
+            if name and not part:
+                counts[f"{kind} in {name!r}"] += words // width
+
+    for line in _lines(data):
+        text = line.strip()
+        if not text or text.startswith("**"):
+            continue
+        if text[0] != "*":
+            words += len([w for w in text.split(",") if w.strip()])
+            continue
+        close()
+        plain = re.sub(r"\s", "", text).upper()
+        kind, words, name = "", 0, ""
+        option = dict(re.findall(r"([A-Z]+)=([^,]*)", plain))
+        if plain.startswith("*ELEMENT,"):
+            match = _ABAQUS.fullmatch(option.get("TYPE", ""))
+            if match:
+                nodes = int(match[1] or match[2])
+                kind = {3: "triangle", 6: "triangle6", 4: "tetra", 10: "tetra10"}[nodes]
+                width = nodes + 1
+                name = "" if '"' in text else option.get("ELSET", "")
+        elif plain.startswith("*PART,"):
+            part = option.get("NAME", "")
+        elif plain.startswith("*ENDPART"):
+            part = ""
+        elif plain.startswith("*INSTANCE,"):
+            copies[option.get("PART", "")] += 1
+    close()
+    for part_name, counts in by_part.items():
+        for key, number in counts.items():
+            found[key] += number * (copies[part_name] if copies else 1)
+    # a set with elements of other statements has more, which is no contradiction
+    sets = Counter(k for k in found if " in " in k)
+    spread = {k for k in sets if re.search(
+        rb"(?i)\*\s*ELSET\b[^\n]*" + re.escape(k.split(" in ")[1].strip("'").encode("latin-1")),
+        data)}
+    return {k: n for k, n in found.items() if k not in spread}
+
+
+def _gmsh(data: bytes) -> dict[str, int] | None:
+    """Lines of $Elements by type and by physical group; None where a line has not one element."""
+    lines = [t.strip() for t in data.decode("utf-8", "replace").split("\n")]
+
+    def section(name: str) -> list[list[str]]:
+        if f"${name}" not in lines:
+            return []
+        return [t.split() for t in lines[lines.index(f"${name}") + 1 : lines.index(f"$End{name}")]
+                if t]
+
+    head = section("MeshFormat")
+    if not head or head[0][1] != "0":
+        return None
+    names = {(int(w[0]), abs(int(w[1]))): " ".join(w[2:]).strip('"')
+             for w in section("PhysicalNames")[1:]}
+    found: Counter[str] = Counter()
+    body = section("Elements")
+    if head[0][0] == "4.1":
+        tags = _entities(section("Entities"))
+        at = 1
+        while at < len(body):
+            dimension, entity, number, count = map(int, body[at])
+            kind = _GMSH.get(number, ("", 0))[0]
+            _note(found, names, kind, count, dimension, tags.get((dimension, entity), set()))
+            at += 1 + count
+        return found if at == len(body) else None
+    if len(body) != 1 + int(body[0][0]):
+        return None
+    rows: dict[tuple[str, int], set[tuple[str, ...]]] = {}
+    for words in body[1:]:
+        kind, count = _GMSH.get(int(words[1]), ("", 0))
+        for tag in (0, abs(int(words[3])) if int(words[2]) else 0):
+            rows.setdefault((kind, tag), set()).add(tuple(words[-count:]))
+    for (kind, tag), different in rows.items():
+        d = {"": 0, "v": 0, "l": 1, "t": 3 if kind.startswith("tetra") else 2}[kind[:1]]
+        if tag:
+            _note(found, names, kind, len(different), d, {tag}, whole=False)
+        else:
+            found[kind] += len(different)
+    return found
+
+
+def _note(found: Counter[str], names: dict[tuple[int, int], str], kind: str, count: int,
+          dimension: int, tags: Iterable[int], whole: bool = True) -> None:
+    """Adds elements to the counts of their type (whole) and of their groups."""
+    found[kind] += count * whole
+    word = ("point", "curve", "surface", "volume")[dimension]
+    for name in {names.get((dimension, tag), f"{word}_{tag}") for tag in tags}:
+        found[f"{kind} in {name!r}"] += count
+
+
+def _entities(lines: list[list[str]]) -> dict[tuple[int, int], set[int]]:
+    """Dimension and number of an entity -> its physical tags without their signs."""
+    tags: dict[tuple[int, int], set[int]] = {}
+    at = 1
+    for dimension, count in enumerate(map(int, lines[0] if lines else ())):
+        for words in lines[at : at + count]:
+            first = 4 if dimension == 0 else 7
+            several = int(words[first])
+            tags[dimension, int(words[0])] = {
+                abs(int(w)) for w in words[first + 1 : first + 1 + several]}
+        at += count
+    return tags
+
+
+def _nastran(data: bytes) -> dict[str, int]:
+    """Lines that start with the name of a card, and the property in their second field."""
+    found: Counter[str] = Counter()
+    begun = not re.search(rb"(?im)^\s*BEGIN\b", data)
+    for text in _lines(data):
+        word = re.split(r"[\s,*$]", text.strip(), maxsplit=1)[0].upper()
+        begun |= word == "BEGIN"
+        if word == "ENDDATA":
+            break
+        if begun and word in _NASTRAN:
+            found[_NASTRAN[word]] += 1
+            line = text.expandtabs(8)
+            number = line.split(",")[2] if "," in line else (
+                line[24:40] if "*" in line[:8] else line[16:24])
+            if number.strip():
+                found[f"{_NASTRAN[word]} in 'pid_{int(number)}'"] += 1
+    return found
+
+
+def _medit(data: bytes) -> dict[str, int] | None:
+    if b"\0" in data[:64] or not data.lstrip().startswith((b"MeshVersionFormatted", b"#")):
+        return None
+    text = re.sub(r"#[^\n]*", "", data.decode("latin-1"))
+    return {kind: int(n) for word, kind in _MEDIT.items() if kind
+            for n in re.findall(rf"(?m)^\s*{word}\s+(\d+)", text)[:1] if int(n)}
+
+
+def _vtk(data: bytes) -> dict[str, int] | None:
+    if not re.match(rb"# vtk[^\n]*\n[^\n]*\n\s*ASCII", data):
+        return None
+    match = re.search(rb"CELL_TYPES\s+(\d+)\s+([\d\s]*)", data)
+    return None if match is None else _types(match[2].split()[: int(match[1])])
+
+
+def _vtu(data: bytes) -> dict[str, int] | None:
+    found = re.findall(rb"<DataArray([^>]*)>([^<]*)<", data)
+    for options, numbers in found:
+        if b'"types"' in options and b'"ascii"' in options:
+            return _types(numbers.split())
+    return None
+
+
+def _types(words: Iterable[bytes]) -> dict[str, int]:
+    return dict(Counter(_VTK.get(int(w), "") for w in words))
+
+
+_COUNTS: dict[str, Callable[[bytes], dict[str, int] | None]] = {
+    "abaqus": _abaqus, "gmsh": _gmsh, "nastran": _nastran, "medit": _medit, "vtk": _vtk,
+    "vtu": _vtu}

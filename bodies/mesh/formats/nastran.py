@@ -1,0 +1,308 @@
+"""Nastran bulk data (also of OptiStruct): grids, elements, coordinate systems, properties.
+
+MSC Nastran Quick Reference Guide. Small, large and free fields; a line whose first field is empty
+or a mark continues the card before it. The elements of a property 7 are the set `pid_7`.
+"""
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sparsemor.bodies.mesh.formats.content import (
+    BadLine,
+    Cells,
+    Content,
+    Group,
+    Numbering,
+    decoded,
+    numbered,
+)
+from sparsemor.core import FloatArray, information
+
+ELEMENTS = {
+    "CTRIA3": (("triangle", 3),), "CTRIAR": (("triangle", 3),), "CTRIA6": (("triangle6", 6),),
+    "CQUAD4": (("quad", 4),), "CQUADR": (("quad", 4),), "CQUAD8": (("quad8", 8),),
+    "CTETRA": (("tetra", 4), ("tetra10", 10)), "CPYRAM": (("pyramid", 5), ("pyramid13", 13)),
+    "CPENTA": (("wedge", 6), ("wedge15", 15)), "CHEXA": (("hexahedron", 8), ("hexahedron20", 20)),
+    "CBAR": (("line", 2),), "CBEAM": (("line", 2),), "CROD": (("line", 2),),
+    "CTUBE": (("line", 2),), "CONROD": (("line", 2),), "PLOTEL": (("line", 2),)}
+"""Card -> types of cells that it can describe, and their numbers of nodes."""
+_CORNERS_ONLY = {"CTRIA3", "CTRIAR", "CQUAD4", "CQUADR", "CBAR", "CBEAM", "CROD", "CTUBE",
+                 "CONROD", "PLOTEL"}
+"""Cards with other fields after their nodes."""
+_WITHOUT_PROPERTY = {"CONROD", "PLOTEL"}
+REFUSED = {
+    "INCLUDE": "paste the content of that file here",
+    "CTRIAX": "axisymmetric bodies are not supported", "CTRIAX6": "axisymmetric bodies are not "
+    "supported", "CQUADX": "axisymmetric bodies are not supported",
+    "CTRAX3": "axisymmetric bodies are not supported", "CTRAX6": "axisymmetric bodies are not "
+    "supported", "CQUADX4": "axisymmetric bodies are not supported",
+    "CQUAD": "this type of elements is not supported",
+    "CSHEAR": "this type of elements is not supported",
+    "CORD3G": "this coordinate system is not supported",
+    "GRIDG": "grids on geometry are not supported", "EGRID": "this type of grids is not supported",
+    "SEELT": "superelements are not supported"}
+_NUMBER = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+))(?:[ED]?([+-]\d+)|[ED](\d+))?", re.ASCII)
+
+
+@dataclass(frozen=True, slots=True)
+class _Card:
+    """Card of the bulk data: name, line and data fields (those of all its lines)."""
+
+    name: str
+    line: int
+    fields: list[str]
+
+    def fail(self, message: str) -> BadLine:
+        return BadLine(self.line, self.name, message)
+
+    def text(self, at: int) -> str:
+        """Field with index `at` after the name, "" where there is none."""
+        return self.fields[at] if at < len(self.fields) else ""
+
+    def integer(self, at: int, default: int | None = None) -> int:
+        word = self.text(at)
+        if not word and default is not None:
+            return default
+        if not re.fullmatch(r"[+-]?\d{1,18}", word, re.ASCII):
+            raise self.fail(f"field {at + 2} is {word[:40]!r}, and no whole number")
+        return int(word)
+
+    def real(self, at: int) -> float:
+        word = self.text(at).upper().replace(" ", "")
+        if not word:
+            return 0.0
+        found = _NUMBER.fullmatch(word)
+        if found is None:
+            raise self.fail(f"field {at + 2} is {self.text(at)[:40]!r}, and no number")
+        return float(f"{found.group(1)}E{found.group(2) or found.group(3) or 0}")
+
+    def reals(self, at: int, count: int) -> FloatArray:
+        return np.array([self.real(i) for i in range(at, at + count)])
+
+
+def read(data: bytes, name: str) -> Content:
+    """Content of a bulk data file; InputError with the line and the card that cannot be read."""
+    return _Reader(name).read(decoded(data))
+
+
+class _Reader:
+    """Reader of one file: cards one after the other, coordinate systems at the end."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.grids: dict[int, _Card] = {}
+        self.systems: dict[int, tuple[_Card, int]] = {}
+        """Number -> card and index of the first of its fields."""
+        self.default_system = 0
+        self.cells: dict[tuple[str, str], list[tuple[_Card, int, list[int]]]] = {}
+        """Type of cells and card -> card, property (0: none), node labels."""
+        self.seen: dict[int, str] = {}
+        self.ignored: dict[str, int] = {}
+        self.frames: dict[int, tuple[FloatArray, FloatArray, str]] = {}
+        self.active: set[int] = set()
+
+    def read(self, lines: Sequence[str]) -> Content:
+        for card in _cards(lines):
+            self._card(card)
+        labels = np.array(list(self.grids), dtype=np.int64)
+        plain = [c.reals(2, 3) if not self._system(c) else self._position(c)
+                 for c in self.grids.values()]
+        points = np.array(plain, dtype=np.float64).reshape(-1, 3)
+        numbering = Numbering(labels)
+        blocks, groups = [], dict[str, Group]()
+        for (kind, card_name), found in self.cells.items():
+            given = np.array([nodes for _, _, nodes in found], dtype=np.int64)
+            rows = numbering.rows(given)
+            bad = np.argwhere(rows < 0)
+            if bad.size:
+                raise found[bad[0][0]][0].fail(f"there is no grid {given[tuple(bad[0])]}")
+            blocks.append(Cells(kind, rows, f":{found[0][0].line}: {card_name}"))
+            properties = np.array([p for _, p, _ in found], dtype=np.int64)
+            for number in np.unique(properties[properties != 0]):
+                groups.setdefault(f"pid_{number}", Group()).cells.append(
+                    (len(blocks) - 1, np.flatnonzero(properties == number)))
+        notes = () if not self.ignored else (information(
+            f"{self.name}: only the mesh is read, not " + ", ".join(
+                c if n == 1 else f"{c} ({n})" for c, n in self.ignored.items())[:300],
+            "mesh_file"),)
+        return Content(points, tuple(blocks), groups, notes)
+
+    def _card(self, card: _Card) -> None:
+        name = card.name
+        if name in REFUSED:
+            raise card.fail(REFUSED[name])
+        if name == "GRID":
+            label = card.integer(0)
+            before = self.grids.setdefault(label, card)
+            if before.fields[1:5] != card.fields[1:5]:
+                raise card.fail(f"there is a grid {label} already, elsewhere (line {before.line})")
+        elif name == "GRDSET":
+            self.default_system = card.integer(1, 0)
+        elif name.startswith("CORD"):
+            self._coordinate_system(card)
+        elif name in ELEMENTS:
+            self._element(card)
+        else:
+            self.ignored[name] = self.ignored.get(name, 0) + 1
+
+    def _coordinate_system(self, card: _Card) -> None:
+        if card.name[4:] not in ("1R", "1C", "1S", "2R", "2C", "2S"):
+            raise card.fail("this coordinate system is not supported")
+        starts = (0,) if card.name[4] == "2" or not card.text(4) else (0, 4)
+        for at in starts:
+            number = card.integer(at)
+            if number < 1 or number in self.systems:
+                raise card.fail(f"{number}: numbers of coordinate systems are positive and occur "
+                                "once")
+            self.systems[number] = card, at
+
+    def _element(self, card: _Card) -> None:
+        label = card.integer(0)
+        if label in self.seen:
+            raise card.fail(f"there is an element {label} already ({self.seen[label]})")
+        self.seen[label] = f"{card.name}, line {card.line}"
+        first = 1 if card.name in _WITHOUT_PROPERTY else 2
+        number = 0 if first == 1 else card.integer(1, label)
+        kinds = ELEMENTS[card.name]
+        least = kinds[0][1]
+        given = card.fields[first:]
+        if card.name in _CORNERS_ONLY:
+            given = given[:least]
+        elif card.name in ("CTRIA6", "CQUAD8"):
+            given = given[: kinds[-1][1]]
+        while given and not given[-1]:
+            given = given[:-1]
+        kind = next((k for k, count in kinds if count == len(given)), None)
+        if kind is None or not all(given):
+            raise card.fail(f"element {label} has {sum(map(bool, given))} grids, and takes "
+                            + " or ".join(str(n) for _, n in kinds))
+        nodes = [card.integer(i) for i in range(first, first + len(given))]
+        self.cells.setdefault((kind, card.name), []).append((card, number, nodes))
+
+    # coordinate systems
+
+    def _system(self, grid: _Card) -> int:
+        return grid.integer(1, self.default_system)
+
+    def _position(self, grid: _Card) -> FloatArray:
+        """(3,) position of a grid in the basic system, in the unit of the file."""
+        return self._basic(grid.reals(2, 3), self._system(grid), grid)
+
+    def _basic(self, x: FloatArray, system: int, card: _Card) -> FloatArray:
+        """Coordinates (3,) of a system as a position in the basic one."""
+        if system == 0:
+            return x
+        origin, axes, kind = self._frame(system, card)
+        return origin + _rectangular(x, kind) @ axes
+
+    def _frame(self, number: int, card: _Card) -> tuple[FloatArray, FloatArray, str]:
+        """Origin (3,), axes (3, 3), a row each, and type R, C or S of a system."""
+        if number in self.frames:
+            return self.frames[number]
+        if number not in self.systems:
+            raise card.fail(f"there is no coordinate system {number}")
+        own, at = self.systems[number]
+        if number in self.active:
+            raise own.fail(f"the coordinate system {number} refers to itself")
+        self.active.add(number)
+        if own.name[4] == "2":
+            other = own.integer(1, 0)
+            A, B, C = (self._basic(own.reals(i, 3), other, own) for i in (2, 5, 8))
+        else:
+            A, B, C = (self._grid(own.integer(at + i), own) for i in (1, 2, 3))
+        self.active.remove(number)
+        z = B - A
+        y = np.cross(z, C - A)
+        if not np.linalg.norm(y) > 1e-12 * np.linalg.norm(z) * np.linalg.norm(C - A):
+            raise own.fail("its three points lie on one line")
+        axes = np.array([np.cross(y, z), y, z])
+        self.frames[number] = A, axes / np.linalg.norm(axes, axis=1)[:, None], own.name[5]
+        return self.frames[number]
+
+    def _grid(self, label: int, card: _Card) -> FloatArray:
+        if label not in self.grids:
+            raise card.fail(f"there is no grid {label}")
+        return self._position(self.grids[label])
+
+
+def _rectangular(x: FloatArray, kind: str) -> FloatArray:
+    """(x, y, z) of r, theta, z (C) or r, theta from z, phi (S), degrees."""
+    if kind == "R":
+        return x
+    first = np.radians(x[1])
+    if kind == "C":
+        return np.array([x[0] * np.cos(first), x[0] * np.sin(first), x[2]])
+    second = np.radians(x[2])
+    return np.asarray(x[0] * np.array([
+        np.sin(first) * np.cos(second), np.sin(first) * np.sin(second), np.cos(first)]))
+
+
+def _cards(lines: Sequence[str]) -> Iterator[_Card]:
+    """Cards between BEGIN BULK and ENDDATA; of all the file where there is no BEGIN BULK."""
+    card: _Card | None = None
+    mark = ""
+    for line, text in _bulk(lines):
+        name, fields, ahead, behind = _fields(line, text)
+        if name:
+            if card is not None:
+                yield card
+            card, mark = _Card(name, line, fields), behind
+            continue
+        if card is None:
+            raise BadLine(line, text[:8].strip() or "+", "continues a card that is not there")
+        if ahead and mark and ahead != mark:
+            raise BadLine(line, card.name, f"continuation {ahead!r} does not follow its card, "
+                          f"which ends with {mark!r}")
+        card.fields.extend(fields)
+        mark = behind
+    if card is not None:
+        yield card
+
+
+def _bulk(lines: Sequence[str]) -> Iterator[tuple[int, str]]:
+    """Lines of the bulk data with their numbers, without comments and blank lines."""
+    begins = [n for n, t in numbered(lines) if re.match(r"\s*BEGIN\b", t, re.IGNORECASE)]
+    if len(begins) > 1:
+        raise BadLine(begins[1], "BEGIN", "a second part of bulk data is not supported")
+    first = begins[0] if begins else 0
+    if not begins:
+        cend = [n for n, t in numbered(lines) if re.match(r"\s*CEND\b", t, re.IGNORECASE)]
+        first = cend[-1] if cend else 0
+    for number, raw in numbered(lines):
+        text = raw.split("$", 1)[0].rstrip()
+        if number <= first or not text.strip():
+            continue
+        if re.match(r"\s*ENDDATA\b", text, re.IGNORECASE):
+            return
+        yield number, text.expandtabs(8)
+
+
+def _fields(line: int, text: str) -> tuple[str, list[str], str, str]:
+    """Name (capitals, "" on a continuation), data fields, and the marks ahead and behind."""
+    if "," in text[:10] or (text.count(",") >= 2 and "," in text):
+        words = [w.strip() for w in text.split(",")]
+        head, data = words[0], words[1:]
+        wide = head.endswith("*")
+        count = 4 if wide else 8
+        behind = data[count] if len(data) > count else ""
+        if len(data) > count + 1 and any(data[count + 1:]):
+            raise BadLine(line, head or "+", f"{len(data)} fields: a line has at most {count}")
+        data = (data[:count] + [""] * count)[:count]
+    else:
+        head = text[:8].strip()
+        wide = "*" in head
+        size, count = (16, 4) if wide else (8, 8)
+        data = [text[8 + i * size : 8 + (i + 1) * size].strip() for i in range(count)]
+        behind = text[72:80].strip()
+    ahead = ""
+    if not head or head[0] in "+*":
+        ahead, head = head[1:].strip(), ""
+    name = head.rstrip("*").strip().upper()
+    if re.match(r"INCLUDE\b", name) or text.lstrip().upper().startswith("INCLUDE"):
+        name = "INCLUDE"
+    if name and not re.fullmatch(r"[A-Z][A-Z0-9_]*", name):
+        raise BadLine(line, name, "is no card of the bulk data")
+    return name, data, ahead, behind[1:].strip() if behind[:1] in ("+", "*") else behind

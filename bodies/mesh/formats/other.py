@@ -1,0 +1,97 @@
+"""Mesh files read by meshio: VTK, Medit, Salome."""
+
+import contextlib
+import io
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sparsemor.bodies.mesh.formats.content import (
+    QUADRATIC,
+    SIMPLEX,
+    Cells,
+    Content,
+    Group,
+    dimension_of,
+)
+from sparsemor.bodies.mesh.formats.gmsh import WORD
+
+TAGS = ("gmsh:physical", "medit:ref")
+"""Names in meshio of data of cells that are tags of groups."""
+
+
+def read(full: Path, kind: str) -> Content:
+    """Content of a file of meshio's format `kind`; any exception where it cannot be read."""
+    import meshio
+
+    readers = {"vtk": meshio.vtk, "vtu": meshio.vtu, "medit": meshio.medit, "med": meshio.med}
+    with _silent():
+        raw = readers[kind].read(str(full))
+    return _content(raw)
+
+
+@contextlib.contextmanager
+def _silent() -> Iterator[None]:
+    """Context that suppresses printed output and warnings of meshio; the file is checked
+    afterwards."""
+    nowhere = io.StringIO()
+    with (contextlib.redirect_stdout(nowhere), contextlib.redirect_stderr(nowhere),
+          warnings.catch_warnings(), np.errstate(all="ignore")):
+        warnings.simplefilter("ignore")
+        yield
+
+
+def _content(raw: Any) -> Content:
+    """meshio's mesh as arrays of the expected shapes and types."""
+    points = np.asarray(raw.points, dtype=np.float64)
+    if points.ndim != 2 or points.shape[1] not in (2, 3):
+        raise ValueError(f"points of shape {points.shape}, where (n, 2) or (n, 3) is expected")
+    blocks: list[Cells] = []
+    new: dict[int, int] = {}
+    for number, block in enumerate(raw.cells):
+        if not len(block.data):
+            continue
+        kind, d = str(block.type), dimension_of(str(block.type))
+        nodes = np.asarray(block.data, dtype=np.int64)
+        count = d + 1 if kind == SIMPLEX.get(d) else (
+            (d + 1) * (d + 2) // 2 if kind == QUADRATIC.get(d) else None)
+        if count is not None and nodes.shape[1:] != (count,):
+            raise ValueError(f"cells of shape {nodes.shape}, where (n, {count}) is expected")
+        new[number] = len(blocks)
+        blocks.append(Cells(kind, nodes))
+    groups: dict[str, Group] = {}
+    for name, per_block in raw.cell_sets.items():
+        for number, rows in enumerate(per_block):
+            if rows is not None and len(rows) and not str(name).startswith("gmsh:"):
+                chosen = np.asarray(rows, dtype=np.int64)
+                groups.setdefault(str(name), Group()).cells.append((new[number], chosen))
+    for name, tag, number, rows in _tagged(raw, new, blocks):
+        groups.setdefault(name or f"{WORD[blocks[number].dimension]}_{tag}", Group()).cells.append(
+            (number, rows))
+    for name, numbers in raw.point_sets.items():
+        groups.setdefault(str(name), Group()).points.append(
+            np.asarray(numbers, dtype=np.int64).ravel())
+    return Content(points, tuple(blocks), groups)
+
+
+def _tagged(
+    raw: Any, new: dict[int, int], blocks: list[Cells]
+) -> Iterator[tuple[str, int, int, Any]]:
+    """Name or "", tag, block and rows of the cells of each tag but 0, which is that of no group."""
+    names = {(int(d), int(tag)): str(name) for name, (tag, d) in raw.field_data.items()}
+    for per_block in (raw.cell_data[key] for key in TAGS if key in raw.cell_data):
+        for number, block in new.items():
+            tags = np.asarray(per_block[number])
+            for tag in np.unique(tags):
+                if tag != 0:
+                    yield (names.get((blocks[block].dimension, int(tag)), ""), int(tag), block,
+                           np.flatnonzero(tags == tag))
+    for number, families in enumerate(raw.cell_data.get("cell_tags", ())):  # of Salome
+        for family, members in getattr(raw, "cell_tags", {}).items():
+            rows = np.flatnonzero(np.asarray(families) == family)
+            if len(rows) and number in new:
+                for name in members:
+                    yield str(name), 0, new[number], rows
