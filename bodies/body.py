@@ -297,7 +297,7 @@ class Body:
         """Centre of the set `which`, whose points are `nodes`."""
         if self.mesh is None:
             return Centre.of_points(self.X, nodes)
-        return centre_of_set(self.mesh, nodes, self.centres.get(which))
+        return centre_of_set(self.mesh, nodes, self.centres.get(which), which)
 
     def probe(self, name: str, at: str | Sequence[float]) -> ProbePlace:
         """Probe at a material point: the centre of a named set, or the node nearest to body

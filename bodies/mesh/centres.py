@@ -25,7 +25,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from sparsemor.bodies.mesh.simplices import EDGES
+from sparsemor.bodies.mesh.simplices import EDGES, rows_among
 from sparsemor.core import FloatArray, InputError, IntArray, Mesh, cell_facets, outer_facets
 
 ROUND = 1e-3
@@ -68,12 +68,15 @@ class Centre:
         return float(np.linalg.norm(self.point - self.mean))
 
 
-def centre_of_set(mesh: Mesh, nodes: IntArray, given: FloatArray | None = None) -> Centre:
-    """Centre of the set with the points `nodes`; given (d,): its position, m, instead.
+def centre_of_set(
+    mesh: Mesh, nodes: IntArray, given: FloatArray | None = None, name: str = ""
+) -> Centre:
+    """Centre of the set with the points `nodes`; given (d,): its position, m, instead; name: of the
+    set, whose facets or cells the mesh may tag.
 
     InputError for a given position off the line or plane on which all points of the set lie.
     """
-    pieces, surface = _pieces(mesh, nodes)
+    pieces, surface = _tagged(mesh, nodes, name) or _pieces(mesh, nodes)
     even = _integrals(mesh, pieces)
     even /= even.sum()
     mean = even @ mesh.points
@@ -84,6 +87,17 @@ def centre_of_set(mesh: Mesh, nodes: IntArray, given: FloatArray | None = None) 
         what = {True: "its facets", False: "its cells, edges or points"}[surface]
         return Centre(even, mean, even, mean, f"the mean of {what}")
     return Centre(_moved(even, mesh.points, point), point, even, mean, how)
+
+
+def _tagged(mesh: Mesh, nodes: IntArray, name: str) -> tuple[IntArray, bool] | None:
+    """As `_pieces`, for a set whose points are those of facets or cells that the mesh tags."""
+    corners = nodes[nodes < len(mesh.corners)]
+    for surface, pieces in ((True, mesh.facet_sets.get(name)),
+                            (False, None if name not in mesh.cell_sets
+                             else mesh.cells[mesh.cell_sets[name]])):
+        if pieces is not None and len(np.unique(pieces)) == len(corners):
+            return pieces, surface and bool(rows_among(pieces, outer_facets(mesh)).all())
+    return None
 
 
 def _pieces(mesh: Mesh, nodes: IntArray) -> tuple[IntArray, bool]:

@@ -122,7 +122,7 @@ def given_centres(mesh: Mesh, sets: Mapping[str, PointSet]) -> dict[str, FloatAr
 def _check_centre(mesh: Mesh, name: str, point: FloatArray) -> None:
     _same_dimension(len(point), mesh, f"{name}.centre")
     try:
-        centre_of_set(mesh, mesh.point_sets[name], point)
+        centre_of_set(mesh, mesh.point_sets[name], point, name)
     except InputError as error:
         raise error.under(f"{name}.centre") from None
 
