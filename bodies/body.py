@@ -273,7 +273,7 @@ class Body:
                          None if h is None else h.free, pose=self.pose,
                          given=() if h is None else h.prescribed,
                          eliminated_temperature=self.T0 if h is None and e is not None else None,
-                         stress=None if e is None or e.laws or self.T_ref is None else (
+                         stress=None if e is None or not e.recoverable or self.T_ref is None else (
                              e.stress_constants(len(self.mesh.cells), self.T_ref)))
 
     # ------------------------------------------------------------------ positions, sets and probes

@@ -101,6 +101,11 @@ class Flexible(Plugin):
     cells with all points in the set."""
     model: Literal["plane_stress", "plane_strain", "solid"] | None = None
     """Elastic model: plane stress in the plane when not given, `solid` in space."""
+    strains: Literal["linear", "nonlinear"] = "linear"
+    """Strains of the elastic field, in the body frame. `linear`: small strains and rotations;
+    a body then does not become stiffer or softer by its stress, as when it spins or is pushed.
+    `nonlinear`: Green-Lagrange strains (St. Venant-Kirchhoff material), for large rotations within
+    the body and for buckling; strains themselves remain small."""
     fields: list[Literal["elastic", "thermal"]]
     """Fields of the body; `[]`: none, a rigid body with the mass and shape of its mesh."""
     reference: Reference | None = None
@@ -164,7 +169,7 @@ class Flexible(Plugin):
             name=name, X=mesh.points, inertia=MassProperties.of_mesh(m, mesh.points), pose=pose,
             velocity=velocity, moves=self.frame != "fixed", points=mesh.point_sets,
             centres=centres, mesh=mesh, thickness=thickness, mass_matrix=m,
-            elasticity=None if held is None else self._elasticity(mesh, m, held, regions),
+            elasticity=None if held is None else self._elasticity(mesh, m, held, regions, T0),
             heat=self._heat(mesh, regions) if heats else None, T0=T0,
             temperature_limits=self._limits(),
             T_ref=np.full(len(mesh.points), self.reference_temperature),
@@ -252,8 +257,10 @@ class Flexible(Plugin):
         return held
 
     def _elasticity(
-        self, mesh: Mesh, m: Any, held: IntArray, regions: Sequence[Region]
+        self, mesh: Mesh, m: Any, held: IntArray, regions: Sequence[Region], T0: FloatArray
     ) -> Elasticity:
+        heated = THERMAL.name in self.fields or bool((T0 != self.reference_temperature).any())
+        nonlinear = self.strains == "nonlinear"
         d, thickness, model = mesh.dimension, self._thickness(mesh), self._model(mesh)
         K = summed(regions, lambda r: elastic_stiffness(
             mesh, r.constants, thickness, model, r.cells))
@@ -264,8 +271,10 @@ class Flexible(Plugin):
             coupling=summed(regions, lambda r: thermoelastic_coupling(
                 mesh, r.constants, thickness, model, r.cells)),
             regions=tuple((r.cells, law(r.constants, model)) for r in regions),
-            laws=tuple((one, r.cells) for r in regions
-                       for one in stress_laws(r, model, d, self.reference_temperature)))
+            laws=tuple((one, r.cells) for r in regions for one in stress_laws(
+                r, model, d, self.reference_temperature, nonlinear, heated)),
+            nonlinear=nonlinear, recoverable=all(
+                curves(r.material).keys().isdisjoint({"E", "alpha"}) for r in regions))
 
     def _heat(self, mesh: Mesh, regions: Sequence[Region]) -> Heat:
         thickness, is_lumped = self._thickness(mesh), self.capacity == "lumped"

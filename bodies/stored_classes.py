@@ -21,7 +21,7 @@ from sparsemor.bodies.loads.amplitude import unit
 from sparsemor.bodies.loads.convection import Film
 from sparsemor.bodies.loads.radiation import GreyBody
 from sparsemor.bodies.temperature_curve import TemperatureCurve
-from sparsemor.bodies.terms import dense, material_laws
+from sparsemor.bodies.terms import dense, material_laws, nonlinear_strains
 from sparsemor.bodies.terms.point_term import PointTerm
 
 CLASSES: Sequence[object] = (
@@ -32,5 +32,5 @@ CLASSES: Sequence[object] = (
     items.Nothing, items.UnitLength, joint_items.Attachment, joint_items.Reaction,
     joint_items.Rotation, joint_items.Wrench, material_laws.Conduction, material_laws.Departure,
     material_laws.Expansion, material_laws.Softening, material_laws.StoredHeat, moments.Moments,
-    springs.RotationalSpring, springs.SpatialRotationalSpring, springs.Spring,
+    nonlinear_strains.NonlinearStrains, springs.RotationalSpring, springs.SpatialRotationalSpring, springs.Spring,
 )

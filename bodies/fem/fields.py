@@ -6,7 +6,7 @@ from typing import Protocol, TypeAlias
 import numpy as np
 
 from sparsemor.bodies.fem.elasticity import Law
-from sparsemor.bodies.fem.pointwise_law import PointwiseLaw
+from sparsemor.bodies.fem.pointwise_law import PointwiseLaw, StressLaw
 from sparsemor.core import Csr, FloatArray, IntArray, Mesh, StressConstants, TimeFunction
 
 Cells: TypeAlias = IntArray | None
@@ -20,7 +20,9 @@ class Elasticity:
 
     coupling (d N, N): thermal forces K_fT; damping: Rayleigh, a mass + b stiffness. regions: cells
     of each material, with the constants of their element matrices. laws: stress beyond that of
-    constant properties, where they depend on temperature, and its cells.
+    constant properties and linear strains, and its cells: of properties that depend on temperature
+    and of nonlinear strains. nonlinear: True for Green-Lagrange strains. recoverable: True if
+    stress follows from strain and temperature with constant properties.
     """
 
     free: IntArray
@@ -28,7 +30,9 @@ class Elasticity:
     damping: Csr
     coupling: Csr
     regions: tuple[tuple[Cells, Law], ...] = ()
-    laws: tuple[tuple[PointwiseLaw, Cells], ...] = ()
+    laws: tuple[tuple[StressLaw, Cells], ...] = ()
+    nonlinear: bool = False
+    recoverable: bool = True
 
     def stress_constants(self, cells: int, free: FloatArray) -> StressConstants:
         """Constants of the stress in all cells; free (N,): stress-free temperature, K."""
@@ -37,7 +41,7 @@ class Elasticity:
             region[slice(None) if here is None else here] = number
         constants = np.array([[m.lam, m.mu, m.beta, m.lam_out, m.beta_out]
                               for _, m in self.regions])
-        return StressConstants(constants, region, free)
+        return StressConstants(constants, region, free, self.nonlinear)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -83,6 +83,14 @@ class PointwiseLaw(Protocol):
         ...
 
 
+class StressLaw(PointwiseLaw, Protocol):
+    """A law of stress. linear: True if the stress at given temperatures is a linear function of the
+    displacements plus a constant, False otherwise."""
+
+    @property
+    def linear(self) -> bool: ...
+
+
 @runtime_checkable
 class HasLawArrays(PointwiseLaw, Protocol):
     """A law that is also a function on arrays; steps of models with other laws are not compiled."""

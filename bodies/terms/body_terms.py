@@ -6,7 +6,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from sparsemor.bodies.fem.fields import Elasticity, HasFields, Heat
-from sparsemor.bodies.fem.pointwise_law import PointwiseLaw
+from sparsemor.bodies.fem.pointwise_law import PointwiseLaw, StressLaw
 from sparsemor.bodies.fem.quadrature import Quadrature, on_cells, on_facets
 from sparsemor.bodies.terms.weak_term import NodalField, WeakTerm
 from sparsemor.core import Amplitude, Csr, Equations, FloatArray, IntArray, Quantity
@@ -58,11 +58,11 @@ def write_film(
 
 
 def _write_stress(
-    body: HasFields, equations: Equations, law: PointwiseLaw, cells: IntArray | None
+    body: HasFields, equations: Equations, law: StressLaw, cells: IntArray | None
 ) -> None:
-    """Adds a stress law; where the body's temperatures are no unknowns it is linear, and becomes a
-    stiffness matrix and a constant force."""
-    if body.heat is not None:
+    """Adds a stress law; one that is linear in the displacements becomes a stiffness matrix and a
+    constant force where the body's temperatures are no unknowns."""
+    if body.heat is not None or not law.linear:
         write_law(body, equations, law, None, cells)
         return
     assert body.mesh is not None

@@ -23,6 +23,7 @@ from sparsemor.bodies.fem.pointwise_law import (
     TEMPERATURE_RATE,
     PointwiseLaw,
     Response,
+    StressLaw,
     Variable,
     displacement_gradient,
     temperature_gradient,
@@ -37,6 +38,7 @@ from sparsemor.bodies.terms.law_functions import (
     softening_pairs,
     stored_heat,
 )
+from sparsemor.bodies.terms.nonlinear_strains import NonlinearStrains
 from sparsemor.core import FloatArray, LawArrays, TemperatureProperty
 
 
@@ -127,6 +129,7 @@ class Softening:
     E: Departure
     law: Law
     d: int
+    linear: ClassVar[bool] = True
 
     @property
     def reads(self) -> Sequence[Variable]:
@@ -183,6 +186,7 @@ class Expansion:
     reference: float
     d: int
     reads: ClassVar[Sequence[Variable]] = (TEMPERATURE,)
+    linear: ClassVar[bool] = True
 
     @property
     def tests(self) -> Sequence[Variable]:
@@ -225,11 +229,18 @@ def heat_laws(region: Region, d: int) -> list[PointwiseLaw]:
     return laws
 
 
-def stress_laws(region: Region, model: Model, d: int, reference: float) -> list[PointwiseLaw]:
-    """Elastic and thermal stress of a material beyond constant properties; reference: T_ref, K."""
+def stress_laws(
+    region: Region, model: Model, d: int, reference: float, nonlinear: bool, heated: bool
+) -> list[StressLaw]:
+    """Elastic and thermal stress of a material beyond constant properties and linear strains;
+    reference: T_ref, K; heated: True if temperatures of the body differ from it."""
     found, constants = curves(region.material), region.constants
     at_reference, E, alpha = law(constants, model), region.material.E, region.material.alpha
-    laws: list[PointwiseLaw] = []
+    laws: list[StressLaw] = []
+    if nonlinear and E is not None and constants.E is not None and constants.nu is not None:
+        return [NonlinearStrains(
+            at_reference, d, E, constants.E, alpha, expansion_factor(constants.nu, model),
+            reference, heated and ("E" in found or alpha != 0.0))]
     if "E" in found and constants.E is not None:
         laws.append(Softening(Departure(found["E"], constants.E), at_reference, d))
     if E is not None and constants.nu is not None and alpha != 0.0 and not (

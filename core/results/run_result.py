@@ -283,7 +283,8 @@ class RunResult:
 
     def strain(self, body: str, step: int) -> FloatArray:
         """(P, 3, 3) nodal strain in body axes at stored step `step`, with the thermal strain;
-        averaged over the cells of one material at a node (`stress_mesh`)."""
+        averaged over the cells of one material at a node (`stress_mesh`). Of a body with nonlinear
+        strains the Green-Lagrange strain, in the axes of the undeformed body."""
         return self._recovery(body).strain(
             self.nodal_displacement(body, step), self._heating(body, step))
 
@@ -324,7 +325,8 @@ class RunResult:
         if body not in self._recoveries:
             self._recoveries[body] = StressRecovery(
                 self.points(body), self.cells(body), self._array(f"{body}.stress_constants"),
-                self._array(f"{body}.stress_region"))
+                self._array(f"{body}.stress_region"),
+                self._data.attributes_of(f"{body}.stress_constants").get("strains") == "nonlinear")
         return self._recoveries[body]
 
     def positions(self, body: str, step: int, magnify: float = 1.0) -> FloatArray:

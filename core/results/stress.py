@@ -2,9 +2,11 @@
 
     eps = sym grad u,    sigma = lam tr(eps) I + 2 mu eps - beta (T - T_free) I
 
-in body axes. They are evaluated at the nodes of each cell and averaged there over the cells, with
-their volumes as weights, separately for each material: a node between two of them has a value of
-each, because the stress along their boundary jumps.
+in body axes. With nonlinear strains eps is the Green-Lagrange strain, the same law gives the second
+Piola-Kirchhoff stress S, and the Cauchy stress is F S F^T / det F with F = I + grad u. They are
+evaluated at the nodes of each cell and averaged there over the cells, with their volumes as
+weights, separately for each material: a node between two of them has a value of each, because the
+stress along their boundary jumps.
 """
 
 from enum import Enum
@@ -35,14 +37,16 @@ class StressRecovery:
     """Strain and stress of one body at its nodes, once for each material of their cells.
 
     points (N, d); cells (E, 3, 4, 6 or 10); constants (R, 5): lam, mu, beta, and lam, beta of the
-    stress across the plane, of each material; region (E,): material of each cell. nodes (P,): node
-    of each value; own (E, q): number of the value at the nodes of each cell (`_by_material`).
+    stress across the plane, of each material; region (E,): material of each cell; nonlinear: True
+    for Green-Lagrange strains. nodes (P,): node of each value; own (E, q): number of the value at
+    the nodes of each cell (`_by_material`).
     """
 
     def __init__(
-        self, points: FloatArray, cells: IntArray, constants: FloatArray, region: IntArray
+        self, points: FloatArray, cells: IntArray, constants: FloatArray, region: IntArray,
+        nonlinear: bool = False,
     ) -> None:
-        self.points, self.cells = points, cells
+        self.points, self.cells, self.nonlinear = points, cells, nonlinear
         self.constants = constants[region]  # (E, 5)
         self.nodes, self.own = _by_material(
             cells, np.unique(constants, axis=0, return_inverse=True)[1].ravel()[region])
@@ -72,19 +76,15 @@ class StressRecovery:
     def strain(self, u: FloatArray, heating: FloatArray) -> FloatArray:
         """(P, 3, 3) strain for displacements u (N, d), m, and temperatures above the stress-free
         ones (N,), K; across the plane that of no stress in plane stress, else zero."""
-        eps = self._strain(u)
-        lam, mu, beta, lam_out, beta_out = self.constants.T[:, :, None]
-        if self.points.shape[1] == 2:
-            trace = eps[..., 0, 0] + eps[..., 1, 1]
-            thin = (lam_out == 0.0) & (beta_out == 0.0)
-            across = (beta * heating[self.cells] - lam * trace) / (2.0 * mu)
-            eps[..., 2, 2] = np.where(thin, across, 0.0)
+        eps = self._strain(self._gradient(u))
+        eps[..., 2, 2] += self._across(eps, heating)
         return self._averaged(eps)
 
     def stress(self, u: FloatArray, heating: FloatArray) -> FloatArray:
         """(P, 3, 3) Cauchy stress, Pa, for displacements u (N, d), m, and temperatures above the
         stress-free ones (N,), K."""
-        eps, d = self._strain(u), self.points.shape[1]
+        gradient, d = self._gradient(u), self.points.shape[1]
+        eps = self._strain(gradient)
         lam, mu, beta, lam_out, beta_out = self.constants.T[:, :, None]
         trace, dT = np.trace(eps, axis1=2, axis2=3), heating[self.cells]
         found = 2.0 * mu[..., None, None] * eps
@@ -92,15 +92,34 @@ class StressRecovery:
             inside = i < d
             found[..., i, i] += (lam if inside else lam_out) * trace
             found[..., i, i] -= (beta if inside else beta_out) * dT
+        if self.nonlinear:
+            F = np.zeros_like(eps)
+            F[..., :d, :d] = gradient
+            F[...] += np.eye(3)
+            F[..., 2, 2] *= np.sqrt(np.maximum(1.0 + 2.0 * self._across(eps, heating), 0.0))
+            found = F @ found @ F.swapaxes(2, 3) / np.linalg.det(F)[..., None, None]
         return self._averaged(found)
 
-    def _strain(self, u: FloatArray) -> FloatArray:
-        """(E, q, 3, 3) strain at the nodes of each cell."""
-        gradient = np.einsum("eai,epaj->epij", u[self.cells], self._slopes[0])
-        d = u.shape[1]
+    def _gradient(self, u: FloatArray) -> FloatArray:
+        """(E, q, d, d) displacement gradient at the nodes of each cell."""
+        return np.einsum("eai,epaj->epij", u[self.cells], self._slopes[0])
+
+    def _strain(self, gradient: FloatArray) -> FloatArray:
+        """(E, q, 3, 3) strain at the nodes of each cell; across the plane zero."""
+        d = gradient.shape[3]
         eps = np.zeros((*self.cells.shape, 3, 3))
         eps[..., :d, :d] = 0.5 * (gradient + gradient.swapaxes(2, 3))
+        if self.nonlinear:
+            eps[..., :d, :d] += 0.5 * gradient.swapaxes(2, 3) @ gradient
         return eps
+
+    def _across(self, eps: FloatArray, heating: FloatArray) -> FloatArray:
+        """(E, q) strain across the plane that makes no stress there, of plane stress; else zero."""
+        if self.points.shape[1] == 3:
+            return np.zeros(self.cells.shape)
+        lam, mu, beta, lam_out, beta_out = self.constants.T[:, :, None]
+        across = (beta * heating[self.cells] - lam * (eps[..., 0, 0] + eps[..., 1, 1])) / (2.0 * mu)
+        return np.where((lam_out == 0.0) & (beta_out == 0.0), across, 0.0)
 
     def _averaged(self, values: FloatArray) -> FloatArray:
         """(P, 3, 3) mean of values (E, q, 3, 3) at nodes over the cells of one material."""

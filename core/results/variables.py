@@ -128,7 +128,8 @@ def _body_arrays(
         _expect(f"{body}: material of each cell", s.region.shape, cells)
         yield (f"{body}.stress_constants", (f"{body}.material", f"{body}.constant"),
                {"units": "Pa, Pa, Pa/K, Pa, Pa/K",
-                "long_name": "lam, mu, beta; lam, beta across the plane"}, s.constants)
+                "long_name": "lam, mu, beta; lam, beta across the plane",
+                **({"strains": "nonlinear"} if s.nonlinear else {})}, s.constants)
         yield (f"{body}.stress_region", (f"{body}.cell",),
                {"long_name": "material of the cell"}, s.region)
         yield (f"{body}.stress_free_temperature", (node,), {"units": "K"}, s.free)
