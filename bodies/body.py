@@ -11,6 +11,7 @@ import numpy as np
 from sparsemor.bodies.fem.element_balance import elastic_integrals, heat_integrals
 from sparsemor.bodies.fem.fields import Elasticity, Heat
 from sparsemor.bodies.fem.pointwise_law import PointwiseLaw
+from sparsemor.bodies.fem.stress_stiffness import stress_stiffness
 from sparsemor.bodies.frames import nodal
 from sparsemor.bodies.frames.force_items import BodyForce, SpaceForce
 from sparsemor.bodies.frames.frame import SpatialFrame
@@ -48,6 +49,7 @@ from sparsemor.core import (
     Mesh,
     Note,
     ProbePlace,
+    StressStiffness,
     SurfaceLoads,
     TimeFunction,
     points_in_space,
@@ -157,7 +159,9 @@ class Body:
         equations.body(
             self.frame_of, self.pose, moves=self.moves, guide=self.guide,
             elastic_integrals=partial(elastic_integrals, self) if mesh else None,
-            heat_integrals=partial(heat_integrals, self) if mesh else None)
+            heat_integrals=partial(heat_integrals, self) if mesh else None,
+            stress_stiffness=None if self.elasticity is None or not mesh else StressStiffness(
+                partial(stress_stiffness, self), self.elasticity.nonlinear))
         if self.moves or self.elasticity is not None:
             self._write_inertia(equations)
         if self.moves and self.turns_freely:

@@ -32,5 +32,6 @@ CLASSES: Sequence[object] = (
     items.Nothing, items.UnitLength, joint_items.Attachment, joint_items.Reaction,
     joint_items.Rotation, joint_items.Wrench, material_laws.Conduction, material_laws.Departure,
     material_laws.Expansion, material_laws.Softening, material_laws.StoredHeat, moments.Moments,
-    nonlinear_strains.NonlinearStrains, springs.RotationalSpring, springs.SpatialRotationalSpring, springs.Spring,
+    nonlinear_strains.NonlinearStrains, springs.RotationalSpring, springs.SpatialRotationalSpring,
+    springs.Spring,
 )

@@ -71,7 +71,7 @@ class NonlinearStrains:
         d, lam_0, mu_0, first = self.d, self.law.lam, self.law.mu, int(self.heated)
         shape = np.broadcast_shapes(*(v.shape for v in z))
         G = np.stack([np.broadcast_to(v, shape) for v in z[first:]]).reshape(d, d, *shape)
-        e: Property | FloatArray = 1.0
+        e: FloatArray | float = 1.0
         S_T = pressure = np.zeros(())
         if self.heated:
             rise = z[0] - self.reference

@@ -236,7 +236,7 @@ class _Closing:
             coupling=_sum(coupling, (n, hot)) if hot else None,
             constant=constant, loads=loads, amplitudes=_amplitudes(timed), columns=columns,
             load_names=tuple(r.name for r in timed), integrals=body.elastic_integrals,
-            tables=self._tables(block),
+            tables=self._tables(block), stress_stiffness=body.stress_stiffness,
             local=tuple(self._elastic_local(t, block, thermal) for t in self._local(block)))
 
     def heat(self, of: Block) -> HeatBody:

@@ -166,6 +166,7 @@ from sparsemor.core.protocols.separable import (
     LoadColumn,
     MovingBody,
     Separated,
+    StressStiffness,
 )
 from sparsemor.core.protocols.sparse_solver import (
     PROBLEM_FEATURES,
@@ -247,8 +248,8 @@ __all__ = [
     "SamplesRows", "Selection", "SelectsFields", "Separated", "SharesOptions",
     "SolvesManySteps", "SparseOutcome", "SparseProblem", "SparseSolver", "SparseStart", "Stage",
     "State", "StatesFillIn", "StepBlock", "StepFactors", "StepFormula", "StepMemory",
-    "StepOutcome", "StepSolver", "StoresObjects", "StressConstants", "SurfaceLoads", "Surfaces",
-    "Table", "Tabled", "TabledAlong", "TableRecord", "TemperatureProperty", "Term",
+    "StepOutcome", "StepSolver", "StoresObjects", "StressConstants", "StressStiffness",
+    "SurfaceLoads", "Surfaces", "Table", "Tabled", "TabledAlong", "TableRecord", "TemperatureProperty", "Term",
     "TimeDependent", "TimeFunction", "Trial", "TrialRun", "UpdateRule", "UpdateRules",
     "UsesBases", "UsesForceBasis", "VectorRecord", "WeighsElements", "WrapsTerm",
 ]

@@ -22,7 +22,7 @@ from sparsemor.core.protocols.element_integrals import ElasticIntegrals, HeatInt
 from sparsemor.core.protocols.layout import Layout, Quantity
 from sparsemor.core.protocols.load_tables import LoadTable
 from sparsemor.core.protocols.prescribed_motion import FrameHistory
-from sparsemor.core.protocols.separable import Amplitude
+from sparsemor.core.protocols.separable import Amplitude, StressStiffness
 from sparsemor.core.protocols.term import NamesSource, Term
 
 Kind = Literal["load", "prescribed"]
@@ -131,7 +131,8 @@ class BodyRecord:
 
     kernel: function from contributions (inertia, forces, attachments) to the frame's equations;
     pose (b,): initial rigid coordinates; moves: True if they are unknowns; guide: prescribed motion
-    of the frame; elastic_integrals, heat_integrals: element integrals, if the body offers them.
+    of the frame; elastic_integrals, heat_integrals: element integrals, and stress_stiffness:
+    geometric stiffness, if the body offers them.
     """
 
     origin: Origin
@@ -141,6 +142,7 @@ class BodyRecord:
     guide: FrameHistory | None = None
     elastic_integrals: Callable[[], ElasticIntegrals] | None = None
     heat_integrals: Callable[[], HeatIntegrals] | None = None
+    stress_stiffness: StressStiffness | None = None
 
     @property
     def name(self) -> str:
@@ -185,10 +187,12 @@ class Equations:
         moves: bool, guide: FrameHistory | None = None,
         elastic_integrals: Callable[[], ElasticIntegrals] | None = None,
         heat_integrals: Callable[[], HeatIntegrals] | None = None,
+        stress_stiffness: StressStiffness | None = None,
     ) -> None:
         """Adds a body and its floating frame; arguments as the fields of `BodyRecord`."""
         self._records.bodies.append(BodyRecord(
-            self.origin, kernel, pose, moves, guide, elastic_integrals, heat_integrals))
+            self.origin, kernel, pose, moves, guide, elastic_integrals, heat_integrals,
+            stress_stiffness))
 
     def matrix(
         self, rows: str, columns: str, *, A: Csr | None = None, B: Csr | None = None,

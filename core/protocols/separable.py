@@ -22,6 +22,19 @@ Amplitude = Callable[[float], float]
 """Scalar function of time (s) that multiplies a constant load vector."""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class StressStiffness:
+    """Geometric stiffness of a body: the change of its stiffness by its stress.
+
+    matrices: function of nodal displacements (N, d), m, and temperatures (N,), K, or None, that
+    returns the stiffness and the geometric stiffness of the free displacements (n, n), N/m.
+    nonlinear: True if the equations of the body contain it.
+    """
+
+    matrices: Callable[[FloatArray, FloatArray | None], tuple[Csr, Csr]]
+    nonlinear: bool
+
+
 @dataclass(frozen=True, slots=True)
 class LoadColumn:
     """Description of one load vector of a block of unknowns.
@@ -60,6 +73,7 @@ class ElasticOperators:
     forces act on u. columns (p,), load_names (j,): description of each direction and load.
     integrals: internal force by elements, if the body offers it. tables: loads that move over the
     body. local: terms evaluated element by element, which read u and the body's temperatures only.
+    stress_stiffness: for checks of results, if the body offers it.
     """
 
     mass: Csr
@@ -76,6 +90,7 @@ class ElasticOperators:
     integrals: Callable[[], ElasticIntegrals] | None = None
     tables: tuple[LoadTable, ...] = ()
     local: tuple[ElasticLocal, ...] = ()
+    stress_stiffness: StressStiffness | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

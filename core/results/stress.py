@@ -102,7 +102,7 @@ class StressRecovery:
 
     def _gradient(self, u: FloatArray) -> FloatArray:
         """(E, q, d, d) displacement gradient at the nodes of each cell."""
-        return np.einsum("eai,epaj->epij", u[self.cells], self._slopes[0])
+        return np.asarray(np.einsum("eai,epaj->epij", u[self.cells], self._slopes[0]))
 
     def _strain(self, gradient: FloatArray) -> FloatArray:
         """(E, q, 3, 3) strain at the nodes of each cell; across the plane zero."""

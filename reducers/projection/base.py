@@ -228,8 +228,9 @@ def fast(
         points, len(heat) + len(elastic), True, limits, notes,
         {n: p.tested for n, p in projected.elastic.items()}, facts,
         {n: block.elements for n, block in heat.items()})
-    if elastic and not model.separated.border_size:
-        return made  # frames follow a prescribed motion: nothing is iterated
+    iterated = any(b.local is not None for b in elastic.values())
+    if elastic and not model.separated.border_size and not iterated:
+        return made  # frames follow a prescribed motion
     # made here, so that what steps does not hold the model
     whole: Equations = reduced_general(projected, tolerances, points).equations
     return replace(made, newton=FullNewton(Assembled(whole), tolerances))

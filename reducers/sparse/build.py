@@ -1,7 +1,7 @@
 """Assembly of a step solver from the sampled rows of each block, for the reducer `sparse`."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from sparsemor.core import (
     AssembledModel,
@@ -43,6 +43,7 @@ from sparsemor.reducers.step.coupled_reduced import (
     ReducedGeneral,
     reduced_general,
 )
+from sparsemor.reducers.step.newton.fallback import Assembled, FullNewton
 from sparsemor.reducers.step.operators import TestedElastic, TestedHeat, TestMap
 from sparsemor.reducers.step.prepare import stepper
 from sparsemor.reducers.step.solver import Facts, Stepper
@@ -133,25 +134,31 @@ class Build:
         """Step solver for models in which terms couple bodies: the same least squares of each
         block's rows, solved by Newton's method for all unknowns together. Raises InputError where a
         budget is smaller than a dictionary, because atoms cannot be selected there."""
-        blocks = {n: s.block for n, s in heat.items()} | {
-            n: s.block for n, s in elastic.items()}
+        blocks = _blocks(heat, elastic)
         faults = [Fault("reducer.budgets", unselectable(self.model, n, b.budget, b.atoms))
                   for n, b in blocks.items() if b.selects]
         if faults:
             raise InputError(faults)
+        return reduced_general(
+            self._projected(rows, heat, elastic), self.options.tolerances, self.options.predictor,
+            self.limits, (*unsampled_loads(self.model, rows), *notes), facts)
+
+    def _projected(
+        self, rows: Mapping[str, IntArray], heat: Mapping[str, SampledHeat],
+        elastic: Mapping[str, SampledElastic],
+    ) -> ProjectedModel:
+        """All equations under the least squares of each block's rows, with all atoms active."""
+        blocks = _blocks(heat, elastic)
 
         def weighted(name: str) -> TestMap:
             P, m = blocks[name].weight, self._map(name, rows[name])
             return m if P is None else TestMap(m.rows, P if m.left is None else P @ m.left)
 
-        projected = ProjectedModel(
+        return ProjectedModel(
             self.model, self.dictionaries, rows,
             {n: ProjectedBlock(s.tested, s.block.left(None), weighted(n)) for n, s in heat.items()},
             {n: ProjectedBlock(s.tested, s.block.left(None), weighted(n))
              for n, s in elastic.items()})
-        return reduced_general(
-            projected, self.options.tolerances, self.options.predictor, self.limits,
-            (*unsampled_loads(self.model, rows), *notes), facts)
 
     def _source(self, whole: Whole | None, name: str) -> Whole | None:
         """Source of the rows of a block; None for rows of D^-1 r, which are not stored for the
@@ -223,6 +230,10 @@ class Build:
             (*unsampled_loads(self.model, plain), *notes),
             {n: e.tested for n, e in elastic.items()}, facts, visited)
         if fixed:
+            if any(b.local is not None for b in fixed_elastic.values()):
+                base = replace(base, newton=FullNewton(Assembled(reduced_general(
+                    self._projected(rows, heat, elastic), o.tolerances, o.predictor).equations),
+                    o.tolerances))
             return compilable(base, o.compiled)
         require_numba(o.compiled)
         # all elastic blocks take part in the joint problem
@@ -262,3 +273,10 @@ class Build:
                    if (why := solver_refusal(n, self.options.solver, needs))]
         if refused:
             raise InputError(refused)
+
+
+def _blocks(
+    heat: Mapping[str, SampledHeat], elastic: Mapping[str, SampledElastic]
+) -> dict[str, Sampled]:
+    """Sampled rows of each block, by its name."""
+    return {n: s.block for n, s in heat.items()} | {n: s.block for n, s in elastic.items()}

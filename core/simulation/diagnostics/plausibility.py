@@ -98,6 +98,8 @@ def after_run(model: Model, result: RunResult) -> tuple[Note, ...]:
     """Warnings about results outside the validity of the equations: temperatures that no solid has,
     displacements larger than the body's smallest extent."""
     found: list[Note] = []
+    nonlinear = {m.name for m in model.separated.moving if m.operators is not None and (
+        s := m.operators.stress_stiffness) is not None and s.nonlinear}
     for name, shape in shapes(model).items():
         heated, moved = (result.layout.of(name, q) for q in (
             Quantity.TEMPERATURE, Quantity.DISPLACEMENT))
@@ -110,11 +112,12 @@ def after_run(model: Model, result: RunResult) -> tuple[Note, ...]:
             largest = max(float(np.linalg.norm(result.nodal_displacement(name, int(i)), axis=1)
                                 .max()) for i in _telling(result, moved.name))
             extent = float(np.ptp(shape.points, axis=0).min())
-            if largest > extent:
+            if largest > extent and name not in nonlinear:
                 found.append(Note(
                     f"displacements of {name} reach {largest:.3g} m, {largest / extent:.2g} times "
                     f"its smallest extent of {extent:.3g} m: linear elasticity does not hold "
-                    "there; check E, the thickness and the loads", "large_displacement"))
+                    f"there; take bodies.{name}.strains: nonlinear, or check E, the thickness and "
+                    "the loads", "large_displacement"))
     return tuple(found)
 
 

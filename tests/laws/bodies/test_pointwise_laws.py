@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sparsemor.bodies import Isotropic, PointwiseLaw
+from sparsemor.bodies import HasLawArrays, Isotropic, PointwiseLaw
 from sparsemor.bodies.fem.elasticity import law as constants
 from sparsemor.bodies.loads.convection import Film
 from sparsemor.bodies.loads.radiation import GreyBody
@@ -18,6 +18,7 @@ from sparsemor.bodies.terms.material_laws import (
     Softening,
     StoredHeat,
 )
+from sparsemor.bodies.terms.nonlinear_strains import NonlinearStrains
 from sparsemor.bodies.terms.weak_term import WeakTerm
 from sparsemor.core import CompressedLocal, FloatArray, Term, Trial
 from sparsemor.core.model.assembly import assemble
@@ -38,7 +39,11 @@ LAWS: dict[str, PointwiseLaw] = {
     "softening": Softening(Departure(TABLE, 44.0), constants(STEEL, "plane_stress"), 2),
     "softening in space": Softening(Departure(CUBIC, 1.7), constants(STEEL, "solid"), 3),
     "expansion": Expansion(TABLE, CUBIC, 1.4, 60.0, 293.15, 2),
-    "expansion with constant E": Expansion(2e11, CUBIC, 2.5, 6e11, 293.15, 3)}
+    "expansion with constant E": Expansion(2e11, CUBIC, 2.5, 6e11, 293.15, 3),
+    "nonlinear strains": NonlinearStrains(
+        constants(STEEL, "plane_stress"), 2, 2e11, 2e11, 1.2e-5, 1.4, 293.15, False),
+    "nonlinear strains in space": NonlinearStrains(
+        constants(STEEL, "solid"), 3, TABLE, 44.0, CUBIC, 2.5, 293.15, True)}
 
 
 def drawn(law: PointwiseLaw, rng: np.random.Generator) -> list[FloatArray]:
@@ -72,6 +77,27 @@ def test_values_that_are_constant_in_an_element_broadcast(name: str) -> None:
     wide = [np.ascontiguousarray(np.broadcast_to(a, (5, 3))) for a in few]
     for a, b in zip(law(few, x, 0.1).y, law(wide, x, 0.1).y, strict=True):
         np.testing.assert_array_equal(np.broadcast_to(a, (5, 3)), b)
+
+
+@pytest.mark.parametrize("name", [n for n, one in LAWS.items() if n not in ("radiation", "film")])
+def test_functions_on_arrays_are_the_laws(name: str) -> None:
+    law, rng = LAWS[name], np.random.default_rng(3)
+    assert isinstance(law, HasLawArrays)
+    z, made = drawn(law, rng), law.arrays()
+    assert made is not None
+    found, x = law(z, np.zeros((2, 5, 3)), 0.0), np.zeros((2, 15))
+    flat = np.array([a.ravel() for a in z])
+    y, slopes = np.zeros((len(law.tests), 15)), np.zeros((len(made.pairs), 15))
+    made.function(made.numbers, np.zeros(0), flat, x, y, slopes)
+    for got, want in zip(y, found.y, strict=True):
+        np.testing.assert_allclose(got, want.ravel(), rtol=1e-12, atol=1e-12 * np.abs(y).max())
+    assert {(int(i), int(j)) for i, j in made.pairs} == set(found.derivatives)
+    for got, (i, j) in zip(slopes, made.pairs.tolist(), strict=True):
+        want = np.broadcast_to(found.derivatives[i, j], (5, 3)).ravel()
+        np.testing.assert_allclose(got, want, rtol=1e-10, atol=1e-12 * np.abs(slopes).max())
+    values = y.copy()
+    made.function(made.numbers, np.zeros(0), flat, x, values, np.zeros((0, 15)))
+    np.testing.assert_array_equal(values, y)
 
 
 CURVED = {"rho": 7850, "nu": 0.3,
@@ -108,11 +134,13 @@ def terms(model: Model) -> Sequence[WeakTerm]:
     return [t for t in model.terms if isinstance(t, WeakTerm)]
 
 
-@pytest.mark.parametrize("d", [2, 3])
-def test_weak_terms_keep_the_laws_of_terms(d: int) -> None:
-    model = hot(d)
+@pytest.mark.parametrize(("d", "strains"), [
+    (2, "linear"), (3, "linear"), (2, "nonlinear"),
+    pytest.param(3, "nonlinear", marks=pytest.mark.full)])
+def test_weak_terms_keep_the_laws_of_terms(d: int, strains: str) -> None:
+    model = hot(d, strains=strains)
     found = terms(model)
-    assert len(found) == 6
+    assert len(found) == (6 if strains == "linear" else 5)
     for i, term in enumerate(found):
         base = np.full(len(term.columns), 1e-3)
         base[term.columns >= model.layout.first.start] = 600.0
@@ -128,10 +156,10 @@ def states(term: Term, model: Model, rng: np.random.Generator) -> tuple[FloatArr
     return x, rng.standard_normal(n)
 
 
-@pytest.mark.parametrize("d", [2, 3])
-def test_points_and_elements_give_the_same_projection(d: int) -> None:
+@pytest.mark.parametrize(("d", "strains"), [(2, "linear"), (3, "linear"), (2, "nonlinear")])
+def test_points_and_elements_give_the_same_projection(d: int, strains: str) -> None:
     """z = P c + o, r = L y, J = (L dy/dz) P against the projected element-wise evaluation."""
-    model, rng = hot(d), np.random.default_rng(4)
+    model, rng = hot(d, strains=strains), np.random.default_rng(4)
     for term in terms(model):
         n, k = len(term.columns), 4
         x, v = states(term, model, rng)

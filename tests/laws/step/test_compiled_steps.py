@@ -263,6 +263,20 @@ def test_terms_that_depend_on_the_unknowns(reducer: str, clamped: bool) -> None:
     law(case, 30)
 
 
+@pytest.mark.parametrize("frame", ["floating", pytest.param("fixed", marks=pytest.mark.full)])
+def test_nonlinear_strains(frame: str) -> None:
+    """A soft hot bar that hangs through by more than its height."""
+    rest = {} if frame == "floating" else {"joints": {}, "bodies.bar.frame": "fixed"}
+    case = trained(tiny().using({
+        "bodies.bar.material.E": 5e6, "bodies.bar.strains": "nonlinear", "time.end": 0.03,
+        "bodies.bar.reference": {"clamp": "left"}, **rest}),
+        {"use": "galerkin", "basis": {"use": "pod", "count": 6}})
+    made = plan(case.solver())
+    (body,) = made.terms if frame == "floating" else made.prescribed
+    assert len(body.local.terms) == len(made.laws) == 1
+    law(case, 20)
+
+
 def test_frames_at_rest() -> None:
     law(trained(tiny().using({
         "joints": {}, "bodies.bar.frame": "fixed", "bodies.bar.reference": {"clamp": "left"},

@@ -1,0 +1,48 @@
+"""Geometric stiffness of a body: the change of its stiffness by its stress."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.sparse import csr_array, eye_array, kron
+
+from sparsemor.bodies.fem.fields import HasFields
+from sparsemor.bodies.fem.quadrature import on_cells
+from sparsemor.core import Csr, FloatArray
+
+
+def stress_stiffness(
+    body: HasFields, u: FloatArray, T: FloatArray | None
+) -> tuple[Csr, Csr]:
+    """Stiffness K and geometric stiffness K_s of the free displacements, (n, n), N/m:
+
+        v^T K_s u = integral of grad u_i . sigma grad v_i
+
+    for the stress sigma of displacements u (N, d), m, and temperatures T (N,), K; None without a
+    thermal field. Both have the properties at the reference temperature: a modulus that falls with
+    temperature scales both alike.
+    """
+    e, mesh = body.elasticity, body.mesh
+    assert e is not None and mesh is not None and body.T0 is not None and body.T_ref is not None
+    N, d = mesh.points.shape
+    rise = (body.T0 if T is None else T) - body.T_ref
+    found = csr_array((N, N))
+    for cells, law in e.regions:
+        at = on_cells(mesh, 0, cells)
+        nodes, gradients = at.shape.nodes, at.shape.gradients
+        assert gradients is not None
+        G = np.einsum("eni,enjq->ijeq", u[nodes], gradients)
+        strain = (G + G.swapaxes(0, 1)) / 2.0
+        if e.nonlinear:
+            strain = strain + np.einsum("kieq,kjeq->ijeq", G, G) / 2.0
+        stress = 2.0 * law.mu * strain
+        heating = (rise[nodes][:, None, :] @ at.shape.values)[:, 0]
+        stress[range(d), range(d)] += law.lam * np.einsum("iieq->eq", strain) - law.beta * heating
+        weighted = stress * (body.thickness * at.weights)
+        wide = np.broadcast_to(gradients, (*gradients.shape[:3], weighted.shape[3]))
+        local = np.einsum("enaq,abeq,embq->enm", wide, weighted, wide, optimize=True)
+        rows = np.broadcast_to(nodes[:, :, None], local.shape)
+        columns = np.broadcast_to(nodes[:, None, :], local.shape)
+        found = found + csr_array((local.ravel(), (rows.ravel(), columns.ravel())), shape=(N, N))
+    whole = csr_array(kron(found, eye_array(d), format="csr"))
+    F = e.free
+    return e.stiffness[F][:, F], whole[F][:, F]
