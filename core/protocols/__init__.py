@@ -249,7 +249,8 @@ __all__ = [
     "SolvesManySteps", "SparseOutcome", "SparseProblem", "SparseSolver", "SparseStart", "Stage",
     "State", "StatesFillIn", "StepBlock", "StepFactors", "StepFormula", "StepMemory",
     "StepOutcome", "StepSolver", "StoresObjects", "StressConstants", "StressStiffness",
-    "SurfaceLoads", "Surfaces", "Table", "Tabled", "TabledAlong", "TableRecord", "TemperatureProperty", "Term",
+    "SurfaceLoads", "Surfaces", "Table", "Tabled", "TabledAlong", "TableRecord",
+    "TemperatureProperty", "Term",
     "TimeDependent", "TimeFunction", "Trial", "TrialRun", "UpdateRule", "UpdateRules",
     "UsesBases", "UsesForceBasis", "VectorRecord", "WeighsElements", "WrapsTerm",
 ]
