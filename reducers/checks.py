@@ -181,15 +181,20 @@ def unselectable(model: AssembledModel, name: str, atoms: int, most: int) -> str
 
 
 def local_blocks(model: AssembledModel) -> dict[str, str]:
-    """Block -> description of its terms that are integrated over elements in each step, e.g.
-    radiation."""
-    found = {b.thermal: "radiation" for b in model.separated.heat if b.local}
+    """Block -> names of the bodies, loads and contacts whose terms are evaluated element by element
+    in each step there, e.g. radiation or a table of conductivity."""
+    part = {id(term): name for name, terms in model.by_part.items() for term in terms}
+    found: dict[str, list[str]] = {}
+    for heat in model.separated.heat:
+        for term in heat.local:
+            found.setdefault(heat.thermal, []).append(part[id(term)])
     for term in (*model.separated.other, *model.separated.elastic_local):
         for name in model.reducible():
             at = model.layout[name]
             if np.any((term.rows >= at.start) & (term.rows < at.stop)):
-                found[name] = type(term).__name__
-    return found
+                found.setdefault(name, []).append(
+                    part.get(id(term), type(term).__name__))
+    return {block: ", ".join(dict.fromkeys(names)) for block, names in found.items()}
 
 
 def pattern_of(name: str, table: Mapping[str, object]) -> str | None:

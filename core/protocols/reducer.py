@@ -64,7 +64,8 @@ class BlockLinearSolvers(Protocol):
 class AssembledModel(Protocol):
     """Assembled model: layout of the unknowns, equations and initial values.
 
-    terms: residual terms of all equations; separated: the same equations as operators of each
+    terms: residual terms of all equations; by_part: the same by the body, joint, contact or load
+    that contributes them; separated: the same equations as operators of each
     block, for fast steps; x0, v0 (n,): initial values and rates. required: row numbers of each
     reducible (elastic or thermal) block that joints and localized loads act on; loaded: the same
     for each joint or load by name.
@@ -76,6 +77,8 @@ class AssembledModel(Protocol):
     def parts(self) -> Mapping[str, Part]: ...
     @property
     def terms(self) -> tuple[Term, ...]: ...
+    @property
+    def by_part(self) -> Mapping[str, tuple[Term, ...]]: ...
     @property
     def separated(self) -> Separated: ...
     @property

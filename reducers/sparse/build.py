@@ -73,8 +73,8 @@ class Build:
     """Data from which a step solver is assembled for any set of sampled rows.
 
     atoms: largest number of active atoms of each block, None for the whole dictionary; step: step
-    size and integrator constants; offline: cache, None for rows drawn during the run; notes:
-    findings that do not depend on the rows.
+    size and integrator constants; inverted: blocks whose rows are those of D^-1 r; offline:
+    cache, None for rows drawn during the run; notes: findings that do not depend on the rows.
     """
 
     model: AssembledModel
@@ -84,6 +84,7 @@ class Build:
     limits: Mapping[str, float]
     atoms: Mapping[str, int | None]
     step: StepFactors
+    inverted: frozenset[str]
     notes: tuple[Note, ...] = ()
 
     def solver(
@@ -163,11 +164,11 @@ class Build:
     def _source(self, whole: Whole | None, name: str) -> Whole | None:
         """Source of the rows of a block; None for rows of D^-1 r, which are not stored for the
         whole block."""
-        return None if self.options.preconditions(name) else whole
+        return None if name in self.inverted else whole
 
     def _map(self, name: str, rows: IntArray) -> TestMap:
         """Test map of these rows of the residual r, or of D^-1 r with the operator D of a step."""
-        if not self.options.preconditions(name):
+        if name not in self.inverted:
             return TestMap(rows=rows)
         operator = self.model.block_data(name, step=self.step).operator
         return TestMap(left=inverse_rows(self.model, self.offline, name, operator, rows))
@@ -177,7 +178,7 @@ class Build:
     ) -> tuple[Sampled, Mapping[str, float | int | str]]:
         """A block with its preconditioner, and the condition and recovery error of its rows; a note
         is added where the rows do not determine the coefficients well."""
-        P, inverted = None, self.options.preconditions(name)
+        P, inverted = None, name in self.inverted
         if inverted:  # D^-1 D atoms, without the rounding of either
             B = self.dictionaries[name].atoms[rows]
         if matched_option(name, dict.fromkeys(self.options.preconditioned, True), False):
@@ -216,7 +217,7 @@ class Build:
         fixed_heat = {n: h.prepared(None) for n, h in heat.items() if not h.block.selects}
         fixed_elastic = {n: e.prepared(None) for n, e in elastic.items() if not e.block.selects}
         # D^-1 brings every load to every row
-        plain = {n: r for n, r in rows.items() if not self.options.preconditions(n)}
+        plain = {n: r for n, r in rows.items() if n not in self.inverted}
         wide = {c.rows: self._wide(heat[c.rows]) for c in self.model.separated.couplings}
         visited = {n: block.elements for n, block in fixed_heat.items()}
         groups = fixed_heat if not wide else heat_groups(

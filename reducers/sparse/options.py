@@ -16,7 +16,7 @@ from sparsemor.core import (
 )
 from sparsemor.reducers.step_options import ReducedStepOptions
 
-Residual = Literal["plain", "preconditioned"]
+Residual = Literal["auto", "plain", "preconditioned"]
 
 
 class Budget(Plugin):
@@ -50,10 +50,13 @@ class SparseOptions(ReducedStepOptions):
     preconditioned: tuple[str, ...] = ("*.thermal",)
     """Blocks whose sampled rows are preconditioned, by pattern; `elastic` is short for `*.elastic`.
     By default the thermal ones, as published."""
-    residual: Residual | dict[str, Residual] = "plain"
-    """Residual whose rows are sampled, in all blocks or by block pattern: `plain`: the residual r,
-    as published; `preconditioned`: D^-1 r, the error that r causes, with the operator D of a step.
-    Its least-squares solution is close to Galerkin's; a step costs the same."""
+    residual: Residual | dict[str, Residual] = "auto"
+    """Residual whose rows are sampled, in all blocks or by block pattern. `preconditioned`: D^-1 r,
+    the error that r causes, with the operator D of a step; its least-squares solution is close to
+    Galerkin's, and a step costs the same. `plain`: the residual r, as published. `auto`:
+    preconditioned in each block whose operators are constant, plain where a row of D^-1 r would
+    read all elements of local terms (radiation, material tables, contact) in each step, and where
+    rows are drawn anew during the run."""
     resample: int | None = Field(default=None, ge=1)
     """Number of steps after which new rows are drawn (the paper: 1); left out: one draw for the
     run."""
@@ -91,10 +94,10 @@ class SparseOptions(ReducedStepOptions):
     def _by_pattern(cls, names: tuple[str, ...]) -> tuple[str, ...]:
         return tuple(name if "." in name or "*" in name else f"*.{name}" for name in names)
 
-    def preconditions(self, name: str) -> bool:
-        """True if the sampled rows of a block are those of D^-1 r."""
+    def residual_of(self, name: str) -> Residual:
+        """Option `residual` of a block; `auto` for a block that matches no pattern."""
         table = {"*": self.residual} if isinstance(self.residual, str) else self.residual
-        return matched_option(name, table, "plain") == "preconditioned"
+        return matched_option(name, table, "auto")
 
     def carries(self, name: str) -> bool:
         """True if the selection in a block starts from the support of the previous step."""

@@ -40,6 +40,7 @@ from sparsemor.reducers.notes import (
 from sparsemor.reducers.sparse.build import Build, Whole
 from sparsemor.reducers.sparse.options import Budget, SparseOptions
 from sparsemor.reducers.sparse.resampling import Resampled, Streams, branched
+from sparsemor.reducers.sparse.residual_rows import inverted_blocks, plain_rows
 from sparsemor.reducers.sparse.sampled_block import choose_rows
 from sparsemor.reducers.step.prepare import constants
 from sparsemor.reducers.trial_bases import trial_bases
@@ -96,13 +97,14 @@ class Sparse(SparseOptions):
         step = StepFactors(h, *constants(problem.integrator, h))
         dictionaries, limits, unfit = trial_bases(offline, model, self, step)
         streams = dict(zip(budgets, problem.rng.spawn(len(budgets)), strict=True))
+        inverted = inverted_blocks(model, self)
         build = Build(model, offline, self, dictionaries, limits,
-                      {n: b.atoms for n, b in budgets.items()}, step)
+                      {n: b.atoms for n, b in budgets.items()}, step, inverted)
 
         def draw(streams: Streams, keep: OfflineProducts | None) -> dict[str, IntArray]:
             return {n: choose_rows(model, keep, n, self._rows(model, n, b, dictionaries[n]),
                                    b.atoms or 10**9, self.sampler, dictionaries[n], streams[n],
-                                   step, self.preconditions(n))
+                                   step, n in inverted)
                     for n, b in budgets.items()}
 
         later = {n: rng.spawn(1)[0] for n, rng in streams.items()}
@@ -129,7 +131,8 @@ class Sparse(SparseOptions):
         active = {n: (matched_option(n, self.budgets, Budget()).atoms or k, k)
                   for n, k in atoms.items()}
         return (
-            *unselected(self, active), *shadowed_basis(self, model, self.bases),
+            *plain_rows(model, self), *unselected(self, active),
+            *shadowed_basis(self, model, self.bases),
             *unread_sampler(self, {n: (len(r), block_size(model, n)) for n, r in rows.items()}),
             *unweighted(self, model, self.preconditioned))
 
@@ -191,14 +194,14 @@ class Sparse(SparseOptions):
         whole mesh."""
         faults = ([] if isinstance(self.residual, str) else
                   pattern_faults(model, "residual", self.residual))
-        inverted = [n for n in model.reducible() if self.preconditions(n)]
+        inverted = [n for n in model.reducible() if self.residual_of(n) == "preconditioned"]
         local = local_blocks(model)
         for name in inverted:
             if name in local:
                 faults.append(Fault("residual", (
                     f"a row of D^-1 r reads all of r in {name}, and so every element of "
-                    f"{local[name]} in each step: take plain rows there, or a reducer that "
-                    "evaluates all of them, such as galerkin")))
+                    f"{local[name]} in each step: take plain rows there (auto does), or a reducer "
+                    "that evaluates all of them, such as galerkin")))
         if inverted and self.resample is not None and self.row_sets is None:
             faults.append(Fault("row_sets", (
                 f"each draw of rows of D^-1 r in {', '.join(inverted)} takes solves with the whole "

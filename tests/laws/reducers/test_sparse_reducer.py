@@ -35,8 +35,10 @@ WIDE = {"*.elastic": {"rows": 8, "atoms": 6}, "*.thermal": {"rows": 4, "atoms": 
 
 
 def reduced(**options: Any) -> Scene:
+    """Sampled rows of r: preconditioners and facts are those of plain rows."""
     return tiny().using({"reducer": {
-        "use": "sparse", "basis": {"use": "pod", "count": 14}, "budgets": FIXED,
+        "use": "sparse", "residual": "plain", "basis": {"use": "pod", "count": 14},
+        "budgets": FIXED,
         "bases": {"*.thermal": {"use": "pod", "count": 8}}, **options}})
 
 

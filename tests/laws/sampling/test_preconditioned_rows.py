@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_array
 
-from small_scenes import everything, tiny
+from small_scenes import everything, everything_assembled, tiny
 from sparsemor import load
 from sparsemor.core import ReducedProblem
 from sparsemor.core.errors import InputError
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.model.model import Model, StepFactors
+from sparsemor.core.notes import Level
 from sparsemor.core.protocols import Dictionary
 from sparsemor.core.protocols.integrator import step_formula
 from sparsemor.core.protocols.load_tables import LoadTable, Table
@@ -33,6 +34,7 @@ from sparsemor.plugins.samplers.random import Uniform
 from sparsemor.plugins.samplers.s_opt import SOpt
 from sparsemor.reducers.checks import required_rows
 from sparsemor.reducers.sparse.reducer import Sparse
+from sparsemor.reducers.sparse.residual_rows import inverted_blocks, plain_rows
 from sparsemor.reducers.sparse.sampled_block import (
     SampledElastic,
     SampledHeat,
@@ -136,9 +138,40 @@ def test_rows_of_the_error_come_near_to_galerkin() -> None:
     assert worst["solved"] < 0.2 * worst["plain"], worst
 
 
+def test_default_takes_rows_of_the_error_where_operators_are_constant() -> None:
+    """Without an option: the run of `preconditioned`, in every block, and no note."""
+    auto, named = ran(sparse()), ran(sparse(residual="preconditioned"))
+    for name in full().model.reducible():
+        np.testing.assert_array_equal(auto.block(name), named.block(name))
+        assert auto.solver.facts[name]["residual"] == "preconditioned"
+    assert not [n for n in auto.solver.notes if n.kind == "plain_rows"]
+
+
+def test_default_keeps_plain_rows_where_a_row_would_read_every_element_and_says_so() -> None:
+    model = everything_assembled()
+    inverted = inverted_blocks(model, Sparse())
+    hot = {b.thermal for b in model.separated.heat if b.local}
+    assert hot and inverted == set(model.reducible()) - hot
+    (note,) = plain_rows(model, Sparse())
+    assert note.level is Level.INFORMATION and note.kind == "plain_rows"
+    assert "glow" in note.text and all(name in note.text for name in hot)
+    assert inverted_blocks(model, Sparse(residual="plain")) == frozenset()
+    assert not plain_rows(model, Sparse(residual="plain")), "asked for"
+
+
+def test_rows_drawn_during_the_run_are_plain_by_default_and_told() -> None:
+    run, plain = ran(sparse(resample=3)), ran(sparse(resample=3, residual="plain"))
+    for name in full().model.reducible():
+        np.testing.assert_array_equal(run.block(name), plain.block(name))
+    (note,) = [n for n in run.solver.notes if n.kind == "plain_rows"]
+    assert "reducer.row_sets" in note.text and "bar.elastic, bar.thermal" in note.text
+    sets = ran(sparse(resample=3, row_sets=2)).solver
+    assert sets.facts["bar.elastic"]["residual"] == "preconditioned"
+
+
 def test_by_block_and_told() -> None:
-    run = ran(sparse(residual={"*.elastic": "preconditioned"}))
-    plain = ran(sparse())
+    run = ran(sparse(residual={"*.elastic": "preconditioned", "*.thermal": "plain"}))
+    plain = ran(sparse(residual="plain"))
     np.testing.assert_array_equal(run.block("bar.thermal"), plain.block("bar.thermal"))
     assert np.abs(run.block("bar.elastic") - plain.block("bar.elastic")).max() > 0.0
     assert run.solver.facts["bar.elastic"]["residual"] == "preconditioned"
@@ -214,10 +247,11 @@ def test_radiation_would_need_every_element() -> None:
     budgets = {"*.elastic": {"rows": 8}, "*.thermal": {"rows": 0}}
     hot = sum(bool(b.local) for b in model.separated.heat)
     assert hot
-    for residual, count in (("preconditioned", hot), ({"*.elastic": "preconditioned"}, 0)):
+    for residual, count in (("preconditioned", hot), ({"*.elastic": "preconditioned"}, 0),
+                            ("auto", 0)):
         faults = Sparse.model_validate({"budgets": budgets, "residual": residual}).check(model)
         assert [f.key for f in faults] == ["residual"] * count
-        assert all("every element of radiation" in f.message for f in faults)
+        assert all("every element of glow" in f.message for f in faults)
 
 
 # ------------------------------------------------------------------------ along a path
