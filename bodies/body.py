@@ -248,7 +248,7 @@ class Body:
     ) -> None:
         """Adds a pointwise law over boundary facets (F, d) of point numbers, or over cells given by
         their numbers, all of them if neither is given."""
-        write_law(self, equations, law, facets, cells)
+        write_law(self, equations, equations.over_steps(law), facets, cells)
 
     def surface_loads(
         self, equations: Equations, loads: SurfaceLoads, times: FloatArray

@@ -66,6 +66,8 @@ if TYPE_CHECKING:
     from sparsemor.core.notes import Note as Note
     from sparsemor.core.notes import information as information
     from sparsemor.core.protocols import *
+    from sparsemor.core.protocols.integrator import next_time as next_time
+    from sparsemor.core.protocols.integrator import same_time as same_time
     from sparsemor.core.protocols.integrator import step_formula as step_formula
     from sparsemor.core.protocols.load_tables import projected_tables as projected_tables
     from sparsemor.core.protocols.load_tables import total_load as total_load
@@ -82,6 +84,7 @@ if TYPE_CHECKING:
     from sparsemor.core.protocols.separable import amplitudes_along as amplitudes_along
     from sparsemor.core.protocols.separable import evaluate_amplitudes as evaluate_amplitudes
     from sparsemor.core.protocols.sparse_solver import solver_refusal as solver_refusal
+    from sparsemor.core.protocols.step_amplitude import jumps_of as jumps_of
     from sparsemor.core.protocols.step_solver import advanced as advanced
     from sparsemor.core.protocols.step_solver import resultant_sources as resultant_sources
     from sparsemor.core.protocols.step_solver import (
@@ -144,13 +147,14 @@ _HOMES = {
     "model.linearized_term": ("Linearized", "linearization"),
     "model.moving_loads": ("loaded_columns",),
     "notes": ("Note", "information"),
-    "protocols.integrator": ("step_formula",),
+    "protocols.integrator": ("next_time", "same_time", "step_formula"),
     "protocols.load_tables": ("projected_tables", "total_load", "total_load_along"),
     "protocols.poses": ("FREE_POSE", "PLANAR_POSE", "SPINNING_POSE", "points_in_space",
         "vectors_in_space"),
     "protocols.prescribed_quantities": ("derivative_from_right", "time_derivatives"),
     "protocols.separable": ("amplitudes_along", "evaluate_amplitudes"),
     "protocols.sparse_solver": ("solver_refusal",),
+    "protocols.step_amplitude": ("jumps_of",),
     "protocols.step_solver": ("advanced", "resultant_sources", "unavailable_resultants"),
     "registry.hooks": ("RunStart", "hookimpl"),
     "registry.optional_packages": ("require",),

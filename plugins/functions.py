@@ -1,22 +1,35 @@
 """Scalar functions of time, for load amplitudes and prescribed motion.
 
 Where a function has a kink or a jump, `rate` and `curvature`, its first and second derivative, are
-those from the right, without the jump. Values have the unit of the quantity that the function
-scales or prescribes; times are in s.
+those from the right, without the jump; `jumps` says at which times that is
+(core/protocols/step_amplitude.py). Values have the unit of the quantity that the function scales or
+prescribes; times are in s, and equal if they differ by a few units of the last place.
 """
 
 import math
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
+from collections.abc import Iterable
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from sparsemor.core import HasCurvature, Plugin, Slot, TimeFunction
+from sparsemor.core import (
+    HasCurvature,
+    Plugin,
+    Slot,
+    TimeFunction,
+    jumps_of,
+    same_time,
+)
 
 
 def parse(amplitude: float | TimeFunction) -> TimeFunction:
     """Function of time for an amplitude: a number becomes the constant function."""
     return Constant(level=amplitude) if isinstance(amplitude, int | float) else amplitude
+
+
+def _between(times: Iterable[float], start: float, end: float) -> list[float]:
+    return [t for t in times if start <= t <= end]
 
 
 class PiecewiseLinear(Plugin):
@@ -64,12 +77,17 @@ class Table(PiecewiseLinear):
                 )
         return self
 
+    def jumps(self, start: float, end: float) -> list[float]:
+        """Times of the table between start and end, s."""
+        return list(self.times[bisect_left(self.times, start):bisect_right(self.times, end)])
+
     def value(self, t: float) -> float:
-        if t < self.times[0] or t > self.times[-1]:
+        first, last = self.times[0], self.times[-1]
+        if t < first - same_time(first) or t > last + same_time(last):
             if self.outside == "zero":
                 return 0.0
             return self.values[0] if t < self.times[0] else self.values[-1]
-        i = min(bisect_right(self.times, t), len(self.times) - 1) - 1
+        i = min(max(bisect_right(self.times, t), 1), len(self.times) - 1) - 1
         return self.values[i] + self._slope(i) * (t - self.times[i])
 
     def rate(self, t: float) -> float:
@@ -99,6 +117,10 @@ class Change(Plugin):
             raise ValueError(f"end = {self.end:g} s must come after start = {self.start:g} s")
         return self
 
+    def jumps(self, start: float, end: float) -> list[float]:
+        """Start and end of the change, if between start and end, s."""
+        return _between((self.start, self.end), start, end)
+
     def _share(self, t: float) -> float:
         return min(1.0, max(0.0, (t - self.start) / (self.end - self.start)))
 
@@ -126,8 +148,14 @@ class Pulse(PiecewiseLinear):
     level: float
     """Value during the pulse."""
 
+    def jumps(self, start: float, end: float) -> list[float]:
+        """Start and end of the pulse, if between start and end, s."""
+        return _between((self.start, self.start + self.duration), start, end)
+
     def value(self, t: float) -> float:
-        return self.level if self.start <= t < self.start + self.duration else 0.0
+        end = self.start + self.duration
+        begun = t >= self.start - same_time(self.start)
+        return self.level if begun and t < end - same_time(end) else 0.0
 
 
 class Sine(Plugin):
@@ -190,6 +218,12 @@ Part = Annotated[
 """A number or a function of time."""
 
 
+def _jumps(parts: Iterable[TimeFunction], start: float, end: float) -> list[float] | None:
+    """Times at which one of several functions jumps; None if none of them ever does."""
+    found = [j for j in (jumps_of(f, start, end) for f in parts) if j is not None]
+    return sorted({t for times in found for t in times}) if found else None
+
+
 class Sum(Plugin):
     """Sum of functions of time."""
 
@@ -201,6 +235,10 @@ class Sum(Plugin):
         for term in self.terms:
             _smooth(term)
         return self
+
+    def jumps(self, start: float, end: float) -> list[float] | None:
+        """Times between start and end, s, at which one of the terms jumps."""
+        return _jumps(self.terms, start, end)
 
     def value(self, t: float) -> float:
         return sum(f.value(t) for f in self.terms)
@@ -223,6 +261,10 @@ class Product(Plugin):
         for factor in self.factors:
             _smooth(factor)
         return self
+
+    def jumps(self, start: float, end: float) -> list[float] | None:
+        """Times between start and end, s, at which one of the factors jumps."""
+        return _jumps(self.factors, start, end)
 
     def value(self, t: float) -> float:
         return self._jet(t)[0]

@@ -18,6 +18,7 @@ from sparsemor.bodies.joints.conditions import Conditions, constant, massless_fr
 from sparsemor.bodies.joints.part import JointPart, write_reactions
 from sparsemor.bodies.joints.side import Side, sides_of
 from sparsemor.core import (
+    Amplitude,
     Block,
     Equations,
     FloatArray,
@@ -33,22 +34,33 @@ from sparsemor.core import (
 @dataclass(frozen=True, slots=True, eq=False)
 class Drive:
     """Prescribed part of the force of a spring: factor load(t) - k s(t) - c s'(t), with its length
-    or angle at rest s = offset + sign rest(t), stiffness k and damping c."""
+    or angle at rest s = offset + sign rest(t), s' = sign speed(t), stiffness k and damping c."""
 
     stiffness: float
     damping: float
     offset: float
-    rest: TimeFunction | None
-    load: TimeFunction | None
+    rest: Amplitude | None
+    speed: Amplitude | None
+    load: Amplitude | None
     sign: float = 1.0
     factor: float = 1.0
 
     def __call__(self, t: float) -> float:
         f = -self.stiffness * self.offset
-        if self.rest is not None:
-            f -= self.sign * (
-                self.stiffness * self.rest.value(t) + self.damping * self.rest.rate(t))
-        return f if self.load is None else f + self.factor * self.load.value(t)
+        if self.rest is not None and self.speed is not None:
+            f -= self.sign * (self.stiffness * self.rest(t) + self.damping * self.speed(t))
+        return f if self.load is None else f + self.factor * self.load(t)
+
+
+    @classmethod
+    def of(
+        cls, stiffness: float, damping: float, offset: float, rest: TimeFunction | None,
+        load: TimeFunction | None, sign: float = 1.0, factor: float = 1.0
+    ) -> "Drive":
+        """Drive by functions of time."""
+        return cls(
+            stiffness, damping, offset, None if rest is None else rest.value,
+            None if rest is None else rest.rate, None if load is None else load.value, sign, factor)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -47,7 +47,7 @@ class RotationalSpring(ForceElement):
         sign = 1.0 if first else -1.0
         others = len(other.pose) if other.reads else 0
         start = float(own.pose[2] - other.pose[2]) if own.d == 2 else 0.0
-        drive = Drive(self.stiffness, self.damping, start, self.angle, self.torque, sign, -sign)
+        drive = Drive.of(self.stiffness, self.damping, start, self.angle, self.torque, sign, -sign)
         if own.d == 2:
             if self.axis is not None:
                 raise InputError("plane bodies turn about the normal of the plane: drop it", "axis")

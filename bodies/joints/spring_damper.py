@@ -47,7 +47,7 @@ class SpringDamper(ForceElement):
         if not start > 1e-12 * size_of(own, other):
             raise InputError("the two points coincide at the start, so the line between them has "
                              "no direction: move a body or choose other points", "between")
-        drive = Drive(self.stiffness, self.damping, start if self.length is None else 0.0,
+        drive = Drive.of(self.stiffness, self.damping, start if self.length is None else 0.0,
                       self.length, self.force)
         return Spring(own.mean() @ own.body.X, base, self.stiffness, self.damping, drive,
                       len(other.pose) if other.reads else 0, other.pose)

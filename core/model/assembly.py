@@ -40,6 +40,7 @@ from sparsemor.core.protocols.capabilities import BUILT
 from sparsemor.core.protocols.contributions import Equations, Origin, Records
 from sparsemor.core.protocols.layout import Layout
 from sparsemor.core.protocols.prescribed_motion import FrameHistory
+from sparsemor.core.protocols.step_amplitude import Stepping, delay
 from sparsemor.core.registry.plugin import Plugin
 from sparsemor.core.registry.returned_values import complete
 from sparsemor.core.scene.digest import digest
@@ -63,7 +64,7 @@ def assemble(
     """
     if body_cache is None or prescribed is not NOTHING:
         return _assembled(scene, prescribed, body_cache or BodyCache())
-    key = digest(str(scene.folder), scene.digest(*_PARTS))
+    key = digest(str(scene.folder), scene.digest(*_PARTS), repr(_stepping(scene)))
     model = body_cache.model(key, lambda: _assembled(scene, prescribed, body_cache))
     # with a log of its own, and a start of its own
     return replace(model, solvers=BlockSolvers(scene.linear_solver, scene.linear_solvers))
@@ -78,11 +79,11 @@ def _assembled(scene: Scene, prescribed: PrescribedQuantities, body_cache: BodyC
     if not layout.size:
         raise InputError("nothing in this scene can change: no body moves, deforms or has heat",
                          "bodies")
-    records = Records()
+    records, stepping = Records(), _stepping(scene)
     motion = prescribed.motion(bodies)
     for group, built in groups.items():
         for name, part in built.items():
-            equations = Equations(layout, Origin(group, name), records)
+            equations = Equations(layout, Origin(group, name), records, stepping)
             if motion is None or group != "contacts":
                 part.contribute(equations)
             else:
@@ -97,6 +98,11 @@ def _assembled(scene: Scene, prescribed: PrescribedQuantities, body_cache: BodyC
         geometry={k: g for b in bodies.values() for k, g in b.geometry().items()},
         solvers=BlockSolvers(scene.linear_solver, scene.linear_solvers),
     )
+
+
+def _stepping(scene: Scene) -> Stepping:
+    """Steps of a run, over which loads are averaged."""
+    return Stepping(scene.time.step, delay(scene.integrator))
 
 
 def _build(

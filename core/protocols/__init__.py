@@ -180,6 +180,7 @@ from sparsemor.core.protocols.sparse_solver import (
     SparseSolver,
     SparseStart,
 )
+from sparsemor.core.protocols.step_amplitude import StepAmplitude, Stepping, Substep
 from sparsemor.core.protocols.step_solver import (
     AroundSteps,
     CountsLinearIterations,
@@ -247,10 +248,10 @@ __all__ = [
     "Restarts", "RestartsSteps", "ResultantSource", "RowsKept", "Sampler", "SamplesNodes",
     "SamplesRows", "Selection", "SelectsFields", "Separated", "SharesOptions",
     "SolvesManySteps", "SparseOutcome", "SparseProblem", "SparseSolver", "SparseStart", "Stage",
-    "State", "StatesFillIn", "StepBlock", "StepFactors", "StepFormula", "StepMemory",
-    "StepOutcome", "StepSolver", "StoresObjects", "StressConstants", "StressStiffness",
-    "SurfaceLoads", "Surfaces", "Table", "Tabled", "TabledAlong", "TableRecord",
-    "TemperatureProperty", "Term",
+    "State", "StatesFillIn", "StepAmplitude", "StepBlock", "StepFactors", "StepFormula",
+    "StepMemory", "StepOutcome", "StepSolver", "Stepping", "StoresObjects", "StressConstants",
+    "StressStiffness", "Substep", "SurfaceLoads", "Surfaces", "Table", "Tabled", "TabledAlong",
+    "TableRecord", "TemperatureProperty", "Term",
     "TimeDependent", "TimeFunction", "Trial", "TrialRun", "UpdateRule", "UpdateRules",
     "UsesBases", "UsesForceBasis", "VectorRecord", "WeighsElements", "WrapsTerm",
 ]

@@ -10,7 +10,7 @@ core/model: operators of blocks in block_operators.py, residual terms in general
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -23,8 +23,10 @@ from sparsemor.core.protocols.layout import Layout, Quantity
 from sparsemor.core.protocols.load_tables import LoadTable
 from sparsemor.core.protocols.prescribed_motion import FrameHistory
 from sparsemor.core.protocols.separable import Amplitude, StressStiffness
+from sparsemor.core.protocols.step_amplitude import Stepping
 from sparsemor.core.protocols.term import NamesSource, Term
 
+T = TypeVar("T")
 Kind = Literal["load", "prescribed"]
 """Kind of a right-hand side vector: a load, or the effect of prescribed values on neighbouring
 rows."""
@@ -170,8 +172,18 @@ class Equations:
     name of the contributor for a block that the model does not have and for arrays of wrong size.
     """
 
-    def __init__(self, layout: Layout, origin: Origin, records: Records) -> None:
+    def __init__(
+        self, layout: Layout, origin: Origin, records: Records, stepping: Stepping | None = None
+    ) -> None:
         self.layout, self.origin, self._records = layout, origin, records
+        self._stepping = stepping
+
+    def over_steps(self, part: T) -> T:
+        """A law, an item of a frame or an amplitude, with the mean values of its functions of time
+        in the steps of the run (`Stepping`)."""
+        made: Any = part if self._stepping is None else self._stepping.over(part)
+        kept: T = made
+        return kept
 
     def size(self, block: str) -> int:
         """Number of unknowns of a block, 0 if the model does not have it."""
@@ -216,7 +228,8 @@ class Equations:
         if w.shape != (m,):
             raise self._fault(f"a vector on {rows} has shape {w.shape}, and the block has {m} "
                               "unknowns")
-        self._records.vectors.append(VectorRecord(self.origin, rows, w, amplitude, kind))
+        load = self.over_steps(amplitude) if kind == "load" else amplitude
+        self._records.vectors.append(VectorRecord(self.origin, rows, w, load, kind))
 
     def table(self, rows: str, load: LoadTable) -> None:
         """Adds a time-tabulated load to the right-hand side; load.columns (m, j)."""
@@ -238,7 +251,8 @@ class Equations:
         n = 0 if block is None else block.size
         P = np.zeros((n, 0)) if directions is None else directions
         self._records.frames.append(FrameRecord(
-            self.origin, body, item, P, multipliers, C, reads, tuple(generators)))
+            self.origin, body, self.over_steps(item), P, multipliers, C, reads,
+            tuple(generators)))
 
     def local(self, blocks: Sequence[str], term: Term, *, together: bool = False) -> None:
         """Adds a term evaluated element by element, with rows and columns (positions in the state

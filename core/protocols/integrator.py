@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import ulp
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -123,6 +124,27 @@ class StepFormula:
         return d
 
 
+ROUNDING = 16.0
+"""Distance of two times that are the same but for round-off, in units of the last place."""
+
+
+SETTLED = 40
+"""Number of steps after which an integrator's history has settled."""
+
+
+def same_time(t: float) -> float:
+    """Distance of times near t, s, that are the same but for round-off."""
+    return ROUNDING * ulp(t)
+
+
+def next_time(t: float, h: float) -> float:
+    """End of the step of h (s) that begins at t: a multiple n h where t is one, since a sum of
+    steps would be rounded again in each of them."""
+    end = t + h
+    whole = round(end / h) * h if end / h < 2.0**53 else end
+    return whole if abs(whole - end) <= same_time(end) else end
+
+
 def step_formula(rules: UpdateRules, layout: Layout, state: State, h: float) -> StepFormula:
     """Formula of the step of size h (s) from a state."""
     parts: list[FloatArray | None] = [state.x, state.v, state.a, *state.memory.T, None]
@@ -131,7 +153,7 @@ def step_formula(rules: UpdateRules, layout: Layout, state: State, h: float) -> 
         if at.stop > at.start:
             _add(rule.terms[0], parts, at, free)
             _add(rule.terms[1], parts, at, rate)
-    return StepFormula(state.t + h, *rules.factors, layout, free, rate)
+    return StepFormula(next_time(state.t, h), *rules.factors, layout, free, rate)
 
 
 def new_state(
@@ -148,6 +170,31 @@ def new_state(
         _add(rules.second.terms[3 + j], (*old, a), layout.second, memory[:, j])
         _add(rules.first.terms[3 + j], (*old, v), layout.first, memory[:, j])
     return State(t, x, v, a, memory)
+
+
+def settled(
+    integrator: "Integrator", layout: Layout, state: State, slope: FloatArray, h: float
+) -> State:
+    """State with the history that steps of h (s) leave of a motion with these x, v, a and a
+    constant slope (n,) of the highest rates: what `Integrator.start` has for slope 0."""
+    if not slope.any():
+        return integrator.start(layout, state)
+    rules = integrator.rules(h)
+    second, first = slope * 0.0, slope * 0.0
+    second[layout.second], first[layout.first] = slope[layout.second], slope[layout.first]
+
+    def at(t: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        a = state.a + t * second
+        v = state.v + t * (a - 0.5 * t * second) + t * first
+        x = state.x + t * (v - 0.5 * t * first) - t * t * (0.5 * a - t * second / 6.0)
+        fixed = layout.algebraic
+        x[fixed], v[fixed] = state.x[fixed], state.v[fixed]
+        return x, v, a
+
+    past = integrator.start(layout, State(state.t, *at(-SETTLED * h), state.memory))
+    for n in range(1 - SETTLED, 1):
+        past = new_state(rules, layout, past, state.t, *at(n * h))
+    return replace(state, memory=past.memory)
 
 
 def _add(
@@ -190,7 +237,11 @@ class ChecksLayout(Protocol):
 
 @runtime_checkable
 class TimeFunction(Protocol):
-    """Scalar function of time, with its rate, for loads and prescribed motion."""
+    """Scalar function of time, with its rate, for loads and prescribed motion.
+
+    Where its value or slope jumps, a function has a method `jumps` that says when
+    (core/protocols/step_amplitude.py), so that steps have the exact integral of a load.
+    """
 
     def value(self, t: float) -> float: ...
     def rate(self, t: float) -> float: ...

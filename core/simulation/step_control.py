@@ -6,12 +6,18 @@ the same state. The difference over (2^order - 1) estimates the error of the fin
 (Richardson; Hairer, Norsett, Wanner 1993, doi 10.1007/978-3-540-78862-1, Sec. II.4), which is
 accepted when every field is within its share of the tolerance; otherwise it becomes the coarser one
 of the next attempt. The next step starts from the last k.
+
+An output step in which a load declares jumps (core/protocols/step_amplitude.py) is cut there, and
+each part is controlled like an output step of its own size. The part that ends at a jump sees the
+limit of the loads from the left. Its last substep is then solved again with the limit from the
+right, and with the loads a little later: the rates of these solutions, and their slope, are those
+with which the next part begins, so that it need not wait for the integrator's history to follow.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import inf, sqrt
-from typing import Any, Self
+from math import ceil, inf, log2, sqrt
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
@@ -27,14 +33,32 @@ from sparsemor.core.protocols import (
     StepFormula,
     StepOutcome,
     StepSolver,
+    TimeFunction,
 )
+from sparsemor.core.protocols.integrator import next_time, same_time, settled, step_formula
 from sparsemor.core.protocols.layout import Block
-from sparsemor.core.protocols.step_solver import AroundSteps, ResultantSource, resultant_sources_of
+from sparsemor.core.protocols.step_amplitude import Substep, after, before, jumps_of, substep
+from sparsemor.core.protocols.step_solver import (
+    AroundSteps,
+    ResultantSource,
+    advanced,
+    resultant_sources_of,
+)
 from sparsemor.core.registry.returned_values import complete
+from sparsemor.core.scene.nested import functions_of_time
 from sparsemor.core.scene.options import Control
 from sparsemor.core.scene.scene import Scene
-from sparsemor.core.simulation.time_stepping import FixedStep, Step, iterate
+from sparsemor.core.simulation.time_stepping import FixedStep, Step
 from sparsemor.core.status import Status
+
+MOST_CUTS = 8
+"""Largest number of kinks of loads at which one output step is cut; it is cut at all jumps."""
+SIZES = 16
+"""Number of step solvers for parts of output steps that are kept."""
+LATER = 1e-2
+"""Distance of the later loads from a jump, relative to the last substep."""
+JUMP = 1e-12
+"""Relative change of a function that is a jump."""
 
 
 def controlled(
@@ -51,7 +75,9 @@ def controlled(
             model, scene.integrator, h, offline, np.random.default_rng(scene.seed)))
         return made
 
-    return ControlledSteps(solver, scene.integrator, clock.step, clock.end, clock.control, prepare)
+    acting = {"loads": scene.loads, "joints": scene.joints, "contacts": scene.contacts}
+    return ControlledSteps(solver, scene.integrator, clock.step, clock.end, clock.control, prepare,
+                           [f for _, f in functions_of_time(acting)])
 
 
 def step_of(solver: StepSolver, integrator: Integrator, h: float) -> Step:
@@ -70,6 +96,9 @@ class ControlMemory:
     level: k of the coarser solution that the next step begins with; fine: k whose integrator
     history the state has; live: levels whose solvers ended at the last accepted state. origin:
     initial unknowns; moved: largest change of each block since the start (norm of `_Judged`).
+    restart: True where the history that the state has is of no use, as after a jump; slope (n,): of
+    the highest rates, from which another one is made; parts: size
+    (s) -> solver for substeps of parts of an output step.
     """
 
     def __init__(
@@ -81,12 +110,14 @@ class ControlMemory:
         self.origin = origin
         self.moved: dict[str, float] = {}
         self.substeps, self.solved, self.rejected = 0, 0, 0
-        self.smallest, self.largest = -1, 10**6
-        self.error = 0.0
+        self.smallest, self.largest = inf, 0.0
+        self.error, self.restart = 0.0, False
+        self.slope = np.zeros(len(origin))
+        self.parts: dict[float, StepSolver] = {}
 
     def __getstate__(self) -> dict[str, Any]:
         state = dict(self.__dict__)
-        del state["solvers"], state["initial"]
+        del state["solvers"], state["initial"], state["parts"]
         return state
 
     def copy(self) -> Self:
@@ -94,8 +125,23 @@ class ControlMemory:
         other = self.__class__.__new__(self.__class__)
         other.__dict__.update(
             self.__dict__, levels={k: m.copy() for k, m in self.levels.items()},
-            solvers=dict(self.solvers), moved=dict(self.moved))
+            solvers=dict(self.solvers), moved=dict(self.moved), parts=dict(self.parts))
         return other
+
+
+class _Part(NamedTuple):
+    """Part of an output step between two times, s. whole: True for an output step in one part;
+    kink, jump: True where the slope or value of a load jumps at its end."""
+
+    start: float
+    end: float
+    whole: bool
+    kink: bool
+    jump: bool
+
+    @property
+    def size(self) -> float:
+        return self.end - self.start
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -123,14 +169,16 @@ class ControlledSteps(AroundSteps[StepSolver]):
     """Step solver of the output step H with error control, over step solvers of H, H/2, H/4, ...,
     each prepared when it is first needed.
 
-    prepare: step size (s) -> step solver; end: end time of the run, s.
+    prepare: step size (s) -> step solver; end: end time of the run, s; functions: of time, at whose
+    jumps substeps end.
     """
 
     def __init__(
         self, base: StepSolver, integrator: Integrator, h: float, end: float, control: Control,
-        prepare: Callable[[float], StepSolver],
+        prepare: Callable[[float], StepSolver], functions: Sequence[TimeFunction] = (),
     ) -> None:
         super().__init__(base)
+        self.functions = functions
         self.integrator, self.h, self.control = integrator, h, control
         self.share = control.tolerance * h / end
         self._prepare = prepare
@@ -185,41 +233,106 @@ class ControlledSteps(AroundSteps[StepSolver]):
         return {
             "tolerance": self.control.tolerance, "substeps": memory.substeps,
             "substeps_for_estimates": memory.solved - memory.substeps, "rejected": memory.rejected,
-            "smallest_step": self.h / 2**memory.smallest if used else None,
-            "largest_step": self.h / 2**memory.largest if used else None,
+            "smallest_step": memory.smallest if used else None,
+            "largest_step": memory.largest if used else None,
             "prepared": len(memory.levels), "largest_error": memory.error,
         }
 
     def step(self, state: State, memory: ControlMemory) -> tuple[StepOutcome, State, ControlMemory]:
         """One output step with as many substeps as its tolerance needs; the outcome reports a
         failure if `max_halvings` does not suffice."""
+        iterations, left, now = 0, 0.0, state
+        for part in self._parts(state.t):
+            outcome, now = self._controlled(part, now, memory)
+            iterations, left = iterations + outcome.iterations, max(left, outcome.remaining)
+            outcome = replace(outcome, iterations=iterations, remaining=left)
+            if not outcome.status.ok:
+                return outcome, state, memory
+        return outcome, now, memory
+
+    def _parts(self, t: float) -> Sequence[_Part]:
+        """Parts of the output step that begins at t, s, between the jumps of the loads."""
+        end = next_time(t, self.h)
+        near = same_time(end)
+        found: dict[float, bool] = {}
+        for f in self.functions:
+            for s in jumps_of(f, t + 2.0 * near, end + near) or ():
+                at = next((s0 for s0 in found if abs(s0 - s) <= near), s)
+                at = end if abs(at - end) <= near else at
+                old, new = before(f, s, (s,)), after(f, s)
+                jump = abs(new - old) > JUMP * max(abs(new), abs(old))
+                found[at] = found.get(at, False) or jump
+        if len(found) > MOST_CUTS:
+            found = {s: jump for s, jump in found.items() if jump}
+        edges = [t, *sorted({*found, end})]
+        return [_Part(a, b, len(edges) == 2, b in found, found.get(b, False))
+                for a, b in zip(edges, edges[1:], strict=False)]
+
+    def _controlled(
+        self, part: _Part, state: State, memory: ControlMemory
+    ) -> tuple[StepOutcome, State]:
         level, most = memory.level, self.control.max_halvings
-        coarse = self._march(level, state, memory)
+        if not part.whole:  # substeps about as long as those of a whole step
+            level = max(0, level + ceil(log2(part.size / self.h)))
+        coarse = self._march(part, level, state, memory)
         while True:
-            fine = self._march(level + 1, state, memory)
+            fine = self._march(part, level + 1, state, memory)
             error, block = self._error(coarse, fine, state, memory)
             if error <= 1.0:
-                return self._accepted(fine, state, memory, level, error)
+                return self._accepted(part, fine, memory, level, error)
             memory.rejected += 1
             if level + 1 >= most:
-                return self._refused(fine, error, block), state, memory
+                return self._refused(fine, error, block), state
             level, coarse = level + 1, fine
 
     def _accepted(
-        self, fine: "_Try", state: State, memory: ControlMemory, level: int, error: float
-    ) -> tuple[StepOutcome, State, ControlMemory]:
-        memory.fine, memory.live = level + 1, frozenset({level, level + 1})
+        self, part: _Part, fine: "_Try", memory: ControlMemory, level: int, error: float
+    ) -> tuple[StepOutcome, State]:
         memory.substeps += 2 ** (level + 1)
-        memory.smallest, memory.largest = (
-            max(memory.smallest, level + 1), min(memory.largest, level + 1))
+        size = fine.h
+        memory.smallest, memory.largest = min(memory.smallest, size), max(memory.largest, size)
         memory.error = max(memory.error, error)
         for b in self.judged:
             memory.moved[b.name] = max(
                 memory.moved.get(b.name, 0.0), b.norm(fine.state.x - memory.origin))
-        # one level up the estimate is 2^order times as large: take half of that as safe
-        easy = error <= 0.5 / 2**self.integrator.order
-        memory.level = level - 1 if easy and level > 0 else level
-        return fine.outcome, replace(fine.state, t=state.t + self.h), memory
+        if part.whole:
+            memory.fine, memory.live = level + 1, frozenset({level, level + 1})
+            # one level up the estimate is 2^order times as large: take half of that as safe
+            easy = error <= 0.5 / 2**self.integrator.order
+            memory.level = level - 1 if easy and level > 0 else level
+        memory.restart = part.kink or not part.whole
+        if memory.restart:
+            memory.live = frozenset()
+        state, memory.slope = self._after(part, fine)
+        return fine.outcome, state
+
+    def _after(self, part: _Part, fine: "_Try") -> tuple[State, FloatArray]:
+        """State after a part, and slope of its highest rates: where loads have a kink or a jump,
+        those of the last substep, solved with the loads after it."""
+        (solver, step, inner), layout, h = fine.last, self.layout, fine.h
+        second, first = layout.second, layout.first
+        slope = np.zeros(layout.size)
+
+        def by_rates(old: State, new: State, t: float) -> None:
+            slope[second] = (new.a - old.a)[second] / t
+            slope[first] = (new.v - old.v)[first] / t
+
+        if not part.kink:
+            by_rates(fine.previous, fine.state, h)
+            return fine.state, slope
+        rules, found = self.integrator.rules(h), []
+        for later in (0.0, LATER * h):
+            with substep(Substep(h, after=later)):
+                outcome, _ = solver.solve(step, inner.copy())
+            if not outcome.status.ok:
+                return fine.state, slope
+            found.append(advanced(rules, layout, fine.state, step, outcome))
+        by_rates(found[0], found[1], LATER * h)
+        if not part.jump:
+            return fine.state, slope
+        v = fine.state.v.copy()
+        v[first] = found[0].v[first]
+        return replace(fine.state, v=v, a=found[0].a), slope
 
     def _refused(self, fine: "_Try", error: float, block: str) -> StepOutcome:
         if not fine.outcome.status.ok:
@@ -230,25 +343,41 @@ class ControlledSteps(AroundSteps[StepSolver]):
                   f"substeps of {h:.3g} s, after max_halvings {self.control.max_halvings}")
         return replace(fine.outcome, status=Status.STEP_TOO_LONG, block=block, detail=detail)
 
-    def _march(self, level: int, state: State, memory: ControlMemory) -> "_Try":
-        """Solution with 2^level substeps from `state`; updates `memory.levels[level]`."""
-        solver, h, layout = self._solver(level, memory), self.h / 2**level, self.layout
-        if level not in memory.levels:
-            memory.levels[level] = solver.start(memory.initial)[1]
-        inner = memory.levels[level]
-        if level not in memory.live:
+    def _march(self, part: _Part, level: int, state: State, memory: ControlMemory) -> "_Try":
+        """Solution of a part with 2^level substeps from `state`; updates `memory.levels[level]` for
+        whole output steps."""
+        h, layout = part.size / 2**level, self.layout
+        restart = memory.restart or not part.whole or level != memory.fine
+        if part.whole:
+            h, solver = self.h / 2**level, self._solver(level, memory)
+            if level not in memory.levels:
+                memory.levels[level] = solver.start(memory.initial)[1]
+            inner = memory.levels[level]
+            if level not in memory.live:
+                inner.moved(state.x)
+            memory.live = memory.live - {level}  # unless this try is accepted
+        else:
+            solver = self._of_size(h, memory)
+            inner = solver.start(memory.initial)[1]
             inner.moved(state.x)
-        if level != memory.fine:  # a history of other steps: begin again from x, v, a
-            state = self.integrator.start(layout, state)
-        memory.live = memory.live - {level}  # unless this try is accepted
-        step, iterations, left = FixedStep.of(self.integrator, solver, h), 0, 0.0
-        for taken in iterate(step, state, inner, 2**level):
-            iterations += taken.outcome.iterations
-            left = max(left, taken.outcome.remaining)
-        memory.levels[level] = taken.memory
+        if restart:  # a history of other steps, or before a jump: begin again from x, v, a
+            state = settled(self.integrator, layout, state, memory.slope, h)
+        rules, iterations, left, previous = self.integrator.rules(h), 0, 0.0, state
+        for i in range(1, 2**level + 1):
+            step = step_formula(rules, layout, state, h)
+            if i == 2**level:
+                step = replace(step, t=part.end)
+            with substep(Substep(h, restart and i == 1)):
+                outcome, inner = solver.solve(step, inner)
+            iterations, left = iterations + outcome.iterations, max(left, outcome.remaining)
+            if not outcome.status.ok:
+                break
+            previous, state = state, advanced(rules, layout, state, step, outcome)
+        if part.whole:
+            memory.levels[level] = inner
         memory.solved += 2**level
-        outcome = replace(taken.outcome, iterations=iterations, remaining=left)
-        return _Try(outcome, taken.state)
+        outcome = replace(outcome, iterations=iterations, remaining=left)
+        return _Try(outcome, state, h, (solver, step, inner), previous)
 
     def _error(
         self, coarse: "_Try", fine: "_Try", state: State, memory: ControlMemory
@@ -271,11 +400,26 @@ class ControlledSteps(AroundSteps[StepSolver]):
             memory.solvers[level] = self._prepare(self.h / 2**level)
         return memory.solvers[level]
 
+    def _of_size(self, h: float, memory: ControlMemory) -> StepSolver:
+        """Solver for substeps of h (s) of a part of an output step."""
+        known = next((k for k in memory.parts if abs(k - h) <= 1e-13 * h), None)
+        if known is None:
+            while len(memory.parts) >= SIZES:
+                memory.parts.pop(next(iter(memory.parts)))
+            known, memory.parts[h] = h, self._prepare(h)
+        return memory.parts[known]
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Try:
+    """Solution of a part of an output step with substeps of h, s; last: solver, formula and memory
+    of the last one, which begins at `previous`."""
+
     outcome: StepOutcome
     state: State
+    h: float
+    last: tuple[StepSolver, StepFormula, Restarts]
+    previous: State
 
 
 def _judged(block: Block, solver: StepSolver, control: Control) -> _Judged:

@@ -6,9 +6,10 @@ the stored results. Bodies, joints, contacts and loads report their own notes
 (`protocols.HasNotes`).
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
+from pydantic import BaseModel
 
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.model.model import Model
@@ -25,11 +26,6 @@ from sparsemor.core.protocols.layout import Quantity
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.scene.nested import functions_of_time as time_functions
 from sparsemor.core.scene.scene import Scene
-from sparsemor.core.simulation.diagnostics.unresolved_jumps import (
-    UNRESOLVED,
-    numbers_in,
-    unresolved_jump,
-)
 from sparsemor.core.simulation.memory.estimate import trains
 from sparsemor.core.simulation.offline import step_count
 from sparsemor.core.simulation.run_header import shapes
@@ -70,7 +66,7 @@ def before_run(scene: Scene, model: Model) -> tuple[Note, ...]:
 
 
 OUTSIDE_RANGE = "outside_parameters"
-SETTINGS = frozenset({"never_acts", "too_fast", "short_training", UNRESOLVED, OUTSIDE_RANGE})
+SETTINGS = frozenset({"never_acts", "too_fast", "short_training", OUTSIDE_RANGE})
 """Identifiers of warnings about options that a run of a kept model may change."""
 
 
@@ -214,17 +210,29 @@ def outside_ranges(scene: Scene) -> Iterator[Note]:
 
 def functions_of_time(scene: Scene) -> Iterator[Note]:
     """Warnings about functions of time that are 0 at all steps, or change faster than the steps
-    resolve; jumps of loads alone, whose integral over time is what acts."""
+    resolve."""
     count, h = step_count(scene), scene.time.step
     for group in ({"joints": scene.joints}, {"contacts": scene.contacts}, {"loads": scene.loads}):
         for key, function in time_functions(group):
             note = _never_acts(key, function, count, h)
             if note is None and not scene.time.control:
                 note = _too_fast(key, function, count, h)
-                if note is None and "loads" in group and count <= STEPS:
-                    note = unresolved_jump(key, function, count, h)
             if note is not None:
                 yield note
+
+
+def _numbers_in(function: TimeFunction) -> Iterator[float]:
+    """Nonnegative numbers in a function's options: the times of its changes are among them. Those
+    of the terms of a sum are not: the terms are checked on their own."""
+    pending: list[object] = [dict(function)] if isinstance(function, BaseModel) else []
+    while pending:
+        value = pending.pop()
+        if isinstance(value, int | float) and np.isfinite(value) and value >= 0.0:
+            yield float(value)
+        elif isinstance(value, Mapping):
+            pending += value.values()
+        elif isinstance(value, list | tuple):
+            pending += value
 
 
 def _never_acts(key: str, function: TimeFunction, count: int, h: float) -> Note | None:
@@ -235,7 +243,7 @@ def _never_acts(key: str, function: TimeFunction, count: int, h: float) -> Note 
     end = count * h
     between = [h * (i + f) for i in range(min(count, 100)) for f in (0.29, 0.5, 0.71)]
     later = list(end * np.geomspace(1.0, 1e3, 30))
-    times = [*numbers_in(function), *between, *later]
+    times = [*_numbers_in(function), *between, *later]
     values = np.abs([function.value(float(t)) for t in times])
     peak = float(values.max())
     small = 1e-9 * peak

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from importlib import import_module
+from itertools import accumulate
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
@@ -15,6 +16,7 @@ from sparsemor.core import (
     StepBlock,
     UpdateRules,
     information,
+    next_time,
     require,
 )
 from sparsemor.reducers.step.blocks.thermal_block import HeatJacobian
@@ -128,7 +130,8 @@ class CompiledSteps:
         known = memory.scales.floor or not (len(self.plan.bodies.k) or self.plan.prescribed)
         if not known or memory.full_newton_next:
             return StepBlock()
-        times = np.cumsum([state.t, *[self.h] * min(count, self._ahead)])[1:]  # as step by step
+        ends = accumulate([self.h] * min(count, self._ahead), next_time, initial=state.t)
+        times = np.array([*ends][1:])
         run = _run_arrays(state, memory)
         states, effort = np.empty((len(times), *run.z.shape)), np.zeros((len(times), 2))
         self._load(memory)

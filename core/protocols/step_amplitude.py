@@ -1,0 +1,162 @@
+"""Amplitudes of loads over the steps of a run, and the times at which functions of time jump.
+
+An integrator evaluates a load once in a step, at its end. Summed up over the steps this is a
+quadrature of the load in time, which misses a jump by up to a whole step. A function of time
+therefore declares its jumps: by a method
+
+    jumps(start, end) -> increasing times in [start, end] at which its value or slope jumps,
+                         or None if it never does
+
+which any function may have. The load of step n, from t0 to t1 = t0 + h, is then
+
+    g_n = (1/h) integral of f over the step + theta (f(t1) - f(t0)),
+
+with the limits from the left at both ends. theta is the delay of the integrator: a constant force
+that begins to act gives h (n - theta) times its acceleration after n steps, so that theta is 0 for
+implicit Euler and 1/2 for every method of second order. The g_n add up to the exact integral, and
+where f is smooth g_n is f(t1) to second order (first order for theta = 0).
+"""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass, fields, is_dataclass, replace
+from types import MethodType
+from typing import Any, TypeVar
+
+import numpy as np
+
+from sparsemor.core.protocols.integrator import (
+    HasCurvature,
+    Integrator,
+    TimeFunction,
+    same_time,
+)
+from sparsemor.core.protocols.separable import Amplitude
+
+_POINTS, _WEIGHTS = (a.tolist() for a in np.polynomial.legendre.leggauss(3))
+_STEPS = 200
+T = TypeVar("T")
+
+
+def jumps_of(function: object, start: float, end: float) -> Sequence[float] | None:
+    """Times between start and end, s, at which a function of time declares a jump of its value or
+    slope; None for a function that declares none at any time."""
+    declared: Any = getattr(function, "jumps", None)
+    if declared is None:
+        return None
+    found: Sequence[float] | None = declared(start, end)
+    return found
+
+
+def before(function: TimeFunction, t: float, jumps: Sequence[float]) -> float:
+    """Limit of the function from the left at t, s, where one of the jumps may be."""
+    near = same_time(t)
+    if not any(abs(s - t) <= near for s in jumps):
+        return function.value(t)
+    s = t - 4.0 * near
+    return function.value(s) + (t - s) * function.rate(s)
+
+
+def after(function: TimeFunction, t: float) -> float:
+    """Limit of the function from the right at t, s."""
+    s = t + 4.0 * same_time(t)
+    return function.value(s) - (s - t) * function.rate(s)
+
+
+def delay(integrator: Integrator) -> float:
+    """theta of an integrator, from its rule for unknowns of first order: after n steps from rest
+    with rate 1, x = h (n - theta)."""
+    rule = integrator.rules(1.0).first
+    z, last = np.zeros(len(rule.new)), 0.0
+    for _ in range(_STEPS):
+        last, z = float(z[0]), rule.new + rule.old @ z
+    # the mean of two steps: an undamped root of the rule is -1
+    return round(_STEPS - 0.5 - 0.5 * (last + float(z[0])), 9)
+
+
+@dataclass(frozen=True, slots=True)
+class Substep:
+    """Step of size h, s, that is not one of the steps of the run. begins: True where its history is
+    that of the loads after a jump at its start; after: None, or the loads are those so many s after
+    its end, in the limit from the right."""
+
+    h: float
+    begins: bool = False
+    after: float | None = None
+
+
+_SUBSTEP: ContextVar[Substep | None] = ContextVar("substep", default=None)
+
+
+@contextmanager
+def substep(of: Substep) -> Iterator[None]:
+    """Loads that are evaluated inside are those of this step."""
+    token = _SUBSTEP.set(of)
+    try:
+        yield
+    finally:
+        _SUBSTEP.reset(token)
+
+
+@dataclass(frozen=True, slots=True)
+class Stepping:
+    """Steps of a run: size h, s, and delay theta of its integrator."""
+
+    h: float
+    theta: float
+
+    def over(self, amplitude: T) -> T | Amplitude:
+        """Amplitude of a load over these steps: of the values of a function of time, and of those
+        inside of an object such as a law or an item of a frame; anything else as it is."""
+        if isinstance(amplitude, MethodType):
+            f, name = amplitude.__self__, amplitude.__name__
+            return StepAmplitude(f, self.h, self.theta) if (
+                name == "value" and isinstance(f, TimeFunction)) else amplitude
+        if isinstance(amplitude, StepAmplitude | type) or not is_dataclass(amplitude):
+            return amplitude
+        own: Any = amplitude
+        values = {f.name: getattr(own, f.name) for f in fields(own) if f.init}
+        over = {name: self.over(value) for name, value in values.items()
+                if isinstance(value, MethodType) or (callable(value) and is_dataclass(value))}
+        changed = {name: value for name, value in over.items() if value is not values[name]}
+        made: T = replace(own, **changed) if changed else amplitude
+        return made
+
+
+@dataclass(frozen=True, slots=True)
+class StepAmplitude:
+    """Amplitude of a load in the step that ends at a time: g of the function above where that
+    declares jumps, and its value at the end otherwise. h: step, s; theta: delay of the
+    integrator."""
+
+    function: TimeFunction
+    h: float
+    theta: float
+
+    def __call__(self, t: float) -> float:
+        f, near, own = self.function, same_time(t), _SUBSTEP.get()
+        h = min(self.h if own is None else own.h, t)
+        start = t - h if t - h > near else 0.0
+        jumps = jumps_of(f, start - near, t + near) if h > near else None
+        if own is not None and own.after is not None:
+            return after(f, t + own.after)
+        if jumps is None or (self.theta > 0.0 and not len(jumps)):
+            return f.value(t)
+        edges = [start, *(s for s in jumps if start + near < s < t - near), t]
+        mean = sum(
+            0.5 * (b - a) * sum(
+                w * f.value(0.5 * (a + b) + 0.5 * (b - a) * x)
+                for x, w in zip(_POINTS, _WEIGHTS, strict=True))
+            for a, b in zip(edges, edges[1:], strict=False)) / h
+        if self.theta == 0.0:
+            return mean
+        begins = start == 0.0 or (own is not None and own.begins)
+        first = after(f, start) if begins else before(f, start, jumps)
+        return mean + self.theta * (before(f, t, jumps) - first)
+
+    def derivatives(self, t: float, h: float) -> tuple[float, float]:
+        """Derivatives of the function from the right (`Differentiable`)."""
+        f = self.function
+        return f.rate(t), f.curvature(t) if isinstance(f, HasCurvature) else (
+            (f.rate(t + 1e-2 * h) - f.rate(t)) / (1e-2 * h))
