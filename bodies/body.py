@@ -8,6 +8,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from sparsemor.bodies.fem.bending import bending_notes
 from sparsemor.bodies.fem.element_balance import elastic_integrals, heat_integrals
 from sparsemor.bodies.fem.fields import Elasticity, Heat
 from sparsemor.bodies.fem.pointwise_law import PointwiseLaw
@@ -73,8 +74,8 @@ class Body:
     frame is fixed, or follows the prescribed motion `guide`. points: set -> numbers of its points;
     centres: set -> its centre (d,), m, where the scene gives it. T0, T_ref (N,): initial and
     stress-free temperature, K; thickness, m, of a planar body. temperature_limits: property
-    -> temperatures, K, between which it is defined. notes: warnings about its mesh and
-    sets. kernel: class that evaluates its frame equations.
+    -> temperatures, K, between which it is defined. mesh_notes: warnings about its mesh
+    and sets. kernel: class that evaluates its frame equations.
     """
 
     name: str
@@ -94,7 +95,8 @@ class Body:
     T_ref: FloatArray | None = None
     guide: FrameHistory | None = None
     temperature_limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    notes: tuple[Note, ...] = ()
+    mesh_notes: tuple[Note, ...] = ()
+    _found: dict[str, tuple[Note, ...]] = field(init=False, default_factory=dict)
     kernel: type[PlanarFrame] | type[SpatialFrame] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -110,6 +112,15 @@ class Body:
     def turns_freely(self) -> bool:
         """True if its attitude is a quaternion, not an angle."""
         return len(self.pose) == FREE_POSE
+
+    @property
+    def notes(self) -> tuple[Note, ...]:
+        """Warnings about its mesh, sets and bending stiffness."""
+        if "bending" not in self._found:
+            e, mesh = self.elasticity, self.mesh
+            self._found["bending"] = () if e is None or mesh is None else tuple(
+                bending_notes(self.name, mesh, e, self.thickness))
+        return (*self.mesh_notes, *self._found["bending"])
 
     @property
     def immobile(self) -> bool:

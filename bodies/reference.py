@@ -92,6 +92,12 @@ class Reference(Plugin):
 
 def free_motions(X: FloatArray, held: IntArray) -> int:
     """Number of rigid-body modes of points X (N, d) with zero displacements `held`."""
+    modes = rigid_modes(X)
+    return int(modes.shape[1] - np.linalg.matrix_rank(modes[held], tol=1e-8))
+
+
+def rigid_modes(X: FloatArray) -> FloatArray:
+    """(d N, 3 or 6) rigid-body modes of points X (N, d), of unit order."""
     d = X.shape[1]
     arm = (X - X.mean(axis=0)) / max(float(np.ptp(X, axis=0).max()), 1e-300)
     turns = [(0, 1)] if d == 2 else [(1, 2), (2, 0), (0, 1)]
@@ -99,8 +105,7 @@ def free_motions(X: FloatArray, held: IntArray) -> int:
     modes[:, range(d), range(d)] = 1.0
     for k, (i, j) in enumerate(turns):
         modes[:, i, d + k], modes[:, j, d + k] = -arm[:, j], arm[:, i]
-    rank = np.linalg.matrix_rank(modes.reshape(-1, modes.shape[2])[held], tol=1e-8)
-    return int(modes.shape[2] - rank)
+    return modes.reshape(-1, modes.shape[2])
 
 
 def chord_holds(X: FloatArray, points: list[int]) -> IntArray:

@@ -25,7 +25,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from sparsemor.bodies.mesh.simplices import EDGES, rows_among
+from sparsemor.bodies.mesh.simplices import EDGES
 from sparsemor.core import FloatArray, InputError, IntArray, Mesh, cell_facets, outer_facets
 
 ROUND = 1e-3
@@ -36,6 +36,7 @@ the axis of a closed circle."""
 FLAT = 1e-9
 """Smallest variance of a set's points in a direction, relative to the largest, in which its centre
 can be moved."""
+NO_CELLS = np.zeros(0, np.int64)
 FAR = 1e2
 """Distance of the points from an axis, relative to their extent, at which a fit has failed."""
 QUADRATIC = {1: (1 / 6, 2 / 3), 2: (0.0, 1 / 3), 3: (-1 / 20, 1 / 5)}
@@ -76,11 +77,11 @@ def centre_of_set(
 
     InputError for a given position off the line or plane on which all points of the set lie.
     """
-    pieces, surface = _tagged(mesh, nodes, name) or _pieces(mesh, nodes)
+    pieces = _pieces(mesh, nodes, name)
     even = _integrals(mesh, pieces)
     even /= even.sum()
     mean = even @ mesh.points
-    point, how = given, "the given point"
+    point, how, surface = given, "the given point", pieces.shape[1] == mesh.dimension
     if point is None and surface:
         point, how = _of_revolution(mesh.points, pieces, mean)
     if point is None:
@@ -89,20 +90,10 @@ def centre_of_set(
     return Centre(_moved(even, mesh.points, point), point, even, mean, how)
 
 
-def _tagged(mesh: Mesh, nodes: IntArray, name: str) -> tuple[IntArray, bool] | None:
-    """As `_pieces`, for a set whose points are those of facets or cells that the mesh tags."""
-    corners = nodes[nodes < len(mesh.corners)]
-    for surface, pieces in ((True, mesh.facet_sets.get(name)),
-                            (False, None if name not in mesh.cell_sets
-                             else mesh.cells[mesh.cell_sets[name]])):
-        if pieces is not None and len(np.unique(pieces)) == len(corners):
-            return pieces, surface and bool(rows_among(pieces, outer_facets(mesh)).all())
-    return None
-
-
-def _pieces(mesh: Mesh, nodes: IntArray) -> tuple[IntArray, bool]:
-    """Simplices (n, k + 1) of a set as corner numbers, and True if they are its boundary facets:
-    those, or the cells, inner facets or edges that contain all its points; else the points."""
+def _pieces(mesh: Mesh, nodes: IntArray, name: str) -> IntArray:
+    """Simplices (n, k + 1) of a set as corner numbers: facets or cells that the mesh tags, boundary
+    facets, cells, inner facets or edges, the first of them that contain all its points; else its
+    boundary facets, else its points."""
     corners = nodes[nodes < len(mesh.corners)]
     inside = np.zeros(len(mesh.points), dtype=np.bool_)
     inside[corners] = True
@@ -112,13 +103,14 @@ def _pieces(mesh: Mesh, nodes: IntArray) -> tuple[IntArray, bool]:
 
     near = mesh.cells[np.count_nonzero(inside[mesh.cells], axis=1) > 1]
     if not len(near):
-        return corners[:, None], False
+        return corners[:, None]
     facets = among(outer_facets(mesh))
     ends = near[:, EDGES.T[: 3 * mesh.dimension - 3]].reshape(-1, 2)
-    for found in (facets, among(near), among(cell_facets(near)), among(ends)):
+    tagged = (mesh.facet_sets.get(name, facets[:0]), mesh.cells[mesh.cell_sets.get(name, NO_CELLS)])
+    for found in (*tagged, facets, among(near), among(cell_facets(near)), among(ends)):
         if len(np.unique(found)) == len(corners):
-            return np.unique(np.sort(found, axis=1), axis=0), found is facets
-    return (facets, True) if len(facets) else (corners[:, None], False)
+            return np.unique(np.sort(found, axis=1), axis=0)
+    return facets if len(facets) else corners[:, None]
 
 
 def _integrals(mesh: Mesh, pieces: IntArray) -> FloatArray:
