@@ -23,6 +23,7 @@ from sparsemor.bodies.frames.moments import MassProperties, moments_of
 from sparsemor.bodies.frames.plane import PlanarFrame
 from sparsemor.bodies.frames.rotation import torque
 from sparsemor.bodies.mesh.centres import Centre, centre_of_set
+from sparsemor.bodies.mesh.sets import PointSet
 from sparsemor.bodies.terms.body_terms import (
     write_conduction,
     write_elasticity,
@@ -72,10 +73,10 @@ class Body:
     moments about the frame origin, None for a massless frame; mass_matrix (N, N): scalar, kg, None
     for a rigid body without mesh. moves: True if the rigid coordinates are unknowns; otherwise the
     frame is fixed, or follows the prescribed motion `guide`. points: set -> numbers of its points;
-    centres: set -> its centre (d,), m, where the scene gives it. T0, T_ref (N,): initial and
-    stress-free temperature, K; thickness, m, of a planar body. temperature_limits: property
-    -> temperatures, K, between which it is defined. mesh_notes: warnings about its mesh
-    and sets. kernel: class that evaluates its frame equations.
+    centres: set -> its centre (d,), m, where the scene gives it; declared: sets of the scene. T0,
+    T_ref (N,): initial and stress-free temperature, K; thickness, m, of a planar body.
+    temperature_limits: property -> temperatures, K, between which it is defined. mesh_notes:
+    warnings about its mesh and sets. kernel: class that evaluates its frame equations.
     """
 
     name: str
@@ -86,6 +87,7 @@ class Body:
     moves: bool
     points: Mapping[str, IntArray]
     centres: Mapping[str, FloatArray] = field(default_factory=dict)
+    declared: Mapping[str, PointSet] = field(default_factory=dict)
     mesh: Mesh | None = None
     thickness: float = 1.0
     mass_matrix: Csr | None = None

@@ -168,7 +168,7 @@ class Flexible(Plugin):
         return Body(
             name=name, X=mesh.points, inertia=MassProperties.of_mesh(m, mesh.points), pose=pose,
             velocity=velocity, moves=self.frame != "fixed", points=mesh.point_sets,
-            centres=centres, mesh=mesh, thickness=thickness, mass_matrix=m,
+            centres=centres, declared=self.sets, mesh=mesh, thickness=thickness, mass_matrix=m,
             elasticity=None if held is None else self._elasticity(mesh, m, held, regions, T0),
             heat=self._heat(mesh, regions) if heats else None, T0=T0,
             temperature_limits=self._limits(),

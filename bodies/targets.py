@@ -10,9 +10,21 @@ from sparsemor.bodies.body import Body
 from sparsemor.bodies.fem.surface import boundary_facets
 from sparsemor.bodies.frames import nodal
 from sparsemor.bodies.mesh.centres import Centre
-from sparsemor.core import FloatArray, Gather, InputError, IntArray, Mesh, Part, suggestions
+from sparsemor.bodies.mesh.patches import cut_measures
+from sparsemor.core import (
+    FloatArray,
+    Gather,
+    InputError,
+    IntArray,
+    Mesh,
+    Note,
+    Part,
+    suggestions,
+)
 
 GROUND = "ground"
+CUT = 0.01
+"""Smallest share of a surface outside the facets of its set that is noted."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,6 +120,33 @@ def find_surfaces(
     found = [gather("", find, text, f"on.{i}") for i, text in enumerate(texts)]
     gather.check()
     return [f for f in found if f is not None]
+
+
+def surface_notes(parts: Mapping[str, Part], load: str, texts: Sequence[str]) -> tuple[Note, ...]:
+    """Warnings about surfaces of a load, in its option `on`, that it does not cover as they are
+    described: their border cuts facets, or some of the facets that a file tags are inside."""
+    notes = []
+    for text in texts:
+        target = find_target(parts, text, "on")
+        mesh, name = target.body.mesh, text.partition(":")[2]
+        assert mesh is not None
+        facets = target.facets("on")
+        tagged = mesh.facet_sets.get(name)
+        if tagged is not None and len(facets) < len(tagged):
+            kind = "edges" if mesh.dimension == 2 else "faces"
+            notes.append(Note(
+                f"loads.{load} acts on {len(facets)} of the {len(tagged)} {kind} of {text!r}: the "
+                "others are not on the surface of the body", "inner_facets"))
+        if name not in target.body.declared:
+            continue
+        covered, meant = cut_measures(mesh, target.body.declared[name], facets)
+        if covered < (1 - CUT) * meant:
+            unit = "m" if mesh.dimension == 2 else "m2"
+            notes.append(Note(
+                f"loads.{load} acts on {covered:.4g} {unit} of {text!r}, {covered / meant:.1%} of "
+                f"the {meant:.4g} {unit} that its condition describes, because the border of the "
+                "set cuts facets: let it pass through nodes, or refine the mesh", "cut_patch"))
+    return tuple(notes)
 
 
 def joined_surfaces(

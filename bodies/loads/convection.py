@@ -13,7 +13,7 @@ from sparsemor.bodies.fem.surface import surface_load, surface_mass
 from sparsemor.bodies.loads.amplitude import NumberOrFunction
 from sparsemor.bodies.loads.part import LoadPart
 from sparsemor.bodies.material import Positive
-from sparsemor.bodies.targets import find_surfaces
+from sparsemor.bodies.targets import find_surfaces, surface_notes
 from sparsemor.bodies.temperature_curve import TemperatureCurve
 from sparsemor.bodies.terms.law_functions import curve_at
 from sparsemor.core import Amplitude, Effect, Equations, FloatArray, LawArrays, Part, Plugin
@@ -84,7 +84,8 @@ class Convection(Plugin):
                     body.law(equations, Film(self.film, h_0, self.temperature.value),
                              facets=facets)
 
-        return LoadPart(name, write, surroundings=self.temperature.value)
+        return LoadPart(name, write, surroundings=self.temperature.value,
+                        notes=surface_notes(parts, name, self.on))
 
     def _constant(self, body: Body) -> float:
         """Film coefficient at the reference temperature of the body."""

@@ -8,7 +8,7 @@ from pydantic import Field
 from sparsemor.bodies.fem.surface import surface_load
 from sparsemor.bodies.loads.amplitude import NumberOrFunction
 from sparsemor.bodies.loads.part import LoadPart
-from sparsemor.bodies.targets import find_surfaces
+from sparsemor.bodies.targets import find_surfaces, surface_notes
 from sparsemor.core import Effect, Equations, Part, Plugin
 
 
@@ -30,4 +30,4 @@ class HeatFlux(Plugin):
             for b, w in loads:
                 b.heat_load(equations, w, self.flux.value)
 
-        return LoadPart(name, write)
+        return LoadPart(name, write, notes=surface_notes(parts, name, self.on))

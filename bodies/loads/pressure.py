@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 from sparsemor.bodies.fem.surface import facet_measures, surface_normal_load
 from sparsemor.bodies.loads.amplitude import NumberOrFunction
 from sparsemor.bodies.loads.part import LoadPart
-from sparsemor.bodies.targets import find_surfaces
+from sparsemor.bodies.targets import find_surfaces, surface_notes
 from sparsemor.core import Equations, InputError, Part, Plugin
 
 
@@ -46,4 +46,4 @@ class Pressure(Plugin):
             for b, w in loads:
                 b.body_force(equations, w, size.value)
 
-        return LoadPart(name, write)
+        return LoadPart(name, write, notes=surface_notes(parts, name, self.on))

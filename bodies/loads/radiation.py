@@ -11,7 +11,7 @@ from sparsemor.bodies.fem.pointwise_law import TEMPERATURE, Response, Variable
 from sparsemor.bodies.loads.amplitude import NumberOrFunction
 from sparsemor.bodies.loads.part import LoadPart
 from sparsemor.bodies.mesh.plausibility import celsius_notes
-from sparsemor.bodies.targets import find_surfaces, joined_surfaces
+from sparsemor.bodies.targets import find_surfaces, joined_surfaces, surface_notes
 from sparsemor.core import Amplitude, Effect, Equations, FloatArray, LawArrays, Part, Plugin
 
 STEFAN_BOLTZMANN = 5.670374419e-8
@@ -78,4 +78,5 @@ class Radiation(Plugin):
 
         notes = celsius_notes(
             name, self.surroundings.value(0.0), {b.name: b.T0 for b, _, _ in surfaces})
-        return LoadPart(name, write, surroundings=self.surroundings.value, notes=notes)
+        return LoadPart(name, write, surroundings=self.surroundings.value,
+                        notes=(*notes, *surface_notes(parts, name, self.on)))

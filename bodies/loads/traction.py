@@ -10,7 +10,7 @@ from sparsemor.bodies.fem.surface import surface_load
 from sparsemor.bodies.loads.amplitude import NumberOrFunction, amplitude
 from sparsemor.bodies.loads.part import LoadPart
 from sparsemor.bodies.loads.vectors import Vector, components
-from sparsemor.bodies.targets import find_surfaces
+from sparsemor.bodies.targets import find_surfaces, surface_notes
 from sparsemor.core import Equations, Part, Plugin
 
 
@@ -39,4 +39,4 @@ class Traction(Plugin):
                 else:
                     b.body_force(equations, np.outer(w, p), f)
 
-        return LoadPart(name, write)
+        return LoadPart(name, write, notes=surface_notes(parts, name, self.on))

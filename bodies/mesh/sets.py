@@ -9,6 +9,7 @@ from pydantic import model_validator
 from sparsemor.bodies.mesh.centres import centre_of_set
 from sparsemor.bodies.mesh.expression import ConditionText, evaluate_condition
 from sparsemor.core import (
+    BoolArray,
     Fault,
     FloatArray,
     Gather,
@@ -52,12 +53,10 @@ class PointSet(Plugin):
     def members(self, mesh: Mesh) -> IntArray:
         """Sorted numbers of the points; InputError when there are none, or for another dimension.
         """
-        if self.box is not None:
-            found = self._in_box(mesh)
-        elif self.where is not None:
-            found = np.flatnonzero(evaluate_condition(self.where, mesh.points, "where"))
-        else:
+        if self.nearest is not None:
             found = self._nearest(mesh)
+        else:
+            found = np.flatnonzero(self.contains(mesh.points, mesh))
         if not found.size:
             low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
             extent = " x ".join(f"[{a:.6g}, {b:.6g}]" for a, b in zip(low, high, strict=True))
@@ -69,13 +68,16 @@ class PointSet(Plugin):
         """True for the centre of a set that the mesh has."""
         return self.box is None and self.where is None and self.nearest is None
 
-    def _in_box(self, mesh: Mesh) -> IntArray:
+    def contains(self, points: FloatArray, mesh: Mesh) -> BoolArray:
+        """(n,) True for the positions (n, d), m, on a mesh that `box` or `where` contains."""
+        if self.where is not None:
+            return evaluate_condition(self.where, points, "where")
         _same_dimension(len(self.box or ()), mesh, "box")
         low, high = np.array(self.box).T
         # round-off must not decide whether a point on the border is in
         slack = 1e-9 * float(np.ptp(mesh.points, axis=0).max())
-        inside = (mesh.points >= low - slack) & (mesh.points <= high + slack)
-        return np.flatnonzero(inside.all(axis=1))
+        inside = (points >= low - slack) & (points <= high + slack)
+        return np.asarray(inside.all(axis=1))
 
     def _nearest(self, mesh: Mesh) -> IntArray:
         _same_dimension(len(self.nearest or ()), mesh, "nearest")

@@ -283,7 +283,10 @@ class _Reader:
             starts = np.cumsum([count, *(len(own) for _, own, _, _ in scope.blocks)])
             self.placed[name] = Placed(scope, total, count, starts, nodes, elements)
             for kind, _, given, place in scope.blocks:
-                blocks.append(Cells(kind, total + _rows(nodes, given, place), place))
+                rows = _rows(nodes, given, place)
+                if kind == "line3":  # its midpoint is the second of three
+                    rows = rows[:, [0, 2, 1]]
+                blocks.append(Cells(kind, total + rows, place))
             points.append(X @ rotation.T + move)
             total, count = total + len(X), int(starts[-1])
         self._check_one_piece()

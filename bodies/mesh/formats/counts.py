@@ -65,10 +65,15 @@ def _abaqus(data: bytes) -> dict[str, int] | None:
             if name and not part:
                 counts[f"{kind} in {name!r}"] += words // width
 
+    head = ""
     for line in _lines(data):
         text = line.strip()
         if not text or text.startswith("**"):
             continue
+        if head and text[0] != "*":
+            text, head = head + text, ""
+        if text[0] == "*" and text[-1] == ",":  # goes on in the next line
+            head = text
         if text[0] != "*":
             words += len([w for w in text.split(",") if w.strip()])
             continue
@@ -133,7 +138,7 @@ def _gmsh(data: bytes) -> dict[str, int] | None:
     for words in body[1:]:
         kind, count = _GMSH.get(int(words[1]), ("", 0))
         for tag in (0, abs(int(words[3])) if int(words[2]) else 0):
-            rows.setdefault((kind, tag), set()).add(tuple(words[-count:]))
+            rows.setdefault((kind, tag), set()).add(tuple(sorted(words[-count:])))
     for (kind, tag), different in rows.items():
         d = {"": 0, "v": 0, "l": 1, "t": 3 if kind.startswith("tetra") else 2}[kind[:1]]
         if tag:

@@ -12,7 +12,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsemor.bodies.mesh.formats.content import BadLine, Cells, Content, Group, Numbering
+from sparsemor.bodies.mesh.formats.content import (
+    BadLine,
+    Cells,
+    Content,
+    Group,
+    Numbering,
+    dimension_of,
+)
 from sparsemor.core import FloatArray, IntArray, Note, information
 
 TYPES = {
@@ -168,10 +175,19 @@ class _Reader:
         return Content(points, tuple(blocks), groups, tuple(self._notes()))
 
     def _notes(self) -> list[Note]:
-        if not self.skipped:
-            return []
-        return [information(f"{self.name}: the sections {', '.join(self.skipped)[:200]} are not "
-                            "read", "mesh_file")]
+        notes = []
+        if self.skipped:
+            notes.append(information(f"{self.name}: the sections {', '.join(self.skipped)[:200]} "
+                                     "are not read", "mesh_file"))
+        used = {(dimension_of(TYPES[number][0]), tag) for number, found in self.elements.items()
+                for tag, _ in found.tags}
+        empty = [name for at, name in self.names.items() if at not in used]
+        if empty:
+            hint = ("" if self.version == "4.1" else
+                    " (Mesh.SaveAll of this format drops them: save it as 4.1)")
+            notes.append(Note(f"{self.name}: no element of the file is in the groups "
+                              f"{', '.join(empty)[:200]}{hint}", "mesh_file"))
+        return notes
 
     def _sections(self) -> list[tuple[str, int, int, int]]:
         """Name, first and last byte and first line of each section."""
@@ -182,6 +198,9 @@ class _Reader:
             if head is None:
                 break
             name = head.group(1)
+            if name.decode() in _REFUSED:
+                first = line + self.data.count(b"\n", at, head.start(1))
+                raise BadLine(first, name.decode(), _REFUSED[name.decode()])
             end = self.data.find(b"$End" + name[1:], head.end())
             if name.startswith(b"$End") or end < 0:
                 raise BadLine(line + self.data.count(b"\n", at, head.end(1)), name.decode(),
@@ -200,8 +219,6 @@ class _Reader:
         return found
 
     def _section(self, name: str, data: bytes, line: int) -> None:
-        if name in _REFUSED:
-            raise BadLine(line - 1, name, _REFUSED[name])
         if name == "$MeshFormat":
             self._format(data, line)
             return
@@ -349,16 +366,18 @@ class _Reader:
         return int(first)
 
     def _parametric_22(self, section: _Section) -> None:
-        if section.binary:
-            raise section.fail("parametric nodes of the binary format 2.2 are not supported: save "
-                               "it as text or as 4.1")
-        for _ in range(self._count(section)):
-            label, x, y, z, d = section.reals(5)
+        count = self._count(section)
+        labels, points = [], []
+        for _ in range(count):
+            labels.append(section.ints(1))
+            points.append(section.reals(3))
+            d = int(section.ints(2)[0])
             if d not in (0, 1, 2, 3):
-                raise section.fail("a line is: number, x, y, z, dimension, entity, parameters")
-            section.reals(1 + (int(d) if d in (1, 2) else 0))
-            self.labels.append(self._whole(section, np.array([label])))
-            self.points.append(np.array([[x, y, z]]))
+                raise section.fail("a node is: number, x, y, z, dimension, entity, parameters")
+            section.reals(d if d in (1, 2) else 0)
+        if count:
+            self.labels.append(np.concatenate(labels))
+            self.points.append(np.array(points))
         section.done()
 
     def _binary_22(self, section: _Section, count: int) -> dict[tuple[int, int], IntArray]:
@@ -415,7 +434,8 @@ def _once(
 ) -> tuple[IntArray, list[tuple[int, IntArray]]]:
     """Elements without those that are written again, and the tags of each: format 2.2 writes an
     element once for each of its groups."""
-    _, first, of = np.unique(nodes, axis=0, return_index=True, return_inverse=True)
+    _, first, of = np.unique(
+        np.sort(nodes, axis=1), axis=0, return_index=True, return_inverse=True)
     if len(first) == len(nodes):
         return nodes, tags
     kept = np.sort(first)
