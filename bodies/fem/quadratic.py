@@ -12,8 +12,8 @@ def with_midpoints(mesh: Mesh) -> Mesh:
 
     The midpoint of an edge belongs to a set if both ends do, and the edge is part of a boundary
     facet or a cell that is in the set as a whole. An edge that crosses the body from one piece of
-    the set to another has its midpoint outside. Where the mesh tags facets, or only cells, with the
-    name of the set, their edges are those of the set.
+    the set to another has its midpoint outside. The midpoints of a set that consists of facets or
+    cells tagged by the mesh are those of their edges.
     """
     from sparsemor.bodies.fem import forms
 
@@ -31,10 +31,12 @@ def with_midpoints(mesh: Mesh) -> Mesh:
     outer = among(outer_facets(mesh))
 
     def extended(name: str, members: IntArray) -> IntArray:
-        if name not in mesh.facet_sets:
-            return _extended(mesh, members, ends, of, outer)
-        inside = np.isin(ends, members).all(axis=1) & among(mesh.facet_sets[name])
-        return np.concatenate([members, n + np.flatnonzero(inside)])
+        facets, cells = mesh.facet_sets.get(name), mesh.cell_sets.get(name)
+        if facets is not None and len(np.unique(facets)) == len(members):
+            return np.concatenate([members, n + np.flatnonzero(among(facets))])
+        if cells is not None and len(np.unique(mesh.cells[cells])) == len(members):
+            return np.concatenate([members, n + np.unique(of[cells])])
+        return _extended(mesh, members, ends, of, outer)
 
     return replace(
         mesh, points=np.concatenate([mesh.points, middles]), midpoints=n + of,

@@ -2,12 +2,13 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
 from sparsemor.bodies.mesh.formats.abaqus_statements import integer, key_of, shown
 from sparsemor.bodies.mesh.formats.content import BadLine, Cells, Group, Numbering
-from sparsemor.core import IntArray, facet_numbers
+from sparsemor.core import BoolArray, IntArray, facet_numbers
 
 _FACES = {2: ((0, 1), (1, 2), (2, 0)), 3: ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0))}
 """Corners of the faces S1, S2, ... of a triangle and of a tetrahedron."""
@@ -151,14 +152,17 @@ class AbaqusSets:
             raise BadLine(line, entry.keyword, f"there is no instance {name!r}")
         return name
 
-    def _labelled(self, what: str, scope: str, words: Sequence[str], line: int, entry: Entry
-                  ) -> IntArray:
+    def _labelled(self, what: str, scope: str, words: Sequence[str], lines: int | Sequence[int],
+                  entry: Entry) -> IntArray:
+        """Nodes or elements by their labels, in the given line or lines."""
         placed = self.placed[scope]
-        numbers = np.array([integer(w, line, entry.keyword) for w in words], dtype=np.int64)
+        lines = [lines] * len(words) if isinstance(lines, int) else lines
+        numbers = np.array([integer(w, at, entry.keyword)
+                            for w, at in zip(words, lines, strict=True)], dtype=np.int64)
         rows = (placed.nodes if what == "node" else placed.elements).rows(numbers)
         bad = np.flatnonzero(rows < 0)
         if bad.size:
-            raise BadLine(line, entry.keyword, f"there is no {what} {numbers[bad[0]]}")
+            raise BadLine(lines[bad[0]], entry.keyword, f"there is no {what} {numbers[bad[0]]}")
         return rows + (placed.first_point if what == "node" else placed.first_element)
 
     def _range(self, what: str, placed: Placed, words: Sequence[str], line: int, entry: Entry
@@ -201,18 +205,30 @@ class AbaqusSets:
 
     def _surface(self, group: Group, scope: str, entry: Entry) -> None:
         where = self._scope(entry.instance or scope, entry)
+        what = "node" if entry.how == "NODE" else "element"
+        single: dict[str, tuple[list[int], list[str]]] = {}
         for line, words in entry.lines:
-            what = "node" if entry.how == "NODE" else "element"
-            chosen = (self._labelled(what, where, words[:1], line, entry) if words[0].isdecimal()
-                      else self._named(what, scope, where, words[0], line, entry))
-            if what == "node":
-                group.points.append(chosen)
-                continue
-            face = words[1].upper() if len(words) > 1 else ""
-            found = Group()
-            self._tag(found, chosen)
-            for b, rows in found.cells:
-                self._faces(group, b, rows, face, line, entry)
+            face = words[1].upper() if len(words) > 1 and what == "element" else ""
+            if words[0].isdecimal():
+                lines, labels = single.setdefault(face, ([], []))
+                lines.append(line)
+                labels.append(words[0])
+            else:
+                self._on(group, self._named(what, scope, where, words[0], line, entry), face,
+                         line, entry)
+        for face, (lines, labels) in single.items():
+            self._on(group, self._labelled(what, where, labels, lines, entry), face, lines[0],
+                     entry)
+
+    def _on(self, group: Group, chosen: IntArray, face: str, line: int, entry: Entry) -> None:
+        """Adds nodes, or the given face of elements, to the group of a surface."""
+        if entry.how == "NODE":
+            group.points.append(chosen)
+            return
+        found = Group()
+        self._tag(found, chosen)
+        for b, rows in found.cells:
+            self._faces(group, b, rows, face, line, entry)
 
     def _faces(self, group: Group, b: int, rows: IntArray, face: str, line: int, entry: Entry
                ) -> None:
@@ -236,13 +252,19 @@ class AbaqusSets:
 
     def _free(self, b: int, rows: IntArray) -> IntArray:
         """(F, d) facets of cells that belong to no other cell."""
+        first, free = self._free_facets
+        sides = FACETS_OF[self.top]
+        own = (first[b] + rows)[:, None] * (self.top + 1) + np.arange(self.top + 1)
+        return np.asarray(self.blocks[b].nodes[rows][:, sides][free[own]])
+
+    @cached_property
+    def _free_facets(self) -> tuple[dict[int, int], BoolArray]:
+        """Number of the first cell of each block of the highest dimension among all of those; True
+        for each facet of these cells that belongs to no other cell."""
         d = self.top
         solids = [i for i, block in enumerate(self.blocks) if block.dimension == d]
-        cells = np.concatenate([self.blocks[i].nodes[:, : d + 1] for i in solids])
-        number, count = facet_numbers(cells)
-        sides = FACETS_OF[d]
-        first = sum(len(self.blocks[i].nodes) for i in solids if i < b)
-        own = (first + rows)[:, None] * (d + 1) + np.arange(d + 1)
-        free = count[number[own]] == 1
-        facets = self.blocks[b].nodes[rows][:, sides]
-        return np.asarray(facets[free])
+        sizes = [len(self.blocks[i].nodes) for i in solids]
+        number, count = facet_numbers(
+            np.concatenate([self.blocks[i].nodes[:, : d + 1] for i in solids]))
+        first = dict(zip(solids, np.cumsum([0, *sizes]).tolist(), strict=False))
+        return first, np.asarray(count[number] == 1)

@@ -4,10 +4,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import meshio
 import numpy as np
 import pytest
 
 from mesh_texts import abaqus, bar, canonical, gmsh, nastran
+from sparsemor.bodies.fem.quadratic import with_midpoints
+from sparsemor.bodies.fem.surface import boundary_facets, facet_measures
 from sparsemor.bodies.mesh.file import MeshFile
 from sparsemor.core.errors import InputError
 from sparsemor.core.protocols.mesh import Mesh
@@ -274,6 +277,61 @@ def test_a_count_that_differs_from_the_lines_is_an_error(
             patch.setitem(module.OWN, kind, without_last(module.OWN[kind]))
             with pytest.raises(InputError, match="were read, and a plain count of its lines finds"):
                 build(tmp_path, f"a.{ending}", text)
+    shape = bar()
+    for ending, options in (("vtk", {"binary": False, "file_format": "vtk"}),
+                            ("vtk", {"binary": False, "file_format": "vtk42"}),
+                            ("vtu", {"binary": False}), ("mesh", {})):
+        meshio.Mesh(shape.points, [("triangle", shape.cells)]).write(
+            tmp_path / f"a.{ending}", **options)
+        MeshFile(path=f"a.{ending}").build(tmp_path)
+        with monkeypatch.context() as patch:
+            patch.setattr(module.other, "read", without_last(module.other.read))
+            with pytest.raises(InputError, match="19 cells of type triangle were read, .* 20"):
+                MeshFile(path=f"a.{ending}").build(tmp_path)
+
+
+def test_a_set_of_other_elements_than_its_lines_is_an_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """meshio gave the elements of the block before to a set, where that had no ELSET."""
+    from sparsemor.bodies.mesh import file as module
+    from sparsemor.bodies.mesh.formats.content import Content, Group
+
+    def shifted(read: Callable[[bytes, str], Content]) -> Callable[[bytes, str], Content]:
+        def reader(data: bytes, name: str) -> Content:
+            found = read(data, name)
+            groups = {n: Group(g.points, g.facets, [(b, rows[1:]) for b, rows in g.cells])
+                      for n, g in found.groups.items()}
+            return Content(found.points, found.blocks, groups)
+        return reader
+
+    for kind, ending, text in (("abaqus", "inp", abaqus(bar())), ("gmsh", "msh", gmsh(bar())),
+                               ("gmsh", "msh", gmsh(bar(), "2.2")),
+                               ("nastran", "bdf", nastran(bar(3)))):
+        monkeypatch.setitem(module.OWN, kind, shifted(module.OWN[kind]))
+        with pytest.raises(InputError, match="cells of type .* in '.*' were read, and a plain"):
+            build(tmp_path, f"a.{ending}", text)
+
+
+def test_a_set_of_nodes_and_of_elements_with_one_name(tmp_path: Path) -> None:
+    """Abaqus/CAE writes a face as its nodes and the elements behind it, a region as all its nodes
+    and elements: as a surface, both are the outline of the elements between the nodes."""
+    text = abaqus(bar())
+    text += "*NSET, NSET=TOP, GENERATE\n15, 215, 20\n*ELSET, ELSET=TOP, GENERATE\n2, 20, 2\n"
+    text += "*NSET, NSET=END\n5, 15, 25, 35\n*ELSET, ELSET=END\n1, 2\n"
+    mesh = build(tmp_path, "a.inp", text)
+    sizes = {n: facet_measures(mesh, boundary_facets(mesh, mesh.point_sets[n], n)).sum()
+             for n in ("TOP", "END")}
+    assert sizes == pytest.approx({"TOP": 0.2, "END": 0.06})
+    assert len(mesh.cell_sets["TOP"]) == 10
+
+
+def test_midpoints_of_a_set_of_cells_are_theirs(tmp_path: Path) -> None:
+    """All points of the layer between them are of the other metal; its edges' midpoints are not."""
+    layers = bar(2, (0.0, 0.05, 0.051, 0.101), (0.05, 0.051))
+    mesh = with_midpoints(build(tmp_path, "a.msh", gmsh(layers)))
+    own = mesh.points[mesh.point_sets["METAL1"]]
+    assert len(own) == 18 and not np.any((own[:, 0] > 0.0501) & (own[:, 0] < 0.0509))
 
 
 @pytest.mark.parametrize(("name", "text"), [
