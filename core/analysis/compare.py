@@ -17,6 +17,8 @@ from sparsemor.core.results.error_norms import (
     measure_errors,
     measure_names,
 )
+from sparsemor.core.results.files.listing import publishing
+from sparsemor.core.results.output_directory import COMPARISON
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.results.tables import CONSTANT, MARK, csv_table, marked, number, text_table
 from sparsemor.core.results.zarr_files import to_json
@@ -220,13 +222,14 @@ class Comparison:
         report: Callable[[Path], None] | None = None,
     ) -> list[Path]:
         """Writes errors.csv, start_up.csv, error_over_time.csv and, with `charts`, the charts (PNG
-        and SVG); returns their paths. report: called with the path of each chart's file."""
+        and SVG); returns their paths. report: called with the path of each
+        chart's file. Raises InputError instead of replacing files that are not ours."""
         folder = Path(directory)
-        folder.mkdir(parents=True, exist_ok=True)
         tables = {"errors.csv": self._error_rows(), "start_up.csv": phase_rows(self.measured),
                   "error_over_time.csv": self._series_rows()}
-        for name, rows in tables.items():
-            (folder / name).write_text(csv_table(rows), encoding="utf-8")
+        with publishing(folder, COMPARISON) as fresh:
+            for name, rows in tables.items():
+                (fresh / name).write_text(csv_table(rows), encoding="utf-8")
         written = [folder / name for name in tables]
         if not charts:
             return written

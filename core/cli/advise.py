@@ -16,12 +16,15 @@ from sparsemor.core.cli.options import (
     exit_codes,
     load_with,
     located_in,
+    path_of,
     print_json,
     progress,
 )
+from sparsemor.core.results.files.listing import list_file
 
-Out = Annotated[Path | None, typer.Option("--out", help="File for the chosen scene (default: "
-                                          "none is written).")]
+Out = Annotated[Path | None, typer.Option(
+    "--out", parser=path_of, metavar="FILE",
+    help="File for the chosen scene (default: none is written).")]
 Tolerance = Annotated[float | None, typer.Option(
     "--tolerance", help="Largest error of each field, relative to its largest change (default: "
     "that of the scene's reducer `auto`, else 1e-3).")]
@@ -43,6 +46,7 @@ def advise(
             advice = advised(loaded, tolerance=tolerance, observers=observers)
             if out is not None:
                 advice.save(out)
+                list_file(out, alone=True)
         if as_json:
             trials = [{k: str(v) if v == float("inf") else v for k, v in asdict(t).items()}
                       for t in advice.choice.trials]

@@ -21,23 +21,29 @@ def cache(
 ) -> None:
     """Show the cache of offline results (snapshots, bases), or reduce its size."""
     with exit_codes(as_json), located_in():
-        from sparsemor.core.simulation.cache import Cache
+        from sparsemor.core.simulation.cache import Cache, Removal
 
         store = Cache()
         if clear and limit is not None:
             raise InputError("give either --limit or --clear", "limit")
         most = 0 if clear else None if limit is None else bytes_of(limit)
-        freed = 0 if most is None else store.shrink(most)
+        done = Removal(0, 0) if most is None else store.reduce(most)
         sizes: Counter[str] = Counter()
-        for entry in store.entries():
+        there = store.contents()
+        for entry in there.entries:
             sizes[entry.kind] += entry.size
         if as_json:
-            print_json({"folder": str(store.root), "bytes": dict(sizes), "freed": freed})
+            print_json({"folder": str(store.root), "bytes": dict(sizes), "freed": done.freed,
+                        "not_removed": done.kept, "unreadable": there.unreadable})
         elif not quiet:
             for kind, size in sorted(sizes.items()):
                 typer.echo(f"{kind:<20} {in_words(size):>10}")
             typer.echo(f"{store.root}: {in_words(sizes.total())}"
-                       + (f", {in_words(freed)} removed" if most is not None else ""))
+                       + (f", {in_words(done.freed)} removed" if most is not None else ""))
+            for count, what in ((done.kept, "removed"), (there.unreadable, "read")):
+                if count:
+                    noun = "entry" if count == 1 else "entries"
+                    typer.echo(f"{count} {noun} could not be {what}")
 
 
 def bytes_of(text: str) -> int:

@@ -30,7 +30,8 @@ from sparsemor.core.cli.options import (
 from sparsemor.core.errors import InputError
 from sparsemor.core.model.body_cache import BodyCache
 from sparsemor.core.results.atomic_files import writing
-from sparsemor.core.results.output_directory import OutputDirectory
+from sparsemor.core.results.files.listing import add_part
+from sparsemor.core.results.output_directory import COMPARISON, OutputDirectory
 from sparsemor.core.scene.defaults import COMPARED
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.status import SolveFailed, Status
@@ -39,6 +40,8 @@ if TYPE_CHECKING:
     from sparsemor.core.results.run_result import RunResult
 
 Out = Annotated[Path | None, out_option("runs/SCENE-compare")]
+TABLES = ("errors.csv", "start_up.csv", "error_over_time.csv")
+"""Files of a comparison, besides pictures."""
 HALF = 0.5
 """Fraction of the run on which bases are trained where the scene would train them on all of it."""
 
@@ -75,7 +78,7 @@ def compare(
         directory = out or Path("runs", f"{loaded.name}-compare")
         body_cache = BodyCache()
         _refuse_early(scenes, body_cache)
-        with place_for_result(directory, resume, force):
+        with place_for_result(directory, resume, force, TABLES, tuple(scenes)):
             results, failures = _run_all(scenes, directory, resume, quiet or as_json, body_cache)
         _report(results, failures, directory, as_json, quiet, charts, error_limit)
 
@@ -137,6 +140,8 @@ def _run_all(
     results: dict[str, RunResult] = {}
     failures: dict[str, SolveFailed] = {}
     teacher = next((n for n, s in scenes.items() if training_steps(s)), "")
+    for name in scenes:
+        add_part(directory, name, COMPARISON)
     old = {name for name in scenes if OutputDirectory(directory / name).is_result()}
     for name, scene in scenes.items():
         with located_in(scene), progress(quiet) as observers:

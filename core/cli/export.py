@@ -2,6 +2,8 @@
 a stored run."""
 
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -14,12 +16,15 @@ from sparsemor.core.cli.options import (
     exit_codes,
     items,
     located_in,
+    path_of,
     print_json,
     times_at,
     warn,
     words,
 )
 from sparsemor.core.errors import InputError
+from sparsemor.core.results.files.listing import add_to_listing
+from sparsemor.core.results.output_directory import OutputDirectory
 from sparsemor.core.results.output_lock import owned
 
 if TYPE_CHECKING:
@@ -36,7 +41,8 @@ def export(
     run: Run,
     form: Annotated[str, typer.Option("--format", help="vtu or xdmf.")] = "vtu",
     out: Annotated[Path | None, typer.Option(
-        "--out", help="Directory for the files (default: inside the run's directory).")] = None,
+        "--out", parser=path_of, metavar="DIRECTORY",
+        help="Directory for the files (default: inside the run's directory).")] = None,
     at: At = None,
     every: Annotated[int, typer.Option(
         "--every", help="Export every N-th stored step (not with --at).")] = 1,
@@ -53,9 +59,11 @@ def export(
         from sparsemor.core.results.run_result import open_result
 
         result = open_result(run)
-        done = write(
-            result, out or result.path.parent / form, form, bodies=words(bodies),
-            fields=words(fields), at=times_at(at), every=every, force=force)
+        folder = out or result.path.parent / form
+        with part_of(result, folder):
+            done = write(
+                result, folder, form, bodies=words(bodies), fields=words(fields),
+                at=times_at(at), every=every, force=force)
         if as_json:
             print_json({
                 "status": "done", "out": done.folder, "format": form, "times": len(done.times),
@@ -74,7 +82,8 @@ def pictures(
         "--fields", help="Colour the bodies by some of displacement,temperature,stress,strain "
         "(default: the first two).")] = None,
     out: Annotated[Path | None, typer.Option(
-        "--out", help="Directory for the files (default: `pictures` in the run's).")] = None,
+        "--out", parser=path_of, metavar="DIRECTORY",
+        help="Directory for the files (default: `pictures` in the run's).")] = None,
     as_json: Json = False, quiet: Quiet = False,
 ) -> None:
     """Draw a stored run: motion, fields at some times, probes, active atoms. PNG and SVG."""
@@ -92,7 +101,7 @@ def pictures(
         chosen = DEFAULT_FIELDS if fields is None else items(
             "fields", fields, _field, f"give some of {', '.join(FIELDS)}") or DEFAULT_FIELDS
         folder = out or result.path.parent / "pictures"
-        with owned(folder):
+        with owned(folder), part_of(result, folder):
             files = write_run_charts(
                 result, folder, times, fields=chosen,
                 report=silent if as_json or quiet else lambda file: typer.echo(str(file)))
@@ -103,7 +112,8 @@ def pictures(
 def animate(
     run: Run,
     out: Annotated[Path | None, typer.Option(
-        "--out", help="File to write, .gif or .mp4 (default: animation.gif in the run's directory)."
+        "--out", parser=path_of, metavar="FILE",
+        help="File to write, .gif or .mp4 (default: animation.gif in the run's directory)."
     )] = None,
     field: Annotated[str, typer.Option(
         "--field", help="displacement, temperature, stress or strain.")] = "displacement",
@@ -132,6 +142,18 @@ def animate(
             print_json({"status": "done", "file": str(file)})
         elif not quiet:
             typer.echo(str(file))
+
+
+@contextmanager
+def part_of(result: "RunResult", folder: Path) -> Iterator[None]:
+    """Context in which files are written to a folder, which is listed as a part of the run's if it
+    is new and inside it: `--force` replaces both."""
+    run, place = result.path.parent.absolute(), folder.absolute()
+    new = run in place.parents and not OutputDirectory(place).occupied()
+    yield
+    if new:
+        with suppress(OSError, InputError):  # the run may be of another user
+            add_to_listing(run, [{"part": place.relative_to(run).as_posix()}])
 
 
 def _field(name: str) -> "Field":

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from sparsemor.core.cli.options import exit_codes, located_in
+from sparsemor.core.cli.options import exit_codes, located_in, path_of
 from sparsemor.core.errors import InputError
 from sparsemor.core.registry.registry import Registry, suggestions
 from sparsemor.core.results.output_directory import OutputDirectory
@@ -29,7 +29,8 @@ def new_plugin(
     name: Annotated[str, typer.Argument(metavar="NAME", help="The plugin's name, as in my_rows.")],
     kind: Annotated[str, typer.Option(help=f"One of: {', '.join(KINDS)}.")],
     out: Annotated[Path | None, typer.Option(
-        "--out", help="Directory to create (default: sparsemor-NAME).")] = None,
+        "--out", parser=path_of, metavar="DIRECTORY",
+        help="Directory to create (default: sparsemor-NAME).")] = None,
 ) -> None:
     """Write a third-party package with one plugin and its law test."""
     with exit_codes():

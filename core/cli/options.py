@@ -1,6 +1,7 @@
 """Shared parts of the commands: options, exit codes, output directories."""
 
 import json
+import os
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
@@ -12,6 +13,7 @@ import typer
 
 from sparsemor.core.errors import Damaged, Fault, InputError
 from sparsemor.core.registry.validation_errors import shown
+from sparsemor.core.results.files.listing import require_ours
 from sparsemor.core.results.model_format import is_model_file
 from sparsemor.core.results.output_directory import OutputDirectory
 from sparsemor.core.scene.overrides import parse_settings
@@ -46,15 +48,30 @@ name."""
 
 def out_option(otherwise: str) -> Any:
     """Option `--out`, the output directory; otherwise: default directory, for the help text."""
-    return typer.Option("--out", help=f"Directory for the result (default: {otherwise}).")
+    return typer.Option("--out", parser=path_of, metavar="DIRECTORY",
+                        help=f"Directory for the result (default: {otherwise}).")
+
+
+def path_of(text: str) -> Path:
+    """Path that an option names. An empty one, as of a variable of the shell that is not set, is
+    refused: it would be the working directory."""
+    if not str(text).strip():
+        raise typer.BadParameter("the path is empty")
+    return Path(text)
 
 
 def check_new_file(file: Path, replace: bool) -> None:
-    """Raises InputError where a command cannot write to `file`, or would replace it unasked."""
-    if file.exists() and not replace:
+    """Raises InputError where a command cannot write to `file`, or would replace it unasked.
+    `replace` is for files that this program wrote and nobody changed since."""
+    if file.is_dir():
+        raise InputError(f"{file} is a folder: give the name of a file", "out")
+    if os.path.lexists(file) and not replace:
         raise InputError(f"{file} exists: choose another file, or replace it with --force", "out")
     if not file.parent.is_dir():
         raise InputError(f"there is no folder {file.parent}", "out")
+    require_ours(file.parent, [file.name])
+    if not os.access(file.parent, os.W_OK):
+        raise InputError(f"{file.parent} is not writable: choose another --out", "out")
 
 
 def load_with(scene: str, settings: Sequence[str] | None) -> Scene:
@@ -191,10 +208,13 @@ def progress(quiet: bool) -> AbstractContextManager[Sequence[object]]:
 
 
 @contextmanager
-def place_for_result(out: Path, resume: bool, force: bool) -> Iterator[None]:
+def place_for_result(
+    out: Path, resume: bool, force: bool, writes: Sequence[str] = (), parts: Sequence[str] = ()
+) -> Iterator[None]:
     """Context that claims the output directory until the end of this command
     (`OutputDirectory.claimed`)."""
     with ExitStack() as stack:
         with located_in():
-            stack.enter_context(OutputDirectory(out).claimed(resume=resume, force=force))
+            stack.enter_context(OutputDirectory(out).claimed(
+                resume=resume, force=force, writes=writes, parts=parts))
         yield

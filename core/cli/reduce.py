@@ -16,11 +16,14 @@ from sparsemor.core.cli.options import (
     exit_codes,
     load_with,
     located_in,
+    path_of,
     print_json,
     progress,
 )
+from sparsemor.core.results.files.listing import list_file
 
-Out = Annotated[Path | None, typer.Option("--out", help="File (default: SCENE-REDUCER.model).")]
+Out = Annotated[Path | None, typer.Option(
+    "--out", parser=path_of, metavar="FILE", help="File (default: SCENE-REDUCER.model).")]
 Fields = Annotated[bool, typer.Option(
     "--fields", help="Keep meshes and bases too, for pictures and export of the model's results.")]
 
@@ -46,6 +49,7 @@ def reduce(
             begun = time.perf_counter()
             model = prepare(loaded, observers=observers)
             saved = model.save(file, fields=fields, rounded=rounded)
+            list_file(file, alone=True)
         said = {"status": "done", "scene": loaded.name, "reducer": loaded.reducer_name,
                 "unknowns": model.size, "seconds": time.perf_counter() - begun,
                 "bytes": file.stat().st_size, "rounded": saved.rounded,

@@ -14,6 +14,7 @@ from sparsemor.core.cli.options import (
     exit_codes,
     leave,
     located_in,
+    path_of,
     print_json,
     words,
 )
@@ -31,8 +32,9 @@ def reproduce(
     items: Annotated[str, typer.Option(
         help="Only these, such as fig_4,table_2.")] = "",
     out: Annotated[Path | None, typer.Option(
-        "--out", help="Directory for pages and runs, continued if it exists (default: "
-                      "runs/reproduce, or runs/reproduce-quick).")] = None,
+        "--out", parser=path_of, metavar="DIRECTORY",
+        help="Directory for pages and runs, continued if it exists (default: "
+             "runs/reproduce, or runs/reproduce-quick).")] = None,
     workers: Annotated[int | None, typer.Option(
         help="Worker processes (default: one per processor).")] = None,
     paper: Annotated[str, typer.Option(help="A packaged paper's name, or a paper file.")] = PAPER,

@@ -25,6 +25,7 @@ from sparsemor.core.cli.options import (
 )
 from sparsemor.core.errors import InputError
 from sparsemor.core.results.atomic_files import writing
+from sparsemor.core.results.files.listing import publishing, require_ours
 from sparsemor.core.results.output_directory import OutputDirectory
 from sparsemor.core.results.output_lock import owned
 from sparsemor.core.results.tables import csv_table, with_head
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
     from sparsemor.core.analysis.stability.variants import Plan
 
 Out = Annotated[Path | None, out_option("only printed")]
+FILES = ("stability.csv", "seeds.csv", "stability_map.png", "stability_map.svg")
 
 
 def stability(
@@ -67,6 +69,7 @@ def stability(
                 OutputDirectory(out).require_replaceable(
                     force, "use --force to overwrite, or choose another --out",
                     OutputDirectory(out).path.is_dir, "a directory only")
+                require_ours(out, FILES)
         from sparsemor.core.analysis.stability.survey import survey
 
         with located_in(loaded), owned(out) if out is not None else nullcontext():
@@ -108,14 +111,14 @@ def write(found: "Survey", folder: Path) -> list[Path]:
     from sparsemor.core.analysis.charts.stability import stability_figure
     from sparsemor.core.analysis.charts.style import save
 
-    table, each = folder / "stability.csv", folder / "seeds.csv"
-    with writing(folder):
+    with writing(folder), publishing(folder) as fresh:
+        table, each = fresh / "stability.csv", fresh / "seeds.csv"
         lines = [e.as_dict() for e in found.entries]
         findings = [{**e.settings, **_flat(f.as_dict())} for e in found.entries for f in e.findings]
         for file, rows in ((table, lines), (each, findings)):
             file.write_text(csv_table(with_head(rows)), encoding="utf-8", newline="")
-        return [table, each,
-                *save(stability_figure(found), folder, "stability_map", ("png", "svg"))]
+        save(stability_figure(found), fresh, "stability_map", ("png", "svg"))
+    return [folder / name for name in FILES]
 
 
 def _flat(row: Mapping[str, Any]) -> dict[str, Any]:

@@ -14,6 +14,7 @@ from sparsemor.core.cli.options import (
     exit_codes,
     leave,
     located_in,
+    path_of,
     print_json,
 )
 
@@ -26,9 +27,9 @@ def study(
     file: Annotated[str, typer.Argument(
         metavar="STUDY", help="A packaged study's name (`sparsemor plugins study` lists them), or "
                               "a study file.")],
-    out: Annotated[Path | None, typer.Option("--out", help="Directory for the table (default: "
-                                             "runs/NAME). A stopped study is continued.")
-                   ] = None,
+    out: Annotated[Path | None, typer.Option(
+        "--out", parser=path_of, metavar="DIRECTORY",
+        help="Directory for the table (default: runs/NAME). A stopped study is continued.")] = None,
     workers: Annotated[int, typer.Option(help="Worker processes on this machine; 0: none.")] = 0,
     scheduler: Annotated[str, typer.Option(
         metavar="ADDRESS", help="A dask.distributed cluster, as tcp://host:8786.")] = "",

@@ -2,6 +2,7 @@
 part."""
 
 import os
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -27,14 +28,19 @@ def replaced(path: Path) -> Iterator[Path]:
     The folder must exist: a missing folder was moved or removed during the run and is not created
     again.
     """
-    part = path.with_name(f".{path.name}.part")
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         with writing(path):
             yield part
             os.replace(part, path)
-    except OSError:
+    except BaseException:
         part.unlink(missing_ok=True)
         raise
+
+
+def unfinished(name: str) -> bool:
+    """True for the name of a temporary file of `replaced`, which a killed process leaves."""
+    return bool(re.fullmatch(r"\..+\.\d+\.part", name))
 
 
 def replace_file(path: Path, data: bytes, *, synced: bool = False) -> None:

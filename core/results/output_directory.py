@@ -1,26 +1,37 @@
 """Output directories: write access, and replacement of an earlier result.
 
-With `--force` the earlier result is kept in OUT/.replaced until the new run has ended. A process
-that is killed at any moment leaves either the earlier result in OUT, or the earlier result in
-OUT/.replaced and the steps that the new run stored in OUT. Only the process that holds the lock of
-OUT changes it (output_lock.py).
+With `--force` the files of the earlier result (files/own.py) are kept in OUT/.replaced until the
+new run has ended; whatever else is in OUT stays where it is. A process that is killed at any moment
+leaves either the earlier result in OUT, or the earlier result in OUT/.replaced and the steps that
+the new run stored in OUT. Only the process that holds the lock of OUT changes it (output_lock.py).
 """
 
 import json
 import os
-import shutil
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+import stat
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from sparsemor.core.errors import InputError
-from sparsemor.core.results.checkpoint import checkpoint_file
+from sparsemor.core.results.checkpoint import checkpoint_file, load_checkpoint
+from sparsemor.core.results.files.listing import (
+    LISTING,
+    Listing,
+    in_the_way,
+    read_listing,
+    require_ours,
+)
+from sparsemor.core.results.files.own import STORE, OwnFiles, move, own_files, remove
+from sparsemor.core.results.files.temporary import NAME as TEMPORARY
 from sparsemor.core.results.output_lock import LOCK, lost, owned
+from sparsemor.core.results.saved_state import SavedError
 from sparsemor.core.results.zarr_files import GROUP_FILE
 from sparsemor.core.status import SolveFailed, Status
 
 KEPT, MOVING = ".replaced", ".replaced.part"
-STORE = "result.zarr"
+COMPARISON = "comparison"
+"""Kind of the list of a comparison."""
 _TABLES = ("errors.csv", "table.csv")
 """Files that mark a complete comparison (`errors.csv`) or study (`table.csv`)."""
 _SCRATCH = f".{STORE}."
@@ -46,18 +57,19 @@ class OutputDirectory:
         return [p for p in sorted(self.path.iterdir()) if not _nothing(p)]
 
     def is_result(self) -> bool:
-        """True if the directory, or a folder directly in it, contains the result of an earlier
-        `run` or `compare`."""
-        path = self.path
-        inside = [path, *(p for p in path.iterdir() if p.is_dir())] if path.is_dir() else []
-        return any((p / STORE).is_dir() or (p / GROUP_FILE).is_file() for p in inside
-                   if p.name not in (KEPT, MOVING))
+        """True if the directory contains the result of a run."""
+        return (self.store / GROUP_FILE).is_file()
+
+    def is_run_or_comparison(self) -> bool:
+        """True if the directory contains the result of a run or of a comparison."""
+        listing = read_listing(self.path)
+        return self.is_result() or listing is not None and listing.kind == COMPARISON
 
     def kept_note(self) -> str:
         """Clause for error messages that names the folder of the kept earlier result; empty where
         there is none."""
         kept = self.path / KEPT
-        return f"; the earlier one is kept in {kept}" if kept.is_dir() else ""
+        return f"; the earlier one is kept in {kept}" if own_files(kept).results else ""
 
     # ------------------------------------------------------------------ who may write
 
@@ -90,17 +102,23 @@ class OutputDirectory:
         advice: end of the message without `force`; kind: kind of content that `force` may replace,
         for the message.
         """
-        if not force:
+        if not force or self.path.exists() and not self.path.is_dir():
             self.require_empty(advice)
         elif self.occupied() and not replaceable():
             raise InputError(f"{self.path}: --force replaces {kind}", "out")
 
     def require_writable(self) -> None:
-        """Raises InputError (key `out`) if the directory contains a result already or is not
-        writable."""
-        if self.store.exists():
+        """Raises InputError (key `out`) if the directory contains a result already, or something
+        where one would be written, or is not writable."""
+        if self.is_result():
             raise InputError(f"{self.path} already contains a result: use --resume to continue, "
                              "--force to overwrite, or choose another --out", "out")
+        if os.path.lexists(self.store) and not stat.S_ISDIR(os.lstat(self.store).st_mode):
+            raise in_the_way(self.path, [STORE])
+        try:
+            load_checkpoint(self.store)  # one that its store has lost is removed
+        except (SavedError, OSError):
+            raise in_the_way(self.path, [checkpoint_file(self.store).name]) from None
         place = self.path
         while not place.exists():
             place = place.parent
@@ -110,29 +128,36 @@ class OutputDirectory:
     @contextmanager
     def claimed(
         self, *, resume: bool, force: bool, replaceable: Callable[[], bool] | None = None,
-        kind: str = "results only, and this holds none",
+        kind: str = "results only, and this holds none", writes: Sequence[str] = (),
+        parts: Sequence[str] = (),
     ) -> Iterator[None]:
-        """Context manager: exclusive use of the directory, emptied for a new result unless
-        `resume`.
+        """Context manager: exclusive use of the directory, from which an earlier result is removed
+        for a new one unless `resume`.
 
-        Raises InputError (key `out`) rather than overwrite. With `force` an earlier result is kept
-        in OUT/.replaced until the new one has ended, and restored if the new run stores nothing.
-        Files that no run wrote are never removed. replaceable: test whether `force` may replace the
-        content (default: the result of a run or comparison); kind: content that may be replaced,
-        for the message.
+        Raises InputError (key `out`) rather than overwrite. With `force` the files of an earlier
+        result are kept in OUT/.replaced until the new one has ended, and put back if the new run
+        stores nothing. Files that no run wrote, or that somebody changed since, are never touched.
+        replaceable: test whether `force` may replace the content (default: the result of a run or
+        comparison); kind: content that may be replaced, for the message; writes, parts: files
+        and folders with results that the command will write, of which none may be somebody else's.
         """
         with owned(self.path):
             self._recover()
             if not resume and self.entries():
                 self.require_replaceable(
                     force, "use --resume to continue, --force to overwrite, or choose another "
-                    "--out", replaceable or self.is_result, kind)
-                self._set_aside()
+                    "--out", replaceable or self.is_run_or_comparison, kind)
+                self._set_aside(writes, parts)
+            elif writes:
+                require_ours(self.path, writes)
             try:
                 yield
             except BaseException as error:
                 if not lost(self.path):
                     self._recover()
+                    begun = own_files(self.path)
+                    if not begun.results:
+                        remove(begun, self.path)
                     if isinstance(error, SolveFailed) and error.status is not Status.INTERRUPTED:
                         self._drop()
                 raise
@@ -140,12 +165,11 @@ class OutputDirectory:
                 self._drop()
 
     def remove_result(self) -> None:
-        """Removes the store and checkpoint of a run that this process made, and the directory if it
-        is then empty."""
+        """Removes the files of the result in the directory, and the directory if it is then
+        empty."""
         with owned(self.path):
-            checkpoint_file(self.store).unlink(missing_ok=True)
-            shutil.rmtree(self.store, ignore_errors=True)
-        if not any(self.path.iterdir()):
+            remove(own_files(self.path), self.path)
+        if self.path.is_dir() and not any(self.path.iterdir()):
             self.path.rmdir()
 
     # ------------------------------------------------------------------ the earlier result
@@ -153,45 +177,67 @@ class OutputDirectory:
     def _recover(self) -> None:
         """Moves the earlier result back if the new run stored nothing."""
         out = self.path
-        if (out / KEPT).is_dir() and not (out / MOVING).is_dir() and not self.entries():
-            os.replace(out / KEPT, out / MOVING)
-        if (out / MOVING).is_dir():
-            for path in sorted((out / MOVING).iterdir()):
-                target = out / path.name
-                if target.is_dir() and not OutputDirectory(target).entries():
-                    shutil.rmtree(target)  # locks of killed runs
-                os.replace(path, target)
-            (out / MOVING).rmdir()
+        renamed = False
+        if _folder(out / KEPT) and not os.path.lexists(out / MOVING) and (
+                own_files(out / KEPT).results):
+            begun = own_files(out)
+            if not begun.results:
+                remove(begun, out)
+                os.replace(out / KEPT, out / MOVING)
+                renamed = True
+        if _folder(out / MOVING):
+            move(own_files(out / MOVING), out / MOVING, out, back=True)
+            if not any((out / MOVING).iterdir()):
+                (out / MOVING).rmdir()
+            elif renamed:  # somebody else's files are in it
+                os.replace(out / MOVING, out / KEPT)
 
-    def _set_aside(self) -> None:
-        """Moves the earlier result to OUT/.replaced.
+    def _set_aside(self, writes: Sequence[str], parts: Sequence[str]) -> None:
+        """Moves the files of the earlier result to OUT/.replaced.
 
         If a new run was killed before its end, its files are removed and the result in
-        OUT/.replaced stays. Raises InputError while another process writes to a part of the result.
+        OUT/.replaced stays. Raises InputError, changing nothing, for files of somebody else that
+        the new result would replace, and while another process writes to a part of the result.
         """
-        out, found = self.path, self.entries()
-        for part in (p for p in found if OutputDirectory(p).is_result()):
+        out, own = self.path, own_files(self.path)
+        if own.changed:
+            raise in_the_way(out, own.changed)
+        known = {p for p in (read_listing(out) or Listing()).parts if _folder(out / p)}
+        taken = [n for n in writes if os.path.lexists(out / n) and n not in own.files]
+        taken += [n for n in parts if os.path.lexists(out / n) and n not in known]
+        if taken:
+            raise in_the_way(out, taken)
+        stores = {(out / p).parent for p in own.files if Path(p).name == GROUP_FILE}
+        for part in {out / p for p in known} | {s.parent for s in stores if s.name == STORE}:
             with owned(part):
                 pass
-        if (out / KEPT).is_dir():
-            if not self._ended():
-                for path in found:
-                    shutil.rmtree(path) if path.is_dir() else path.unlink()
+        if os.path.lexists(out / KEPT):
+            kept = own_files(out / KEPT) if _folder(out / KEPT) else OwnFiles({}, ())
+            if kept.results and not self._ended(own):
+                remove(own, out)
                 return
-            shutil.rmtree(out / KEPT)
+            remove(kept, out / KEPT)
+            if _folder(out / KEPT) and not any((out / KEPT).iterdir()):
+                (out / KEPT).rmdir()
+        for place in (KEPT, MOVING):
+            if os.path.lexists(out / place):
+                raise in_the_way(out, [place])
         (out / MOVING).mkdir()
-        for path in found:
-            os.replace(path, out / MOVING / path.name)
+        move(own, out, out / MOVING)
         os.replace(out / MOVING, out / KEPT)
 
     def _drop(self) -> None:
         """Removes the earlier result after the new run has ended."""
-        shutil.rmtree(self.path / KEPT, ignore_errors=True)
+        kept = self.path / KEPT
+        with suppress(OSError):
+            if _folder(kept):
+                remove(own_files(kept), kept)
+                kept.rmdir()  # unless somebody else's files are in it
 
-    def _ended(self) -> bool:
+    def _ended(self, own: OwnFiles) -> bool:
         """True if the run, comparison or study in the directory ended without being interrupted."""
-        if not self.store.is_dir():
-            return any((self.path / name).is_file() for name in _TABLES)
+        if f"{STORE}/{GROUP_FILE}" not in own.files:
+            return any(name in own.files for name in _TABLES)
         try:
             document = json.loads((self.store / GROUP_FILE).read_text(encoding="utf-8"))
             return bool(document["attributes"]["status"] != Status.INTERRUPTED.value)
@@ -199,8 +245,17 @@ class OutputDirectory:
             return False
 
 
+def _folder(path: Path) -> bool:
+    """True for a folder that is no symbolic link."""
+    return path.is_dir() and not path.is_symlink()
+
+
 def _nothing(path: Path) -> bool:
-    if path.name in (LOCK, KEPT, MOVING) or path.name.startswith(_SCRATCH):
+    name = path.name
+    if name in (LOCK, KEPT, MOVING, LISTING) or path.name.startswith(_SCRATCH) or (
+            TEMPORARY.fullmatch(name)):
         return True
-    inside = list(path.iterdir()) if path.is_dir() else []
+    if not _folder(path):
+        return False
+    inside = list(path.iterdir())
     return bool(inside) and all(map(_nothing, inside))  # stops at the first file

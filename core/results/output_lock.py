@@ -12,7 +12,7 @@ from types import MappingProxyType
 
 from sparsemor.core.errors import InputError
 
-LOCK = ".lock"
+LOCK = ".sparsemor.lock"
 """Name of the locked file. A lock file that a killed process leaves is harmless."""
 _ATTEMPTS = 100
 _held: ContextVar[Mapping[Path, int]] = ContextVar("held", default=MappingProxyType({}))
@@ -48,11 +48,13 @@ def owned(folder: Path) -> Iterator[None]:
             yield
         finally:
             _held.reset(token)
+            ours = os.fstat(lock).st_size == 0 and inode(place / LOCK) == inode(lock)
             if sys.platform == "win32":
                 os.close(lock)
-                (place / LOCK).unlink(missing_ok=True)
+                if ours:
+                    (place / LOCK).unlink(missing_ok=True)
             else:  # removed while it is locked: whoever waits for it finds that it is gone
-                if inode(place / LOCK) == inode(lock):
+                if ours:
                     (place / LOCK).unlink(missing_ok=True)
                 os.close(lock)
     finally:

@@ -20,6 +20,7 @@ from sparsemor.core.protocols.poses import (
     vectors_in_space,
 )
 from sparsemor.core.protocols.prescribed_motion import Stage
+from sparsemor.core.results.files.temporary import TemporaryFolder
 from sparsemor.core.results.metadata import Probe, load_layout
 from sparsemor.core.results.output_directory import OutputDirectory
 from sparsemor.core.results.stage_arrays import read_stage
@@ -50,12 +51,20 @@ class RunResult:
             raise InputError(f"there is no result in {path}{kept}")
         self._arrays: dict[str, NDArray[Any]] = {}
         self._recoveries: dict[str, StressRecovery] = {}
+        self._folder: TemporaryFolder | None = None
+
+    def held_in(self, folder: TemporaryFolder) -> "RunResult":
+        """This result, with which the temporary folder is removed that it is stored in. If it is
+        pickled, the folder stays until this process ends."""
+        self._folder = folder
+        return self
 
     @classmethod
     def of(cls, arrays: ResultArrays) -> "RunResult":
         """Result in memory, that of a kept model (simulation/reduced_model.py)."""
         made = cls.__new__(cls)
         made._path, made._stored, made._arrays, made._recoveries = None, arrays, {}, {}
+        made._folder = None
         return made
 
     @property
@@ -67,6 +76,8 @@ class RunResult:
 
     def __reduce__(self) -> tuple[Any, ...]:
         stored = self._stored
+        if self._folder is not None:
+            self._folder.keep_until_exit()
         return (RunResult, (self.path,)) if isinstance(stored, StoredArrays) else (
             RunResult.of, (stored,))
 
@@ -87,7 +98,7 @@ class RunResult:
 
     @cached_property
     def _stored(self) -> ResultArrays:
-        return StoredArrays(self.path)
+        return StoredArrays(self.path, self._folder)
 
     @cached_property
     def _data(self) -> ResultArrays:

@@ -8,9 +8,9 @@ The run ends with an OSError if its store is moved, removed or replaced meanwhil
 
 import errno
 import os
-import shutil
 import uuid
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -30,6 +30,9 @@ from sparsemor.core.results.checkpoint import (
     save_checkpoint,
 )
 from sparsemor.core.results.continuation import extended, refusal
+from sparsemor.core.results.files.listing import in_the_way
+from sparsemor.core.results.files.own import move, own_store, remove
+from sparsemor.core.results.files.temporary import TemporaryFolder
 from sparsemor.core.results.metadata import RunHeader, load_layout
 from sparsemor.core.results.output_lock import FixedFolder
 from sparsemor.core.results.run_result import RunResult
@@ -89,21 +92,22 @@ class ResultWriter:
         Raises InputError if there is a store already.
         """
         target = Path(path).absolute()
-        if target.exists():
+        if (target / zf.GROUP_FILE).exists():
             raise InputError(
                 f"{path} already contains a result: continue it with --resume, choose another "
                 "directory, or remove it", key="out")
         target.parent.mkdir(parents=True, exist_ok=True)
-        fresh = target.with_name(f".{target.name}.new")
-        shutil.rmtree(fresh, ignore_errors=True)
-        try:
+        with TemporaryFolder(target.parent) as folder:
+            fresh = folder / target.name
             fresh.mkdir()
             _write_empty(fresh, header)
-        except (OSError, ValueError):
-            shutil.rmtree(fresh, ignore_errors=True)
-            raise
-        checkpoint_file(target).unlink(missing_ok=True)
-        os.replace(fresh, target)
+            if taken := [n for n in zf.arrays_of(zf.read_group(fresh)) if _in_use(target / n)]:
+                raise in_the_way(target, taken)
+            checkpoint_file(target).unlink(missing_ok=True)
+            if target.is_dir():  # somebody else's files are in it
+                move(own_store(fresh), fresh, target, back=True)
+            else:
+                os.replace(fresh, target)
         return cls(target)
 
     @classmethod
@@ -172,9 +176,8 @@ class ResultWriter:
         The stored steps are converted (`converted`); a process that is killed during the exchange
         leaves them in the folder `.NAME.old`."""
         known = self.result()
-        fresh, old = (self.path.with_name(f".{self.path.name}.{end}") for end in ("new", "old"))
-        for folder in (fresh, old):
-            shutil.rmtree(folder, ignore_errors=True)
+        folder, old = TemporaryFolder(self.path.parent), _old_folder(self.path)
+        fresh = folder.path / self.path.name
         fresh.mkdir()
         _write_empty(fresh, header)
         writer = ResultWriter(fresh)
@@ -186,7 +189,13 @@ class ResultWriter:
             pass
         os.replace(self.path, old)
         os.replace(fresh, self.path)
-        shutil.rmtree(old, ignore_errors=True)
+        remove(own_store(old), old)
+        for path in sorted(old.rglob("*")):  # somebody else's files
+            place = self.path / path.relative_to(old)
+            if not os.path.lexists(place):
+                os.replace(path, place)
+        _remove_empty(old)
+        folder.remove()
         return ResultWriter(self.path)
 
     def checkpoint(
@@ -228,7 +237,7 @@ class ResultWriter:
         """Removes the store and its checkpoint, unless the store was moved or replaced."""
         if self._folder.in_place():
             checkpoint_file(self.path).unlink(missing_ok=True)
-            shutil.rmtree(self.path, ignore_errors=True)
+            remove_store(self.path)
 
     def _check_times(self, times: FloatArray) -> None:
         before = np.concatenate([[self._last_time], times])
@@ -322,6 +331,7 @@ def check_column(
 def _write_empty(path: Path, header: RunHeader) -> None:
     growing = time_arrays(header)
     fixed: dict[str, dict[str, Any]] = {}
+    chunks: dict[str, NDArray[Any]] = {}
     for name, dimensions, attributes, values in fixed_arrays(header):
         dtype = "int64" if values.dtype.kind in "iu" else "float64"
         if not np.isfinite(values).all():
@@ -330,12 +340,51 @@ def _write_empty(path: Path, header: RunHeader) -> None:
             raise ValueError(f"two arrays of the result are named {name!r}: rename the probe")
         fixed[name] = zf.array_metadata(values.shape, values.shape, dtype, dimensions, attributes)
         if values.size:
-            zf.write_chunk(path, name, fixed[name], 0, values)
+            chunks[name] = values
     attributes = header.attributes() | {
         "format": zf.FORMAT, "run": uuid.uuid4().hex, "steps_per_chunk": steps_per_chunk(header),
         "status": Status.INTERRUPTED.value, "summary": {}, "stage": stage_attributes(header.stage),
     }
+    # first the list by which the chunks of a process that is killed here are known to be ours
     zf.write_group(path, zf.group_document(attributes, growing | fixed))
+    for name, values in chunks.items():
+        zf.write_chunk(path, name, fixed[name], 0, values)
+
+
+def remove_store(store: Path) -> None:
+    """Removes the files of a store that are ours, and the folder if it is then empty."""
+    remove(own_store(store), store)
+    _remove_empty(store)
+
+
+def _remove_empty(folder: Path) -> None:
+    """Removes a folder in which there are no files."""
+    for path in sorted((p for p in folder.rglob("*") if p.is_dir()), reverse=True):
+        with suppress(OSError):
+            path.rmdir()
+    with suppress(OSError):
+        folder.rmdir()
+
+
+def _old_folder(store: Path) -> Path:
+    """New folder next to a store, for what it held, without what a killed process left in it."""
+    folder = store.with_name(f".{store.name}.old")
+    if folder.is_dir() and not folder.is_symlink():
+        remove_store(folder)
+    if os.path.lexists(folder):  # somebody else's
+        folder = folder.with_name(f"{folder.name}-{uuid.uuid4().hex}")
+    folder.mkdir()
+    return folder
+
+
+def _in_use(array: Path) -> bool:
+    """True if something of somebody else is where the files of an array would be."""
+    def no_folder(path: Path) -> bool:
+        return os.path.lexists(path) and (path.is_symlink() or not path.is_dir())
+
+    chunks = array / "c"
+    return (no_folder(array) or no_folder(chunks) or os.path.lexists(array / zf.GROUP_FILE)
+            or any(map(no_folder, chunks.rglob("*"))))
 
 
 def _refused(target: Path, why: str) -> InputError:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from sparsemor.core.arrays import IntArray
 from sparsemor.core.results import zarr_files as zf
+from sparsemor.core.results.files.temporary import TemporaryFolder
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -39,12 +40,13 @@ class ResultArrays(Protocol):
 class StoredArrays:
     """Arrays of one result by name, at the state of the last commit before this object was created.
 
+    folder: temporary folder of the result, which exists as long as this object.
     `attributes`: attributes of the Zarr group, as plain data. Raises Damaged, with the path of the
     file, when the metadata are damaged; `read` does so for a missing or damaged chunk.
     """
 
-    def __init__(self, root: Path) -> None:
-        self.root = root
+    def __init__(self, root: Path, folder: TemporaryFolder | None = None) -> None:
+        self.root, self._folder = root, folder
         document = zf.read_group(root)
         self.attributes: dict[str, Any] = document["attributes"]
         self._arrays = zf.arrays_of(document)

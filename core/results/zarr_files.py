@@ -104,6 +104,19 @@ def read_chunk(
     return np.array(part, dtype=metadata["data_type"])
 
 
+def is_chunk(file: Path, metadata: Mapping[str, Any], checked: bool = True) -> bool:
+    """True if a file is a whole chunk of the array, by its size and, if `checked`, by its
+    checksum."""
+    size = chunk_bytes(metadata)
+    try:
+        if not _checked(metadata) or os.stat(file).st_size != size + 4:
+            return False
+        raw = file.read_bytes() if checked else b""
+    except OSError:
+        return False
+    return not checked or checksum(raw[:size]) == int.from_bytes(raw[size:], "little")
+
+
 def check_chunks(root: Path, arrays: Mapping[str, Mapping[str, Any]]) -> None:
     """Raises Damaged for the first committed chunk whose file is missing or has the wrong size."""
     for name, metadata in arrays.items():
@@ -149,7 +162,7 @@ def _what(
     first = number * chunk_shape(metadata)[0]
     last = min(first + chunk_shape(metadata)[0], metadata["shape"][0]) - 1
     return (f"{file} {fault}; rows {first} to {last} of {name} are lost: restore the file, or "
-            "repeat the run with --force")
+            "remove the result and repeat the run")
 
 
 def read_group(root: Path) -> dict[str, Any]:
@@ -165,10 +178,10 @@ def read_group(root: Path) -> dict[str, Any]:
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as fault:
         raise Damaged(
             f"{file} is damaged, or no result's metadata ({type(fault).__name__}: {fault}): "
-            "restore the file, or repeat the run with --force") from None
+            "restore the file, or remove the result and repeat the run") from None
     if not (same and whole):
         raise Damaged(f"{file} is damaged or was edited: its checksum is not that of its "
-                         "content. Restore the file, or repeat the run with --force")
+                         "content. Restore the file, or remove the result and repeat the run")
     if form not in (1, FORMAT):
         raise InputError(f"{file} has format {form!r}; this version reads formats 1 to {FORMAT}: "
                          "open it with the version that wrote it")

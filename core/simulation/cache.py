@@ -3,11 +3,9 @@
 import json
 import logging
 import os
-import platform
+import re
 import shutil
-import tempfile
-import uuid
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,12 +15,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsemor.core.arrays import Arrays
+from sparsemor.core.results.files.own import STORE, own_files
+from sparsemor.core.results.files.temporary import NAME as TEMPORARY
+from sparsemor.core.results.files.temporary import TemporaryFolder, remove_left
 from sparsemor.core.results.zarr_files import checksum
 
 _MAPPED_BYTES = 2**24
 _MANIFEST = "manifest.json"
+SPENT = "spent.json"
+"""File with the computing times of an entry."""
+_FILE = re.compile(r"\d{3,}\.npy|manifest\.json|spent\.json")
+"""Names of the files of an entry."""
+MACHINE_CODE = "machine_code"
+"""Kind of machine code (kept/machine_code.py)."""
+_MACHINE_CODE = re.compile(r"[0-9a-f]{32}\.code|\.[0-9a-f]{32}\.part|.+\.nb[ic]")
 _PIECE = 2**22
-_SCRATCH = ".scratch."
 _log = logging.getLogger(__name__)
 
 
@@ -47,9 +54,31 @@ def own_cache_folder() -> Path:
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "sparsemor"
 
 
+@dataclass(frozen=True, slots=True)
+class Contents:
+    """What is in a cache. entries: those that carry this program's mark, by kind and key;
+    unreadable: number of folders that cannot be read, such as another user's."""
+
+    entries: tuple[CacheEntry, ...]
+    unreadable: int
+
+
+@dataclass(frozen=True, slots=True)
+class Removal:
+    """What a removal did. freed: bytes; kept: number of entries that could not be removed."""
+
+    freed: int
+    kept: int
+
+
 class Cache:
     """Disk cache of named arrays, by kind (such as "basis") and key (digest of the inputs). Safe
-    for several processes: entries appear by an atomic rename."""
+    for several processes: entries appear by an atomic rename.
+
+    An entry is a folder KIND/KEY with a manifest of its files, which has a checksum; reference runs
+    are stores of results, which have one too. Whatever else is in the folder of the cache is
+    somebody else's and stays.
+    """
 
     def __init__(self, root: str | Path | None = None) -> None:
         self.root = cache_folder() if root is None else Path(root)
@@ -64,7 +93,7 @@ class Cache:
         stored (disk full), the run continues without it.
         """
         place = self.place(kind, key)
-        if place.exists():
+        if os.path.lexists(place):
             try:
                 found = _load(place)
                 with suppress(OSError):  # a cache that may only be read
@@ -72,58 +101,151 @@ class Cache:
                 return found, True
             except (OSError, ValueError, KeyError, TypeError) as fault:
                 _log.warning("cache entry %s/%s is unreadable (%s): made again", kind, key, fault)
-                shutil.rmtree(place, ignore_errors=True)
+                with suppress(OSError):
+                    _remove(place, [f.name for f in place.iterdir() if _FILE.fullmatch(f.name)])
         arrays = dict(make())
         try:
-            _save(place, arrays)
+            _save(self.root, place, arrays)
         except OSError as fault:
             _log.warning("cache entry %s/%s was not kept: %s", kind, key, fault)
             return arrays, False
         try:  # as a hit gets them: other strides in memory may round products differently
             return _load(place), False
-        except (OSError, ValueError):  # somebody clears the cache at this moment
+        except (OSError, ValueError, KeyError, TypeError):  # somebody clears the cache now
             return arrays, False
 
     def place(self, kind: str, key: str) -> Path:
         """Directory of an entry, whether it exists or not."""
         return self.root / kind / key
 
+    def has(self, kind: str, key: str) -> bool:
+        """True if there is an entry, which may be unreadable."""
+        return os.path.lexists(self.place(kind, key) / _MANIFEST)
+
+    def contents(self) -> Contents:
+        """Entries of the cache, and the number of folders that cannot be read."""
+        found: list[CacheEntry] = []
+        unreadable = 0
+        for kind, unread in _folders(self.root):
+            if TEMPORARY.fullmatch(kind.name):
+                continue
+            unreadable += unread
+            for place, unread_entry in () if unread else _folders(kind):
+                try:
+                    files = None if unread_entry else _files(place)
+                    size = sum(os.lstat(place / f).st_size for f in files or ())
+                except FileNotFoundError:  # somebody else removes it at this moment
+                    continue
+                except OSError:
+                    unread_entry = True
+                unreadable += unread_entry
+                if not unread_entry and files is not None:
+                    found.append(CacheEntry(kind.name, place.name, size))
+        return Contents(tuple(found), unreadable)
+
     def entries(self) -> list[CacheEntry]:
         """Entries of the cache, by kind and key."""
-        return [CacheEntry(p.parent.name, p.name, sum(f.stat().st_size for f in p.iterdir()))
-                for p in sorted(self.root.glob("*/*")) if (p / _MANIFEST).exists()]
+        return list(self.contents().entries)
+
+    def reduce(self, most: int, kind: str | None = None) -> Removal:
+        """Removes the entries, or those of one kind, that were not used for the longest time until
+        the others have at most this size, bytes."""
+        remove_left(self.root)
+        entries = [e for e in self.entries() if kind in (None, e.kind)]
+        size = sum(e.size for e in entries)
+        freed = kept = 0
+        for entry in sorted(entries, key=self._last_use):
+            if most and size <= most:
+                break
+            size -= entry.size
+            place = self.place(entry.kind, entry.key)
+            try:
+                freed += _remove(place, _files(place) or ())
+                kept += _files(place) is not None
+            except FileNotFoundError:  # it is gone
+                pass
+            except OSError:
+                kept += 1
+            with suppress(OSError):
+                place.parent.rmdir()
+        return Removal(freed, kept)
 
     def shrink(self, most: int) -> int:
         """Removes the entries that were not used for the longest time until the others have at
         most this size, bytes; returns the bytes that were freed."""
-        def used(entry: CacheEntry) -> float:
-            try:
-                return (self.place(entry.kind, entry.key) / _MANIFEST).stat().st_mtime
-            except OSError:  # somebody else removes it at this moment
-                return 0.0
-
-        entries = self.entries()
-        size = before = sum(e.size for e in entries)
-        for entry in sorted(entries, key=used):
-            if size <= most:
-                break
-            shutil.rmtree(self.place(entry.kind, entry.key), ignore_errors=True)
-            size -= entry.size
-        return before - size
+        return self.reduce(most).freed
 
     def clear(self, kind: str | None = None) -> int:
-        """Remove all entries, or those of one kind; returns the bytes that were freed."""
-        freed = sum(e.size for e in self.entries() if kind in (None, e.kind))
-        for folder in self.root.iterdir() if self.root.exists() else ():
-            if kind in (None, folder.name):
-                shutil.rmtree(folder)
-        return freed
+        """Removes all entries, or those of one kind; returns the bytes that were freed."""
+        return self.reduce(0, kind).freed
+
+    def _last_use(self, entry: CacheEntry) -> float:
+        place = self.place(entry.kind, entry.key)
+        times = []
+        for file in (place / _MANIFEST, place):
+            with suppress(OSError):
+                times.append(file.stat().st_mtime)
+        return times[0] if times else 0.0
 
 
-def _save(place: Path, arrays: Arrays) -> None:
-    fresh = place.with_name(f".{place.name}.{uuid.uuid4().hex}")
-    fresh.mkdir(parents=True)
+def _folders(folder: Path) -> Iterator[tuple[Path, bool]]:
+    """Folders in a folder, sorted, and True for those that cannot be read. Symbolic links are no
+    folders."""
     try:
+        inside = sorted(e.path for e in os.scandir(folder) if e.is_dir(follow_symlinks=False))
+    except OSError:
+        return
+    for path in inside:
+        try:
+            os.scandir(path).close()
+        except FileNotFoundError:
+            continue
+        except OSError:
+            yield Path(path), True
+        else:
+            yield Path(path), False
+
+
+def _files(place: Path) -> list[str] | None:
+    """Files of an entry, the mark last, relative to its folder; None if it does not carry this
+    program's mark. Raises OSError if it cannot be read."""
+    if place.parent.name == MACHINE_CODE:
+        found = sorted(f.name for f in place.iterdir() if _MACHINE_CODE.fullmatch(f.name))
+        return found or None
+    if (place / STORE).is_dir():
+        own = own_files(place, checked=False)  # a reference run: known by its metadata
+        return list(reversed(own.files)) if own.results else None
+    try:
+        names = sorted({file for file, _ in _table(place).values()})
+    except FileNotFoundError:
+        return None
+    except (ValueError, KeyError, TypeError):
+        return None
+    return [f for f in (*names, SPENT, _MANIFEST) if os.path.lexists(place / f)]
+
+
+def _remove(place: Path, files: Iterable[str]) -> int:
+    """Removes files of an entry, and its folder if nothing else is in it; returns the bytes that
+    were freed."""
+    freed = 0
+    for name in files:
+        with suppress(OSError):
+            size = os.lstat(place / name).st_size
+            (place / name).unlink()
+            freed += size
+    for folder in sorted({p for f in files for p in (place / f).parents
+                          if place in p.parents}, key=lambda p: len(p.parts), reverse=True):
+        with suppress(OSError):
+            folder.rmdir()
+    with suppress(OSError):
+        place.rmdir()
+    return freed
+
+
+def _save(root: Path, place: Path, arrays: Arrays) -> None:
+    with TemporaryFolder(root) as folder:
+        fresh = folder / place.name
+        fresh.mkdir()
         files = {name: f"{i:03d}.npy" for i, name in enumerate(arrays)}
         for name, file in files.items():
             written = _scratch_file(arrays[name])
@@ -133,50 +255,20 @@ def _save(place: Path, arrays: Arrays) -> None:
                 shutil.move(written, fresh / file)
         table = {name: [file, _checksum_of(fresh / file)] for name, file in files.items()}
         (fresh / _MANIFEST).write_text(
-            json.dumps({"checksum": _checksum(table), "files": table}), encoding="utf-8")
+            json.dumps({"program": "sparsemor", "checksum": _checksum(table), "files": table}),
+            encoding="utf-8")
+        place.parent.mkdir(exist_ok=True)
         try:
             os.rename(fresh, place)
         except OSError:
             if not (place / _MANIFEST).exists():  # else another process was quicker
                 raise
-    finally:
-        shutil.rmtree(fresh, ignore_errors=True)
-
-
-def scratch_folder(root: Path | None) -> Path:
-    """New scratch directory of this process: next to the cache's entries, or a temporary one if
-    `root` is None.
-
-    Scratch directories left behind by killed processes of this machine are removed.
-    """
-    if root is None:
-        return Path(tempfile.mkdtemp(prefix=_SCRATCH))
-    host = platform.node().replace(".", "-")
-    for old in root.glob(f"{_SCRATCH}{host}.*"):
-        pid = old.name.split(".")[3]
-        if pid.isdigit() and not _alive(int(pid)):
-            shutil.rmtree(old, ignore_errors=True)
-    place = root / f"{_SCRATCH}{host}.{os.getpid()}.{uuid.uuid4().hex}"
-    place.mkdir(parents=True)
-    return place
-
-
-def _alive(pid: int) -> bool:
-    if os.name == "nt":  # where signal 0 is no question
-        return True
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    except OSError:
-        pass
-    return True
 
 
 def _scratch_file(array: NDArray[Any]) -> str | None:
-    """File of an array that fills a whole file in a scratch directory, else None."""
+    """File of an array that fills a whole file in a temporary folder of ours, else None."""
     name = getattr(array, "filename", None)
-    if name is None or not Path(name).parent.name.startswith(_SCRATCH):
+    if name is None or not TEMPORARY.fullmatch(Path(name).parent.name):
         return None
     whole = getattr(array, "offset", 0) + array.nbytes == os.stat(name).st_size
     return str(name) if whole else None
@@ -185,14 +277,23 @@ def _scratch_file(array: NDArray[Any]) -> str | None:
 def _load(place: Path) -> dict[str, NDArray[Any]]:
     """Arrays of an entry. Raises ValueError, KeyError, TypeError or OSError if it is damaged or
     missing."""
-    manifest = json.loads((place / _MANIFEST).read_text(encoding="utf-8"))
-    table: dict[str, list[Any]] = manifest["files"]
-    if manifest["checksum"] != _checksum(table):
-        raise ValueError(f"{_MANIFEST}: its checksum is not that of its content")
+    table = _table(place)
     for file, kept in table.values():
         if _checksum_of(place / file) != kept:
             raise ValueError(f"{file}: its checksum is not that of its bytes")
     return {name: _load_one(place / file) for name, (file, _) in table.items()}
+
+
+def _table(place: Path) -> dict[str, list[Any]]:
+    """Name of each array -> its file and the file's checksum, from the manifest, whose checksum is
+    the mark of this program. Raises ValueError, KeyError, TypeError or OSError for others."""
+    manifest = json.loads((place / _MANIFEST).read_text(encoding="utf-8"))
+    table: dict[str, list[Any]] = manifest["files"]
+    if manifest["checksum"] != _checksum(table):
+        raise ValueError(f"{_MANIFEST}: its checksum is not that of its content")
+    if not all(_FILE.fullmatch(file) for file, _ in table.values()):
+        raise ValueError(f"{_MANIFEST}: it names files elsewhere")
+    return table
 
 
 def _checksum(table: Mapping[str, object]) -> int:

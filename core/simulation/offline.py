@@ -118,7 +118,7 @@ class Offline:
         if self._at_once is None or self.products.cache is None:
             return 0
         places = (self._place(key) for key, _ in self._runs)
-        missing = [p for p in places if not self.products.cache.place("training", p).exists()]
+        missing = [p for p in places if not self.products.cache.has("training", p)]
         if len(missing) < 2:
             return 0
         with self.products.elsewhere("training"):
@@ -162,7 +162,7 @@ class Offline:
         """True if the snapshots of all training runs are in the cache."""
         cache = self.products.cache
         return cache is not None and all(
-            cache.place("training", digest(key)).exists() for key, _ in self._runs)
+            cache.has("training", digest(key)) for key, _ in self._runs)
 
     def keep_training(self, snapshots: Mapping[str, FloatArray], seconds: float) -> None:
         """Stores training snapshots (M, n) by block that another run recorded in `seconds` s."""

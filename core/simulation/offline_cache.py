@@ -1,9 +1,7 @@
 """Offline products read through the cache, with the computing time of each, also of cache hits."""
 
 import json
-import shutil
 import time
-import weakref
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -13,9 +11,8 @@ from sparsemor.core.arrays import Arrays
 from sparsemor.core.model.factorizations import Factored
 from sparsemor.core.model.model import Model
 from sparsemor.core.protocols import HasMesh
-from sparsemor.core.simulation.cache import Cache, scratch_folder
-
-_FILE = "spent.json"
+from sparsemor.core.results.files.temporary import TemporaryFolder
+from sparsemor.core.simulation.cache import SPENT, Cache
 
 
 @dataclass(slots=True)
@@ -84,7 +81,7 @@ def record(place: Path | None, cost: Mapping[str, float]) -> None:
     """Writes the computing times of a product (s by product) next to its cache entry."""
     if place is not None and place.is_dir():
         try:
-            (place / _FILE).write_text(json.dumps(cost), encoding="utf-8")
+            (place / SPENT).write_text(json.dumps(cost), encoding="utf-8")
         except OSError:
             pass  # a full disk costs this number only
 
@@ -93,7 +90,7 @@ def _read(place: Path | None) -> Mapping[str, float]:
     if place is None:
         return {}
     try:
-        found = json.loads((place / _FILE).read_text(encoding="utf-8"))
+        found = json.loads((place / SPENT).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return {}  # kept by an older version, or being written
     return {str(k): float(v) for k, v in found.items()} if isinstance(found, dict) else {}
@@ -113,15 +110,14 @@ class Products:
         self.seconds: dict[str, float] = {}
         self.spent = OfflineCost()
         self.factorizations: list[Factored] = []
-        self._scratch: Path | None = None
+        self._scratch: TemporaryFolder | None = None
 
     def scratch(self) -> Path:
         """Scratch directory for arrays that do not fit in memory. Files that are not moved to the
         cache are deleted together with these products."""
         if self._scratch is None:
-            self._scratch = scratch_folder(None if self.cache is None else self.cache.root)
-            weakref.finalize(self, shutil.rmtree, self._scratch, ignore_errors=True)
-        return self._scratch
+            self._scratch = TemporaryFolder(None if self.cache is None else self.cache.root)
+        return self._scratch.path
 
     def keep(
         self, kind: str, key: str, arrays: Arrays, seconds: float

@@ -23,8 +23,8 @@ from sparsemor.core.protocols.step_solver import resultants
 from sparsemor.core.results.arrays_in_memory import MemoryWriter
 from sparsemor.core.results.checkpoint import Checkpoint
 from sparsemor.core.results.error_norms import estimated_errors
+from sparsemor.core.results.files.own import STORE
 from sparsemor.core.results.json_data import finite
-from sparsemor.core.results.output_directory import STORE
 from sparsemor.core.results.output_lock import check_owned
 from sparsemor.core.results.probes import rate_columns
 from sparsemor.core.results.saved_state import SavedError

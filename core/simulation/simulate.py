@@ -1,12 +1,9 @@
 """Simulation of a scene: assembles the model, prepares the reducer, runs the time loop, stores."""
 
-import atexit
-import shutil
 import time
 from collections.abc import Sequence
 from contextlib import nullcontext
 from pathlib import Path
-from tempfile import gettempdir, mkdtemp
 
 import numpy as np
 
@@ -17,6 +14,7 @@ from sparsemor.core.model.model import Model
 from sparsemor.core.protocols import RedrawsRows, State, StepMemory
 from sparsemor.core.registry.hooks import Manager, new_manager
 from sparsemor.core.registry.returned_values import complete
+from sparsemor.core.results.files.temporary import TemporaryFolder
 from sparsemor.core.results.output_lock import owned
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.results.store import ResultWriter
@@ -37,6 +35,7 @@ from sparsemor.core.simulation.run_steps import RunSteps
 from sparsemor.core.simulation.step_statistics import Tally
 from sparsemor.core.simulation.time_stepping import many_steps, started
 from sparsemor.core.simulation.training import SnapshotKeeper, training_steps
+from sparsemor.core.status import SolveFailed
 
 
 @fixed_threads()
@@ -46,7 +45,7 @@ def simulate(
     body_cache: BodyCache | None = None, keep_training: bool = False, progress: bool = False,
 ) -> RunResult:
     """Run a scene and store its result under `out`; when not given, in a temporary directory that
-    is removed when this process ends.
+    is removed with the result, at the latest when this process ends.
 
     Raises InputError before anything is written, also when another run is writing to `out`;
     SolveFailed (with the results up to there in `.result`) when the run stops before its end;
@@ -73,18 +72,25 @@ def _simulate(
         admit(scene, Path(out), resume)
     elif resume:
         raise InputError("resume needs the directory of the result to continue", "out")
-    place = Path(gettempdir() if out is None else out)
+    folder = TemporaryFolder() if out is None else None
+    path = folder.path if folder is not None else Path(out or "")
     run, offline = prepared_run(  # what is left to write is less than the whole
-        scene, cache, manager, body_cache, None if resume else place)
+        scene, cache, manager, body_cache, None if resume else path)
     tally = Tally(offline=time.perf_counter() - begun)
-    path = Path(out) if out is not None else _temporary()
     recorder = Recorder.open(run, path, resume, step_count(scene), offline.products)
     recorder.memory = MemoryUse(offline.expected, peak())
     assert run.model is not None and isinstance(recorder.writer, ResultWriter)
     # snapshots are those of a whole run: not of the rest of an interrupted one
     keeper = _keeper(scene, run.model, offline) if keep_training and not resume else None
     with kept(recorder.writer, new=recorder.checkpoint is None):
-        result = stepped(run, recorder, manager, tally, keeper)
+        try:
+            result = stepped(run, recorder, manager, tally, keeper)
+        except SolveFailed as error:
+            if folder is not None and isinstance(error.result, RunResult):
+                error.result.held_in(folder)
+            raise
+    if folder is not None:
+        result.held_in(folder)
     if keeper is not None:
         offline.keep_training(keeper.finished(), keeper.share * result.summary["wall_s"]["online"])
     return result
@@ -144,10 +150,3 @@ def _keeper(scene: Scene, model: Model, offline: Offline) -> SnapshotKeeper | No
         return None
     return SnapshotKeeper(scene, count, model.layout, model.reducible(),
                           offline.products.scratch, step_count(scene))
-
-
-def _temporary() -> Path:
-    """New temporary directory, removed when the interpreter ends."""
-    path = Path(mkdtemp(prefix="sparsemor-"))
-    atexit.register(shutil.rmtree, path, ignore_errors=True)
-    return path

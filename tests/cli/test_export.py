@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from sparsemor import InputError, export, load, open_result, simulate
 from sparsemor.core.arrays import FloatArray
+from sparsemor.core.results.files.listing import LISTING
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.simulation.cache import Cache
 
@@ -159,11 +160,19 @@ def test_a_field_that_one_body_lacks_is_told(run: RunResult, tmp_path: Path) -> 
 def test_force_replaces_nothing_but_exports(run: RunResult, tmp_path: Path) -> None:
     done = export(run, tmp_path / "files", at=[0.0])
     export(run, tmp_path / "files", "xdmf", at=[0.0], force=True)
-    assert {p.name for p in done.folder.iterdir()} == {"bar", "bar.xdmf", "solid", "solid.xdmf"}
+    series = {LISTING, "bar", "bar.xdmf", "solid", "solid.xdmf"}
+    assert {p.name for p in done.folder.iterdir()} == series
     (done.folder / "notes.txt").write_text("mine", encoding="utf-8")
-    with pytest.raises(InputError, match="this is something else"):
+    export(run, tmp_path / "files", at=[0.0], bodies=["bar"], force=True)
+    assert {p.name for p in done.folder.iterdir()} == {LISTING, "bar", "bar.pvd", "notes.txt"}
+    (done.folder / "bar.pvd").write_text("mine", encoding="utf-8")
+    with pytest.raises(InputError, match=r"bar\.pvd: not written by sparsemor, or changed since"):
         export(run, tmp_path / "files", at=[0.0], force=True)
-    assert (done.folder / "notes.txt").read_text(encoding="utf-8") == "mine"
+    assert (done.folder / "bar.pvd").read_text(encoding="utf-8") == "mine"
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "bar.pvd").write_text("mine", encoding="utf-8")
+    with pytest.raises(InputError, match="this is something else"):
+        export(run, tmp_path / "other", at=[0.0], force=True)
 
 
 def test_nothing_is_left_of_an_export_that_fails(

@@ -20,6 +20,9 @@ from sparsemor.core.cli import app
 from sparsemor.core.cli.options import place_for_result
 from sparsemor.core.registry.hooks import hookimpl
 from sparsemor.core.results import zarr_files
+from sparsemor.core.results.files.listing import LISTING, add_part
+from sparsemor.core.results.output_directory import COMPARISON
+from sparsemor.core.results.output_lock import LOCK
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.simulation import prepare
 
@@ -117,11 +120,13 @@ def test_two_runs_into_one_new_directory(monkeypatch: pytest.MonkeyPatch) -> Non
 def test_compare_owns_its_directory() -> None:
     inside = AtStep(7, lambda: other(
         "compare", TINY, *SETTINGS, "--out", "out", "--force", "--reducers", "full,galerkin"))
+    Path("out").mkdir()
+    add_part(Path("out"), "full", COMPARISON)
     simulate(scene(), out="out/full", observers=[inside])
     assert inside.found is not None and inside.found[0] == 2
     assert "another run is writing to out/full" in inside.found[1]
     assert open_result("out/full").status is Status.DONE
-    assert {p.name for p in Path("out").iterdir()} == {"full"}
+    assert {p.name for p in Path("out").iterdir()} == {LISTING, "full"}
 
 
 def lose(how: str) -> None:
@@ -187,7 +192,7 @@ def test_two_resume_at_once() -> None:
 
 def test_a_lock_of_a_process_that_is_gone_is_no_lock() -> None:
     Path("out").mkdir()
-    Path("out/.lock").touch()
+    Path("out", LOCK).touch()
     assert other("run", TINY, *SETTINGS, "--out", "out")[0] == 0
     assert {p.name for p in Path("out").iterdir()} == RESULT
 

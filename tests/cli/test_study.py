@@ -13,6 +13,7 @@ import pytest
 from sparsemor import InputError, study
 from sparsemor.core.analysis.study import run_plan
 from sparsemor.core.analysis.study.plan import Plan
+from sparsemor.core.results.output_lock import LOCK
 from swing_study import PROGRAM, STUDY, SWING, command, rows_of
 
 pytestmark = pytest.mark.full
@@ -80,7 +81,8 @@ def test_one_table_also_of_runs_that_fail() -> None:
     assert columns["error_elastic"] == [r["error_elastic"] for r in rows]
     assert columns["status"] == [r["status"] for r in rows]
     assert {p.name for p in Path("a").iterdir()} == {
-        "study.json", "runs.csv", "runs.jsonl", "runs.parquet", "table.csv", "table.jsonl",
+        ".sparsemor.jsonl", "study.json", "runs.csv", "runs.jsonl", "runs.parquet", "table.csv",
+        "table.jsonl",
         "work_precision.png", "work_precision.svg", "error_over_time.png", "error_over_time.svg"}
     assert study("six.yaml", out="a") == [
         {k: v for k, v in r.items() if not k.startswith("fact.")} for r in rows]
@@ -133,7 +135,7 @@ def test_force_begins_anew_and_replaces_studies_only() -> None:
     plan = Plan.of("one.yaml")
     run_plan(plan, out="a", force=True)
     assert [r["reducer.basis.count"] for r in rows_of("a")] == [4, 4]
-    assert not {".replaced", ".lock"} & {p.name for p in Path("a").iterdir()}
+    assert not {".replaced", LOCK} & {p.name for p in Path("a").iterdir()}
     Path("mine").mkdir()
     Path("mine/thesis.tex").touch()
     with pytest.raises(InputError, match="no study"):

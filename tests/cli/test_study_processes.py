@@ -103,7 +103,7 @@ def test_killed_and_continued_with_workers(whole: str) -> None:
     study("six.yaml", workers=2, out="killed", times=False)
     assert same("killed", whole)
     assert rows_of("killed", "runs.jsonl")[:len(before)] == before
-    assert not Path("killed/.scratch").exists()
+    assert not list(Path("killed").glob(".sparsemor-tmp.*"))
 
 
 def rows_of_whole_lines(folder: str) -> list[dict[str, Any]]:

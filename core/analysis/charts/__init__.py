@@ -10,7 +10,7 @@ from sparsemor.core.analysis.charts.error_over_time import error_over_time_figur
 from sparsemor.core.analysis.charts.fields import NO_RUNS
 from sparsemor.core.analysis.charts.joint_forces import joint_forces_figure
 from sparsemor.core.analysis.charts.planar_fields import deformation_figure
-from sparsemor.core.analysis.charts.style import save
+from sparsemor.core.analysis.charts.style import saved
 from sparsemor.core.analysis.charts.surface_fields import DEFAULT_FIELDS, NAMES, surface_figures
 from sparsemor.core.analysis.charts.time_histories import (
     angles_figure,
@@ -130,12 +130,12 @@ def alike(reference: "RunResult", runs: "Mapping[str, RunResult]") -> "dict[str,
 def _save_all(
     figures: Figures, folder: Path, formats: Sequence[str], report: Report
 ) -> list[Path]:
-    folder.mkdir(parents=True, exist_ok=True)
     files = []
     for name, figure in figures:
-        for path in () if figure is None else save(figure, folder, name, formats):
-            report(path)
-            files.append(path)
+        if figure is not None:
+            for path in saved(figure, folder, name, formats):
+                report(path)
+                files.append(path)
     return files
 
 

@@ -23,6 +23,7 @@ from sparsemor.core.analysis.charts.view import VIEWS, Surface
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.protocols.layout import Quantity
+from sparsemor.core.results.files.listing import publishing, require_ours
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.results.stress import FIELDS, Field
 
@@ -47,10 +48,11 @@ def animate(
     spread over the run; at: instead, times in s, from the first to the last of which it goes;
     magnify: factor of the displacements (default: a round one for which they are visible). Rigid
     bodies without a mesh are drawn by their named points. InputError for a format, field or time
-    that does not exist.
+    that does not exist, and for a file that is not an animation of ours.
     """
     path = Path(file)
     writer = _writer(path)
+    require_ours(path.parent, [path.name])
     if field not in FIELDS:
         raise InputError(f"no field is called {field!r}: give one of {', '.join(FIELDS)}", "field")
     if frames < 2:
@@ -59,8 +61,9 @@ def animate(
     scene = _Stage.of(run, steps, FIELDS[field], magnify)
     figure = new_figure(7.2, 7.2 * min(max(scene.slope, 0.35), 1.2) + 0.5)
     axes, bar = figure.subplots(), None
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with writer.saving(figure, str(path), 100):
+    beside = run.path.parent != path.parent.absolute()
+    with publishing(path.parent, alone=beside) as fresh, writer.saving(
+            figure, str(fresh / path.name), 100):
         for number, step in enumerate(steps, 1):
             axes.clear()
             scene.draw(axes, step)

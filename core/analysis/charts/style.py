@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from sparsemor.core.analysis.charts.units import Unit, unit
 from sparsemor.core.arrays import FloatArray
+from sparsemor.core.results.files.listing import publishing
 from sparsemor.core.status import Status
 
 if TYPE_CHECKING:
@@ -137,3 +138,11 @@ def save(figure: "Figure", folder: Path, name: str, formats: Iterable[str]) -> l
         figure.savefig(file, format=kind, dpi=300, metadata=metadata)
         files.append(file)
     return files
+
+
+def saved(figure: "Figure", folder: Path, name: str, formats: Iterable[str]) -> list[Path]:
+    """Writes the figure as `save`, atomically, and lists its files as ours; returns their paths.
+    Raises InputError instead of replacing a file that is not ours."""
+    with publishing(folder) as fresh:
+        files = save(figure, fresh, name, formats)
+    return [folder / file.name for file in files]

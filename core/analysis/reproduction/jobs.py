@@ -19,7 +19,7 @@ from sparsemor.core.errors import InputError
 from sparsemor.core.linalg.threads import fixed_threads
 from sparsemor.core.protocols.reducer import is_full_order
 from sparsemor.core.registry.registry import Registry
-from sparsemor.core.results.atomic_files import replace_file
+from sparsemor.core.results.files.listing import remove_listed, write_listed
 from sparsemor.core.results.output_directory import OutputDirectory
 from sparsemor.core.results.run_result import RunResult, open_result
 from sparsemor.core.scene.run_identity import Identity
@@ -121,7 +121,7 @@ def _execute_run(job: Job, entry: RunEntry) -> None:
     scene, folder = scene_of(entry, job.quick), Path(job.folder)
     kept = completed(scene, folder)
     if kept is None:
-        (folder / SPLIT).unlink(missing_ok=True)
+        remove_listed(folder, SPLIT)
         kept = _simulated(scene, folder)
     if kept.status.ok and is_full_order(scene.reducer):
         keep_reference(scene, folder)
@@ -132,7 +132,7 @@ def _profile_run(job: Job, entry: RunEntry) -> None:
     kept = completed(scene, folder)
     if kept is not None and kept.status.ok and not (folder / SPLIT).is_file():
         split = profiled(scene, entry.profile, job.matrix)
-        replace_file(folder / SPLIT, (json.dumps(split) + "\n").encode())
+        write_listed(folder, SPLIT, (json.dumps(split) + "\n").encode())
 
 
 def completed(scene: Scene, folder: Path) -> RunResult | None:
@@ -191,5 +191,6 @@ def plan_of(
     for key, value in entry.quick.items():
         tree[key] = {**tree.get(key, {}), **value} if key in ("set", "grid") else value
     changed.parent.mkdir(parents=True, exist_ok=True)
-    changed.write_text(json.dumps(tree, indent=1) + "\n", encoding="utf-8")  # JSON is YAML
+    write_listed(changed.parent, changed.name,  # JSON is YAML
+                 (json.dumps(tree, indent=1) + "\n").encode())
     return Plan.of(str(changed)).only(rows)

@@ -9,7 +9,7 @@ from pathlib import Path
 from sparsemor.core.analysis.reproduction.paper import BROKEN, GRADES, MISSED, Item, PaperFile
 from sparsemor.core.analysis.reproduction.rules import Operand
 from sparsemor.core.analysis.reproduction.verdicts import Number, Verdict
-from sparsemor.core.results.atomic_files import replace_file
+from sparsemor.core.results.files.listing import write_listed
 
 _COLOURS = {"better": "#d5efdf", "reproduced": "#e3f3d6", "in part": "#fbf0cf",
             MISSED: "#f8dcd6", BROKEN: "#e2e2e2"}
@@ -61,7 +61,7 @@ def write_pages(
         file, items, scene, found, commands, quick, list(shown), folder)
         for scene, found in shown.items()}
     for name, text in texts.items():
-        replace_file(folder / name, text.encode())
+        write_listed(folder, name, text.encode())
     return [folder / name for name in texts]
 
 

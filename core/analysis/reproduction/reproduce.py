@@ -17,12 +17,13 @@ from sparsemor.core.analysis.reproduction.verdicts import Verdict, judged
 from sparsemor.core.errors import InputError
 from sparsemor.core.linalg.threads import fixed_threads
 from sparsemor.core.registry.registry import Registry, suggestions
-from sparsemor.core.results.atomic_files import replace_file
+from sparsemor.core.results.files.listing import add_part, add_to_listing, write_listed
 from sparsemor.core.results.output_directory import OutputDirectory
 from sparsemor.core.results.tables import csv_table
 from sparsemor.core.scene.defaults import PAPER
 
 ABOUT, PICTURES = "reproduction.json", "pictures"
+TABLES = ("verdicts.csv", "numbers.csv")
 Watch = Callable[[str], None]
 """Callback for progress: called with a line of text."""
 
@@ -69,9 +70,12 @@ def reproduce(
     folder = (Path(out) if out is not None else Path("runs", name)).absolute()
     with OutputDirectory(folder).claimed(
             resume=not force, force=force, replaceable=lambda: (folder / ABOUT).is_file(),
-            kind="reproductions only, and this is none"):
+            kind="reproductions only, and this is none",
+            writes=(ABOUT, *TABLES, "index.html", *(f"{s}.html" for s in file.scenes))):
         _begin(folder, file, quick)
         jobs = jobs_of(file, chosen, folder, quick)
+        for job in jobs:
+            add_part(folder, Path(job.folder).relative_to(folder).as_posix())
         failed = _executed(execute, jobs, count, watch, "runs and studies")
         timed = [j for j in jobs if j.profiled and j.name not in failed]
         failed |= _executed(profile, timed, 1, watch, "runs timed")  # next to no other work
@@ -113,7 +117,9 @@ def _begin(folder: Path, file: PaperFile, quick: bool) -> None:
             raise InputError(f"{folder} is not empty and contains no reproduction: choose another "
                              "--out", "out")
         OutputDirectory(folder).make()
-        replace_file(about, (json.dumps({"title": file.title, "quick": quick}) + "\n").encode())
+        add_to_listing(folder, [{"part": PICTURES}, {"part": "studies"}])
+        write_listed(
+            folder, ABOUT, (json.dumps({"title": file.title, "quick": quick}) + "\n").encode())
     elif json.loads(about.read_text(encoding="utf-8")).get("quick") is not quick:
         raise InputError(f"{folder} contains a reproduction with{'out' * quick} --quick: choose "
                          "another --out", "out")
@@ -168,5 +174,5 @@ def _tables(
                 for v in verdicts for n in v.numbers]
     written = {"verdicts.csv": rows, "numbers.csv": numbers}
     for name, table in written.items():
-        replace_file(folder / name, csv_table(table).encode())
+        write_listed(folder, name, csv_table(table).encode())
     return [folder / name for name in written]

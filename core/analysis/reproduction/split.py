@@ -8,14 +8,14 @@ samples cost less than a percent.
 """
 
 import signal
-import tempfile
 import threading
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from pathlib import Path, PurePath
+from pathlib import PurePath
 from types import FrameType
 
+from sparsemor.core.results.files.temporary import TemporaryFolder
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation import simulate as simulation
 
@@ -36,8 +36,8 @@ def profiled(scene: Scene, steps: int, matrix: Sequence[str]) -> Mapping[str, fl
         raise OSError("profiling needs the main thread of a POSIX system")
     short = _shortened(scene, steps)
     counted = Counted(tuple(_place(text) for text in matrix))
-    with tempfile.TemporaryDirectory(prefix="sparsemor-split-") as folder, counted.sampling():
-        simulation.simulate(short, out=Path(folder) / "run")
+    with TemporaryFolder() as folder, counted.sampling():
+        simulation.simulate(short, out=folder / "run")
     total = counted.matrix + counted.update
     share = counted.matrix / total if total > 0.0 else 0.0
     taken = min(float(steps), round(scene.time.end / scene.time.step))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sparsemor.core.analysis.charts.style import save
+from sparsemor.core.analysis.charts.style import saved
 from sparsemor.core.analysis.reproduction.measure import Results
 from sparsemor.core.analysis.reproduction.paper import BROKEN, GRADES, MISSED, Item
 from sparsemor.core.analysis.reproduction.rules import Operand, evaluate
@@ -97,7 +97,7 @@ def _drawn(
 
 def _saved(figure: "Figure", folder: Path, name: str) -> list[str]:
     folder.mkdir(parents=True, exist_ok=True)
-    return [path.name for path in save(figure, folder, name, ("png",))]
+    return [path.name for path in saved(figure, folder, name, ("png",))]
 
 
 def _reason(error: Exception) -> str:

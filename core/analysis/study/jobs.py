@@ -8,11 +8,9 @@ import logging
 import os
 import shutil
 import sys
-import tempfile
 import traceback
-import uuid
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -30,8 +28,10 @@ from sparsemor.core.model.model import Model
 from sparsemor.core.protocols import ReducedProblem
 from sparsemor.core.registry.hooks import new_manager
 from sparsemor.core.registry.registry import Registry
+from sparsemor.core.results.checkpoint import checkpoint_file
+from sparsemor.core.results.files.own import STORE, own_files, remove
+from sparsemor.core.results.files.temporary import TemporaryFolder
 from sparsemor.core.results.json_data import finite
-from sparsemor.core.results.output_directory import STORE
 from sparsemor.core.results.run_result import RunResult, open_result
 from sparsemor.core.results.stored_arrays import StoredArrays
 from sparsemor.core.scene.digest import digest
@@ -153,20 +153,23 @@ def keep_reference(scene: Scene, folder: Path) -> None:
     """Offers a full-order run as the reference of studies with the same physics and output: its
     files are linked, or copied, to the cache."""
     kept = Cache().root / "reference" / _reference_key(scene, checked_model(scene))
-    fresh = kept.with_name(f".{kept.name}.{uuid.uuid4().hex}")
-    if kept.is_dir():
-        return
     try:
-        shutil.copytree(folder / "result.zarr", fresh / "result.zarr", copy_function=_linked)
-        os.rename(fresh, kept)
+        if kept.is_dir():
+            return
+        with TemporaryFolder(Cache().root) as place:
+            copied = place / kept.name
+            shutil.copytree(folder / STORE, copied / STORE, copy_function=_linked)
+            kept.parent.mkdir(exist_ok=True)
+            os.rename(copied, kept)
     except OSError as fault:  # a full disk: the study makes its own
         _log.warning("the reference run %s was not kept: %s", folder, fault)
-        shutil.rmtree(fresh, ignore_errors=True)
 
 
 def _linked(source: str, target: str) -> None:
     try:
         os.link(source, target)
+    except FileExistsError:  # somebody else's
+        raise
     except OSError:  # another file system
         shutil.copy2(source, target)
 
@@ -182,11 +185,14 @@ def _remove_damaged(key: str) -> None:
     """Removes a reference run from the cache if the checksum of one of its files does not match."""
     kept = Cache().root / "reference" / key
     try:
-        if (kept / "result.zarr").is_dir():
-            StoredArrays(kept / "result.zarr").verify()
+        if (kept / STORE).is_dir():
+            StoredArrays(kept / STORE).verify()
     except InputError as fault:
         _log.warning("cache entry reference/%s is damaged (%s): made again", key, fault)
-        shutil.rmtree(kept, ignore_errors=True)
+        shutil.rmtree(kept / STORE, ignore_errors=True)  # known by the digest that is its name
+        remove(own_files(kept), kept)
+    except OSError:  # of another user: a miss
+        pass
 
 
 def cached_reference(
@@ -202,24 +208,34 @@ def cached_reference(
 def _stored_reference(
     scene: Scene, key: str, keep_training: bool = False, body_cache: BodyCache | None = None
 ) -> RunResult:
-    """Reference run from the cache; computed and cached if absent, also if it fails."""
+    """Reference run from the cache; computed and cached if absent, also if it fails. Where the
+    cache cannot be read or written, the result is in a temporary folder."""
     kept = Cache().root / "reference" / key
-    if (kept / "result.zarr").is_dir():
-        return open_result(kept)
-    fresh = kept.with_name(f".{key}.{uuid.uuid4().hex}")
+    with suppress(OSError, InputError):
+        if (kept / STORE).is_dir():
+            found = open_result(kept)
+            _ = found.status
+            return found
     try:
-        try:
-            simulate(scene, out=fresh, keep_training=keep_training, body_cache=body_cache)
-        except SolveFailed as error:
-            if error.status is Status.INTERRUPTED or not isinstance(error.result, RunResult):
-                raise
-        try:
-            os.rename(fresh, kept)
-        except OSError:
-            if not kept.is_dir():  # else another process was quicker
-                raise
-    finally:
-        shutil.rmtree(fresh, ignore_errors=True)
+        place = TemporaryFolder(Cache().root)
+    except OSError:
+        place = TemporaryFolder()
+    fresh = place.path / key
+    try:
+        simulate(scene, out=fresh, keep_training=keep_training, body_cache=body_cache)
+    except SolveFailed as error:
+        if error.status is Status.INTERRUPTED or not isinstance(error.result, RunResult):
+            raise
+    try:
+        kept.mkdir(parents=True, exist_ok=True)
+        for name in (checkpoint_file(fresh / STORE).name, STORE):  # this one last: it is the mark
+            os.rename(fresh / name, kept / name)
+    except OSError:
+        with suppress(OSError, InputError):  # another process was quicker
+            found = open_result(kept)
+            _ = found.status
+            return found
+        return open_result(fresh).held_in(place)
     return open_result(kept)
 
 
@@ -230,14 +246,17 @@ def _place(kept: str | None, scratch: str | None) -> Iterator[Path]:
     given = kept or scratch
     if given is not None and Path(given).parent.is_dir():
         place = Path(given)
-        shutil.rmtree(place, ignore_errors=True)  # of an attempt that was killed
+        remove(own_files(place), place)  # of an attempt that was killed
+        try:
+            yield place
+        finally:
+            if place != Path(kept or ""):
+                remove(own_files(place), place)
+                with suppress(OSError):
+                    place.rmdir()
     else:
-        place = Path(tempfile.mkdtemp(prefix="sparsemor-study-"))
-    try:
-        yield place
-    finally:
-        if place != Path(kept or ""):
-            shutil.rmtree(place, ignore_errors=True)
+        with TemporaryFolder() as place:
+            yield place
 
 
 def _one_line(text: str) -> str:

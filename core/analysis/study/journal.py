@@ -2,17 +2,26 @@
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from sparsemor.core.analysis.study.columns import TIMES, cell, fact_columns, with_facts
 from sparsemor.core.analysis.study.plan import Plan
 from sparsemor.core.errors import InputError
-from sparsemor.core.results.atomic_files import append_synced, replace_file, replaced
+from sparsemor.core.results.files.listing import (
+    Written,
+    add_to_listing,
+    append_listed,
+    publishing,
+    write_listed,
+)
 from sparsemor.core.results.output_directory import OutputDirectory
 from sparsemor.core.results.tables import csv_table
 
+STUDY = "study"
+"""Kind of the list of a study."""
+WRITES = ("study.json", "runs.jsonl", "runs.csv", "table.csv", "table.jsonl", "runs.parquet")
 ABOUT, LINES, CSV = "study.json", "runs.jsonl", "runs.csv"
 
 
@@ -23,6 +32,8 @@ class Journal:
 
     folder: Path
     columns: tuple[str, ...]
+    _written: dict[str, Written] = field(default_factory=dict)
+    """Size and CRC-32C of the files that grow."""
 
     @classmethod
     def open(cls, folder: Path, plan: Plan) -> "Journal":
@@ -43,7 +54,8 @@ class Journal:
                 raise InputError(f"{folder} is not empty and contains no study: choose another "
                                  "--out", "out")
             OutputDirectory(folder).make()
-            _replace(about, json.dumps(
+            add_to_listing(folder, (), STUDY)
+            _replace(folder, ABOUT, json.dumps(
                 {"format": 1, "study": plan.study.name, "digest": plan.digest,
                  "runs": len(plan.runs), "columns": plan.columns, "settings": plan.settings},
                 indent=2) + "\n")
@@ -58,16 +70,18 @@ class Journal:
         lines = self.folder / LINES
         found = list(_whole_lines(lines)) if lines.exists() else []
         kept = [row for row in found if row["status"] not in drop]
-        _replace(lines, "".join(_line(row) for row in kept))
-        _replace(self.folder / CSV, csv_table([self.columns, *_cells(self.columns, kept)]))
+        self._written[LINES] = _replace(self.folder, LINES, "".join(_line(r) for r in kept))
+        self._written[CSV] = _replace(
+            self.folder, CSV, csv_table([self.columns, *_cells(self.columns, kept)]))
         return kept
 
     def add(self, row: Mapping[str, Any]) -> None:
         """Commits one row: it is on disk when the method returns."""
         full = {name: row.get(name) for name in self.columns}
-        append_synced(self.folder / LINES, _line(full).encode())
-        line = csv_table(_cells(self.columns, [full]))
-        append_synced(self.folder / CSV, line.encode())
+        for name, text in ((LINES, _line(full)),
+                           (CSV, csv_table(_cells(self.columns, [full])))):
+            self._written[name] = append_listed(
+                self.folder, name, text.encode(), self._written.get(name, (0, 0)))
 
     def write_table(self, rows: Sequence[Mapping[str, Any]], times: bool) -> list[Path]:
         """Writes table.csv, table.jsonl and, with pyarrow, runs.parquet, sorted by run, with a
@@ -77,9 +91,9 @@ class Journal:
         names = [n for n in (*self.columns, *facts) if times or n not in TIMES]
         ordered = sorted(rows, key=lambda row: int(row["run"]))
         table = [{n: r[n] for n in names} for r in (with_facts(row, facts) for row in ordered)]
-        _replace(self.folder / "table.csv", csv_table([names, *_cells(names, table)]))
-        _replace(self.folder / "table.jsonl", "".join(_line(row) for row in table))
-        parquet = _write_parquet(self.folder / "runs.parquet", names, table)
+        _replace(self.folder, "table.csv", csv_table([names, *_cells(names, table)]))
+        _replace(self.folder, "table.jsonl", "".join(_line(row) for row in table))
+        parquet = _write_parquet(self.folder, "runs.parquet", names, table)
         return [self.folder / "table.csv", self.folder / "table.jsonl", *parquet]
 
 
@@ -107,12 +121,12 @@ def _cells(names: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> list[list
     return [[cell(row.get(n)) for n in names] for row in rows]
 
 
-def _replace(path: Path, text: str) -> None:
-    replace_file(path, text.encode(), synced=True)
+def _replace(folder: Path, name: str, text: str) -> Written:
+    return write_listed(folder, name, text.encode(), synced=True)
 
 
 def _write_parquet(
-    path: Path, names: Sequence[str], rows: Sequence[Mapping[str, Any]]
+    folder: Path, name: str, names: Sequence[str], rows: Sequence[Mapping[str, Any]]
 ) -> list[Path]:
     """Writes a Parquet file; columns of mixed types become text. Returns [] without pyarrow."""
     try:
@@ -122,9 +136,9 @@ def _write_parquet(
         return []
     columns = {n: _of_one_type([row[n] for row in rows]) for n in names}
     table = pyarrow.table({n: pyarrow.array(values) for n, values in columns.items()})
-    with replaced(path) as part:
-        parquet.write_table(table, part)
-    return [path]
+    with publishing(folder) as fresh:
+        parquet.write_table(table, fresh / name)
+    return [folder / name]
 
 
 def _of_one_type(values: list[Any]) -> list[Any]:

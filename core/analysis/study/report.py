@@ -96,7 +96,7 @@ def draw(done: StudyOutcome) -> list[Path]:
     """Writes the charts work_precision and, if the study requests it, error_over_time as PNG and
     SVG to the study's folder; returns their paths."""
     from sparsemor.core.analysis.charts import FORMATS, error_over_time_figure
-    from sparsemor.core.analysis.charts.style import save
+    from sparsemor.core.analysis.charts.style import saved
     from sparsemor.core.analysis.charts.work_precision import work_precision_figure
 
     figures = {CHART: work_precision_figure(
@@ -105,7 +105,7 @@ def draw(done: StudyOutcome) -> list[Path]:
         figures[SERIES] = error_over_time_figure(
             *over_time(done.plan, done.rows), done.plan.fields)
     return [path for name, figure in figures.items() if figure is not None
-            for path in save(figure, done.folder, name, FORMATS)]
+            for path in saved(figure, done.folder, name, FORMATS)]
 
 
 def over_time(

@@ -1,20 +1,28 @@
 """Execution of a study, from its plan to its table."""
 
-import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from os.path import lexists
 from pathlib import Path
 from typing import Any
 
 from sparsemor.core.analysis.study.jobs import DIED
-from sparsemor.core.analysis.study.journal import Journal, is_study
+from sparsemor.core.analysis.study.journal import WRITES, Journal, is_study
 from sparsemor.core.analysis.study.plan import Plan
 from sparsemor.core.analysis.study.pools import Pool, SerialPool
 from sparsemor.core.analysis.study.progress import Watch, shown
 from sparsemor.core.analysis.study.scheduler import Row, Schedule
 from sparsemor.core.errors import InputError
 from sparsemor.core.registry.registry import Registry
+from sparsemor.core.results.files.listing import (
+    Listing,
+    add_to_listing,
+    in_the_way,
+    list_file,
+    read_listing,
+)
+from sparsemor.core.results.files.temporary import TemporaryFolder
 from sparsemor.core.results.output_directory import OutputDirectory
 from sparsemor.core.status import Status
 
@@ -77,15 +85,20 @@ def run_plan(
     try:
         with OutputDirectory(folder).claimed(
                 resume=not force, force=force, replaceable=lambda: is_study(folder),
-                kind="studies only, and this is no study"):
+                kind="studies only, and this is no study", writes=WRITES):
             journal = Journal.open(folder, plan)
             rows = journal.rows(drop=(DIED,))
             ended = {int(row["run"]) for row in rows}
+            parts = [f"{KEPT}/{run.number}" for run in plan.runs]
             left = [run for run in plan.runs if run.number not in ended]
             if left:
                 kept = folder / KEPT if plan.study.file.keep else None
                 if kept is not None:
+                    known = (read_listing(folder) or Listing()).parts
+                    if taken := [n for n in parts if n not in known and lexists(folder / n)]:
+                        raise in_the_way(folder, taken)
                     kept.mkdir(exist_ok=True)
+                    add_to_listing(folder, [{"part": n} for n in parts if n not in known])
                 with _pool(workers, cluster, folder, registry) as (pool, scratch):
                     Schedule(plan, left, pool, rows, scratch, str(kept or "")).go(
                         journal.add, watch)
@@ -114,13 +127,14 @@ def _pool(
         return
     from sparsemor.core.simulation.workers.local_pool import LocalPool
 
-    pool: Pool = LocalPool(
-        workers, folder / "workers.log", WORKER) if workers else SerialPool(registry)
-    scratch: Any = folder / ".scratch"
-    shutil.rmtree(scratch, ignore_errors=True)
-    scratch.mkdir()
-    try:
-        yield pool, str(scratch)
-    finally:
-        pool.close()
-        shutil.rmtree(scratch, ignore_errors=True)
+    log = folder / "workers.log"
+    known = (read_listing(folder) or Listing()).files
+    ours = not lexists(log) or log.name in known
+    pool: Pool = LocalPool(workers, log, WORKER) if workers else SerialPool(registry)
+    with TemporaryFolder(folder) as scratch:
+        try:
+            yield pool, str(scratch)
+        finally:
+            pool.close()
+            if workers and ours:  # else somebody else's, to which we have appended
+                list_file(log)

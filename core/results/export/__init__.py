@@ -1,7 +1,7 @@
 """Export of a run for ParaView: one time series per body."""
 
-import shutil
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -12,9 +12,14 @@ from sparsemor.core.results.export.request import FORMATS, ExportPlan, plan_expo
 from sparsemor.core.results.export.snapshot import Frame, exported_mesh, frame_at
 from sparsemor.core.results.export.vtu import VtuSeries
 from sparsemor.core.results.export.xdmf import XdmfSeries
+from sparsemor.core.results.files.listing import in_the_way, publishing, read_listing
+from sparsemor.core.results.files.own import own_files, remove
 from sparsemor.core.results.output_directory import OutputDirectory
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.results.stress import FIELDS
+
+EXPORT = "export"
+"""Kind of the list of an export."""
 
 
 class Series(Protocol):
@@ -53,7 +58,8 @@ def export(
 
     One file to open per body: `body.pvd` with one .vtu file per time, or `body.xdmf` with binary
     data next to it. Every `every`-th stored step is written, or with `at` (s) the stored steps
-    closest to these times. Only one time is in memory at once. `force` replaces an earlier export.
+    closest to these times. Only one time is in memory at once. `force` replaces the files of an
+    earlier export, and nothing else.
     Raises InputError, before anything is written, for a format, body, field or time that does not
     exist and for a `folder` that is not empty.
     """
@@ -62,16 +68,20 @@ def export(
     OutputDirectory(target).require_replaceable(
         force, "use --force to overwrite, or choose another --out", lambda: _is_export(target),
         "exports only, and this is something else")
-    fresh = target.with_name(f".{target.name}.new")
-    shutil.rmtree(fresh, ignore_errors=True)
+    earlier = own_files(target)
+    if earlier.changed:
+        raise in_the_way(target, earlier.changed)
+    made = not target.exists()
     try:
-        OutputDirectory(fresh).make()
-        with writing(target):
+        OutputDirectory(target).make()
+        with writing(target), publishing(target, EXPORT) as fresh:
             names = {body: _write(run, plan, body, fresh) for body in plan.fields}
-        shutil.rmtree(target, ignore_errors=True)
-        fresh.rename(target)
-    finally:
-        shutil.rmtree(fresh, ignore_errors=True)
+            remove(earlier, target)
+    except BaseException:
+        with suppress(OSError):
+            if made:
+                target.rmdir()
+        raise
     files = {body: target / name for body, name in names.items()}
     return Exported(target, files, dict(plan.fields), run.times[plan.steps], plan.notes)
 
@@ -85,10 +95,9 @@ def _write(run: RunResult, plan: ExportPlan, body: str, folder: Path) -> str:
 
 
 def _is_export(folder: Path) -> bool:
-    """True if the folder contains exported time series only."""
-    inside = list(folder.iterdir()) if folder.is_dir() else []
-    series = {p.stem for p in inside if p.suffix in (".pvd", ".xdmf")}
-    return bool(series) and {p.stem for p in inside} == series
+    """True if the folder contains an earlier export."""
+    listing = read_listing(folder)
+    return listing is not None and listing.kind == EXPORT
 
 
 __all__ = ["FIELDS", "FORMATS", "Exported", "export"]

@@ -8,20 +8,15 @@ file is checked before anything else is made of its bytes.
 
 import hashlib
 import os
-import re
 import stat
 import uuid
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
 
-from sparsemor.core.simulation.cache import cache_folder, own_cache_folder
+from sparsemor.core.simulation.cache import MACHINE_CODE, cache_folder, own_cache_folder
 
-KIND = "machine_code"
-"""Folder of machine code in a cache."""
 _SUFFIX = ".code"
-_OURS = re.compile(r"[0-9a-f]{32}\.code|\..{32}\.part|.*\.py\d+\.(nbi|\d+\.nbc)")
-"""Names of files: ours, unfinished ones, and those of numba that earlier versions kept."""
 _READ = (os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
          | getattr(os, "O_BINARY", 0))
 _WRITE = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
@@ -66,35 +61,11 @@ class MachineCode:
         return self.folder / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}{_SUFFIX}"
 
 
-def kept_folders(root: Path) -> Iterator[Path]:
-    """Folders of machine code of this user in a cache."""
-    for folder in sorted((root / KIND).glob("*")):
-        with suppress(OSError):
-            if _private(folder.lstat(), stat.S_ISDIR):
-                yield folder
-
-
-def remove(folder: Path) -> int:
-    """Removes the machine code in a folder, and the folder if nothing else is in it; returns the
-    bytes that were freed."""
-    freed = 0
-    for file in folder.iterdir():
-        with suppress(OSError):
-            if _OURS.fullmatch(file.name):
-                size = file.lstat().st_size
-                file.unlink()
-                freed += size
-    with suppress(OSError):
-        folder.rmdir()
-        folder.parent.rmdir()
-    return freed
-
-
 def _roots() -> Iterator[Path]:
     if hasattr(os, "geteuid"):  # else nothing says who has written to a folder that may be shared
-        yield cache_folder() / KIND
+        yield cache_folder() / MACHINE_CODE
     with suppress(RuntimeError):  # no home
-        yield own_cache_folder() / KIND
+        yield own_cache_folder() / MACHINE_CODE
 
 
 def _own_folder(folder: Path) -> Path | None:

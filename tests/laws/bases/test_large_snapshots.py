@@ -15,7 +15,8 @@ from sparsemor.core.linalg import snapshots as snapshots_module
 from sparsemor.core.linalg.snapshots import SnapshotWriter, column_chunks
 from sparsemor.core.protocols import BlockData, Dictionary
 from sparsemor.core.registry.hooks import new_manager
-from sparsemor.core.simulation.cache import Cache, scratch_folder
+from sparsemor.core.results.files.temporary import TemporaryFolder
+from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.offline import largest_coefficient
 from sparsemor.core.simulation.offline_cache import Products
 from sparsemor.core.simulation.training import train
@@ -144,7 +145,7 @@ def test_training_writes_to_disk_what_it_would_have_held(
     for name, rows in held.items():
         assert isinstance(written[name], np.memmap) and np.array_equal(written[name], rows)
     del products
-    assert not list(cache.root.glob(".scratch.*"))
+    assert not list(cache.root.glob(".sparsemor-tmp.*"))
 
 
 @pytest.mark.full
@@ -160,7 +161,7 @@ def test_a_run_on_streamed_snapshots_keeps_them_once(
         assert np.abs(run.block(name) - want).max() <= 1e-6 * np.abs(want - want[0]).max()
     assert {e.kind for e in cache.entries()} == {
         "training", "basis", "galerkin_error", "trial_space"}
-    assert not [f for d in cache.root.glob(".scratch.*") for f in d.iterdir()]
+    assert not [f for d in cache.root.glob(".sparsemor-tmp.*") for f in d.iterdir()]
     again = simulate(small(), cache=cache)
     assert again.summary["cache"] == {
         "basis": "hit", "galerkin_error": "hit", "trial_space": "hit"}
@@ -168,9 +169,12 @@ def test_a_run_on_streamed_snapshots_keeps_them_once(
 
 
 def test_scratch_of_a_process_that_is_gone_is_removed(tmp_path: Path) -> None:
-    own = scratch_folder(tmp_path)
+    kept = TemporaryFolder(tmp_path), TemporaryFolder(tmp_path)
+    own = kept[0].path
     gone = own.with_name(own.name.replace(f".{os.getpid()}.", ".4194305."))  # above Linux's limit
     gone.mkdir()
     (gone / "a.npy").write_bytes(b"1")
-    other = scratch_folder(tmp_path)
-    assert own.exists() and other.exists() and not gone.exists()
+    other = TemporaryFolder(tmp_path)
+    assert own.exists() and other.path.exists() and not gone.exists()
+    del kept, other
+    assert not list(tmp_path.iterdir())

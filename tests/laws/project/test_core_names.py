@@ -26,7 +26,6 @@ TEXTS = {
     ("results/run_result.py", "n.removeprefix('probe.')"),  # an array of a probe
     ("results/tables.py", "'\\r' in cell"),
     ("results/tables.py", "text.endswith(MARK)"), ("results/tables.py", "t.endswith(MARK)"),
-    ("simulation/cache.py", "Path(name).parent.name.startswith(_SCRATCH)"),
     ("simulation/offline.py", "phase.removesuffix(' run')"),
     ("simulation/workers/local_pool.py", "line.endswith('\\n')"),
     ("simulation/run_header.py", "g.startswith('sparsemor.')"),  # groups of entry points

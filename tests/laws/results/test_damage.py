@@ -169,9 +169,12 @@ def test_a_damaged_result_is_bad_input_of_commands(result: Path, tmp_path: Path)
     group.write_text(text[:-40], encoding="utf-8")
     done = CliRunner().invoke(app, ["export", str(result), "--out", str(tmp_path / "x")])
     assert done.exit_code == 2 and done.stderr.startswith(f"{group} is damaged")
-    done = CliRunner().invoke(app, ["run", str(TINY), "--set", "time.end=0.01", "--out",
-                                    str(result), "--force"])
-    assert done.exit_code == 0
+    again = ["run", str(TINY), "--set", "time.end=0.01", "--out", str(result), "--force"]
+    done = CliRunner().invoke(app, again)  # nothing says any longer which files are ours
+    assert done.exit_code == 2 and f"{group}: not written by sparsemor, or changed" in done.stderr
+    assert group.read_text(encoding="utf-8") == text[:-40]
+    shutil.rmtree(result)
+    assert CliRunner().invoke(app, again).exit_code == 0
 
 
 def test_results_of_format_1_are_read_and_others_refused(result: Path) -> None:

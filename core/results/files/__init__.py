@@ -1,0 +1,2 @@
+"""Files that this program wrote: their list, which `--force` and clean-up obey, and temporary
+folders."""

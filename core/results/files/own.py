@@ -1,0 +1,255 @@
+"""Files of a result that this program wrote and nobody has changed since: what may be replaced.
+
+A store is a list of its own files: its metadata, which have a checksum, name its arrays, and each
+chunk ends with its CRC-32C. All other files are listed (listing.py). What is not listed, or is not
+as it was written, is somebody else's and stays.
+"""
+
+import json
+import os
+import re
+import stat
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+
+from sparsemor.core.errors import InputError
+from sparsemor.core.results import zarr_files as zf
+from sparsemor.core.results.atomic_files import unfinished
+from sparsemor.core.results.checkpoint import checkpoint_file, load_checkpoint
+from sparsemor.core.results.files.listing import (
+    LISTING,
+    is_as_listed,
+    is_free,
+    is_kind,
+    read_listing,
+    real_folder,
+)
+from sparsemor.core.results.saved_state import SavedError
+
+STORE = "result.zarr"
+_Signature = tuple[int, int, int]
+"""Inode, size and time of the last change (ns) of a file that was found to be ours."""
+
+
+@dataclass(frozen=True, slots=True)
+class OwnFiles:
+    """Files that this program wrote into a folder, and its parts.
+
+    files: path relative to the folder -> signature; files by which others are known come before
+    those. changed: listed paths that hold something else now.
+    """
+
+    files: dict[str, _Signature]
+    changed: tuple[str, ...]
+
+    @property
+    def results(self) -> bool:
+        """True if there is more than lists."""
+        return any(PurePosixPath(p).name != LISTING for p in self.files)
+
+
+# ------------------------------------------------------------------ what is ours
+
+
+def own_files(folder: Path, *, checked: bool = True) -> OwnFiles:
+    """Files in a folder that are ours, by its list, its store and its parts. checked: the content
+    of its chunks and checkpoints is compared with their checksums, else their sizes only."""
+    files: dict[str, _Signature] = {}
+    changed: dict[str, None] = {}
+    _gather(folder, "", files, changed, checked)
+    return OwnFiles(files, tuple(changed))
+
+
+def own_store(store: Path) -> OwnFiles:
+    """Files of a store, whatever its name, that are ours."""
+    files: dict[str, _Signature] = {}
+    changed: dict[str, None] = {}
+    _gather_store(store.parent, f"{store.name}/", files, changed, True)
+    return OwnFiles({p[len(store.name) + 1:]: s for p, s in files.items()}, tuple(changed))
+
+
+def _gather(
+    root: Path, prefix: str, files: dict[str, _Signature], changed: dict[str, None], checked: bool
+) -> None:
+    """Adds the files of the result in the folder root/prefix."""
+    here = root / prefix
+    listing = read_listing(here)
+    if listing is not None:
+        _add(root, f"{prefix}{LISTING}", files)
+        for name, written in listing.files.items():
+            _judge(root, f"{prefix}{name}", not is_free(here, name),
+                   is_as_listed(here, name, written), files, changed)
+    if _gather_store(root, f"{prefix}{STORE}/", files, changed, checked):
+        name = checkpoint_file(Path(STORE)).name
+        _judge(root, f"{prefix}{name}", os.path.lexists(here / name),
+               _is_checkpoint(here / STORE, checked), files, changed)
+        _add_unfinished(root, prefix, files)
+    for part in () if listing is None else listing.parts:
+        if real_folder(here, part):
+            _gather(root, f"{prefix}{part}/", files, changed, checked)
+
+
+def _gather_store(
+    root: Path, prefix: str, files: dict[str, _Signature], changed: dict[str, None], checked: bool
+) -> bool:
+    """Adds the files of the store root/prefix; returns True if it is one of ours."""
+    store = root / prefix
+    group = store / zf.GROUP_FILE
+    if not is_kind(store, stat.S_ISDIR) or not os.path.lexists(group):
+        return False
+    try:
+        document = zf.read_group(store) if is_kind(group, stat.S_ISREG) else {}
+        ours = document["attributes"]["format"] == zf.FORMAT
+    except (InputError, OSError, KeyError):
+        ours = False
+    _judge(root, f"{prefix}{zf.GROUP_FILE}", True, ours, files, changed)
+    if not ours:
+        return False
+    for name, metadata in zf.arrays_of(document).items():
+        if len(PurePosixPath(name).parts) != 1 or not real_folder(store, name):
+            continue
+        own = store / name / zf.GROUP_FILE
+        _judge(root, f"{prefix}{name}/{zf.GROUP_FILE}", os.path.lexists(own),
+               _holds(own, metadata), files, changed)
+        _add_unfinished(root, f"{prefix}{name}/", files)
+        folders: dict[str, None] = {}
+        for number in _chunks(store / name / "c"):
+            chunk = zf.chunk_file(store, name, metadata, number)
+            path = f"{prefix}{chunk.relative_to(store).as_posix()}"
+            inside = real_folder(store, chunk.parent.relative_to(store).as_posix())
+            _judge(root, path, number < zf.chunk_count(metadata) and os.path.lexists(chunk),
+                   inside and is_kind(chunk, stat.S_ISREG)
+                   and zf.is_chunk(chunk, metadata, checked), files, changed)
+            if inside:
+                folders[f"{PurePosixPath(path).parent}/"] = None
+        for folder in folders:
+            _add_unfinished(root, folder, files)
+    _add_unfinished(root, prefix, files)
+    return True
+
+
+def _judge(
+    root: Path, path: str, listed: bool, ours: bool, files: dict[str, _Signature],
+    changed: dict[str, None],
+) -> None:
+    """Adds a path to our files, or to those that are listed and changed."""
+    if ours:
+        _add(root, path, files)
+    elif listed:
+        changed[path] = None
+
+
+def _add(root: Path, path: str, files: dict[str, _Signature]) -> None:
+    signature = _signature(root / path)
+    if signature is not None:
+        files[path] = signature
+
+
+def _add_unfinished(root: Path, prefix: str, files: dict[str, _Signature]) -> None:
+    """Adds what a process that was killed left of a file that it was writing next to ours."""
+    with suppress(OSError):
+        for entry in os.scandir(root / prefix):
+            if unfinished(entry.name) and entry.is_file(follow_symlinks=False):
+                _add(root, f"{prefix}{entry.name}", files)
+
+
+def _is_checkpoint(store: Path, checked: bool) -> bool:
+    """True if the checkpoint of a store is whole and of its run; not checked: if it exists."""
+    if not is_kind(checkpoint_file(store), stat.S_ISREG) or not checked:
+        return is_kind(checkpoint_file(store), stat.S_ISREG)
+    try:
+        found = load_checkpoint(store)
+        return found is not None and found.run == zf.read_group(store)["attributes"]["run"]
+    except (SavedError, OSError, KeyError, InputError):
+        return False
+
+
+def _holds(file: Path, value: object) -> bool:
+    try:
+        return is_kind(file, stat.S_ISREG) and bool(json.loads(file.read_bytes()) == value)
+    except (OSError, ValueError, RecursionError):
+        return False
+
+
+def _chunks(folder: Path) -> Iterator[int]:
+    """Numbers of the chunks in a folder, those included that are not committed."""
+    if is_kind(folder, stat.S_ISDIR):
+        yield from sorted(int(e.name) for e in os.scandir(folder) if re.fullmatch(r"\d+", e.name))
+
+
+def _signature(path: Path) -> _Signature | None:
+    try:
+        found = os.lstat(path)
+    except OSError:
+        return None
+    return found.st_ino, found.st_size, found.st_mtime_ns
+
+
+# ------------------------------------------------------------------ what is done with them
+
+
+def remove(own: OwnFiles, folder: Path) -> bool:
+    """Removes these files, as they were found, and folders that they leave empty, in `folder`.
+    Those by which others are known go last, so that a killed removal can be repeated. Returns True
+    if nothing could not be removed."""
+    whole = True
+    for path in reversed(own.files):
+        if _signature(folder / path) == own.files[path]:
+            try:
+                (folder / path).unlink()
+            except OSError:
+                whole = False
+    _prune(own.files, folder)
+    return whole
+
+
+def move(own: OwnFiles, source: Path, target: Path, *, back: bool = False) -> None:
+    """Moves these files from a folder to another one, folders with nothing else in them as a whole.
+    Nothing is replaced: what finds its place taken stays. back: those by which others are known
+    come last, so that a killed move can be repeated."""
+    whole = _whole(own.files, source)
+    done: set[str] = set()
+    for path in reversed(own.files) if back else own.files:
+        unit = next((f for f in _above(path) if f in whole), path)
+        if unit in done:
+            continue
+        done.add(unit)
+        if os.path.lexists(target / unit):
+            inside = [p for p in own.files if p != unit and PurePosixPath(p).is_relative_to(unit)]
+            for each in reversed(inside) if back else inside:
+                _move_one(each, source, target)
+        else:
+            _move_one(unit, source, target)
+    _prune(own.files, source)
+
+
+def _move_one(path: str, source: Path, target: Path) -> None:
+    if is_free(target, path) and os.path.lexists(source / path):
+        (target / path).parent.mkdir(parents=True, exist_ok=True)
+        os.replace(source / path, target / path)
+
+
+def _above(path: str) -> list[str]:
+    """Folders that contain a path, from the outermost."""
+    return [p.as_posix() for p in reversed(PurePosixPath(path).parents) if p.parts]
+
+
+def _whole(files: Mapping[str, _Signature], root: Path) -> set[str]:
+    """Folders below `root` that contain these files and nothing else."""
+    folders = {f for path in files for f in _above(path)}
+    whole: set[str] = set()
+    for folder in sorted(folders, key=len, reverse=True):  # those inside before those around
+        with suppress(OSError):
+            inside = [f"{folder}/{e.name}" for e in os.scandir(root / folder)]
+            if all(p in files or p in whole for p in inside):
+                whole.add(folder)
+    return whole
+
+
+def _prune(files: Mapping[str, _Signature], root: Path) -> None:
+    """Removes the folders of these files that are empty now."""
+    for folder in sorted({f for path in files for f in _above(path)}, key=len, reverse=True):
+        with suppress(OSError):
+            (root / folder).rmdir()
