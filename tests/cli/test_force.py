@@ -102,8 +102,8 @@ def test_what_belongs_to_a_result_goes_with_it() -> None:
     write("a/vtu/notes.txt", "a/notes.txt")
     assert sparsemor(*compare)[0] == 0
     assert {p.name for p in Path("a").iterdir()} == {
-        LISTING, "errors.csv", "start_up.csv", "error_over_time.csv", "full", "galerkin", "notes.txt",
-        "vtu"}
+        LISTING, "errors.csv", "start_up.csv", "error_over_time.csv", "full", "galerkin",
+        "notes.txt", "vtu"}
     assert {p.name for p in Path("a/vtu").iterdir()} == {"notes.txt"}
     write("a/full/notes.txt")
     Path("a/errors.csv").write_text("mine", encoding="utf-8")
