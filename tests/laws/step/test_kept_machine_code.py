@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from sparsemor.core import MachineCode
-from sparsemor.core.simulation.kept.machine_code import kept_folders, remove
+from sparsemor.core.simulation.cache import Cache
 
 KEY, DATA = "a function", b"\x90" * 1000
 
@@ -123,9 +123,8 @@ def test_removal_takes_what_is_ours(caches: Path) -> None:
     _, file = written()
     (file.parent / "kernel.advance-1.py311.nbi").write_bytes(b"1234")  # of an earlier version
     (file.parent / "thesis.tex").write_bytes(b"mine")
-    folder, = kept_folders(caches / "shared")
-    assert remove(folder) == len(DATA) + 32 + 4
-    assert [f.name for f in folder.iterdir()] == ["thesis.tex"]
+    assert Cache(caches / "shared").clear() == len(DATA) + 32 + 4
+    assert [f.name for f in file.parent.iterdir()] == ["thesis.tex"]
 
 
 COMPILED = """
