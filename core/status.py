@@ -15,6 +15,7 @@ class Status(Enum):
     NOT_FINITE = "not_finite"
     STEP_TOO_LONG = "step_too_long"
     INACCURATE = "inaccurate"
+    OUTSIDE_THEORY = "outside_theory"
     INTERRUPTED = "interrupted"
 
     @property
@@ -67,6 +68,9 @@ _ADVICE = {
         "train on a run that covers this one, take more atoms or another basis; or continue it "
         "with --resume and another reducer.error_estimate: a larger tolerance, or action: "
         "fall_back"
+    ),
+    Status.OUTSIDE_THEORY: (
+        "take strains: nonlinear for this body, or smaller loads; check_strains: warn accepts it"
     ),
     Status.INTERRUPTED: "continue it with --resume",
 }

@@ -38,7 +38,8 @@ class Model:
     linear solvers of the blocks' constant matrices. stage: rigid-body pre-simulation from which
     prescribed motion, reactions and surface loads come, or None. starts: the consistent initial
     state, once it is computed (core/model/initial_state.py); a modified copy of the model computes
-    its own.
+    its own. stress_checks: body -> sizes of its largest displacement and change of temperature, and
+    change of stiffness, in a state that was checked (simulation/diagnostics/stress_stiffness.py).
     """
 
     layout: Layout
@@ -54,6 +55,8 @@ class Model:
     solvers: BlockSolvers
     stage: Stage | None = None
     starts: list[State] = field(default_factory=list, init=False, repr=False)
+    stress_checks: dict[str, tuple[float, float, float]] = field(
+        default_factory=dict, init=False, repr=False)
 
     @property
     def terms(self) -> tuple[Term, ...]:

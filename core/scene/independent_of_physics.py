@@ -8,7 +8,7 @@ from sparsemor.core.scene.scene import Scene
 
 IRRELEVANT: Mapping[str, Any] = {
     "title": "", "seed": 0, "check_stability": "warn", "check_trial_space": "warn",
-    "output": {}, "probes": {}, "parameters": {}}
+    "check_strains": "warn", "output": {}, "probes": {}, "parameters": {}}
 """Keys of a scene that do not affect its solution, with the value to which they are reset. A new
 key of `Scene` belongs here or in `RELEVANT`, which a test checks."""
 REDUCTION = frozenset({"reducer", "training"})

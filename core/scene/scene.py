@@ -105,6 +105,11 @@ class Scene(Plugin):
     without training an estimate of the run and the static and impulse responses to its loads.
     `warn`: report a projection error above 0.01 and continue; `refuse`: raise an error; `off`:
     skip."""
+    check_strains: Literal["warn", "refuse", "off"] = "warn"
+    """Check, after the run, that the stress of bodies with linear strains, as of spin, pressure or
+    heat, changes their stiffness by less than 5 %, which those leave out; for nonlinear strains,
+    that no body is compressed beyond its buckling load. `warn`: report; `refuse`: the run ends with
+    status `outside_theory` where linear strains do not hold; `off`: skip."""
     output: Output = Output()
     """Output options."""
     probes: dict[str, Probe] = {}

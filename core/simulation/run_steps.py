@@ -16,6 +16,10 @@ from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.simulation.diagnostics.alternating_joint_forces import alternating_forces
 from sparsemor.core.simulation.diagnostics.contact_warnings import contact_warnings
 from sparsemor.core.simulation.diagnostics.plausibility import after_run
+from sparsemor.core.simulation.diagnostics.stress_stiffness import (
+    LINEAR_STRAINS,
+    stress_notes,
+)
 from sparsemor.core.simulation.diagnostics.trial_space import beyond_training
 from sparsemor.core.simulation.diagnostics.undershoot import undershoot
 from sparsemor.core.simulation.error_control.actions import Accepted, ErrorWatch, Exceeded
@@ -88,8 +92,14 @@ class RunSteps:
         if failure is not None:
             summary["message"] = str(failure)
         else:
-            found = in_summary(self._found_after())
+            notes = self._found_after()
+            found = in_summary(notes)
             summary |= {key: [*summary[key], *texts] for key, texts in found.items()}
+            refused = [n for n in notes if n.kind == LINEAR_STRAINS]
+            if refused and self.scene.check_strains == "refuse":
+                status = Status.OUTSIDE_THEORY
+                failure = SolveFailed(status, self.state.t, "", refused[0].text)
+                summary |= {"status": status.value, "message": str(failure)}
         self.recorder.finish(status, summary)
         self.manager.hook.on_finish(summary=summary)
         result = self.recorder.writer.result()
@@ -109,6 +119,8 @@ class RunSteps:
             if model is not None:
                 notes += undershoot(model, result) if run.own_loads else ()
                 notes += after_run(model, result)
+                if self.scene.check_strains != "off":
+                    notes += stress_notes(model, result)
             return (*notes, *large_estimates(result, error_limit(self.scene.reducer).tolerance),
                     *beyond_training(run.spaces, result, run.trained_to))
         except Damaged as error:

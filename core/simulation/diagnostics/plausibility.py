@@ -100,13 +100,13 @@ def after_run(model: Model, result: RunResult) -> tuple[Note, ...]:
         heated, moved = (result.layout.of(name, q) for q in (
             Quantity.TEMPERATURE, Quantity.DISPLACEMENT))
         if heated is not None:
-            T = result.block(heated.name, _telling(result, heated.name))
+            T = result.block(heated.name, checked_steps(result, heated.name))
             absolute = bool((np.abs(model.x0[model.layout[heated.name]]) > COLDEST).any())
             found += temperature_notes(f"temperatures of {name}", T, 0.0 if absolute else 1.0)
             found += property_notes(model.parts[name], T)
         if moved is not None:
             largest = max(float(np.linalg.norm(result.nodal_displacement(name, int(i)), axis=1)
-                                .max()) for i in _telling(result, moved.name))
+                                .max()) for i in checked_steps(result, moved.name))
             extent = float(np.ptp(shape.points, axis=0).min())
             if largest > extent and name not in nonlinear:
                 found.append(Note(
@@ -277,7 +277,7 @@ def _too_fast(key: str, function: TimeFunction, count: int, h: float) -> Note | 
                 "too_fast")
 
 
-def _telling(result: RunResult, name: str) -> np.ndarray[tuple[int, ...], np.dtype[np.int64]]:
+def checked_steps(result: RunResult, name: str) -> np.ndarray[tuple[int, ...], np.dtype[np.int64]]:
     """Stored steps at which a block is checked; for a reduced block those of the largest
     coefficients and the last."""
     last = len(result.times) - 1

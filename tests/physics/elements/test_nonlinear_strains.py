@@ -13,6 +13,7 @@ from sparsemor import load_model, reduce, simulate
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.scene.scene import Scene
+from sparsemor.core.status import SolveFailed
 from sparsemor.core.testing.in_memory_run import scene_of
 
 E, L, H, ALPHA = 7e10, 1.0, 0.02, 1.2e-5
@@ -122,34 +123,60 @@ def test_a_turned_bar_has_no_stress() -> None:
     assert np.abs(sigma - want).max() < 1e-6 * along
 
 
-@pytest.mark.full
-@pytest.mark.parametrize(("ratio", "want"), [(0.4, 3.451e-4), (0.8, 3.142e-4)])
-def test_a_spinning_beam_is_stiffened(ratio: float, want: float) -> None:
-    """Tip deflection, m, under a force that turns with the beam; a beam element model with
-    centrifugal stiffness knows it. Linear strains give 4.231e-4 and 9.732e-4."""
+def spinning(ratio: float, strains: str, **more: Any) -> Scene:
+    """A beam that turns about its end, with `ratio` of its lowest natural frequency, under a force
+    that turns with it."""
     spin = ratio * 3.51602 * H * np.sqrt(E / (12.0 * 2700.0)) / L**2
-    run = simulate(scene_of({
-        "bodies": {"b": beam(20, damping={"mass": 30.0}, pose={"spin": spin})},
+    return scene_of({
+        "bodies": {"b": beam(20, strains=strains, damping={"mass": 30.0}, pose={"spin": spin})},
         "joints": {"j": {"use": "prescribed_motion", "of": "b:left", "x": 0.0, "y": 0.0, "angle": {
             "use": "ramp", "start": 0.0, "end": 100.0, "final": 100.0 * spin}}},
         "loads": {"f": {"use": "traction", "on": ["b:right"], "traction": [0.0, 2500.0],
                         "axes": "body",
                         "factor": {"use": "smooth_step", "end": 0.3, "final": 1.0}}},
         "time": {"end": 1.0, "step": 2e-3},
-        "integrator": {"use": "generalized_alpha", "rho_inf": 0.8}, "output": {"every": 50}}))
-    assert tip(run)[1] == pytest.approx(want, rel=2e-3)
+        "integrator": {"use": "generalized_alpha", "rho_inf": 0.8}, "output": {"every": 50},
+        **more})
 
 
-def spin_up(t: FloatArray) -> FloatArray:
-    """Tip deflection (T,), m, of Kane's beam in its root frame, by three modes of an
-    Euler-Bernoulli beam with centrifugal tension N = rho A W^2 (L^2 - x^2) / 2:
+@pytest.mark.full
+@pytest.mark.parametrize(("ratio", "want"), [(0.4, 3.451e-4), (0.8, 3.142e-4)])
+def test_a_spinning_beam_is_stiffened(ratio: float, want: float) -> None:
+    """Tip deflection, m; a beam element model with centrifugal stiffness knows it. Linear strains
+    give 4.231e-4 and 9.732e-4."""
+    assert tip(simulate(spinning(ratio, "nonlinear")))[1] == pytest.approx(want, rel=2e-3)
 
-        rho A (v'' - W^2 v + W' x) + E I v'''' - (N v')' = 0.
+
+@pytest.mark.full
+def test_a_spin_beyond_linear_strains_is_noted_and_refused() -> None:
+    scene = spinning(0.8, "linear", check_strains="refuse")
+    with pytest.raises(SolveFailed, match="outside_theory.*take strains: nonlinear") as refused:
+        simulate(scene)
+    text = str(refused.value)
+    assert "b is stiffened by 77 % at t = 1 s" in text
+    assert "0.8 of its lowest natural frequency of 16.4" in text
+    run = refused.value.result
+    assert isinstance(run, RunResult) and run.summary["status"] == "outside_theory"
+    assert len(run.times) == 11
+    assert not kinds(simulate(spinning(0.8, "linear", check_strains="off")))
+    assert not kinds(simulate(spinning(0.1, "linear")))
+
+
+def rotating_beam(
+    length: float, rho_A: float, stiffness: float
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Three modes of a cantilever: mass M, stiffness K, and the stiffness W^2 G of the tension
+    N = rho A W^2 (L^2 - x^2) / 2, (3, 3); loads of an angular acceleration and of a tip force (3,):
+
+        rho A (v_tt - W^2 v + W_t x) + E I v_xxxx - (N v_x)_x = 0;
+
+    out of the plane of rotation without the terms - W^2 v and W_t x.
     """
-    x = np.linspace(0.0, 10.0, 2001)
+    x = np.linspace(0.0, length, 2001)
     modes, slopes, curvatures = [], [], []
-    for b in (0.187510407, 0.469409113, 0.785475744):
-        k = (np.cosh(10 * b) + np.cos(10 * b)) / (np.sinh(10 * b) + np.sin(10 * b))
+    for bL in (1.87510407, 4.69409113, 7.85475744):
+        b = bL / length
+        k = (np.cosh(bL) + np.cos(bL)) / (np.sinh(bL) + np.sin(bL))
         modes.append(np.cosh(b * x) - np.cos(b * x) - k * (np.sinh(b * x) - np.sin(b * x)))
         slopes.append(b * (np.sinh(b * x) + np.sin(b * x) - k * (np.cosh(b * x) - np.cos(b * x))))
         curvatures.append(b**2 * (np.cosh(b * x) + np.cos(b * x)
@@ -158,9 +185,15 @@ def spin_up(t: FloatArray) -> FloatArray:
     def over(f: Any, g: Any) -> FloatArray:
         return np.trapezoid(np.array(f)[:, None] * np.array(g)[None], x, axis=2)
 
-    M, K = 1.2 * over(modes, modes), 1.4e4 * over(curvatures, curvatures)
-    G = 0.6 * over(slopes, np.array(slopes) * (100.0 - x**2))
-    p = 1.2 * np.trapezoid(np.array(modes) * x, x, axis=1)
+    tension = 0.5 * rho_A * (length**2 - x**2)
+    return (rho_A * over(modes, modes), stiffness * over(curvatures, curvatures),
+            over(slopes, np.array(slopes) * tension),
+            rho_A * np.trapezoid(np.array(modes) * x, x, axis=1), np.array(modes)[:, -1])
+
+
+def spin_up(t: FloatArray) -> FloatArray:
+    """Tip deflection (T,), m, of Kane's beam in its root frame, by three modes."""
+    M, K, G, p, end = rotating_beam(10.0, 1.2, 1.4e4)
 
     def rates(time: float, y: FloatArray) -> FloatArray:
         W = 0.4 * (time - 7.5 / np.pi * np.sin(2 * np.pi * time / 15.0))
@@ -169,7 +202,33 @@ def spin_up(t: FloatArray) -> FloatArray:
         return np.concatenate([y[3:], np.linalg.solve(M, force)])
 
     found = solve_ivp(rates, (0.0, t[-1]), np.zeros(6), t_eval=t, rtol=1e-8, atol=1e-10)
-    return np.asarray(np.array(modes)[:, -1] @ found.y[:3])
+    return np.asarray(end @ found.y[:3])
+
+
+@pytest.mark.full
+def test_a_spinning_solid_blade() -> None:
+    """Tip deflections under a force in and across the plane of rotation, at 0.8 of the lowest
+    natural frequency, relative to those at rest, against three modes of a beam with tension."""
+    height, modulus, rho = 0.05, 7e8, 2700.0
+    M, K, G, _, end = rotating_beam(L, rho * height**2, modulus * height**4 / 12.0)
+    spin = 0.8 * 3.51602 * height * np.sqrt(modulus / (12.0 * rho)) / L**2
+    rest = end @ np.linalg.solve(K, end)
+    want = [end @ np.linalg.solve(K + spin**2 * A, end) / rest for A in (G - M, G)]
+    material = {"E": modulus, "nu": 0.0, "rho": rho}
+    load = {"f": {"use": "traction", "on": ["b:right"], "traction": [0.0, 500.0, 500.0],
+                  "axes": "body", "factor": {"use": "smooth_step", "end": 0.3, "final": 1.0}}}
+    still = simulate(scene_of({
+        "bodies": {"b": beam(8, True, height, material=material, frame="fixed")}, "loads": load,
+        **STILL}))
+    turning = simulate(scene_of({
+        "bodies": {"b": beam(8, True, height, material=material, damping={"mass": 15.0},
+                             frame="spinning", pose={"spin": [0.0, 0.0, spin]})}, "loads": load,
+        "joints": {"j": {"use": "prescribed_motion", "of": "b:left", "x": 0.0, "y": 0.0, "z": 0.0,
+                         "axis": [0, 0, 1], "angle": {
+                             "use": "ramp", "start": 0.0, "end": 100.0, "final": 100.0 * spin}}},
+        "time": {"end": 1.2, "step": 0.01}, "output": {"every": 20},
+        "integrator": {"use": "generalized_alpha", "rho_inf": 0.8}}))
+    np.testing.assert_allclose(tip(turning)[1:] / tip(still)[1:], want, rtol=0.01)
 
 
 @pytest.mark.full
@@ -258,3 +317,23 @@ def test_a_kept_model_and_a_resumed_run_repeat_the_run(tmp_path: Path) -> None:
         simulate(reducer.using({"time.end": 0.015}), out=out)
         again = simulate(reducer, out=out, resume=True)
         np.testing.assert_array_equal(again.probe("end"), simulate(reducer).probe("end"))
+
+
+def kinds(run: RunResult) -> list[str]:
+    return [n.split(";")[0] for n in run.summary["notes"]]
+
+
+@pytest.mark.parametrize(("strains", "share", "want"), [
+    ("linear", 0.5, "compressed to 50 % of its buckling load"),
+    pytest.param("linear", 2.0, "compressed to 2 times its buckling load",
+                 marks=pytest.mark.full),
+    pytest.param("linear", -0.3, "stiffened by 30 % at", marks=pytest.mark.full),
+    pytest.param("linear", 0.03, "", marks=pytest.mark.full),
+    pytest.param("nonlinear", 0.5, "", marks=pytest.mark.full),
+    pytest.param("nonlinear", 2.0, "compressed to 2 times its buckling load at",
+                 marks=pytest.mark.full)])
+def test_the_limit_of_linear_strains_is_noted(strains: str, share: float, want: str) -> None:
+    """One eigenvalue of the geometric stiffness of a pinned bar: P / P_E."""
+    found = kinds(simulate(column(strains, share * EULER)))
+    assert len(found) == bool(want)
+    assert all(want in text for text in found), found
