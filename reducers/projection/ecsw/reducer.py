@@ -58,8 +58,9 @@ class Ecsw(ProjectionReducer):
     and, 2015, 10.1002/nme.4820).
 
     Trial and test map are the atoms, and weighted element matrices stay symmetric and positive
-    semidefinite: the structure, and with it the stability, of Galerkin is kept. Inertia of the
-    floating frame, damping, joints, films and loads are projected exactly.
+    semidefinite: the structure, and with it the stability, of Galerkin is kept (of nonlinear
+    strains, the part beyond the linear stress need not be semidefinite). Inertia of the floating
+    frame, damping, joints, films and loads are projected exactly.
     """
 
     tau: float = Field(default=1e-6, ge=1e-8, lt=1.0)
