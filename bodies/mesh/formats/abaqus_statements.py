@@ -3,7 +3,9 @@
 import re
 from collections.abc import Iterator, Sequence
 
-from sparsemor.bodies.mesh.formats.content import BadLine, numbered
+from sparsemor.bodies.mesh.formats.content import INTEGER, BadLine, numbered
+
+_REAL = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(E[+-]?\d+)?", re.ASCII)
 
 
 def statements(
@@ -91,7 +93,7 @@ def data_words(text: str) -> tuple[list[str], bool]:
 
 
 def integer(word: str, line: int, keyword: str) -> int:
-    if not re.fullmatch(r"[+-]?\d{1,18}", word, re.ASCII):
+    if not INTEGER.fullmatch(word):
         raise BadLine(line, keyword, f"{word[:40]!r} is no whole number")
     return int(word)
 
@@ -101,6 +103,6 @@ def real(word: str, line: int, keyword: str) -> float:
     if not word:
         return 0.0
     text = word.upper().replace("D", "E")
-    if not re.fullmatch(r"[+-]?(\d+\.?\d*|\.\d+)(E[+-]?\d+)?", text, re.ASCII):
+    if not _REAL.fullmatch(text):
         raise BadLine(line, keyword, f"{word[:40]!r} is no number")
     return float(text)

@@ -1,5 +1,6 @@
 """Content of a mesh file, as all readers return it."""
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -9,6 +10,8 @@ from sparsemor.core import FloatArray, InputError, IntArray, Note
 
 SIMPLEX = {1: "line", 2: "triangle", 3: "tetra"}
 QUADRATIC = {1: "line3", 2: "triangle6", 3: "tetra10"}
+INTEGER = re.compile(r"[+-]?\d{1,18}", re.ASCII)
+"""A whole number that fits in 64 bits."""
 _DIMENSION = (("vertex", 0), ("line", 1), ("triangle", 2), ("quad", 2), ("polygon", 2),
               ("tetra", 3), ("hexahedron", 3), ("wedge", 3), ("pyramid", 3), ("polyhedron", 3))
 

@@ -46,26 +46,32 @@ def difference(kind: str, data: bytes, read: dict[str, int]) -> str:
     return ""
 
 
+def _text(data: bytes) -> str:
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = data.decode("latin-1")
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
 def _lines(data: bytes) -> list[str]:
-    return data.decode("latin-1").replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    return _text(data).split("\n")
 
 
 def _abaqus(data: bytes) -> dict[str, int] | None:
-    """Data lines under *ELEMENT by type, and by the ELSET in that line outside of parts; those of a
-    part once for each of its instances."""
-    found: Counter[str] = Counter()
+    """Words in the data lines of each *ELEMENT by type and, outside of parts, by its ELSET; those
+    of a part once for each of its instances."""
     by_part: dict[str, Counter[str]] = {}
-    part, kind, words, name, width = "", "", 0, "", 0
+    named: Counter[tuple[str, str]] = Counter()
     copies: Counter[str] = Counter()
+    part, kind, name, words, width, head = "", "", "", 0, 1, ""
 
     def close() -> None:
-        if kind and words:
-            counts = by_part.setdefault(part, Counter()) if part else found
-            counts[kind] += words // width
+        if kind:
+            by_part.setdefault(part, Counter())[kind] += words // width
             if name and not part:
-                counts[f"{kind} in {name!r}"] += words // width
+                named[kind, name] += words // width
 
-    head = ""
     for line in _lines(data):
         text = line.strip()
         if not text or text.startswith("**"):
@@ -78,37 +84,37 @@ def _abaqus(data: bytes) -> dict[str, int] | None:
             words += len([w for w in text.split(",") if w.strip()])
             continue
         close()
-        plain = re.sub(r"\s", "", text).upper()
         kind, words, name = "", 0, ""
-        option = dict(re.findall(r"([A-Z]+)=([^,]*)", plain))
-        if plain.startswith("*ELEMENT,"):
-            match = _ABAQUS.fullmatch(option.get("TYPE", ""))
-            if match:
-                nodes = int(match[1] or match[2])
-                kind = {3: "triangle", 6: "triangle6", 4: "tetra", 10: "tetra10"}[nodes]
-                width = nodes + 1
-                name = "" if '"' in text else option.get("ELSET", "")
-        elif plain.startswith("*PART,"):
-            part = option.get("NAME", "")
-        elif plain.startswith("*ENDPART"):
+        keyword = re.sub(r"\s", "", text.split(",")[0]).upper()
+        option = {k.upper(): v.strip().upper() for k, v in re.findall(
+            r",\s*([A-Za-z]+)\s*=([^,]*)", text)}
+        match = _ABAQUS.fullmatch(option.get("TYPE", ""))
+        if keyword == "*ELEMENT" and match:
+            nodes = int(match[1] or match[2])
+            kind = {3: "triangle", 6: "triangle6", 4: "tetra", 10: "tetra10"}[nodes]
+            width, name = nodes + 1, option.get("ELSET", "")
+        elif keyword == "*PART":
+            part = option.get("NAME", "").strip('"')
+        elif keyword == "*ENDPART":
             part = ""
-        elif plain.startswith("*INSTANCE,"):
-            copies[option.get("PART", "")] += 1
+        elif keyword == "*INSTANCE":
+            copies[option.get("PART", "").strip('"')] += 1
     close()
-    for part_name, counts in by_part.items():
+    found: Counter[str] = Counter()
+    for which, counts in by_part.items():
         for key, number in counts.items():
-            found[key] += number * (copies[part_name] if copies else 1)
-    # a set with elements of other statements has more, which is no contradiction
-    sets = Counter(k for k in found if " in " in k)
-    spread = {k for k in sets if re.search(
-        rb"(?i)\*\s*ELSET\b[^\n]*" + re.escape(k.split(" in ")[1].strip("'").encode("latin-1")),
-        data)}
-    return {k: n for k, n in found.items() if k not in spread}
+            found[key] += number * (copies[which] if which and copies else 1)
+    # an *ELSET of the same name adds elements of other statements, and quoted names keep their case
+    more = " ".join(t.upper() for t in _lines(data) if re.match(r"\s*\*\s*ELSET\b", t, re.I))
+    for (key, own), number in named.items():
+        if '"' not in own and own not in more:
+            found[f"{key} in {own!r}"] = number
+    return found
 
 
 def _gmsh(data: bytes) -> dict[str, int] | None:
     """Lines of $Elements by type and by physical group; None where a line has not one element."""
-    lines = [t.strip() for t in data.decode("utf-8", "replace").split("\n")]
+    lines = [t.strip() for t in _lines(data)]
 
     def section(name: str) -> list[list[str]]:
         if f"${name}" not in lines:
@@ -119,8 +125,8 @@ def _gmsh(data: bytes) -> dict[str, int] | None:
     head = section("MeshFormat")
     if not head or head[0][1] != "0":
         return None
-    names = {(int(w[0]), abs(int(w[1]))): " ".join(w[2:]).strip('"')
-             for w in section("PhysicalNames")[1:]}
+    names = {(int(d), abs(int(tag))): name for d, tag, name in re.findall(
+        r'(?m)^\s*([0-3])\s+(-?\d+)\s+"(.*)"\s*$', _text(data))}
     found: Counter[str] = Counter()
     body = section("Elements")
     if head[0][0] == "4.1":
@@ -193,7 +199,7 @@ def _nastran(data: bytes) -> dict[str, int]:
 def _medit(data: bytes) -> dict[str, int] | None:
     if b"\0" in data[:64] or not data.lstrip().startswith((b"MeshVersionFormatted", b"#")):
         return None
-    text = re.sub(r"#[^\n]*", "", data.decode("latin-1"))
+    text = re.sub(r"#[^\n]*", "", _text(data))
     return {kind: int(n) for word, kind in _MEDIT.items() if kind
             for n in re.findall(rf"(?m)^\s*{word}\s+(\d+)", text)[:1] if int(n)}
 

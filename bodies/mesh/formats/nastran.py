@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sparsemor.bodies.mesh.formats.content import (
+    INTEGER,
     BadLine,
     Cells,
     Content,
@@ -44,6 +45,7 @@ REFUSED = {
     "CORD3G": "this coordinate system is not supported",
     "GRIDG": "grids on geometry are not supported", "EGRID": "this type of grids is not supported",
     "SEELT": "superelements are not supported"}
+_NAME = re.compile(r"[A-Z][A-Z0-9_]*")
 _NUMBER = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+))(?:[ED]?([+-]\d+)|[ED](\d+))?", re.ASCII)
 
 
@@ -66,7 +68,7 @@ class _Card:
         word = self.text(at)
         if not word and default is not None:
             return default
-        if not re.fullmatch(r"[+-]?\d{1,18}", word, re.ASCII):
+        if not INTEGER.fullmatch(word):
             raise self.fail(f"field {at + 2} is {word[:40]!r}, and no whole number")
         return int(word)
 
@@ -264,7 +266,7 @@ def _cards(lines: Sequence[str]) -> Iterator[_Card]:
 
 def _bulk(lines: Sequence[str]) -> Iterator[tuple[int, str]]:
     """Lines of the bulk data with their numbers, without comments and blank lines."""
-    begins = [n for n, t in numbered(lines) if re.match(r"\s*BEGIN\b", t, re.IGNORECASE)]
+    begins = [n for n, t in numbered(lines) if t.lstrip()[:6].upper().rstrip() == "BEGIN"]
     if len(begins) > 1:
         raise BadLine(begins[1], "BEGIN", "a second part of bulk data is not supported")
     first = begins[0] if begins else 0
@@ -275,7 +277,7 @@ def _bulk(lines: Sequence[str]) -> Iterator[tuple[int, str]]:
         text = raw.split("$", 1)[0].rstrip()
         if number <= first or not text.strip():
             continue
-        if re.match(r"\s*ENDDATA\b", text, re.IGNORECASE):
+        if text.lstrip()[:7].upper() == "ENDDATA":
             return
         yield number, text.expandtabs(8)
 
@@ -301,8 +303,8 @@ def _fields(line: int, text: str) -> tuple[str, list[str], str, str]:
     if not head or head[0] in "+*":
         ahead, head = head[1:].strip(), ""
     name = head.rstrip("*").strip().upper()
-    if re.match(r"INCLUDE\b", name) or text.lstrip().upper().startswith("INCLUDE"):
+    if text.lstrip()[:7].upper() == "INCLUDE":
         name = "INCLUDE"
-    if name and not re.fullmatch(r"[A-Z][A-Z0-9_]*", name):
+    if name and not _NAME.fullmatch(name):
         raise BadLine(line, name, "is no card of the bulk data")
     return name, data, ahead, behind[1:].strip() if behind[:1] in ("+", "*") else behind

@@ -373,3 +373,19 @@ def test_groups_without_elements_are_named(tmp_path: Path) -> None:
     assert [str(n) for n in mesh.notes] == [
         "a.msh: no element of the file is in the groups HOT, COLD, METAL1, METAL2 (Mesh.SaveAll of "
         "this format drops them: save it as 4.1)"]
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "latin-1"])
+def test_names_in_other_letters_with_blanks_and_signs(encoding: str, tmp_path: Path) -> None:
+    names = ["Zylinder außen", "part  in 'A'", 'métal "2" \\', "HOT side"]
+    gmsh_text = gmsh(bar()).decode()
+    for old, new in zip(("METAL1", "METAL2", "HOT", "COLD"), names, strict=True):
+        gmsh_text = gmsh_text.replace(f'"{old}"', f'"{new}"')
+    if encoding != "utf-8-sig":
+        mesh = build(tmp_path, "a.msh", gmsh_text.encode(encoding))
+        assert sorted(mesh.point_sets) == sorted(names)
+    text = abaqus(bar()).replace("ELSET=METAL1", "ELSET=außen").replace(
+        "ELSET=METAL2", 'ELSET="part, in  A"').replace("NSET=HOT", "NSET = Bord chauffé ")
+    mesh = build(tmp_path, "a.inp", text.encode(encoding))
+    assert {"außen", "part, in  A", "Bord chauffé", "COLD"} <= set(mesh.point_sets)
+    assert len(mesh.cell_sets["part, in  A"]) == 10
