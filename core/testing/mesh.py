@@ -30,9 +30,12 @@ def check_mesh_plugin(plugin: MeshPlugin, base: Path | None = None) -> None:
         "a set of cells or facets has no points")
     law(np.array_equal(mesh.points, again.points) and np.array_equal(mesh.cells, again.cells),
         "two builds give different meshes")
-    law({n: m.tolist() for n, m in mesh.point_sets.items()}
-        == {n: m.tolist() for n, m in again.point_sets.items()},
-        "two builds give different point sets")
+    law(_sets(mesh) == _sets(again), "two builds give different sets")
+
+
+def _sets(mesh: Mesh) -> list[dict[str, object]]:
+    return [{n: m.tolist() for n, m in sets.items()}
+            for sets in (mesh.point_sets, mesh.facet_sets, mesh.cell_sets)]
 
 
 def _points_and_cells(mesh: Mesh) -> None:

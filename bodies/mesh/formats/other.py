@@ -19,7 +19,7 @@ from sparsemor.bodies.mesh.formats.content import (
 )
 from sparsemor.bodies.mesh.formats.gmsh import WORD
 
-TAGS = ("gmsh:physical", "medit:ref")
+TAGS = ("gmsh:physical", "medit:ref", "CellEntityIds")
 """Names in meshio of data of cells that are tags of groups."""
 
 
@@ -30,7 +30,7 @@ def read(full: Path, kind: str) -> Content:
     readers = {"vtk": meshio.vtk, "vtu": meshio.vtu, "medit": meshio.medit, "med": meshio.med}
     with _silent():
         raw = readers[kind].read(str(full))
-    return _content(raw)
+    return content_of(raw)
 
 
 @contextlib.contextmanager
@@ -44,7 +44,7 @@ def _silent() -> Iterator[None]:
         yield
 
 
-def _content(raw: Any) -> Content:
+def content_of(raw: Any) -> Content:
     """meshio's mesh as arrays of the expected shapes and types."""
     points = np.asarray(raw.points, dtype=np.float64)
     if points.ndim != 2 or points.shape[1] not in (2, 3):
@@ -71,7 +71,7 @@ def _content(raw: Any) -> Content:
     for name, tag, number, rows in _tagged(raw, new, blocks):
         groups.setdefault(name or f"{WORD[blocks[number].dimension]}_{tag}", Group()).cells.append(
             (number, rows))
-    for name, numbers in raw.point_sets.items():
+    for name, numbers in (*raw.point_sets.items(), *_point_families(raw)):
         groups.setdefault(str(name), Group()).points.append(
             np.asarray(numbers, dtype=np.int64).ravel())
     return Content(points, tuple(blocks), groups)
@@ -95,3 +95,11 @@ def _tagged(
             if len(rows) and number in new:
                 for name in members:
                     yield str(name), 0, new[number], rows
+
+
+def _point_families(raw: Any) -> Iterator[tuple[str, Any]]:
+    """Name and points of the groups of nodes of a Salome file."""
+    families = np.asarray(raw.point_data.get("point_tags", ()))
+    for family, members in getattr(raw, "point_tags", {}).items():
+        rows = np.flatnonzero(families == family)
+        yield from ((str(name), rows) for name in members if len(rows))

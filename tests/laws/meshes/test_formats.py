@@ -12,6 +12,7 @@ from mesh_texts import abaqus, bar, canonical, gmsh, nastran
 from sparsemor.bodies.fem.quadratic import with_midpoints
 from sparsemor.bodies.fem.surface import boundary_facets, facet_measures
 from sparsemor.bodies.mesh.file import MeshFile
+from sparsemor.bodies.mesh.formats import other
 from sparsemor.core.errors import InputError
 from sparsemor.core.protocols.mesh import Mesh
 
@@ -389,3 +390,25 @@ def test_names_in_other_letters_with_blanks_and_signs(encoding: str, tmp_path: P
     mesh = build(tmp_path, "a.inp", text.encode(encoding))
     assert {"außen", "part, in  A", "Bord chauffé", "COLD"} <= set(mesh.point_sets)
     assert len(mesh.cell_sets["part, in  A"]) == 10
+
+
+def test_groups_of_medit_and_salome(tmp_path: Path) -> None:
+    """References of a Medit file, and families of a Salome file as meshio gives them, which needs
+    h5py to read one."""
+    shape = bar()
+    cells = [("line", shape.ends["HOT"]), ("triangle", shape.cells)]
+    meshio.Mesh(shape.points, cells, cell_data={
+        "medit:ref": [np.full(1, 5), shape.metal]}).write(tmp_path / "a.mesh")
+    mesh = MeshFile(path="a.mesh").build(tmp_path)
+    assert {n: len(c) for n, c in mesh.cell_sets.items()} == {"surface_1": 10, "surface_2": 10}
+    assert mesh.facet_sets["curve_5"].tolist() == [[0, 1]]
+    ends = np.where(shape.points[:, 0] == 0.2, 4, 0)
+    salome = meshio.Mesh(shape.points, cells, point_data={"point_tags": ends}, cell_data={
+        "cell_tags": [np.array([-1]), -shape.metal - 1]})
+    salome.cell_tags = {-1: ["hot"], -2: ["left", "all"], -3: ["right", "all"]}
+    salome.point_tags = {4: ["tip"]}
+    groups = other.content_of(salome).groups
+    found = {n: [(b, len(r)) for b, r in g.cells] for n, g in groups.items()}
+    assert found == {"hot": [(0, 1)], "left": [(1, 10)], "right": [(1, 10)],
+                     "all": [(1, 10), (1, 10)], "tip": []}
+    assert groups["tip"].points[0].tolist() == [20, 21]

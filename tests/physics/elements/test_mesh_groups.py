@@ -152,23 +152,29 @@ def patch(mesh: dict[str, Any], where: dict[str, Any]) -> list[str]:
     return noted(run, "cut_patch")
 
 
-def test_a_patch_that_cuts_facets_is_noted_with_its_share() -> None:
-    """0.3 m of patch on edges of 1/32 m: the load acts on 9 edges, 93.75 % of it; the edges may be
-    of faces, too. A patch that ends at nodes, and a side that is described with some slack, have no
+PLANE = {"use": "rectangle", "size": [1.0, 0.1], "divisions": [32, 2]}
+SOLID = {"use": "block", "size": [1.0, 0.2, 0.1], "divisions": [10, 2, 1]}
+
+
+@pytest.mark.parametrize(("mesh", "where", "share"), [
+    (PLANE, {"box": [[0.2, 0.5], [0.099, 0.101]]}, 0.9375),
+    (PLANE, {"where": "x > 0.2 and x < 0.5001 and y > 0.0999"}, 0.9375),
+    (PLANE, {"box": [[0.25, 0.5], [0.099, 0.101]]}, 1.0),
+    (PLANE, {"where": "x < 0.01"}, 1.0),
+    (PLANE, {"where": "x < 1e-9 or y > 0.0999"}, 1.0),
+    (SOLID, {"box": [[0.0, 0.35], [0.0, 0.2], [0.1, 0.1]]}, 0.3 / 0.35),
+    (SOLID, {"where": "z > 0.0999"}, 1.0),
+])
+def test_a_patch_that_cuts_facets_is_noted_with_its_share(
+    mesh: dict[str, Any], where: dict[str, Any], share: float
+) -> None:
+    """0.3 m of patch on edges of 1/32 m: the load acts on 9 edges, 93.75 % of it; the facets may be
+    faces, too. A patch that ends at nodes, and a side that is described with some slack, have no
     note."""
-    plane = {"use": "rectangle", "size": [1.0, 0.1], "divisions": [32, 4]}
-    (text,) = patch(plane, {"box": [[0.2, 0.5], [0.099, 0.101]]})
-    assert "loads.q acts on 0.2812 m of 'b:p', 93.8% of the 0.2998 m" in text
-    (text,) = patch(plane, {"where": "x > 0.2 and x < 0.5001 and y > 0.0999"})
-    assert "acts on 0.2812 m" in text
-    assert not patch(plane, {"box": [[0.25, 0.5], [0.099, 0.101]]})
-    assert not patch(plane, {"where": "x < 0.01"})
-    assert not patch(plane, {"where": "x < 1e-9 or y > 0.0999"})
-    block = {"use": "block", "size": [1.0, 0.2, 0.1], "divisions": [10, 4, 1]}
-    (text,) = patch(block, {"box": [[0.0, 0.35], [0.0, 0.2], [0.1, 0.1]]})
-    share = float(text.split("b:p', ")[1].split("%")[0])
-    assert share == pytest.approx(100 * 0.3 / 0.35, abs=1.0)
-    assert not patch(block, {"where": "z > 0.0999"})
+    texts = patch(mesh, where)
+    assert len(texts) == (share < 1.0)
+    for text in texts:
+        assert float(text.split("b:p', ")[1].split("%")[0]) == pytest.approx(100 * share, abs=0.3)
 
 
 def test_a_patch_on_a_circle_described_by_its_radius_is_not_cut() -> None:
