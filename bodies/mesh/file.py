@@ -1,6 +1,6 @@
 """Mesh from a file, converted to linear simplices."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -129,7 +129,22 @@ def _clean(content: Content, scale: float, name: str) -> Mesh:
     mesh = Mesh(points[used], _oriented(points[used], new[cells]), sets.points,
                 facet_sets=sets.facets, cell_sets=sets.cells, notes=content.notes)
     check_mesh(mesh)
-    return replace(mesh, notes=(*mesh.notes, *_notes(mesh, sets, name)))
+    return replace(mesh, notes=(*mesh.notes, *_others(content, d, name),
+                                *_notes(mesh, sets, name)))
+
+
+def _others(content: Content, d: int, name: str) -> Iterator[Note]:
+    """Note on elements of lower dimension in files whose elements are parts of a structure; in
+    others, such as Gmsh's, they are there to name something."""
+    count: dict[str, int] = {}
+    for block in content.blocks:
+        if block.dimension < d and block.place and "$" not in block.place:
+            count[block.place] = count.get(block.place, 0) + len(block.nodes)
+    if count:
+        what = ", ".join(f"{n} ({place.lstrip(':')})" for place, n in count.items())
+        yield information(f"{name}: {sum(count.values())} elements of lower dimension name points, "
+                          f"edges and faces, and are no part of the body: {what[:200]}",
+                          "mesh_file")
 
 
 def _notes(mesh: Mesh, sets: Sets, name: str) -> list[Note]:

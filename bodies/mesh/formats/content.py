@@ -67,7 +67,8 @@ class Content:
         for block in self.blocks:
             found[block.kind] = found.get(block.kind, 0) + len(block.nodes)
         for name, group in self.groups.items():
-            for b, rows in group.cells:
+            for b in {b for b, _ in group.cells}:
+                rows = np.concatenate([rows for other, rows in group.cells if other == b])
                 key = f"{self.blocks[b].kind} in {name!r}"
                 found[key] = found.get(key, 0) + len(np.unique(rows))
         return found

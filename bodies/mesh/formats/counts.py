@@ -135,32 +135,28 @@ def _gmsh(data: bytes) -> dict[str, int] | None:
         while at < len(body):
             dimension, entity, number, count = map(int, body[at])
             kind = _GMSH.get(number, ("", 0))[0]
-            _note(found, names, kind, count, dimension, tags.get((dimension, entity), set()))
+            for key in (kind, *_grouped(names, kind, dimension,
+                                        tags.get((dimension, entity), set()))):
+                found[key] += count
             at += 1 + count
         return found if at == len(body) else None
     if len(body) != 1 + int(body[0][0]):
         return None
-    rows: dict[tuple[str, int], set[tuple[str, ...]]] = {}
+    rows: dict[str, set[tuple[str, ...]]] = {}
     for words in body[1:]:
         kind, count = _GMSH.get(int(words[1]), ("", 0))
-        for tag in (0, abs(int(words[3])) if int(words[2]) else 0):
-            rows.setdefault((kind, tag), set()).add(tuple(sorted(words[-count:])))
-    for (kind, tag), different in rows.items():
-        d = {"": 0, "v": 0, "l": 1, "t": 3 if kind.startswith("tetra") else 2}[kind[:1]]
-        if tag:
-            _note(found, names, kind, len(different), d, {tag}, whole=False)
-        else:
-            found[kind] += len(different)
-    return found
+        tag = abs(int(words[3])) if int(words[2]) else 0
+        d = 3 if kind.startswith("tetra") else {"t": 2, "l": 1}.get(kind[:1], 0)
+        for key in (kind, *_grouped(names, kind, d, {tag} - {0})):
+            rows.setdefault(key, set()).add(tuple(sorted(words[-count:])))
+    return {key: len(different) for key, different in rows.items()}
 
 
-def _note(found: Counter[str], names: dict[tuple[int, int], str], kind: str, count: int,
-          dimension: int, tags: Iterable[int], whole: bool = True) -> None:
-    """Adds elements to the counts of their type (whole) and of their groups."""
-    found[kind] += count * whole
+def _grouped(names: dict[tuple[int, int], str], kind: str, dimension: int, tags: Iterable[int]
+             ) -> set[str]:
+    """Keys of the groups with these tags."""
     word = ("point", "curve", "surface", "volume")[dimension]
-    for name in {names.get((dimension, tag), f"{word}_{tag}") for tag in tags}:
-        found[f"{kind} in {name!r}"] += count
+    return {f"{kind} in {names.get((dimension, tag), f'{word}_{tag}')!r}" for tag in tags}
 
 
 def _entities(lines: list[list[str]]) -> dict[tuple[int, int], set[int]]:

@@ -194,8 +194,22 @@ def test_what_is_not_read_is_in_a_note(tmp_path: Path) -> None:
     assert texts[0] == "a.inp: only the mesh is read, not *MATERIAL, *ELASTIC"
     assert texts[1].endswith("*NSET: 36 of the nodes in this range do not exist")
     assert len(mesh.point_sets["SOME"]) == 5
-    notes = build(tmp_path, "a.bdf", nastran(bar())).notes
-    assert [str(n) for n in notes] == ["a.bdf: only the mesh is read, not MAT1"]
+    notes = build(tmp_path, "a.bdf", nastran(bar(3))).notes
+    assert [str(n) for n in notes] == [
+        "a.bdf: only the mesh is read, not MAT1",
+        "a.bdf: 4 elements of lower dimension name points, edges and faces, and are no part of the "
+        "body: 4 (108: CTRIA3)"]
+    assert not build(tmp_path, "a.msh", gmsh(bar())).notes
+
+
+@pytest.mark.parametrize("version", ["4.1", "2.2"])
+def test_one_name_for_two_tags(version: str, tmp_path: Path) -> None:
+    text = gmsh(bar(), version).decode().replace("METAL2", "METAL1")
+    assert len(build(tmp_path, "a.msh", text).cell_sets["METAL1"]) == 20
+    if version == "4.1":  # an entity in two groups of one name
+        text = text.replace("2 0.0 0.0 0.0 1.0 1.0 1.0 1 2 0", "2 0.0 0.0 0.0 1.0 1.0 1.0 2 2 1 0")
+        text = text.replace('1 2 "COLD"', '1 2 "HOT"')
+        assert len(build(tmp_path, "a.msh", text).facet_sets["HOT"]) == 2
 
 
 def test_duplicates_of_format_2_2_are_one_element_in_two_groups(tmp_path: Path) -> None:
