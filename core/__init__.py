@@ -90,6 +90,8 @@ if TYPE_CHECKING:
     from sparsemor.core.protocols.step_solver import (
         unavailable_resultants as unavailable_resultants,
     )
+    from sparsemor.core.protocols.turning import steered as steered
+    from sparsemor.core.protocols.turning import tangent as tangent
     from sparsemor.core.registry.hooks import RunStart as RunStart
     from sparsemor.core.registry.hooks import hookimpl as hookimpl
     from sparsemor.core.registry.optional_packages import require as require
@@ -156,6 +158,7 @@ _HOMES = {
     "protocols.sparse_solver": ("solver_refusal",),
     "protocols.step_amplitude": ("jumps_of",),
     "protocols.step_solver": ("advanced", "resultant_sources", "unavailable_resultants"),
+    "protocols.turning": ("steered", "tangent"),
     "registry.hooks": ("RunStart", "hookimpl"),
     "registry.optional_packages": ("require",),
     "registry.plugin": ("Plugin",),

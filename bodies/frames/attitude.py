@@ -3,7 +3,7 @@
 The equations need the rotation matrix A and its derivatives by the attitude coordinates only, so
 both parametrisations share one implementation. The angle suits bodies that rotate about a fixed
 axis: it needs no multiplier, and BDF1 keeps a constant rate exactly, whereas each step reduces the
-rate of a quaternion by the fraction (w h / 2)^2.
+rate of a quaternion by the fraction (w h)^2 / 8.
 """
 
 from typing import TypeAlias

@@ -11,6 +11,7 @@ import numpy as np
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.notes import Note
 from sparsemor.core.protocols.layout import Layout
+from sparsemor.core.protocols.turning import steered, tangent
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -82,6 +83,12 @@ class StepFormula:
     layout: Layout
     free: FloatArray
     free_rate: FloatArray
+
+    def steer(self, d: FloatArray) -> FloatArray:
+        """A guess d (n,) of the departure, with quaternions near their free motion, in place."""
+        for at in self.layout.quaternions:
+            steered(d[at : at + 4], self.free[at : at + 4])
+        return d
 
     @property
     def r1(self) -> FloatArray:
@@ -158,9 +165,11 @@ def step_formula(rules: UpdateRules, layout: Layout, state: State, h: float) -> 
 
 def new_state(
     rules: UpdateRules, layout: Layout, state: State, t: float, x: FloatArray, v: FloatArray,
-    a: FloatArray
+    a: FloatArray, *, linear: bool = False
 ) -> State:
-    """State at the end t of a step from `state`, with unknowns x and rates v, a (n,)."""
+    """State at the end t of a step from `state`, with unknowns x and rates v, a (n,); those of
+    unit quaternions are made consistent with their length. linear: True for small changes of
+    states, whose quaternions have no length of 1."""
     memory = np.zeros((len(x), state.memory.shape[1]))
     old = state.x, state.v, state.a, *state.memory.T
     if layout.first.stop > layout.first.start and rules.first.terms[2]:
@@ -169,6 +178,11 @@ def new_state(
     for j in range(memory.shape[1]):
         _add(rules.second.terms[3 + j], (*old, a), layout.second, memory[:, j])
         _add(rules.first.terms[3 + j], (*old, v), layout.first, memory[:, j])
+    if layout.quaternions and not linear:
+        v, a = v.copy(), a.copy()
+        for start in layout.quaternions:
+            at = slice(start, start + 4)
+            tangent(x[at], v[at], a[at])
     return State(t, x, v, a, memory)
 
 

@@ -8,6 +8,7 @@ from typing import Any, Literal, Protocol, runtime_checkable
 import numpy as np
 
 from sparsemor.core.arrays import IntArray
+from sparsemor.core.protocols.poses import FREE_POSE, QUATERNION
 
 
 class Quantity(Enum):
@@ -146,6 +147,10 @@ class Layout:
         n1 = sum(b.size for b in self.blocks if b.kind.order == 1)
         self.second, self.first = slice(0, n2), slice(n2, n2 + n1)
         self.algebraic = slice(n2 + n1, start)
+        self.quaternions = tuple(
+            self._slices[b.name].stop - QUATERNION for b in self.blocks
+            if b.kind.quantity is Quantity.POSE and b.size == FREE_POSE)
+        """First unknown of each unit quaternion, the last four coordinates of a free frame."""
         self.frames = slice(0, sum(
             b.size for b in self.blocks if b.kind.order == 2 and not b.kind.reducible))
 

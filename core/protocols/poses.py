@@ -7,6 +7,8 @@ import numpy as np
 from sparsemor.core.arrays import FloatArray
 
 PLANAR_POSE, SPINNING_POSE, FREE_POSE = 3, 4, 7
+QUATERNION = 4
+"""Number of the last coordinates of a free frame, its quaternion."""
 KNOWN = (PLANAR_POSE, SPINNING_POSE, FREE_POSE)
 BY_ANGLE = (PLANAR_POSE, SPINNING_POSE)
 """Numbers of rigid coordinates of the frames whose last coordinate is an angle, rad."""

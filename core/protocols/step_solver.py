@@ -47,14 +47,16 @@ class StepOutcome:
 
 
 def advanced(
-    rules: UpdateRules, layout: Layout, state: State, formula: StepFormula, outcome: StepOutcome
+    rules: UpdateRules, layout: Layout, state: State, formula: StepFormula, outcome: StepOutcome, *,
+    linear: bool = False
 ) -> State:
-    """State at the end of a step from `state`, solved by `outcome`."""
+    """State at the end of a step from `state`, solved by `outcome`; linear: as in
+    `new_state`."""
     if outcome.rates is None:
         v, a = formula.at(outcome.x - formula.free)[1:]
     else:
         v, a = outcome.rates
-    return new_state(rules, layout, state, formula.t, outcome.x, v, a)
+    return new_state(rules, layout, state, formula.t, outcome.x, v, a, linear=linear)
 
 
 @runtime_checkable

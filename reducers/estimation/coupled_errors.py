@@ -169,7 +169,7 @@ class CoupledErrors:
                 break
         x, v, a = formula.at(d)
         return advanced(self.rules, layout, error, formula, StepOutcome(
-            x, Status.DONE, 1, rates=(v, a)))
+            x, Status.DONE, 1, rates=(v, a)), linear=True)
 
     def _jacobian(self, at: Motion, formula: StepFormula) -> Factor:
         """Factorized derivative of the residual. Raises RuntimeError where it is singular."""

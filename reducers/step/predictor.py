@@ -107,7 +107,7 @@ class Past:
         d = both[: self.n] - step.free
         if self.by_departure is not None:
             np.copyto(d, both[self.n :], where=self.by_departure)
-        return d
+        return step.steer(d)
 
     def push(self, x: FloatArray, d: FloatArray) -> None:
         """Stores an accepted state x and its departure d, (n,) each."""

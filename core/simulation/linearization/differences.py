@@ -12,11 +12,13 @@ small for differences. Multipliers carry no state.
 Perturbation sizes belong to the kinds of fields (docs/stability.md): the eigenvalue 1 of rigid
 unknowns is nearly defective, so their columns need an error below 1e-10: four points. All other
 unknowns enter almost linearly, and one-sided differences suffice; smaller perturbations would show
-the solver's stopping error (1e-13).
+the solver's stopping error (1e-13). Formula and advance are not affine in unit quaternions
+(core/protocols/turning.py), whose columns are central differences of them, too.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -36,6 +38,9 @@ from sparsemor.core.protocols.layout import Layout, Quantity
 from sparsemor.core.protocols.step_solver import advanced
 from sparsemor.core.status import SolveFailed, Status
 
+QUATERNION_CHANGE = 3e-4
+"""Size of the changes of a unit quaternion for differences."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Affine:
@@ -49,8 +54,11 @@ class Affine:
     Q: FloatArray
 
     @classmethod
-    def of(cls, integrator: Integrator, layout: Layout, state: State, h: float) -> "Affine":
-        """Map from unit changes of each entry of z and of x, which are exact; h: step size, s."""
+    def of(
+        cls, integrator: Integrator, layout: Layout, state: State, h: float, solution: FloatArray
+    ) -> "Affine":
+        """Map from unit changes of each entry of z and of x, which are exact, and from small ones
+        of quaternions about the state and the solution (n,) of its step; h: step size, s."""
         n, z, rules = layout.size, packed(state), integrator.rules(h)
         base = step_formula(rules, layout, state, h)
 
@@ -68,6 +76,23 @@ class Affine:
         for i in range(n):
             x = state.x + _unit(n, i)
             Q[:, i] = next_state(state, base, x) - after
+
+        def changed(i: int, by: float) -> FloatArray:
+            """r1, r2 and the next z where entry i of z changes by `by`."""
+            moved = unpacked(z + by * _unit(len(z), i), state)
+            f = step_formula(rules, layout, moved, h)
+            return np.concatenate([f.r1, f.r2, next_state(moved, f, solution)])
+
+        def solved(i: int, by: float) -> FloatArray:
+            return next_state(state, base, solution + by * _unit(n, i))
+
+        old, (c1, c2, _) = np.abs(rules.second.old), rules.factors
+        sizes = QUATERNION_CHANGE / np.maximum(np.maximum(old[0], old[1] / c1), 1.0 / c2)
+        for i in (start + k for start in layout.quaternions for k in range(4)):
+            for j, size in enumerate(sizes.tolist()):
+                column = _central(partial(changed, i + j * n), size)
+                R[:, i + j * n], P[:, i + j * n] = column[: 2 * n], column[2 * n :]
+            Q[:, i] = _central(partial(solved, i), QUATERNION_CHANGE)
         return cls(R, P, Q)
 
 
@@ -141,7 +166,7 @@ def step_map(
         S = _response_by_some_change(solver, formula, memory, np.flatnonzero(active), scale)
     inner = State(state.t, state.x[active], state.v[active], state.a[active],
                   state.memory[active])
-    part = Affine.of(integrator, small, inner, h)
+    part = Affine.of(integrator, small, inner, h, x[active])
     matrix = part.P + part.Q @ (S @ part.R)
     if not np.isfinite(matrix).all():
         raise SolveFailed(Status.NOT_FINITE, formula.t)
@@ -243,6 +268,12 @@ def _sizes(layout: Layout, x: FloatArray) -> FloatArray:
         top = 0.0 if b.kind.quantity is Quantity.POSE else float(np.abs(x[layout[b.name]]).max())
         sizes[layout[b.name]] = max(top, b.kind.smallest)
     return sizes
+
+
+def _central(of: Callable[[float], FloatArray], size: float) -> FloatArray:
+    """Derivative at 0 by central differences of fourth order."""
+    near, far = (of(k * size) - of(-k * size) for k in (1.0, 2.0))
+    return np.asarray((8.0 * near - far) / (12.0 * size))
 
 
 def _unit(n: int, i: int) -> FloatArray:

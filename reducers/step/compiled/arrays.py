@@ -221,7 +221,8 @@ class ModelArrays(NamedTuple):
     second_new, second_old, first_new, first_old: update rules
     (`UpdateRule`); rigid: number of rigid coordinates; starts (blocks + 1,): first unknown of each
     block; weights (points + 1, points): extrapolation by that many states, newest first; sanity
-    (n,): inverse of the largest permitted value of each unknown."""
+    (n,): inverse of the largest permitted value of each unknown; quaternions (k,): first unknown of
+    each unit quaternion."""
 
     second: IntArray
     first: IntArray
@@ -240,6 +241,7 @@ class ModelArrays(NamedTuple):
     sanity: FloatArray
     remaining: float
     max_iterations: int
+    quaternions: IntArray
 
 
 class RunArrays(NamedTuple):

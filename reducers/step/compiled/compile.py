@@ -20,13 +20,14 @@ from pathlib import Path
 from types import FunctionType
 from typing import Any, NamedTuple, TypeAlias
 
-from sparsemor.core import MachineCode
+from sparsemor.core import MachineCode, steered, tangent
 from sparsemor.reducers.step import acceptance
 from sparsemor.reducers.step.compiled import dense, kernel, local, mechanics, prescribed
 
 _log = logging.getLogger(__name__)
 FUNCTIONS: tuple[Callable[..., object], ...] = (
-    acceptance.estimated_error, acceptance.reference, dense.add_product, dense.add_rates,
+    steered, tangent, acceptance.estimated_error, acceptance.reference, dense.add_product,
+    dense.add_rates,
     dense.add_products, dense.add_turned, dense.product, dense.solve_in_place, dense.norm,
     local.evaluate_law, local.variables, local.evaluate_points, local.rows_at, local.rows_of,
     local.local_rows, local.factor_in_place, local.solve_factored, mechanics.begin,
@@ -39,7 +40,8 @@ FUNCTIONS: tuple[Callable[..., object], ...] = (
     kernel.advance)
 """Functions of the kernel, each after those that it calls."""
 BARE: tuple[Callable[..., object], ...] = (
-    acceptance.estimated_error, acceptance.reference, dense.add_product, dense.add_rates,
+    steered, tangent, acceptance.estimated_error, acceptance.reference, dense.add_product,
+    dense.add_rates,
     dense.add_products, dense.add_turned, dense.solve_in_place, dense.norm, mechanics.begin,
     mechanics.functionals, mechanics.combine, mechanics.frames, mechanics.pose,
     mechanics.add_reduced, mechanics.magnitude, mechanics.displaced, kernel.free_first,

@@ -10,7 +10,7 @@ from math import inf, sqrt
 
 import numpy as np
 
-from sparsemor.core import FloatArray, IntArray
+from sparsemor.core import FloatArray, IntArray, steered, tangent
 from sparsemor.reducers.step.acceptance import estimated_error
 from sparsemor.reducers.step.blocks.thermal_block import RENEWED, SLOW, TINY
 from sparsemor.reducers.step.compiled.arrays import (
@@ -63,6 +63,8 @@ def advance(
         predict(m, run, guess)
         for j in range(n):
             d[j] = guess[n + j] if run.by_departure[j] else guess[j] - free[j]
+        for start in m.quaternions:
+            steered(d[start : start + 4], free[start : start + 4])
         if linear:
             for j in range(m.first[0], m.first[1]):
                 d[j] = warmed[i, j]
@@ -212,6 +214,8 @@ def new_state(
     for i in range(n):
         if not start <= i < end:
             z[2, i] = a[i]
+    for start in m.quaternions:
+        tangent(z[0, start : start + 4], z[1, start : start + 4], z[2, start : start + 4])
 
 
 def new_first(

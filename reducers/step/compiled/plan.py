@@ -235,4 +235,5 @@ def model_arrays(s: Stepper, rules: UpdateRules) -> ModelArrays:
         array(rules.second.new), array(rules.second.old), array(rules.first.new),
         array(rules.first.old), c1, c2, c1_first, layout.frames.stop,
         np.array([*block_starts(layout), layout.size], dtype=np.int64), weights,
-        array(s.sanity), s.tolerances.remaining, s.tolerances.max_iterations)
+        array(s.sanity), s.tolerances.remaining, s.tolerances.max_iterations,
+        np.array(layout.quaternions, dtype=np.int64))

@@ -34,7 +34,10 @@ def solve(
     """One step from the extrapolated state; `memory` keeps the Jacobian and scales for the next
     step."""
     search = _Search(equations, step, memory, tolerances)
-    outcome = search.run(memory.past.ring.predict(memory.order)[: memory.past.n])
+    guess = memory.past.ring.predict(memory.order)[: memory.past.n]
+    if equations.layout.quaternions:
+        guess = step.free + step.steer(guess - step.free)
+    outcome = search.run(guess)
     if outcome.status.ok:
         search.remember(outcome)
     return outcome
