@@ -28,9 +28,10 @@ NAMES = {
     "prepared_recovery", "projected_tables", "pseudo_inverse", "rate_factors", "require",
     "resultant_sources", "rigid_motions", "same_time", "sampled_rows", "slot_default",
     "solve_or_fail",
-    "solved_directly", "solver_refusal", "step_formula", "suggestions", "svd",
-    "system_jacobian", "system_residual", "time_derivatives", "total_load", "total_load_along",
-    "unavailable_resultants", "unconverged_note", "unit_columns", "unmatched_patterns",
+    "solved_directly", "solver_refusal", "steered", "step_formula", "suggestions", "svd",
+    "system_jacobian", "system_residual", "tangent", "time_derivatives", "total_load",
+    "total_load_along", "unavailable_resultants", "unconverged_note", "unit_columns",
+    "unmatched_patterns",
     "unsuitable_matrix", "vectors_in_space",
 }
 """Besides all contracts of `sparsemor.core.protocols`."""
