@@ -92,8 +92,12 @@ def covered(scene: Scene, settings: Sequence[str] | None) -> bool:
 
 
 def trained_on(scene: Scene, share: float) -> Scene:
-    """The scene with a training run of the first steps, a share of all."""
-    steps = max(1, math.ceil(share * scene.time.end / scene.time.step - 1e-6))
+    """The scene with a training run of the first steps, a share of all. One with more steps than
+    numbers can count is refused later, as it is."""
+    count = share * scene.time.end / scene.time.step
+    if not math.isfinite(count):
+        return scene
+    steps = max(1, math.ceil(count - 1e-6))
     return scene.using({"training.end": steps * scene.time.step}, label="--training-end")
 
 

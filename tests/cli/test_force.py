@@ -221,3 +221,14 @@ def test_entries_that_cannot_be_read_or_removed_are_counted(
     text = CliRunner().invoke(app, ["cache", "--clear"]).stdout
     assert "1 entry could not be removed" in text and "1 entry could not be read" in text
     assert [e.key for e in cache.entries()] == ["b"]
+
+
+@pytest.mark.parametrize("step", ["1e-300", "1e-308", "5e-324"])
+@pytest.mark.parametrize("command", ["run", "compare", "reduce"])
+def test_more_steps_than_numbers_can_count_are_one_line(command: str, step: str) -> None:
+    words = (command, "tiny.yaml", "--out", "a", "--set", f"time.step={step}",
+             *(("--reducers", "full,galerkin") if command == "compare" else ()),
+             *(("--set", "reducer=galerkin") if command == "reduce" else ()))
+    code, error = sparsemor(*words)
+    assert code == 2 and "steps of" in error and len(error) < 400 and error.count("\n") == 1, error
+    assert [p.name for p in Path().iterdir()] == ["tiny.yaml"]

@@ -80,3 +80,62 @@ def test_the_package_is_a_program_too():
     done = subprocess.run([sys.executable, "-m", "sparsemor", "--version"], capture_output=True,
                           text=True)
     assert (done.returncode, done.stdout) == (0, version("sparsemor") + "\n")
+
+
+@pytest.mark.full
+@pytest.mark.skipif(sys.platform == "win32", reason="a POSIX shell")
+@pytest.mark.parametrize(("streams", "code", "error"), [
+    (">&-", 0, ""), (">&- 2>&-", 0, ""), ("<&- >&- 2>&-", 0, ""),
+    (">/dev/full", 1, "standard output: No space left on device\n"), (">/dev/full 2>&1", 1, "")])
+def test_closed_and_full_streams_are_no_traceback(streams: str, code: int, error: str) -> None:
+    if "full" in streams and not Path("/dev/full").exists():
+        pytest.skip("no /dev/full")
+    done = subprocess.run(
+        ["sh", "-c", f'"$0" -m sparsemor schema {streams}', sys.executable], capture_output=True,
+        text=True)
+    assert (done.returncode, done.stdout) == (code, "")
+    assert done.stderr in (error, error.replace("standard output", "input or output"))
+
+
+CLOSED = """
+import os, sys
+os.close(1)
+import sparsemor.core.cli
+with open("result", "w") as file:
+    assert file.fileno() > 2
+    os.write(1, b"what a library prints")
+assert os.path.getsize("result") == 0
+print("nothing", file=sys.stdout)
+"""
+
+
+@pytest.mark.full
+def test_no_file_gets_the_number_of_a_closed_stream() -> None:
+    done = subprocess.run([sys.executable, "-c", CLOSED], capture_output=True, text=True)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
+ENDED = """
+import os, signal, sys, threading
+import sparsemor.core.cli as cli
+from sparsemor.core.results.files.temporary import TemporaryFolder
+
+def app():
+    global folder
+    folder = TemporaryFolder()
+    print(folder.path, flush=True)
+    os.kill(os.getpid(), getattr(signal, sys.argv[1]))
+    threading.Event().wait(60)
+
+cli.app = app
+cli.main()
+"""
+
+
+@pytest.mark.full
+@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP", "SIGINT"])
+def test_a_program_that_is_ended_leaves_no_temporary_folder(name: str) -> None:
+    done = subprocess.run([sys.executable, "-c", ENDED, name], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (130, "interrupted\n")
+    assert done.stdout and not Path(done.stdout.strip()).exists()

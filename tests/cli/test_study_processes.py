@@ -12,6 +12,7 @@ import pytest
 
 from sparsemor import study
 from sparsemor.core.analysis.study.columns import TIMES
+from sparsemor.core.results.files.own import own_files
 from swing_study import STUDY, SWING, command, rows_of
 
 LETHAL = '''
@@ -103,6 +104,7 @@ def test_killed_and_continued_with_workers(whole: str) -> None:
     study("six.yaml", workers=2, out="killed", times=False)
     assert same("killed", whole)
     assert rows_of("killed", "runs.jsonl")[:len(before)] == before
+    assert not own_files(Path("killed")).changed
     assert not list(Path("killed").glob(".sparsemor-tmp.*"))
 
 

@@ -13,6 +13,7 @@ from sparsemor.core.results.files.listing import (
     Written,
     add_to_listing,
     append_listed,
+    drop_cut_line,
     publishing,
     write_listed,
 )
@@ -21,7 +22,8 @@ from sparsemor.core.results.tables import csv_table
 
 STUDY = "study"
 """Kind of the list of a study."""
-WRITES = ("study.json", "runs.jsonl", "runs.csv", "table.csv", "table.jsonl", "runs.parquet")
+WRITES = ("study.json", "table.csv", "table.jsonl", "runs.parquet")
+"""Files besides the rows, which are checked when they are read."""
 ABOUT, LINES, CSV = "study.json", "runs.jsonl", "runs.csv"
 
 
@@ -68,6 +70,7 @@ class Journal:
         Rewrites `runs.jsonl` and `runs.csv` with these rows.
         """
         lines = self.folder / LINES
+        drop_cut_line(self.folder, LINES)
         found = list(_whole_lines(lines)) if lines.exists() else []
         kept = [row for row in found if row["status"] not in drop]
         self._written[LINES] = _replace(self.folder, LINES, "".join(_line(r) for r in kept))

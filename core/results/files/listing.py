@@ -14,6 +14,7 @@ import stat
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -174,13 +175,28 @@ def in_the_way(folder: Path, names: Sequence[str]) -> InputError:
 
 
 def is_as_listed(folder: Path, name: str, written: Sequence[Written]) -> bool:
+    """True if a file, which no symbolic link leads to, is as it was written at some time, or as it
+    is where the end of the process, or a full disk, cut what was being appended to it."""
     file, parent = folder / name, PurePosixPath(name).parent.as_posix()
+    if not is_kind(file, stat.S_ISREG) or parent != "." and not real_folder(folder, parent):
+        return False
     try:
         size = os.lstat(file).st_size
-        return (any(w[0] == size for w in written) and is_kind(file, stat.S_ISREG)
-                and (parent == "." or real_folder(folder, parent)) and written_in(file) in written)
+        exact = any(w[0] == size for w in written) and written_in(file) in written
+        return exact or any(before[0] < size < after[0] and written_in(file, before[0]) == before
+                            for before, after in pairwise(written))
     except OSError:
         return False
+
+
+def drop_cut_line(folder: Path, name: str) -> None:
+    """Cuts what follows the last whole line from a file of ours, if the lines are as listed."""
+    written = (read_listing(folder) or Listing()).files.get(name, ())
+    file = folder / name
+    if written and not is_free(folder, name) and not is_as_listed(folder, name, written):
+        last = file.read_bytes().rfind(b"\n") + 1
+        if is_kind(file, stat.S_ISREG) and written_in(file, last) in written:
+            os.truncate(file, last)
 
 
 def is_free(folder: Path, name: str) -> bool:
@@ -195,11 +211,11 @@ def is_free(folder: Path, name: str) -> bool:
     return not os.path.lexists(folder / name)
 
 
-def written_in(file: Path) -> Written:
-    """Size and CRC-32C of a file, read in pieces."""
+def written_in(file: Path, most: int | None = None) -> Written:
+    """Size and CRC-32C of a file, or of its first `most` bytes; it is read in pieces."""
     size = found = 0
     with file.open("rb") as data:
-        while piece := data.read(_PIECE):
+        while piece := data.read(_PIECE if most is None else min(_PIECE, most - size)):
             size, found = size + len(piece), zf.checksum(piece, found)
     return size, found
 

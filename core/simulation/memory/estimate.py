@@ -221,8 +221,8 @@ def grid_refusal(end: float, step: float) -> str:
     steps, limit = end / step, ceiling()
     if steps <= MOST_STEPS and STEP_RECORD * steps <= limit:
         return ""
-    if steps == inf:
-        return f"more than 1e308 steps of {step:g} s up to {end:g} s: take a larger time.step"
+    if STEP_RECORD * steps == inf:
+        return f"more than 1e300 steps of {step:g} s up to {end:g} s: take a larger time.step"
     return (f"{steps:.3g} steps of {step:g} s up to {end:g} s would take {duration(steps)} at the "
             f"least, and the record of their cost alone {gb(STEP_RECORD * steps)} of memory, of "
             f"which {gb(limit)} are there: take a larger time.step or an earlier time.end")

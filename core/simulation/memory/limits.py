@@ -151,4 +151,6 @@ def _mentioned(file: str | Path, name: str, unit: int) -> int | None:
 
 
 def gb(size: float) -> str:
+    if size >= 1e6 * GIGABYTE:
+        return f"{size / GIGABYTE:.3g} GB"
     return f"{size / GIGABYTE:.0f} GB" if size >= 10 * GIGABYTE else f"{size / GIGABYTE:.2g} GB"

@@ -1,11 +1,24 @@
 """Scenes and studies from plain data; what a notebook shows of scenes, runs and comparisons."""
 
+import gc
+import pickle
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
-from sparsemor import InputError, animate, compare, load, open_result, plot, simulate, study
+from sparsemor import (
+    InputError,
+    SolveFailed,
+    animate,
+    compare,
+    load,
+    open_result,
+    plot,
+    simulate,
+    study,
+)
 from sparsemor.core.results.run_result import RunResult
 
 BALL: dict[str, Any] = {
@@ -28,6 +41,29 @@ def test_a_scene_from_plain_data_is_that_of_a_file(tmp_path: Path) -> None:
     assert "<td>pin</td><td>revolute</td>" in html and "0.2 s in steps of 0.01 s" in html
     with pytest.raises(InputError, match="^lodes: no such option: did you mean loads"):
         load({**BALL, "lodes": {}})
+
+
+def test_a_temporary_result_is_removed_with_its_last_reader() -> None:
+    """The result, its dataset and a copy are readers; a failed run's result is one, too."""
+    result = simulate(load(BALL))
+    folder, rigid = result.path.parent, result.block("ball.rigid")
+    data = result.to_xarray()
+    del result
+    gc.collect()
+    assert np.array_equal(data["ball.rigid"].to_numpy(), rigid)
+    data.close()
+    del data
+    gc.collect()
+    assert not folder.exists()
+    result = simulate(load(BALL))
+    other = pickle.loads(pickle.dumps(result))
+    del result
+    gc.collect()
+    assert np.array_equal(other.block("ball.rigid"), rigid)  # it stays until the process ends
+    with pytest.raises(SolveFailed) as caught:
+        simulate(load(BALL, {"loads.motor.torque": 1e300}))
+    failed = caught.value.result
+    assert isinstance(failed, RunResult) and failed.path.exists()
 
 
 @pytest.mark.full
