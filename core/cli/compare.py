@@ -95,7 +95,7 @@ def trained_on(scene: Scene, share: float) -> Scene:
     """The scene with a training run of the first steps, a share of all. One with more steps than
     numbers can count is refused later, as it is."""
     count = share * scene.time.end / scene.time.step
-    if not math.isfinite(count):
+    if not count < 2**53:
         return scene
     steps = max(1, math.ceil(count - 1e-6))
     return scene.using({"training.end": steps * scene.time.step}, label="--training-end")
