@@ -156,6 +156,24 @@ def states(term: Term, model: Model, rng: np.random.Generator) -> tuple[FloatArr
     return x, rng.standard_normal(n)
 
 
+@pytest.mark.parametrize("d", [2, 3])
+def test_nonlinear_strains_of_an_undeformed_body_are_linear_ones(d: int) -> None:
+    """Forces of E(T) and alpha(T) beyond those of constant properties are equal."""
+    found = []
+    for strains in ("linear", "nonlinear"):
+        model = hot(d, strains=strains)
+        x, zero = model.x0.copy(), np.zeros(model.layout.size)
+        x[model.layout["bar.thermal"]] += 200.0
+        total = np.zeros(model.layout.size)
+        for term in terms(model):
+            if isinstance(term.law, Softening | Expansion | NonlinearStrains):
+                at = term.columns
+                total[term.rows] += term.residual(x[at], zero[at], zero[at], 0.0)
+        found.append(total)
+    assert np.abs(found[0]).max() > 0.0
+    np.testing.assert_allclose(found[1], found[0], rtol=0, atol=1e-9 * np.abs(found[0]).max())
+
+
 @pytest.mark.parametrize(("d", "strains"), [(2, "linear"), (3, "linear"), (2, "nonlinear")])
 def test_points_and_elements_give_the_same_projection(d: int, strains: str) -> None:
     """z = P c + o, r = L y, J = (L dy/dz) P against the projected element-wise evaluation."""

@@ -12,6 +12,7 @@ from scipy.integrate import solve_ivp
 from sparsemor import load_model, reduce, simulate
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.results.run_result import RunResult
+from sparsemor.core.results.stress import StressRecovery
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.status import SolveFailed
 from sparsemor.core.testing.in_memory_run import scene_of
@@ -33,15 +34,17 @@ def beam(n: int = 10, space: bool = False, height: float = H, **more: Any) -> di
             "reference": {"clamp": "left"}, **({} if space else {"thickness": height}), **more}
 
 
-def column(strains: str, push: float, rise: float = 0.0, fields: Any = ("elastic",)) -> Scene:
+def column(
+    strains: str, push: float, rise: float = 0.0, fields: Any = ("elastic",), modulus: Any = E
+) -> Scene:
     """A bar pinned at both ends under a small pressure from above, pushed by a force, or heated
     between walls."""
-    heat = {"k": 200.0, "c": 900.0, "alpha": ALPHA}
+    heat = {"k": 200.0, "c": 900.0, "alpha": ALPHA if modulus == E else 0.0}
     body = beam(20, strains=strains, fields=list(fields), initial_temperature=293.15 + rise,
                 sets={"a": {"nearest": [0.0, 0.0]}, "e": {"nearest": [L, 0.0]}},
                 reference={"chord": ["a", "e"]},
-                material={"E": E, "nu": 0.0, "rho": 2700.0, **heat})
-    wall = {"x": 0.0} if rise else {}
+                material={"E": modulus, "nu": 0.0, "rho": 2700.0, **heat})
+    wall = {} if push or not rise else {"x": 0.0}
     return scene_of({
         "bodies": {"b": body}, **STILL, "joints": {
             "pin": {"use": "revolute", "between": ["ground", "b:left"]},
@@ -84,6 +87,16 @@ def test_heat_softens_a_bar_between_walls(fields: Any) -> None:
     assert middle(run) / plain() == pytest.approx(2.0, rel=0.01)
 
 
+@pytest.mark.parametrize("fields", [
+    ("elastic",), pytest.param(("elastic", "thermal"), marks=pytest.mark.full)])
+def test_a_modulus_that_falls_with_temperature_lowers_the_buckling_load(fields: Any) -> None:
+    """At half the modulus a quarter of the Euler load doubles the deflection, which is twice the
+    cold one before; also where temperatures are no unknowns."""
+    curve = {"temperatures": [293.15, 393.15], "values": [E, E / 2]}
+    run = simulate(column("nonlinear", 0.25 * EULER, 100.0, fields, curve))
+    assert middle(run) / plain() == pytest.approx(4.0, rel=0.01)
+
+
 @pytest.mark.full
 @pytest.mark.parametrize("space", [False, True])
 def test_the_elastica(space: bool) -> None:
@@ -108,9 +121,10 @@ def test_the_elastica(space: bool) -> None:
 def test_a_turned_bar_has_no_stress() -> None:
     """Green-Lagrange strains of a rotation vanish; a stretch along the turned axis gives the
     stress of the stretch in turned axes."""
-    run = simulate(column("nonlinear", 0.0))
-    recovery = run._recovery("b")
-    X, c, s = run.points("b"), np.cos(0.7), np.sin(0.7)
+    X = np.array([[0, 0], [2, 0], [0, 1], [1, 0], [1, 0.5], [0, 0.5]], dtype=float)
+    recovery = StressRecovery(X, np.arange(6)[None], np.array([[0.0, E / 2, 0.0, 0.0, 0.0]]),
+                              np.zeros(1, int), nonlinear=True)
+    c, s = np.cos(0.7), np.sin(0.7)
     A = np.array([[c, -s], [s, c]])
     cold = np.zeros(len(X))
     assert np.abs(recovery.stress(X @ A.T - X, cold)).max() < 1e-9 * E
