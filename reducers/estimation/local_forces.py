@@ -30,9 +30,7 @@ class LocalForces:
         self.model, self.offline = problem.model, problem.offline
 
     def _states(self, name: str) -> FloatArray:
-        """States (n, M) of a block: the initial one, then snapshots; (0, M) without the block."""
-        if name not in self.model.layout:
-            return np.zeros((0, 1))
+        """States (n, M) of a block: the initial one, then snapshots."""
         x = self.model.x0[self.model.layout[name]][:, None]
         if not self.offline.trained:
             return x
@@ -72,12 +70,19 @@ class LocalForces:
             K, C = K + still, C + (moved - still)
         return replace(constant, stiffness=csr_array(K), damping=csr_array(C))
 
+    def _of_body(self, m: MovingBody) -> tuple[FloatArray, FloatArray]:
+        """States (n, M) and (nT, M) of a body's displacements and temperatures; nT is 0 without
+        these."""
+        u = self._states(m.elastic)
+        hot = m.thermal in self.model.layout
+        return u, self._states(m.thermal) if hot else np.zeros((0, u.shape[1]))
+
     def of_elastic(self, m: MovingBody, d: Dictionary) -> FloatArray:
         """Forces (n, j) of the local terms of an elastic block at its states."""
         assert m.operators is not None
         if not m.operators.local:
             return np.zeros((len(d.offset), 0))
-        u, T = self._states(m.elastic), self._states(m.thermal)
+        u, T = self._of_body(m)
         found = np.zeros(u.shape)
         for part in m.operators.local:
             for i in range(u.shape[1]):
@@ -90,7 +95,7 @@ class LocalForces:
         """Operators of an elastic block with the tangent of its local terms at the state in the
         middle of training."""
         assert m.operators is not None
-        constant, u, T = Operators.of(m.operators), self._states(m.elastic), self._states(m.thermal)
+        constant, (u, T) = Operators.of(m.operators), self._of_body(m)
         K, i = constant.stiffness, u.shape[1] // 2
         for part in m.operators.local:
             x = _read(part, u[:, i], T[:, i])

@@ -27,6 +27,7 @@ from sparsemor.core.results.tables import number, text_table
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.scene.yaml_reader import LocatedError
 from sparsemor.core.simulation.cache import Cache
+from sparsemor.core.simulation.diagnostics.stress_stiffness import buckled_in_training
 from sparsemor.core.simulation.linearization.check import (
     LIMIT,
     Judgement,
@@ -82,14 +83,16 @@ class Finding:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Entry:
-    """Stability of one variant for all seeds. settings: option -> value, as text."""
+    """Stability of one variant for all seeds. settings: option -> value, as text; buckled: bodies
+    with linear strains beyond their buckling load, for which no variant is stable."""
 
     settings: Mapping[str, str]
     findings: Sequence[Finding]
+    buckled: tuple[str, ...] = ()
 
     @property
     def stable(self) -> int:
-        return sum(f.judgement.stable for f in self.findings)
+        return 0 if self.buckled else sum(f.judgement.stable for f in self.findings)
 
     @property
     def radii(self) -> list[float]:
@@ -116,6 +119,11 @@ class Survey:
     that are stable for all seeds."""
 
     entries: Sequence[Entry]
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Sentences on bodies that are unstable whatever the variant."""
+        return tuple(dict.fromkeys(text for e in self.entries for text in e.buckled))
 
     def least_rows(self) -> list[dict[str, str]]:
         """For each combination of the other settings: the smallest number of sampled rows such that
@@ -152,10 +160,12 @@ class Survey:
             if rows != "-":
                 lines.append(f"least rows stable for all seeds: {rows}  ("
                              f"{', '.join(v for v in least.values() if v != '-')})")
+        lines += [f"warning: {text}" for text in self.warnings]
         return "\n".join(lines)
 
     def as_dict(self) -> dict[str, Any]:
-        return {"limit": LIMIT, "least_rows": self.least_rows(), "variants": [
+        return {"limit": LIMIT, "least_rows": self.least_rows(), "warnings": list(self.warnings),
+                "variants": [
             e.as_dict() | {"each": [f.as_dict() for f in e.findings]} for e in self.entries]}
 
 
@@ -183,7 +193,8 @@ def survey(
             if key not in cases:
                 cases[key] = _Case.of(v.scene, *prepared(v.scene, cache or Cache(), manager), plan)
             entry = Entry(v.settings, [
-                _finding(v.scene, cases[key], seed) for seed in range(1, plan.seeds + 1)])
+                _finding(v.scene, cases[key], seed) for seed in range(1, plan.seeds + 1)],
+                cases[key].buckled)
             done(entry)
             entries.append(entry)
     return Survey(entries)
@@ -207,7 +218,8 @@ class _Case:
 
     model: full-order model, with the rigid pre-simulation if there is one; offline: training run
     and bases; states: full-order states at which variants are linearised; reference: Galerkin
-    models for comparison; exact: block -> lowest full-order eigenvalues.
+    models for comparison; exact: block -> lowest full-order eigenvalues; buckled: sentences on
+    bodies beyond their buckling load.
     """
 
     model: Model
@@ -215,11 +227,14 @@ class _Case:
     states: Sequence[State]
     reference: Reference
     exact: Mapping[str, Any]
+    buckled: tuple[str, ...]
 
     @classmethod
     def of(cls, scene: Scene, model: Model, offline: Offline, plan: Plan) -> "_Case":
-        return cls(model, offline, _states(scene, model, offline, plan.at),
-                   Reference(model, scene.source.registry), exact_values(model))
+        states = _states(scene, model, offline, plan.at)
+        buckled = () if scene.check_strains == "off" else buckled_in_training(model, offline)
+        return cls(model, offline, states, Reference(model, scene.source.registry),
+                   exact_values(model), buckled)
 
 
 def _states(

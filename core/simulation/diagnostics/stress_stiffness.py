@@ -10,7 +10,7 @@ times its buckling load, and its deflection is 1 / (1 + mu) times the linear one
 as of spin, stiffens it by the share mu.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import inf
 
@@ -18,7 +18,7 @@ import numpy as np
 from scipy.linalg import eigh
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
-from sparsemor.core.arrays import Csr
+from sparsemor.core.arrays import Csr, FloatArray
 from sparsemor.core.model.factorizations import BlockSolvers, solve_or_fail
 from sparsemor.core.model.model import Model
 from sparsemor.core.notes import Note
@@ -28,6 +28,8 @@ from sparsemor.core.protocols.poses import FREE_POSE
 from sparsemor.core.protocols.separable import MovingBody, StressStiffness
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.simulation.diagnostics.plausibility import checked_steps
+from sparsemor.core.simulation.offline import Offline
+from sparsemor.core.simulation.run_header import shapes
 from sparsemor.core.status import SolveFailed, Status
 
 LINEAR_STRAINS, BUCKLED = "linear_strains", "buckled"
@@ -101,22 +103,64 @@ def largest_ratio(
     """Largest change of stiffness, of the checked states with the largest displacements and the
     last; None where no state has a stress, or where a run of the same model before shows that it is
     far below the limit: it is linear in the displacements and temperatures."""
-    name, found, factor = body.name, None, None
+    name = body.name
     hot = result.layout.of(name, Quantity.TEMPERATURE) is not None
     checked = {int(i): result.nodal_displacement(name, int(i))
                for i in checked_steps(result, body.elastic)}
     largest = max(checked, key=lambda i: float(np.linalg.norm(checked[i])))
-    states = {i: (checked[i], result.nodal_temperature(name, i) if hot else None)
-              for i in sorted({largest, len(result.times) - 1})}
+    states = [(float(result.times[i]), checked[i],
+               result.nodal_temperature(name, i) if hot else None)
+              for i in sorted({largest, len(result.times) - 1})]
     start = result.nodal_temperature(name, 0) if hot else np.zeros(1)
     moved = float(np.linalg.norm(checked[largest]))
-    heated = max(0.0 if T is None else float(np.linalg.norm(T - start)) for _, T in states.values())
+    heated = max(0.0 if T is None else float(np.linalg.norm(T - start)) for _, _, T in states)
     known = model.stress_checks.get(name)
     if known is not None and max(known[2], 1e-12) * FAR * max(
             _ratio(moved, known[0]), _ratio(heated, known[1])) < LIMIT:
         return None
-    for step, (u, T) in states.items():
-        if not np.isfinite(u).all() or not (u.any() or hot):
+    found = ratio_of(model, body, stress, states)
+    if found is not None:
+        model.stress_checks[name] = moved, heated, abs(found.mu)
+    return found
+
+
+def buckled_in_training(model: Model, offline: Offline) -> tuple[str, ...]:
+    """Sentences on bodies with linear strains that their training run compresses beyond their
+    buckling load."""
+    texts = []
+    for body in model.separated.moving if offline.trained else ():
+        ops, shape = body.operators, shapes(model).get(body.name)
+        if ops is None or ops.stress_stiffness is None or ops.stress_stiffness.nonlinear or (
+                shape is None or shape.elastic_dofs is None):
+            continue
+        moved = offline.snapshots(body.elastic)
+        states = []
+        for i in {int(np.linalg.norm(moved, axis=0).argmax()), moved.shape[1] - 1}:
+            u, T = np.zeros(shape.points.shape), None
+            u.ravel()[shape.elastic_dofs] = moved[:, i]
+            if shape.thermal_nodes is not None:
+                T = np.zeros(len(shape.points))
+                for nodes, function in shape.given:
+                    T[nodes] = function.value(0.0)
+                T[shape.thermal_nodes] = offline.snapshots(body.thermal)[:, i]
+            states.append((0.0, u, T))
+        found = ratio_of(model, body, ops.stress_stiffness, states)
+        if found is not None and found.mu <= -1.0:
+            texts.append(f"{body.name} is compressed to {-found.mu:.3g} times its buckling load in "
+                         "training: its shape is unstable, which linear strains do not show; take "
+                         f"bodies.{body.name}.strains: nonlinear")
+    return tuple(texts)
+
+
+def ratio_of(
+    model: Model, body: MovingBody, stress: StressStiffness,
+    states: Sequence[tuple[float, FloatArray, FloatArray | None]],
+) -> Ratio | None:
+    """Largest change of stiffness of states: time, s, displacements (N, d), m, and temperatures
+    (N,), K, or None."""
+    found, factor = None, None
+    for t, u, T in states:
+        if not np.isfinite(u).all() or not (u.any() or T is not None):
             continue
         K, K_s = stress.matrices(u, T)
         try:
@@ -126,9 +170,7 @@ def largest_ratio(
         except (SolveFailed, ArpackError):  # a reference condition that leaves rigid motion
             return None
         if found is None or abs(mu) > abs(found.mu):
-            found = Ratio(mu, float(result.times[step]), K, factor)
-    if found is not None:
-        model.stress_checks[name] = moved, heated, abs(found.mu)
+            found = Ratio(mu, t, K, factor)
     return found
 
 

@@ -10,6 +10,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from sparsemor import load_model, reduce, simulate
+from sparsemor.core.analysis.stability.survey import survey
+from sparsemor.core.analysis.stability.variants import Plan
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.results.stress import StressRecovery
@@ -351,3 +353,25 @@ def test_the_limit_of_linear_strains_is_noted(strains: str, share: float, want: 
     found = kinds(simulate(column(strains, share * EULER)))
     assert len(found) == bool(want)
     assert all(want in text for text in found), found
+
+
+@pytest.mark.full
+@pytest.mark.parametrize(("share", "stable"), [(2.0, 0), (0.5, 1)])
+def test_a_bar_beyond_its_buckling_load_is_not_called_stable(share: float, stable: int) -> None:
+    scene = column("linear", share * EULER).using({
+        "reducer": {"use": "galerkin", "basis": {"use": "pod", "count": 4}}})
+    found = survey(scene, Plan(seeds=1))
+    assert [e.stable for e in found.entries] == [stable]
+    assert len(found.warnings) == 1 - stable
+    assert all("2 times its buckling load" in text for text in found.warnings)
+
+
+@pytest.mark.full
+def test_the_error_of_a_reduced_run_is_estimated() -> None:
+    """Within thirty times of the error of the last state: the estimate has the stiffness of one
+    state in the middle of training."""
+    reducer = {"use": "galerkin", "basis": {"use": "pod", "count": 4}, "error_estimate": 5}
+    run = simulate(swing(0.1, reducer=reducer))
+    want, got = fields(whole(0.1, False)), fields(run)
+    estimate = run.error_estimate("b.elastic")[-1]
+    assert 1 / 30 < estimate / np.linalg.norm(got[-1] - want[-1]) < 30.0
