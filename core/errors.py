@@ -40,6 +40,13 @@ class Damaged(InputError):
     """Error for a stored file that is missing or was altered; the message has its path."""
 
 
+class PluginError(InputError):
+    """Error in the code of a plugin: one line with its distribution, the plugin, the method and the
+    place in its file. own: True for a plugin of this distribution."""
+
+    own = False
+
+
 def check_count(value: object, key: str, least: int = 1) -> None:
     """Raises InputError, with the key, unless a value is an integer of at least `least`."""
     if not isinstance(value, Integral) or isinstance(value, bool) or value < least:

@@ -16,6 +16,7 @@ class Status(Enum):
     STEP_TOO_LONG = "step_too_long"
     INACCURATE = "inaccurate"
     OUTSIDE_THEORY = "outside_theory"
+    PLUGIN_FAILED = "plugin_failed"
     INTERRUPTED = "interrupted"
 
     @property
@@ -72,6 +73,7 @@ _ADVICE = {
     Status.OUTSIDE_THEORY: (
         "take strains: nonlinear for this body, or smaller loads; check_strains: warn accepts it"
     ),
+    Status.PLUGIN_FAILED: "what the run has computed before is kept; use another plugin",
     Status.INTERRUPTED: "continue it with --resume",
 }
 _OF_ROWS = {

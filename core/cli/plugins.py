@@ -49,7 +49,8 @@ def schema() -> None:
     """Print the JSON schema of scene files, with the plugins installed here."""
     from sparsemor.core.scene.json_schema import scene_schema
 
-    typer.echo(json.dumps(scene_schema(), indent=2))
+    with exit_codes(as_json=True):
+        print_json(scene_schema())
 
 
 def plugins(

@@ -35,12 +35,14 @@ from sparsemor.core.protocols import (
     LocalizesRows,
     Part,
     ProbePlace,
+    Term,
 )
 from sparsemor.core.protocols.capabilities import BUILT
 from sparsemor.core.protocols.contributions import Equations, Origin, Records
 from sparsemor.core.protocols.layout import Layout
 from sparsemor.core.protocols.prescribed_motion import FrameHistory
 from sparsemor.core.protocols.step_amplitude import Stepping, delay
+from sparsemor.core.registry.boundary import guard
 from sparsemor.core.registry.plugin import Plugin
 from sparsemor.core.registry.returned_values import complete
 from sparsemor.core.scene.digest import digest
@@ -88,6 +90,8 @@ def _assembled(scene: Scene, prescribed: PrescribedQuantities, body_cache: BodyC
                 part.contribute(equations)
             else:
                 _along(equations, bodies, name, part, prescribed, motion)
+    for local in records.local:
+        guard(Term, type(local.term))
     terms = general_terms(layout, records)
     x0, v0 = _start(layout, bodies)
     required, loaded = _required(layout, connectors, touched(layout, records))

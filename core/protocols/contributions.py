@@ -218,6 +218,8 @@ class Equations:
             if X is not None and X.shape != (m, n):
                 raise self._fault(f"{name} on ({rows}, {columns}) has shape {X.shape}, and the "
                                   f"blocks have ({m}, {n}) unknowns")
+            if X is not None:
+                self._check_numbers(X.data, f"{name} on ({rows}, {columns})")
         self._records.matrices.append(MatrixRecord(self.origin, rows, columns, *made))
 
     def vector(
@@ -228,6 +230,7 @@ class Equations:
         if w.shape != (m,):
             raise self._fault(f"a vector on {rows} has shape {w.shape}, and the block has {m} "
                               "unknowns")
+        self._check_numbers(w, f"a vector on {rows}")
         load = self.over_steps(amplitude) if kind == "load" else amplitude
         self._records.vectors.append(VectorRecord(self.origin, rows, w, load, kind))
 
@@ -288,6 +291,11 @@ class Equations:
             raise self._fault(f"it writes into the block {block!r}, which the scene does not have: "
                               f"{names}")
         return self.size(block)
+
+    def _check_numbers(self, values: FloatArray, what: str) -> None:
+        if values.dtype.kind not in "fiub" or not np.isfinite(values).all():
+            raise self._fault(f"{what} holds values that are not finite real numbers "
+                              f"({values.dtype})")
 
     def _fault(self, text: str) -> InputError:
         return InputError(text, self.origin.key)

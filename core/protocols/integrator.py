@@ -160,6 +160,7 @@ def step_formula(rules: UpdateRules, layout: Layout, state: State, h: float) -> 
         if at.stop > at.start:
             _add(rule.terms[0], parts, at, free)
             _add(rule.terms[1], parts, at, rate)
+    free.flags.writeable = rate.flags.writeable = False
     return StepFormula(next_time(state.t, h), *rules.factors, layout, free, rate)
 
 

@@ -7,6 +7,10 @@ from pydantic_core import CoreSchema
 
 from sparsemor.core.registry.numbers import without_booleans
 
+PREFIX = "sparsemor."
+"""Prefix of entry-point groups, `sparsemor.<kind>`."""
+OWN = "sparsemor"
+"""Distribution that takes precedence if several offer a plugin of the same name."""
 API = 2
 """Version of the extension interface `sparsemor.core`."""
 

@@ -11,13 +11,10 @@ from typing import Any
 from stevedore.driver import DriverManager
 
 from sparsemor.core.errors import InputError
+from sparsemor.core.registry.boundary import admit
 from sparsemor.core.registry.contracts import refusal
-from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core.registry.plugin import OWN, PREFIX, Plugin
 
-PREFIX = "sparsemor."
-"""Prefix of entry-point groups, `sparsemor.<kind>`."""
-OWN = "sparsemor"
-"""Distribution that takes precedence if several offer a plugin of the same name."""
 _UNNAMED = "an unnamed distribution"
 
 
@@ -97,6 +94,7 @@ class Registry:
         broken = refusal(kind, loaded)
         if broken:
             raise InputError(f"{kind} plugin {one.name!r} of {_origin(one)} {broken}: {blame}")
+        admit(kind, loaded)
         return loaded
 
     def load(self, kind: str, name: str) -> Any:

@@ -4,7 +4,7 @@ Each check raises InputError, located at the input key `key` if there is one, wi
 the method and the returned value.
 """
 
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from sparsemor.core.protocols import (
     Sampler,
     SparseSolver,
 )
+from sparsemor.core.registry.boundary import guard
 from sparsemor.core.registry.contracts import absent_members, origin, part_breaches
 
 T = TypeVar("T")
@@ -49,6 +50,8 @@ def complete(
     if wrong:
         raise _wrong(plugin, call, f"{type(value).__name__}, of which {'; '.join(wrong)}",
                      f"a {protocol.__name__}", key)
+    for one in (protocol, *abilities):
+        guard(one, type(value))
 
 
 def sampled_rows(
@@ -56,46 +59,28 @@ def sampled_rows(
     required: IntArray,
 ) -> IntArray:
     """Row numbers (r,) that a sampler selects for a block; checked to be distinct and in range."""
-    rows: Any = np.asarray(sampler.sample(data, m, dictionary, rng, required))
-    if rows.ndim != 1 or (rows.size and rows.dtype.kind not in "iu"):
-        raise _wrong(sampler, "sample", f"{rows.dtype} of shape {rows.shape}",
-                     "an array of integers of shape (r,)", "reducer.sampler")
-    if rows.size and (rows.min() < 0 or rows.max() >= data.size
-                      or len(np.unique(rows)) < len(rows)):
-        raise _wrong(sampler, "sample", f"{rows.size} rows from {rows.min()} to {rows.max()}",
-                     f"distinct rows from 0 to {data.size - 1}", "reducer.sampler")
-    found: IntArray = rows.astype(np.int64)
-    return found
+    guard(Sampler, type(sampler))
+    return np.asarray(sampler.sample(data, m, dictionary, rng, required)).astype(np.int64)
 
 
 def built_dictionary(basis: Basis, data: BlockData) -> Dictionary:
     """Trial basis of a block built by `basis`; checked for shapes, atoms (n, k) and offset (n,)."""
-    made = checked_return(basis.build(data), Dictionary, basis, "build")
-    shapes = np.shape(made.atoms), np.shape(made.offset)
-    if len(shapes[0]) != 2 or shapes[0][0] != data.size or shapes[1] != (data.size,):
-        raise _wrong(basis, "build", f"atoms {shapes[0]} and offset {shapes[1]}",
-                     f"atoms ({data.size}, k) and offset ({data.size},)")
-    return made
+    guard(Basis, type(basis))
+    return basis.build(data)
 
 
 def built_weights(preconditioner: Preconditioner, B: FloatArray) -> FloatArray:
     """Preconditioner matrix P (m, m) of sampled rows B (m, k); its shape is checked."""
-    P: Any = np.asarray(preconditioner.build(B))
-    m = len(B)
-    if P.shape != (m, m) or P.dtype.kind not in "fiu":
-        raise _wrong(preconditioner, "build", f"{P.dtype} of shape {P.shape}",
-                     f"an array of numbers of shape ({m}, {m})", "reducer.preconditioner")
-    found: FloatArray = P.astype(np.float64)
-    return found
+    guard(Preconditioner, type(preconditioner))
+    return np.asarray(preconditioner.build(B)).astype(np.float64)
+
+
+def prepared_recovery(solver: SparseSolver, columns: Columns, budget: int) -> Recovery:
+    """Recovery that a sparse solver prepares for constant columns; checked to be one."""
+    guard(SparseSolver, type(solver))
+    return solver.prepare(columns, budget)
 
 
 def _wrong(plugin: object, call: str, got: str, required: str, key: str = "") -> InputError:
     return InputError(f"{call} of {origin(plugin)} returned {got}, where {required} is required: "
                       "report it to the authors of that plugin", key)
-
-
-def prepared_recovery(solver: SparseSolver, columns: Columns, budget: int) -> Recovery:
-    """Recovery that a sparse solver prepares for constant columns; checked to be one."""
-    recovery = solver.prepare(columns, budget)
-    complete(recovery, Recovery, solver, "prepare", "reducer.solver")
-    return recovery

@@ -18,6 +18,7 @@ from typing_extensions import is_protocol
 
 from sparsemor.core.errors import InputError
 from sparsemor.core.notes import Note
+from sparsemor.core.registry.boundary import admit
 from sparsemor.core.registry.contracts import absent_members, origin, refusal
 from sparsemor.core.registry.registry import Registry
 from sparsemor.core.registry.validation_errors import shown, with_advice
@@ -75,6 +76,7 @@ class Slot:
         broken = refusal(self.kind, type(value))
         if broken:
             raise InputError(f"the {self.kind} {origin(value)} {broken}")
+        admit(self.kind, type(value))
         return value
 
     def _build(self, name: str, options: dict[str, Any], context: dict[str, Any]) -> BaseModel:

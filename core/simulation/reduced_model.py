@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel
 
-from sparsemor.core.errors import Fault, InputError, check_count
+from sparsemor.core.errors import Fault, InputError, PluginError, check_count
 from sparsemor.core.linalg.threads import described, fixed_threads
 from sparsemor.core.model.body_cache import BodyCache
 from sparsemor.core.model.initial_state import START
@@ -27,12 +27,13 @@ from sparsemor.core.protocols import (
     TimeFunction,
     UsesBases,
 )
+from sparsemor.core.registry.boundary import naming_plugins
 from sparsemor.core.registry.hooks import new_manager
 from sparsemor.core.registry.registry import Registry
+from sparsemor.core.registry.value_types import unfit_field
 from sparsemor.core.results.arrays_in_memory import MemoryWriter, fixed_in_memory
 from sparsemor.core.results.atomic_files import replace_file
 from sparsemor.core.results.metadata import RunHeader
-from sparsemor.core.results.model_file.field_types import unfit_field
 from sparsemor.core.results.model_file.packed import Packed, PackedError, Table, table_of
 from sparsemor.core.results.output_lock import owned
 from sparsemor.core.results.run_result import RunResult
@@ -78,6 +79,7 @@ Again = Callable[[Scene, int | None], PreparedRun]
 their first atoms."""
 
 
+@naming_plugins()
 @fixed_threads()
 def reduce(
     scene: Scene, *, observers: Sequence[object] = (), cache: Cache | None = None,
@@ -132,10 +134,12 @@ def usable(file: str) -> Iterator[None]:
     except (SolveFailed, OSError):
         raise
     except Exception as error:
-        if not file or isinstance(error, InputError) and not isinstance(error, LocatedError):
+        plain = isinstance(error, InputError) and not isinstance(error, LocatedError)
+        if not file or plain and not (isinstance(error, PluginError) and error.own):
             raise
-        own = isinstance(error, PackedError | LocatedError)
-        said = str(error) if own else f"{type(error).__name__}: {error}"
+        cause = error.__cause__ or error
+        own = isinstance(error, PackedError | LocatedError) or isinstance(cause, InputError)
+        said = str(error) if own else f"{type(cause).__name__}: {cause}"
         line, *more = said.splitlines() or [""]
         raise InputError(
             f"{file} is no reduced model that this program can use: {line}"
@@ -226,6 +230,7 @@ class ReducedModel:
         """Keys of the scene that a run may change."""
         return (*FREE, *(key for key in self._functions if not self._why_fixed(key)))
 
+    @naming_plugins()
     @fixed_threads()
     def run(
         self, overrides: Mapping[str, Any] | Scene | None = None, *, out: str | Path | None = None,

@@ -8,9 +8,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from sparsemor.core.errors import Damaged
+from sparsemor.core.errors import Damaged, PluginError
 from sparsemor.core.notes import Note
 from sparsemor.core.protocols import ManySteps, RedrawsRows, State, StepMemory
+from sparsemor.core.registry.boundary import naming_plugins
 from sparsemor.core.registry.hooks import Manager, RunStart
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.simulation.diagnostics.alternating_joint_forces import alternating_forces
@@ -179,7 +180,17 @@ class RunSteps:
         self.recorder.save(self.state, self.memory, self.tally)
 
     def _portion(self, count: int, stop: Callable[[], bool]) -> SolveFailed | None:
-        """Takes `count` steps; returns None, or the error of a failed step or an interruption."""
+        """Takes `count` steps; returns None, or the error of a failed step, of a plugin, or of an
+        interruption."""
+        try:
+            with naming_plugins():
+                return self._taken(count, stop)
+        except PluginError as error:  # hours of computed steps are not thrown away
+            if error.own and self.run.model is None:  # the fault of the file of a kept model
+                raise
+            return SolveFailed(Status.PLUGIN_FAILED, self.state.t, detail=str(error))
+
+    def _taken(self, count: int, stop: Callable[[], bool]) -> SolveFailed | None:
         solver, h = self.solver, self.scene.time.step
         step = step_of(solver, self.scene.integrator, h)
         watched, tally, end = self.manager.has_observers, self.tally, self.tally.done + count

@@ -12,6 +12,7 @@ from sparsemor.core.linalg.threads import fixed_threads
 from sparsemor.core.model.body_cache import BodyCache
 from sparsemor.core.model.model import Model
 from sparsemor.core.protocols import RedrawsRows, State, StepMemory
+from sparsemor.core.registry.boundary import naming_plugins
 from sparsemor.core.registry.hooks import Manager, new_manager
 from sparsemor.core.registry.returned_values import complete
 from sparsemor.core.results.files.temporary import TemporaryFolder
@@ -38,6 +39,7 @@ from sparsemor.core.simulation.training import SnapshotKeeper, training_steps
 from sparsemor.core.status import SolveFailed
 
 
+@naming_plugins()
 @fixed_threads()
 def simulate(
     scene: Scene, *, out: str | Path | None = None, resume: bool = False,

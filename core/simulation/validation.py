@@ -12,6 +12,7 @@ from sparsemor.core.model.features import CONTROLLED_STEPS
 from sparsemor.core.model.model import Model
 from sparsemor.core.model.prescribed_motion import NOTHING, AtStart
 from sparsemor.core.protocols import ChecksBlock, ChecksModel, RestartsSteps
+from sparsemor.core.registry.boundary import naming_plugins
 from sparsemor.core.registry.registry import suggestions
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.error_control.notes import error_limit
@@ -25,6 +26,7 @@ ESTIMATE = "reducer.error_estimate"
 
 
 @np.errstate(all="ignore")  # overflow ends in a refusal or in a status, not in a warning
+@naming_plugins()
 def checked_model(scene: Scene, body_cache: BodyCache | None = None) -> Model:
     """Assembled model of a scene after all input checks; for a two-stage scene the flexible model
     before the pre-simulation, with all prescribed motion and loads as at the start. Raises

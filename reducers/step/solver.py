@@ -126,6 +126,7 @@ class Stepper:
     def reduced(self, state: State) -> State:
         """A full-order state in the unknowns of this model, with consistent rates."""
         reduced = self.projection(state)
+        reduced = replace(reduced, v=reduced.v.copy())  # without mesh it is the caller's state
         for name, at in self.hot:
             if self.dictionaries and name in self.heat:  # not where atoms are selected
                 reduced.v[at] = self.heat[name].start_rates(

@@ -21,7 +21,7 @@ from pydantic import BaseModel
 from scipy.sparse import csr_array
 
 from sparsemor.core.protocols import TimeFunction
-from sparsemor.core.results.model_file.field_types import unfit_field
+from sparsemor.core.registry.value_types import unfit_field
 from sparsemor.core.results.model_file.packed_arrays import (
     compact,
     declared,

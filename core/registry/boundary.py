@@ -1,0 +1,279 @@
+"""Boundary between core and plugins: methods that name the plugin when something goes wrong in it.
+
+When a class is admitted, as a plugin or as what a plugin has built, each member that its protocol
+names gets a checked form: an exception in it, and a value of another type or shape than the
+protocol says, or that is not finite, becomes a `PluginError`, one line with the distribution, the
+plugin, the method and the place in its file. Arrays are handed over read-only. First-party classes
+are treated alike. `naming_plugins` does the same for exceptions from code of a plugin that core
+does not call by a protocol, such as the force law of a joint.
+"""
+
+import inspect
+import traceback
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from copy import copy
+from dataclasses import fields
+from functools import cache, wraps
+from importlib import metadata
+from math import isfinite
+from types import CodeType, FunctionType, TracebackType
+from typing import Any, get_type_hints
+
+import numpy as np
+from scipy.sparse import csr_array
+from typing_extensions import get_protocol_members, is_protocol
+
+from sparsemor.core.errors import InputError, PluginError
+from sparsemor.core.registry.contracts import CONTRACTS, abilities_of
+from sparsemor.core.registry.plugin import OWN, PREFIX
+from sparsemor.core.registry.value_checks import CHECKS, EVERY_STEP, NAN_ALLOWED
+from sparsemor.core.registry.value_types import NOT_FINITE, is_data, required, unfit
+from sparsemor.core.status import SolveFailed
+
+_MARK = "_sparsemor_checked"
+_HUGE = 1e100
+"""Magnitude of arguments from which a law may overflow."""
+_PLUGIN_FOLDERS = tuple(f"sparsemor.{f}." for f in ("bodies", "reducers", "plugins", "integrators"))
+
+
+def admit(kind: str, cls: type) -> None:
+    """Guards a class of plugins by the protocols of its kind that it implements."""
+    if kind in CONTRACTS:
+        for protocol in (CONTRACTS[kind], *abilities_of(kind, cls)):
+            guard(protocol, cls)
+
+
+def guard(protocol: type, cls: type) -> None:
+    """Puts the checked form of each member of a protocol into a class, once. What a member returns
+    by another protocol is guarded when it is returned."""
+    for name in get_protocol_members(protocol):
+        found = inspect.getattr_static(cls, name, None)
+        wanted = inspect.getattr_static(protocol, name)
+        if isinstance(found, FunctionType) and isinstance(wanted, FunctionType):
+            if not hasattr(found, _MARK):
+                _put(cls, name, _checked(found, protocol, wanted))
+        elif isinstance(found, property) and isinstance(wanted, property):
+            get = found.fget
+            if isinstance(get, FunctionType) and not hasattr(get, _MARK) and wanted.fget:
+                _put(cls, name, found.getter(_checked(get, protocol, wanted.fget)))
+
+
+def _hints_of(function: Any) -> dict[str, Any]:
+    try:
+        return get_type_hints(function)
+    except NameError:  # names for type checkers alone
+        return {}
+
+
+def _put(cls: type, name: str, member: object) -> None:
+    with suppress(AttributeError, TypeError):  # a class written in C
+        setattr(cls, name, member)
+
+
+def _checked(function: FunctionType, protocol: type, wanted: Any) -> FunctionType:
+    """The function with checks of what it raises, takes and returns."""
+    name, hints = function.__name__, _hints_of(wanted)
+    hint = hints.pop("return", Any)
+    check = CHECKS.get((protocol.__name__, name))
+    finite = (protocol.__name__, name) not in NAN_ALLOWED
+    names = list(inspect.signature(wanted).parameters)[1:]
+    takes_data = any(h not in (float, int, str) for h in hints.values())
+    built = hint if is_protocol(hint) else None
+    admitted = set[type]()
+    lean = EVERY_STEP.get((protocol.__name__, name))
+
+    @wraps(function)
+    def call_in_step(self: Any, *given: Any) -> Any:
+        try:
+            value = function(self, *given)
+        except (InputError, SolveFailed):
+            raise
+        except (Exception, SystemExit) as error:
+            raise _raised(error, self, function) from error
+        if lean is not None and (wrong := lean(value, self)):
+            raise _returned(wrong, hint, self, function)
+        return value
+
+    @wraps(function)
+    def call(self: Any, *given: Any, **named: Any) -> Any:
+        if takes_data:
+            given = tuple([read_only(v) for v in given])
+            if named:
+                named = {k: read_only(v) for k, v in named.items()}
+        try:
+            value = function(self, *given, **named)
+        except (InputError, SolveFailed):
+            raise
+        except (Exception, SystemExit) as error:
+            raise _raised(error, self, function) from error
+        if type(value) is float and hint is float and isfinite(value):
+            return value
+        wrong = unfit(value, hint, finite)
+        if not wrong and check is not None:
+            wrong = check(value, self, dict(zip(names, given, strict=False), **named))
+        if wrong and not (NOT_FINITE in wrong and _overflows(given)):
+            raise _returned(wrong, hint, self, function)
+        if built is not None and type(value) not in admitted:
+            guard(built, type(value))
+            admitted.add(type(value))
+        return value
+
+    made = call if lean is None else call_in_step
+    setattr(made, _MARK, True)
+    assert isinstance(made, FunctionType)
+    return made
+
+
+def _overflows(given: tuple[Any, ...]) -> bool:
+    """True if an argument is not finite, or so large that a law may overflow: the step diverges."""
+    numbers = (v for v in given if isinstance(v, float | np.ndarray))
+    return any(not np.all(np.abs(v) < _HUGE) for v in numbers)
+
+
+# ------------------------------------------------------------------ arrays
+
+
+def read_only(value: Any) -> Any:
+    """The value with arrays that cannot be written to, its own and those of a dataclass; the arrays
+    of the caller stay as they are."""
+    if isinstance(value, np.ndarray):
+        if not value.flags.writeable:
+            return value
+        view = value.view()
+        view.flags.writeable = False
+        return view
+    if isinstance(value, csr_array):
+        parts = tuple(map(read_only, (value.data, value.indices, value.indptr)))
+        return csr_array(parts, shape=value.shape, copy=False)
+    if not is_data(value) or not type(value).__dataclass_params__.frozen:
+        return value
+    changed = {}
+    for name in _array_fields(type(value)):  # type: ignore[arg-type]
+        held = getattr(value, name)
+        if (made := read_only(held)) is not held:
+            changed[name] = made
+    if not changed:
+        return value
+    made = copy(value)
+    for name, held in changed.items():
+        object.__setattr__(made, name, held)
+    return made
+
+
+@cache
+def _array_fields(cls: Any) -> tuple[str, ...]:
+    """Fields of a dataclass that hold arrays, matrices or dataclasses with these."""
+    return tuple(f.name for f in fields(cls) if any(
+        word in str(f.type) for word in ("ndarray", "Array", "Any", "Csr", "Matrix", "BlockData")))
+
+
+# ------------------------------------------------------------------ messages
+
+
+@contextmanager
+def naming_plugins() -> Iterator[None]:
+    """Context in which an exception from the code of a plugin becomes a `PluginError`; others pass
+    through."""
+    try:
+        yield
+    except (InputError, SolveFailed):
+        raise
+    except (Exception, SystemExit) as error:
+        if found := _fault_of(error):
+            raise found from error
+        raise
+
+
+def _fault_of(error: BaseException) -> PluginError | None:
+    """Fault of the plugin whose code an exception comes from; None if none has its part in it."""
+    frame = _third_party(error.__traceback__) or next(
+        (f for f in reversed(_frames(error.__traceback__))
+         if f.module.startswith(_PLUGIN_FOLDERS)), None)
+    return None if frame is None else _fault(
+        frame.module, _owner(frame.module), frame.code.co_qualname, _said(error), frame.place)
+
+
+class _Frame:
+    """Frame of a traceback."""
+
+    def __init__(self, frame: Any, line: int) -> None:
+        self.module = str(frame.f_globals.get("__name__", ""))
+        self.code: CodeType = frame.f_code
+        self.place = f"{self.code.co_filename}:{line}"
+
+
+def _frames(trace: TracebackType | None) -> list[_Frame]:
+    return [_Frame(frame, line) for frame, line in traceback.walk_tb(trace)]
+
+
+def _third_party(trace: TracebackType | None) -> _Frame | None:
+    """Innermost frame in the code of a distribution of plugins other than our own."""
+    known = _providers().keys() - {OWN}
+    return next((f for f in reversed(_frames(trace)) if _root(f.module) in known), None)
+
+
+def _raised(error: BaseException, plugin: object, function: FunctionType) -> PluginError:
+    """Fault of an exception in a method of a plugin, or in the code of another one that it
+    calls."""
+    if _root(type(plugin).__module__) == OWN and _third_party(error.__traceback__) is not None:
+        return _fault_of(error) or PluginError(_said(error))
+    own = [f for f in _frames(error.__traceback__)
+           if f.code.co_filename == function.__code__.co_filename]
+    return _of(plugin, function, _said(error), own[-1].place if own else _definition(function))
+
+
+def _returned(wrong: str, hint: Any, plugin: object, function: FunctionType) -> PluginError:
+    return _of(plugin, function, f"returned {wrong}, where {required(hint)} is required",
+               _definition(function))
+
+
+def _of(plugin: object, function: FunctionType, said: str, place: str) -> PluginError:
+    cls = type(plugin)
+    return _fault(cls.__module__, _described(cls), f"{cls.__name__}.{function.__name__}", said,
+                  place)
+
+
+def _fault(module: str, owner: str, method: str, said: str, place: str) -> PluginError:
+    made = PluginError(f"{owner}: {method} {said} ({place}); report it to the authors of that "
+                       "plugin")
+    made.own = _root(module) == OWN
+    return made
+
+
+def _said(error: BaseException) -> str:
+    first = (str(error).splitlines() or [""])[0]
+    return f"raised {type(error).__name__}{': ' if first else ''}{first}"
+
+
+def _definition(function: FunctionType) -> str:
+    return f"{function.__code__.co_filename}:{function.__code__.co_firstlineno}"
+
+
+def _root(module: str) -> str:
+    return module.partition(".")[0]
+
+
+def _described(cls: type) -> str:
+    """Kind, name, distribution and version of a plugin class; for other classes of the package the
+    distribution alone."""
+    for e in _entry_points():
+        if e.value.replace(" ", "") == f"{cls.__module__}:{cls.__qualname__}" and e.dist:
+            return f"{e.group.removeprefix(PREFIX)} {e.name} of {e.dist.name} {e.dist.version}"
+    return _owner(cls.__module__)
+
+
+def _owner(module: str) -> str:
+    return _providers().get(_root(module), f"module {module}, of no installed distribution")
+
+
+def _providers() -> Mapping[str, str]:
+    """Top-level module -> name and version of the distribution whose plugins it holds."""
+    return {_root(e.module): f"{e.dist.name} {e.dist.version}"
+            for e in _entry_points() if e.dist}
+
+
+def _entry_points() -> tuple[metadata.EntryPoint, ...]:
+    installed = metadata.entry_points()
+    return tuple(e for group in installed.groups if group.startswith(PREFIX)
+                 for e in installed.select(group=group))
