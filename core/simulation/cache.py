@@ -29,6 +29,9 @@ _FILE = re.compile(r"\d{3,}\.npy|manifest\.json|spent\.json")
 MACHINE_CODE = "machine_code"
 """Kind of machine code (kept/machine_code.py)."""
 _MACHINE_CODE = re.compile(r"[0-9a-f]{32}\.code|\.[0-9a-f]{32}\.part|.+\.nb[ic]")
+_UNREADABLE = (ValueError, KeyError, TypeError, AttributeError, EOFError, MemoryError,
+               RecursionError)
+"""What is raised for a manifest or an array that this program has not written."""
 _PIECE = 2**22
 _log = logging.getLogger(__name__)
 
@@ -99,7 +102,7 @@ class Cache:
                 with suppress(OSError):  # a cache that may only be read
                     os.utime(place / _MANIFEST)  # the time of its last use
                 return found, True
-            except (OSError, ValueError, KeyError, TypeError) as fault:
+            except (OSError, *_UNREADABLE) as fault:
                 _log.warning("cache entry %s/%s is unreadable (%s): made again", kind, key, fault)
                 with suppress(OSError):
                     _remove(place, [f.name for f in place.iterdir() if _FILE.fullmatch(f.name)])
@@ -219,7 +222,7 @@ def _files(place: Path) -> list[str] | None:
         names = sorted({file for file, _ in _table(place).values()})
     except FileNotFoundError:
         return None
-    except (ValueError, KeyError, TypeError):
+    except _UNREADABLE:
         return None
     return [f for f in (*names, SPENT, _MANIFEST) if os.path.lexists(place / f)]
 

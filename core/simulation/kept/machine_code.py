@@ -54,7 +54,8 @@ class MachineCode:
                 file.write(_digest(key, data) + data)
             part.replace(self._file(key))
         except OSError:
-            part.unlink(missing_ok=True)
+            with suppress(OSError):
+                part.unlink()
 
     def _file(self, key: str) -> Path:
         assert self.folder is not None

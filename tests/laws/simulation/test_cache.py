@@ -1,5 +1,6 @@
 """The cache returns what was made, or makes it again; never something half."""
 
+import json
 import logging
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import pytest
 import scipy.sparse as sp
 
 from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core.results.zarr_files import checksum
 from sparsemor.core.scene.digest import digest
 from sparsemor.core.simulation.cache import Cache, cache_folder
 
@@ -116,3 +118,31 @@ def test_digest_tells_apart_what_differs_and_nothing_else() -> None:
     assert len({digest(*parts) for parts in different}) == len(different)
     with pytest.raises(TypeError, match="cannot digest a object"):
         digest(object())
+
+
+FORGED: dict[str, object] = {
+    "a list": [], "a number": 3, "no table": {"checksum": 0}, "a table of text": "abc",
+    "files elsewhere": {"flag": ["../../thesis.tex", 0]}, "no checksum": {"flag": ["000.npy"]},
+    "a name that is null": {"flag": [None, 0]}, "an empty file": b"", "no array": b"{}",
+    "objects": b"\x93NUMPY\x01\x00\x3e\x00{'descr': '|O', 'fortran_order': False, "
+               b"'shape': (1,)}   \n",
+    "a huge array": b"\x93NUMPY\x01\x00v\x00{'descr': '<f8', 'fortran_order': False, 'shape': "
+                    b"(1000000000000000,), }" + b" " * 45 + b"\n",
+}
+
+
+@pytest.mark.parametrize("name", FORGED)
+def test_a_forged_entry_is_a_miss(tmp_path: Path, name: str) -> None:
+    """Whoever can write to a shared cache can sign what they like: it is made again."""
+    forged, make = FORGED[name], Maker()
+    place = tmp_path / "k" / "x"
+    place.mkdir(parents=True)
+    manifest: object = forged
+    if isinstance(forged, bytes):
+        (place / "000.npy").write_bytes(forged)
+        manifest = {"flag": ["000.npy", checksum(forged)]}
+    if isinstance(manifest, dict | str) and manifest != {"checksum": 0}:
+        manifest = {"files": manifest, "checksum": checksum(json.dumps(manifest).encode())}
+    (place / "manifest.json").write_text(json.dumps(manifest))
+    arrays, hit = Cache(tmp_path).get_or_make("k", "x", make)
+    assert same(arrays) and not hit and make.calls == 1

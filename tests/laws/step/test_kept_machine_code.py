@@ -1,5 +1,6 @@
 """Machine code that is kept: nobody but its user can have written it, and no damage is loaded."""
 
+import ast
 import os
 import pickle
 import stat
@@ -11,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import sparsemor
 from sparsemor.core import MachineCode
 from sparsemor.core.simulation.cache import Cache
 
@@ -130,6 +132,7 @@ def test_removal_takes_what_is_ours(caches: Path) -> None:
 COMPILED = """
 import sys
 import numba
+import sparsemor
 from sparsemor.core import MachineCode
 from sparsemor.reducers.step.compiled.compile import with_kept_code
 
@@ -171,3 +174,21 @@ def test_compiled_functions_are_kept_in_our_files_alone(caches: Path) -> None:
 class Evil:
     def __reduce__(self) -> Any:
         return Path.touch, (Path(os.environ["SPARSEMOR_CACHE"]).parent / "owned",)
+
+
+@pytest.mark.full
+def test_no_other_module_reads_code_from_data() -> None:
+    """Entries of the cache, results and models are arrays and plain data; only machine code that
+    passed its checks is unpickled."""
+    root, found = Path(sparsemor.__file__).parent, set[str]()
+    for path in (p for folder in ("core", "bodies", "reducers", "plugins", "integrators")
+                 for p in (root / folder).rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            names = [getattr(node, "module", None) or "", *(a.name for a in node.names)] if (
+                isinstance(node, ast.Import | ast.ImportFrom)) else []
+            allows = isinstance(node, ast.keyword) and node.arg == "allow_pickle" and not (
+                isinstance(node.value, ast.Constant) and node.value.value is False)
+            if allows or {n.split(".")[0] for n in names} & {
+                    "pickle", "marshal", "shelve", "dill", "joblib"}:
+                found.add(path.relative_to(root).as_posix())
+    assert found == {"reducers/step/compiled/compile.py"}
