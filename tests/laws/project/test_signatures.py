@@ -19,6 +19,12 @@ STATED = ("results.", "simulation.recorder.", "simulation.step_control.Controlle
           "protocols.layout.FieldKind.of_plain", "simulation.reduced_model.",
           "simulation.prepare.PreparedRun.stability", "simulation.workers.")
 ALLOWED = {
+    "registry.boundary.read_only": "an argument of any method of a plugin, of its own type again",
+    "registry.value_types.fits": "any annotation",
+    "registry.value_types.required": "any annotation",
+    "registry.value_types.unfit": "any annotation",
+    "registry.value_types.unfit_field": "a dataclass of any type",
+    "registry.value_types.unfit_arrays": "a dataclass of any type",
     "registry.option_types.type_in_words": "a JSON schema",
     "registry.registry.Registry.load": "a class of any kind of plugin, which the caller names",
     "registry.slot.slot_default": "the default of an option: pydantic makes a plugin of the name",
