@@ -273,7 +273,7 @@ class Own(Plugin):
 
 def test_a_run_keeps_what_it_had_before_a_plugin_failed(distribute: Any, tmp_path: Path) -> None:
     distribute("odd-pkg", {"observer": {"odd": "odd_late:Own"}},
-               odd_late=HEAD.partition("class")[0] + LATE)
+               odd_late=HEAD.partition("class Own")[0] + LATE)
     plugin: Any = Registry().get("observer", "odd")()
     with pytest.raises(SolveFailed) as caught:
         simulate(tiny(), out=tmp_path / "run", observers=[plugin.observer()])
@@ -303,7 +303,7 @@ def test_what_plugins_print_is_not_in_the_json(
     distribute: Any, tmp_path: Path, command: str
 ) -> None:
     distribute("odd-pkg", {"function": {"odd": "odd_prints:Own"}},
-               odd_prints=HEAD.partition("class")[0] + PRINTS)
+               odd_prints=HEAD.partition("class Own")[0] + PRINTS)
     scene = [] if command == "schema" else [
         str(SCENES / "tiny.yaml"), "--set", "loads.heating.flux=odd", "--json"]
     end = ["--set", "time.end=0.002", "--out", str(tmp_path / "out")] if command == "run" else []
