@@ -33,10 +33,11 @@ all others require constant symmetric positive definite matrices."""
 
 def changed(reducer: Plugin, options: Sequence[str]) -> list[str]:
     """Names among `options` whose value differs from the default."""
-    return [name for name in options if not _is_default(reducer, name)]
+    return [name for name in options if not is_default(reducer, name)]
 
 
-def _is_default(reducer: Plugin, name: str) -> bool:
+def is_default(reducer: Plugin, name: str) -> bool:
+    """True if an option of a reducer has its default value."""
     field, value = type(reducer).model_fields[name], dict(reducer)[name]
     slot = next((m for m in field.metadata if isinstance(m, Slot)), None)
     if slot is None or not isinstance(field.default, str):
@@ -112,7 +113,7 @@ def unweighted(
         return no_effect(changed(reducer, ["preconditioner"]), (
             f"reducer.preconditioned ({', '.join(patterns) or 'empty'}) names no block of this "
             "scene"))
-    if _is_default(reducer, "preconditioner"):
+    if is_default(reducer, "preconditioner"):
         return no_effect(changed(reducer, ["preconditioned"]), (
             "reducer.preconditioner is none"))
     return ()

@@ -78,11 +78,12 @@ class PointTerm:
         reads = tuple(
             (at_variable[Variable(v.quantity, v.component, v.axis)], v.rate) for v in law.reads)
         Q = weights.shape[1]
-        flat = tuple(np.ascontiguousarray(
-            (L * weights if L.shape[2] == Q else L).reshape(len(L), -1)) for L in tests)
+        flat = tuple(np.ascontiguousarray(  # sizes by number: without atoms there is no row
+            (L * weights if L.shape[2] == Q else L).reshape(len(L), L.shape[1] * L.shape[2]))
+            for L in tests)
         return cls(
             law, weights, coordinates,
-            np.concatenate([one.P.reshape(-1, k) for one in projections]),
+            np.concatenate([one.P.reshape(one.offset.size, k) for one in projections]),
             np.concatenate([one.offset.ravel() for one in projections]),
             tuple(columns), tuple(spans), reads, flat,
             any(rate for _, rate in reads), source)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from math import prod
 from typing import Any
 
 import numpy as np
@@ -209,7 +210,8 @@ class WeakTerm:
         here = self if elements is None else self._part(elements, self.rows, self.row_of)
         there = np.searchsorted(self.columns, here.columns)
         at = here.row_of[here.tested.shape.nodes]
-        seen = np.where(at >= 0, left[:, at], 0.0).reshape(len(left), len(at), -1)
+        seen = np.where(at >= 0, left[:, at], 0.0)
+        seen = seen.reshape(*seen.shape[:2], prod(seen.shape[2:]))
         found = np.zeros((len(at), len(left), len(t)))
         for i, time in enumerate(t.tolist()):
             loads = here._loads(x[there, i], v[there, i], time)

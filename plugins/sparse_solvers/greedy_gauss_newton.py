@@ -140,7 +140,7 @@ class GreedyRecovery:
                 return Selection(now)
             g = gram.correlations(r)
             size = np.where(now, 0.0, np.abs(g))
-            room = len(r) - int(np.count_nonzero(now))
+            room = len(r) - int(np.count_nonzero(now))  # none where rows are as many as atoms
             union = now | largest(size, min(budget, self.solver.growth or budget, room))
             found = gram.exchanged(r, z, g, now, union, budget)
             if found is None:
@@ -182,7 +182,9 @@ class GreedyRecovery:
 def largest(sizes: FloatArray, count: int) -> BoolArray:
     """Mask (k,) of the `count` largest sizes that are not zero."""
     kept = sizes > 0.0
-    if count < len(sizes):
+    if count <= 0:
+        kept[:] = False
+    elif count < len(sizes):
         kept[sizes.argpartition(len(sizes) - count)[: len(sizes) - count]] = False
     return kept
 

@@ -43,7 +43,8 @@ class SparseOptions(ReducedStepOptions):
     bases: dict[str, Annotated[Basis, Slot("basis")]] = {}
     """Other bases by block pattern, such as `*.thermal`."""
     sampler: Annotated[Sampler, Slot("sampler")] = slot_default("lhs")
-    """Method that chooses the sampled rows."""
+    """Method that chooses the sampled rows. Where it has its default value, `deim` chooses plain
+    rows that `residual: auto` keeps."""
     preconditioner: Annotated[Preconditioner, Slot("preconditioner")] = slot_default("none")
     """Preconditioner of the sampled rows, in the blocks listed in `preconditioned` (Sec. 3.2 of the
     paper). One that is undefined for more rows than atoms is applied to rows compressed by QR."""

@@ -40,7 +40,7 @@ from sparsemor.reducers.notes import (
 from sparsemor.reducers.sparse.build import Build, Whole
 from sparsemor.reducers.sparse.options import Budget, SparseOptions
 from sparsemor.reducers.sparse.resampling import Resampled, Streams, branched
-from sparsemor.reducers.sparse.residual_rows import inverted_blocks, plain_rows
+from sparsemor.reducers.sparse.residual_rows import inverted_blocks, plain_rows, samplers
 from sparsemor.reducers.sparse.sampled_block import choose_rows
 from sparsemor.reducers.step.prepare import constants
 from sparsemor.reducers.trial_bases import trial_bases
@@ -97,13 +97,13 @@ class Sparse(SparseOptions):
         step = StepFactors(h, *constants(problem.integrator, h))
         dictionaries, limits, unfit = trial_bases(offline, model, self, step)
         streams = dict(zip(budgets, problem.rng.spawn(len(budgets)), strict=True))
-        inverted = inverted_blocks(model, self)
+        inverted, drawn = inverted_blocks(model, self), samplers(model, self)
         build = Build(model, offline, self, dictionaries, limits,
                       {n: b.atoms for n, b in budgets.items()}, step, inverted)
 
         def draw(streams: Streams, keep: OfflineProducts | None) -> dict[str, IntArray]:
             return {n: choose_rows(model, keep, n, self._rows(model, n, b, dictionaries[n]),
-                                   b.atoms or 10**9, self.sampler, dictionaries[n], streams[n],
+                                   b.atoms or 10**9, drawn[n], dictionaries[n], streams[n],
                                    step, n in inverted)
                     for n, b in budgets.items()}
 

@@ -282,7 +282,7 @@ class CompressedHeat:
             base = self.few[0].times(rate)
             base += self.few[1].times(T)
         base += self.prescribed.at(t)
-        if not self.local:
+        if not self.local or not len(base):  # linear, or without active atoms
             return HeatOutcome(base, Status.DONE, 1)
         if self.active is not None:  # others may be active in the next step
             return self._iterate(base, T, rate, t, None)._replace(jacobian=None)

@@ -34,7 +34,7 @@ from sparsemor.plugins.samplers.random import Uniform
 from sparsemor.plugins.samplers.s_opt import SOpt
 from sparsemor.reducers.checks import required_rows
 from sparsemor.reducers.sparse.reducer import Sparse
-from sparsemor.reducers.sparse.residual_rows import inverted_blocks, plain_rows
+from sparsemor.reducers.sparse.residual_rows import inverted_blocks, plain_rows, samplers
 from sparsemor.reducers.sparse.sampled_block import (
     SampledElastic,
     SampledHeat,
@@ -154,7 +154,12 @@ def test_default_keeps_plain_rows_where_a_row_would_read_every_element_and_says_
     assert hot and inverted == set(model.reducible()) - hot
     (note,) = plain_rows(model, Sparse())
     assert note.level is Level.INFORMATION and note.kind == "plain_rows"
-    assert "glow" in note.text and all(name in note.text for name in hot)
+    assert "glow" in note.text and "deim" in note.text and all(name in note.text for name in hot)
+    drawn = samplers(model, Sparse())
+    assert {n for n, s in drawn.items() if isinstance(s, Deim)} == hot
+    for options in ({"residual": "plain"}, {"sampler": "leverage"}, {"resample": 2}):
+        own = Sparse.model_validate(options)
+        assert set(samplers(model, own).values()) == {own.sampler}
     assert inverted_blocks(model, Sparse(residual="plain")) == frozenset()
     assert not plain_rows(model, Sparse(residual="plain")), "asked for"
 
