@@ -2,21 +2,23 @@
 
 import errno
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from copy import deepcopy
 from dataclasses import replace
 
 import numpy as np
 
+from sparsemor.core.arrays import BoolArray
 from sparsemor.core.errors import Damaged, PluginError
 from sparsemor.core.notes import Note
-from sparsemor.core.protocols import ManySteps, RedrawsRows, State, StepMemory
+from sparsemor.core.protocols import ManySteps, RedrawsRows, State, StepFactors, StepMemory
 from sparsemor.core.registry.boundary import naming_plugins
 from sparsemor.core.registry.hooks import Manager, RunStart
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.simulation.diagnostics.alternating_joint_forces import alternating_forces
 from sparsemor.core.simulation.diagnostics.contact_warnings import contact_warnings
 from sparsemor.core.simulation.diagnostics.plausibility import after_run
+from sparsemor.core.simulation.diagnostics.selected_atoms import check_selection, times_of_check
 from sparsemor.core.simulation.diagnostics.stress_stiffness import (
     LINEAR_STRAINS,
     stress_notes,
@@ -31,6 +33,7 @@ from sparsemor.core.simulation.error_control.continuation import (
 )
 from sparsemor.core.simulation.error_control.notes import error_limit, large_estimates
 from sparsemor.core.simulation.interrupt import Interrupt
+from sparsemor.core.simulation.linearization.reference import full_state
 from sparsemor.core.simulation.offline import step_count
 from sparsemor.core.simulation.prepare import PreparedRun
 from sparsemor.core.simulation.recorder import Recorder, in_summary
@@ -55,6 +58,8 @@ class RunSteps:
         self.steps = step_count(run.scene)
         self.keeper, self.watch, self.due = keeper, watch, False
         self.seen_changes, self.seen_draws = -1, self._resamplings()
+        self.checked = times_of_check(self.steps)
+        self.selected: list[tuple[State, Mapping[str, BoolArray]]] = []
 
     def go(self) -> RunResult:
         recorder, hook = self.recorder, self.manager.hook
@@ -116,6 +121,11 @@ class RunSteps:
         try:
             if model is not None and run.contacts is None:
                 notes += contact_warnings(model, result)
+            if model is not None and run.own_loads and self.selected:
+                h = self.scene.time.step
+                notes += check_selection(
+                    model, self.solver.dictionaries,
+                    StepFactors(h, *self.scene.integrator.rules(h).factors), self.selected)
             notes += alternating_forces(result)
             if model is not None:
                 notes += undershoot(model, result) if run.own_loads else ()
@@ -167,6 +177,7 @@ class RunSteps:
         """Drops the steps after an accepted state."""
         self.recorder.back_to(accepted.mark)
         self.state, self.tally = accepted.state, accepted.tally
+        self.selected = [(s, of) for s, of in self.selected if s.t <= self.state.t]
 
     def _go_on(self, found: Continuation) -> None:
         """Takes the remaining steps with another step solver."""
@@ -209,6 +220,8 @@ class RunSteps:
             supports = solver.supports(self.memory)
             if supports:
                 tally.count_atoms(supports)
+                if tally.done in self.checked:
+                    self.selected.append((full_state(solver, self.state), dict(supports)))
             self.due = self.recorder.take(self.state, tally, supports, self.memory) or self.due
             # in a block of steps the memory is that of its last one
             if self.due and whole and self.watch is None:

@@ -1,0 +1,112 @@
+"""Check of a run that selected atoms: residual of its states over all rows of the full-order
+equations, against the smallest one with all atoms of the dictionary."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sparsemor.core.arrays import BoolArray, FloatArray
+from sparsemor.core.model.equations import system_residual
+from sparsemor.core.model.factorizations import solve_or_fail
+from sparsemor.core.model.model import Model
+from sparsemor.core.notes import Note, information
+from sparsemor.core.protocols import Dictionary, State, StepFactors
+from sparsemor.core.results.error_norms import CONSTANT_CHANGE
+from sparsemor.core.status import SolveFailed
+
+SELECTED = "selected_atoms"
+"""Kind of the note."""
+STATES = 10
+"""Number of states of the run that are checked."""
+RATIO = 10.0
+"""Ratio of the residual of the selected atoms to that of all atoms, above which a note says so."""
+LIMIT = 1e-3
+"""Displacement or temperature that this residual causes when it persists, relative to the largest
+change of the field, above which the note is a warning."""
+ROUND_OFF = 1e-9
+"""The same below which the residual is round-off."""
+MANY = 1000
+"""Number of atoms above which a dictionary counts as complete: all its atoms leave no residual."""
+
+
+def times_of_check(steps: int) -> frozenset[int]:
+    """Numbers of the steps whose states are checked, spread over a run of `steps` steps."""
+    return frozenset(round(steps * (i + 1) / STATES) for i in range(STATES)) - {0}
+
+
+@dataclass(frozen=True, slots=True)
+class Selected:
+    """Residual of selected atoms in one block, at the state where it causes the largest
+    error. t: time, s; active, atoms: number of active atoms and of all; ratio: of the two
+    residuals, in the energy norm (r^T D^-1 r)^(1/2) with the operator D of a step, infinite for a
+    complete dictionary; error: part of the field that the residual in excess causes if it persists,
+    relative to the largest change."""
+
+    block: str
+    t: float
+    active: int
+    atoms: int
+    ratio: float
+    error: float
+
+    def note(self) -> Note | None:
+        """A warning where the residual causes an error above the limit, otherwise information;
+        None where all atoms would leave about as much. All atoms of a complete dictionary leave
+        nothing, so that its ratio says nothing."""
+        wrong, complete = self.error > LIMIT, not self.ratio < np.inf
+        if not (wrong if complete else self.ratio > RATIO and self.error > ROUND_OFF):
+            return None
+        against = "" if complete else (
+            f" {self.ratio:.2g} times that of all atoms (limit {RATIO:g})")
+        text = (f"the {self.active} of {self.atoms} atoms selected in {self.block} leave a "
+                f"residual over all rows{against} at {self.t:.4g} s, which causes an error of "
+                f"{self.error:.2g} of the largest change where it persists: ")
+        if wrong:
+            return Note(text + "take more atoms (reducer.budgets), reducer.residual: "
+                        "preconditioned, or another reducer.solver", SELECTED)
+        return information(text + "all atoms are more accurate, and may be faster", SELECTED)
+
+
+def check_selection(
+    model: Model, dictionaries: Mapping[str, Dictionary], step: StepFactors,
+    states: Sequence[tuple[State, Mapping[str, BoolArray]]],
+) -> tuple[Note, ...]:
+    """Notes on blocks whose selected atoms leave a residual that all atoms would not. states:
+    full-order states of the run with the supports of their blocks. Blocks whose operators cannot be
+    factorized are left out."""
+    found: dict[str, Selected] = {}
+    start = model.x0
+    change = {n: max((_norm(s.x[model.layout[n]] - start[model.layout[n]]) for s, _ in states),
+                     default=0.0) for n in dictionaries}
+    for name, d in dictionaries.items():
+        k, at = d.atoms.shape[1], model.layout[name]
+        some = [(s, of[name]) for s, of in states
+                if name in of and len(of[name]) == k and not of[name].all()]
+        if not some or change[name] <= CONSTANT_CHANGE * _norm(some[-1][0].x[at]):
+            continue
+        data = model.block_data(name, step=step)
+        span = max(states[-1][0].t, step.h)
+        slow = data.stiffness + data.mass / span if data.order == 1 else data.stiffness
+        try:
+            D, S = (model.factorize(name, A, "check of selected atoms")
+                    for A in (data.operator, slow))
+            image = data.operator @ d.atoms if k < min(data.size, MANY) else None
+            for state, support in some:
+                r = system_residual(
+                    model.layout, model.terms, state.x, state.v, state.a, state.t)[at]
+                rest = np.zeros(len(r)) if image is None else r - image @ np.linalg.lstsq(
+                    d.atoms.T @ image, d.atoms.T @ r, rcond=None)[0]
+                whole, left = (max(float(f @ solve_or_fail(D, f, name)), 0.0) for f in (r, rest))
+                ratio = float(np.sqrt(whole / left)) if left > 0.0 else np.inf
+                error = _norm(solve_or_fail(S, r - rest, name)) / change[name]
+                if name not in found or error > found[name].error:
+                    found[name] = Selected(
+                        name, state.t, int(np.count_nonzero(support)), k, ratio, error)
+        except SolveFailed:
+            continue
+    return tuple(note for s in found.values() if (note := s.note()) is not None)
+
+
+def _norm(x: FloatArray) -> float:
+    return float(np.linalg.norm(x))

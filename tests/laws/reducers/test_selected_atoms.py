@@ -1,0 +1,90 @@
+"""Residual of selected atoms over all rows, against that of all atoms: its numbers, and its notes."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from small_scenes import coarse_pendulum, tiny
+from sparsemor import compare, simulate
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.notes import Level
+from sparsemor.core.protocols import Dictionary, State, StepFactors
+from sparsemor.core.simulation.diagnostics.selected_atoms import (
+    RATIO,
+    check_selection,
+    times_of_check,
+)
+from tiny_scene import full, snapshots
+
+NAME = "bar.thermal"
+
+
+def orthogonal_atoms() -> Dictionary:
+    U = np.linalg.svd(snapshots()[NAME], full_matrices=False)[0][:, :4]
+    return Dictionary(np.ascontiguousarray(U), np.zeros(len(U)), ("",) * 4)
+
+
+def beside(inside: float, outside: float) -> tuple[State, float, FloatArray]:
+    """A state of the full-order run moved within the atoms and across them, orthogonal in D: its
+    residual is D (A d + w). Returns it, the ratio that follows, and the part within."""
+    scene, run = tiny(), full()
+    model, d = run.model, orthogonal_atoms()
+    factors = scene.integrator.rules(scene.time.step).factors
+    data = model.block_data(NAME, step=StepFactors(scene.time.step, *factors))
+    D, A = data.operator, d.atoms
+    w = np.random.default_rng(0).standard_normal(len(A))
+    w -= A @ np.linalg.solve(A.T @ (D @ A), A.T @ (D @ w))
+    part, rest = inside * A[:, 0], outside * w
+    last, at = run.end, model.layout[NAME]
+    x, v = last.x.copy(), last.v.copy()
+    x[at] += part + rest
+    v[at] += factors[2] * (part + rest)
+    ratio = np.sqrt((part @ (D @ part) + rest @ (D @ rest)) / (rest @ (D @ rest)))
+    return State(last.t, x, v, last.a, last.memory), float(ratio), np.asarray(D @ part)
+
+
+def checked(state: State, dictionary: Dictionary) -> Any:
+    scene, support = tiny(), np.array([False, True, True, True])
+    step = StepFactors(scene.time.step, *scene.integrator.rules(scene.time.step).factors)
+    return check_selection(
+        full().model, {NAME: dictionary}, step, [(state, {NAME: support})])
+
+
+@pytest.mark.parametrize(("inside", "level"), [(5.0, Level.WARNING), (1e-5, Level.INFORMATION)])
+def test_numbers_are_those_of_the_residual(inside: float, level: Level) -> None:
+    """Right values by construction: the residual is D times a known displacement of the state."""
+    state, ratio, force = beside(inside, 1e-3 * inside)
+    (note,) = checked(state, orthogonal_atoms())
+    model = full().model
+    data = model.block_data(NAME)
+    S = (data.stiffness + data.mass / state.t).toarray()
+    change = np.linalg.norm(state.x[model.layout[NAME]] - model.x0[model.layout[NAME]])
+    error = np.linalg.norm(np.linalg.solve(S, force)) / change
+    assert note.kind == "selected_atoms" and note.level is level
+    assert f"3 of 4 atoms selected in {NAME}" in note.text
+    assert f"{ratio:.2g} times" in note.text and f"an error of {error:.2g} of" in note.text
+
+
+def test_no_note_where_all_atoms_leave_as_much() -> None:
+    state, ratio, _ = beside(1.0, 1.0)
+    assert ratio < RATIO and not checked(state, orthogonal_atoms())
+
+
+def test_states_are_spread_over_the_run() -> None:
+    assert times_of_check(20) == frozenset(range(2, 21, 2)) and times_of_check(1) == {1}
+
+
+@pytest.mark.full
+def test_selection_that_fails_says_so() -> None:
+    """Orthogonal matching pursuit on plain rows, 8 of 16 elastic atoms: wrong and noted (0.016); on
+    rows of D^-1 r it is near the best 8 (1e-7) and casts no doubt."""
+    scene = coarse_pendulum().using({"time.end": 0.3, "training.end": 0.3})
+    reference = simulate(scene.using({"reducer": "full"}))
+    for residual, wrong in (("plain", True), ("auto", False)):
+        run = simulate(scene.using({"reducer": {
+            "use": "sparse", "residual": residual, "solver": "omp", "every": 10,
+            "basis": {"use": "pod", "count": 16}, "budgets": {"*.elastic": {"atoms": 8}}}}))
+        error = compare(reference, x=run).errors["x"]["elastic"]
+        assert error > 1e-2 if wrong else error < 1e-5, (residual, error)
+        assert ("selected_atoms" in run.summary["note_kinds"]) == wrong, run.summary["notes"]
