@@ -1,5 +1,6 @@
 """Trial bases (dictionaries) of all reducible blocks, and projected local terms."""
 
+from collections.abc import Container
 from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
@@ -59,16 +60,19 @@ def trial_bases(
     return TrialBases(found, limits, fitted.notes)
 
 
-def spanned(bases: TrialBases, offline: OfflineProducts) -> TrialBases:
-    """Trial bases with orthonormal atoms of the same span where atoms depend on each other.
+def spanned(
+    bases: TrialBases, offline: OfflineProducts, blocks: Container[str] | None = None
+) -> TrialBases:
+    """Trial bases with orthonormal atoms of the same span where atoms depend on each other, in all
+    blocks or in those of `blocks`.
 
-    For reducers that use all atoms, whose solution depends on the span alone. Directions with
-    singular values below DEPENDENT times the largest are left out.
+    Where all atoms are used the solution depends on their span alone. Directions with singular
+    values below DEPENDENT times the largest are left out.
     """
     dictionaries, limits, notes = dict(bases.dictionaries), dict(bases.limits), list(bases.notes)
     for name, d in bases.dictionaries.items():
         k = d.atoms.shape[1]
-        if k < 2 or orthonormal(d.atoms):
+        if k < 2 or orthonormal(d.atoms) or blocks is not None and name not in blocks:
             continue
         made = offline.remember("span", (d.atoms,), partial(_span, d.atoms))
         atoms, scale = np.asarray(made["atoms"], dtype=np.float64), float(made["scale"])

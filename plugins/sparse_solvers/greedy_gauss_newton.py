@@ -30,6 +30,7 @@ from sparsemor.plugins.sparse_solvers.least_squares_on_support import (
     widened,
 )
 from sparsemor.plugins.sparse_solvers.newton import Choose, SupportNewton
+from sparsemor.plugins.sparse_solvers.penalised import repeated
 
 SINGULAR = 1e-10
 """Singular value, relative to the largest, below which a combination of unit columns is zero."""
@@ -60,8 +61,9 @@ class GreedyGaussNewton(SupportNewton):
     endless exchanges of atoms that fit round-off."""
 
     def prepare(self, columns: Columns, budget: int) -> Recovery:
-        """Steps 2 to 5 for constant columns."""
-        J = columns.A
+        """Steps 2 to 5 for constant columns; one parallel to an earlier column counts as zero."""
+        J = np.array(columns.A)
+        J[:, repeated(J)] = 0.0
         m, k = J.shape
         everyone = self.candidates == "all" and k <= m
         return GreedyRecovery(

@@ -14,6 +14,8 @@ from sparsemor.plugins.sparse_solvers.least_squares_on_support import EPS, Linea
 DEPENDENT = 1e-10
 """Norm of a unit column's part outside the span of other columns, at or below which it counts as
 dependent."""
+PARALLEL = 1e-7
+"""Sine of the angle between two columns, at or below which they count as the same one."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -26,8 +28,8 @@ class Penalised:
     A = Q [R; 0] is reduced once more: R x = Q^T b is the best fit of all columns, and the rest of b
     is independent of x. Neither changes a correlation, nor which x fits better. Columns keep the
     scale of `Linearised`, unit length before the elimination: the part of a column that unpenalised
-    ones explain has no weight. A column of zeros, one that depends on the unpenalised ones, and one
-    whose group has budget 0, is zero.
+    ones explain has no weight. A column of zeros, one that depends on the unpenalised ones, one
+    parallel to an earlier column, and one whose group has budget 0, is zero.
     """
 
     A: FloatArray
@@ -61,6 +63,7 @@ class Penalised:
                 start = kept[-1].stop
                 if g.budget == 0:
                     A[:, kept[-1].start : start] = 0.0
+        A[:, repeated(A)] = 0.0
         if A.shape[0] > A.shape[1]:
             Q, A = _best_fit(A)
             b = b @ Q
@@ -90,6 +93,31 @@ class Penalised:
         return float(np.linalg.norm(self.b - self.A @ x))
 
 
+def repeated(A: FloatArray) -> BoolArray:
+    """Mask (k,) of the columns of A (m, k) that are parallel to an earlier one.
+
+    Two of them can share a coefficient in any way: least squares splits it, so that each looks
+    small against other columns, and a budget is spent on both. Parallel columns have equal products
+    with any vector but for their length and sign; only neighbours among sorted products are
+    compared, in O(m k) operations.
+    """
+    lengths = np.sqrt((A * A).sum(axis=0))
+    found = np.zeros(A.shape[1], dtype=np.bool_)
+    used = np.flatnonzero(lengths > 0.0)
+    U = A[:, used] / lengths[used]
+    product = np.abs(np.random.default_rng(0).standard_normal(len(A)) @ U)
+    order = product.argsort(kind="stable")
+    reach = 10.0 * PARALLEL * np.sqrt(len(A))
+    for place, i in enumerate(order):
+        for j in order[place + 1:]:
+            if product[j] - product[i] > reach:
+                break
+            cosine = U[:, i].dot(U[:, j])
+            if np.linalg.norm(U[:, j] - cosine * U[:, i]) <= PARALLEL:
+                found[used[max(i, j)]] = True
+    return found
+
+
 def _best_fit(A: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Orthonormal basis Q (m, r) of the columns of A (m, k), and Q^T A: the least-squares solutions
     of A x = b are those of Q^T A x = Q^T b, which has as many rows as A independent columns."""
@@ -110,7 +138,9 @@ class PreparedColumns:
 
     @classmethod
     def of(cls, J: FloatArray, budget: int) -> "PreparedColumns":
-        turn, A = (None, np.array(J)) if J.shape[0] <= J.shape[1] else _best_fit(J)
+        J = np.array(J)
+        J[:, repeated(J)] = 0.0
+        turn, A = (None, J) if J.shape[0] <= J.shape[1] else _best_fit(J)
         k = J.shape[1]
         return cls(Penalised(A, np.zeros(len(A)), (Group("", 0, k, budget),), np.arange(k),
                              ColumnSubsets(A, DEPENDENT)), turn)

@@ -43,7 +43,7 @@ from sparsemor.reducers.sparse.resampling import Resampled, Streams, branched
 from sparsemor.reducers.sparse.residual_rows import inverted_blocks, plain_rows, samplers
 from sparsemor.reducers.sparse.sampled_block import choose_rows
 from sparsemor.reducers.step.prepare import constants
-from sparsemor.reducers.trial_bases import trial_bases
+from sparsemor.reducers.trial_bases import spanned, trial_bases
 
 
 class Sparse(SparseOptions):
@@ -95,7 +95,10 @@ class Sparse(SparseOptions):
             raise InputError(faults).under("reducer")
         budgets = {n: matched_option(n, self.budgets, Budget()) for n in model.reducible()}
         step = StepFactors(h, *constants(problem.integrator, h))
-        dictionaries, limits, unfit = trial_bases(offline, model, self, step)
+        bases = trial_bases(offline, model, self, step)
+        sizes = {n: d.atoms.shape[1] for n, d in bases.dictionaries.items()}
+        dictionaries, limits, unfit = spanned(bases, offline, {
+            n for n, k in sizes.items() if (budgets[n].atoms or k) >= k})
         streams = dict(zip(budgets, problem.rng.spawn(len(budgets)), strict=True))
         inverted, drawn = inverted_blocks(model, self), samplers(model, self)
         build = Build(model, offline, self, dictionaries, limits,

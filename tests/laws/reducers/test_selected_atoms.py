@@ -1,4 +1,4 @@
-"""Residual of selected atoms over all rows, against that of all atoms: its numbers, and its notes."""
+"""Residual of selected atoms over all rows, against that of all atoms: numbers and notes."""
 
 from typing import Any
 
@@ -15,7 +15,8 @@ from sparsemor.core.simulation.diagnostics.selected_atoms import (
     check_selection,
     times_of_check,
 )
-from tiny_scene import full, snapshots
+from sparsemor.core.testing.in_memory_run import scene_of
+from tiny_scene import full, prepared, snapshots
 
 NAME = "bar.thermal"
 
@@ -88,3 +89,52 @@ def test_selection_that_fails_says_so() -> None:
         error = compare(reference, x=run).errors["x"]["elastic"]
         assert error > 1e-2 if wrong else error < 1e-5, (residual, error)
         assert ("selected_atoms" in run.summary["note_kinds"]) == wrong, run.summary["notes"]
+
+
+# ------------------------------------------------------------------- few rows, dependent atoms
+
+PLATE = {
+    "use": "flexible", "thickness": 0.01, "fields": ["thermal"], "frame": "fixed",
+    "mesh": {"use": "rectangle", "size": [0.1, 0.02], "divisions": [8, 2]},
+    "reference_temperature": 300.0, "initial_temperature": 1200.0}
+FEW = {"use": "sparse", "budgets": {"*.thermal": {"rows": 3, "atoms": 3}}}
+
+
+@pytest.mark.parametrize(("k", "load"), [
+    (50.0, {"use": "radiation", "emissivity": 0.9, "surroundings": 300.0}),
+    (50.0, {"use": "convection", "film": {"temperatures": [300.0, 1300.0], "values": [10.0, 200.0]},
+            "temperature": 300.0}),
+    ({"temperatures": [300.0, 1300.0], "values": [50.0, 30.0]},
+     {"use": "heat_flux", "flux": -5.0e4}),
+], ids=["radiation", "film", "conductivity"])
+@pytest.mark.parametrize("every", [1, 4])
+def test_fewer_rows_than_atoms_with_a_pointwise_law(k: Any, load: Any, every: int) -> None:
+    """A first selection without previous atoms, and without rows for all of them, starts from no
+    atoms at all; the temperatures are then near those of full order, or a warning says more."""
+    scene = scene_of({
+        "bodies": {"p": {**PLATE, "material": {"rho": 7850.0, "k": k, "c": 470.0}}},
+        "loads": {"edge": {**load, "on": ["p:right"]}}, "time": {"end": 10.0, "step": 1.0},
+        "training": {"end": 10.0}, "reducer": {**FEW, "every": every}})
+    run = simulate(scene)
+    errors = compare(simulate(scene.using({"reducer": "full"})), x=run).errors["x"]
+    assert errors["combined"] < 0.02
+    assert errors["thermal"] < 0.05 or "sampled_rows" in run.summary["note_kinds"], errors
+    assert run.summary["rows"] == {"p.thermal": 6}
+
+
+def test_dependent_atoms_are_made_independent_where_all_are_used() -> None:
+    """POD, modes and static responses side by side: their span, as with galerkin; where atoms are
+    selected the dictionary stays as it is."""
+    whole = {"use": "sparse", "basis": "dictionary"}
+    run = prepared(tiny().using({"reducer": whole}))
+    twin = prepared(tiny().using({"reducer": {**whole, "use": "galerkin"}}))
+    name = "bar.elastic"
+    atoms, span = (s.dictionaries[name].atoms for s in (run, twin))
+    assert atoms.shape == span.shape
+    np.testing.assert_allclose(atoms.T @ atoms, np.eye(atoms.shape[1]), atol=1e-12)
+    Q = np.linalg.qr(span)[0]
+    np.testing.assert_allclose(Q @ (Q.T @ atoms), atoms, atol=1e-6)
+    assert "span" in [n.kind for n in run.notes]
+    chosen = prepared(tiny().using({"reducer": {
+        **whole, "budgets": {"*.elastic": {"rows": 20, "atoms": 4}}}}))
+    assert chosen.dictionaries[name].atoms.shape[1] > atoms.shape[1]

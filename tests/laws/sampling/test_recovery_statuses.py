@@ -11,6 +11,7 @@ from pydantic import ValidationError
 
 from recovery import SOLVERS, Tempting, each, each_linear, empty
 from sparsemor.core.errors import InputError
+from sparsemor.core.linalg.column_subsets import ColumnSubsets
 from sparsemor.core.protocols import (
     Group,
     SparseOutcome,
@@ -32,15 +33,67 @@ from sparsemor.core.testing.problems import (
 from sparsemor.plugins.sparse_solvers.basis_pursuit import BasisPursuit
 from sparsemor.plugins.sparse_solvers.basis_pursuit_lp import BasisPursuitLp
 from sparsemor.plugins.sparse_solvers.cosamp import Cosamp
+from sparsemor.plugins.sparse_solvers.greedy_gauss_newton import GreedyGaussNewton
 from sparsemor.plugins.sparse_solvers.lasso_lars import LassoLars
 from sparsemor.plugins.sparse_solvers.least_squares_on_support import Linearised
 from sparsemor.plugins.sparse_solvers.newton import LinearRecovery, Recovered
 from sparsemor.plugins.sparse_solvers.omp import OrthogonalMatchingPursuit
-from sparsemor.plugins.sparse_solvers.penalised import Penalised
+from sparsemor.plugins.sparse_solvers.penalised import Penalised, repeated
 
 PURSUITS: list[LinearRecovery] = [
     BasisPursuitLp(tolerance=0.0), BasisPursuit(tolerance=0.0),
     BasisPursuit(tolerance=0.0, solver="SCIPY")]
+
+
+# ------------------------------------------------------------------- columns given twice
+
+
+@pytest.mark.parametrize("solver", [
+    Cosamp(), LassoLars(), OrthogonalMatchingPursuit(), BasisPursuitLp(), GreedyGaussNewton(),
+    GreedyGaussNewton(candidates="correlated")], ids=lambda s: type(s).__name__)
+@pytest.mark.parametrize("noise", [0.0, 1e-10])
+def test_columns_given_twice_do_not_spend_the_budget(solver: SparseSolver, noise: float) -> None:
+    """Right value by construction: b = J x with four nonzeros. Each column is there three times,
+    once with the other sign; least squares splits a coefficient among the copies, and pruning drops
+    what then looks small."""
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        A = np.linalg.qr(rng.standard_normal((40, 12)))[0] + 0.03 * rng.standard_normal((40, 12))
+        J = np.concatenate([A, -A, A], axis=1)
+        J += noise * rng.standard_normal(J.shape)
+        J /= np.linalg.norm(J, axis=0)
+        x = np.zeros(36)
+        x[rng.choice(12, 4, replace=False)] = np.array([1.0, -0.5, 0.7, -0.3])
+        columns = ColumnSubsets(np.ascontiguousarray(J), 1e-10)
+        none = np.zeros(36, dtype=np.bool_)
+        found = solver.prepare(columns, 4).select(-J @ x, np.zeros(36), none)
+        assert found.status is Status.DONE
+        assert np.array_equal(np.flatnonzero(found.support) % 12, np.flatnonzero(x)), seed
+        left = columns.squared_residual(found.support, J @ x)
+        assert left is not None and left < 1e-16
+
+
+@pytest.mark.parametrize("tall", [True, False])
+def test_repeated_columns(tall: bool) -> None:
+    rng = np.random.default_rng(1)
+    A = rng.standard_normal((30, 20) if tall else (8, 20))
+    A[:, 7], A[:, 12], A[:, 3], A[:, 15] = -2.0 * A[:, 5], A[:, 5] + 1e-9, 0.0, 0.0
+    assert np.flatnonzero(repeated(A)).tolist() == [7, 12]
+
+
+@pytest.mark.parametrize("sizes", [(3, 3), (2, 4), (4, 4)])
+@pytest.mark.parametrize("candidates", ["all", "correlated"])
+def test_as_many_rows_as_active_columns(sizes: tuple[int, int], candidates: str) -> None:
+    """No row is left for another column: the support stays, and is one that fits."""
+    m, budget = sizes
+    solver = GreedyGaussNewton.model_validate({"candidates": candidates})
+    J = np.linalg.qr(np.random.default_rng(0).standard_normal((6, 6)))[0][:m]
+    J = J / np.linalg.norm(J, axis=0)
+    start = np.arange(6) < m
+    recovery = solver.prepare(ColumnSubsets(np.ascontiguousarray(J), 1e-10), budget)
+    c = np.where(start, 1.0, 0.0)
+    found = recovery.select(1e-3 * np.ones(m), c, start)
+    assert found.status is Status.DONE and np.count_nonzero(found.support) <= budget
 
 
 # ------------------------------------------------------------------- groups and the reduced problem
