@@ -100,14 +100,15 @@ class Build:
         elastic: dict[str, SampledElastic] = {}
         facts: dict[str, Mapping[str, float | int | str]] = {}
         notes = list(self.notes)
+        maps = {n: self._map(n, r) for n, r in rows.items()}
         _, c1, c2, c1_first = self.step
         prescribed = not self.model.separated.border_size
         for b in self.model.separated.heat:
             n = b.thermal
             source = self._source(whole, n)
             th = (source.heat[n].under(TestMap(rows[n])) if source is not None else
-                  TestedHeat.of(b, self.dictionaries[n], self._map(n, rows[n])))
-            block, facts[n] = self._block(n, rows[n], th.block(c1_first), notes)
+                  TestedHeat.of(b, self.dictionaries[n], maps[n]))
+            block, facts[n] = self._block(n, rows[n], th.block(c1_first), maps[n], notes)
             th = th.under(TestMap(left=block.weight))
             heat[n] = SampledHeat.of(block, th, self.model, b, c1_first)
         for m in self.model.separated.moving:
@@ -117,20 +118,21 @@ class Build:
             source = self._source(whole, n)
             te = (source.elastic[n].under(TestMap(rows[n])) if source is not None else
                   TestedElastic.of(m.operators, m.frame, self.dictionaries[n],
-                                   self.dictionaries.get(m.thermal), self._map(n, rows[n]),
+                                   self.dictionaries.get(m.thermal), maps[n],
                                    rigid=self.model.separated.rigid_equations))
-            block, facts[n] = self._block(n, rows[n], te.block(c1, c2), notes)
+            block, facts[n] = self._block(n, rows[n], te.block(c1, c2), maps[n], notes)
             elastic[n] = SampledElastic.of(
                 block, te.under(TestMap(left=block.weight)), prescribed, self.step)
         sampled = [*(h.block for h in heat.values()), *(e.block for e in elastic.values())]
         choosing = {block.name for block in sampled if block.selects}
         if self.model.separated.other or choosing & unselectable_blocks(self.model):
-            return self._coupled(rows, heat, elastic, facts, notes)
-        return self._stepper(rows, heat, elastic, facts, row_set, notes)
+            return self._coupled(rows, maps, heat, elastic, facts, notes)
+        return self._stepper(rows, maps, heat, elastic, facts, row_set, notes)
 
     def _coupled(
-        self, rows: Mapping[str, IntArray], heat: Mapping[str, SampledHeat],
-        elastic: Mapping[str, SampledElastic], facts: Facts, notes: list[Note],
+        self, rows: Mapping[str, IntArray], maps: Mapping[str, TestMap],
+        heat: Mapping[str, SampledHeat], elastic: Mapping[str, SampledElastic], facts: Facts,
+        notes: list[Note],
     ) -> ReducedGeneral:
         """Step solver for models in which terms couple bodies: the same least squares of each
         block's rows, solved by Newton's method for all unknowns together. Raises InputError where a
@@ -141,18 +143,19 @@ class Build:
         if faults:
             raise InputError(faults)
         return reduced_general(
-            self._projected(rows, heat, elastic), self.options.tolerances, self.options.predictor,
-            self.limits, (*unsampled_loads(self.model, rows), *notes), facts)
+            self._projected(rows, maps, heat, elastic), self.options.tolerances,
+            self.options.predictor, self.limits, (*unsampled_loads(self.model, rows), *notes),
+            facts)
 
     def _projected(
-        self, rows: Mapping[str, IntArray], heat: Mapping[str, SampledHeat],
-        elastic: Mapping[str, SampledElastic],
+        self, rows: Mapping[str, IntArray], maps: Mapping[str, TestMap],
+        heat: Mapping[str, SampledHeat], elastic: Mapping[str, SampledElastic],
     ) -> ProjectedModel:
         """All equations under the least squares of each block's rows, with all atoms active."""
         blocks = _blocks(heat, elastic)
 
         def weighted(name: str) -> TestMap:
-            P, m = blocks[name].weight, self._map(name, rows[name])
+            P, m = blocks[name].weight, maps[name]
             return m if P is None else TestMap(m.rows, P if m.left is None else P @ m.left)
 
         return ProjectedModel(
@@ -174,7 +177,7 @@ class Build:
         return TestMap(left=inverse_rows(self.model, self.offline, name, operator, rows))
 
     def _block(
-        self, name: str, rows: IntArray, B: FloatArray, notes: list[Note]
+        self, name: str, rows: IntArray, B: FloatArray, test: TestMap, notes: list[Note]
     ) -> tuple[Sampled, Mapping[str, float | int | str]]:
         """A block with its preconditioner, and the condition and recovery error of its rows; a note
         is added where the rows do not determine the coefficients well."""
@@ -191,7 +194,7 @@ class Build:
         if block.selects:
             notes += worse_conditioned(name, measured)
         error = None if self.offline is None else checked_rows(
-            self.model, self.offline, block, self._map(name, rows), self.step)
+            self.model, self.offline, block, test, self.step)
         if error is not None:
             measured["row_error"] = error.rows
             notes += [note for note in (error.note(block),) if note is not None]
@@ -209,8 +212,8 @@ class Build:
         return note
 
     def _stepper(
-        self, rows: Mapping[str, IntArray], heat: Mapping[str, SampledHeat],
-        elastic: Mapping[str, SampledElastic],
+        self, rows: Mapping[str, IntArray], maps: Mapping[str, TestMap],
+        heat: Mapping[str, SampledHeat], elastic: Mapping[str, SampledElastic],
         facts: Mapping[str, Mapping[str, float | int | str]], row_set: int, notes: list[Note],
     ) -> Stepper | SparseStepper:
         """Step solver; blocks in which no atoms are selected are condensed here, once."""
@@ -218,7 +221,8 @@ class Build:
         fixed_elastic = {n: e.prepared(None) for n, e in elastic.items() if not e.block.selects}
         # D^-1 brings every load to every row
         plain = {n: r for n, r in rows.items() if n not in self.inverted}
-        wide = {c.rows: self._wide(heat[c.rows]) for c in self.model.separated.couplings}
+        wide = {c.rows: self._wide(heat[c.rows], maps[c.rows])
+                for c in self.model.separated.couplings}
         visited = {n: block.elements for n, block in fixed_heat.items()}
         groups = fixed_heat if not wide else heat_groups(
             self.model, fixed_heat, self.dictionaries, wide, self.step.c1_first)
@@ -233,7 +237,7 @@ class Build:
         if fixed:
             if any(b.local is not None for b in fixed_elastic.values()):
                 base = replace(base, newton=FullNewton(Assembled(reduced_general(
-                    self._projected(rows, heat, elastic), o.tolerances, o.predictor).equations),
+                    self._projected(rows, maps, heat, elastic), o.tolerances, o.predictor).equations),
                     o.tolerances))
             return compilable(base, o.compiled)
         require_numba(o.compiled)
@@ -250,13 +254,12 @@ class Build:
             JointSelection(steps, o.solver, o.hysteresis, carried, o.polish))
         return SparseStepper(base, steps, selection, o.every, o.compiled)
 
-    def _wide(self, source: SampledHeat) -> FloatArray:
+    def _wide(self, source: SampledHeat, test: TestMap) -> FloatArray:
         """Map (k, n) of forces on all n rows of a block to its coefficients: the left inverse of
         the sampled rows times their test map."""
         block = source.block
-        m, P = self._map(block.name, block.rows), block.weight
-        left = source.columns.left(None)
-        return m.times(left if P is None else left @ P, len(block.dictionary.offset))
+        P, left = block.weight, source.columns.left(None)
+        return test.times(left if P is None else left @ P, len(block.dictionary.offset))
 
     def _refuse(
         self, warm: Mapping[str, SampledHeat], choosing: Mapping[str, SampledElastic],
