@@ -236,9 +236,9 @@ class Build:
             {n: e.tested for n, e in elastic.items()}, facts, visited)
         if fixed:
             if any(b.local is not None for b in fixed_elastic.values()):
+                projected = self._projected(rows, maps, heat, elastic)
                 base = replace(base, newton=FullNewton(Assembled(reduced_general(
-                    self._projected(rows, maps, heat, elastic), o.tolerances, o.predictor).equations),
-                    o.tolerances))
+                    projected, o.tolerances, o.predictor).equations), o.tolerances))
             return compilable(base, o.compiled)
         require_numba(o.compiled)
         # all elastic blocks take part in the joint problem

@@ -94,7 +94,8 @@ def of_the_error(
 def methods() -> dict[str, tuple[dict[str, Any], bool]]:
     """Reducer by name, and whether its rows depend on the seed."""
     drawn = {"use": "lhs", "required": False}
-    leading = {"use": "sparse", **POD, "preconditioner": "none", "budgets": ROWS}
+    leading = {"use": "sparse", "residual": "plain", **POD, "preconditioner": "none",
+               "budgets": ROWS}
     return {
         "recommended": (packaged(), False),
         "galerkin, POD 100": ({"use": "galerkin", **POD}, False),

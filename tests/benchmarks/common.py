@@ -59,10 +59,12 @@ def sparse(
     rows: tuple[int, int], atoms: tuple[int | None, int | None] = (30, 20), *,
     active: tuple[int, int] | None = None, required: bool = True, **options: Any,
 ) -> dict[str, Any]:
-    """Reducer options; each pair is (elastic, thermal). active None: nothing is selected."""
+    """Reducer options: plain rows; each pair is (elastic, thermal). active None: nothing is
+    selected."""
     budgets = {f"*.{name}": {"rows": m} | ({} if active is None else {"atoms": active[i]})
                for i, (name, m) in enumerate(zip(("elastic", "thermal"), rows, strict=True))}
-    return {"use": "sparse", **_bases(*atoms), "sampler": {"use": "lhs", "required": required},
+    return {"use": "sparse", "residual": "plain", **_bases(*atoms),
+            "sampler": {"use": "lhs", "required": required},
             "preconditioner": "none", "budgets": budgets, **options}
 
 

@@ -49,7 +49,8 @@ def methods(counts: Mapping[str, int]) -> dict[str, dict[str, Any]]:
         "ecsw": {"use": "ecsw", "constant": "weighted", "tau": 1e-3, **pod},
         "sparse": {"use": "sparse", **pod, "sampler": {**Q_DEIM, "required": False},
                    "residual": "preconditioned", "budgets": twice},
-        "sparse, ring": {"use": "sparse", **pod, "sampler": {**Q_DEIM, "required": "ring"},
+        "sparse, ring": {"use": "sparse", "residual": "plain", **pod,
+                         "sampler": {**Q_DEIM, "required": "ring"},
                          "budgets": beside},
     }
 

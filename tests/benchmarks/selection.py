@@ -51,8 +51,9 @@ class Dictionary:
 
     def reducer(self, **options: Any) -> dict[str, Any]:
         elastic, thermal = self.bases
-        return {"use": "sparse", "basis": elastic, "bases": {"*.thermal": thermal},
-                "preconditioner": "none", "budgets": self.budgets, **self.options, **options}
+        return {"use": "sparse", "residual": "plain", "basis": elastic,
+                "bases": {"*.thermal": thermal}, "preconditioner": "none",
+                "budgets": self.budgets, **self.options, **options}
 
 
 def _pendulum(elastic: Any, thermal: Any, active: tuple[int, int], sampler: Any) -> Dictionary:

@@ -74,7 +74,7 @@ FEW = {"plate.elastic": {"rows": 110}, "plate.thermal": {"rows": 140},
 
 
 def sparse(basis: Mapping[str, Any], **options: Any) -> dict[str, Any]:
-    return {"use": "sparse", **basis, "budgets": ROWS, **options}
+    return {"use": "sparse", "residual": "plain", **basis, "budgets": ROWS, **options}
 
 
 def published(**options: Any) -> dict[str, Any]:

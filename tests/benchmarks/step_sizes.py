@@ -32,7 +32,8 @@ LIMIT = 1e-9
 POD = {"use": "pod", "count": 12}
 REDUCED: dict[str, Any] = {
     "galerkin": {"use": "galerkin", "basis": POD},
-    "sparse": {"use": "sparse", "basis": POD, "budgets": {"*": {"rows": 80}}}}
+    "sparse": {"use": "sparse", "residual": "plain", "basis": POD,
+               "budgets": {"*": {"rows": 80}}}}
 
 
 def rod(space: bool, E: float) -> dict[str, Any]:

@@ -45,7 +45,8 @@ def heat(
     """Reducer options: heat from a completed basis of so many atoms (None: complete), displacements
     with leading atoms."""
     full = {"use": "pod", "complete": True} | ({} if atoms is None else {"count": atoms})
-    return {"use": "sparse", "solver": GREEDY, "sampler": dict(sampler), "hysteresis": 0.0,
+    return {"use": "sparse", "residual": "plain", "solver": GREEDY, "sampler": dict(sampler),
+            "hysteresis": 0.0,
             "basis": {"use": "pod", "count": elastic}, "bases": {"*.thermal": full},
             "budgets": {**budgets, "*.elastic": {"rows": 3 * elastic}}, **options}
 
