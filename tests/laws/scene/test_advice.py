@@ -16,11 +16,12 @@ from sparsemor.core.protocols import Dictionary
 
 
 class Twins(Plugin):
-    'Two equal atoms.'
+    'Two atoms that differ in one row, which is not sampled.'
     needs_snapshots: bool = False
 
     def build(self, data):
         atoms = np.full((data.size, 2), data.size ** -0.5)
+        atoms[data.size // 2, 1] = 0.0
         return Dictionary(atoms, np.zeros(data.size), ("one", "two"))
 """
 
