@@ -76,7 +76,8 @@ class Body:
     centres: set -> its centre (d,), m, where the scene gives it; declared: sets of the scene. T0,
     T_ref (N,): initial and stress-free temperature, K; thickness, m, of a planar body.
     temperature_limits: property -> temperatures, K, between which it is defined. mesh_notes:
-    warnings about its mesh and sets. kernel: class that evaluates its frame equations.
+    warnings about its mesh and sets. without_fields: True for a rigid copy of a body that has
+    fields. kernel: class that evaluates its frame equations.
     """
 
     name: str
@@ -98,6 +99,7 @@ class Body:
     guide: FrameHistory | None = None
     temperature_limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     mesh_notes: tuple[Note, ...] = ()
+    without_fields: bool = False
     _found: dict[str, tuple[Note, ...]] = field(init=False, default_factory=dict)
     kernel: type[PlanarFrame] | type[SpatialFrame] = field(init=False)
 
@@ -135,7 +137,7 @@ class Body:
 
     def rigid_copy(self) -> Self:
         """Copy without fields: a rigid body with the same mass and shape."""
-        return replace(self, elasticity=None, heat=None)
+        return replace(self, elasticity=None, heat=None, without_fields=True)
 
     # ------------------------------------------------------------------ unknowns
 

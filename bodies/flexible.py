@@ -173,7 +173,7 @@ class Flexible(Plugin):
             heat=self._heat(mesh, regions) if heats else None, T0=T0,
             temperature_limits=self._limits(),
             T_ref=np.full(len(mesh.points), self.reference_temperature),
-            mesh_notes=(*mesh.notes, *mesh_notes(name, mesh, self.sets)))
+            mesh_notes=(*mesh.notes, *mesh_notes(name, mesh, self.sets, regions[0].constants.rho)))
 
     @property
     def _quadratic(self) -> bool:

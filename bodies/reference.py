@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 from pydantic import model_validator
 
+from sparsemor.bodies.mesh.plausibility import LARGEST
 from sparsemor.bodies.mesh.sets import find_set
 from sparsemor.core import FloatArray, InputError, IntArray, Mesh, Plugin
 
@@ -84,7 +85,11 @@ class Reference(Plugin):
                     f"in sets, as in {{end: {{nearest: {[0.0] * d}}}}}", "reference.chord")
         points = [int(e[0]) for e in ends]
         if points[0] == points[1]:
-            raise InputError("the two ends of the chord are the same point", "reference.chord")
+            extent = float(np.ptp(mesh.points, axis=0).max())
+            raise InputError(
+                "the two ends of the chord are the same point of the mesh, which is "
+                f"{extent:.4g} m long" + (": is it in millimetres (`scale: 1.0e-3`)?"
+                                          if extent >= LARGEST else ""), "reference.chord")
         if d == 3 and on_a_line(mesh.points[points]):
             raise InputError("the three points of the chord lie on one line", "reference.chord")
         return chord_holds(mesh.points[points], points)

@@ -2,9 +2,13 @@
 
 from abc import abstractmethod
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import ClassVar
 
+from pydantic import Field
+
 from sparsemor.bodies.joints.conditions import Conditions, conditions_between
+from sparsemor.bodies.joints.heat import heat_exchange
 from sparsemor.bodies.joints.part import JointPart
 from sparsemor.core import Part, Plugin
 
@@ -22,12 +26,17 @@ class Between(Plugin):
 
     between: tuple[str, str]
     """The two sides of the joint: each a set `body:set`, or `ground`."""
+    conductance: float | None = Field(default=None, ge=0.0)
+    """Thermal conductance G, W/K, of a joint of two bodies with temperatures: the heat flow is
+    G (T_1 - T_2), T_i the mean temperatures of the sets. No heat flows for 0, or when not given,
+    which is noted."""
 
     def build(self, name: str, parts: Mapping[str, Part]) -> JointPart:
         conditions = conditions_between(name, self.between, parts, dimensions=self.dimensions,
                                         relative=self.relative)
         self.constrain(conditions)
-        return conditions.joint()
+        exchange, notes = heat_exchange(name, conditions.ends, self.conductance, parts)
+        return replace(conditions.joint(), exchange=exchange, notes=notes)
 
     @abstractmethod
     def constrain(self, sides: Conditions) -> None:

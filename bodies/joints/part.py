@@ -8,10 +8,11 @@ import numpy as np
 from sparsemor.bodies.body import Body
 from sparsemor.bodies.frames import nodal
 from sparsemor.bodies.frames.joint_items import Attachment, Holding, Reaction
+from sparsemor.bodies.joints.heat import HeatExchange
 from sparsemor.bodies.joints.side import Condition, Side
 from sparsemor.bodies.joints.wrench import holding, size, wrenches
 from sparsemor.bodies.terms.field_kinds import MULTIPLIER
-from sparsemor.core import Amplitude, Block, Equations, FloatArray, Table
+from sparsemor.core import Amplitude, Block, Equations, FloatArray, Note, Table
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -22,7 +23,8 @@ class JointPart:
     sides: sides that are bodies. adjusted: intermediate massless frame between two flexible bodies;
     the equations of its weld come last. localized: hyper-reduction keeps its rows, because a joint
     reaction acts on few unknowns. reactions: prescribed force and moment (wrench.py) on each side;
-    then the joint has neither unknowns nor constraints.
+    then the joint has neither unknowns nor constraints. exchange: its heat flow; notes: warnings on
+    its options.
     """
 
     name: str
@@ -32,6 +34,8 @@ class JointPart:
     adjusted: Mapping[str, Body] = field(default_factory=dict)
     localized: bool = True
     reactions: Table | None = None
+    exchange: HeatExchange | None = None
+    notes: tuple[Note, ...] = ()
 
     @property
     def bodies(self) -> Sequence[Body]:
@@ -63,6 +67,8 @@ class JointPart:
         return [Block(self.name, MULTIPLIER, len(self.targets))]
 
     def contribute(self, equations: Equations) -> None:
+        if self.exchange is not None:
+            self.exchange.contribute(equations)
         if self.inert:
             return
         if self.reactions is not None:

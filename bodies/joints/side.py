@@ -87,6 +87,12 @@ class Side:
         assert self.target is not None
         return self.target.mean()
 
+    @property
+    def mean_of_facets(self) -> FloatArray:
+        """(N,) weights of the mean over the set's facets, none of which is moved by its centre."""
+        assert self.target is not None
+        return self.target.centre.even
+
     def place(self) -> FloatArray:
         """(d,) initial position of the side's centre, m, space axes."""
         assert self.body is not None

@@ -77,6 +77,7 @@ class Radiation(Plugin):
                 body.law(equations, law, facets=facets)
 
         notes = celsius_notes(
-            name, self.surroundings.value(0.0), {b.name: b.T0 for b, _, _ in surfaces})
+            name, self.surroundings.value(0.0), {b.name: b.T0 for b, _, _ in surfaces},
+            {b.name: b.T_ref for b, _, _ in surfaces})
         return LoadPart(name, write, surroundings=self.surroundings.value,
                         notes=(*notes, *surface_notes(parts, name, self.on)))

@@ -14,14 +14,22 @@ COINCIDENT = 1e-9
 COLD, SPACE = 150.0, 5.0
 """Radiation temperatures (K) between `SPACE` and `COLD` are most likely degrees Celsius; below
 `SPACE` the surroundings may be outer space."""
+SMALLEST, LARGEST = 1e-4, 50.0
+"""Extents of a body, m, between which there is no note."""
+LIGHT, HEAVY = 100.0, 25_000.0
+"""Densities of ordinary materials, kg/m^3."""
 CELSIUS = 273.15
 """0 degrees Celsius, K."""
 
 
-def mesh_notes(name: str, mesh: Mesh, sets: Mapping[str, PointSet]) -> tuple[Note, ...]:
-    """Warnings about coincident nodes that are not shared, and about sets far from the mesh."""
+def mesh_notes(
+    name: str, mesh: Mesh, sets: Mapping[str, PointSet], density: float
+) -> tuple[Note, ...]:
+    """Warnings about the size of a body of the given density, kg/m^3, about coincident nodes that
+    are not shared, and about sets far from the mesh."""
     found = [note for key, one in sets.items() if one.nearest is not None
              for note in outside_box_notes(f"bodies.{name}.sets.{key}", one.nearest, mesh.points)]
+    found += size_notes(name, mesh, density)
     found += [note for key, one in sets.items() if one.centre is not None
               for note in far_centre(f"bodies.{name}.sets.{key}.centre", np.array(one.centre),
                                      mesh.points[mesh.point_sets[key]])]
@@ -32,6 +40,17 @@ def mesh_notes(name: str, mesh: Mesh, sets: Mapping[str, PointSet]) -> tuple[Not
             "cut open there, as by a crack; merge them in the mesh file unless a crack is "
             "intended", "coincident_nodes"))
     return tuple(found)
+
+
+def size_notes(name: str, mesh: Mesh, density: float) -> Iterator[Note]:
+    """Warning about a body of ordinary density whose largest extent is not that of a part of a
+    machine: a mesh in millimetres or micrometres, read as metres, or scaled twice."""
+    extent = float(np.ptp(mesh.points, axis=0).max())
+    if LIGHT < density < HEAVY and not SMALLEST < extent < LARGEST:
+        why = ("a mesh in millimetres takes `scale: 1.0e-3`, or sizes in metres"
+               if extent >= LARGEST else "check the unit of its sizes, which are metres")
+        yield Note(f"{name} is {extent:.3g} m long at a density of {density:.4g} kg/m^3: {why}",
+                   "unlikely_size")
 
 
 def far_centre(key: str, centre: FloatArray, points: FloatArray) -> Iterator[Note]:
@@ -53,15 +72,20 @@ def coincident_nodes(points: FloatArray) -> int:
 
 
 def celsius_notes(
-    load: str, surroundings: float, starts: Mapping[str, FloatArray | None]
+    load: str, surroundings: float, starts: Mapping[str, FloatArray | None],
+    references: Mapping[str, FloatArray | None],
 ) -> tuple[Note, ...]:
     """Warnings about radiation temperatures that look like degrees Celsius.
 
-    surroundings: temperature at the start, K; starts: body -> initial temperatures (N,), K.
+    surroundings: temperature at the start, K; starts, references: body -> initial and stress-free
+    temperatures (N,), K. A stress-free temperature below `COLD` shows that all are.
     """
-    cold = {f"the initial temperature of {name}": float(T.min())
-            for name, T in starts.items() if T is not None and T.min() < COLD}
-    if SPACE < surroundings < COLD or (cold and surroundings < COLD):
+    cold = {f"the reference temperature of {name}": float(T.min())
+            for name, T in references.items() if T is not None and SPACE < T.min() < COLD}
+    limit = np.inf if cold else COLD
+    cold |= {f"the initial temperature of {name}": float(T.min())
+             for name, T in starts.items() if T is not None and T.min() < limit}
+    if SPACE < surroundings < COLD or (cold and surroundings < limit):
         cold["the surroundings"] = surroundings
     return tuple(
         Note(f"loads.{load} radiates with temperatures in K, and {what} is {T:g} K, which is "

@@ -1,7 +1,7 @@
 """Assembly of a model from validated input: bodies, joints, contacts, loads, and the layout of the
 unknowns."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -127,7 +127,7 @@ def _build(
     connectors: dict[str, dict[str, Part]] = {group: {} for group in groups}
     for group, built in connectors.items():  # loads see what joints made of the bodies
         for name, connector in groups[group].items():
-            if _mentioned(connector, failed):
+            if mentioned(connector, failed):
                 continue
             own = prescribed if group == "joints" else NOTHING
             part = gather(f"{group}.{name}", _connector, connector, name, bodies, own,
@@ -184,19 +184,19 @@ def _along(
         contact.conduction(equations, motion)
 
 
-def _mentioned(plugin: object, names: set[str]) -> bool:
-    """True if an option of a joint, contact or load names one of these bodies, or a point set
-    `body:set` of one."""
-    pending = list(plugin.model_dump().values()) if names and isinstance(plugin, Plugin) else []
+def mentioned(plugin: object, bodies: Iterable[str]) -> set[str]:
+    """Bodies that an option names, as `body` or as a set `body:set`."""
+    known, found = set(bodies), set[str]()
+    pending = list(plugin.model_dump().values()) if isinstance(plugin, Plugin) else []
     while pending:
         value = pending.pop()
-        if isinstance(value, str) and value.partition(":")[0] in names:
-            return True
-        if isinstance(value, Mapping):
+        if isinstance(value, str):
+            found |= {value.partition(":")[0]} & known
+        elif isinstance(value, Mapping):
             pending += value.values()
         elif isinstance(value, list | tuple):
             pending += value
-    return False
+    return found
 
 
 def _start(layout: Layout, bodies: Mapping[str, Body]) -> tuple[FloatArray, FloatArray]:

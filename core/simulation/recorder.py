@@ -276,6 +276,7 @@ class Recorder:
             "offline_s": dict(self.products.seconds),
             "offline_whole_s": self.products.spent.whole(tally.offline),
             **in_summary((*self.run.notes, *self.notes, *_full_newton(counters, done),
+                          *_unused(tally, atoms),
                           *enrichment_notes(self.run.header.enriched, tally.full_steps))),
             "error_estimate": self._estimated(),
             "error_tolerance": error_limit(self.scene.reducer).tolerance,
@@ -311,6 +312,13 @@ def _full_newton(counters: Mapping[str, int], steps: int) -> tuple[Note, ...]:
         f"{n} of {steps} steps were solved by Newton's method with the exact Jacobian, because the "
         "iteration with constant operators did not converge: large displacements of a soft body "
         "are the usual cause", "full_newton"),)
+
+
+def _unused(tally: Tally, atoms: Mapping[str, int]) -> tuple[Note, ...]:
+    """Notes on blocks none of whose atoms was active in any step, so that they did not change."""
+    return tuple(information(
+        f"none of the {atoms[n]} atoms of {n} was active in any step: it kept its initial values",
+        "unused_atoms") for n, active in tally.active.items() if atoms.get(n) and not active)
 
 
 def _iterations(solver: StepSolver, memory: StepMemory) -> Mapping[str, int]:

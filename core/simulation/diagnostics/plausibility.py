@@ -12,8 +12,9 @@ import numpy as np
 from pydantic import BaseModel
 
 from sparsemor.core.arrays import FloatArray
+from sparsemor.core.model.block_patterns import matched_option
 from sparsemor.core.model.model import Model
-from sparsemor.core.notes import Note
+from sparsemor.core.notes import Note, information
 from sparsemor.core.protocols import (
     HasNotes,
     LimitsTemperature,
@@ -26,6 +27,8 @@ from sparsemor.core.protocols.layout import Quantity
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.scene.nested import functions_of_time as time_functions
 from sparsemor.core.scene.scene import Scene
+from sparsemor.core.simulation.diagnostics.mixed_scales import mixed_scales
+from sparsemor.core.simulation.diagnostics.unheld_bodies import unheld_bodies
 from sparsemor.core.simulation.memory.estimate import trains
 from sparsemor.core.simulation.offline import step_count
 from sparsemor.core.simulation.run_header import shapes
@@ -61,7 +64,8 @@ def before_run(scene: Scene, model: Model) -> tuple[Note, ...]:
     """Warnings that need no time step: parts, probes, temperatures, functions of time, training
     run."""
     parts = [n for part in model.parts.values() if isinstance(part, HasNotes) for n in part.notes]
-    return (*scene.notes, *parts, *distant_probes(scene, model), *start_temperatures(model),
+    return (*scene.notes, *parts, *unheld_bodies(scene, model), *mixed_scales(model),
+            *distant_probes(scene, model), *start_temperatures(model),
             *prescribed_temperatures(scene, model), *of_settings(scene, model))
 
 
@@ -78,8 +82,8 @@ def of_settings(scene: Scene, model: Model | None) -> tuple[Note, ...]:
 
 
 def of_solver(scene: Scene, solver: StepSolver) -> tuple[Note, ...]:
-    """Warnings about blocks that are reduced to one atom (basis vector) although more are
-    available."""
+    """Warnings about blocks that are reduced to one atom (basis vector) although more exist;
+    information on those that have fewer atoms than the options ask for."""
     found = []
     for name, d in solver.dictionaries.items():
         rank = d.info.get("numerical_rank", d.info.get("rank_at_least", 2))
@@ -87,7 +91,25 @@ def of_solver(scene: Scene, solver: StepSolver) -> tuple[Note, ...]:
             found.append(Note(
                 f"{name} is reduced to 1 atom for {len(d.offset)} unknowns: it can only grow and "
                 "shrink in one shape; take more atoms", "one_atom"))
+        have, asked = d.atoms.shape[1], _asked(scene, name)
+        if 0 < have < asked:
+            found.append(information(
+                f"{name}: {asked} atoms are asked for, and {have} exist"
+                + (f", one for each of its {len(d.offset)} unknowns" if have == len(d.offset) else
+                   "; a basis has no more than its snapshots or modes span"), "fewer_atoms"))
     return tuple(found)
+
+
+def _asked(scene: Scene, block: str) -> int:
+    """Number of atoms that the options of a reducer and of its basis ask for in a block, 0 if they
+    do not limit it."""
+    reducer: object = scene.reducer
+    if not isinstance(reducer, UsesBases):
+        return 0
+    count = getattr(matched_option(block, reducer.bases, reducer.basis), "count", None)
+    budget = matched_option(block, getattr(reducer, "budgets", {}), None)
+    limits = (count, getattr(budget, "atoms", None))
+    return max((n for n in limits if isinstance(n, int)), default=0)
 
 
 def after_run(model: Model, result: RunResult) -> tuple[Note, ...]:

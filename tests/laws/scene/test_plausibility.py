@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from sparsemor.bodies.mesh.generators.rectangle import Rectangle
+from sparsemor.core.notes import Level
 from sparsemor.core.scene.scene import load
 from sparsemor.core.simulation.diagnostics.plausibility import before_run
 from sparsemor.core.simulation.simulate import simulate
@@ -33,6 +34,27 @@ BEFORE: dict[str, tuple[dict[str, Any], str, str]] = {
         {"loads.glow": {**RADIATION, "surroundings": 293.15},
          "bodies.bar.initial_temperature": 20.0}, "celsius",
         "the initial temperature of bar is 20 K, which is -253.1 degrees Celsius"),
+    "a fluid in Celsius": (
+        {"loads.air": {"use": "convection", "on": ["bar:top"], "film": 10.0, "temperature": 60.0}},
+        "celsius", "the temperature of air is 60 K, which is -213.1 degrees Celsius, and the "
+        "initial temperature of bar is"),
+    "a prescribed temperature in Celsius": (
+        {"joints.hot": {"use": "prescribed_temperature", "on": ["bar:left"], "temperature": 80.0}},
+        "celsius", "the temperature of hot is 80 K"),
+    "a stress-free temperature in Celsius": (
+        {"bodies.bar.reference_temperature": 20.0, "bodies.bar.initial_temperature": 300.0},
+        "celsius", "the reference temperature of bar is 20 K"),
+    "a bar in millimetres": (
+        {"bodies.bar.mesh.size": [500.0, 100.0], "bodies.bar.mesh.lower": [0.0, -50.0],
+         "bodies.bar.sets.end_b.nearest": [500.0, 0.0]},
+        "unlikely_size", "bar is 500 m long at a density of"),
+    "a bar of a twentieth of a millimetre": (
+        {"bodies.bar.mesh.size": [5e-5, 1e-5], "bodies.bar.mesh.lower": [0.0, -5e-6],
+         "bodies.bar.sets.end_b.nearest": [5e-5, 0.0]},
+        "unlikely_size", "bar is 5e-05 m long"),
+    "a body without the joint that holds it": (
+        {"bodies.free": {"use": "rigid", "mass": 1.0, "inertia": 0.1, "points": {"p": [0, 0]}}},
+        "unheld_body", "free hangs on nothing"),
     "a start below absolute zero": (
         {"bodies.bar.initial_temperature": -20.0}, "impossible_temperature",
         "initial temperatures of bar are in K and fall to -20 K, below absolute zero"),
@@ -86,6 +108,19 @@ FINE: dict[str, dict[str, Any]] = {
         "use": "pulse", "start": 0.03, "duration": 1.0, "level": 1e6}}},
     "a pulse of one step and a half": {"loads.heating": {**HEAT, "flux": {
         "use": "pulse", "start": 0.0103, "duration": 1.5e-3, "level": 1e6}}},
+    "liquid nitrogen": {"loads.air": {"use": "convection", "on": ["bar:top"], "film": 10.0,
+                                      "temperature": 77.36}},
+    "temperatures relative to a start": {
+        "bodies.bar.initial_temperature": 0.0, "bodies.bar.reference_temperature": 0.0,
+        "loads.air": {"use": "convection", "on": ["bar:top"], "film": 10.0, "temperature": 20.0}},
+    "a free body that flies": {"joints": {}, "bodies.bar.pose": {"velocity": [1.0, 0.0]}},
+    "two bodies on one pin": {
+        "bodies.free": {"use": "rigid", "mass": 1.0, "inertia": 0.1, "points": {"p": [0.5, 0]}},
+        "joints.hold": {"use": "revolute", "between": ["bar:right", "free:p"]}},
+    "a body on a spring": {
+        "bodies.free": {"use": "rigid", "mass": 1.0, "inertia": 0.1, "points": {"p": [0.7, 0]}},
+        "joints.hold": {"use": "spring_damper", "between": ["bar:right", "free:p"],
+                        "stiffness": 1.0}},
     "half of the run": {"reducer": GALERKIN, "training.end": 0.02},
     "full order needs no training": {"training.end": 0.004},
 }
@@ -105,6 +140,34 @@ def test_our_own_scenes_are_plausible(name):
     scene = load(name)
     found = before_run(scene, checked_model(scene))
     assert [n for n in found if n.kind != "stiff_in_bending"] == []
+
+
+def test_a_scene_in_celsius_that_radiates_is_told_of_all_its_temperatures():
+    """The stress-free temperature of 20 shows it; surroundings of 200 alone might be kelvin."""
+    scene = load(TINY, {"loads.glow": {**RADIATION, "surroundings": 200.0},
+                        "bodies.bar.reference_temperature": 20.0, "bodies.bar.order": 2,
+                        "bodies.bar.initial_temperature": 800.0})
+    found = before_run(scene, checked_model(scene))
+    assert {n.kind for n in found} == {"celsius"}
+    for what in ("reference temperature of bar is 20 K", "initial temperature of bar is 800 K",
+                 "surroundings is 200 K"):
+        assert any(what in n.text for n in found)
+
+
+def test_a_free_body_at_rest_under_loads_is_no_warning():
+    scene = load(TINY, {"joints": {}, "bodies.bar.order": 2})
+    (note,) = before_run(scene, checked_model(scene))
+    assert (note.kind, note.level) == ("unheld_body", Level.INFORMATION)
+
+
+@pytest.mark.parametrize(("reducer", "what"), [
+    ({"use": "galerkin", "basis": {"use": "pod", "count": 500}}, "bar.elastic: 500 atoms"),
+    ({"use": "sparse", "basis": {"use": "pod", "count": 3},
+      "budgets": {"bar.elastic": {"atoms": 7}}},
+     "bar.elastic: 7 atoms are asked for, and 3 exist")])
+def test_more_atoms_than_exist_are_said(here, reducer, what):
+    summary = simulate(load(TINY, {"reducer": reducer, "time.end": 0.01})).summary
+    assert any(text.startswith(what) for text in summary["information"]), summary["information"]
 
 
 def test_a_run_that_ends_beyond_linear_elasticity_is_noted(here):
