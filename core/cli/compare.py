@@ -78,7 +78,12 @@ def compare(
         directory = out or Path("runs", f"{loaded.name}-compare")
         body_cache = BodyCache()
         _refuse_early(scenes, body_cache)
-        with place_for_result(directory, resume, force, TABLES, tuple(scenes)):
+        writes = list(TABLES)
+        if charts:
+            from sparsemor.core.analysis.charts import usual_files
+
+            writes += usual_files(tuple(scenes))
+        with place_for_result(directory, resume, force, writes, tuple(scenes)):
             results, failures = _run_all(scenes, directory, resume, quiet or as_json, body_cache)
         _report(results, failures, directory, as_json, quiet, charts, error_limit)
 

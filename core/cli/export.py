@@ -23,7 +23,7 @@ from sparsemor.core.cli.options import (
     words,
 )
 from sparsemor.core.errors import InputError
-from sparsemor.core.results.files.listing import add_to_listing
+from sparsemor.core.results.files.listing import add_to_listing, require_ours
 from sparsemor.core.results.output_directory import OutputDirectory
 from sparsemor.core.results.output_lock import owned
 
@@ -88,7 +88,12 @@ def pictures(
 ) -> None:
     """Draw a stored run: motion, fields at some times, probes, active atoms. PNG and SVG."""
     with exit_codes(as_json), located_in():
-        from sparsemor.core.analysis.charts import DEFAULT_FIELDS, silent, write_run_charts
+        from sparsemor.core.analysis.charts import (
+            DEFAULT_FIELDS,
+            silent,
+            usual_files,
+            write_run_charts,
+        )
         from sparsemor.core.results.run_result import open_result
         from sparsemor.core.results.stress import FIELDS
 
@@ -102,6 +107,7 @@ def pictures(
             "fields", fields, _field, f"give some of {', '.join(FIELDS)}") or DEFAULT_FIELDS
         folder = out or result.path.parent / "pictures"
         with owned(folder), part_of(result, folder):
+            require_ours(folder, usual_files())
             files = write_run_charts(
                 result, folder, times, fields=chosen,
                 report=silent if as_json or quiet else lambda file: typer.echo(str(file)))

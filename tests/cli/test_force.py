@@ -44,7 +44,8 @@ def kept(*names: str) -> bool:
 @pytest.mark.full
 def test_files_beside_a_result_stay() -> None:
     assert sparsemor("run", "tiny.yaml", "--out", "a", *SHORT)[0] == 0
-    write("a/notes.txt", "a/mine/plot.py", "a/result.zarr/notes.txt", "a/errors.csv")
+    write("a/notes.txt", "a/mine/plot.py", "a/result.zarr/notes.txt", "a/errors.csv",
+          "a/angles.png")
     before = Path("a/result.zarr/zarr.json").read_bytes()
     assert sparsemor("run", "tiny.yaml", "--out", "a", "--force", *SHORT)[0] == 0
     assert kept("a/notes.txt", "a/mine/plot.py", "a/result.zarr/notes.txt")
@@ -52,9 +53,9 @@ def test_files_beside_a_result_stay() -> None:
     assert not Path("a/.replaced").exists()
     code, error = sparsemor("compare", "tiny.yaml", "--out", "a", "--force", *SHORT)
     assert code == 2 and error == (
-        "--out: a/errors.csv: not written by sparsemor, or changed since, and therefore not "
-        "replaced: move it away, or choose another --out\n")
-    assert kept("a/errors.csv") and not Path("a/full").exists()
+        "--out: a/errors.csv and 1 more: not written by sparsemor, or changed since, and "
+        "therefore not replaced: move it away, or choose another --out\n")
+    assert kept("a/errors.csv", "a/angles.png") and not Path("a/full").exists()
 
 
 @pytest.mark.full

@@ -98,6 +98,7 @@ def test_killed_and_continued_with_workers(whole: str) -> None:
             break
         time.sleep(0.01)
     assert not any(alive(pid) for pid in workers)
+    assert not list(Path("killed").glob(".sparsemor-tmp.*"))
     with Path("killed/runs.jsonl").open("ab") as file:
         file.write(b'{"run":9,"sta')
     before = rows_of_whole_lines("killed")

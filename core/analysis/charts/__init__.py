@@ -36,6 +36,18 @@ Figures: TypeAlias = "Iterator[tuple[str, Figure | None]]"
 """Names of files with figures, drawn one by one."""
 
 
+def usual_files(labels: Sequence[str] = ()) -> list[str]:
+    """Names of the files that charts of runs with these labels usually have, whatever the scene."""
+    names = [*NAMES.values(), "probe_displacement", "probe_temperature", "contact_forces",
+             "joint_forces", "positions", "angles", "active_atoms", "error_over_time",
+             "work_precision", *map(_atoms_file, labels)]
+    return [f"{name}.{form}" for name in names for form in FORMATS]
+
+
+def _atoms_file(label: str) -> str:
+    return re.sub(r"[^\w.-]+", "_", f"active_atoms_{label}")
+
+
 def silent(path: Path) -> None:
     """Reports nothing."""
 
@@ -79,8 +91,7 @@ def write_charts(
         yield "work_precision", work_precision_figure(
             *comparison.work_points(), kinds, limit, comparison.work_notes())
         for label, run in runs.items():
-            file = re.sub(r"[^\w.-]+", "_", f"active_atoms_{label}")
-            yield file, active_atoms_figure(run, label)
+            yield _atoms_file(label), active_atoms_figure(run, label)
 
     return _save_all(figures(), folder, formats, report)
 
@@ -144,5 +155,5 @@ __all__ = [
     "angles_figure", "contact_forces_figure",
     "deformation_figure", "error_over_time_figure", "joint_forces_figure", "positions_figure",
     "probe_displacement_figure", "probe_temperature_figure", "surface_figures",
-    "work_precision_figure", "write_charts", "write_run_charts",
+    "usual_files", "work_precision_figure", "write_charts", "write_run_charts",
 ]

@@ -22,7 +22,8 @@ from sparsemor.core.results.tables import csv_table
 
 STUDY = "study"
 """Kind of the list of a study."""
-WRITES = ("study.json", "table.csv", "table.jsonl", "runs.parquet")
+WRITES = ("study.json", "table.csv", "table.jsonl", "runs.parquet", "work_precision.png",
+          "work_precision.svg", "error_over_time.png", "error_over_time.svg")
 """Files besides the rows, which are checked when they are read."""
 ABOUT, LINES, CSV = "study.json", "runs.jsonl", "runs.csv"
 

@@ -60,6 +60,14 @@ def remove_left(place: Path) -> None:
             shutil.rmtree(old, ignore_errors=True)
 
 
+def remove_of(folder: Path, process: int) -> None:
+    """Removes a temporary folder of a process that is gone, where others may still write."""
+    found = NAME.fullmatch(folder.name)
+    if found and int(found["pid"]) == process and not folder.is_symlink():
+        for _ in range(3):
+            shutil.rmtree(folder, ignore_errors=True)
+
+
 def _remove(path: Path, process: int) -> None:
     if os.getpid() == process:  # not in a copy of the process
         shutil.rmtree(path, ignore_errors=True)

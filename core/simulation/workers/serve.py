@@ -11,7 +11,10 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
+
+from sparsemor.core.results.files.temporary import remove_of
 
 Execute = Callable[[Mapping[str, Any]], dict[str, Any]]
 """Result of a job, as plain data; raises nothing."""
@@ -24,7 +27,7 @@ def serve(made: Callable[[], Execute]) -> None:
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)  # what plugins print is no answer
     lines: queue.Queue[str] = queue.Queue()
-    threading.Thread(target=_listen, args=(lines,), daemon=True).start()
+    threading.Thread(target=_listen, args=(lines, os.getppid()), daemon=True).start()
     execute = made()
     while True:
         message = json.loads(lines.get())
@@ -33,7 +36,11 @@ def serve(made: Callable[[], Execute]) -> None:
         answers.flush()
 
 
-def _listen(lines: "queue.Queue[str]") -> None:
+def _listen(lines: "queue.Queue[str]", parent: int) -> None:
+    scratch = ""
     for line in sys.stdin:
+        scratch = json.loads(line)["job"].get("scratch") or scratch
         lines.put(line)
+    if scratch:  # the parent was killed, and cannot remove it
+        remove_of(Path(scratch).parent, parent)
     os._exit(0)  # also in the middle of a run: nobody wants its answer
