@@ -110,6 +110,7 @@ def test_the_elastica(space: bool) -> None:
         "bodies": {"b": beam(16, space, frame="fixed")}, **STILL, "loads": {"f": {
             "use": "traction", "on": ["b:right"], "traction": [0.0, -P / H**2, 0.0][: 2 + space],
             "factor": {"use": "smooth_step", "end": 5e3, "final": 1.0}}}}))
+    assert not run.summary["notes"]
     back, down = -tip(run)[:2]
     assert down == pytest.approx(0.4935, rel=3e-3)
     assert back == pytest.approx(0.1606, rel=5e-3)
