@@ -23,12 +23,12 @@ if TYPE_CHECKING:
     from sparsemor.reducers.projection.force_snapshots import force_modes as force_modes
     from sparsemor.reducers.projection.force_snapshots import force_snapshots as force_snapshots
     from sparsemor.reducers.projection.force_snapshots import interpolation as interpolation
-    from sparsemor.reducers.projection.galerkin_error import galerkin_notes as galerkin_notes
     from sparsemor.reducers.projection.interpolation import Interpolating as Interpolating
     from sparsemor.reducers.projection.maps import Approximation as Approximation
     from sparsemor.reducers.projection.maps import Linear as Linear
     from sparsemor.reducers.projection.maps import Maps as Maps
     from sparsemor.reducers.projection.maps import Reducible as Reducible
+    from sparsemor.reducers.projection.projected_error import projection_notes as projection_notes
     from sparsemor.reducers.step.operators import TestMap as TestMap
 
 _HOMES = {
@@ -38,7 +38,7 @@ _HOMES = {
     "projection.maps": ("Approximation", "Linear", "Maps", "Reducible"),
     "projection.force_snapshots": (
         "choose_points", "force_modes", "force_snapshots", "interpolation"),
-    "projection.galerkin_error": ("galerkin_notes",),
+    "projection.projected_error": ("projection_notes",),
     "projection.interpolation": ("Interpolating",),
     "linalg.modal_coordinates": ("modal_coordinates",),
     "linalg.left_inverse": ("left_inverse",),

@@ -9,6 +9,7 @@ instantaneous norm are large for a few steps, so the start-up is reported separa
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -24,9 +25,21 @@ START_UP = 0.02
 CONSTANT_CHANGE = 1e-9
 """Relative change up to which a block counts as constant: its change is round-off, and an error
 relative to that change would be meaningless."""
+OF_TOLERANCE = 1e3
+"""The same in multiples of the tolerance of an iterative linear solver, whose remainders in a field
+at rest add up over the steps."""
 LIMIT = 0.1
 """Error above which a run is marked (relative; rad for angles)."""
 _BATCH_ENTRIES = 2**21
+
+
+def constant_change(scene: Mapping[str, Any]) -> float:
+    """Relative change up to which a block of a run counts as constant: round-off, and that of
+    iterative linear solvers; scene: of the run, as plain data."""
+    solvers = [scene.get("linear_solver"), *dict(scene.get("linear_solvers") or {}).values()]
+    rtol = max((float(s.get("rtol") or 0.0) for s in solvers if isinstance(s, Mapping)),
+               default=0.0)
+    return max(CONSTANT_CHANGE, OF_TOLERANCE * rtol)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,8 +51,9 @@ class Errors:
     `body.field`; late_from: time from which late errors are evaluated, s; present: the series of
     `combined`, blocks and fields relative to the norm of the reference at the same time;
     start_up_end: end of the start-up, s; constant: names of blocks and fields that do not change in
-    the reference, whose errors are relative to their norm; unshared: blocks that only one of the
-    runs has, or that differ in size, and that are not compared; estimated: the series of those
+    the reference, whose errors are relative to their norm; least: relative change up to which they
+    count as such; unshared: blocks that only one of the runs has, or that differ in size, and that
+    are not compared; estimated: the series of those
     blocks and fields whose error the run estimated, by the estimate instead of the reference.
     """
 
@@ -51,6 +65,7 @@ class Errors:
     start_up_end: float = 0.0
     unshared: tuple[str, ...] = ()
     constant: frozenset[str] = frozenset()
+    least: float = CONSTANT_CHANGE
     estimated: Mapping[str, FloatArray] = field(default_factory=dict)
 
     @property
@@ -107,7 +122,7 @@ class Errors:
 
     def still(self, name: str) -> bool:
         """True if a block or field is constant both in the reference and in the run."""
-        return name in self.constant and self.worst.get(name, 0.0) <= CONSTANT_CHANGE
+        return name in self.constant and self.worst.get(name, 0.0) <= self.least
 
     def above(self, limit: float = LIMIT) -> dict[str, float]:
         """Name -> maximum error of those quantities (combined error, fields, angles) whose error
@@ -121,10 +136,10 @@ def measure_errors(reference: RunResult, run: RunResult, late_from: float = 0.0)
 
     Combined error: |q_ref - q| / |q_ref|, q: all unknowns except multipliers; 0 where q_ref = 0.
     Error of a block: |x_ref - x|(t) / max over t of |x_ref - x_ref(0)|; if the reference is
-    constant (that change is at most 1e-9 of max |x_ref|), relative to max |x_ref|, and absolute if
-    that is 0 too. Instantaneous relative error of a block: |x_ref - x|(t) / |x_ref|(t), 0 where
-    x_ref = 0. angle_rad: maximum error over all rotations described by one angle, rad. late_from:
-    time from which late errors are evaluated, s.
+    constant (that change is at most `constant_change` of max |x_ref|), relative to max |x_ref|, and
+    absolute if that is 0 too. Instantaneous relative error of a block: |x_ref - x|(t) / |x_ref|(t),
+    0 where x_ref = 0. angle_rad: maximum error over all rotations described by one angle, rad.
+    late_from: time from which late errors are evaluated, s.
 
     Blocks that only one of the runs has are not compared (`unshared`). Raises InputError when the
     runs have no time, or no block, in common.
@@ -144,7 +159,8 @@ def measure_errors(reference: RunResult, run: RunResult, late_from: float = 0.0)
             scale[b.name] = max(scale[b.name], float(_norms(x_ref - start).max()))
             if _turns(b):
                 angle[part] = np.maximum(angle[part], np.abs(difference[:, -1]))
-    constant = {name for name in scale if scale[name] <= CONSTANT_CHANGE * float(size[name].max())}
+    least = constant_change(reference.scene)
+    constant = {name for name in scale if scale[name] <= least * float(size[name].max())}
     for name in constant:
         scale[name] = float(size[name].max()) or 1.0
     fields = {b.field for b in blocks}
@@ -160,7 +176,7 @@ def measure_errors(reference: RunResult, run: RunResult, late_from: float = 0.0)
     return Errors(
         times, series, frozenset(error), late_from,
         {"combined": series["combined"], **_per_field(blocks, present)},
-        _start_up_end(reference.times), unshared, frozenset(constant),
+        _start_up_end(reference.times), unshared, frozenset(constant), least,
         _per_field([b for b in blocks if b.name in guessed], guessed))
 
 

@@ -133,7 +133,8 @@ class RunSteps:
                 if self.scene.check_strains != "off":
                     notes += stress_notes(model, result)
             return (*notes, *large_estimates(result, error_limit(self.scene.reducer).tolerance),
-                    *beyond_training(run.spaces, result, run.trained_to))
+                    *beyond_training(run.spaces, result, run.trained_to, run.solver.facts,
+                                     run.own_loads))
         except Damaged as error:
             raise OSError(errno.EIO, str(error)) from None
 

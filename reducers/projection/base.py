@@ -194,7 +194,9 @@ class Projection:
         rows = {n: m.rows for n, m in maps.items() if m.rows is not None}
         notes = (*self.notes, *shadowed_basis(reducer, model, reducer.bases),
                  *(note for m in maps.values() for note in m.notes), *self.approximation.notes)
-        facts = {**self.approximation.facts, **{n: m.facts for n, m in maps.items() if m.facts}}
+        known = self.approximation.facts
+        facts = {n: {**(maps[n].facts if n in maps else {}), **known.get(n, {})}
+                 for n in {**known, **maps}}
         projected = ProjectedModel(model, dictionaries, rows, heat, elastic)
         made = reduced_general if model.separated.other else partial(fast, (c1, c2, c1_first))
         solver = made(projected, reducer.tolerances, reducer.predictor, limits, notes, facts)

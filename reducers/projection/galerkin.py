@@ -10,8 +10,8 @@ from sparsemor.reducers import (
     ProjectionReducer,
     Reducible,
     TestMap,
-    galerkin_notes,
     modal_coordinates,
+    projection_notes,
 )
 
 
@@ -25,7 +25,7 @@ class Galerkin(ProjectionReducer):
 
     def maps(self, block: Reducible) -> Maps:
         """Test map atoms^T (k, n) for operators and forces."""
-        return Maps(TestMap(left=block.dictionary.atoms.T))
+        return Maps(TestMap(left=block.dictionary.atoms.T), facts={"norm": "D^-1"})
 
     def in_modes(
         self, model: AssembledModel, dictionaries: Mapping[str, Dictionary]
@@ -44,4 +44,4 @@ class Galerkin(ProjectionReducer):
         return {name: found for name, found in turned.items() if found is not None}
 
     def notes_on(self, made: Projection) -> Sequence[Note]:
-        return galerkin_notes(made)
+        return projection_notes(made)

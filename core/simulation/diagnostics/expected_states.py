@@ -5,15 +5,24 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import coo_array, csr_array
 
-from sparsemor.core.arrays import FloatArray
+from sparsemor.core.arrays import Csr, FloatArray
 from sparsemor.core.model.factorizations import BlockSolvers, solve_or_fail
 from sparsemor.core.protocols import AssembledModel, StepFactors
+from sparsemor.core.protocols.body_frame import FrameWork
 from sparsemor.core.protocols.load_tables import LoadTable
-from sparsemor.core.protocols.separable import Amplitude, ElasticOperators, HeatBody
+from sparsemor.core.protocols.separable import (
+    Amplitude,
+    ElasticOperators,
+    HeatBody,
+    MovingBody,
+)
 
 COUNT = 24
 """Number of coarse time steps over the run."""
+SAMPLES = 8
+"""Number of times in a coarse step at which loads are evaluated."""
 ROUND_OFF = 1e-12
 """Ratio of a sum of forces to one of its terms below which the sum is round-off."""
 
@@ -48,8 +57,9 @@ def expected_states(
     with conductivity K_T, capacity C, heat loads q, stiffness K, forces f and thermal coupling
     K_fT. Loads are averaged over coarse steps H = end / COUNT. Loads that move are elsewhere after
     such a step: for their heat H = step.h, and their forces are averaged over the last step.h.
-    Radiation, contacts that are evaluated in the step, and inertia are neglected. Raises
-    SolveFailed where a matrix is singular.
+    Radiation and properties over temperature are linearised at the start; contacts that are
+    evaluated in the step, and inertia, are neglected. Raises SolveFailed where a matrix is
+    singular.
     """
     times = np.linspace(0.0, end, min(COUNT, max(1, round(end / step.h))) + 1)
     for heat in model.separated.heat:
@@ -58,7 +68,7 @@ def expected_states(
             return ExpectedStates(_temperatures(model, heat, times, step.h), none, ())
     for body in model.separated.moving:
         if body.elastic == name and body.operators is not None:
-            return _displacements(model, name, body.operators, body.thermal, times, step.h)
+            return _displacements(model, body, body.operators, times, step.h)
     raise KeyError(name)
 
 
@@ -69,23 +79,44 @@ def _temperatures(
     coarse = float(times[1] - times[0])
     steps = max(1, round(coarse / h)) if heat.tables else 1
     H = coarse / steps
-    carried = heat.capacity / H
+    K, C, r = _linearised(model, heat)
+    carried = (heat.capacity + C) / H
     data = model.block_data(heat.thermal)
     factor = BlockSolvers(model.solvers.of(heat.thermal)).factorize(
-        heat.thermal, heat.conductivity + carried, data.places, "expected states")
+        heat.thermal, heat.conductivity + K + carried, data.places, "expected states")
     states = [model.x0[model.layout[heat.thermal]]]
+    constant = heat.constant + K @ states[0] - r
     fine = np.linspace(times[0], times[-1], steps * (len(times) - 1) + 1)
     for before, after in zip(fine[:-1], fine[1:], strict=True):
-        q = heat.constant + heat.loads @ _mean(heat.amplitudes, before, after)
+        q = constant + heat.loads @ _mean(heat.amplitudes, before, after)
         q = q + _moving(heat.tables, before, after, len(q))
         states.append(solve_or_fail(factor, np.asarray(carried @ states[-1] + q), heat.thermal))
     return np.stack(states[::steps], axis=1)
 
 
+def _linearised(model: AssembledModel, heat: HeatBody) -> tuple[Csr, Csr, FloatArray]:
+    """Terms of a temperature block that are evaluated element by element (k(T), c(T), radiation),
+    linearised at the initial temperatures: conductivity K and capacity C (n, n), and residual (n,)
+    there."""
+    part = model.layout[heat.thermal]
+    n = part.stop - part.start
+    with_rates, K, r = csr_array((n, n)), csr_array((n, n)), np.zeros(n)
+    for term in heat.local:
+        rows, columns = term.rows - part.start, term.columns - part.start
+        x, zero = model.x0[term.columns], np.zeros(len(columns))
+        still, moving = (coo_array(term.jacobian(x, zero, zero, 0.0, zero + c, zero))
+                         for c in (0.0, 1.0))
+        K = K + csr_array((still.data, (rows[still.row], columns[still.col])), shape=(n, n))
+        with_rates = with_rates + csr_array(
+            (moving.data, (rows[moving.row], columns[moving.col])), shape=(n, n))
+        np.add.at(r, rows, term.residual(x, zero, zero, 0.0))
+    return K, csr_array(with_rates - K), r
+
+
 def _displacements(
-    model: AssembledModel, name: str, ops: ElasticOperators, thermal: str, times: FloatArray,
-    h: float,
+    model: AssembledModel, body: MovingBody, ops: ElasticOperators, times: FloatArray, h: float,
 ) -> ExpectedStates:
+    name, thermal = body.elastic, body.thermal
     data = model.block_data(name)
     heat = next((h for h in model.separated.heat if h.thermal == thermal), None)
     thermal_forces = np.zeros((data.size, len(times)))
@@ -95,6 +126,7 @@ def _displacements(
     for i, (before, after) in enumerate(zip(times[:-1], times[1:], strict=True), 1):
         f = ops.constant + ops.loads @ _mean(ops.amplitudes, before, after)
         f = f + _moving(ops.tables, after - h, after, len(f)) + thermal_forces[:, i]
+        f = f - ops.directions @ _frame_forces(model, body, before, after, bool(ops.generators))
         # a uniform temperature of no stress: thermal forces cancel to round-off
         cancelled = np.linalg.norm(f) <= ROUND_OFF * np.linalg.norm(ops.constant)
         forces.append(np.zeros_like(f) if cancelled else f)
@@ -119,9 +151,35 @@ def _displacements(
 
 
 def _mean(amplitudes: Sequence[Amplitude], before: float, after: float) -> FloatArray:
-    """Averages (j,) of the load amplitudes over a coarse step, from eight times in it."""
-    at = before + (np.arange(8) + 0.5) / 8.0 * (after - before)
-    return np.array([float(np.mean([f(float(t)) for t in at])) for f in amplitudes])
+    """Averages (j,) of the load amplitudes over a coarse step."""
+    at = _samples(before, after)
+    return np.array([float(np.mean([f(t) for t in at])) for f in amplitudes])
+
+
+def _samples(before: float, after: float) -> list[float]:
+    """Times within a coarse step, s, at which loads are evaluated."""
+    return [before + (i + 0.5) / SAMPLES * (after - before) for i in range(SAMPLES)]
+
+
+def _frame_forces(
+    model: AssembledModel, body: MovingBody, before: float, after: float, moves: bool
+) -> FloatArray:
+    """Averages (p,), over a coarse step, of the factors of a body's directions (`ElasticOperators`)
+    in its initial pose: loads that act through the floating frame. For a body that moves, their
+    change since the start: loads at the start, such as gravity, are balanced by inertia and joint
+    forces, which are not known here."""
+    frame = body.frame
+    rigid = model.layout.frames
+    y = body.origin + body.to_border[:, rigid] @ model.x0[rigid]
+    zero, s, forms = np.zeros(frame.border), np.zeros((3, frame.p)), np.zeros(3 * frame.generators)
+    work, total = FrameWork(frame.p, frame.border, frame.generators), np.zeros(frame.p)
+    for t in _samples(before, after):
+        frame.evaluate(y, zero, zero, 0.0, 0.0, s, forms, t, work)
+        total += work.sigma[-1] / SAMPLES
+    if moves:
+        frame.evaluate(y, zero, zero, 0.0, 0.0, s, forms, 0.0, work)
+        total -= work.sigma[-1]
+    return total
 
 
 def _moving(tables: Sequence[LoadTable], before: float, after: float, n: int) -> FloatArray:

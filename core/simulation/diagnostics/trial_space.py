@@ -6,25 +6,35 @@ orthogonal projection on the atoms (basis vectors). No reduced run on these atom
 one.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 from scipy.linalg import qr
 
-from sparsemor.core.arrays import Arrays, FloatArray
+from sparsemor.core.arrays import Arrays, BoolArray, FloatArray
 from sparsemor.core.errors import Fault, InputError
 from sparsemor.core.linalg.least_squares import orthonormal
 from sparsemor.core.linalg.snapshots import column_chunks
 from sparsemor.core.model.model import Model
+from sparsemor.core.model.resolved_start import resolved_start
 from sparsemor.core.notes import Note
-from sparsemor.core.protocols import Dictionary, StepFactors
-from sparsemor.core.results.error_norms import CONSTANT_CHANGE
+from sparsemor.core.protocols import Dictionary, ReducedProblem, StepFactors, StepSolver
+from sparsemor.core.results.error_norms import (
+    CONSTANT_CHANGE,
+    constant_change,
+    estimated_errors,
+)
 from sparsemor.core.results.run_result import RunResult
+from sparsemor.core.scene.defaults import FULL_ORDER
+from sparsemor.core.scene.independent_of_physics import physics_of
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.diagnostics.expected_states import expected_states
-from sparsemor.core.simulation.offline import Offline
+from sparsemor.core.simulation.offline import Offline, step_count
+from sparsemor.core.simulation.step_control import step_of
+from sparsemor.core.simulation.time_stepping import iterate, started
+from sparsemor.core.simulation.training import training_steps
 from sparsemor.core.status import SolveFailed
 
 TRIAL_SPACE, BEYOND = "trial_space", "beyond_training"
@@ -34,6 +44,13 @@ LIMIT = 0.01
 BEYOND_LIMIT = 0.05
 """Largest distance of a stored state from the range of training, relative to the field's largest
 change in training, without a warning."""
+NOTHING: Mapping[str, Mapping[str, object]] = {}
+COVERED = 1e-3
+"""Projection error of the states that the loads of the run make expect, up to which a state outside
+the range of training is no reason for a warning: amplitudes are larger, shapes the same."""
+FIRST = 3
+"""Number of steps at full order whose states are projected: what a load that jumps at the start
+excites, which estimates by static displacements do not contain."""
 MARGIN = 0.02
 """Share of the field's largest change in training by which the range of each coordinate is
 enlarged."""
@@ -50,10 +67,13 @@ _PIECE = 2**22
 class TrialSpace:
     """Projection error of one block, and the range of its coordinates in training.
 
-    error: largest projection error of the expected states, relative to `change`, their largest
-    change (2-norm over the unknowns; 0 for a constant field); response: the static or impulse
-    response to a load with the largest projection error, "" for none, and response_error, that
-    error (`ExpectedStates.responses`). trained: True if the expected states are training snapshots.
+    error: largest projection error of the training snapshots, relative to `change`, their largest
+    change (2-norm over the unknowns; 0 for a constant field); both 0 without training. run_error:
+    the same of the states that the loads of the run itself make expect (`expected_states`),
+    relative to the larger change of both; run_tested: False where no such states were projected.
+    response: the static or impulse response to a load with
+    the largest projection error, "" for none or with training, and response_error, that error
+    (`ExpectedStates.responses`). trained: True if there was a training run.
     axes (r, k): orthonormal coordinates y = axes c, along the principal axes of the training, of
     coefficients c (k,) of the atoms; (0, k) where y = c; low, high (r,): range of y, both empty
     without training.
@@ -63,6 +83,8 @@ class TrialSpace:
     atoms: int
     error: float
     change: float
+    run_error: float
+    run_tested: bool
     response: str
     response_error: float
     trained: bool
@@ -74,10 +96,16 @@ class TrialSpace:
         """Warning about the projection error of the atoms, None if it is below the limit."""
         who = f"the {self.atoms} atoms of {self.name}"
         if self.error > LIMIT:
-            of = "the training run" if self.trained else "an estimate of the run (static " \
-                "displacements, heat in coarse time steps)"
-            what = f"{who} cannot represent {of}: projection error {self.error:.2g} of its " \
+            what = f"{who} cannot represent the training run: projection error " \
+                f"{self.error:.2g} of its largest change"
+        elif self.run_error > LIMIT:
+            what = f"{who} cannot represent what the loads of this run do (static displacements, " \
+                f"heat in coarse time steps): projection error {self.run_error:.2g} of the " \
                 "largest change"
+            if self.trained:
+                return Note(f"{what} (limit {LIMIT:g}), because the training run did not contain "
+                            "it: train on loads that cover the run (training.overrides), or take "
+                            "another basis (reducer.basis, reducer.bases)", TRIAL_SPACE)
         elif self.response_error > LIMIT:
             what = f"{who} cannot represent {self.response}: projection error " \
                 f"{self.response_error:.2g} of the norm of the static response"
@@ -96,58 +124,77 @@ class TrialSpace:
 
 
 def trial_spaces(
-    model: Model, offline: Offline, dictionaries: Mapping[str, Dictionary], h: float, end: float
+    model: Model, offline: Offline, dictionaries: Mapping[str, Dictionary], h: float, end: float,
+    physics: str = "", first_steps: Callable[[], FloatArray] | None = None,
+    least: float = CONSTANT_CHANGE,
 ) -> tuple[TrialSpace, ...]:
     """Trial spaces of all reduced blocks of a run with steps of h up to `end`, s.
 
-    The expected states are the training snapshots if a basis of the run needs training, else
-    estimates by static and coarse transient solves. Results are cached.
+    Projected are the training snapshots, if a basis of the run needs training, and, if the training
+    was another run or none, estimates of the run by static and coarse transient solves, with
+    `first_steps`, its first states (M, n) at full order (None where the training run contains the
+    run). Results are cached; physics: digest of the scene that is run; least: relative change up to
+    which a field counts as constant.
     """
     found = []
+    steps = None if first_steps is None else cache(first_steps)
     for name, d in dictionaries.items():
-        if not d.atoms.shape[1]:
-            continue
-        depends: tuple[object, ...] = ("responses", name, d.atoms, d.offset, offline.trained)
-        if not offline.trained:
-            depends = (*depends, h, end)
         arrays = offline.remember(
-            "trial_space", depends, partial(_tested, model, offline, name, d, h, end))
+            "trial_space", ("run", name, d.atoms, d.offset, offline.trained, physics),
+            partial(_tested, model, offline, name, d, h, end, steps, least))
         found.append(TrialSpace(
             name, d.atoms.shape[1], float(arrays["error"]), float(arrays["change"]),
-            str(arrays["response"]), float(arrays["response_error"]), offline.trained,
-            np.asarray(arrays["axes"]), np.asarray(arrays["low"]), np.asarray(arrays["high"])))
+            float(arrays["run_error"]), bool(arrays["run_tested"]), str(arrays["response"]),
+            float(arrays["response_error"]), offline.trained, np.asarray(arrays["axes"]),
+            np.asarray(arrays["low"]), np.asarray(arrays["high"])))
     return tuple(found)
 
 
 def _tested(
-    model: Model, offline: Offline, name: str, d: Dictionary, h: float, end: float
+    model: Model, offline: Offline, name: str, d: Dictionary, h: float, end: float,
+    first_steps: Callable[[], FloatArray] | None, least: float,
 ) -> Arrays:
     Q, R = _orthogonal(d.atoms)
-    none = np.zeros(0)
-    response, response_error = "", 0.0
+    none, response, response_error = np.zeros(0), "", 0.0
+    error = change = 0.0
+    gram = np.zeros((0, 0))
     if offline.trained:
         states = offline.snapshots(name)
-    else:
-        try:
+        counted = _of_the_run(offline, states.shape[1])
+        error, change, gram = _projected(Q, d.offset, states, least, counted)
+    later = []
+    try:
+        if not offline.trained or first_steps is not None:
             expected = expected_states(model, name, StepFactors(h, 0.0, 0.0, 0.0), end)
-        except SolveFailed:  # the run itself will say so
-            return {"error": np.array(0.0), "change": np.array(0.0), "response": np.array(""),
-                    "response_error": np.array(0.0), "axes": np.zeros((0, 0)), "low": none,
-                    "high": none}
-        states = expected.states
-        response, response_error = _worst(Q, expected.responses, expected.names)
-    error, change, gram = _projected(Q, d.offset, states)
-    found = {"error": np.array(error), "change": np.array(change), "response": np.array(response),
+            later.append(expected.states)
+            if not offline.trained:
+                response, response_error = _worst(Q, expected.responses, expected.names)
+        if first_steps is not None:
+            later.append(first_steps()[:, model.layout[name]].T)
+    except SolveFailed:  # the run itself will say so
+        pass
+    run_error = 0.0
+    for states in later:
+        its_error, its_change, _ = _projected(Q, d.offset, states, least)
+        scale = its_change / max(its_change, change) if its_change else 1.0
+        run_error = max(run_error, scale * its_error)
+    found = {"error": np.array(error), "change": np.array(change),
+             "run_error": np.array(run_error), "run_tested": np.array(bool(later)),
+             "response": np.array(response),
              "response_error": np.array(response_error), "axes": np.zeros((0, R.shape[1])),
              "low": none, "high": none}
-    if not offline.trained or change == 0.0:
+    if change == 0.0 or not d.atoms.shape[1]:
         return found
+    states = offline.snapshots(name)
     turn = np.eye(0)
     if len(gram):
         turn = np.linalg.eigh(gram)[1].T
         found["axes"] = turn @ R
     low, high = np.full(Q.shape[1], np.inf), np.full(Q.shape[1], -np.inf)
-    for _, part in column_chunks(states):
+    for columns, part in column_chunks(states):
+        part = part[:, counted[columns]]
+        if not part.size:
+            continue
         y = Q.T @ (part - d.offset[:, None])
         y = turn @ y if len(turn) else y
         low, high = np.minimum(low, y.min(axis=1)), np.maximum(high, y.max(axis=1))
@@ -164,17 +211,34 @@ def _orthogonal(atoms: FloatArray) -> tuple[FloatArray, FloatArray]:
     return Q, np.asarray(Q.T @ atoms)
 
 
+def _of_the_run(offline: Offline, count: int) -> BoolArray:
+    """Columns (count,) of the snapshots that are states of training runs: x + h^2 a of each start,
+    the last one for integrators of an order above 1, can be metres away in a stiff body."""
+    counted = np.ones(count, dtype=np.bool_)
+    recording = offline.recording
+    if recording is not None and recording.integrator.order > 1:
+        each = count // recording.runs
+        counted[each - 1::each] = False
+    return counted
+
+
 def _projected(
-    Q: FloatArray, offset: FloatArray, states: FloatArray
+    Q: FloatArray, offset: FloatArray, states: FloatArray, least: float,
+    counted: BoolArray | None = None,
 ) -> tuple[float, float, FloatArray]:
     """Largest projection error of states (n, M), the first of which is the initial state, relative
-    to their largest change; that change, 0 for a constant field; and the sum of y y^T over the
-    coordinates y = Q^T (x - offset), (0, 0) for more than `_TURNED` atoms."""
+    to their largest change; that change, 0 for a constant field (a relative change of at most
+    `least`); and the sum of y y^T over the coordinates y = Q^T (x - offset), (0, 0) for more than
+    `_TURNED` atoms. counted (M,): columns that are meant, all by default."""
     n, r = Q.shape
     gram = np.zeros((r, r)) if r <= _TURNED else np.zeros((0, 0))
     error = change = size = 0.0
     start = states[:, :1]
-    for _, part in column_chunks(states):
+    for columns, part in column_chunks(states):
+        if counted is not None:
+            part = part[:, counted[columns]]
+        if not part.size:
+            continue
         x = part - offset[:, None]
         y = Q.T @ x
         if r < n:
@@ -183,7 +247,7 @@ def _projected(
         size = max(size, float(np.linalg.norm(part, axis=0).max()))
         if len(gram):
             gram += y @ y.T
-    if change <= CONSTANT_CHANGE * size:
+    if change <= least * size:
         return (error / size if size else 0.0), 0.0, gram
     return error / change, change, gram
 
@@ -209,36 +273,67 @@ def check_trial_spaces(
     """
     if scene.check_trial_space == "off":
         return (), ()
-    spaces = trial_spaces(model, offline, dictionaries, scene.time.step, scene.time.end)
+    full = scene.using({"reducer": {"use": FULL_ORDER}}, label="full order")
+    new = offline.trained and training_steps(full) < step_count(full)
+    spaces = trial_spaces(
+        model, offline, dictionaries, scene.time.step, scene.time.end,
+        physics_of(scene, "run").digest(),
+        partial(_first_steps, full, model, offline) if new else None,
+        constant_change(scene.dump()))
     notes = tuple(note for space in spaces if (note := space.note()) is not None)
     if notes and scene.check_trial_space == "refuse":
         raise InputError([Fault("check_trial_space", note.text) for note in notes])
     return spaces, notes
 
 
+def _first_steps(scene: Scene, model: Model, offline: Offline) -> FloatArray:
+    """States (M, n) of the first steps of a scene at full order, without the initial state; those
+    before a step that fails."""
+    h = scene.time.step
+    solver: StepSolver = scene.reducer.prepare(ReducedProblem(
+        model, scene.integrator, h, offline, np.random.default_rng(scene.seed)))
+    state, memory = started(
+        solver, scene.integrator, resolved_start(model, scene.integrator, h).state)
+    step = step_of(solver, scene.integrator, h)
+    taken = iterate(step, state, memory, min(FIRST, step_count(scene)))
+    states = [one.state.x for one in taken if one.outcome.status.ok]
+    return np.stack(states) if states else np.zeros((0, len(state.x)))
+
+
 def beyond_training(
-    spaces: Iterable[TrialSpace], result: RunResult, trained_to: float
+    spaces: Iterable[TrialSpace], result: RunResult, trained_to: float,
+    facts: Mapping[str, Mapping[str, object]] = NOTHING, own_loads: bool = True,
 ) -> tuple[Note, ...]:
     """Warnings about reduced blocks whose stored states left the range that they had in training;
-    trained_to: end time of the training run, s. Coefficients are read in portions."""
+    trained_to: end time of the training run, s; facts: of the step solver by block, whose `norm` of
+    the residual says if solutions are as good as the atoms (`D^-1`); own_loads: False for loads
+    other than those that the spaces were tested with. Coefficients are read in portions."""
     notes, times = [], result.times
     end = float(times[-1]) if len(times) else 0.0
+    estimates = estimated_errors(result)
+    longer = end > trained_to * (1.0 + 1e-9)
     advice = (f"training ended at {trained_to:.4g} s, the run at {end:.4g} s: train longer "
-              "(training.end)" if end > trained_to * (1.0 + 1e-9) else
-              "its error is probably as large: train on a run that covers this one "
-              "(training.overrides), or take more atoms, more rows or another basis")
+              "(training.end)" if longer else
+              "compare it with full order, or train on a run that covers this one "
+              "(training.overrides)")
     for space in spaces:
         if not len(space.low) or space.change == 0.0:
+            continue
+        near_best = facts.get(space.name, {}).get("norm") == "D^-1"
+        if near_best and own_loads and space.run_tested and not longer and (
+                space.run_error <= COVERED):
             continue
         piece = max(1, _PIECE // space.atoms)
         excess = np.concatenate([np.zeros(0)] + [
             space.excess(result.coefficients(space.name, slice(first, first + piece)))
             for first in range(0, len(times), piece)])
         left = np.flatnonzero(excess > BEYOND_LIMIT)
+        estimate = "" if space.name not in estimates else (
+            f", with an estimated error of {estimates[space.name].max():.2g}")
         if len(left):
             notes.append(Note(
                 f"{space.name} left the range of its training in {len(left) / len(times):.0%} of "
                 f"the stored steps, first at {times[left[0]]:.4g} s, by up to "
                 f"{excess.max():.2g} of its largest change in training (limit "
-                f"{BEYOND_LIMIT:g}); {advice}", BEYOND))
+                f"{BEYOND_LIMIT:g}){estimate}; {advice}", BEYOND))
     return tuple(notes)

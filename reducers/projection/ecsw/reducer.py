@@ -97,7 +97,7 @@ class Ecsw(ProjectionReducer):
         return faults
 
     def maps(self, block: Reducible) -> Maps:
-        return Maps(TestMap(left=block.dictionary.atoms.T))
+        return Maps(TestMap(left=block.dictionary.atoms.T), facts={"norm": "D^-1"})
 
     def approximation(
         self, model: AssembledModel, dictionaries: Mapping[str, Dictionary],

@@ -8,7 +8,7 @@ import pytest
 from scipy.sparse import csr_array
 
 from small_scenes import tiny
-from sparsemor import simulate
+from sparsemor import load, simulate
 from sparsemor.core.protocols import Dictionary
 from sparsemor.core.results.error_norms import measure_errors
 from sparsemor.core.results.run_result import RunResult
@@ -16,7 +16,7 @@ from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.diagnostics.trial_space import trial_spaces
 from sparsemor.core.simulation.offline import Offline
-from sparsemor.reducers.projection.galerkin_error import GalerkinError, galerkin_error
+from sparsemor.reducers.projection.projected_error import ProjectedError, projected_error
 from tiers import quick
 from tiny_scene import full, snapshots
 
@@ -107,7 +107,7 @@ def test_without_training_the_estimate_of_the_run_decides(
         {"count": 3} if basis == "modal" else {})})
     assert "training" not in result.summary["cache"]
     said = [t for t in notes(result, "trial_space") if "bar.thermal" in t]
-    assert len(said) == 1 and "an estimate of the run" in said[0]
+    assert len(said) == 1 and "what the loads of this run do" in said[0]
     stated = float(said[0].split("projection error ")[1].split()[0])
     error = measure_errors(reference, result).worst["thermal"]
     assert error > 0.1 and 0.3 < stated / error < 3.0
@@ -161,15 +161,15 @@ def test_galerkin_errors_are_those_of_the_reduced_equations() -> None:
     D, A = half @ half.T + 0.1 * np.eye(9), np.linalg.qr(rng.standard_normal((9, 2)))[0]
     x = np.hstack([np.zeros((9, 1)), rng.standard_normal((9, 4))])
     change = np.linalg.norm(x, axis=0).max()
-    found = galerkin_error(Dictionary(A, np.zeros(9), ()), csr_array(D), x)
+    found = projected_error(Dictionary(A, np.zeros(9), ()), csr_array(D), x)
     assert found is not None
     solved = A @ np.linalg.solve(A.T @ D @ A, A.T @ D @ x)
-    assert found.galerkin == pytest.approx(np.linalg.norm(x - solved, axis=0).max() / change)
+    assert found.solved == pytest.approx(np.linalg.norm(x - solved, axis=0).max() / change)
     assert found.best == pytest.approx(np.linalg.norm(x - A @ A.T @ x, axis=0).max() / change)
-    assert found.best <= found.galerkin
-    whole = galerkin_error(Dictionary(np.eye(9), np.zeros(9), ()), csr_array(D), x)
-    assert whole is not None and whole.galerkin < 1e-12 and whole.note("a", 9) is None
-    assert galerkin_error(Dictionary(A, np.zeros(9), ()), csr_array(D), x[:, :1]) is None
+    assert found.best <= found.solved
+    whole = projected_error(Dictionary(np.eye(9), np.zeros(9), ()), csr_array(D), x)
+    assert whole is not None and whole.solved < 1e-12 and whole.note("a", 9) is None
+    assert projected_error(Dictionary(A, np.zeros(9), ()), csr_array(D), x[:, :1]) is None
 
 
 @pytest.mark.parametrize(("galerkin", "best", "noted"), [
@@ -177,7 +177,7 @@ def test_galerkin_errors_are_those_of_the_reduced_equations() -> None:
 def test_galerkin_errors_are_noted_beyond_those_of_the_atoms(
     galerkin: float, best: float, noted: bool
 ) -> None:
-    note = GalerkinError(galerkin, best).note("bar.elastic", 3)
+    note = ProjectedError(galerkin, best).note("bar.elastic", 3)
     assert (note is not None) == noted
     if note is not None:
         assert f"an error of {galerkin:.2g} of its largest change" in note.text
@@ -204,6 +204,68 @@ def test_a_run_in_the_range_of_its_training_says_nothing(shared: Cache, tmp_path
     result = run(shared, tmp_path, tiny().using({"time.end": 0.02, "training.end": 0.04}),
                  use="galerkin", basis={"use": "pod", "count": 6})
     assert notes(result, "beyond_training") == []
+
+
+# ------------------------------------------------------------------------ loads never trained
+
+
+CASES = Path(__file__).parents[2] / "support" / "cases" / "reduced"
+
+
+@pytest.mark.full
+@pytest.mark.parametrize(("case", "block"), [
+    ("1_t6_s23", "b.thermal"), ("2_t6_s20", "l1.thermal"), ("3_t6_s18", "l1.thermal")])
+def test_a_load_that_was_absent_from_training_is_noted(
+    tmp_path: Path, case: str, block: str
+) -> None:
+    """The heat of the run did not act in training, where the temperature was constant: relative
+    error above 0.9, and the note states it before the run."""
+    scene = load(CASES / f"{case}.yaml")
+    full, reduced = (simulate(scene.using({"reducer": r}), out=tmp_path / r)
+                     for r in ("full", "galerkin"))
+    error = measure_errors(full, reduced).worst[block]
+    (text,) = [t for t in notes(reduced, "trial_space") if block in t]
+    stated = float(text.split("projection error ")[1].split()[0])
+    assert error > 0.9 and stated == pytest.approx(error, rel=0.1)
+    assert "did not contain it" in text
+
+
+@pytest.mark.full
+def test_a_side_load_that_was_absent_from_training_is_noted(tmp_path: Path) -> None:
+    scene = load(CASES / "side_load_unseen.yaml", {"reducer": "deim"})
+    result = simulate(scene, out=tmp_path / "run")
+    assert notes(result, "trial_space") or notes(result, "beyond_training")
+
+
+def test_larger_loads_of_the_same_shape_are_no_reason_for_a_note(
+    shared: Cache, tmp_path: Path
+) -> None:
+    """Twice the flux of training leaves the range of coordinates, not the span of the atoms."""
+    scene = tiny().using({"training": {"overrides": {"loads.heating.flux": 5.0e5}}})
+    result = run(shared, tmp_path, scene, use="galerkin")
+    full = simulate(tiny(), out=tmp_path / "full")
+    assert max(measure_errors(full, result).worst.values()) < 1e-3
+    assert result.summary["notes"] == []
+
+
+# ------------------------------------------------------------------------ least squares of rows
+
+
+@pytest.mark.full
+def test_few_atoms_of_lspg_and_gnat_are_as_good_as_those_of_galerkin(tmp_path: Path) -> None:
+    """Minimal residual in the norm of D^-1; in that of the rows, as published, ten times worse."""
+    scene = load(CASES / "lspg_few_atoms.yaml")
+    full = simulate(scene.using({"reducer": "full"}), out=tmp_path / "full")
+    error = {}
+    for name, reducer in {"galerkin": {"use": "galerkin"}, "lspg": {"use": "lspg"},
+                          "gnat": {"use": "gnat"}, "rows": {"use": "lspg", "norm": "rows"}}.items():
+        one = {**reducer, "basis": {"use": "pod", "count": 4}}
+        error[name] = measure_errors(full, simulate(
+            scene.using({"reducer": one}), out=tmp_path / name)).worst["elastic"]
+    assert error["galerkin"] == pytest.approx(0.082, rel=0.1)
+    assert error["lspg"] == pytest.approx(error["galerkin"], rel=0.01)
+    assert error["gnat"] == pytest.approx(error["galerkin"], rel=0.1)
+    assert error["rows"] > 5.0 * error["galerkin"]
 
 
 # ------------------------------------------------------------------------ sampled rows

@@ -70,7 +70,7 @@ BODIES = {
 REDUCERS = {
     "Approximation", "ErrorModel", "Interpolating", "Linear", "Maps", "Projection",
     "ProjectionReducer", "Reducible", "TestMap", "choose_points", "error_model", "force_modes",
-    "force_snapshots", "galerkin_notes", "interpolation", "left_inverse", "modal_coordinates",
+    "force_snapshots", "projection_notes", "interpolation", "left_inverse", "modal_coordinates",
 }
 
 
