@@ -198,7 +198,7 @@ class Build:
         if error is not None:
             measured["row_error"] = error.rows
             notes += [note for note in (error.note(block),) if note is not None]
-        return block, {"residual": "preconditioned", **measured} if inverted else measured
+        return block, {"norm": "D^-1" if inverted else "rows", **measured}
 
     def _compressed(self, name: str, m: int, k: int) -> Note:
         """Note on a preconditioner that is applied to rows compressed by QR."""

@@ -94,7 +94,7 @@ def methods() -> dict[str, tuple[dict[str, Any], bool]]:
     return {
         "galerkin": ({"use": "galerkin", **POD}, False),
         "deim": ({"use": "deim", **POD}, False),
-        "gnat": ({"use": "gnat", **POD}, False),
+        "gnat": ({"use": "gnat", "norm": "rows", **POD}, False),
         "ecsw": ({"use": "ecsw", "constant": "weighted", **POD}, False),
         "published, UNTF": (published(), True),
         "published, none": (published(preconditioner="none"), True),

@@ -23,7 +23,7 @@ ATOMS = 12
 POD = {"basis": {"use": "pod", "count": ATOMS}}
 METHODS: dict[str, dict[str, Any]] = {
     "deim": {"use": "deim", **POD},
-    "gnat": {"use": "gnat", **POD},
+    "gnat": {"use": "gnat", "norm": "rows", **POD},
     "ecsw": {"use": "ecsw", "constant": "weighted", "tau": 1e-6, **POD},
     "sparse": {"use": "sparse", **POD, "sampler": {"use": "deim", "required": False},
                "budgets": {"*": {"rows": 2 * ATOMS, "atoms": ATOMS}}},
@@ -50,7 +50,7 @@ def measure(table: report.Table, meshes: Sequence[int], steps: int, windows: int
         truth = march(scene.using({"reducer": "full"}), model=model)
         snapshots = {BLOCK: truth.block(BLOCK).T}
         change = np.abs(truth.x - truth.x[0]).max()
-        fewer = {"use": "gnat", **POD}
+        fewer = {"use": "gnat", "norm": "rows", **POD}
         for name, options in {**METHODS, f"gnat, {ELEMENTS} elements": fewer}.items():
             mine = scene.using({"reducer": options})
             run = march(mine, model=model, snapshots=snapshots)

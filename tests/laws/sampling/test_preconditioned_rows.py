@@ -143,7 +143,7 @@ def test_default_takes_rows_of_the_error_where_operators_are_constant() -> None:
     auto, named = ran(sparse()), ran(sparse(residual="preconditioned"))
     for name in full().model.reducible():
         np.testing.assert_array_equal(auto.block(name), named.block(name))
-        assert auto.solver.facts[name]["residual"] == "preconditioned"
+        assert auto.solver.facts[name]["norm"] == "D^-1"
     assert not [n for n in auto.solver.notes if n.kind == "plain_rows"]
 
 
@@ -171,7 +171,7 @@ def test_rows_drawn_during_the_run_are_plain_by_default_and_told() -> None:
     (note,) = [n for n in run.solver.notes if n.kind == "plain_rows"]
     assert "reducer.row_sets" in note.text and "bar.elastic, bar.thermal" in note.text
     sets = ran(sparse(resample=3, row_sets=2)).solver
-    assert sets.facts["bar.elastic"]["residual"] == "preconditioned"
+    assert sets.facts["bar.elastic"]["norm"] == "D^-1"
 
 
 def test_by_block_and_told() -> None:
@@ -179,7 +179,7 @@ def test_by_block_and_told() -> None:
     plain = ran(sparse(residual="plain"))
     np.testing.assert_array_equal(run.block("bar.thermal"), plain.block("bar.thermal"))
     assert np.abs(run.block("bar.elastic") - plain.block("bar.elastic")).max() > 0.0
-    assert run.solver.facts["bar.elastic"]["residual"] == "preconditioned"
+    assert run.solver.facts["bar.elastic"]["norm"] == "D^-1"
     assert "residual" not in run.solver.facts["bar.thermal"]
 
 
