@@ -18,6 +18,7 @@ from sparsemor.core.errors import Fault, InputError, PluginError, check_count
 from sparsemor.core.linalg.threads import described, fixed_threads
 from sparsemor.core.model.body_cache import BodyCache
 from sparsemor.core.model.initial_state import START
+from sparsemor.core.notes import Note
 from sparsemor.core.protocols import (
     DeclaresEffect,
     LeavesMesh,
@@ -331,7 +332,8 @@ class ReducedModel:
             "model": None, "estimator": None, "own_loads": True, "offline": None,
             "given": run.given if fields else {}, "probes": tuple(
                 replace(p, place=replace(p.place, displacement=None, temperature=None))
-                for p in run.probes), "notes": (*run.notes, *saved.notes)}
+                for p in run.probes),
+            "notes": (*run.notes, *saved.notes, *_without_estimate(run))}
         del parts["scene"]
         about = {"scene": run.scene.dump(), "name": run.scene.name}
         return replace(self._pack(parts), about=about).dump(saved.rounded)
@@ -417,7 +419,7 @@ class ReducedModel:
             solver = run.solver.stepping_alike(made)
             start = started_from(self._meshless[1], initial, run.solver.layout)
             run = replace(run, solver=solver, start=start, own_loads=False, estimator=None,
-                          offline=None,
+                          offline=None, notes=(*run.notes, *_without_estimate(run)),
                           header=replace(run.header, estimates=()))
             if initial:
                 notes = start_notes(made, start, initial, run.solver.layout)
@@ -468,6 +470,14 @@ class ReducedModel:
 def _functions(scene: Scene) -> Mapping[str, BaseModel]:
     """Dotted key -> function of time, of all in the options of a scene."""
     return dict(functions_of_time(dict(scene)))
+
+
+def _without_estimate(run: PreparedRun) -> tuple[Note, ...]:
+    """Note on a run without the error estimate that its model has."""
+    return () if not run.header.estimates else (Note(
+        "reducer.error_estimate has no effect in this run of a kept model: the estimate needs the "
+        "mesh. Runs of the model in memory with its own loads and start have it, and so has "
+        "`sparsemor run` of the scene", "no_effect"),)
 
 
 def _table(scene: Scene) -> Table:

@@ -32,4 +32,5 @@ class Deim(Interpolating):
         left = (atoms.T @ modes.atoms) @ back
         return Maps(
             TestMap(left=atoms.T), TestMap(rows=points, left=left), points,
-            {"norm": "D^-1", "force_modes": f, **facts}, self.notes(block, points))
+            {"norm": "D^-1", "force_modes": f, **facts},
+            self.notes(block, points, modes.atoms, back))

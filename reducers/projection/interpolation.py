@@ -12,10 +12,14 @@ from sparsemor.core import (
     Basis,
     CentresSnapshots,
     Fault,
+    FloatArray,
     IntArray,
     Note,
     Sampler,
     Slot,
+    SolveFailed,
+    StepFactors,
+    expected_states,
     matched_option,
     slot_default,
 )
@@ -25,6 +29,10 @@ from sparsemor.reducers.projection.base import ProjectionReducer
 from sparsemor.reducers.projection.force_snapshots import FROM_ZERO
 from sparsemor.reducers.projection.maps import Reducible
 
+SAMPLED = "sampled_rows"
+"""Kind of the note on loads that are not interpolated."""
+LIMIT = 0.01
+"""Largest relative error of the response to interpolated loads without a note."""
 HINT = "take required: true, or more points"
 
 
@@ -83,6 +91,39 @@ class Interpolating(ProjectionReducer):
         """Number of points for so many modes, without the required ones."""
         return matched_option(block.name, self.points, int(np.ceil(self.oversampling * modes)))
 
-    def notes(self, block: Reducible, points: IntArray) -> tuple[Note, ...]:
-        """A note for each load or joint that acts on none of the points."""
-        return unsampled_loads(block.model, {block.name: points}, HINT)
+    def notes(
+        self, block: Reducible, points: IntArray, U: FloatArray, back: FloatArray
+    ) -> tuple[Note, ...]:
+        """A note for each load or joint that acts on none of the points, and one if the loads of
+        the run are not interpolated from them; U (n, f): modes, back (f, m): interpolation
+        matrix."""
+        return (*unsampled_loads(block.model, {block.name: points}, HINT),
+                *_interpolated_loads(block, points, U, back))
+
+
+def _interpolated_loads(
+    block: Reducible, points: IntArray, U: FloatArray, back: FloatArray
+) -> tuple[Note, ...]:
+    """Note on loads of the run that modes U of the training do not contain: relative error of the
+    displacements (or temperatures) of a step under the interpolated loads, U back f[points], in the
+    span of the atoms."""
+    recording = block.offline.recording
+    if recording is None:
+        return ()
+    step = StepFactors(block.h, 0.0, 0.0, 0.0)
+    try:
+        f = expected_states(block.model, block.name, step, max(recording.end, block.h)).forces
+    except SolveFailed:  # the run itself will say so
+        return ()
+    A = block.dictionary.atoms
+    both = np.concatenate([f - U @ (back @ f[points]), f], axis=1)
+    c = np.linalg.lstsq(A.T @ (block.linear.operator @ A), A.T @ both, rcond=None)[0]
+    error, change = (float(np.linalg.norm(A @ part, axis=0).max(initial=0.0))
+                     for part in np.split(c, 2, axis=1))
+    if not error > LIMIT * change:
+        return ()
+    return (Note(
+        f"the loads of this run on {block.name} are not those of its training: interpolated from "
+        f"{len(points)} points they cause an error of {error / change:.2g} of their response "
+        f"(limit {LIMIT:g}): train on loads that cover the run (training.overrides), or take a "
+        "reducer that needs no force modes (galerkin)", SAMPLED),)

@@ -90,6 +90,7 @@ class Gnat(Interpolating):
         modes = Dictionary(U, np.zeros(len(U)), tuple(f"residual {i}" for i in range(q)))
         points = choose_points(block, modes, self.wanted(block, q), self.sampler, self.required)
         back, facts = interpolation(block.name, U, points)
+        notes = self.notes(block, points, U, back)
         factor = energy_factor(block, U) if self.norm == "energy" else None
         if factor is not None:
             back = factor @ back
@@ -101,7 +102,7 @@ class Gnat(Interpolating):
             TestMap(rows=points, left=left), None, points,
             {"norm": "rows" if factor is None else "D^-1",
              "force_modes": force.atoms.shape[1], "residual_modes": q, **facts},
-            self.notes(block, points))
+            notes)
 
 
 def _images(block: Reducible) -> FloatArray:

@@ -38,12 +38,14 @@ class ExpectedStates:
         v = K^-1 M u,    scaled to the norm min(1, |v| / (h^2 |u|))
 
     the first term in which motion differs from the static one, (K + s^2 M)^-1 f = u - s^2 v + ..,
-    with the size that it has at s = 1/h, the fastest change that steps of h resolve.
+    with the size that it has at s = 1/h, the fastest change that steps of h resolve. forces (n, M -
+    1): the forces (or heat) of the loads that lead to each later state, averaged over its step.
     """
 
     states: FloatArray
     responses: FloatArray
     names: tuple[str, ...]
+    forces: FloatArray
 
 
 def expected_states(
@@ -65,7 +67,8 @@ def expected_states(
     for heat in model.separated.heat:
         if heat.thermal == name:
             none = np.zeros((heat.capacity.shape[0], 0))
-            return ExpectedStates(_temperatures(model, heat, times, step.h), none, ())
+            temperatures, q = _temperatures(model, heat, times, step.h)
+            return ExpectedStates(temperatures, none, (), q)
     for body in model.separated.moving:
         if body.elastic == name and body.operators is not None:
             return _displacements(model, body, body.operators, times, step.h)
@@ -74,8 +77,9 @@ def expected_states(
 
 def _temperatures(
     model: AssembledModel, heat: HeatBody, times: FloatArray, h: float
-) -> FloatArray:
-    """Estimated temperatures (n, M), K, at times (M,), s, for a run with steps of h, s."""
+) -> tuple[FloatArray, FloatArray]:
+    """Estimated temperatures (n, M), K, at times (M,), s, for a run with steps of h, s, and heat of
+    the loads before each of the later times (n, M - 1), W."""
     coarse = float(times[1] - times[0])
     steps = max(1, round(coarse / h)) if heat.tables else 1
     H = coarse / steps
@@ -85,13 +89,14 @@ def _temperatures(
     factor = BlockSolvers(model.solvers.of(heat.thermal)).factorize(
         heat.thermal, heat.conductivity + K + carried, data.places, "expected states")
     states = [model.x0[model.layout[heat.thermal]]]
-    constant = heat.constant + K @ states[0] - r
+    constant, loads = heat.constant + K @ states[0] - r, list[FloatArray]()
     fine = np.linspace(times[0], times[-1], steps * (len(times) - 1) + 1)
     for before, after in zip(fine[:-1], fine[1:], strict=True):
         q = constant + heat.loads @ _mean(heat.amplitudes, before, after)
         q = q + _moving(heat.tables, before, after, len(q))
+        loads.append(q)
         states.append(solve_or_fail(factor, np.asarray(carried @ states[-1] + q), heat.thermal))
-    return np.stack(states[::steps], axis=1)
+    return np.stack(states[::steps], axis=1), np.stack(loads[steps - 1::steps], axis=1)
 
 
 def _linearised(model: AssembledModel, heat: HeatBody) -> tuple[Csr, Csr, FloatArray]:
@@ -121,7 +126,7 @@ def _displacements(
     heat = next((h for h in model.separated.heat if h.thermal == thermal), None)
     thermal_forces = np.zeros((data.size, len(times)))
     if heat is not None and ops.coupling is not None:
-        thermal_forces = np.asarray(ops.coupling @ _temperatures(model, heat, times, h))
+        thermal_forces = np.asarray(ops.coupling @ _temperatures(model, heat, times, h)[0])
     forces = []
     for i, (before, after) in enumerate(zip(times[:-1], times[1:], strict=True), 1):
         f = ops.constant + ops.loads @ _mean(ops.amplitudes, before, after)
@@ -147,7 +152,8 @@ def _displacements(
         np.column_stack([x[:, unit] / size[unit],
                          v[:, moved] / np.maximum(inertial, h**2 * size)[moved]]),
         (*(f"the static response to {loads[i]}" for i in unit),
-         *(f"the impulse response to {loads[i]}" for i in moved)))
+         *(f"the impulse response to {loads[i]}" for i in moved)),
+        b[:, : len(forces)])
 
 
 def _mean(amplitudes: Sequence[Amplitude], before: float, after: float) -> FloatArray:
