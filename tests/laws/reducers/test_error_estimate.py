@@ -2,6 +2,7 @@
 
 import json
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 
 from reduced_runs import errors, estimates, learnt, model_of, states
 from small_scenes import everything, tiny
+from sparsemor import load_model, reduce
 from sparsemor.bodies.terms.weak_term import WeakTerm
 from sparsemor.core.analysis.charts.error_over_time import error_over_time_figure
 from sparsemor.core.analysis.compare import compare
@@ -211,6 +213,17 @@ def test_a_result_has_the_estimate_at_its_stored_steps() -> None:
         assert 0.0 < result.summary["error_estimate"][name] < np.inf
     assert "estimated_error" not in result.summary["note_kinds"]
     assert simulate(reduced_scene(tiny())).error_estimates == ()
+
+
+@pytest.mark.full
+def test_a_kept_run_with_other_loads_says_that_it_has_no_estimate(tmp_path: Path) -> None:
+    model = reduce(reduced_scene(tiny(), error_estimate=1))
+    other = {"loads.heating.flux": {"use": "constant", "level": 5e5}}
+    model.save(tmp_path / "bar.model")
+    own, changed, read = model.run(), model.run(other), load_model(tmp_path / "bar.model").run()
+    assert own.error_estimates and not changed.error_estimates and not read.error_estimates
+    assert [sum("error_estimate has no effect" in n for n in r.summary["notes"])
+            for r in (own, changed, read)] == [0, 1, 1]
 
 
 @pytest.mark.full
