@@ -68,6 +68,7 @@ if TYPE_CHECKING:
     from sparsemor.core.protocols import *
     from sparsemor.core.protocols.integrator import next_time as next_time
     from sparsemor.core.protocols.integrator import same_time as same_time
+    from sparsemor.core.protocols.integrator import second_difference as second_difference
     from sparsemor.core.protocols.integrator import step_formula as step_formula
     from sparsemor.core.protocols.load_tables import projected_tables as projected_tables
     from sparsemor.core.protocols.load_tables import total_load as total_load
@@ -85,6 +86,7 @@ if TYPE_CHECKING:
     from sparsemor.core.protocols.separable import evaluate_amplitudes as evaluate_amplitudes
     from sparsemor.core.protocols.sparse_solver import solver_refusal as solver_refusal
     from sparsemor.core.protocols.step_amplitude import jumps_of as jumps_of
+    from sparsemor.core.protocols.step_amplitude import present_step as present_step
     from sparsemor.core.protocols.step_solver import advanced as advanced
     from sparsemor.core.protocols.step_solver import resultant_sources as resultant_sources
     from sparsemor.core.protocols.step_solver import (
@@ -149,14 +151,14 @@ _HOMES = {
     "model.linearized_term": ("Linearized", "linearization"),
     "model.moving_loads": ("loaded_columns",),
     "notes": ("Note", "information"),
-    "protocols.integrator": ("next_time", "same_time", "step_formula"),
+    "protocols.integrator": ("next_time", "same_time", "second_difference", "step_formula"),
     "protocols.load_tables": ("projected_tables", "total_load", "total_load_along"),
     "protocols.poses": ("FREE_POSE", "PLANAR_POSE", "SPINNING_POSE", "points_in_space",
         "vectors_in_space"),
     "protocols.prescribed_quantities": ("derivative_from_right", "time_derivatives"),
     "protocols.separable": ("amplitudes_along", "evaluate_amplitudes"),
     "protocols.sparse_solver": ("solver_refusal",),
-    "protocols.step_amplitude": ("jumps_of",),
+    "protocols.step_amplitude": ("jumps_of", "present_step"),
     "protocols.step_solver": ("advanced", "resultant_sources", "unavailable_resultants"),
     "protocols.turning": ("steered", "tangent"),
     "registry.hooks": ("RunStart", "hookimpl"),

@@ -1,4 +1,4 @@
-"""Generalized-alpha method for index-3 multibody systems, with its variant for first-order
+"""Generalized-alpha method for index-3 multibody systems, and BDF2 for first-order
 equations."""
 
 from dataclasses import replace
@@ -32,23 +32,14 @@ class _Second(NamedTuple):
     beta: float
 
 
-class _First(NamedTuple):
-    """Parameters for first-order equations: Jansen, Whiting and Hulbert 2000, doi
-    10.1016/S0045-7825(00)00203-6."""
-
-    am: float
-    af: float
-    gamma: float
-
-
 class GeneralizedAlpha(Plugin):
     """Generalized-alpha method, second order, with spectral radius `rho_inf` at high frequency.
 
     With the algorithmic acceleration b (kept in memory) and the true acceleration a: q1 = q + h v +
     h^2 ((1/2 - beta) b + beta b1), v1 = v + h ((1 - gamma) b + gamma b1), (1 - am) b1 + am b = (1 -
-    af) a1 + af a. First-order unknowns such as temperatures have an algorithmic rate s instead of
-    b: T1 = T + h ((1 - gamma) s + gamma s1), (1 - am) s1 + am s = (1 - af) T1' + af T'. The
-    equations of motion are satisfied at the new time. Rates of algebraic unknowns are zero.
+    af) a1 + af a. The equations of motion are satisfied at the new time. First-order unknowns such
+    as temperatures have no waves to conserve, and follow BDF2, by which the heat content of a
+    material is conserved, too. Rates of algebraic unknowns are zero.
     """
 
     rho_inf: float = Field(default=0.8, ge=0.0, le=1.0)
@@ -72,15 +63,14 @@ class GeneralizedAlpha(Plugin):
             "forces matter", "undamped_forces"),)
 
     def start(self, layout: Layout, state: State) -> State:
-        """Initial state with memory (n, 1): algorithmic acceleration (or rate), initially equal to
-        the true one."""
+        """Initial state with memory (n, 1): algorithmic acceleration, initially equal to the true
+        one, and zero for first-order unknowns (bdf2.py)."""
         memory = np.zeros((state.x.size, 1))
         memory[layout.second, 0] = state.a[layout.second]
-        memory[layout.first, 0] = state.v[layout.first]
         return replace(state, memory=memory)
 
     def rules(self, h: float) -> UpdateRules:
-        """Update rules in x, v, a and b (or s), of a step of size h, s."""
+        """Update rules in x, v, a and the memory, of a step of size h, s."""
         am, af, gamma, beta = self._second()
         x, v, a, b = np.eye(4)
         b1, db = _blended(am, af, a, b)
@@ -88,12 +78,11 @@ class GeneralizedAlpha(Plugin):
             np.array([h * h * beta * db, h * gamma * db, 1.0, db]),
             np.array([x + h * v + h * h * ((0.5 - beta) * b + beta * b1),
                       v + h * ((1.0 - gamma) * b + gamma * b1), 0.0 * a, b1]))
-        am, af, gamma = self._first()
-        b1, db = _blended(am, af, v, b)
-        zero = np.zeros(4)
+        # BDF2; its memory is x_ less x0 - h v0, with x_ one step before x0
+        backward = (h * v - b) / 3.0
         first = UpdateRule(
-            np.array([h * gamma * db, 1.0, 0.0, db]),
-            np.array([x + h * ((1.0 - gamma) * b + gamma * b1), zero, zero, b1]))
+            np.array([2.0 * h / 3.0, 1.0, 0.0, h / 3.0]),
+            np.array([x + backward, 0.0 * v, 0.0 * a, -backward]))
         return UpdateRules(second, first)
 
     def _second(self) -> _Second:
@@ -101,11 +90,6 @@ class GeneralizedAlpha(Plugin):
         am, af = (2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0)
         gamma = 0.5 + af - am
         return _Second(am, af, gamma, 0.25 * (gamma + 0.5) ** 2)
-
-    def _first(self) -> _First:
-        rho = self.rho_inf
-        am, af = 1.0 - 0.5 * (3.0 - rho) / (1.0 + rho), 1.0 - 1.0 / (1.0 + rho)
-        return _First(am, af, 0.5 + af - am)
 
 
 def _blended(

@@ -13,7 +13,7 @@ derivatives. Heat that leaves the body counts positive.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple, Protocol, runtime_checkable
 
 from sparsemor.core import FloatArray, LawArrays, Quantity
@@ -24,19 +24,35 @@ class Variable:
     """One scalar of a field at a point.
 
     quantity: TEMPERATURE or DISPLACEMENT; component: 0 for temperature; axis: spatial derivative
-    with respect to this coordinate, None for the value; rate: time derivative.
+    with respect to this coordinate, None for the value; rate: time derivative; bend: second
+    difference of a first-order unknown over the last steps (`StepFormula`).
     """
 
     quantity: Quantity
     component: int = 0
     axis: int | None = None
     rate: bool = False
+    bend: bool = False
+
+    @property
+    def of_values(self) -> Variable:
+        """The variable whose rate or second difference this is."""
+        return replace(self, rate=False, bend=False)
+
+    @property
+    def kind(self) -> int:
+        """0 for a value, 1 for a rate, 2 for a second difference."""
+        return 2 if self.bend else int(self.rate)
 
 
 TEMPERATURE = Variable(Quantity.TEMPERATURE)
 """Temperature T, K."""
 TEMPERATURE_RATE = Variable(Quantity.TEMPERATURE, rate=True)
 """Rate of temperature, K/s."""
+
+
+TEMPERATURE_BEND = Variable(Quantity.TEMPERATURE, bend=True)
+"""Second difference of temperature, K/s^2."""
 
 
 def temperature_gradient(d: int) -> tuple[Variable, ...]:

@@ -35,7 +35,8 @@ def write_conduction(body: HasFields, equations: Equations, h: Heat) -> None:
     equations.matrix(block, block, A=h.conductivity[free][:, free], B=h.capacity[free][:, free])
     for law, cells in h.laws:
         stored = any(v.rate for v in law.reads)
-        write_law(body, equations, law, None, cells, at_nodes=stored and h.lumped)
+        write_law(body, equations, equations.over_steps(law), None, cells,
+                  at_nodes=stored and h.lumped)
     for nodes, function in h.prescribed:
         for matrix, f in ((h.conductivity, function.value), (h.capacity, function.rate)):
             equations.vector(block, -_row_sums(matrix[free][:, nodes]), f, "prescribed")

@@ -44,6 +44,48 @@ def curve_at(numbers: FloatArray, first: int, T: float) -> tuple[float, float]:
     return value, slope if inside == T else 0.0
 
 
+def integral_at(numbers: FloatArray, first: int, T: float) -> float:
+    """Integral over temperature up to T, K, of the property whose numbers begin at `first`; those
+    of a table are followed by the integrals up to its n temperatures (`with_integrals`)."""
+    n, at = int(numbers[first + 1]), first + 2
+    if numbers[first] == TABLE:
+        low, high = 0, n
+        while low < high:
+            middle = (low + high) // 2
+            if numbers[at + middle] < T:
+                low = middle + 1
+            else:
+                high = middle
+        start = at + n + low
+        z = T - numbers[start]
+        past: float = numbers[at + n + 3 * (n + 1) + low - 1] if low > 0 else 0.0
+        return float(past + z * (
+            numbers[start + n + 1] + 0.5 * numbers[start + 2 * (n + 1)] * z))
+    inside = min(max(T, numbers[at + 1]), numbers[at + 2])
+    if not T == T:
+        inside = T
+    z, low_z, value = inside - numbers[at], numbers[at + 1] - numbers[at], 0.0
+    whole, whole_low = 0.0, 0.0
+    for i in range(n - 1, -1, -1):
+        a = numbers[at + 3 + i]
+        value = a + value * z
+        whole = (a / (i + 1) + whole * z)
+        whole_low = (a / (i + 1) + whole_low * low_z)
+    return float(whole * z - whole_low * low_z + value * (T - inside))
+
+
+def with_integrals(numbers: FloatArray) -> FloatArray:
+    """Numbers of a property, those of a table with the integrals up to its temperatures."""
+    if numbers[0] != TABLE:
+        return numbers
+    n = int(numbers[1])
+    nodes, start = numbers[2 : 2 + n], 2 + n
+    values, slopes = (numbers[start + k * (n + 1) : start + (k + 1) * (n + 1)] for k in (1, 2))
+    z = np.diff(nodes)
+    return np.concatenate(
+        [numbers, [0.0], np.cumsum(z * (values[1:-1] + 0.5 * slopes[1:-1] * z))])
+
+
 def conduction(
     numbers: FloatArray, gains: FloatArray, z: FloatArray, x: FloatArray, y: FloatArray,
     slopes: FloatArray
@@ -64,15 +106,32 @@ def stored_heat(
     numbers: FloatArray, gains: FloatArray, z: FloatArray, x: FloatArray, y: FloatArray,
     slopes: FloatArray
 ) -> None:
-    """Stored heat rho (c(T) - c_0) T'; numbers: rho, c_0, c."""
-    rho = numbers[0]
+    """Heat storage by differences of heat content (material_laws.py); numbers: rho, c_0, number of
+    earlier values, h, c; gain: 1 in the first step."""
+    rho, c_0, earlier, h = numbers[0], numbers[1], int(numbers[2]), numbers[3]
     for n in range(z.shape[1]):
-        c, slope = curve_at(numbers, 2, z[0, n])
-        stored = rho * (c - numbers[1])
-        y[0, n] = stored * z[1, n]
+        T, rate = z[0, n], z[1, n]
+        c, slope = curve_at(numbers, 4, T)
+        if earlier == 0:
+            y[0, n] = rho * (c - c_0) * rate
+            if len(slopes):
+                slopes[0, n] = rho * slope * rate
+                slopes[1, n] = rho * (c - c_0)
+            continue
+        T_0 = T - h * rate + 0.5 * h * h * z[2, n]
+        now, past = integral_at(numbers, 4, T) - c_0 * T, integral_at(numbers, 4, T_0) - c_0 * T_0
+        change, gain = now - past, 1.0
+        if earlier == 2:
+            T_1 = 2.0 * T_0 - T + h * h * z[2, n]
+            gone = past - (integral_at(numbers, 4, T_1) - c_0 * T_1)
+            if gains[0] > 0.5:
+                gone = (curve_at(numbers, 4, T_0)[0] - c_0) * (T_0 - T_1)
+            change = 1.5 * change - 0.5 * gone
+            gain = 1.5
+        y[0, n] = rho * change / h
         if len(slopes):
-            slopes[0, n] = rho * slope * z[1, n]
-            slopes[1, n] = stored
+            slopes[0, n] = rho * (c - c_0) * gain / h
+            slopes[1, n] = 0.0
 
 
 def softening(

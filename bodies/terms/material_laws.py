@@ -3,16 +3,19 @@
 Conductivity, specific heat and elastic stress are split into their part with the properties at the
 reference temperature, which has constant matrices, and the rest, which is a pointwise law:
 
-    (k(T) - k_0) grad T . grad phi,     rho (c(T) - c_0) T' phi,
+    (k(T) - k_0) grad T . grad phi,     rho e' phi,     e = integral of c(T) - c_0 over T,
     [(E(T)/E_0 - 1) C_0 : eps - (beta(T) - beta_0) (T - T_ref) I] : grad v,
 
-where beta = E alpha / (1 - nu) in plane stress and E alpha / (1 - 2 nu) otherwise.
+where e' is the formula of the integrator's rate, applied to e in the place of T: differences of
+heat content are conserved in every step, also across a peak of c by latent heat, which c(T) T' at
+the end of a step is not. beta = E alpha / (1 - nu) in plane stress and E alpha / (1 - 2 nu)
+otherwise.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -20,6 +23,7 @@ import numpy as np
 from sparsemor.bodies.fem.elasticity import Law, Model, expansion_factor, law
 from sparsemor.bodies.fem.pointwise_law import (
     TEMPERATURE,
+    TEMPERATURE_BEND,
     TEMPERATURE_RATE,
     PointwiseLaw,
     Response,
@@ -33,13 +37,23 @@ from sparsemor.bodies.terms.law_functions import (
     conduction,
     curve_at,
     expansion,
+    integral_at,
     numbers_of,
     softening,
     softening_pairs,
     stored_heat,
+    with_integrals,
 )
 from sparsemor.bodies.terms.nonlinear_strains import NonlinearStrains
-from sparsemor.core import FloatArray, LawArrays, TemperatureProperty
+from sparsemor.core import (
+    FloatArray,
+    LawArrays,
+    Stepping,
+    TemperatureProperty,
+    present_step,
+)
+
+_POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(12)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,6 +67,18 @@ class Departure:
         """Values and derivatives at temperatures T, K."""
         values, slopes = self.of.at(T)
         return values - self.reference, slopes
+
+    def integral(self, T: FloatArray) -> FloatArray:
+        """Integral over temperature up to T, K, from any temperature."""
+        whole: Callable[[FloatArray], FloatArray] | None = getattr(self.of, "integral", None)
+        if whole is not None:
+            return whole(T) - self.reference * T
+        low, high = self.of.limits  # where the property has none, by Gauss points
+        inside = np.clip(T, low, high)
+        half = 0.5 * (inside - low)
+        points = low + half[..., None] * (1.0 + _POINTS)
+        return np.asarray(half * (self.of.at(points)[0] @ _WEIGHTS)
+                          + self.of.at(inside)[0] * (T - inside) - self.reference * T)
 
 
 def _arrays(
@@ -98,27 +124,67 @@ class Conduction:
         return _arrays(conduction, pairs, [self.k.reference], self.k.of)
 
 
+@dataclass(frozen=True, slots=True)
+class Start:
+    """1 in the first step of a run, of h, s, and 0 later."""
+
+    h: float
+
+    def __call__(self, t: float) -> float:
+        return float(t <= self.h * (1.0 + 1e-9))
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class StoredHeat:
-    """Heat storage rho (c(T) - c_0) T'."""
+    """Heat storage rho e', e = integral of c(T) - c_0 over T.
+
+    By the rate T' and the second difference T'' of the temperature (`StepFormula`) in a step of h,
+    the earlier temperatures are T_0 = T - h T' + h^2 T''/2 and T_1 = 2 T_0 - T + h^2 T'', and
+
+        e' = (e - e_0)/h  (BDF1),      e' = (3 e - 4 e_0 + e_1)/(2 h)  (BDF2)
+
+    earlier: number of earlier temperatures in the integrator's formula. For 0, another formula, and
+    where no step is being solved, as at the start of a run, e' = (c(T) - c_0) T'. In the first step
+    e_1 is e_0 less h times that, since T_1 was none of its temperatures. step: size of
+    compiled steps, s; others have that of the present step.
+    """
 
     rho: float
     c: Departure
-    reads: ClassVar[Sequence[Variable]] = (TEMPERATURE, TEMPERATURE_RATE)
+    earlier: int = 0
+    step: float = 0.0
+    reads: ClassVar[Sequence[Variable]] = (TEMPERATURE, TEMPERATURE_RATE, TEMPERATURE_BEND)
     tests: ClassVar[Sequence[Variable]] = (TEMPERATURE,)
 
     @property
     def degree(self) -> int:
         return self.c.of.degree + 2
 
+    def over_steps(self, stepping: Stepping) -> StoredHeat:
+        """The law by the formula of an integrator."""
+        return replace(self, earlier=stepping.differences, step=stepping.h)
+
     def __call__(self, z: Sequence[FloatArray], x: FloatArray, t: float) -> Response:
-        T, rate = z
+        T, rate, bend = z
         c, slope = self.c.at(T)
-        stored = self.rho * c
-        return Response([stored * rate], {(0, 0): self.rho * slope * rate, (0, 1): stored})
+        stored, h = self.rho * c, present_step()
+        if not self.earlier or not h:
+            return Response([stored * rate], {(0, 0): self.rho * slope * rate, (0, 1): stored})
+        T_0 = T - h * rate + 0.5 * h * h * bend
+        past = self.c.integral(T_0)
+        change, gain = self.c.integral(T) - past, 1.0
+        if self.earlier == 2:
+            T_1 = 2.0 * T_0 - T + h * h * bend
+            gone = self.c.at(T_0)[0] * (T_0 - T_1) if Start(h)(t) else past - self.c.integral(T_1)
+            change, gain = 1.5 * change - 0.5 * gone, 1.5
+        return Response([self.rho / h * change], {(0, 0): gain / h * stored})
 
     def arrays(self) -> LawArrays | None:
-        return _arrays(stored_heat, [(0, 0), (0, 1)], [self.rho, self.c.reference], self.c.of)
+        made = _arrays(stored_heat, [(0, 0), (0, 1)], [
+            self.rho, self.c.reference, float(self.earlier), self.step], self.c.of)
+        return None if made is None else replace(
+            made, amplitudes=(Start(self.step),), calls=(curve_at, integral_at),
+            numbers=np.concatenate([made.numbers[:4], with_integrals(made.numbers[4:])]))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -18,7 +18,28 @@ from typing import NamedTuple
 import numpy as np
 
 from sparsemor.bodies.fem.pointwise_law import HasLawArrays, PointwiseLaw, Response, Variable
-from sparsemor.core import FloatArray, PointArrays, TimeFunction
+from sparsemor.core import FloatArray, PointArrays, TimeFunction, present_step
+
+
+@dataclass(frozen=True, slots=True)
+class Bend:
+    """Second difference of a function of time over a step of h, s (`StepFormula`):
+    2 (f(t - h) - f(t) + h f'(t))/h^2."""
+
+    function: TimeFunction
+    h: float
+
+    def __call__(self, t: float) -> float:
+        f, h = self.function, self.h
+        return 2.0 * (f.value(t - h) - f.value(t) + h * f.rate(t)) / h**2 if h > 0.0 else 0.0
+
+
+def prescribed(function: TimeFunction, kind: int, t: float) -> float:
+    """Value (kind 0), rate (1) or second difference over the present step (2) of a prescribed
+    temperature."""
+    if kind == 2:
+        return Bend(function, present_step())(t)
+    return function.rate(t) if kind else function.value(t)
 
 
 class Projected(NamedTuple):
@@ -37,7 +58,7 @@ class PointTerm:
     law: pointwise law; weights (E, Q) of the points; coordinates (d, E, Q), m. P (p, k), offset
     (p,): the variables one after the other, those of `spans` (range in P, points per element).
     parts: (column (p,), function) of prescribed temperatures. reads: index in `spans` of each
-    variable that the law reads, and True for its rate. tests: L (l, E Q) for each y, with the
+    variable that the law reads, and its kind. tests: L (l, E Q) for each y, with the
     weights, or (l, E) where the test function's derivative is constant in each element.
     """
 
@@ -48,9 +69,9 @@ class PointTerm:
     offset: FloatArray
     parts: tuple[tuple[FloatArray, TimeFunction], ...]
     spans: tuple[tuple[slice, int], ...]
-    reads: tuple[tuple[int, bool], ...]
+    reads: tuple[tuple[int, int], ...]
     tests: tuple[FloatArray, ...]
-    rates: bool
+    kinds: frozenset[int]
     source: str = ""
 
     @classmethod
@@ -75,8 +96,7 @@ class PointTerm:
                     columns.append((column, function))
                 column[at] += effect.ravel()
         at_variable = {v: i for i, v in enumerate(variables)}
-        reads = tuple(
-            (at_variable[Variable(v.quantity, v.component, v.axis)], v.rate) for v in law.reads)
+        reads = tuple((at_variable[v.of_values], v.kind) for v in law.reads)
         Q = weights.shape[1]
         flat = tuple(np.ascontiguousarray(  # sizes by number: without atoms there is no row
             (L * weights if L.shape[2] == Q else L).reshape(len(L), L.shape[1] * L.shape[2]))
@@ -86,7 +106,7 @@ class PointTerm:
             np.concatenate([one.P.reshape(one.offset.size, k) for one in projections]),
             np.concatenate([one.offset.ravel() for one in projections]),
             tuple(columns), tuple(spans), reads, flat,
-            any(rate for _, rate in reads), source)
+            frozenset(kind for _, kind in reads), source)
 
     @property
     def elements(self) -> int:
@@ -102,38 +122,39 @@ class PointTerm:
             law, self.weights, self.coordinates.reshape(len(self.coordinates), -1), self.P,
             self.offset, np.array(effects).reshape(len(effects), len(self.P)).T,
             tuple(f.value for _, f in self.parts), tuple(f.rate for _, f in self.parts),
-            np.array([(self.spans[i][0].start, self.spans[i][1], rate) for i, rate in self.reads],
+            tuple(Bend(f, getattr(self.law, "step", 0.0)) for _, f in self.parts),
+            np.array([(self.spans[i][0].start, self.spans[i][1], kind) for i, kind in self.reads],
                      dtype=np.int64), self.tests)
 
     def residual(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray:
-        return self._rows(self._response(x, v, t))
+        return self._rows(self._response(x, v, a, t))
 
     def jacobian(
         self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
     ) -> FloatArray:
-        return self._slopes(self._response(x, v, t), c1)
+        return self._slopes(self._response(x, v, a, t), c1)
 
     def linearized(
         self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Residual and Jacobian with one evaluation of the law."""
-        response = self._response(x, v, t)
+        response = self._response(x, v, a, t)
         return self._rows(response), self._slopes(response, c1)
 
-    def _response(self, x: FloatArray, v: FloatArray, t: float) -> Response:
-        z = self.P.dot(x)
-        z += self.offset
-        for column, f in self.parts:
-            z += f.value(t) * column
-        w = z
-        if self.rates:
-            w = self.P.dot(v)
-            for column, f in self.parts:
-                w += f.rate(t) * column
+    def _response(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> Response:
+        by_kind = {}
+        for kind, unknowns in enumerate((x, v, a)):
+            if kind in self.kinds:
+                z = self.P.dot(unknowns)
+                if kind == 0:
+                    z += self.offset
+                for column, f in self.parts:
+                    z += prescribed(f, kind, t) * column
+                by_kind[kind] = z
         values = []
-        for i, rate in self.reads:
+        for i, kind in self.reads:
             at, width = self.spans[i]
-            values.append((w if rate else z)[at].reshape(-1, width))
+            values.append(by_kind[kind][at].reshape(-1, width))
         return self.law(values, self.coordinates, t)
 
     def _rows(self, response: Response) -> FloatArray:
@@ -155,7 +176,8 @@ class PointTerm:
         sums: list[FloatArray | None] = [None, None]
         begun = set()
         for (i, j), derivative in response.derivatives.items():
-            L, (variable, rate) = self.tests[i], self.reads[j]
+            L, (variable, kind) = self.tests[i], self.reads[j]
+            rate = kind == 1
             at, width = self.spans[variable]
             D = np.asarray(derivative)
             if L.shape[1] == E * Q and width == Q:

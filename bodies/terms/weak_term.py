@@ -18,7 +18,7 @@ from scipy.sparse import csr_array
 
 from sparsemor.bodies.fem.pointwise_law import PointwiseLaw, Response, Variable
 from sparsemor.bodies.fem.quadrature import ShapeFunctions
-from sparsemor.bodies.terms.point_term import PointTerm, Projected
+from sparsemor.bodies.terms.point_term import PointTerm, Projected, prescribed
 from sparsemor.core import Csr, FloatArray, IntArray, Quantity, TimeFunction, Trial
 
 
@@ -47,11 +47,12 @@ class NodalField:
                 found[at, 0] = f.value(t)
         return found
 
-    def rates(self, v: FloatArray, t: float) -> FloatArray:
-        """Rates (N, m) of the nodal values for rates v (n,) at the columns."""
+    def rates(self, v: FloatArray, t: float, kind: int = 1) -> FloatArray:
+        """Rates (N, m) of the nodal values for rates v (n,) at the columns; kind 2: second
+        differences."""
         found = self.nodal(v, None)
         for at, f in self.prescribed:
-            found[at, 0] = f.rate(t)
+            found[at, 0] = prescribed(f, kind, t)
         return found
 
     def part(self, elements: IntArray) -> tuple[NodalField, IntArray]:
@@ -91,7 +92,7 @@ class WeakTerm:
     @property
     def point_values(self) -> int:
         """Numbers per atom that the projection holds: variables and test functions at points."""
-        variables = {replace(v, rate=False) for v in self.law.reads}
+        variables = {v.of_values for v in self.law.reads}
         widths = [self.fields[v.quantity].shape.along(v.axis).shape[2]
                   for v in (*variables, *self.law.tests)]
         return self.elements * int(sum(widths))
@@ -104,25 +105,27 @@ class WeakTerm:
     # ------------------------------------------------------------------ evaluation
 
     def residual(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray:
-        loads, at = self._loads(x, v, t), self.row_of[self.tested.shape.nodes]
+        loads, at = self._loads(x, v, a, t), self.row_of[self.tested.shape.nodes]
         kept = at >= 0
         return np.bincount(at[kept], loads[kept], minlength=len(self.rows)).astype(np.float64)
 
-    def _response(self, x: FloatArray, v: FloatArray, t: float) -> Response:
-        nodal: dict[tuple[Quantity, bool], FloatArray] = {}
+    def _response(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> Response:
+        nodal: dict[tuple[Quantity, int], FloatArray] = {}
         z = []
         for variable in self.law.reads:
-            field, key = self.fields[variable.quantity], (variable.quantity, variable.rate)
+            kind = variable.kind
+            field, key = self.fields[variable.quantity], (variable.quantity, kind)
             if key not in nodal:
-                nodal[key] = field.rates(v, t) if variable.rate else field.nodal(x, t)
+                nodal[key] = field.nodal(x, t) if kind == 0 else (
+                    field.rates(v if kind == 1 else a, t, kind))
             z.append(interpolated(field.shape, nodal[key][:, variable.component], variable.axis))
         return self.law(z, self.coordinates, t)
 
-    def _loads(self, x: FloatArray, v: FloatArray, t: float) -> FloatArray:
+    def _loads(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray:
         """(E, n, components) contribution of each element to its nodes."""
         shape = self.tested.shape
         loads = np.zeros((*shape.nodes.shape, self.row_of.shape[1]))
-        response = self._response(x, v, t)
+        response = self._response(x, v, a, t)
         for test, y in zip(self.law.tests, response.y, strict=True):
             loads[:, :, test.component] += tested(shape, y, self.weights, test.axis)
         return loads
@@ -131,7 +134,7 @@ class WeakTerm:
         self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
     ) -> Csr:
         data, i, j = [np.zeros(0)], [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
-        for test, variable, local in self._local_matrices(self._response(x, v, t)):
+        for test, variable, local in self._local_matrices(self._response(x, v, a, t)):
             field = self.fields[variable.quantity]
             rows = self.row_of[self.tested.shape.nodes, test][:, :, None]
             columns = field.column_of[field.shape.nodes, variable.component][:, None, :]
@@ -214,7 +217,7 @@ class WeakTerm:
         seen = seen.reshape(*seen.shape[:2], prod(seen.shape[2:]))
         found = np.zeros((len(at), len(left), len(t)))
         for i, time in enumerate(t.tolist()):
-            loads = here._loads(x[there, i], v[there, i], time)
+            loads = here._loads(x[there, i], v[there, i], 0.0 * v[there, i], time)
             found[:, :, i] = np.einsum("lfi,fi->fl", seen, loads.reshape(len(at), seen.shape[2]))
         return found
 
@@ -228,7 +231,7 @@ class WeakTerm:
     def _projected(self, trial: Trial, left: FloatArray) -> PointTerm:
         padded = np.concatenate([trial.atoms, np.zeros((1, trial.atoms.shape[1]))])
         reads, projections = [], []
-        for variable in dict.fromkeys(replace(v, rate=False) for v in self.law.reads):
+        for variable in dict.fromkeys(v.of_values for v in self.law.reads):
             field = self.fields[variable.quantity]
             axis, nodes = variable.axis, field.shape.nodes
             columns = field.column_of[:, variable.component]

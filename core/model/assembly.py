@@ -41,7 +41,7 @@ from sparsemor.core.protocols.capabilities import BUILT
 from sparsemor.core.protocols.contributions import Equations, Origin, Records
 from sparsemor.core.protocols.layout import Layout
 from sparsemor.core.protocols.prescribed_motion import FrameHistory
-from sparsemor.core.protocols.step_amplitude import Stepping, delay
+from sparsemor.core.protocols.step_amplitude import Stepping
 from sparsemor.core.registry.boundary import guard
 from sparsemor.core.registry.plugin import Plugin
 from sparsemor.core.registry.returned_values import complete
@@ -106,7 +106,7 @@ def _assembled(scene: Scene, prescribed: PrescribedQuantities, body_cache: BodyC
 
 def _stepping(scene: Scene) -> Stepping:
     """Steps of a run, over which loads are averaged."""
-    return Stepping(scene.time.step, delay(scene.integrator))
+    return Stepping.of(scene.integrator, scene.time.step)
 
 
 def _build(

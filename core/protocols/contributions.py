@@ -178,6 +178,11 @@ class Equations:
         self.layout, self.origin, self._records = layout, origin, records
         self._stepping = stepping
 
+    @property
+    def stepping(self) -> Stepping | None:
+        """Steps of the run, None where they are not known."""
+        return self._stepping
+
     def over_steps(self, part: T) -> T:
         """A law, an item of a frame or an amplitude, with the mean values of its functions of time
         in the steps of the run (`Stepping`)."""

@@ -74,6 +74,10 @@ class StepFormula:
     free, free_rate (n,). Equivalent are v = c1 x + r1 and a = c2 x + r2 (Eq. 24 of the paper for
     BDF1), but where c2 = 1/(beta h^2) is large they lose digits: x of size 1 is rounded to 1e-16,
     c2 x to 1e-16 c2.
+
+    h: size of the step, s; before (n,): unknowns x0 at its start. With them a of first-order
+    unknowns is 2 (x0 - x + h v)/h^2: zero where v = (x - x0)/h, and the second difference of the
+    last three values where v is the formula of BDF2.
     """
 
     t: float
@@ -83,6 +87,14 @@ class StepFormula:
     layout: Layout
     free: FloatArray
     free_rate: FloatArray
+    h: float = 0.0
+    before: FloatArray | None = None
+
+    @property
+    def c2_first(self) -> float:
+        """da/dx of first-order unknowns, whose a is the second difference of `at`."""
+        excess = round(self.h * self.c1_first - 1.0, 12)
+        return 2.0 * excess / self.h**2 if self.h > 0.0 else 0.0
 
     def steer(self, d: FloatArray) -> FloatArray:
         """A guess d (n,) of the departure, with quaternions near their free motion, in place."""
@@ -121,7 +133,10 @@ class StepFormula:
         v[second] += self.c1 * d[second]
         np.multiply(d[second], self.c2, out=a[second])
         np.multiply(d[first], self.c1_first, out=v[first])
-        return self.free + d, v, a
+        x = self.free + d
+        if self.before is not None and first.stop > first.start:
+            a[first] = second_difference(self.before[first], x[first], v[first], self.h)
+        return x, v, a
 
     def departure(self, x: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
         """Departure d (n,) from the free motion of a state x with rates v, a, to the digits of the
@@ -129,6 +144,13 @@ class StepFormula:
         second, first, d = self.layout.second, self.layout.first, x.copy()
         d[second], d[first] = a[second] / self.c2, v[first] / self.c1_first
         return d
+
+
+def second_difference(x0: FloatArray, x: FloatArray, v: FloatArray, h: float) -> FloatArray:
+    """2 (x0 - x + h v)/h^2, zero within the round-off of its terms."""
+    found = (x0 - x) + h * v
+    found[np.abs(found) <= ROUNDING * np.finfo(np.float64).eps * np.abs(x)] = 0.0
+    return 2.0 * found / h**2
 
 
 ROUNDING = 16.0
@@ -152,6 +174,22 @@ def next_time(t: float, h: float) -> float:
     return whole if abs(whole - end) <= same_time(end) else end
 
 
+def differences(integrator: "Integrator") -> int:
+    """Number of earlier values whose differences give the rate of first-order unknowns: 1 for
+    (x - x0)/h, 2 for (3 x - 4 x0 + x_)/(2 h), 0 for another formula."""
+    rule, z, past = integrator.rules(1.0).first, None, [0.0, 0.0, 0.0]
+    fits = {1, 2}
+    for n, x in enumerate((0.0, 0.3, -1.1, 0.7, 2.0, -0.4)):
+        past = [x, *past[:2]]
+        z = np.zeros(len(rule.new)) if z is None else z
+        q = (x - float(rule.old[0] @ z)) / float(rule.new[0])
+        z = rule.new * q + rule.old @ z
+        if n > 1:
+            rates = {1: past[0] - past[1], 2: 1.5 * past[0] - 2.0 * past[1] + 0.5 * past[2]}
+            fits = {k for k in fits if abs(rates[k] - q) <= 1e-9}
+    return min(fits, default=0)
+
+
 def step_formula(rules: UpdateRules, layout: Layout, state: State, h: float) -> StepFormula:
     """Formula of the step of size h (s) from a state."""
     parts: list[FloatArray | None] = [state.x, state.v, state.a, *state.memory.T, None]
@@ -161,7 +199,7 @@ def step_formula(rules: UpdateRules, layout: Layout, state: State, h: float) -> 
             _add(rule.terms[0], parts, at, free)
             _add(rule.terms[1], parts, at, rate)
     free.flags.writeable = rate.flags.writeable = False
-    return StepFormula(next_time(state.t, h), *rules.factors, layout, free, rate)
+    return StepFormula(next_time(state.t, h), *rules.factors, layout, free, rate, h, state.x)
 
 
 def new_state(
@@ -173,8 +211,9 @@ def new_state(
     states, whose quaternions have no length of 1."""
     memory = np.zeros((len(x), state.memory.shape[1]))
     old = state.x, state.v, state.a, *state.memory.T
-    if layout.first.stop > layout.first.start and rules.first.terms[2]:
+    if layout.first.stop > layout.first.start:
         a = a.copy()
+        a[layout.first] = 0.0
         _add(rules.first.terms[2], (*old, v), layout.first, a)
     for j in range(memory.shape[1]):
         _add(rules.second.terms[3 + j], (*old, a), layout.second, memory[:, j])
@@ -208,7 +247,7 @@ def settled(
 
     past = integrator.start(layout, State(state.t, *at(-SETTLED * h), state.memory))
     for n in range(1 - SETTLED, 1):
-        past = new_state(rules, layout, past, state.t, *at(n * h))
+        past = new_state(rules, layout, past, state.t, *at(n * h), linear=True)
     return replace(state, memory=past.memory)
 
 

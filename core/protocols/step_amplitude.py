@@ -7,14 +7,15 @@ therefore declares its jumps: by a method
     jumps(start, end) -> increasing times in [start, end] at which its value or slope jumps,
                          or None if it never does
 
-which any function may have. The load of step n, from t0 to t1 = t0 + h, is then
+which any function may have. With the mean m_n of f over step n, the load of that step is then
 
-    g_n = (1/h) integral of f over the step + theta (f(t1) - f(t0)),
+    g_n = (1 + theta) m_n - theta m_(n-1),      m_0 = f(0).
 
-with the limits from the left at both ends. theta is the delay of the integrator: a constant force
-that begins to act gives h (n - theta) times its acceleration after n steps, so that theta is 0 for
-implicit Euler and 1/2 for every method of second order. The g_n add up to the exact integral, and
-where f is smooth g_n is f(t1) to second order (first order for theta = 0).
+theta is the delay of the integrator: a constant force that begins to act gives h (n - theta) times
+its acceleration after n steps, so that theta is 0 for implicit Euler and 1/2 for every method of
+second order. The h g_n add up to the exact integral; for BDF2 g_n is its own rate of that integral,
+which is therefore exact at the end of every step. Where f is smooth g_n is f at the end of the step
+to second order (first order for theta = 0).
 """
 
 from collections.abc import Iterator, Sequence
@@ -30,6 +31,7 @@ from sparsemor.core.protocols.integrator import (
     HasCurvature,
     Integrator,
     TimeFunction,
+    differences,
     same_time,
 )
 from sparsemor.core.protocols.separable import Amplitude
@@ -75,6 +77,16 @@ def delay(integrator: Integrator) -> float:
     return round(_STEPS - 0.5 - 0.5 * (last + float(z[0])), 9)
 
 
+def _mean(function: TimeFunction, start: float, end: float, jumps: Sequence[float]) -> float:
+    """Mean value between start and end, s, by Gauss points between the jumps."""
+    near = same_time(end)
+    edges = [start, *(s for s in jumps if start + near < s < end - near), end]
+    return sum(
+        0.5 * (b - a) * sum(w * function.value(0.5 * (a + b) + 0.5 * (b - a) * x)
+                            for x, w in zip(_POINTS, _WEIGHTS, strict=True))
+        for a, b in zip(edges, edges[1:], strict=False)) / (end - start)
+
+
 @dataclass(frozen=True, slots=True)
 class Substep:
     """Step of size h, s, that is not one of the steps of the run. begins: True where its history is
@@ -99,12 +111,24 @@ def substep(of: Substep) -> Iterator[None]:
         _SUBSTEP.reset(token)
 
 
+def present_step() -> float:
+    """Size of the step that is being solved, s; 0 where none is, as at the start of a run."""
+    own = _SUBSTEP.get()
+    return 0.0 if own is None else own.h
+
+
 @dataclass(frozen=True, slots=True)
 class Stepping:
-    """Steps of a run: size h, s, and delay theta of its integrator."""
+    """Steps of a run: size h, s, delay theta of its integrator, and number of earlier values in its
+    rate of first-order unknowns (`differences`)."""
 
     h: float
     theta: float
+    differences: int = 0
+
+    @classmethod
+    def of(cls, integrator: Integrator, h: float) -> "Stepping":
+        return cls(h, delay(integrator), differences(integrator))
 
     def over(self, amplitude: T) -> T | Amplitude:
         """Amplitude of a load over these steps: of the values of a function of time, and of those
@@ -113,6 +137,10 @@ class Stepping:
             f, name = amplitude.__self__, amplitude.__name__
             return StepAmplitude(f, self.h, self.theta) if (
                 name == "value" and isinstance(f, TimeFunction)) else amplitude
+        own_way = getattr(amplitude, "over_steps", None)
+        if own_way is not None and not isinstance(amplitude, type):
+            by_law: T = own_way(self)
+            return by_law
         if isinstance(amplitude, StepAmplitude | type) or not is_dataclass(amplitude):
             return amplitude
         own: Any = amplitude
@@ -136,24 +164,24 @@ class StepAmplitude:
 
     def __call__(self, t: float) -> float:
         f, near, own = self.function, same_time(t), _SUBSTEP.get()
-        h = min(self.h if own is None else own.h, t)
-        start = t - h if t - h > near else 0.0
-        jumps = jumps_of(f, start - near, t + near) if h > near else None
         if own is not None and own.after is not None:
             return after(f, t + own.after)
-        if jumps is None or (self.theta > 0.0 and not len(jumps)):
+        h = min(self.h if own is None else own.h, t)
+        start = t - h if t - h > near else 0.0
+        earlier = max(start - h, 0.0) if self.theta else start
+        jumps = jumps_of(f, earlier - near, t + near) if h > near else None
+        if jumps is None or (self.theta and not len(jumps)):
             return f.value(t)
-        edges = [start, *(s for s in jumps if start + near < s < t - near), t]
-        mean = sum(
-            0.5 * (b - a) * sum(
-                w * f.value(0.5 * (a + b) + 0.5 * (b - a) * x)
-                for x, w in zip(_POINTS, _WEIGHTS, strict=True))
-            for a, b in zip(edges, edges[1:], strict=False)) / h
-        if self.theta == 0.0:
+        mean = _mean(f, start, t, jumps)
+        if not self.theta:
             return mean
-        begins = start == 0.0 or (own is not None and own.begins)
-        first = after(f, start) if begins else before(f, start, jumps)
-        return mean + self.theta * (before(f, t, jumps) - first)
+        if start == 0.0:
+            past = f.value(0.0)
+        elif own is not None and own.begins:
+            past = after(f, start) - 0.5 * h * f.rate(start + 4.0 * same_time(start))
+        else:
+            past = _mean(f, earlier, start, jumps)
+        return (1.0 + self.theta) * mean - self.theta * past
 
     def derivatives(self, t: float, h: float) -> tuple[float, float]:
         """Derivatives of the function from the right (`Differentiable`)."""

@@ -211,9 +211,10 @@ class PointArrays:
     """Projected term L y(P xi + o(t)) of a law at E elements of Q points.
 
     weights (E, Q); coordinates (d, E Q), m; P (p, k), offset (p,): variables one after the other;
-    effects (p, f): columns times functions of time `values`, with derivatives `rates`, that add to
-    o. reads (c, 3): of each variable of the law its first row in P, its number of values per
-    element, Q, or 1 if constant there, and 1 for its rate. tests: L (l, E Q) for each y, with the
+    effects (p, f): columns times functions of time `values`, with derivatives `rates` and second
+    differences `bends` (`StepFormula`), that add to o. reads (c, 3): of each variable of the law
+    its first row in P, its number of values per element, Q, or 1 if constant there, and 1 for its
+    rate or 2 for its second difference. tests: L (l, E Q) for each y, with the
     weights, or (l, E) without.
     """
 
@@ -225,6 +226,7 @@ class PointArrays:
     effects: FloatArray
     values: tuple[Callable[[float], float], ...]
     rates: tuple[Callable[[float], float], ...]
+    bends: tuple[Callable[[float], float], ...]
     reads: IntArray
     tests: tuple[FloatArray, ...]
 

@@ -21,6 +21,7 @@ from sparsemor.core.protocols import (
     UpdateRules,
 )
 from sparsemor.core.protocols.integrator import step_formula
+from sparsemor.core.protocols.step_amplitude import Substep, substep
 from sparsemor.core.protocols.step_solver import advanced
 from sparsemor.core.status import SolveFailed, Status
 
@@ -60,7 +61,8 @@ class FixedStep(Generic[M]):
     def __call__(self, state: State, memory: M) -> tuple[StepOutcome, State, M]:
         layout = self.solver.layout
         formula = step_formula(self.rules, layout, state, self.h)
-        outcome, memory = self.solver.solve(formula, memory)
+        with substep(Substep(self.h)):
+            outcome, memory = self.solver.solve(formula, memory)
         if outcome.status.ok:
             state = advanced(self.rules, layout, state, formula, outcome)
         return outcome, state, memory

@@ -6,6 +6,7 @@ import numpy as np
 
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.protocols import HasPointArrays, PointArrays, Term, Trial
+from sparsemor.core.protocols.step_amplitude import Substep, substep
 from sparsemor.core.testing.random_inputs import law
 
 
@@ -151,6 +152,14 @@ def _compressed(
     law(same, "compress: the Jacobian differs from left @ jacobian @ atoms")
     made = reduced.arrays() if isinstance(reduced, HasPointArrays) else None
     if made is not None:
+        # arrays are those of steps of the size that the law was made for
+        h = float(getattr(getattr(reduced, "law", None), "step", 0.0))
+        if h:
+            with substep(Substep(h)):
+                got = reduced.residual(xi, xi1, 0.0 * xi1, t)
+                slope = reduced.jacobian(xi, xi1, 0.0 * xi1, t, c1, c2)
+            size = size + np.abs(got)
+            terms = np.abs(slope) if terms.shape != slope.shape else terms + np.abs(slope)
         r_too, J_too = _by_arrays(made, xi, xi1, t, c1)
         law(_close(r_too, got, size), "the law on arrays differs from its residual")
         law(_close(J_too, slope, terms), "the law on arrays differs from its Jacobian")
@@ -165,7 +174,8 @@ def _by_arrays(
     w = a.P @ v + a.effects @ np.array([f(t) for f in a.rates])
     at = [start + (np.arange(E * Q) if width == Q else np.repeat(np.arange(E), Q))
           for start, width, _ in a.reads.tolist()]
-    values = np.array([(w if rate else z)[i] for i, rate in zip(at, a.reads[:, 2], strict=True)])
+    u = a.effects @ np.array([f(t) for f in a.bends])
+    values = np.array([(z, w, u)[kind][i] for i, kind in zip(at, a.reads[:, 2], strict=True)])
     y, slopes = np.zeros((len(a.tests), E * Q)), np.zeros((len(a.law.pairs), E * Q))
     gains = np.array([f(t) for f in a.law.amplitudes])
     a.law.function(a.law.numbers, gains, values, a.coordinates, y, slopes)
@@ -173,7 +183,7 @@ def _by_arrays(
     r = sum(L @ flux for L, flux in zip(tests, y, strict=True))
     J = np.zeros((len(tests[0]), len(x)))
     for (i, j), slope in zip(a.law.pairs.tolist(), slopes, strict=True):
-        J += (tests[i] * slope) @ a.P[at[j]] * (c1 if a.reads[j, 2] else 1.0)
+        J += (tests[i] * slope) @ a.P[at[j]] * (c1 if a.reads[j, 2] == 1 else 1.0)
     return np.asarray(r), J
 
 

@@ -19,6 +19,7 @@ from sparsemor.core import (
     StepFormula,
     Table,
     evaluate_amplitudes,
+    second_difference,
     total_load,
 )
 from sparsemor.reducers.linalg.active_columns import ActiveColumns
@@ -104,8 +105,12 @@ class ThermalRows:
         r = self.rows.times(np.concatenate((r1, loads, ONE, c)))
         if self.tables:
             r -= total_load(self.tables, t)
-        for term in self.local:
-            r += term.residual(c, self.c1 * c + r1, np.zeros(len(c)), t)
+        if self.local:
+            v = self.c1 * c + r1
+            bend = np.zeros(len(c)) if step.before is None else (
+                second_difference(step.before[self.at], c, v, step.h))
+            for term in self.local:
+                r += term.residual(c, v, bend, t)
         return r
 
 

@@ -96,7 +96,8 @@ class JointSelection:
         found: dict[str, BoolArray] = {}
         for name, at in base.hot:
             if name not in self.steps.heat:
-                now.heat(at, None, base.heat[name].solve(x[at], now.v[at], step.t).d)
+                now.heat(at, None, base.heat[name].solve(
+                    x[at], now.v[at], now.a[at], step.t, step.c2_first).d)
                 continue
             support = self._first(name, memory)
             out = self._solved(

@@ -49,7 +49,7 @@ class Memory(RunMemory):
 
     full_newton_steps: number of steps solved by Newton's method with the exact Jacobian;
     full_newton_next: number of coming steps that use it from the beginning; linear: block ->
-    iterations of its linear solver; linearized: thermal block -> [T, T', t] at which its kept
+    iterations of its linear solver; linearized: thermal block -> [T, T', T'', t] at which its kept
     Jacobian was evaluated (`HeatJacobian`).
     """
 

@@ -201,7 +201,7 @@ class Stepper:
             if far:  # below 0 K radiation has a second solution
                 now.heat(at, None, last - now.x[at])
         d, status, n, linear, detail, remaining, jacobian = block.solve(
-            now.x[at], now.v[at], now.step.t, memory.jacobian(name))
+            now.x[at], now.v[at], now.a[at], now.step.t, now.step.c2_first, memory.jacobian(name))
         now.remaining = max(now.remaining, remaining)
         if linear:
             memory.counted(name, linear)

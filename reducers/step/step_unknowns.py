@@ -55,6 +55,7 @@ class StepUnknowns:
         self.d[at] += d
         self.x[at] += d
         self.v[at] += self.step.c1_first * d
+        self.a[at] += self.step.c2_first * d
 
     def cool(self, at: slice, active: IntArray | None) -> None:
         """Sets the inactive coefficients of a thermal block to zero."""

@@ -7,7 +7,7 @@ with the factorized constant part, or by Newton's method where that contracts po
 Newton's method with a Jacobian that is kept over several steps.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol
 
@@ -46,15 +46,17 @@ RENEWED = 0.03
 SLOW = 0.1
 """Ratio of consecutive changes from which the iteration goes on with a new Jacobian."""
 
+UNDAMPED = 8
+"""Number of Newton iterations after which a step that does not lower the residual is shortened."""
 START_ITERATIONS = 5
 """Largest number of Newton iterations for consistent initial rates, which capacities enter
 linearly."""
 
 
 class HeatJacobian(NamedTuple):
-    """Jacobian of a reduced thermal block at temperatures T with rates T' at t, s. at (2 k + 1,):
-    [T, T', t]; of: the block; factors: LU factors, row exchanges and LAPACK's status, None where
-    they are to be computed from `at`."""
+    """Jacobian of a reduced thermal block at temperatures T with rates T' and second differences
+    T'' at t, s. at (3 k + 1,): [T, T', T'', t]; of: the block; factors: LU factors, row exchanges
+    and LAPACK's status, None where they are to be computed from `at`."""
 
     at: FloatArray
     of: "CompressedHeat | None" = None
@@ -76,6 +78,19 @@ class HeatOutcome(NamedTuple):
     jacobian: HeatJacobian | None = None
 
 
+def shortened(
+    residual: Callable[[FloatArray], FloatArray], d: FloatArray, new: FloatArray
+) -> FloatArray:
+    """The Newton step from d to `new`, halved until it lowers the norm of the residual: where the
+    capacity jumps, as at the ends of a melting range, whole steps may alternate for ever."""
+    size, step = np.linalg.norm(residual(d)), new - d
+    for _ in range(20):
+        if not np.linalg.norm(residual(d + step)) >= size:
+            break
+        step = 0.5 * step
+    return np.asarray(d + step)
+
+
 class HeatBlock(Protocol):
     @property
     def active(self) -> IntArray | None: ...
@@ -85,10 +100,12 @@ class HeatBlock(Protocol):
         ...
 
     def solve(
-        self, T: FloatArray, rate: FloatArray, t: float, kept: HeatJacobian | None = None
+        self, T: FloatArray, rate: FloatArray, bend: FloatArray, t: float, c2: float,
+        kept: HeatJacobian | None = None,
     ) -> HeatOutcome:
-        """Increments of the temperatures from a prediction T (k,) with its rate, at t, s; kept: the
-        Jacobian that the step before left."""
+        """Increments of the temperatures from a prediction T (k,) with its rate and its second
+        difference `bend`, which grows by c2 d (`StepFormula`), at t, s; kept: the Jacobian that the
+        step before left."""
         ...
     def start_rates(self, x: FloatArray, v: FloatArray, t: float) -> FloatArray:
         """Rates at the unknowns x that satisfy the equations of the block at t, s; v: a guess."""
@@ -125,23 +142,26 @@ class FullHeat:
         return v
 
     def solve(
-        self, T: FloatArray, rate: FloatArray, t: float, kept: HeatJacobian | None = None
+        self, T: FloatArray, rate: FloatArray, bend: FloatArray, t: float, c2: float,
+        kept: HeatJacobian | None = None,
     ) -> HeatOutcome:
         heat = self.heat
         b = plus_loads(
             heat.constant - heat.capacity @ rate - heat.conductivity @ T, heat, t)
         if not self.local:
             return self._linear(b, np.zeros(len(T)), T)
-        d, last, exact, linear = np.zeros(len(T)), np.inf, False, 0
+        d, last, exact, linear, tries = np.zeros(len(T)), np.inf, False, 0, 0
         for i in range(1, self.max_iterations + 1):
-            now, rates = T + d, rate + self.c1 * d
+            now, rates, bends = T + d, rate + self.c1 * d, bend + c2 * d
             if exact:
-                turned = self._newton(b, d, now, rates, t)
+                turned = self._newton(b, d, now, rates, bends, t)
                 if isinstance(turned, Status):
                     return HeatOutcome(d, turned, i, linear)
-                new = turned
+                new, tries = turned, tries + 1
+                if tries > UNDAMPED:  # a jump of the capacity makes it alternate
+                    new = shortened(lambda e: self._residual(b, e, T, rate, bend, t, c2), d, new)
             else:
-                one = self._linear(b - self._local(now, rates, t), d, T)
+                one = self._linear(b - self._local(now, rates, bends, t), d, T)
                 new, linear = one.d, linear + one.linear
                 if not one.status.ok:
                     return HeatOutcome(d, one.status, i, linear, one.detail)
@@ -170,26 +190,39 @@ class FullHeat:
             self.factor, found.residual, found.iterations)
         return HeatOutcome(found.x - T, found.status, 1, found.iterations, detail)
 
-    def _local(self, T: FloatArray, rate: FloatArray, t: float) -> FloatArray:
-        """Local terms (n,) at temperatures T with their rate."""
+    def _local(
+        self, T: FloatArray, rate: FloatArray, bend: FloatArray, t: float
+    ) -> FloatArray:
+        """Local terms (n,) at temperatures T with their rate and second difference."""
         r = np.zeros(len(T))
         for at in self.local:
-            x = T[at.columns]
-            r[at.rows] += at.term.residual(x, rate[at.columns], np.zeros(len(x)), t)
+            j = at.columns
+            r[at.rows] += at.term.residual(T[j], rate[j], bend[j], t)
         return r
 
+    def _residual(
+        self, b: FloatArray, d: FloatArray, T: FloatArray, rate: FloatArray, bend: FloatArray,
+        t: float, c2: float,
+    ) -> FloatArray:
+        """Residual (n,) at the increments d from a prediction."""
+        heat, c1 = self.heat, self.c1
+        return np.asarray(c1 * (heat.capacity @ d) + heat.conductivity @ d - b + self._local(
+            T + d, rate + c1 * d, bend + c2 * d, t))
+
     def _newton(
-        self, b: FloatArray, d: FloatArray, T: FloatArray, rate: FloatArray, t: float
+        self, b: FloatArray, d: FloatArray, T: FloatArray, rate: FloatArray, bend: FloatArray,
+        t: float,
     ) -> FloatArray | Status:
         """Increments after one Newton iteration with a newly factorized exact Jacobian at T and its
         rate, or the status of its failure."""
         heat, n = self.heat, len(T)
         J = self.c1 * heat.capacity + heat.conductivity
-        r = J @ d - b + self._local(T, rate, t)
+        r = J @ d - b + self._local(T, rate, bend, t)
         for at in self.local:
             x, k = T[at.columns], len(at.columns)
             c1, zero = np.full(k, self.c1), np.zeros(k)
-            local = coo_array(at.term.jacobian(x, rate[at.columns], zero, t, c1, zero))
+            local = coo_array(at.term.jacobian(
+                x, rate[at.columns], bend[at.columns], t, c1, zero))
             J = J + csr_array((local.data, (at.rows[local.row], at.columns[local.col])),
                               shape=(n, n))
         if not (np.isfinite(r).all() and np.isfinite(J.data).all()):
@@ -273,7 +306,8 @@ class CompressedHeat:
         return rates if np.isfinite(rates).all() else v
 
     def solve(
-        self, T: FloatArray, rate: FloatArray, t: float, kept: HeatJacobian | None = None
+        self, T: FloatArray, rate: FloatArray, bend: FloatArray, t: float, c2: float,
+        kept: HeatJacobian | None = None,
     ) -> HeatOutcome:
         if self.few is None:
             base = times(self.by_rate, rate)
@@ -285,42 +319,56 @@ class CompressedHeat:
         if not self.local or not len(base):  # linear, or without active atoms
             return HeatOutcome(base, Status.DONE, 1)
         if self.active is not None:  # others may be active in the next step
-            return self._iterate(base, T, rate, t, None)._replace(jacobian=None)
+            return self._iterate(base, T, rate, bend, t, c2, None)._replace(jacobian=None)
         if kept is not None and (kept.of is not self or kept.factors is None):
             at, k = kept.at, len(T)
-            kept = self._linearized(at[:k], at[k : 2 * k], float(at[-1]), at)[1]
-        return self._iterate(base, T, rate, t, kept)
+            kept = self._linearized(
+                at[:k], at[k : 2 * k], at[2 * k : 3 * k], float(at[-1]), at)[1]
+        return self._iterate(base, T, rate, bend, t, c2, kept)
 
     def _linearized(
-        self, T: FloatArray, rate: FloatArray, t: float, at: FloatArray | None = None
+        self, T: FloatArray, rate: FloatArray, bend: FloatArray, t: float,
+        at: FloatArray | None = None,
     ) -> tuple[FloatArray, HeatJacobian]:
         """Local terms (s,) at T with its rate, and the factorized Jacobian there."""
         n, r, J = len(T), np.zeros(len(self.by_rate)), self.identity
         zero, c1 = np.zeros(n), np.full(n, self.c1)
         for evaluate in self.evaluated:
-            added, slope = evaluate(T, rate, zero, t, c1, zero)
+            added, slope = evaluate(T, rate, bend, t, c1, zero)
             r = r + added
             J = J + (slope if self.active is None else slope[:, self.active])
-        at = np.concatenate((T, rate, (t,))) if at is None else at
+        at = np.concatenate((T, rate, bend, (t,))) if at is None else at
         return r, HeatJacobian(at, self, dgetrf(J))
 
+    def _residual(
+        self, base: FloatArray, d: FloatArray, T: FloatArray, rate: FloatArray, bend: FloatArray,
+        t: float, c2: float,
+    ) -> FloatArray:
+        """Residual (s,) at the increments d from a prediction."""
+        full, r = np.zeros(len(T)), d - base
+        full[slice(None) if self.active is None else self.active] = d
+        for term in self.local:
+            r = r + term.residual(T + full, rate + self.c1 * full, bend + c2 * full, t)
+        return r
+
     def _iterate(
-        self, base: FloatArray, T: FloatArray, rate: FloatArray, t: float,
-        jacobian: HeatJacobian | None,
+        self, base: FloatArray, T: FloatArray, rate: FloatArray, bend: FloatArray, t: float,
+        c2: float, jacobian: HeatJacobian | None,
     ) -> HeatOutcome:
-        n, d, zero = len(T), np.zeros(len(base)), np.zeros(len(T))
+        n, d = len(T), np.zeros(len(base))
         full, before, first = np.zeros(n), np.inf, 0.0
         for i in range(1, self.max_iterations + 1):
             full = d if self.active is None else full
             if self.active is not None:
                 full[self.active] = d
             now, rates, r = T + full, rate + self.c1 * full, d - base
+            bends = bend + c2 * full
             if jacobian is None:
-                added, jacobian = self._linearized(now, rates, t)
+                added, jacobian = self._linearized(now, rates, bends, t)
                 r += added
             else:
                 for term in self.local:
-                    r += term.residual(now, rates, zero, t)
+                    r += term.residual(now, rates, bends, t)
             assert jacobian.factors is not None
             lu, pivots, info = jacobian.factors
             step = dgetrs(lu, pivots, r)[0]
@@ -328,6 +376,10 @@ class CompressedHeat:
             if not change < np.inf or info > 0:
                 finite = np.isfinite(r).all() and np.isfinite(lu).all()
                 return HeatOutcome(d, Status.SINGULAR if finite else Status.NOT_FINITE, i)
+            if i > UNDAMPED:
+                step = d - shortened(
+                    lambda e: self._residual(base, e, T, rate, bend, t, c2), d, d - step)
+                change = float(abs(step).max())
             d = d - step
             error = estimated_error(change, before)
             first = change / before if i == 2 else first

@@ -41,9 +41,10 @@ NO_HEAT = HeatArrays(_NONE, _NONE, _NONE, _EMPTY, _EMPTY, np.zeros(0), _EMPTY, -
 
 class KeptHeat(NamedTuple):
     """Kept Jacobian of a thermal block with local terms (`HeatJacobian`): J (s, s), pivots (s,):
-    its factors; at (2, k), timed (q,): temperatures and rates, and functions of time, at which it
-    was evaluated. state (2,): 0 for none, 1 where factors are to be computed, 2 where they are
-    there; then the number of the step of this call in which it was evaluated, -1 for earlier.
+    its factors; at (3, k), timed (q,): temperatures, rates and second differences, and functions of
+    time, at which it was evaluated. state (2,): 0 for none, 1 where factors are to be computed, 2
+    where they are there; then the number of the step of this call in which it was evaluated, -1 for
+    earlier.
     """
 
     J: FloatArray
@@ -235,6 +236,8 @@ class ModelArrays(NamedTuple):
     c1: float
     c2: float
     c1_first: float
+    c2_first: float
+    h: float
     rigid: int
     starts: IntArray
     weights: FloatArray

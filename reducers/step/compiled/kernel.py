@@ -10,7 +10,7 @@ from math import inf, sqrt
 
 import numpy as np
 
-from sparsemor.core import FloatArray, IntArray, steered, tangent
+from sparsemor.core import FloatArray, IntArray, same_time, steered, tangent
 from sparsemor.reducers.step.acceptance import estimated_error
 from sparsemor.reducers.step.blocks.thermal_block import RENEWED, SLOW, TINY
 from sparsemor.reducers.step.compiled.arrays import (
@@ -25,6 +25,7 @@ from sparsemor.reducers.step.compiled.arrays import (
 )
 from sparsemor.reducers.step.compiled.dense import product
 from sparsemor.reducers.step.compiled.local import (
+    bends,
     evaluate_points,
     factor_in_place,
     local_rows,
@@ -33,6 +34,9 @@ from sparsemor.reducers.step.compiled.local import (
 )
 from sparsemor.reducers.step.compiled.mechanics import LEFT, solve_mechanics
 from sparsemor.reducers.step.compiled.prescribed import solve_prescribed, thermal_forces
+
+ROUND_OFF = same_time(1.0)
+"""Largest second difference that is round-off, relative to the unknown."""
 
 
 def advance(
@@ -73,7 +77,7 @@ def advance(
         if not linear:
             for g in range(len(heat)):
                 taken, left = heated(
-                    heat[g], kept[g], i, m.c1_first, timed[i], run.ring[run.at[0], :n], x, v, d)
+                    heat[g], kept[g], i, m, timed[i], run.ring[run.at[0], :n], x, v, d)
                 if taken == LEFT:
                     return i
                 most, hot = max(most, taken), max(hot, left)
@@ -113,7 +117,7 @@ def heat_ahead(
         free_first(m, z, x[i])
         v[:] = 0.0
         for g in range(len(heat)):
-            heated(heat[g], kept[g], i, m.c1_first, timed[i], x[i], x[i], v, d[i])
+            heated(heat[g], kept[g], i, m, timed[i], x[i], x[i], v, d[i])
         new_first(m, z, x[i], d[i], new)
 
 
@@ -253,11 +257,12 @@ def update(
 
 
 def heated(
-    h: HeatArrays, kept: KeptHeat, number: int, c1: float, timed: FloatArray, last: FloatArray,
-    x: FloatArray, v: FloatArray, d: FloatArray
+    h: HeatArrays, kept: KeptHeat, number: int, m: ModelArrays, timed: FloatArray,
+    last: FloatArray, x: FloatArray, v: FloatArray, d: FloatArray
 ) -> tuple[int, float]:
     """Solves a thermal block (thermal_block.py) in step `number`, in place; returns the number of
     iterations, or LEFT, and the estimated error. last (n,): unknowns of the last step."""
+    c1 = m.c1_first
     for i in h.idle:
         v[i] -= c1 * x[i]
         d[i] -= x[i]
@@ -270,7 +275,7 @@ def heated(
     r += product(h.by_rate, v[h.at]) + product(h.by_value, x[h.at])
     count, error = 1, 0.0
     if len(h.local.terms):
-        count, error = iterate_heat(h, kept, number, c1, timed, last, x, v, r)
+        count, error = iterate_heat(h, kept, number, m, timed, last, x, v, r)
         if count == LEFT:
             return LEFT, 0.0
     for j in range(len(r)):
@@ -286,10 +291,11 @@ def renewed(
 ) -> bool:
     """Evaluates and factorizes the Jacobian at `kept.at`; False where it is singular."""
     a, J = h.local, kept.J
-    z, w = np.empty(len(a.offset)), np.empty(len(a.offset))
+    z, w, u = np.empty(len(a.offset)), np.empty(len(a.offset)), np.empty(len(a.offset))
     variables(a, kept.timed, kept.at[0], kept.at[1], z, w)
+    bends(a, kept.timed, kept.at[2], u)
     flux, slope = np.empty(a.L.shape[1]), np.empty((a.L.shape[1], len(J)))
-    evaluate_points(a, kept.timed, z, w, c1, flux, slope)
+    evaluate_points(a, kept.timed, z, w, u, c1, flux, slope)
     np.dot(a.L, slope, J)
     for i in range(len(J)):
         J[i, i] += 1.0
@@ -298,13 +304,13 @@ def renewed(
 
 
 def iterate_heat(
-    h: HeatArrays, kept: KeptHeat, number: int, c1: float, timed: FloatArray, last: FloatArray,
-    x: FloatArray, v: FloatArray, r: FloatArray
+    h: HeatArrays, kept: KeptHeat, number: int, m: ModelArrays, timed: FloatArray,
+    last: FloatArray, x: FloatArray, v: FloatArray, r: FloatArray
 ) -> tuple[int, float]:
     """Increments of a thermal block with local terms by Newton's method, in r, which has those
     without local terms; returns the number of iterations, or LEFT, and the estimated relative
     error."""
-    a, T, s = h.local, x[h.at], len(r)
+    a, T, s, c1, c2 = h.local, x[h.at], len(r), m.c1_first, m.c2_first
     far, top = 0.0, 0.0
     for i in h.at:
         far, top = max(far, abs(x[i] - last[i])), max(top, abs(last[i]))
@@ -316,15 +322,26 @@ def iterate_heat(
         return LEFT, 0.0
     z, w = np.empty(len(a.offset)), np.empty(len(a.offset))
     variables(a, timed, T, v[h.at], z, w)
+    bend, u = np.zeros(len(T)), np.zeros(len(a.offset))
+    if c2 != 0.0:
+        for j in range(len(T)):
+            i = h.at[j]
+            bend[j] = (last[i] - x[i]) + m.h * v[i]
+            if abs(bend[j]) <= ROUND_OFF * abs(x[i]):
+                bend[j] = 0.0
+            bend[j] *= 2.0 / m.h**2
+    bends(a, timed, bend, u)
     d, before, first = np.zeros(s), inf, 0.0
     for iteration in range(1, h.iterations + 1):
-        step = d - r + local_rows(a, timed, z, w, c1, d)
+        step = d - r + local_rows(a, timed, z, w, u, c1, c2, d)
         if kept.state[0] == 0:
-            now, rates = x.copy(), v.copy()
+            now, rates, second = x.copy(), v.copy(), np.zeros(len(x))
+            second[h.at] = bend
             for j in range(s):
                 now[h.active[j]] += d[j]
                 rates[h.active[j]] += c1 * d[j]
-            kept.at[0, :], kept.at[1, :] = now[h.at], rates[h.at]
+                second[h.active[j]] += c2 * d[j]
+            kept.at[0, :], kept.at[1, :], kept.at[2, :] = now[h.at], rates[h.at], second[h.at]
             kept.timed[:] = timed
             kept.state[1] = number
             if not renewed(h, kept, c1):

@@ -16,11 +16,11 @@ class LocalArrays(NamedTuple):
     pairs, without the last of the latter. numbers, gains: constants and amplitudes of the laws;
     gains, effects_at: numbers of the first tabulated amplitude and prescribed value. weights (q,),
     coordinates (d, q): of all points. P (p, k), offset (p,), effects (p, f): as in `PointArrays`
-    for all k inputs, rated (2,): first and last row whose rates a law reads; moved (2,),
-    moving (m, s): the same for values that the s active unknowns change, and these rows and columns
-    of P. reads (r, 3): first row
-    of P, 1 where there is one per point, 1 for a rate; tests (m, 2): first column of L, 1 where it
-    has one per point; pairs (j, 2): test and read of each derivative. L (l, w), the test functions.
+    for all k inputs, rated, bent (2,): first and last row whose rates, and second differences, a
+    law reads; moved (2,), moving (m, s): the same for values that the s active unknowns change, and
+    these rows and columns of P. reads (r, 3): first row of P, 1 where there is one per point, 1 for
+    a rate and 2 for a second difference; tests (m, 2): first column of L, 1 where it has one per
+    point; pairs (j, 2): test and read of each derivative. L (l, w), the test functions.
     """
 
     terms: IntArray
@@ -33,6 +33,7 @@ class LocalArrays(NamedTuple):
     offset: FloatArray
     effects: FloatArray
     rated: IntArray
+    bent: IntArray
     moved: IntArray
     moving: FloatArray
     reads: IntArray
@@ -45,8 +46,8 @@ _NUMBERS, _MATRIX = np.zeros(0), np.zeros((0, 0))
 _PAIRS = np.zeros((0, 2), dtype=np.int64)
 NO_LOCAL = LocalArrays(
     np.zeros((0, 12), dtype=np.int64), _NUMBERS, -1, -1, _NUMBERS, _MATRIX, _MATRIX, _NUMBERS,
-    _MATRIX, np.zeros(2, dtype=np.int64), np.zeros(2, dtype=np.int64), _MATRIX,
-    np.zeros((0, 3), dtype=np.int64), _PAIRS, _PAIRS, _MATRIX)
+    _MATRIX, np.zeros(2, dtype=np.int64), np.zeros(2, dtype=np.int64),
+    np.zeros(2, dtype=np.int64), _MATRIX, np.zeros((0, 3), dtype=np.int64), _PAIRS, _PAIRS, _MATRIX)
 """No local terms, of the type of all."""
 
 
@@ -101,9 +102,21 @@ def variables(
         w[rated] += timed[a.effects_at + count + j] * a.effects[rated, j]
 
 
+def bends(a: LocalArrays, timed: FloatArray, b: FloatArray, u: FloatArray) -> None:
+    """Second differences u (p,) of the variables, zero where no law reads them, for those b of the
+    inputs."""
+    u[:] = 0.0
+    bent = slice(a.bent[0], a.bent[1])
+    if a.bent[1] > a.bent[0]:
+        u[bent] = np.dot(a.P[bent], b)
+        count = a.effects.shape[1]
+        for j in range(count):
+            u[bent] += timed[a.effects_at + 2 * count + j] * a.effects[bent, j]
+
+
 def evaluate_points(
-    a: LocalArrays, timed: FloatArray, z: FloatArray, w: FloatArray, c1: float, flux: FloatArray,
-    slope: FloatArray
+    a: LocalArrays, timed: FloatArray, z: FloatArray, w: FloatArray, u: FloatArray, c1: float,
+    flux: FloatArray, slope: FloatArray
 ) -> None:
     """Fills flux (w,), so that L flux is the residual, and slope (w, s), so that L slope is its
     Jacobian by the active unknowns, unless slope has no rows."""
@@ -119,7 +132,8 @@ def evaluate_points(
         values = np.empty((reads - read, n))
         for i in range(reads - read):
             start, wide = a.reads[read + i, 0], a.reads[read + i, 1]
-            source = w if a.reads[read + i, 2] else z
+            kind = a.reads[read + i, 2]
+            source = z if kind == 0 else w if kind == 1 else u
             for q in range(n):
                 values[i, q] = source[start + q if wide else start + q // Q]
         y, slopes = np.zeros((tests - test, n)), np.zeros((derivatives, n))
@@ -140,7 +154,7 @@ def evaluate_points(
             for e in range(E):
                 factor = 0.0
                 for q in range(e * Q, (e + 1) * Q):
-                    share = slopes[k, q] * (c1 if rate else 1.0)
+                    share = slopes[k, q] * (c1 if rate == 1 else 1.0)
                     if not wide:
                         share *= a.weights[point + q]
                     factor = factor + share if once else share
@@ -153,10 +167,12 @@ def evaluate_points(
                             slope[to, c] += factor * a.moving[of, c]
 
 
-def rows_at(a: LocalArrays, timed: FloatArray, z: FloatArray, w: FloatArray) -> FloatArray:
-    """Residual (l,) at variables z with rates w."""
+def rows_at(
+    a: LocalArrays, timed: FloatArray, z: FloatArray, w: FloatArray, u: FloatArray
+) -> FloatArray:
+    """Residual (l,) at variables z with rates w and second differences u."""
     flux = np.empty(a.L.shape[1])
-    evaluate_points(a, timed, z, w, 0.0, flux, np.zeros((0, 0)))
+    evaluate_points(a, timed, z, w, u, 0.0, flux, np.zeros((0, 0)))
     found: FloatArray = np.dot(a.L, flux)
     return found
 
@@ -165,20 +181,23 @@ def rows_of(a: LocalArrays, timed: FloatArray, x: FloatArray, v: FloatArray) -> 
     """Residual (l,) at the inputs x with rates v."""
     z, w = np.empty(len(a.offset)), np.empty(len(a.offset))
     variables(a, timed, x, v, z, w)
-    return rows_at(a, timed, z, w)
+    return rows_at(a, timed, z, w, w)
 
 
 def local_rows(
-    a: LocalArrays, timed: FloatArray, z: FloatArray, w: FloatArray, c1: float, d: FloatArray
+    a: LocalArrays, timed: FloatArray, z: FloatArray, w: FloatArray, u: FloatArray, c1: float,
+    c2: float, d: FloatArray
 ) -> FloatArray:
-    """Residual (l,) at the increments d (s,) from variables z with rates w."""
+    """Residual (l,) at the increments d (s,) from variables z with rates w and second differences
+    u, which grow by c1 and c2 times those of z."""
     if not np.any(d):
-        return rows_at(a, timed, z, w)
+        return rows_at(a, timed, z, w, u)
     change, moved = np.dot(a.moving, d), slice(a.moved[0], a.moved[1])
-    values, rates = z.copy(), w.copy()
+    values, rates, second = z.copy(), w.copy(), u.copy()
     values[moved] += change
     rates[moved] += c1 * change
-    return rows_at(a, timed, values, rates)
+    second[moved] += c2 * change
+    return rows_at(a, timed, values, rates, second)
 
 
 def factor_in_place(A: FloatArray, pivots: IntArray) -> bool:

@@ -33,7 +33,7 @@ def local_arrays(
     terms, reads, tests, pairs = (list[list[int]]() for _ in range(4))
     numbers, L, amplitudes = list[FloatArray](), list[FloatArray](), list[Amplitude]()
     point = row = column = constants = 0
-    rated: list[int] = []
+    rated, bent = list[int](), list[int]()
     for one in found:
         law, (E, Q) = (one.law.function, one.law.calls), one.weights.shape
         if law not in laws:
@@ -44,9 +44,11 @@ def local_arrays(
             len(tests) + len(one.tests), len(pairs)])
         numbers.append(one.law.numbers)
         amplitudes += one.law.amplitudes
-        for start, width, rate in one.reads.tolist():
-            reads.append([row + start, int(width == Q), rate])
-            rated += [row + start, row + start + E * width] if rate else []
+        for start, width, kind in one.reads.tolist():
+            reads.append([row + start, int(width == Q), kind])
+            ends = [row + start, row + start + E * width]
+            rated += ends if kind == 1 else []
+            bent += ends if kind == 2 else []
         for test in one.tests:
             tests.append([column, int(test.shape[1] == E * Q)])
             L.append(test)
@@ -68,12 +70,14 @@ def local_arrays(
     coordinates = [np.concatenate([x, np.zeros((axes - len(x), x.shape[1]))])
                    for x in (one.coordinates for one in found)]
     prescribed = [f for one in found for f in one.values] + [f for one in found for f in one.rates]
+    prescribed += [f for one in found for f in one.bends]
     return LocalArrays(
         np.array(terms, dtype=np.int64), np.concatenate(numbers), timed.amplitudes(amplitudes),
         timed.amplitudes(prescribed), np.concatenate([one.weights.ravel() for one in found]),
         np.concatenate(coordinates, axis=1), P,
         np.concatenate([one.offset for one in found]), effects,
         np.array([min(rated, default=0), max(rated, default=0)], dtype=np.int64),
+        np.array([min(bent, default=0), max(bent, default=0)], dtype=np.int64),
         np.array([moved.start, moved.stop], dtype=np.int64),
         P[moved] if len(active) == P.shape[1] else np.ascontiguousarray(P[moved, active]),
         np.array(reads, dtype=np.int64).reshape(-1, 3),

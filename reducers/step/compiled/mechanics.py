@@ -81,7 +81,7 @@ def add_local(
     if len(t.local.terms):
         s = b.s[i]
         w.z[i, : s + b.p[i]] += local_rows(
-            t.local, timed, t.values, t.rates, m.c1, w.d[i, :s])
+            t.local, timed, t.values, t.rates, t.rates, m.c1, 0.0, w.d[i, :s])
 
 
 def functionals(m: ModelArrays, b: BodyArrays, w: MechanicsWork, iteration: int) -> None:

@@ -215,8 +215,8 @@ def _halves(e: CompressedPrescribed) -> tuple[FloatArray, FloatArray, FloatArray
     return array(e.inverse), np.pad(M, ((0, 0), (0, wide), (0, wide))), np.array(signs)
 
 
-def model_arrays(s: Stepper, rules: UpdateRules) -> ModelArrays:
-    """Constants of the model of `s` for an integrator with these rules."""
+def model_arrays(s: Stepper, rules: UpdateRules, h: float) -> ModelArrays:
+    """Constants of the model of `s` for steps of h, s, by an integrator with these rules."""
     layout: Layout = s.layout
     bodies = () if s.mechanics is None or isinstance(s.mechanics, PrescribedFrames) else (
         s.mechanics.bodies)
@@ -233,7 +233,8 @@ def model_arrays(s: Stepper, rules: UpdateRules) -> ModelArrays:
         ends(layout.second), ends(layout.first), ends(layout.algebraic),
         np.array([ends(b.elastic) for b in bodies], dtype=np.int64).reshape(-1, 2),
         array(rules.second.new), array(rules.second.old), array(rules.first.new),
-        array(rules.first.old), c1, c2, c1_first, layout.frames.stop,
+        array(rules.first.old), c1, c2, c1_first, 2.0 * round(h * c1_first - 1.0, 12) / h**2, h,
+        layout.frames.stop,
         np.array([*block_starts(layout), layout.size], dtype=np.int64), weights,
         array(s.sanity), s.tolerances.remaining, s.tolerances.max_iterations,
         np.array(layout.quaternions, dtype=np.int64))

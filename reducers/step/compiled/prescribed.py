@@ -83,7 +83,7 @@ def solve_body(
             image[j] -= b.scale[j] * turn[j]
         rest = image.copy()
         if local:
-            rest -= local_rows(b.local, timed, values, by_time, m.c1, now)
+            rest -= local_rows(b.local, timed, values, by_time, by_time, m.c1, 0.0, now)
         new = rest.copy()
         corrected(m, b, table, rest, now, new)
         moved2, size = 0.0, 0.0

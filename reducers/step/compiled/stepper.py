@@ -63,7 +63,7 @@ class CompiledStepper(Stepper):
 def compiled_steps(s: Stepper, rules: UpdateRules, h: float) -> "CompiledSteps | None":
     """Compiled steps of `s`, of size h, s; None where its model is not covered."""
     try:
-        return CompiledSteps(plan(s), model_arrays(s, rules), h)
+        return CompiledSteps(plan(s), model_arrays(s, rules, h), h)
     except NotCompiled:
         return None
 
@@ -154,7 +154,7 @@ class CompiledSteps:
             at = memory.linearized.get(name)
             kept.state[:] = (0 if at is None else 2 if at is self._at[i] else 1), -1
             if kept.state[0] == 1 and at is not None:
-                kept.at[:] = at[:-1].reshape(2, -1)
+                kept.at[:] = at[:-1].reshape(3, -1)
                 kept.timed[:] = self.plan.timed.along(at[-1:])[0]
 
     def _store(self, memory: Memory, times: FloatArray) -> None:
@@ -172,7 +172,7 @@ class CompiledSteps:
 def _kept(h: HeatArrays, width: int) -> KeptHeat:
     """Working arrays for the Jacobian of a thermal block, with this many functions of time."""
     s = len(h.active) if len(h.local.terms) else 0
-    return KeptHeat(np.zeros((s, s)), np.zeros(s, dtype=np.int64), np.zeros((2, len(h.at))),
+    return KeptHeat(np.zeros((s, s)), np.zeros(s, dtype=np.int64), np.zeros((3, len(h.at))),
                     np.zeros(width), np.zeros(2, dtype=np.int64))
 
 

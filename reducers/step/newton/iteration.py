@@ -65,6 +65,8 @@ class _Search:
         self.eq, self.step, self.memory, self.tol = equations, step, memory, tol
         self.c = (step.c1, step.c2, step.c1_first)
         self.c1, self.c2 = rate_factors(equations.layout, *self.c)
+        if step.before is not None:  # second differences of first-order unknowns follow these
+            self.c2[equations.layout.first] = step.c2_first
         blocks = list(equations.layout)
         self.starts = np.array([equations.layout[b.name].start for b in blocks])
         self.names = [b.name for b in blocks]

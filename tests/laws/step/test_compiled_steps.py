@@ -68,8 +68,9 @@ def trained(s: Scene, reducer: Any, end: float | None = None) -> Case:
 
 def in_python(case: Case, solver: Stepper) -> CompiledSteps:
     made = plan(solver)
-    rules = case.scene.integrator.rules(case.scene.time.step)
-    return CompiledSteps(made, model_arrays(solver, rules), case.scene.time.step, bound(
+    h = case.scene.time.step
+    rules = case.scene.integrator.rules(h)
+    return CompiledSteps(made, model_arrays(solver, rules, h), h, bound(
         made.functions, lambda function: function))
 
 

@@ -85,7 +85,7 @@ STORING = {"k": GROWING, "c": {"polynomial": [500.0, 0.5], "origin": 300.0, "ran
 
 @pytest.mark.parametrize("reducer", ["full", "galerkin"])
 def test_heat_that_enters_is_stored(reducer: str) -> None:
-    """Sum of the rows of each step: integral of rho c(T_n) (T_n - T_(n-1)) = h q A, to 1e-9."""
+    """Sum of the rows of each step: integral of rho (H(T_n) - H(T_(n-1))) = h q A, to 1e-9."""
     chosen: Any = {"use": reducer}
     if reducer == "galerkin":
         chosen["basis"] = {"use": "modal", "count": 20}
@@ -94,15 +94,15 @@ def test_heat_that_enters_is_stored(reducer: str) -> None:
     if maps:
         T = maps["slab.thermal"].offset + T @ maps["slab.thermal"].atoms.T
     C = run.model.separated.heat[0].capacity
-    step, excess = np.diff(T, axis=0), 0.5 / 500.0 * (T[1:] - 300.0)
-    stored = (C @ step.T).sum(axis=0) + np.einsum("si,si->s", excess, (C @ step.T).T)
+    s = T - 300.0
+    content = (C @ s.T).sum(axis=0) + 0.5e-3 * np.einsum("si,si->s", s, (C @ s.T).T)
     want = 2.0 * 2e5 * 0.1 * L * 0.02
-    np.testing.assert_allclose(stored, want, rtol=1e-9)
-    assert np.abs(excess).max() > 0.05
+    np.testing.assert_allclose(np.diff(content), want, rtol=1e-9)
+    assert 1e-3 * np.abs(s).max() > 0.05
 
 
-@pytest.mark.parametrize("integrator,order", [("bdf1", 1.0), ("bdf2", 2.0)])
-def test_enthalpy_rises_by_the_heat_that_enters(integrator: str, order: float) -> None:
+@pytest.mark.parametrize("integrator", ["bdf1", "bdf2"])
+def test_enthalpy_rises_by_the_heat_that_enters(integrator: str) -> None:
     """H = integral of rho (500 s + 0.25 s^2), s = T - 300 K, of a well conducting slab."""
     gaps = []
     for h in (4.0, 2.0):
@@ -110,15 +110,15 @@ def test_enthalpy_rises_by_the_heat_that_enters(integrator: str, order: float) -
         rise = last(run)[1].mean() - 300.0
         enthalpy = RHO * (500.0 * rise + 0.25 * rise**2) * 0.1 * L * L * 0.02
         gaps.append(abs(enthalpy / (80.0 * 2e5 * 0.1 * L * 0.02) - 1.0))
-    assert gaps[1] < 2e-2
-    assert np.log2(gaps[0] / gaps[1]) == pytest.approx(order, abs=0.25)
+    assert max(gaps) < 1e-4, gaps
 
 
 def test_a_lumped_capacity_stores_the_heat_at_the_nodes() -> None:
-    """Sum of the rows: sum of C_i c(T_i) / c_0 (T_i - T_i before) = h q A."""
+    """Sum of the rows: sum of C_i (H(T_i) - H(T_i before)) / c_0 = h q A."""
     run = slab(20, 40.0, 2.0, material=STORING, loads=HEATED, capacity="lumped")
     T, C = run.block("slab.thermal"), run.model.separated.heat[0].capacity.diagonal()
-    stored = (C * np.diff(T, axis=0) * (1.0 + 1e-3 * (T[1:] - 300.0))).sum(axis=1)
+    s = T - 300.0
+    stored = np.diff((C * (s + 0.5e-3 * s**2)).sum(axis=1))
     np.testing.assert_allclose(stored, 2.0 * 2e5 * 0.1 * L * 0.02, rtol=1e-9)
 
 

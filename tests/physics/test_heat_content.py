@@ -1,0 +1,98 @@
+"""Storage of heat in materials whose heat content is any function of temperature: what goes in is
+stored, in every step, also across a peak by latent heat."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from sparsemor import load, simulate
+from sparsemor.bodies.temperature_curve import TemperatureCurve
+from sparsemor.bodies.terms.law_functions import integral_at, with_integrals
+
+ALPHA = {"use": "generalized_alpha", "rho_inf": 0.8}
+PEAK = {"temperatures": [293.15, 1000.0, 1002.0, 1004.0, 1006.0, 2000.0],
+        "values": [500.0, 500.0, 60500.0, 60500.0, 500.0, 500.0]}
+"""500 J/(kg K) and a peak of 240 kJ/kg within 6 K."""
+END = 293.15 + (50000.0 * 2 * 0.02 * 600.0 / (7850.0 * 0.02 * 0.01) - 240e3) / 500.0
+"""K, from the balance of heat: flux times area and time = rho volume (500 rise + 240 kJ/kg)."""
+
+
+def melted(**changes: Any) -> Any:
+    tree = {
+        "format": 1,
+        "bodies": {"b": {
+            "use": "flexible", "mesh": {"use": "rectangle", "size": [0.02, 0.01],
+                                        "divisions": [2, 2]}, "thickness": 0.02,
+            "material": {"rho": 7850.0, "k": 1e4, "c": PEAK}, "fields": ["thermal"],
+            "frame": "fixed"}},
+        "loads": {"q": {"use": "heat_flux", "on": ["b:top", "b:bottom"], "flux": 5e4}},
+        "time": {"end": 600.0, "step": 20.0}, "integrator": "bdf2", "reducer": "full"}
+    return simulate(load(tree, changes))
+
+
+def mean_end(run: Any) -> float:
+    return float(run.nodal_temperature("b", -1)[run.cells("b")].mean())
+
+
+def test_the_balance_of_heat_in_closed_form() -> None:
+    assert pytest.approx(1341.8, abs=0.05) == END
+
+
+@pytest.mark.parametrize("integrator", ["bdf1", "bdf2", ALPHA], ids=["bdf1", "bdf2", "alpha"])
+def test_latent_heat_is_stored_with_steps_that_miss_its_peak(integrator: Any) -> None:
+    """cases/physics/latent: 1821.8 K before, with steps of 5 s."""
+    assert mean_end(melted(integrator=integrator)) == pytest.approx(END, abs=0.01)
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("integrator", ["bdf1", "bdf2", ALPHA], ids=["bdf1", "bdf2", "alpha"])
+def test_latent_heat_with_controlled_steps(integrator: Any) -> None:
+    """Where the substep changes, BDF2 begins with a history that is made; the loss is that of the
+    tolerance, 0.4 % of the rise here."""
+    run = melted(integrator=integrator, **{
+        "time.step": 5.0, "time.control": {"tolerance": 1e-3, "max_halvings": 12}})
+    assert mean_end(run) == pytest.approx(END, abs=1e-6 * END if integrator == "bdf1" else 6.0)
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("reducer", ["galerkin", "ecsw", "deim", "lspg"])
+@pytest.mark.parametrize("integrator", ["bdf1", "bdf2"])
+def test_reduced_models_store_it_too(reducer: str, integrator: str) -> None:
+    run = melted(reducer=reducer, integrator=integrator)
+    assert mean_end(run) == pytest.approx(END, abs=1.0)
+
+
+def test_a_table_of_the_heat_content() -> None:
+    """Latent heat as a steep piece of H: the same as a peak of c of that area."""
+    T = np.array(PEAK["temperatures"])
+    H = TemperatureCurve(**PEAK).integral(T)
+    run = melted(**{"bodies.b.material.c": {
+        "temperatures": [293.15, 1000.0, 1006.0, 2000.0],
+        "enthalpy": H[[0, 1, 4, 5]].tolist()}})
+    assert mean_end(run) == pytest.approx(END, abs=0.01)
+
+
+CURVES = {
+    "table": TemperatureCurve(**PEAK),
+    "polynomial": TemperatureCurve(polynomial=(450.0, 0.28, -2.91e-4, 1.34e-7), origin=273.15,
+                                   range=(293.15, 1473.15)),
+    "heat content": TemperatureCurve(temperatures=(300.0, 400.0, 410.0), enthalpy=(0.0, 4e4, 9e4)),
+}
+
+
+@pytest.mark.parametrize("curve", CURVES.values(), ids=list(CURVES))
+def test_heat_content_is_the_integral_of_the_specific_heat(curve: TemperatureCurve) -> None:
+    low, high = curve.limits
+    T = np.linspace(low - 50.0, high + 50.0, 4001)
+    c, H = curve.at(0.5 * (T[1:] + T[:-1]))[0], curve.integral(T)
+    assert np.abs(np.cumsum(c * np.diff(T)) - (H[1:] - H[0])).max() <= 2e-3 * np.ptp(H)
+    numbers = with_integrals(curve.numbers)
+    by_numbers = [integral_at(numbers, 0, float(t)) for t in T[::97]]
+    assert np.abs(by_numbers - H[::97]).max() <= 1e-12 * np.abs(H).max()
+
+
+def test_a_heat_content_that_falls_is_refused() -> None:
+    with pytest.raises(ValidationError, match="after 5 J/kg: the heat content must increase"):
+        TemperatureCurve(temperatures=(300.0, 400.0), enthalpy=(5.0, 5.0))
