@@ -113,6 +113,7 @@ def radiating(divisions: list[int]) -> Scene:
                            "emissivity": 0.9,
                            "surroundings": {"use": "ramp", "end": 100, "initial": 280,
                                             "final": 320}}},
+        "integrator": "bdf1",  # ten atoms represent its run, with implicit Euler's damping, best
         "time": {"end": 100.0, "step": 2.0}})
 
 
