@@ -90,7 +90,8 @@ class SolveFailed(RuntimeError):
 
     `status`, `time` (s), `block` (`body.field`, or "" for the whole system) and `detail` of the
     failure. sampled: True if the model's rows were drawn by a sampler: the advice mentions them.
-    phase: "run", or "training run" or "rigid stage" for a run that comes before it.
+    phase: "run", or "training run" or "rigid stage" for a run that comes before it. advice: in the
+    place of that of the status, where the cause is known.
     """
 
     result: object = None
@@ -98,11 +99,11 @@ class SolveFailed(RuntimeError):
 
     def __init__(
         self, status: Status, time: float, block: str = "", detail: str = "", *,
-        sampled: bool = False, phase: str = "run",
+        sampled: bool = False, phase: str = "run", advice: str = "",
     ) -> None:
         self.phase = phase
         self.status, self.time, self.block, self.detail = status, time, block, detail
         where = f" in {block}" if block else ""
         what = f" ({detail})" if detail else ""
         super().__init__(f"{status.value} at t = {time:.6g} s{where}{what}: "
-                         f"{status.advice_for(sampled)}")
+                         f"{advice or status.advice_for(sampled)}")

@@ -27,6 +27,7 @@ from sparsemor.core.registry.hooks import Manager, RunStart, new_manager
 from sparsemor.core.registry.returned_values import built_dictionary
 from sparsemor.core.scene.digest import digest
 from sparsemor.core.scene.scene import Scene
+from sparsemor.core.simulation.diagnostics.blow_up import Extents, diverged
 from sparsemor.core.simulation.offline_cache import Products
 from sparsemor.core.simulation.step_control import controlled, step_of
 from sparsemor.core.simulation.time_stepping import iterate, started
@@ -238,8 +239,9 @@ def full_run(
         model, scene.integrator, h, offline, np.random.default_rng(scene.seed)))
     solver = controlled(scene, model, offline, solver)
     step = step_of(solver, scene.integrator, h)
-    state, memory = started(
-        solver, scene.integrator, resolved_start(model, scene.integrator, h).state)
+    first = resolved_start(model, scene.integrator, h).state
+    state, memory = started(solver, scene.integrator, first)
+    extents = Extents.of(model, solver.layout, solver.dictionaries)
     name = phase.removesuffix(" run")
     manager.hook.on_start(run=RunStart(
         scene.title, scene.reducer_name, 0.0, steps * h, steps, name))
@@ -252,6 +254,9 @@ def full_run(
                 status=outcome.status, t=state.t + h, block=outcome.block, detail=where)
             manager.hook.on_finish(summary={"phase": name, "steps": n - 1})
             raise SolveFailed(outcome.status, state.t + h, outcome.block, where, phase=phase)
+        if large := extents.exceeded(state.x):
+            manager.hook.on_finish(summary={"phase": name, "steps": n - 1})
+            raise diverged(scene, model, offline, first, state, large, phase)
         yield state
         if manager.has_observers:
             manager.hook.on_step(step=n, t=state.t, x=state.x, outcome=outcome)

@@ -16,7 +16,9 @@ from sparsemor.core.registry.boundary import naming_plugins
 from sparsemor.core.registry.hooks import Manager, RunStart
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.simulation.diagnostics.alternating_joint_forces import alternating_forces
+from sparsemor.core.simulation.diagnostics.blow_up import Extents, Growth, Large, diverged, too_long
 from sparsemor.core.simulation.diagnostics.contact_warnings import contact_warnings
+from sparsemor.core.simulation.diagnostics.free_rotations import rotation_notes
 from sparsemor.core.simulation.diagnostics.plausibility import after_run
 from sparsemor.core.simulation.diagnostics.selected_atoms import check_selection, times_of_check
 from sparsemor.core.simulation.diagnostics.stress_stiffness import (
@@ -60,6 +62,7 @@ class RunSteps:
         self.seen_changes, self.seen_draws = -1, self._resamplings()
         self.checked = times_of_check(self.steps)
         self.selected: list[tuple[State, Mapping[str, BoolArray]]] = []
+        self.growth: Growth | None = Growth(Extents(()))
 
     def go(self) -> RunResult:
         recorder, hook = self.recorder, self.manager.hook
@@ -126,7 +129,7 @@ class RunSteps:
                 notes += check_selection(
                     model, self.solver.dictionaries,
                     StepFactors(h, *self.scene.integrator.rules(h).factors), self.selected)
-            notes += alternating_forces(result)
+            notes += (*alternating_forces(result), *rotation_notes(self.scene, result))
             if model is not None:
                 notes += undershoot(model, result) if run.own_loads else ()
                 notes += after_run(model, result)
@@ -206,6 +209,9 @@ class RunSteps:
         solver, h = self.solver, self.scene.time.step
         step = step_of(solver, self.scene.integrator, h)
         watched, tally, end = self.manager.has_observers, self.tally, self.tally.done + count
+        extents = Extents.of(self.run.model, solver.layout, solver.dictionaries)
+        if self.growth is not None and not self.growth.last:
+            self.growth = Growth(extents)
         for taken in iterate(step, self.state, self.memory, count, stop, self.many):
             outcome, self.state, self.memory, seconds, whole = taken
             if not outcome.status.ok:
@@ -213,6 +219,12 @@ class RunSteps:
                     outcome.status, self.state.t + h, outcome.block, outcome.detail,
                     sampled=bool(solver.rows))
             tally.add(seconds, outcome)
+            if large := extents.exceeded(self.state.x):
+                return self._diverged(large)
+            if self.growth is not None and (large := self.growth.sudden(self.state.x)):
+                self.growth = None  # asked once
+                if (found := self._too_long(large)) is not None:
+                    return found
             if self.run.header.fall_back:
                 tally.full_steps, tally.full_seconds = (
                     tally.full_steps + 1, tally.full_seconds + seconds)
@@ -234,6 +246,21 @@ class RunSteps:
                 self.seen_changes = self._report_changes(
                     self.seen_changes, self.memory, self.state.t)
         return SolveFailed(Status.INTERRUPTED, self.state.t) if tally.done < end else None
+
+    def _too_long(self, large: Large) -> SolveFailed | None:
+        """Failure of a run with displacements that half the step does not have."""
+        run = self.run
+        if run.model is None or run.offline is None:
+            return None
+        return too_long(self.scene, run.model, run.offline, run.start, self.state.t, large)
+
+    def _diverged(self, large: Large) -> SolveFailed:
+        """Failure of a run with displacements beyond a body."""
+        run = self.run
+        assert run.model is not None  # without one there are no extents
+        if run.offline is None:
+            return SolveFailed(Status.DIVERGED, self.state.t, large.block, large.detail)
+        return diverged(self.scene, run.model, run.offline, run.start, self.state, large)
 
     def _resamplings(self) -> int:
         return self.solver.counters(self.memory).get("resamplings", 0)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from sparsemor import simulate
 from sparsemor.bodies.frames import rotation as rot
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.testing.in_memory_run import March, march, scene_of
@@ -92,6 +93,23 @@ def test_a_spin_about_a_principal_axis_stays(name: str, turn: float, lost: float
                INTEGRATORS[name], 0.0)
     rates = np.array([spin(x, v) for x, v in zip(got.x, got.v, strict=True)])
     np.testing.assert_allclose(rates, [[0.0, 0.0, 100.0]] * len(rates), atol=100.0 * lost)
+
+
+@pytest.mark.parametrize(("integrator", "step", "kinds", "words"), [
+    ("bdf1", 1e-3, ["braked_spin"], "by about 11 % over the run"),
+    ("bdf2", 1e-3, [], ""),
+    ({"use": "generalized_alpha"}, 0.012, ["unresolved_rotation"], "by 1.16 rad in a step")])
+def test_a_run_says_that_its_spin_is_braked_or_unresolved(
+    integrator: Any, step: float, kinds: list[str], words: str
+) -> None:
+    """100 rad/s for 0.1 s: bdf1 keeps 1 / sqrt(1 + (w h)^2 / 4 n) = 0.894 of it in n = 100."""
+    run = simulate(scene_of({
+        "bodies": {"body": {"use": "rigid", "mass": 1.0, "inertia": [1.0, 1.0, 2.0],
+                            "pose": {"spin": [0.0, 0.0, 100.0]}}},
+        "time": {"end": 100 * step if step < 0.01 else 10 * step, "step": step},
+        "integrator": integrator}))
+    assert run.summary["note_kinds"] == kinds
+    assert words in " ".join(run.summary["notes"])
 
 
 @pytest.mark.slow

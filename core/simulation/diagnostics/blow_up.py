@@ -1,0 +1,207 @@
+"""Displacements that grew far beyond their body: the run is stopped as `diverged`, with the likely
+cause."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import inf
+
+import numpy as np
+from scipy.sparse.linalg import ArpackError, eigsh
+
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.model.model import Model
+from sparsemor.core.protocols import (
+    Dictionary,
+    OfflineProducts,
+    ReducedProblem,
+    State,
+    StepSolver,
+)
+from sparsemor.core.protocols.layout import Layout, Quantity
+from sparsemor.core.protocols.poses import FREE_POSE
+from sparsemor.core.scene.scene import Scene
+from sparsemor.core.simulation.time_stepping import FixedStep, iterate, started
+from sparsemor.core.status import SolveFailed, Status
+
+BEYOND = 2.0
+"""Largest displacement, relative to the diagonal of the body, that a run may have."""
+TRIALS = 4000
+"""Most steps of a trial run with half the step, which looks for the cause."""
+SUDDEN, WITHIN = 100.0, 10
+"""Growth of displacements within so many steps from which those beyond the smallest extent of a
+body are suspected, and compared with a trial run."""
+SPINNING = 0.5
+"""Share of the lowest natural frequency from which a spin is the likely cause."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Large:
+    """Displacements of a block that are too large: their size and the body's diagonal, m."""
+
+    block: str
+    size: float
+    diagonal: float
+
+    @property
+    def detail(self) -> str:
+        return (f"displacements of {self.size:.2g} m in a body with a diagonal of "
+                f"{self.diagonal:.3g} m")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Block:
+    name: str
+    at: slice
+    diagonal: float
+    extent: float
+    atoms: FloatArray | None
+    offset: FloatArray | None
+    row: float
+
+    def size(self, x: FloatArray) -> float:
+        """Largest displacement component, m, or an upper bound of one that is small enough."""
+        c = x[self.at]
+        if self.atoms is None or self.offset is None:
+            return float(np.abs(c).max(initial=0.0))
+        bound = self.row * float(np.sqrt(c.dot(c)))
+        if bound <= 0.1 * self.extent:
+            return bound
+        return float(np.abs(self.offset + self.atoms @ c).max(initial=0.0))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Extents:
+    """Blocks of displacements with the diagonals of their bodies."""
+
+    blocks: tuple[_Block, ...]
+
+    @classmethod
+    def of(
+        cls, model: Model | None, layout: Layout, dictionaries: Mapping[str, Dictionary]
+    ) -> "Extents":
+        found = []
+        if model is None:
+            return cls(())
+        for b in layout:
+            if b.kind.quantity is not Quantity.DISPLACEMENT or b.name not in model.geometry:
+                continue
+            points, d = model.geometry[b.name][0], dictionaries.get(b.name)
+            diagonal = float(np.linalg.norm(np.ptp(points, axis=0))) if len(points) else 0.0
+            if diagonal == 0.0 or (d is not None and len(d.atoms) != len(points)):
+                continue
+            row = 0.0 if d is None else float(np.sqrt((d.atoms**2).sum(axis=1).max(initial=0.0)))
+            extent = float(np.ptp(points, axis=0).min())
+            found.append(_Block(
+                b.name, layout[b.name], diagonal, extent, None if d is None else d.atoms,
+                None if d is None else d.offset, row))
+        return cls(tuple(found))
+
+    def exceeded(self, x: FloatArray) -> Large | None:
+        """The first block of the unknowns x (n,) with displacements beyond its body."""
+        for b in self.blocks:
+            if (size := b.size(x)) > BEYOND * b.diagonal:
+                return Large(b.name, size, b.diagonal)
+        return None
+
+
+class Growth:
+    """Displacements of the last steps of a run, for sudden growth beyond a body's smallest
+    extent."""
+
+    def __init__(self, extents: Extents) -> None:
+        self.extents, self.last = extents, list[list[float]]()
+
+    def sudden(self, x: FloatArray) -> Large | None:
+        """The first block whose displacements exceed the body's smallest extent and `SUDDEN` times
+        the largest of `WITHIN` steps before."""
+        sizes = [b.size(x) for b in self.extents.blocks]
+        before = self.last[0] if len(self.last) == WITHIN else None
+        self.last = [*self.last[1 - WITHIN :], sizes]
+        if before is None:
+            return None
+        for b, size, small in zip(self.extents.blocks, sizes, before, strict=True):
+            if 0.0 < small and size > max(b.extent, SUDDEN * small):
+                return Large(b.name, size, b.diagonal)
+        return None
+
+
+def too_long(
+    scene: Scene, model: Model, offline: OfflineProducts, start: State, t: float, large: Large
+) -> SolveFailed | None:
+    """The failure of a run with a sudden growth up to the time t (s) that half the step does not
+    have; None where it has."""
+    h = scene.time.step
+    if not _smaller(scene, model, offline, start, 0.5 * h, round(2.0 * t / h), 0.1 * large.size):
+        return None
+    return SolveFailed(Status.DIVERGED, t, large.block, large.detail, advice=_too_long(h))
+
+
+def _too_long(h: float) -> str:
+    return (f"the time step is too long: with {0.5 * h:.3g} s displacements stay small until this "
+            "time; take a time.step several times smaller, or time.control")
+
+
+def diverged(
+    scene: Scene, model: Model, offline: OfflineProducts, start: State, now: State, large: Large,
+    phase: str = "run"
+) -> SolveFailed:
+    """The failure of a run whose displacements are too large at the state `now` (full-order or
+    reduced), with advice by what is found: a trial with half the step from the full-order state
+    `start`, and the spin against the lowest natural frequency."""
+    h = scene.time.step
+    if _smaller(scene, model, offline, start, 0.5 * h, round(2.0 * now.t / h)):
+        advice = _too_long(h)
+    else:
+        advice = _spinning(model, now, large.block) or (
+            "half the step does not help, and no spin does this: check the loads, E, the "
+            "thickness, units (m, N, kg) and joints")
+    return SolveFailed(Status.DIVERGED, now.t, large.block, large.detail, phase=phase,
+                       advice=advice)
+
+
+def _smaller(
+    scene: Scene, model: Model, offline: OfflineProducts, start: State, h: float, count: int,
+    most: float = inf
+) -> bool:
+    """True if displacements stay within the bodies, and below `most`, m, in so many steps of h,
+    s."""
+    if count > TRIALS or scene.time.control is not None:
+        return False
+    try:
+        solver: StepSolver = scene.reducer.prepare(ReducedProblem(
+            model, scene.integrator, h, offline, np.random.default_rng(scene.seed)))
+        state, memory = started(solver, scene.integrator, start)
+        extents = Extents.of(model, solver.layout, solver.dictionaries)
+        for taken in iterate(FixedStep.of(scene.integrator, solver, h), state, memory, count):
+            x = taken.state.x
+            if not taken.outcome.status.ok or extents.exceeded(x) or any(
+                    b.size(x) > most for b in extents.blocks):
+                return False
+    except SolveFailed:
+        return False
+    return True
+
+
+def _spinning(model: Model, now: State, block: str) -> str:
+    """Advice where the body of a block turns near its lowest natural frequency; "" otherwise."""
+    for m in model.separated.moving:
+        if m.elastic != block or m.operators is None:
+            continue
+        pose = model.layout.of(m.name, Quantity.POSE)
+        if pose is None:
+            return ""
+        rate = now.v[: model.layout.frames.stop][model.layout[pose.name]]
+        w = abs(float(rate[-1])) if pose.size != FREE_POSE else 2.0 * float(
+            np.linalg.norm(rate[3:]))
+        try:
+            lowest = float(eigsh(
+                m.operators.stiffness, k=1, M=m.operators.mass, sigma=0.0, tol=1e-2,
+                return_eigenvectors=False)[0]) ** 0.5
+        except (ArpackError, RuntimeError, ValueError):  # rigid motion, or a body of few unknowns
+            return ""
+        if w > SPINNING * lowest:
+            return (f"the body turns at {w:.4g} rad/s, {w / lowest:.2g} of its lowest natural "
+                    f"frequency {lowest:.4g} rad/s: linear strains have no stiffness by spin; take "
+                    "strains: nonlinear, a slower spin or a stiffer body")
+    return ""
+

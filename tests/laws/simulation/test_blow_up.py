@@ -1,0 +1,59 @@
+"""Runs whose displacements leave the body end as `diverged`, with the likely cause."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sparsemor import SolveFailed, simulate
+from sparsemor.core.model.assembly import assemble
+from sparsemor.core.simulation.diagnostics.blow_up import WITHIN, Extents, Growth
+from sparsemor.core.testing.in_memory_run import scene_of
+
+BAR: dict[str, Any] = {
+    "use": "flexible", "thickness": 0.01, "fields": ["elastic"], "reference": {"clamp": "left"},
+    "mesh": {"use": "rectangle", "lower": [0.0, -0.05], "size": [0.4, 0.1], "divisions": [6, 2]},
+    "material": {"E": 1e6, "nu": 0.3, "rho": 1000.0}}
+
+
+def spinning(rate: float) -> Any:
+    """A rubber bar that a drive turns; its lowest frequency as a cantilever is about 19 rad/s."""
+    drive = {"use": "prescribed_motion", "of": "bar:left", "x": 0.0, "y": 0.0,
+             "angle": {"use": "table", "times": [0.0, 10.0], "values": [0.0, 10.0 * rate]}}
+    return scene_of({
+        "bodies": {"bar": {**BAR, "pose": {"spin": rate}}}, "joints": {"drive": drive},
+        "loads": {"weight": {"use": "gravity"}},
+        "time": {"end": 1.0, "step": 2e-3}, "integrator": "bdf2"})
+
+
+@pytest.mark.full
+def test_a_bar_that_spins_faster_than_it_vibrates_diverges_by_its_spin() -> None:
+    """Linear strains have no stiffness by spin: K - w^2 M is indefinite, and u grows for ever."""
+    with pytest.raises(SolveFailed) as failure:
+        simulate(spinning(200.0))
+    assert failure.value.status.value == "diverged" and failure.value.block == "bar.elastic"
+    assert "displacements of" in failure.value.detail
+    assert "the body turns at 200 rad/s" in str(failure.value)
+    assert "strains: nonlinear" in str(failure.value)
+
+
+def test_sudden_growth_beyond_the_body_is_suspected_and_slow_growth_is_not() -> None:
+    scene = spinning(1.0)
+    model = assemble(scene)
+    extents = Extents.of(model, model.layout, {})
+    at = model.layout["bar.elastic"]
+
+    def shape(size: float) -> Any:
+        x = model.x0.copy()
+        x[at] = size
+        return x
+
+    assert extents.exceeded(shape(0.69)) is None
+    large = extents.exceeded(shape(0.7))
+    assert large is not None  # twice the diagonal of the free nodes
+    assert large.diagonal == pytest.approx(np.hypot(0.4 * 5 / 6, 0.1))
+    for sizes, suspected in (([1e-5] * WITHIN + [0.11], True), ([2e-3] * WITHIN + [0.11], False),
+                             ([1e-5] * WITHIN + [0.09], False), ([0.0] * WITHIN + [0.11], False)):
+        growth = Growth(extents)
+        found = [growth.sudden(shape(s)) for s in sizes]
+        assert not any(found[:-1]) and (found[-1] is not None) == suspected
