@@ -233,3 +233,24 @@ def test_more_steps_than_numbers_can_count_are_one_line(command: str, step: str)
     code, error = sparsemor(*words)
     assert code == 2 and "steps of" in error and len(error) < 400 and error.count("\n") == 1, error
     assert [p.name for p in Path().iterdir()] == ["tiny.yaml"]
+
+
+@pytest.mark.full
+def test_files_in_and_beside_a_study_stay() -> None:
+    Path("study.yaml").write_text(json.dumps({
+        "scene": "tiny.yaml", "keep": True, "set": {"time.end": 0.003},
+        "grid": {"time.step": [1e-3]}}), encoding="utf-8")
+    words = ("study", "study.yaml", "--out", "a", "--quiet")
+    assert sparsemor(*words)[0] == 0
+    write("a/notes.txt", "a/runs/1/notes.txt", "a/runs/mine.csv")
+    before = Path("a/study.json").stat().st_ino, Path("a/runs/1/result.zarr").stat().st_ino
+    code, error = sparsemor(*words, "--force")
+    assert code == 0, error
+    assert kept("a/notes.txt", "a/runs/1/notes.txt", "a/runs/mine.csv")
+    assert before[0] != Path("a/study.json").stat().st_ino or (
+        before[1] != Path("a/runs/1/result.zarr").stat().st_ino)
+    assert not Path("a/.replaced").exists() and (Path("a/runs/1/result.zarr/zarr.json")).exists()
+    write("a/table.csv")
+    code, error = sparsemor(*words, "--force")
+    assert code == 2 and "a/table.csv: not written by sparsemor, or changed since" in error
+    assert kept("a/table.csv", "a/notes.txt", "a/runs/1/notes.txt", "a/runs/mine.csv")

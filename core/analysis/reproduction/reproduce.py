@@ -72,7 +72,7 @@ def reproduce(
             resume=not force, force=force, replaceable=lambda: (folder / ABOUT).is_file(),
             kind="reproductions only, and this is none",
             writes=(ABOUT, *TABLES, "index.html", *(f"{s}.html" for s in file.scenes))):
-        _begin(folder, file, quick)
+        _begin(folder, file, quick, force)
         jobs = jobs_of(file, chosen, folder, quick)
         for job in jobs:
             add_part(folder, Path(job.folder).relative_to(folder).as_posix())
@@ -108,12 +108,12 @@ def commands_of(file: PaperFile, item: Item, quick: bool) -> list[str]:
             *(command_of(n, file.studies[n], quick) for n in item.studies)]
 
 
-def _begin(folder: Path, file: PaperFile, quick: bool) -> None:
-    """Marks a new folder. Raises InputError if it holds other data, or another kind of
-    reproduction."""
+def _begin(folder: Path, file: PaperFile, quick: bool, force: bool) -> None:
+    """Marks a new folder. Raises InputError if it holds another kind of reproduction, or other
+    data, unless `force`: then these are a user's, from around an earlier reproduction."""
     about = folder / ABOUT
     if not about.is_file():
-        if OutputDirectory(folder).occupied():
+        if not force and OutputDirectory(folder).occupied():
             raise InputError(f"{folder} is not empty and contains no reproduction: choose another "
                              "--out", "out")
         OutputDirectory(folder).make()

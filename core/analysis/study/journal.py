@@ -39,9 +39,10 @@ class Journal:
     """Size and CRC-32C of the files that grow."""
 
     @classmethod
-    def open(cls, folder: Path, plan: Plan) -> "Journal":
+    def open(cls, folder: Path, plan: Plan, force: bool = False) -> "Journal":
         """Journal in a new folder, or in the folder of the same study. Raises InputError if the
-        folder contains other data."""
+        folder contains other data, unless `force`: then these are a user's, from around an earlier
+        study."""
         about = folder / ABOUT
         if about.is_file():
             try:
@@ -53,7 +54,7 @@ class Journal:
                     f"{folder} contains another study, or this one before its file, its scene or "
                     "the program changed: choose another --out, or replace it with --force", "out")
         else:
-            if OutputDirectory(folder).occupied():
+            if not force and OutputDirectory(folder).occupied():
                 raise InputError(f"{folder} is not empty and contains no study: choose another "
                                  "--out", "out")
             OutputDirectory(folder).make()

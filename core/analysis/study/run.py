@@ -81,21 +81,22 @@ def run_plan(
     if workers and scheduler:
         raise InputError("give either --workers or --scheduler", "workers")
     folder = (Path(out) if out is not None else Path("runs", plan.study.name)).absolute()
+    parts = [f"{KEPT}/{run.number}" for run in plan.runs] if plan.study.file.keep else []
     cluster = _cluster(scheduler) if scheduler else None  # refused before anything is written
     try:
         with OutputDirectory(folder).claimed(
                 resume=not force, force=force, replaceable=lambda: is_study(folder),
-                kind="studies only, and this is no study", writes=WRITES):
-            journal = Journal.open(folder, plan)
+                kind="studies only, and this is no study", writes=WRITES, parts=parts):
+            journal = Journal.open(folder, plan, force)
             rows = journal.rows(drop=(DIED,))
             ended = {int(row["run"]) for row in rows}
-            parts = [f"{KEPT}/{run.number}" for run in plan.runs]
             left = [run for run in plan.runs if run.number not in ended]
             if left:
                 kept = folder / KEPT if plan.study.file.keep else None
                 if kept is not None:
                     known = (read_listing(folder) or Listing()).parts
-                    if taken := [n for n in parts if n not in known and lexists(folder / n)]:
+                    if not force and (taken := [
+                            n for n in parts if n not in known and lexists(folder / n)]):
                         raise in_the_way(folder, taken)
                     kept.mkdir(exist_ok=True)
                     add_to_listing(folder, [{"part": n} for n in parts if n not in known])
