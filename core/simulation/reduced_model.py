@@ -39,6 +39,7 @@ from sparsemor.core.results.model_file.packed import Packed, PackedError, Table,
 from sparsemor.core.results.output_lock import owned
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.results.store import ResultWriter
+from sparsemor.core.results.variables import time_arrays
 from sparsemor.core.scene.html import html_table
 from sparsemor.core.scene.nested import changes, functions_of_time, nested
 from sparsemor.core.scene.overrides import split
@@ -172,6 +173,7 @@ def _check_consistent(run: PreparedRun) -> None:
     size, by which memory is taken, or where the header cannot be stored."""
     layout, start = run.header.layout, run.start
     json.dumps(run.header.attributes(), allow_nan=False)  # as a result writes them
+    time_arrays(run.header)
     if layout.parts() != run.solver.layout.parts() or run.header.steps_planned != step_count(
             run.scene):
         raise PackedError("its header and its step solver differ")
@@ -262,9 +264,9 @@ class ReducedModel:
         own = None if run.offline is self._run.offline else run.offline  # projected again
         products = None if own is None else own.products
         if out is None:
-            writer = MemoryWriter(
-                run.header, self._fixed if own is None else fixed_in_memory(run.header))
             with usable(self._file_name):
+                writer = MemoryWriter(
+                    run.header, self._fixed if own is None else fixed_in_memory(run.header))
                 recorder = Recorder(run, writer, None, steps, products)
                 return stepped(run, recorder, manager, tally, begin=begin)
         with owned(Path(out)):
