@@ -321,10 +321,11 @@ class ErrorEstimator(Protocol):
         ...
 
     def advance(
-        self, states: Sequence[State], memory: dict[str, FloatArray]
+        self, paths: Sequence[Sequence[State]], memory: dict[str, FloatArray]
     ) -> Mapping[str, FloatArray]:
-        """Block -> norms (j,) of its estimated error at j successive states of the reduced run, the
-        first of them `every` steps after that of `memory`, which is brought to the last."""
+        """Block -> norms (j,) of its estimated error at the ends of j successive paths, each of
+        `every` states of the reduced run, step by step; the first begins after the state of
+        `memory`, which is brought to the last. After a restart the first path may be shorter."""
         ...
 
     def carry(self, count: int, memory: dict[str, FloatArray]) -> Mapping[str, FloatArray]:

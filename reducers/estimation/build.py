@@ -121,8 +121,7 @@ class _Builder:
         integrator = self.problem.integrator
         return CoupledErrors(
             self.every, self.h, tuple(blocks), dense_equations(projected, True),
-            self.model.layout, self.solver.layout, integrator, integrator.rules(self.h),
-            tuple(self.notes))
+            self.model.layout, self.solver.layout, integrator, tuple(self.notes))
 
     def dictionary(self, name: str) -> Dictionary:
         """Trial basis of a block; all its unknowns where it is not reduced."""

@@ -6,7 +6,11 @@ full-order equations, and the formulas of the integrator like each of the runs. 
 the spaces of errors (error_space.py) and solved by Newton's method from the free motion of e, so
 that properties which depend on temperature, radiation, contact, and the reaction of rigid
 coordinates and joint forces act on the error as they act on the run. Terms that are not linear are
-evaluated on the whole mesh, once or twice at each estimate and at no other time.
+evaluated on the whole mesh, once or twice at each step of this equation and at no other time.
+
+The equation takes one step from one estimate to the next, but shorter ones, through states of the
+run in between, where frames turn far meanwhile: a long step follows neither the turning directions
+that joints leave to e nor the residual, which turns with them.
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,15 +20,16 @@ from typing import NamedTuple
 import numpy as np
 
 from sparsemor.core import (
+    FREE_POSE,
     FloatArray,
     Integrator,
     Layout,
     Note,
+    Quantity,
     State,
     Status,
     StepFormula,
     StepOutcome,
-    UpdateRules,
     advanced,
     rate_factors,
     step_formula,
@@ -39,6 +44,11 @@ ITERATIONS = 5
 """Largest number of iterations with one Jacobian at an estimate."""
 ACCURACY = 1e-3
 """Relative change of the errors of each block at which the iteration ends."""
+SAME = 1e-6
+"""Relative difference of two step sizes that are the same but for the rounding of times."""
+TURN = 0.1
+"""Largest rotation of a frame in one step of the error equation, rad, unless the run's own steps
+turn it further."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,8 +75,8 @@ class Motion(NamedTuple):
 class CoupledErrors:
     """Estimator of errors (`ErrorEstimator`) by the equations of the whole model on the spaces of
     errors. every: steps between two estimates, over which the error equation takes one step of
-    size h, s; full, reduced: layouts of the full-order and of the reduced model; blocks: those with
-    an estimate, displacements, temperatures and rigid coordinates."""
+    size h, s, or several (`TURN`); full, reduced: layouts of the full-order and of the reduced
+    model; blocks: those with an estimate, displacements, temperatures and rigid coordinates."""
 
     every: int
     h: float
@@ -75,7 +85,6 @@ class CoupledErrors:
     full: Layout
     reduced: Layout
     integrator: Integrator
-    rules: UpdateRules
     notes: tuple[Note, ...]
 
     @property
@@ -97,7 +106,7 @@ class CoupledErrors:
                 e[i, at] = x - (known.x, known.v, known.a)[i][at]
         x, v, a = e
         return self._memory(self.integrator.start(
-            layout, State(full.t, x, v, a, np.zeros((layout.size, 0)))), known, outside)
+            layout, State(full.t, x, v, a, np.zeros((layout.size, 0)))), known, outside, self.h)
 
     def corrected(self, full: State, memory: Mapping[str, FloatArray]) -> State:
         """A state of the full model plus the estimated errors and their rates."""
@@ -117,17 +126,43 @@ class CoupledErrors:
         return self._norms(memory["errors"][0], memory["outside"][0])
 
     def advance(
-        self, states: Sequence[State], memory: dict[str, FloatArray]
+        self, paths: Sequence[Sequence[State]], memory: dict[str, FloatArray]
     ) -> dict[str, FloatArray]:
-        """Estimated error norms (j,) of each block at j successive states, every `every`-th of the
-        run; `memory` is brought to the last."""
-        return self.working()._advanced(self.projected(states), memory)
+        """Estimated error norms (j,) of each block at the ends of j successive paths of `every`
+        states of the run; `memory` is brought to the last."""
+        if not paths:
+            return {n: np.zeros(0) for n in self.blocks}
+        own, size = self.working(), float(memory["size"])
+        chosen: list[Sequence[State]] = []
+        for path in paths:
+            stride = self._stride(path[-1], size)
+            size = min(size, stride * self.h / self.every)
+            chosen.append(path[(len(path) - 1) % stride :: stride])
+        known = iter(self.projected([s for path in chosen for s in path]))
+        found = [own._advanced([next(known) for _ in path], memory) for path in chosen]
+        return {n: np.array([values[n][-1] for values in found]) for n in self.blocks}
+
+    def _stride(self, state: State, size: float) -> int:
+        """Number of the run's steps in one step of the error equation, at a state of the run: the
+        largest that divides `every`, is not longer than `size`, s, and in which no frame turns
+        further than `TURN`. It never grows, since each change forgets the integrator's history."""
+        rate, h = 0.0, self.h / self.every
+        for b in self.reduced:
+            if b.kind.quantity is Quantity.POSE:
+                v = state.v[self.reduced[b.name]]
+                rate = max(rate, 2.0 * float(np.linalg.norm(v[-4:])) if b.size == FREE_POSE
+                           else abs(float(v[-1])))
+        limit = min(size * (1.0 + 1e-9), TURN / rate if rate > 0.0 else np.inf)
+        return max(d for d in range(1, self.every + 1)
+                   if self.every % d == 0 and (d == 1 or d * h <= limit))
 
     def carry(self, count: int, memory: dict[str, FloatArray]) -> dict[str, FloatArray]:
         """The same for `count` estimates along full-order steps, to which no error is added: by the
         equations at the last state that was reduced, with zero residual there."""
         at, own = Motion(float(memory["time"]), *memory["reduced"]), self.working()
-        return own._advanced([(at, memory["outside"])] * count, memory, own.residual(at))
+        each = max(1, round(self.h / float(memory["size"])))
+        found = own._advanced([(at, memory["outside"])] * (each * count), memory, own.residual(at))
+        return {n: values[each - 1 :: each] for n, values in found.items()}
 
     def working(self) -> "CoupledErrors":
         """The same estimator with new working arrays, of one call or one thread."""
@@ -140,18 +175,26 @@ class CoupledErrors:
         found: dict[str, list[float]] = {n: [] for n in self.blocks}
         for at, outside in run:
             x, v, a, *history = memory["errors"]
-            error = self._step(at, State(at.t - self.h, x, v, a, np.reshape(
-                history, (len(history), len(x))).T), permitted)
-            memory |= self._memory(error, at, outside)
+            start, size = float(memory["time"]), float(memory["size"])
+            h = at.t - start if at.t > start else size  # steps of full order keep the time
+            error = State(at.t - h, x, v, a, np.reshape(history, (len(history), len(x))).T)
+            if abs(h - size) > SAME * size:
+                error = self.integrator.start(self.equations.layout, error)
+            else:
+                h = size
+            error = self._step(at, error, h, permitted)
+            memory |= self._memory(error, at, outside, h)
             for n, norm in self._norms(error.x, outside[0]).items():
                 found[n].append(norm)
         return {n: np.array(v) for n, v in found.items()}
 
-    def _step(self, at: Motion, error: State, permitted: FloatArray | float) -> State:
-        """Errors at a state of the run from those at the state before: R(state + error) =
+    def _step(
+        self, at: Motion, error: State, h: float, permitted: FloatArray | float
+    ) -> State:
+        """Errors at a state of the run from those h (s) before: R(state + error) =
         `permitted`."""
-        layout = self.equations.layout
-        formula = step_formula(self.rules, layout, error, self.h)
+        layout, rules = self.equations.layout, self.integrator.rules(h)
+        formula = step_formula(rules, layout, error, h)
         d, factor = np.zeros(layout.size), None
         for _ in range(ITERATIONS):
             x, v, a = formula.at(d)
@@ -168,7 +211,7 @@ class CoupledErrors:
                    for i in (layout[n] for n in self.blocks)):
                 break
         x, v, a = formula.at(d)
-        return advanced(self.rules, layout, error, formula, StepOutcome(
+        return advanced(rules, layout, error, formula, StepOutcome(
             x, Status.DONE, 1, rates=(v, a)), linear=True)
 
     def _jacobian(self, at: Motion, formula: StepFormula) -> Factor:
@@ -220,7 +263,9 @@ class CoupledErrors:
             outside[rest.get(n, slice(0, 0))]]))) for n in self.blocks}
 
     @staticmethod
-    def _memory(error: State, at: Motion, outside: FloatArray) -> dict[str, FloatArray]:
+    def _memory(
+        error: State, at: Motion, outside: FloatArray, size: float
+    ) -> dict[str, FloatArray]:
         return {"errors": np.vstack([error.x, error.v, error.a, error.memory.T]),
                 "reduced": np.stack([at.x, at.v, at.a]), "time": np.array(at.t),
-                "outside": outside}
+                "outside": outside, "size": np.array(size)}

@@ -135,12 +135,13 @@ class ErrorModel:
         return found
 
     def advance(
-        self, states: Sequence[State], memory: dict[str, FloatArray]
+        self, paths: Sequence[Sequence[State]], memory: dict[str, FloatArray]
     ) -> dict[str, FloatArray]:
-        """Estimated error norms (j,) of each block at j successive states, every `every`-th of the
-        run; `memory` is brought to the last."""
-        if not states:
+        """Estimated error norms (j,) of each block at the ends of j successive paths of `every`
+        states of the run; `memory` is brought to the last. Only the ends are read."""
+        if not paths:
             return {name: np.zeros(0) for name in self.blocks}
+        states = [path[-1] for path in paths]
         run = Trajectory(np.array([s.t for s in states]), *(
             np.stack([getattr(s, which) for s in states]) for which in "xva"))
         return self._advanced(run, len(states), memory)

@@ -46,7 +46,8 @@ def estimates(scene: Scene, run: March, every: int = 1) -> dict[str, FloatArray]
     model, known = model_of(scene, run, every), states(run)
     memory = model.start(consistent_state(run.model), known[0])
     first = model.present(memory)
-    later = model.advance(known[every::every], memory)
+    later = model.advance([known[i - every + 1 : i + 1] for i in range(
+        every, len(known), every)], memory)
     return {n: np.concatenate([[first[n]], later[n]]) for n in model.blocks}
 
 

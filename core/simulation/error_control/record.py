@@ -10,7 +10,7 @@ from sparsemor.core.arrays import FloatArray
 from sparsemor.core.protocols import ErrorEstimator, State
 
 TOGETHER = 64
-"""Number of states that are evaluated at once: products of matrices instead of vectors."""
+"""Least number of states that are evaluated at once: products of matrices instead of vectors."""
 
 LARGEST = float(np.finfo(np.float64).max)
 
@@ -46,18 +46,21 @@ class ErrorRecord:
     def restart(self, memory: dict[str, FloatArray]) -> None:
         """Continues from a stored memory."""
         self.memory = memory
-        self._pending: list[State] = []
+        self._path: list[State] = []  # since the last estimate
+        self._pending: list[list[State]] = []  # paths from one estimate to the next
         self._values = {n: [v] for n, v in self.estimator.present(memory).items()}
         self._stored: list[int] = []  # index of the estimate that belongs to each stored step
         self._count = 1  # of estimates, with those of pending states
 
     def take(self, state: State, step: int) -> None:
         """The state after a step of this number, counted from the start of the run."""
+        self._path.append(state)
         if step % self.estimator.every:
             return
-        self._pending.append(state)
+        self._pending.append(self._path)
+        self._path = []
         self._count += 1
-        if len(self._pending) == TOGETHER or self.exact:
+        if len(self._pending) * self.estimator.every >= TOGETHER or self.exact:
             self._evaluate()
 
     def store(self) -> None:
@@ -85,7 +88,8 @@ class ErrorRecord:
 
     def back_to(self, mark: ErrorMark) -> None:
         """Drops what came after a moment, since which nothing was written."""
-        self.memory, self._count, self._pending = dict(mark.memory), mark.values, []
+        self.memory, self._count = dict(mark.memory), mark.values
+        self._path, self._pending = [], []
         self._values = {n: v[: mark.values] for n, v in self._values.items()}
         del self._stored[mark.stored:]
 

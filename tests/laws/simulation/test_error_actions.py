@@ -45,7 +45,7 @@ def passing(action: str, every: int = 2, **changes: Any) -> Scene:
             "use": "flexible", "frame": "fixed", "fields": ["thermal"], "thickness": 0.02,
             "mesh": {"use": "rectangle", "size": [0.2, 0.02], "divisions": [2 * SEGMENTS, 3]},
             "sets": sets, "material": {"rho": 2700, "k": 150, "c": 900}}},
-        "loads": loads, "time": {"end": STEPS * 1e-3, "step": 1e-3},
+        "loads": loads, "time": {"end": STEPS * 1e-3, "step": 1e-3}, "integrator": "bdf1",
         "training": {"end": 0.016},
         "reducer": {"use": "galerkin", "basis": {"use": "pod", "count": 12},
                     "error_estimate": estimate}}).using(changes)
