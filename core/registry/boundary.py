@@ -144,8 +144,13 @@ def read_only(value: Any) -> Any:
         view.flags.writeable = False
         return view
     if isinstance(value, csr_array):
+        if not value.has_canonical_format:  # scipy would sort the entries in place later
+            value = value.copy()
+            value.sum_duplicates()
         parts = tuple(map(read_only, (value.data, value.indices, value.indptr)))
-        return csr_array(parts, shape=value.shape, copy=False)
+        made = csr_array(parts, shape=value.shape, copy=False)
+        made.has_canonical_format = True
+        return made
     if not is_data(value) or not type(value).__dataclass_params__.frozen:
         return value
     changed = {}

@@ -136,7 +136,7 @@ def test_a_body_with_every_temperature_prescribed_is_refused() -> None:
 
 GRIDS: dict[str, tuple[dict[str, Any], str, str]] = {
     "run": ({"time.end": 1e9, "time.step": 1e-3}, "time.step", "1e+12 steps"),
-    "beyond all numbers": ({"time.end": 1e308, "time.step": 1e-10}, "time.step", "more than 1e308"),
+    "beyond all numbers": ({"time.end": 1e308, "time.step": 1e-10}, "time.step", "more than 1e300"),
     "training": ({"training.end": 1e9, "training.overrides": {"time.step": 1e-3}}, "training.end",
                  "1e+12 steps"),
     "training's step": ({"training.overrides": {"time.step": 1e-14}}, "training.overrides",

@@ -40,7 +40,9 @@ class Given(Plugin):
 
 def block(n: int = 4) -> BlockData:
     data = random_block(np.random.default_rng(0), DISPLACEMENTS)
-    return replace(data, coordinates=np.zeros((n, 1)))
+    return replace(data, coordinates=np.zeros((n, 1)), mass=data.mass[:n, :n],
+                   stiffness=data.stiffness[:n, :n], snapshots=data.snapshots[:n],
+                   component=data.component[:n], loads=data.loads[:n])
 
 
 def outside(x: FloatArray, d: Dictionary) -> float:

@@ -284,7 +284,8 @@ def test_points_without_a_load_say_so() -> None:
     assert repeated("pendulum", options).solver.notes == ()
     block = blocks("pendulum")["link1.thermal"]
     away = np.flatnonzero(~np.isin(np.arange(block.size), block.model.required[block.name]))[:3]
-    (note,) = Deim.model_validate({}).notes(block, away)
+    (note,) = Deim.model_validate({}).notes(
+        block, away, np.zeros((block.size, 0)), np.zeros((0, len(away))))
     assert "one that heating acts on" in note.text and "required: true" in note.text
 
 

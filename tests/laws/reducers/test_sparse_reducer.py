@@ -118,7 +118,7 @@ def test_facts_tell_coherence_and_condition_before_and_after() -> None:
     published = prepared(reduced(preconditioner="row_scaling"))
     for name in full().model.reducible():
         facts = plain.facts[name]
-        assert set(facts) == {"rows", "atoms", "coherence", "condition"}
+        assert set(facts) == {"norm", "rows", "atoms", "coherence", "condition"}
         assert facts["rows"] == len(plain.rows[name])
         assert facts["atoms"] == plain.dictionaries[name].atoms.shape[1]
         after = both.facts[name]
@@ -304,6 +304,6 @@ def test_a_selection_that_fails_stops_the_step_and_names_its_block(selection: st
 
 
 def test_a_recovery_that_cannot_select_is_named_with_its_solver() -> None:
-    with pytest.raises(InputError, match="prepare of .*Unfit returned ColumnSubsets, which lacks "
-                                         r"select\(r, c, support\), where a Recovery is required"):
+    with pytest.raises(InputError, match="Unfit.prepare returned a ColumnSubsets, where a "
+                                         "Recovery is required"):
         stepped(reduced(budgets=BUDGETS), Unfit())
