@@ -93,6 +93,18 @@ def product(p: FloatArray, q: FloatArray) -> FloatArray:
     return np.concatenate([[p[0] * q[0] - a @ b], p[0] * b + q[0] * a + cross(a, b)])
 
 
+def products(p: FloatArray, q: FloatArray) -> FloatArray:
+    """(T, 4) products of quaternions p (T, 4) with one, q (4,), as `product`."""
+    w, a, b, c = q.tolist()
+    by = [[w, a, b, c], [-a, w, -c, b], [-b, c, w, -a], [-c, -b, a, w]]  # of 1, i, j, k
+    return np.asarray(p.dot(np.array(by)))
+
+
+def conjugate(p: FloatArray) -> FloatArray:
+    """Quaternion (4,) of the inverse rotation."""
+    return np.asarray(p * np.array([1.0, -1.0, -1.0, -1.0]))
+
+
 def about(axis: Sequence[float], angle: float) -> FloatArray:
     """Unit quaternion of a rotation by `angle` (rad) about `axis`, which need not have unit length.
     """

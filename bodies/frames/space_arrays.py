@@ -23,7 +23,13 @@ from sparsemor.bodies.frames.space_items import (
     unit_length,
 )
 from sparsemor.bodies.frames.space_motion import SpaceMotion, SpaceSums, levers, spin, turn, vector
-from sparsemor.bodies.frames.space_springs import space_rotational_spring, space_spring
+from sparsemor.bodies.frames.space_springs import (
+    counted_angle,
+    overlap,
+    quaternion,
+    space_rotational_spring,
+    space_spring,
+)
 from sparsemor.core import FloatArray, FrameArrays, IntArray
 
 FUNCTIONS: tuple[SpaceFunction, ...] = (
@@ -34,7 +40,7 @@ CALLS: tuple[Callable[..., object], ...] = (
     motion.vector, motion.plus, motion.dot, motion.cross, motion.times, motion.back, motion.add,
     motion.put, motion.turn, motion.turn_rate, motion.bend, motion.add_bend, motion.levers,
     motion.spin, motion.add_torque, inertia.trace, inertia.inert, inertia.axial, inertia.factor,
-    moved, pull, add_pull, *FUNCTIONS)
+    moved, pull, add_pull, quaternion, overlap, counted_angle, *FUNCTIONS)
 """All functions that it calls, each after those that it calls itself."""
 
 

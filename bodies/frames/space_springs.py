@@ -1,7 +1,8 @@
 """Springs and dampers between two frames in space, as functions on arrays (notation:
 space_items.py; their equations and where these are created: springs.py)."""
 
-from math import atan2, sqrt
+from math import atan2, cos, floor, pi, sin, sqrt
+from typing import TypeAlias
 
 from sparsemor.bodies.frames.space_motion import (
     NONE,
@@ -9,6 +10,7 @@ from sparsemor.bodies.frames.space_motion import (
     SpaceSums,
     add_bend,
     bend,
+    cross,
     dot,
     plus,
     put,
@@ -18,6 +20,8 @@ from sparsemor.bodies.frames.space_motion import (
     vector,
 )
 from sparsemor.core import FloatArray
+
+Quaternion: TypeAlias = tuple[float, float, float, float]
 
 
 def space_spring(
@@ -77,6 +81,40 @@ def space_spring(
         add_bend(out.H, o + 3, others, m.far[0], -1.0, F, base)
 
 
+def quaternion(q: FloatArray, i: int, n: int) -> Quaternion:
+    """Quaternion of an attitude with n coordinates from number i of q on."""
+    if n == 1:
+        return (cos(0.5 * q[i]), 0.0, 0.0, sin(0.5 * q[i]))
+    return (q[i], q[i + 1], q[i + 2], q[i + 3])
+
+
+def overlap(p: Quaternion, f: Quaternion, a: FloatArray, i: int) -> float:
+    """p . (f b), the scalar product of a quaternion p with the product of f and b, the four entries
+    of `a` from number i on."""
+    w, b = a[i], vector(a, i + 1)
+    e = (f[1], f[2], f[3])
+    product = plus(plus(cross(e, b), f[0], b), w, e)
+    scalar: float = f[0] * w - dot(e, b)
+    return p[0] * scalar + dot((p[1], p[2], p[3]), product)
+
+
+def counted_angle(
+    numbers: FloatArray, m: SpaceMotion, o: int, others: int, c: float, s: float
+) -> float:
+    """Angle atan2(s, c) of a rotational spring plus the whole turns since the start
+    (`SpatialRotationalSpring.counted`); numbers: those of the spring."""
+    raw, near = atan2(s, c), 0.0
+    if m.n == 1 and others <= 1:
+        about = cross(vector(numbers, 4), vector(numbers, 7))[2]
+        near = about * (m.y[3] - (m.y[o + 3] if others > 0 else 0.0) - numbers[21])
+    else:
+        p, f = quaternion(m.y, 3, m.n), (1.0, 0.0, 0.0, 0.0)
+        if others > 0:
+            f = quaternion(m.y, o + 3, others)
+        near = 2.0 * atan2(overlap(p, f, numbers, 17), overlap(p, f, numbers, 13))
+    return raw + 2.0 * pi * floor((near - raw) / (2.0 * pi) + 0.5)
+
+
 def space_rotational_spring(
     numbers: FloatArray, g: float, m: SpaceMotion, j: int, o: int, k: int, out: SpaceSums
 ) -> None:
@@ -84,7 +122,8 @@ def space_rotational_spring(
 
     numbers: n, own direction d (3), directions e_1, e_2 of the other body, in space for one at rest
     (6), stiffness, N m/rad, damping, N m s/rad, number of attitude coordinates of the other body, 0
-    at rest.
+    at rest; quaternions r_0 and (0, e_1 x e_2) r_0 (8), with the relative quaternion r_0 at the
+    start, times that of a body at rest; relative angle about z at the start, rad.
     """
     own, first, second = vector(numbers, 1), vector(numbers, 4), vector(numbers, 7)
     stiffness, damping, others = numbers[10], numbers[11], int(numbers[12])
@@ -105,7 +144,8 @@ def space_rotational_spring(
             cosine[i], sine[i] = dot(Ad, times(X, first)), dot(Ad, times(X, second))
         along[i] = (c * sine[i] - s * cosine[i]) / square
         rate += along[i] * m.v[3 + i if i < m.n else o + 3 + i - m.n]
-    moment = stiffness * atan2(s, c) + damping * rate + g
+    phi = counted_angle(numbers, m, o, others, c, s)
+    moment = stiffness * phi + damping * rate + g
     for i in range(size):
         slope[i] = (stiffness + damping * m.c1) * along[i]
         for r in range(size):

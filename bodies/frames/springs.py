@@ -125,6 +125,14 @@ def _turned(turn: Attitude, rates: FloatArray, b: FloatArray) -> FloatArray:
     return np.asarray(-rates[0] * turn.A.dot([[b[0]], [b[1]], [0.0]]))
 
 
+def _quaternions(q: FloatArray) -> FloatArray:
+    """(T, 4) quaternions of attitudes (T, 4), or (T, 1) angles about z."""
+    if q.shape[1] == Free.size:
+        return q
+    half, none = 0.5 * q[:, 0], np.zeros(len(q))
+    return np.stack([np.cos(half), none, none, np.sin(half)], axis=1)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class RotationalSpring(RigidItem):
     """In the plane: moment stiffness phi + damping phi' + drive(t), N m, against the relative angle
@@ -155,10 +163,11 @@ class RotationalSpring(RigidItem):
 class SpatialRotationalSpring(RigidItem):
     """In space: moment stiffness phi + damping phi' + drive(t), N m, against the relative angle
     phi, rad, of the own and the other frame about an axis: phi = atan2(A d . A_o e_2, A d . A_o
-    e_1), between -pi and pi.
+    e_1), plus whole turns (`counted`).
 
     own (3,) = d in own axes; first, second (3,) = e_1, e_2 in the other body's axes; others: number
-    of its rigid coordinates that are unknowns, 0 if it is at rest at `place`.
+    of its rigid coordinates that are unknowns, 0 if it is at rest at `place`; start (4,) or (1,):
+    own attitude at the start, `place`: pose of the other body there.
     """
 
     own: FloatArray
@@ -169,12 +178,56 @@ class SpatialRotationalSpring(RigidItem):
     drive: Amplitude
     others: int
     place: FloatArray
+    start: FloatArray
 
     def in_space(self) -> tuple[spatial.SpacePart, ...]:
-        A = np.eye(3) if self.others else attitude(self.place[3:]).A
+        A, place = np.eye(3) if self.others else attitude(self.place[3:]).A, self.place[None, 3:]
+        pair, angle = self._at_start(), float(self.start[-1])
+        if self.others:
+            angle -= float(self.place[-1])
+        else:
+            pair = tuple(rot.products(_quaternions(place), r)[0] for r in pair)
         return (spatial.SpacePart(space_rotational_spring, (
             *self.own.tolist(), *(A @ self.first).tolist(), *(A @ self.second).tolist(),
-            self.stiffness, self.damping, float(max(self.others - 3, 0))), self.drive),)
+            self.stiffness, self.damping, float(max(self.others - 3, 0)),
+            *pair[0].tolist(), *pair[1].tolist(), angle), self.drive),)
+
+    def _at_start(self) -> tuple[FloatArray, ...]:
+        """Relative quaternion r_0 at the start, and (0, n) r_0 with the axis n."""
+        p, f = (_quaternions(q[None])[0] for q in (self.start, self.place[3:]))
+        r = rot.product(rot.conjugate(f), p)
+        return r, rot.product(np.array([0.0, *rot.cross(self.first, self.second)]), r)
+
+    def nearly(self, own: FloatArray, other: FloatArray) -> FloatArray:
+        """Relative angles (T,) since the start, rad, from the attitudes (T, 4) or (T, 1) of both;
+        exact if they turn about the axis alone.
+
+        Where both turn about the z axis alone, their angles count all turns. The quaternions p and
+        -p have the same A, but p is continuous in time: the relative quaternion r = f* p of p and f
+        of the other body is that of the start, turned by phi: r = (cos(phi / 2), n sin(phi / 2))
+        r_0, which determines phi between -2 pi and 2 pi.
+        """
+        rest = other.shape[1] == Free.size and not np.ptp(other, axis=0).any()
+        if own.shape[1] == 1 and (other.shape[1] == 1 or rest):
+            about = float(rot.cross(self.first, self.second)[2])
+            turned = own - self.start
+            if not rest:
+                turned = turned - (other - self.place[3:])
+            return np.asarray(about * turned[:, 0])
+        p, f = _quaternions(own), _quaternions(other)
+        c, s = ((p * rot.products(f, r)).sum(axis=1) for r in self._at_start())
+        return np.asarray(2.0 * np.arctan2(s, c))
+
+    def counted(self, raw: FloatArray, own: FloatArray, other: FloatArray) -> FloatArray:
+        """Angles (T,) between -pi and pi, `raw`, plus the whole turns of `nearly`."""
+        near = self.nearly(own, other)
+        return np.asarray(raw + 2.0 * np.pi * np.floor((near - raw) / (2.0 * np.pi) + 0.5))
+
+    def angles(self, own: FloatArray, other: FloatArray) -> FloatArray:
+        """Relative angles (T,), rad, of poses (T, n) of both frames."""
+        d = vectors_in_space(own, self.own)
+        c, s = ((d * vectors_in_space(other, e)).sum(axis=1) for e in (self.first, self.second))
+        return self.counted(np.arctan2(s, c), own[:, 3:], other[:, 3:])
 
     def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
         far = attitude((m.y[o : o + self.others] if self.others else self.place)[3:])
@@ -188,7 +241,9 @@ class SpatialRotationalSpring(RigidItem):
         bend = (np.outer(s1, c1) - np.outer(c1, s1) + c * s2 - s * c2) / size - np.outer(
             along, 2.0 * (c * c1 + s * s1) / size)
         rates = m.v[at]
-        moment = (self.stiffness * float(np.arctan2(s, c)) + self.damping * float(along.dot(rates))
+        phi = self.counted(np.arctan2([s], [c]), m.y[None, m.at], m.y[
+            None, o + 3 : o + self.others] if self.others else self.place[None, 3:])
+        moment = (self.stiffness * float(phi[0]) + self.damping * float(along.dot(rates))
                   + self.drive(m.t))
         slope = (self.stiffness + self.damping * m.c1) * along + self.damping * bend.dot(rates)
         out.rows[at] += moment * along
@@ -202,7 +257,8 @@ class SpatialRotationalSpring(RigidItem):
         c1, s1 = ((turning * x + d * vector_rates(*other, y)).sum(axis=1)
                   for x, y in zip(f, e, strict=True))
         size = c * c + s * s
-        M = (self.stiffness * np.arctan2(s, c) + self.damping * (c * s1 - s * c1) / size
+        phi = self.angles(own[0], other[0])
+        M = (self.stiffness * phi + self.damping * (c * s1 - s * c1) / size
              + amplitudes_along((self.drive,), times)[:, 0])
         by_turn = np.cross(d, c[:, None] * f[1] - s[:, None] * f[0]) / size[:, None]
         return M, np.hstack([0 * by_turn, M[:, None] * by_turn])

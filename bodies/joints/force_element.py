@@ -13,11 +13,12 @@ from typing import ClassVar
 import numpy as np
 
 from sparsemor.bodies.body import Body
-from sparsemor.bodies.frames.springs import SpringItem
+from sparsemor.bodies.frames.springs import SpatialRotationalSpring, SpringItem
 from sparsemor.bodies.joints.conditions import Conditions, constant, massless_frame
 from sparsemor.bodies.joints.part import JointPart, write_reactions
 from sparsemor.bodies.joints.side import Side, sides_of
 from sparsemor.core import (
+    FREE_POSE,
     Amplitude,
     Block,
     Equations,
@@ -74,6 +75,13 @@ class ItemForce:
         self, times: FloatArray, motion: Sequence[tuple[FloatArray, FloatArray]]
     ) -> FloatArray:
         return self.sign * self.item.along(times, *motion)[0]
+
+    def bounded_angle(self, own: FloatArray, other: FloatArray) -> FloatArray | None:
+        if not isinstance(self.item, SpatialRotationalSpring) or not self.item.stiffness:
+            return None
+        if own.shape[1] < FREE_POSE and (other.shape[1] < FREE_POSE or not self.item.others):
+            return None  # these count all turns
+        return self.item.nearly(own[:, 3:], other[:, 3:])
 
 
 @dataclass(frozen=True, slots=True, eq=False)

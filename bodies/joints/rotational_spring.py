@@ -18,9 +18,10 @@ class RotationalSpring(ForceElement):
 
     Moment torque - stiffness (phi - angle) - damping (phi' - angle') on the first side, N m, and
     the opposite one on the second; phi: their relative angle, zero at the start, in space about
-    `axis` and between -pi and pi. It is used together with a revolute joint of the same sides. With
-    a large stiffness and `angle` a function of time it is a position drive. A flexible side has
-    multipliers: the force on it, zero, and the moment, N m.
+    `axis`, of any size where both sides have spinning frames or are at rest, else between -2 pi
+    and 2 pi: a run in which a spring with a stiffness turns further ends. It is used together with
+    a revolute joint of the same sides. With a large stiffness and `angle` a function of time it is
+    a position drive. A flexible side has multipliers: the force on it, zero, and the moment, N m.
     """
 
     turns: ClassVar[bool] = True
@@ -57,4 +58,4 @@ class RotationalSpring(ForceElement):
         e1, e2 = across(axis)
         return SpatialRotationalSpring(
             e1 @ own.axes, e1 @ other.axes, e2 @ other.axes, self.stiffness, self.damping, drive,
-            others, other.pose)
+            others, other.pose, own.pose[3:])

@@ -21,6 +21,7 @@ from sparsemor.core.simulation.diagnostics.contact_warnings import contact_warni
 from sparsemor.core.simulation.diagnostics.free_rotations import rotation_notes
 from sparsemor.core.simulation.diagnostics.plausibility import after_run
 from sparsemor.core.simulation.diagnostics.selected_atoms import check_selection, times_of_check
+from sparsemor.core.simulation.diagnostics.spring_turns import SpringTurns
 from sparsemor.core.simulation.diagnostics.stress_stiffness import (
     LINEAR_STRAINS,
     stress_notes,
@@ -212,6 +213,7 @@ class RunSteps:
         extents = Extents.of(self.run.model, solver.layout, solver.dictionaries)
         if self.growth is not None and not self.growth.last:
             self.growth = Growth(extents)
+        turns = SpringTurns(self.run.forces, self.state)
         for taken in iterate(step, self.state, self.memory, count, stop, self.many):
             outcome, self.state, self.memory, seconds, whole = taken
             if not outcome.status.ok:
@@ -221,6 +223,8 @@ class RunSteps:
             tally.add(seconds, outcome)
             if large := extents.exceeded(self.state.x):
                 return self._diverged(large)
+            if (lost := turns.lost(self.state)) is not None:
+                return lost
             if self.growth is not None and (large := self.growth.sudden(self.state.x)):
                 self.growth = None  # asked once
                 if (found := self._too_long(large)) is not None:

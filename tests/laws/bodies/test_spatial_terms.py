@@ -210,7 +210,8 @@ def more(others: int, own: int) -> list[Any]:
     """Springs to a body with this many coordinates, or at rest, and moments on body and set."""
     place = np.array([1.0, 2.0, 0.5, *([0.3] if own == 4 else [0.5, 0.5, -0.5, 0.5])])
     return [Spring(AXES[0], AXES[1], 40.0, 3.0, drive, others, place),
-            SpatialRotationalSpring(AXES[0], AXES[1], AXES[2], 40.0, 3.0, drive, others, place),
+            SpatialRotationalSpring(AXES[0], AXES[1], AXES[2], 40.0, 3.0, drive, others, place,
+                                    place[3:]),
             *(Moment(AXES[0], drive, turns, space) for turns in (False, True)
               for space in (False, True))]
 

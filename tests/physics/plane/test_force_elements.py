@@ -252,7 +252,8 @@ def test_recorded_forces_are_the_ones_that_act(others: int) -> None:
         if d == 2:
             return PlaneRotationalSpring(k, c, lambda t: f, others, 0.0)
         return SpatialRotationalSpring(
-            axes[0], axes[1], axes[2], k, c, lambda t: f, others, still)
+            axes[0], axes[1], axes[2], k, c, lambda t: f, others, still,
+            moving[0][0][0, 3:])
 
     for spins in (False, True):
         ahead, back = (item(1, 0, 0, spins).along(t, *motion(s))[0][0] for s in (h, -h))

@@ -1,0 +1,86 @@
+"""Rotational springs in space that turn by more than pi."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sparsemor import simulate
+from sparsemor.core import SolveFailed, Status
+from sparsemor.core.testing.in_memory_run import scene_of
+
+AXES = {"z": [0.0, 0.0, 1.0], "oblique": [2.0, -1.0, 2.0]}
+
+
+def swinging(
+    spin: float, axis: str = "z", frame: str = "floating", two: bool = False,
+    reducer: str | dict[str, str] = "full", **spring: float,
+) -> Any:
+    """A body, or two that turn against each other, on a spring with w = sqrt(40) 1/s for 1 s; its
+    relative angle is spin / w sin(w t)."""
+    n = np.array(AXES[axis]) / np.linalg.norm(AXES[axis])
+
+    def body(rate: float) -> dict[str, Any]:
+        return {"use": "rigid", "mass": 1.0, "inertia": [0.1, 0.1, 0.1], "frame": frame,
+                "points": {"o": [0.0, 0.0, 0.0]}, "pose": {"spin": (rate * n).tolist()}}
+
+    bodies = {"b": body(0.5 * spin), "c": body(-0.5 * spin)} if two else {"b": body(spin)}
+    return scene_of({
+        "bodies": bodies, "time": {"end": 1.0, "step": 2.5e-3},
+        "integrator": {"use": "generalized_alpha", "rho_inf": 0.8}, "reducer": reducer,
+        "joints": {"s": {"use": "rotational_spring", "axis": n.tolist(),
+                         "between": ["b:o", "c:o" if two else "ground"],
+                         "stiffness": 2.0 if two else 4.0, **spring}}})
+
+
+def end(spin: float) -> float:
+    return float(spin / np.sqrt(40.0) * np.sin(np.sqrt(40.0)))
+
+
+def largest(spin: float) -> float:
+    """Largest moment over the run, N m per unit stiffness."""
+    return float(spin / np.sqrt(40.0))
+
+
+@pytest.mark.parametrize(("axis", "two", "method"), [
+    ("z", False, "bordered"),
+    pytest.param("oblique", False, "newton", marks=pytest.mark.full),
+    pytest.param("oblique", True, "bordered", marks=pytest.mark.full)])
+def test_a_spring_turns_by_more_than_pi(axis: str, two: bool, method: str) -> None:
+    """20 rad/s: up to 3.162 rad, 0.131 rad at the end; with an angle between -pi and pi the spring
+    pushed on, to 14 rad."""
+    result = simulate(swinging(20.0, axis, two=two, reducer={"use": "full", "method": method}))
+    angle = result.joint_forces()["s"]["torque", "N m"] / (-2.0 if two else -4.0)
+    assert largest(20.0) > np.pi
+    assert angle[-1] == pytest.approx(end(20.0), abs=0.02)
+    assert np.abs(angle).max() == pytest.approx(largest(20.0), rel=2e-3)
+    assert result.summary["notes"] == []
+
+
+@pytest.mark.parametrize("two", [False, pytest.param(True, marks=pytest.mark.full)])
+def test_spinning_frames_count_all_turns(two: bool) -> None:
+    """60 rad/s: up to 9.49 rad."""
+    result = simulate(swinging(60.0, frame="spinning", two=two))
+    angle = result.joint_forces()["s"]["torque", "N m"] / (-2.0 if two else -4.0)
+    assert angle[-1] == pytest.approx(end(60.0), abs=0.06)
+    assert np.abs(angle).max() == pytest.approx(largest(60.0), rel=2e-3)
+
+
+@pytest.mark.parametrize(("spin", "sign"), [(60.0, ""), (-60.0, "-")])
+def test_a_run_ends_where_a_spring_has_turned_too_far_to_be_counted(spin: float, sign: str) -> None:
+    """60 rad/s: 9.49 sin(w t) = 2 pi at t = 0.1143 s."""
+    words = f"turned by {sign}6.[34].* rad.*frame: spinning"
+    with pytest.raises(SolveFailed, match=words) as found:
+        simulate(swinging(spin, "oblique"))
+    assert found.value.status is Status.OUTSIDE_THEORY
+    assert found.value.block == "s"
+    assert found.value.time == pytest.approx(
+        np.arcsin(2.0 * np.pi / largest(60.0)) / np.sqrt(40.0), abs=3e-3)
+
+
+@pytest.mark.full
+def test_a_damper_without_stiffness_counts_no_turns() -> None:
+    """Damping 0.1 N m s/rad on 0.1 kg m^2 from 60 rad/s: 37.9 rad in 1 s, 22.1 rad/s at the end."""
+    result = simulate(swinging(60.0, "oblique", stiffness=0.0, damping=0.1))
+    moment = result.joint_forces()["s"]["torque", "N m"]
+    assert moment[-1] == pytest.approx(-6.0 * np.exp(-1.0), rel=5e-3)
