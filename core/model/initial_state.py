@@ -38,7 +38,20 @@ def consistent_state(model: AssembledModel) -> State:
     return model.starts[0]
 
 
-def _solved(model: AssembledModel, t: float) -> State:
+def euler_state(model: AssembledModel, h: float) -> State:
+    """Initial state with the accelerations of one linearly implicit Euler step of h (s),
+
+        (M + h D + h^2 K) a = -r(x + h v, v, 0),
+
+    with the second derivative of the constraints as in `consistent_state`. Motion that the step
+    resolves has the consistent accelerations, but for O(h); vibrations that it does not resolve
+    have next to none (Hairer and Wanner 1996, doi 10.1007/978-3-642-05221-7, Sec. IV.7).
+    """
+    return _solved(model, 0.0, h)
+
+
+def _solved(model: AssembledModel, t: float, h: float = 0.0) -> State:
+    """h: 0 for accelerations at the time t, else those over a step of h (s)."""
     layout, n = model.layout, model.layout.size
     x, v, a = model.x0.copy(), model.v0.copy(), np.zeros(n)
     algebraic, first, second = layout.algebraic, layout.first, layout.second
@@ -46,11 +59,17 @@ def _solved(model: AssembledModel, t: float) -> State:
     M, C = (_derivative(model, K, State(t, x, v, a, x), rate)[part][:, part]
             for rate, part in ((2, second), (1, first)))
     held, across = K[:, algebraic], K[algebraic][:, second]
+    ahead = x.copy()
+    if h > 0.0:
+        one = np.ones(n)
+        M = h * h * csr_array(system_jacobian(
+            layout, model.terms, x, v, a, t, one / h, one / (h * h)))[second][:, second]
+        ahead[second] += h * v[second]
     del K  # next to A: as large as all operators of the model
     A = block_array([
         [M, None, held[second]], [None, C, held[first]], [across, None, held[algebraic]]],
         format="csr")
-    r = system_residual(layout, model.terms, x, v, a, t)
+    r = system_residual(layout, model.terms, ahead, v, a, t)
     r[algebraic] = _constraints(model).curvature(x, v, t)
     _check_finite(layout, r, t, "forces or heat at the start")
     if not np.isfinite(A.data).all():

@@ -25,6 +25,9 @@ from sparsemor.core.protocols.step_amplitude import Substep, substep
 from sparsemor.core.protocols.step_solver import advanced
 from sparsemor.core.status import SolveFailed, Status
 
+UNRESOLVED = 100.0
+"""Largest ratio of the accelerations of a reduced start to those of the full-order one."""
+
 M = TypeVar("M", bound=StepMemory, default=Any)
 
 
@@ -70,11 +73,12 @@ class FixedStep(Generic[M]):
 
 def started(solver: StepSolver[M], integrator: Integrator, full: State) -> tuple[State, M]:
     """Initial state in the solver's (reduced) unknowns with the integrator's history, and the
-    solver's initial memory; full: full-order initial state. Where that has no accelerations
-    (`resolved_start`), the reduced one has none."""
+    solver's initial memory; full: full-order initial state. Accelerations that this one does not
+    have, because the step does not resolve them (`resolved_start`), are not made again."""
     state, memory = solver.start(full)
-    if not full.a.any():
-        state = replace(state, a=np.zeros_like(state.a))
+    resolved = solver.projection(full).a
+    if np.abs(state.a).max(initial=0.0) > UNRESOLVED * np.abs(resolved).max(initial=0.0):
+        state = replace(state, a=resolved)
     return integrator.start(solver.layout, state), memory
 
 

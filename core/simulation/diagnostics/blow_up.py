@@ -1,5 +1,5 @@
-"""Displacements that grew far beyond their body: the run is stopped as `diverged`, with the likely
-cause."""
+"""Displacements far beyond their body, and temperatures beyond those of any material: the run is
+stopped as `diverged`, with the likely cause."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -25,6 +25,8 @@ from sparsemor.core.status import SolveFailed, Status
 
 BEYOND = 2.0
 """Largest displacement, relative to the diagonal of the body, that a run may have."""
+HOTTEST, HOTTER = 1e6, 100.0
+"""Temperature, K, and its ratio to the highest one at the start, that a run may not exceed both."""
 TRIALS = 4000
 """Most steps of a trial run with half the step, which looks for the cause."""
 SUDDEN, WITHIN = 100.0, 10
@@ -36,14 +38,18 @@ SPINNING = 0.5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Large:
-    """Displacements of a block that are too large: their size and the body's diagonal, m."""
+    """Displacements of a block that are too large: their size and the body's diagonal, m; or its
+    temperatures, K, where hot."""
 
     block: str
     size: float
     diagonal: float
+    hot: bool = False
 
     @property
     def detail(self) -> str:
+        if self.hot:
+            return f"temperatures of {self.size:.2g} K"
         return (f"displacements of {self.size:.2g} m in a body with a diagonal of "
                 f"{self.diagonal:.3g} m")
 
@@ -57,9 +63,11 @@ class _Block:
     atoms: FloatArray | None
     offset: FloatArray | None
     row: float
+    hot: bool = False
 
     def size(self, x: FloatArray) -> float:
-        """Largest displacement component, m, or an upper bound of one that is small enough."""
+        """Largest displacement component, m, or temperature, K; or an upper bound of one that is
+        small enough."""
         c = x[self.at]
         if self.atoms is None or self.offset is None:
             return float(np.abs(c).max(initial=0.0))
@@ -71,7 +79,8 @@ class _Block:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Extents:
-    """Blocks of displacements with the diagonals of their bodies."""
+    """Blocks of displacements with the diagonals of their bodies, and blocks of temperatures, whose
+    `diagonal` is the largest permitted one over `BEYOND`."""
 
     blocks: tuple[_Block, ...]
 
@@ -83,25 +92,40 @@ class Extents:
         if model is None:
             return cls(())
         for b in layout:
+            if b.kind.quantity is Quantity.TEMPERATURE:
+                found.append(_temperatures(model, layout, b.name, dictionaries.get(b.name)))
             if b.kind.quantity is not Quantity.DISPLACEMENT or b.name not in model.geometry:
                 continue
             points, d = model.geometry[b.name][0], dictionaries.get(b.name)
             diagonal = float(np.linalg.norm(np.ptp(points, axis=0))) if len(points) else 0.0
             if diagonal == 0.0 or (d is not None and len(d.atoms) != len(points)):
                 continue
-            row = 0.0 if d is None else float(np.sqrt((d.atoms**2).sum(axis=1).max(initial=0.0)))
             extent = float(np.ptp(points, axis=0).min())
             found.append(_Block(
                 b.name, layout[b.name], diagonal, extent, None if d is None else d.atoms,
-                None if d is None else d.offset, row))
+                None if d is None else d.offset, _row(d)))
         return cls(tuple(found))
 
     def exceeded(self, x: FloatArray) -> Large | None:
-        """The first block of the unknowns x (n,) with displacements beyond its body."""
+        """The first block of the unknowns x (n,) with displacements beyond its body or
+        temperatures beyond any material."""
         for b in self.blocks:
             if (size := b.size(x)) > BEYOND * b.diagonal:
-                return Large(b.name, size, b.diagonal)
+                return Large(b.name, size, b.diagonal, b.hot)
         return None
+
+
+def _row(d: Dictionary | None) -> float:
+    """Largest norm of a row of the atoms."""
+    return 0.0 if d is None else float(np.sqrt((d.atoms**2).sum(axis=1).max(initial=0.0)))
+
+
+def _temperatures(model: Model, layout: Layout, name: str, d: Dictionary | None) -> _Block:
+    """Temperatures of a block, with the largest ones that a run may have."""
+    start = float(np.abs(model.x0[model.layout[name]]).max(initial=0.0))
+    most = max(HOTTEST, HOTTER * start)
+    return _Block(name, layout[name], most / BEYOND, most, None if d is None else d.atoms,
+                  None if d is None else d.offset, _row(d), hot=True)
 
 
 class Growth:
@@ -109,17 +133,18 @@ class Growth:
     extent."""
 
     def __init__(self, extents: Extents) -> None:
-        self.extents, self.last = extents, list[list[float]]()
+        self.blocks = [b for b in extents.blocks if not b.hot]
+        self.last = list[list[float]]()
 
     def sudden(self, x: FloatArray) -> Large | None:
         """The first block whose displacements exceed the body's smallest extent and `SUDDEN` times
         the largest of `WITHIN` steps before."""
-        sizes = [b.size(x) for b in self.extents.blocks]
+        sizes = [b.size(x) for b in self.blocks]
         before = self.last[0] if len(self.last) == WITHIN else None
         self.last = [*self.last[1 - WITHIN :], sizes]
         if before is None:
             return None
-        for b, size, small in zip(self.extents.blocks, sizes, before, strict=True):
+        for b, size, small in zip(self.blocks, sizes, before, strict=True):
             if 0.0 < small and size > max(b.extent, SUDDEN * small):
                 return Large(b.name, size, b.diagonal)
         return None
@@ -137,7 +162,7 @@ def too_long(
 
 
 def _too_long(h: float) -> str:
-    return (f"the time step is too long: with {0.5 * h:.3g} s displacements stay small until this "
+    return (f"the time step is too long: with {0.5 * h:.3g} s this does not happen until this "
             "time; take a time.step several times smaller, or time.control")
 
 
@@ -145,12 +170,15 @@ def diverged(
     scene: Scene, model: Model, offline: OfflineProducts, start: State, now: State, large: Large,
     phase: str = "run"
 ) -> SolveFailed:
-    """The failure of a run whose displacements are too large at the state `now` (full-order or
-    reduced), with advice by what is found: a trial with half the step from the full-order state
-    `start`, and the spin against the lowest natural frequency."""
+    """The failure of a run whose displacements or temperatures are too large at the state `now`
+    (full-order or reduced), with advice by what is found: a trial with half the step from the
+    full-order state `start`, and the spin against the lowest natural frequency."""
     h = scene.time.step
     if _smaller(scene, model, offline, start, 0.5 * h, round(2.0 * now.t / h)):
         advice = _too_long(h)
+    elif large.hot:
+        advice = ("half the step does not help: check the heat of loads, conductances, k, c, rho, "
+                  "the thickness and units (W, m, kg, K)")
     else:
         advice = _spinning(model, now, large.block) or (
             "half the step does not help, and no spin does this: check the loads, E, the "
@@ -175,7 +203,7 @@ def _smaller(
         for taken in iterate(FixedStep.of(scene.integrator, solver, h), state, memory, count):
             x = taken.state.x
             if not taken.outcome.status.ok or extents.exceeded(x) or any(
-                    b.size(x) > most for b in extents.blocks):
+                    b.size(x) > most for b in extents.blocks if not b.hot):
                 return False
     except SolveFailed:
         return False

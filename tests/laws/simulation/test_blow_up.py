@@ -57,3 +57,26 @@ def test_sudden_growth_beyond_the_body_is_suspected_and_slow_growth_is_not() -> 
         growth = Growth(extents)
         found = [growth.sudden(shape(s)) for s in sizes]
         assert not any(found[:-1]) and (found[-1] is not None) == suspected
+
+
+def heated(power: float) -> Any:
+    """A plate of 1e-3 K m3/J by 50 s of heat flux."""
+    return scene_of({
+        "bodies": {"plate": {
+            "use": "flexible", "thickness": 0.01, "fields": ["thermal"],
+            "mesh": {"use": "rectangle", "lower": [0.0, 0.0], "size": [0.1, 0.1],
+                     "divisions": [2, 2]},
+            "material": {"k": 50.0, "rho": 1000.0, "c": 1000.0}, "initial_temperature": 300.0}},
+        "loads": {"heat": {"use": "heat_flux", "on": ["plate:left"], "flux": power}},
+        "time": {"end": 50.0, "step": 1.0}, "integrator": "bdf2"})
+
+
+def test_temperatures_beyond_any_material_diverge() -> None:
+    """1e10 W/m2 on 0.1 m of 1e6 J/(m3 K): 1e5 K/s in the mean, 1e6 K within 10 s; a thousandth of
+    it is hot, and done."""
+    with pytest.raises(SolveFailed) as failure:
+        simulate(heated(1e10))
+    assert failure.value.status.value == "diverged" and failure.value.block == "plate.thermal"
+    assert "temperatures of" in failure.value.detail and failure.value.time <= 11.0
+    assert "half the step does not help: check the heat of loads" in str(failure.value)
+    assert simulate(heated(1e7)).status.ok
