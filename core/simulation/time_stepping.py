@@ -9,6 +9,8 @@ from typing import Any, Generic, NamedTuple, TypeAlias
 import numpy as np
 from typing_extensions import TypeVar
 
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.linalg.least_squares import least_squares_coefficients
 from sparsemor.core.protocols import (
     Integrator,
     ManySteps,
@@ -76,10 +78,28 @@ def started(solver: StepSolver[M], integrator: Integrator, full: State) -> tuple
     solver's initial memory; full: full-order initial state. Accelerations that this one does not
     have, because the step does not resolve them (`resolved_start`), are not made again."""
     state, memory = solver.start(full)
-    resolved = solver.projection(full).a
-    if np.abs(state.a).max(initial=0.0) > UNRESOLVED * np.abs(resolved).max(initial=0.0):
+    if _larger(state.a, full.a) and _larger(state.a, resolved := _accelerations(solver, full)):
         state = replace(state, a=resolved)
     return integrator.start(solver.layout, state), memory
+
+
+def _larger(a: FloatArray, resolved: FloatArray) -> bool:
+    """True if accelerations exceed those that the step resolves."""
+    return float(np.abs(a).max(initial=0.0)) > UNRESOLVED * float(np.abs(resolved).max(initial=0.0))
+
+
+def _accelerations(solver: StepSolver[M], full: State) -> FloatArray:
+    """Accelerations of a full-order state, in the solver's unknowns."""
+    bases, layout = solver.dictionaries, solver.layout
+    whole = layout.resized({name: len(d.offset) for name, d in bases.items()})
+    if whole.size != len(full.a):  # a model without mesh: already in its unknowns
+        return full.a
+    a = np.zeros(layout.size)
+    for b in layout:
+        there, d = full.a[whole[b.name]], bases.get(b.name)
+        a[layout[b.name]] = there if d is None else least_squares_coefficients(
+            d.atoms, there[:, None])[:, 0]
+    return a
 
 
 def iterate(
