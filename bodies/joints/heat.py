@@ -52,7 +52,7 @@ def heat_exchange(
     """Heat exchange of a joint, None without a conductance; a note if it insulates two bodies with
     temperatures and its conductance is not given.
 
-    InputError for a conductance of a joint whose sides do not both have temperatures.
+    InputError for a conductance above 0 of a joint whose sides do not both have temperatures.
     """
     heats = [side.body is not None and side.body.heat is not None for side in ends]
     if conductance is None:
@@ -60,11 +60,12 @@ def heat_exchange(
         return None, (information(
             f"no heat flows through joints.{name} between {one} and {two}: give its conductance "
             "(W/K), or 0 if it insulates", "insulated_joint"),) if all(heats) else ()
-    if any(side.body is not None and side.body.without_fields for side in ends):
+    if not conductance or any(
+            side.body is not None and side.body.without_fields for side in ends):
         return None, ()
     for side, heat in zip(ends, heats, strict=True):
         if not heat:
             what = "the ground" if side.body is None else f"body {side.body.name!r}"
             raise InputError(f"{what} has no temperature: drop it, give the body the field "
                              "`thermal`, or use a convection load", "conductance")
-    return (HeatExchange(ends, conductance, parts) if conductance else None), ()
+    return HeatExchange(ends, conductance, parts), ()

@@ -107,8 +107,10 @@ def _interpolated_loads(
     """Note on loads of the run that modes U of the training do not contain: relative error of the
     displacements (or temperatures) of a step under the interpolated loads, U back f[points], in the
     span of the atoms."""
-    recording = block.offline.recording
-    if recording is None:
+    recording, separated = block.offline.recording, block.model.separated
+    tables = [*(h.tables for h in separated.heat),
+              *(m.operators.tables for m in separated.moving if m.operators is not None)]
+    if recording is None or any(tables):  # loads that move: no estimate
         return ()
     step = StepFactors(block.h, 0.0, 0.0, 0.0)
     try:

@@ -40,7 +40,8 @@ def hot(moves: bool, reducer: Any) -> Scene:
                      "surroundings": 290.0},
             "lamp": {"use": "heat_flux", "on": ["bar:top"], "flux": lamp},
             **({"weight": {"use": "gravity", "g": [0, -9.81]}} if moves else {})},
-        "time": {"end": 0.6, "step": 0.03}, **(moving if moves else {}), "reducer": reducer})
+        "time": {"end": 0.6, "step": 0.03}, **(moving if moves else {}), "integrator": "bdf1",
+        "reducer": reducer})
 
 
 @cache

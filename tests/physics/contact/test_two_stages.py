@@ -58,7 +58,7 @@ def errors(run: RunResult, reference: RunResult) -> dict[str, float]:
 def test_each_reducer_repeats_the_full_run_under_moving_loads(full, cache, reducer, allowed):
     run = simulate(load(SLIDER, {"reducer": reducer}), cache=cache)
     assert run.summary["cache"]["rigid_stage"] == "hit"
-    assert run.summary["notes"] == []
+    assert set(run.summary["note_kinds"]) <= {"stiff_in_bending"}
     found = errors(run, full)
     assert max(found.values()) < allowed, found
 
