@@ -18,6 +18,12 @@ from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.simulation.diagnostics.alternating_joint_forces import alternating_forces
 from sparsemor.core.simulation.diagnostics.blow_up import Extents, Growth, Large, diverged, too_long
 from sparsemor.core.simulation.diagnostics.contact_warnings import contact_warnings
+from sparsemor.core.simulation.diagnostics.energy_lost import (
+    LARGEST,
+    energy_lost,
+    energy_notes,
+    times_of_energy,
+)
 from sparsemor.core.simulation.diagnostics.free_rotations import rotation_notes
 from sparsemor.core.simulation.diagnostics.plausibility import after_run
 from sparsemor.core.simulation.diagnostics.selected_atoms import check_selection, times_of_check
@@ -26,6 +32,7 @@ from sparsemor.core.simulation.diagnostics.stress_stiffness import (
     LINEAR_STRAINS,
     stress_notes,
 )
+from sparsemor.core.simulation.diagnostics.time_error import TimeError, time_error_notes
 from sparsemor.core.simulation.diagnostics.trial_space import beyond_training
 from sparsemor.core.simulation.diagnostics.undershoot import undershoot
 from sparsemor.core.simulation.error_control.actions import Accepted, ErrorWatch, Exceeded
@@ -64,6 +71,14 @@ class RunSteps:
         self.checked = times_of_check(self.steps)
         self.selected: list[tuple[State, Mapping[str, BoolArray]]] = []
         self.growth: Growth | None = Growth(Extents(()))
+        # windows of steps are not in checkpoints; a run that changes its model has no one estimate
+        whole = tally.done == 0 and watch is None and not recorder.fall_back
+        self.time_error = TimeError.of(run, state.x if whole else None)
+        self.moving: list[State] = []
+        self.looked = times_of_energy(self.steps) if (
+            whole and run.model is not None and run.own_loads and run.scene.time.control is None
+            and run.scene.integrator.order == 1 and run.model.layout.frames.stop > 0
+            and run.model.layout.size <= LARGEST) else frozenset[int]()
 
     def go(self) -> RunResult:
         recorder, hook = self.recorder, self.manager.hook
@@ -102,7 +117,13 @@ class RunSteps:
         if failure is not None:
             summary["message"] = str(failure)
         else:
-            notes = self._found_after()
+            summary["time_error"] = errors = dict(
+                self.time_error.estimated()) if self.time_error is not None else {}
+            h = self.scene.time.step
+            summary["energy_lost"] = lost = None if self.run.model is None else energy_lost(
+                self.run.model, [full_state(self.solver, s) for s in self.moving], h, self.steps)
+            notes = (*self._found_after(), *energy_notes(lost, h), *time_error_notes(
+                errors, h, self.scene.integrator.order))
             found = in_summary(notes)
             summary |= {key: [*summary[key], *texts] for key, texts in found.items()}
             refused = [n for n in notes if n.kind == LINEAR_STRAINS]
@@ -215,12 +236,17 @@ class RunSteps:
             self.growth = Growth(extents)
         turns = SpringTurns(self.run.forces, self.state)
         for taken in iterate(step, self.state, self.memory, count, stop, self.many):
-            outcome, self.state, self.memory, seconds, whole = taken
+            outcome, before = taken.outcome, self.state
+            _, self.state, self.memory, seconds, whole = taken
             if not outcome.status.ok:
                 return SolveFailed(
                     outcome.status, self.state.t + h, outcome.block, outcome.detail,
                     sampled=bool(solver.rows))
             tally.add(seconds, outcome)
+            if self.time_error is not None:
+                self.time_error.take(tally.done, before, self.state)
+            if tally.done in self.looked:
+                self.moving.append(self.state)
             if large := extents.exceeded(self.state.x):
                 return self._diverged(large)
             if (lost := turns.lost(self.state)) is not None:

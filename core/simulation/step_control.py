@@ -95,7 +95,7 @@ class ControlMemory:
 
     level: k of the coarser solution that the next step begins with; fine: k whose integrator
     history the state has; live: levels whose solvers ended at the last accepted state. origin:
-    initial unknowns; moved: largest change of each block since the start (norm of `_Judged`).
+    initial unknowns; moved: largest change of each block since the start (norm of `Judged`).
     restart: True where the history that the state has is of no use, as after a jump; slope (n,): of
     the highest rates, from which another one is made; parts: size
     (s) -> solver for substeps of parts of an output step.
@@ -145,7 +145,7 @@ class _Part(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Judged:
+class Judged:
     """Block whose error is controlled, with the norm sqrt(d^T gram d / n): root mean square of the
     n full-order unknowns.
 
@@ -183,7 +183,7 @@ class ControlledSteps(AroundSteps[StepSolver]):
         self.share = control.tolerance * h / end
         self._prepare = prepare
         self.judged = tuple(
-            _judged(b, base, control) for b in base.layout.differential)
+            judged(b, base, control) for b in base.layout.differential)
 
     def resultant_sources(self, memory: ControlMemory | None) -> tuple[ResultantSource, ...]:
         if memory is None:
@@ -422,8 +422,9 @@ class _Try:
     previous: State
 
 
-def _judged(block: Block, solver: StepSolver, control: Control) -> _Judged:
+def judged(block: Block, solver: StepSolver, control: Control) -> Judged:
+    """A block of a step solver whose error is measured. control: sizes of relative errors."""
     at, d = solver.layout[block.name], solver.dictionaries.get(block.name)
     gram = None if d is None else np.asarray(d.atoms.T @ d.atoms)
     n = at.stop - at.start if d is None else len(d.offset)
-    return _Judged(block.name, at, gram, n, control.size_of(block.kind))
+    return Judged(block.name, at, gram, n, control.size_of(block.kind))

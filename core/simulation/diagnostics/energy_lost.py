@@ -1,0 +1,70 @@
+"""Energy that an integrator of first order takes from a motion, against the motion's own."""
+
+from collections.abc import Sequence
+from math import sqrt
+
+import numpy as np
+
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.model.equations import system_residual
+from sparsemor.core.model.model import Model
+from sparsemor.core.notes import Note, information
+from sparsemor.core.protocols import State
+
+ENERGY_LOST = "energy_lost"
+"""Kind of the note."""
+LIMIT, WARNED = 0.05, 0.1
+"""Energy lost, relative to the largest kinetic energy, above which a note, or a warning, says
+so."""
+STATES = 40
+"""Number of states from which the loss is summed."""
+LARGEST = 20_000
+"""Number of full-order unknowns above which it is not looked at."""
+
+
+def times_of_energy(steps: int) -> frozenset[int]:
+    """Numbers of the steps whose states are looked at: multiples of the golden ratio modulo the
+    run, which keep step with no period of the motion."""
+    golden = 0.5 * (sqrt(5.0) - 1.0)
+    return frozenset(1 + int(steps * (i * golden % 1.0)) for i in range(STATES)) if steps else (
+        frozenset())
+
+
+def energy_lost(model: Model, states: Sequence[State], h: float, steps: int) -> float | None:
+    """Energy that implicit Euler takes from the motion in so many steps of h (s), relative to the
+    largest kinetic energy; None where nothing moves.
+
+    A step takes (1/2) dv^T M dv of the kinetic energy, dv = h a, and (1/2) dx^T K dx of the
+    potential one, which for a vibration is on average as much: h^2 a^T M a together, the share
+    (w h)^2 of its energy for a vibration of the angular frequency w. states: full-order ones,
+    evenly spread.
+    """
+    lost, most = 0.0, 0.0
+    for s in states:
+        most = max(most, 0.5 * _product(model, s, s.v))
+        lost += h * h * _product(model, s, s.a)
+    if not states or not most > 0.0 or not np.isfinite(lost + most):
+        return None
+    return lost / len(states) * steps / most
+
+
+def _product(model: Model, s: State, u: FloatArray) -> float:
+    """u^T M u with the mass matrix M of a state: inertia forces are linear in accelerations."""
+    second = model.layout.second
+    a = np.zeros(len(u))
+    a[second] = u[second]
+    with np.errstate(all="ignore"):
+        r = system_residual(model.layout, model.terms, s.x, s.v, a, s.t) - system_residual(
+            model.layout, model.terms, s.x, s.v, 0.0 * a, s.t)
+    return float(a @ r)
+
+
+def energy_notes(lost: float | None, h: float) -> tuple[Note, ...]:
+    """Note on a large loss. lost: of `energy_lost`; h: time step, s."""
+    if lost is None or not lost > LIMIT:
+        return ()
+    text = (
+        f"the integrator takes energy from the motion: in this run about {100.0 * lost:.2g} % of "
+        f"the largest kinetic energy (noted above {100.0 * LIMIT:g} %): take one of second order "
+        f"(generalized_alpha, bdf2), or a step much smaller than {h:g} s")
+    return (Note(text, ENERGY_LOST) if lost > WARNED else information(text, ENERGY_LOST),)

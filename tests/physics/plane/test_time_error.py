@@ -1,0 +1,78 @@
+"""Steps that are too long, and energy that an integrator takes, are estimated and noted with about
+the right number; resolved runs have no note."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sparsemor.core.notes import Note
+from sparsemor.core.results.run_result import RunResult
+from sparsemor.core.scene.scene import load
+from sparsemor.core.simulation.diagnostics.energy_lost import energy_notes
+from sparsemor.core.simulation.diagnostics.time_error import time_error_notes
+from sparsemor.core.simulation.simulate import simulate
+
+PENDULUM: dict[str, Any] = {
+    "bodies": {"b": {"use": "rigid", "mass": 1.0, "inertia": 1.0 / 12.0, "center": [0.5, 0.0],
+                     "points": {"a": [0.0, 0.0]}}},
+    "joints": {"j": {"use": "revolute", "between": ["ground", "b:a"]}},
+    "loads": {"g": {"use": "gravity"}}}
+"""Uniform rod of 1 m that is released from horizontal: w^2/6 + 9.81/2 sin(angle) is constant."""
+
+
+def swing(integrator: str, h: float, end: float) -> RunResult:
+    return simulate(load(
+        {**PENDULUM, "integrator": integrator, "time": {"end": end, "step": h}}))
+
+
+def angle(run: RunResult) -> Any:
+    return run.block("b.rigid")[:, 2]
+
+
+@pytest.mark.parametrize("integrator, h", [("bdf1", 0.01), ("generalized_alpha", 0.1)])
+def test_a_step_too_long_is_noted_with_its_error(integrator: str, h: float) -> None:
+    """The error against a step of a tenth, relative to the largest change."""
+    run, exact = swing(integrator, h, 2.5), swing(integrator, 0.1 * h, 2.5)
+    change = np.abs(angle(exact)).max()
+    error = np.abs(angle(run) - angle(exact)[::10]).max() / change
+    estimate = run.summary["time_error"]["b.rigid"]
+    assert error > 0.01
+    assert 0.2 * error < estimate < 5.0 * error
+    assert "time_error" in [*run.summary["note_kinds"]] or any(
+        "time error" in n for n in run.summary["information"])
+
+
+def test_a_resolved_run_has_a_small_estimate_and_no_note() -> None:
+    run = swing("generalized_alpha", 0.005, 1.0)
+    assert 0.0 < run.summary["time_error"]["b.rigid"] < 0.003
+    assert run.summary["energy_lost"] is None
+    assert not [n for n in (*run.summary["notes"], *run.summary["information"])
+                if "time error" in n or "takes energy" in n]
+
+
+@pytest.mark.parametrize("h, end", [(0.02, 8.0), (0.02, 3.0)])
+def test_energy_that_implicit_euler_takes_is_noted_within_a_third(h: float, end: float) -> None:
+    """Loss from the first to the last steps, w from differences of the angle."""
+    run = swing("bdf1", h, end)
+    turned = angle(run)
+    w = np.gradient(turned, run.times)
+    energy = w**2 / 6.0 + 0.5 * 9.81 * np.sin(turned)
+    lost = (energy[1] - energy[-2]) / (w**2 / 6.0).max()
+    assert lost > 0.1
+    assert run.summary["energy_lost"] == pytest.approx(lost, rel=0.35)
+    assert "energy_lost" in run.summary["note_kinds"]
+
+
+def test_levels_of_the_notes() -> None:
+    def levels(notes: tuple[Note, ...]) -> list[str]:
+        return [n.level.value for n in notes]
+
+    assert levels(time_error_notes({"a": 0.009}, 0.1, 1)) == []
+    assert levels(time_error_notes({"a": 0.02, "b": 0.0}, 0.1, 1)) == ["information"]
+    (note,) = time_error_notes({"a": 0.06, "b": 2.0}, 0.1, 2)
+    assert note.kind == "time_error" and "b more than 100 %, a 6 %" in note.text
+    assert "order 2" not in note.text
+    assert levels(energy_notes(0.04, 0.1)) == levels(energy_notes(None, 0.1)) == []
+    assert levels(energy_notes(0.07, 0.1)) == ["information"]
+    assert levels(energy_notes(0.2, 0.1)) == ["warning"]
