@@ -30,10 +30,10 @@ def angle(run: RunResult) -> Any:
     return run.block("b.rigid")[:, 2]
 
 
-@pytest.mark.parametrize("integrator, h", [("bdf1", 0.01), ("generalized_alpha", 0.1)])
+@pytest.mark.parametrize("integrator, h", [("bdf1", 0.02), ("generalized_alpha", 0.1)])
 def test_a_step_too_long_is_noted_with_its_error(integrator: str, h: float) -> None:
     """The error against a step of a tenth, relative to the largest change."""
-    run, exact = swing(integrator, h, 2.5), swing(integrator, 0.1 * h, 2.5)
+    run, exact = swing(integrator, h, 2.0), swing(integrator, 0.1 * h, 2.0)
     change = np.abs(angle(exact)).max()
     error = np.abs(angle(run) - angle(exact)[::10]).max() / change
     estimate = run.summary["time_error"]["b.rigid"]
