@@ -18,6 +18,9 @@ LIMIT, WARNED = 0.05, 0.1
 so."""
 STATES = 40
 """Number of states from which the loss is summed."""
+INERTIA = 0.01
+"""Largest inertia force on a body, relative to the largest other one, below which it stands still
+but for its load: no motion of its own can lose energy."""
 LARGEST = 20_000
 """Number of full-order unknowns above which it is not looked at."""
 
@@ -32,31 +35,46 @@ def times_of_energy(steps: int) -> frozenset[int]:
 
 def energy_lost(model: Model, states: Sequence[State], h: float, steps: int) -> float | None:
     """Energy that implicit Euler takes from the motion in so many steps of h (s), relative to the
-    largest kinetic energy; None where nothing moves.
+    largest kinetic energy of the rigid motion; None where nothing moves, or only as slowly as loads
+    change (`INERTIA`).
 
     A step takes (1/2) dv^T M dv of the kinetic energy, dv = h a, and (1/2) dx^T K dx of the
     potential one, which for a vibration is on average as much: h^2 a^T M a together, the share
     (w h)^2 of its energy for a vibration of the angular frequency w. states: full-order ones,
     evenly spread.
     """
-    lost, most = 0.0, 0.0
+    lost, most, inertia, other = 0.0, 0.0, 0.0, 0.0
+    at = model.layout.frames
     for s in states:
-        most = max(most, 0.5 * _product(model, s, s.v))
-        lost += h * h * _product(model, s, s.a)
-    if not states or not most > 0.0 or not np.isfinite(lost + most):
+        most = max(most, 0.5 * float(s.v[at] @ _inertia(model, s, s.v)))
+        force = _inertia(model, s, s.a)
+        lost += h * h * float(s.a[at] @ force)
+        inertia = max(inertia, float(np.abs(force).max(initial=0.0)))
+        other = max(other, _other(model, s))
+    if not most > 0.0 or not np.isfinite(lost + most) or inertia < INERTIA * other:
         return None
     return lost / len(states) * steps / most
 
 
-def _product(model: Model, s: State, u: FloatArray) -> float:
-    """u^T M u with the mass matrix M of a state: inertia forces are linear in accelerations."""
-    second = model.layout.second
-    a = np.zeros(len(u))
-    a[second] = u[second]
+def _inertia(model: Model, s: State, u: FloatArray) -> FloatArray:
+    """M u of the frames (m,), with the mass matrix M of a state: inertia forces are linear in
+    accelerations."""
+    at, a = model.layout.frames, np.zeros(len(u))
+    a[at] = u[at]
     with np.errstate(all="ignore"):
-        r = system_residual(model.layout, model.terms, s.x, s.v, a, s.t) - system_residual(
-            model.layout, model.terms, s.x, s.v, 0.0 * a, s.t)
-    return float(a @ r)
+        return (system_residual(model.layout, model.terms, s.x, s.v, a, s.t) - system_residual(
+            model.layout, model.terms, s.x, s.v, 0.0 * a, s.t))[at]
+
+
+def _other(model: Model, s: State) -> float:
+    """Largest force of one term on a frame without inertia, N or N m."""
+    most, end = 0.0, model.layout.frames.stop
+    with np.errstate(all="ignore"):
+        for term in model.terms:
+            j = term.columns
+            r = term.residual(s.x[j], s.v[j], 0.0 * s.a[j], s.t)
+            most = max(most, float(np.abs(r[term.rows < end]).max(initial=0.0)))
+    return most
 
 
 def energy_notes(lost: float | None, h: float) -> tuple[Note, ...]:
