@@ -33,10 +33,11 @@ def ran(*arguments: object, code: int = 0) -> subprocess.CompletedProcess[str]:
 def test_a_run_that_cannot_be_prepared_is_not_the_failure_of_its_neighbours() -> None:
     """All share training run and basis, which the first of them is prepared to make."""
     budgets = {"*.elastic": {"rows": 40, "atoms": 4}, "*.thermal": {"rows": 20, "atoms": 3}}
+    few = {"*.elastic": {"rows": 4}}
     twins = {"use": "dictionary", "bases": ["pod", {"use": "modal", "count": 60}]}
     Path("two.yaml").write_text(json.dumps({
         "scene": str(SWING), "set": {"time.end": 0.01, "training": {"end": 0.05}},
-        "list": [{"reducer": {"use": "sparse", "basis": twins}},
+        "list": [{"reducer": {"use": "sparse", "basis": twins, "budgets": few}},
                  {"reducer": {"use": "sparse", "basis": twins, "budgets": budgets}}]}))
     rows = study("two.yaml", out="two")
     assert [r["status"] for r in rows] == ["refused", "done"]

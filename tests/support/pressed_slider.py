@@ -48,7 +48,8 @@ def scene(
         "contacts": {"sole": contact},
         "loads": {"press": {"use": "traction", "on": ["slider:top"], "axes": "space",
                             "traction": [0.0, -10e6]}},
-        "time": {"end": steps * STEP, "step": STEP}, "reducer": reducer})
+        "time": {"end": steps * STEP, "step": STEP}, "integrator": "bdf1",
+        "reducer": reducer})
 
 
 @cache

@@ -159,7 +159,7 @@ def fixed() -> Scene:
             "mesh": {"use": "rectangle", "size": [0.5, 0.05], "divisions": [8, 2]}}},
         "loads": {"weight": {"use": "gravity", "g": [0.0, -500.0]},
                   "lamp": {"use": "heat_flux", "on": ["bar:right"], "flux": 4e6}},
-        "time": {"end": 0.02, "step": 1e-3}})
+        "integrator": "bdf1", "time": {"end": 0.02, "step": 1e-3}})
 
 
 SCENES = {
