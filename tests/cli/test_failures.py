@@ -101,10 +101,9 @@ def test_too_large_a_step_or_load(settings: dict[str, Any]) -> None:
 
 @pytest.mark.full
 @pytest.mark.parametrize("settings", [
-    {"time__step": 0.085, "time__end": 3.4, "training__end": 3.4,
+    {"time__step": 0.09, "time__end": 3.6, "training__end": 3.6,
      "integrator": "generalized_alpha"},
-    {"loads__weight__g": [0.0, -1e6]},
-], ids=["large step", "huge load"])
+], ids=["large step"])
 def test_steps_that_need_the_exact_jacobian_are_counted(settings: dict[str, Any]) -> None:
     """They ended `not_converged` before there was Newton's method to fall back to."""
     done = run(SWING, reducer="full", **settings)
@@ -135,7 +134,7 @@ def unstable(**settings: Any) -> tuple[int, SimpleNamespace]:
     for seed in range(1, 21):
         shutil.rmtree("out", ignore_errors=True)
         done = run(SWING, seed=seed, reducer__budgets=FEW, reducer__sampler__required=False,
-                   integrator="generalized_alpha", **settings)
+                   reducer__residual="plain", integrator="generalized_alpha", **settings)
         if done.code:
             return seed, done
     raise AssertionError("every sample was stable")
@@ -147,9 +146,11 @@ def test_an_unstable_sample_without_the_required_rows() -> None:
     seed, done = unstable()
     assert_tells_all(done, STOPS)
     shutil.rmtree("out")
-    kept = run(SWING, seed=seed, reducer__budgets=FEW, integrator="generalized_alpha")
+    kept = run(SWING, seed=seed, reducer__budgets=FEW, reducer__residual="plain",
+               integrator="generalized_alpha")
     assert (kept.code, kept.shown["status"]) == (0, "done")
-    (note,) = kept.shown["notes"]  # the rows are as poor as they were, but damped
+    # the rows are as poor as they were, but damped
+    (note,) = [n for n in kept.shown["notes"] if "sampled rows of arm.elastic" in n]
     assert "16 sampled rows of arm.elastic do not determine its 6 atoms well enough" in note
 
 
@@ -160,7 +161,8 @@ def test_unstable_samples_of_the_packaged_scene() -> None:
     for seed in range(1, 11):
         shutil.rmtree("out", ignore_errors=True)
         done = run("double_pendulum", time__end=1.0, training__end=1.0, seed=seed,
-                   reducer__budgets=few, reducer__sampler__required=False)
+                   reducer__budgets=few, reducer__sampler__required=False,
+                   reducer__residual="plain")
         failed += done.code
         if done.code:
             assert_tells_all(done, STOPS)
@@ -212,7 +214,7 @@ def test_a_sample_that_misses_a_load_is_told() -> None:
     lines: list[str] = []
     for seed in range(1, 21):
         shutil.rmtree("out", ignore_errors=True)
-        done = run(PLATE, seed=seed)
+        done = run(PLATE, seed=seed, reducer__residual="plain")
         lines = [t for t in done.lines if " that lamp acts on: " in t]
         if lines:
             break
@@ -232,7 +234,7 @@ def test_compare_shows_a_run_that_failed() -> None:
     seed, _ = unstable()
     shutil.rmtree("out")
     changes = {"seed": seed, "integrator": "generalized_alpha", "reducer.sampler.required": False,
-               "reducer.budgets": FEW}
+               "reducer.residual": "plain", "reducer.budgets": FEW}
     sets = [x for k, v in changes.items() for x in ("--set", f"{k}={json.dumps(v)}")]
     done = CliRunner().invoke(
         app, ["compare", SWING, "--reducers", "full,sparse", *sets, "--training-end", "1",

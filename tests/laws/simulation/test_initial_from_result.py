@@ -43,7 +43,7 @@ def test_full_order_continues_the_motion_and_the_heat(earlier: RunResult) -> Non
     assert max(difference(run, earlier, 20).values()) < 1e-9
     note, = (n for n in run.summary["information"] if n.startswith("starts from the state of"))
     assert note.endswith("at 0.02 s, with the mean rates since the stored step before")
-    assert run.summary["note_kinds"] == []
+    assert set(run.summary["note_kinds"]) <= {"stiff_in_bending"}
 
 
 def test_a_reduced_run_projects_the_state_and_tells_the_error(
