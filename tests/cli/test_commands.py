@@ -31,6 +31,13 @@ KEYS = {"status", "scene", "reducer", "steps", "t_end", "wall_s", "ms_per_step",
         "probes", "out"}
 
 
+def said(err: str) -> list[str]:
+    """Lines of stderr without warnings that elements bend too little and that steps are long."""
+    known = ("are too stiff: loads that bend", "is long for this run")
+    return [line for line in err.splitlines() if not any(k in line for k in known)]
+
+
+
 def installed(*arguments: object) -> tuple[str, str]:
     """Standard output and error of the installed program, which must succeed."""
     done = subprocess.run([PROGRAM, *map(str, arguments)], capture_output=True, text=True,
@@ -50,7 +57,7 @@ def sparsemor(*arguments: object) -> tuple[str, str]:
 
 def in_json(*arguments: object, program: Program = sparsemor) -> dict[str, Any]:
     out, err = program(*arguments, "--json")
-    assert err == ""
+    assert said(err) == []
     shown = json.loads(out)  # one object and nothing else
     assert isinstance(shown, dict)
     return shown
@@ -91,7 +98,7 @@ def test_run_in_json() -> None:
 def test_run_in_words() -> None:
     out, err = installed("run", SWING, "--set", "time.end=0.05", "--out", "there")
     # no progress bar: this is no terminal
-    assert all(line.startswith("note: ") for line in err.splitlines())
+    assert all(line.startswith("note: ") for line in said(err))
     lines = [re.split(r"  +", line, maxsplit=1) for line in out.splitlines()]
     *table, last = lines
     assert last == ["result: there"]
@@ -147,7 +154,7 @@ def test_compare_goes_on_where_it_stopped() -> None:
 @pytest.mark.full
 def test_validate_and_schema() -> None:
     out, err = installed("validate", SWING)
-    assert (out, err) == ("swing: valid (arm, bob)\n", "")
+    assert (out, said(err)) == ("swing: valid (arm, bob)\n", [])
     dump = in_json("validate", SWING)["scene"]
     assert dump == load(SWING).dump()
     schema = json.loads(sparsemor("schema")[0])
@@ -219,7 +226,7 @@ def test_a_progress_bar_on_a_terminal() -> None:
 @pytest.mark.slow
 def test_the_packaged_scene_with_its_defaults() -> None:
     out, err = sparsemor("run", "double_pendulum")
-    assert all(line.startswith("note: ") for line in err.splitlines())
+    assert all(line.startswith("note: ") for line in said(err))
     assert "4000 to t = 4 s" in out
     assert out.splitlines()[-1] == "result: runs/double_pendulum-sparse"
     assert open_result("runs/double_pendulum-sparse").summary["status"] == "done"

@@ -190,7 +190,7 @@ def test_a_pad_brakes_a_wheel_by_its_friction_at_every_angle() -> None:
             "normal": {"use": "elastic_foundation", "stiffness": K, "damping": 3e6,
                        "damping_depth": 1e-7},
             "friction": {"use": "coulomb", "coefficient": mu, "critical_velocity": 0.05}}},
-        "time": {"end": 4e-3, "step": 2e-4}}))
+        "integrator": "bdf1", "time": {"end": 4e-3, "step": 2e-4}}))
     x, w = np.polynomial.legendre.leggauss(20)
     grid = np.hypot(reach + side / 2 * x[:, None], side / 2 * x[None])
     mean = float(w @ grid @ w) / 4
@@ -224,7 +224,7 @@ def test_an_elastic_column_on_another_sinks_by_all_three_springs() -> None:
         "joints": {"upright": {"use": "prismatic", "between": ["ground", "upper:top"],
                                "axis": [0, 0, 1]}},
         "loads": {"press": {"use": "pressure", "on": ["upper:top"], "pressure": pressure}},
-        "time": {"end": 0.2, "step": 0.01}}))
+        "integrator": "bdf1", "time": {"end": 0.2, "step": 0.01}}))
     sunk = -found.block("upper.rigid")[-1, 2]
     assert sunk == pytest.approx(pressure / K + 2 * pressure * side / E, rel=1e-8)
     u = found.block("lower.elastic")[-1]
@@ -244,7 +244,7 @@ def warm(frame: str) -> Model:
             "friction": {"use": "coulomb", "coefficient": 0.3, "critical_velocity": 0.01},
             "normal": {"use": "elastic_foundation", "stiffness": 1e10},
             "heat": {"conductance": 5e3}}},
-        "time": {"end": 1.0, "step": 1.0}}))
+        "integrator": "bdf1", "time": {"end": 1.0, "step": 1.0}}))
 
 
 def test_conduction_along_a_known_motion_is_that_of_the_same_place() -> None:
@@ -286,7 +286,7 @@ def test_layers_in_a_row_carry_the_heat_of_their_resistances() -> None:
                            "temperature": 100.0},
                    "cold": {"use": "prescribed_temperature", "on": ["base:bottom"],
                             "temperature": 0.0}},
-        "time": {"end": 2e5, "step": 2e4}}))
+        "integrator": "bdf1", "time": {"end": 2e5, "step": 2e4}}))
     flux = 100.0 / (2 * side / k + 1 / conductance)
     warm, cool = found.block("block.thermal")[-1], found.block("base.thermal")[-1]
     assert warm.min() == pytest.approx(100.0 - flux * side / k, rel=1e-7)
