@@ -127,7 +127,7 @@ def test_parts_and_scenes_of_ours_stay_ours(distribute, here):
     assert simulate(scene).status.ok
     pendulum = load("double_pendulum")
     assert pendulum.title and pendulum.name == "double_pendulum"
-    with pytest.raises(RuntimeError, match="it was not meant"):
+    with pytest.raises(InputError, match="it was not meant"):
         checked_model(load(TINY, {"joints.pin": {"use": "sparsemor-bad:revolute"}}))
 
 

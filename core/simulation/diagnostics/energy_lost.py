@@ -21,6 +21,8 @@ STATES = 40
 INERTIA = 0.01
 """Largest inertia force on a body, relative to the largest other one, below which it stands still
 but for its load: no motion of its own can lose energy."""
+FEWEST = 20
+"""Number of steps below which a run shows no loss: it is that of its first step."""
 LARGEST = 20_000
 """Number of full-order unknowns above which it is not looked at."""
 
@@ -36,13 +38,15 @@ def times_of_energy(steps: int) -> frozenset[int]:
 def energy_lost(model: Model, states: Sequence[State], h: float, steps: int) -> float | None:
     """Energy that implicit Euler takes from the motion in so many steps of h (s), relative to the
     largest kinetic energy of the rigid motion; None where nothing moves, or only as slowly as loads
-    change (`INERTIA`).
+    change (`INERTIA`), and for short runs.
 
     A step takes (1/2) dv^T M dv of the kinetic energy, dv = h a, and (1/2) dx^T K dx of the
     potential one, which for a vibration is on average as much: h^2 a^T M a together, the share
     (w h)^2 of its energy for a vibration of the angular frequency w. states: full-order ones,
     evenly spread.
     """
+    if steps < FEWEST:
+        return None
     lost, most, inertia, other = 0.0, 0.0, 0.0, 0.0
     at = model.layout.frames
     for s in states:

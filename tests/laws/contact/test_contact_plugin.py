@@ -117,7 +117,7 @@ SCENE = {
         "fields": ["elastic", "thermal"], "reference": {"clamp": "top"}}},
     "loads": {"weight": {"use": "gravity", "g": [0.0, -10.0]}},
     "contacts": {"feet": {"use": "spring_feet", "on": "block:bottom", "stiffness": 5e3}},
-    "rigid_stage": {}, "time": {"end": 0.1, "step": 1e-3},
+    "rigid_stage": {}, "time": {"end": 0.1, "step": 1e-3}, "integrator": "bdf1",
 }
 MASS = 0.2 * 0.1 * 0.1 * 1000
 

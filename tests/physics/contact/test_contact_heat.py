@@ -42,7 +42,8 @@ def scene(
         "bodies": {
             "block": plate([0.0, 0.0], [SIDE, SIDE], [5, 5], **block),
             "base": plate([0.0, -SIDE], [SIDE, SIDE], [7, 5], frame="fixed", **base)},
-        "contacts": {"sole": contact}, "time": {"end": end, "step": step}, **others})
+        "contacts": {"sole": contact}, "time": {"end": end, "step": step},
+        "integrator": "bdf1", **others})
 
 
 def test_layers_in_a_row_carry_the_heat_of_their_resistances() -> None:

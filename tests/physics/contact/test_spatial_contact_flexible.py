@@ -45,7 +45,8 @@ def scene(steps: int = 12, reducer: Any = "full", **heat: Any) -> Scene:
                        "damping_depth": 1e-7},
             "friction": {"use": "coulomb", "coefficient": MU, "critical_velocity": 0.01}}},
         "loads": {"press": {"use": "pressure", "on": ["block:top"], "pressure": PRESSURE}},
-        "time": {"end": steps * STEP, "step": STEP}, "reducer": reducer})
+        "time": {"end": steps * STEP, "step": STEP}, "integrator": "bdf1",
+        "reducer": reducer})
 
 
 @cache
