@@ -87,6 +87,7 @@ if TYPE_CHECKING:
     from sparsemor.core.protocols.sparse_solver import solver_refusal as solver_refusal
     from sparsemor.core.protocols.step_amplitude import jumps_of as jumps_of
     from sparsemor.core.protocols.step_amplitude import present_step as present_step
+    from sparsemor.core.protocols.step_amplitude import substep as substep
     from sparsemor.core.protocols.step_solver import advanced as advanced
     from sparsemor.core.protocols.step_solver import resultant_sources as resultant_sources
     from sparsemor.core.protocols.step_solver import (
@@ -158,7 +159,7 @@ _HOMES = {
     "protocols.prescribed_quantities": ("derivative_from_right", "time_derivatives"),
     "protocols.separable": ("amplitudes_along", "evaluate_amplitudes"),
     "protocols.sparse_solver": ("solver_refusal",),
-    "protocols.step_amplitude": ("jumps_of", "present_step"),
+    "protocols.step_amplitude": ("jumps_of", "present_step", "substep"),
     "protocols.step_solver": ("advanced", "resultant_sources", "unavailable_resultants"),
     "protocols.turning": ("steered", "tangent"),
     "registry.hooks": ("RunStart", "hookimpl"),

@@ -30,9 +30,11 @@ from sparsemor.core import (
     Status,
     StepFormula,
     StepOutcome,
+    Substep,
     advanced,
     rate_factors,
     step_formula,
+    substep,
 )
 from sparsemor.reducers.estimation.bordered_modes import BorderedModes
 from sparsemor.reducers.estimation.error_space import ErrorSpace
@@ -139,7 +141,8 @@ class CoupledErrors:
             size = min(size, stride * self.h / self.every)
             chosen.append(path[(len(path) - 1) % stride :: stride])
         known = iter(self.projected([s for path in chosen for s in path]))
-        found = [own._advanced([next(known) for _ in path], memory) for path in chosen]
+        with substep(Substep(self.h / self.every)):  # laws of steps, such as heat that is stored
+            found = [own._advanced([next(known) for _ in path], memory) for path in chosen]
         return {n: np.array([values[n][-1] for values in found]) for n in self.blocks}
 
     def _stride(self, state: State, size: float) -> int:
@@ -161,7 +164,9 @@ class CoupledErrors:
         equations at the last state that was reduced, with zero residual there."""
         at, own = Motion(float(memory["time"]), *memory["reduced"]), self.working()
         each = max(1, round(self.h / float(memory["size"])))
-        found = own._advanced([(at, memory["outside"])] * (each * count), memory, own.residual(at))
+        with substep(Substep(self.h / self.every)):
+            found = own._advanced(
+                [(at, memory["outside"])] * (each * count), memory, own.residual(at))
         return {n: values[each - 1 :: each] for n, values in found.items()}
 
     def working(self) -> "CoupledErrors":

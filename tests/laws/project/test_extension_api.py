@@ -25,7 +25,7 @@ NAMES = {
     "least_squares_coefficients", "limit_loaded_libraries", "linearization", "loaded_columns",
     "machine_memory", "matched_option", "motion_step", "needs_chunks", "next_time", "not_solved",
     "oriented_unit_columns", "orthonormal", "outer_facets", "outside_box_notes", "points_in_space",
-    "present_step",
+    "present_step", "substep",
     "prepared_recovery", "projected_tables", "pseudo_inverse", "rate_factors", "require",
     "resultant_sources", "rigid_motions", "same_time", "sampled_rows", "slot_default",
     "second_difference", "solve_or_fail",
