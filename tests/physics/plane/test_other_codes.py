@@ -35,9 +35,11 @@ def extrapolated(links: int, E: float, h: float, end: float) -> FloatArray:
 @pytest.mark.slow
 @pytest.mark.parametrize("links,E", EXUDYN)
 def test_a_second_in_exudyn(links: int, E: float) -> None:
-    """The same equations and steps in another code: a floating frame, nodal coordinates."""
+    """The same equations and steps in another code: a floating frame, nodal coordinates. Its joints
+    hold the mean of the end's nodes, ours the mean over the end's length, which the warping of the
+    end sets 8e-6 m apart at most; with means over nodes the distance was below 1e-6 m."""
     run = tip(swing(links, E, 1e-4, 1.0, 0.25))
-    assert apart(run[1:], np.array(EXUDYN[links, E])) < AGREE
+    assert apart(run[1:], np.array(EXUDYN[links, E])) < 10 * AGREE
 
 
 @pytest.mark.slow
