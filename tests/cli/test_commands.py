@@ -220,13 +220,13 @@ def test_a_progress_bar_on_a_terminal() -> None:
     assert re.search(r"\d+ steps/s", plain)
     assert re.search(r"\d:\d\d:\d\d", plain)  # time left
     assert out.startswith("status ")
-    assert on_terminal("run", SWING, *long, "--force", "--json")[1] == ""
+    assert said(on_terminal("run", SWING, *long, "--force", "--json")[1]) == []
 
 
 @pytest.mark.slow
 def test_the_packaged_scene_with_its_defaults() -> None:
     out, err = sparsemor("run", "double_pendulum")
-    assert all(line.startswith("note: ") for line in said(err))
+    assert all(line.startswith("note: ") for line in said(err)), err
     assert "4000 to t = 4 s" in out
     assert out.splitlines()[-1] == "result: runs/double_pendulum-sparse"
     assert open_result("runs/double_pendulum-sparse").summary["status"] == "done"
