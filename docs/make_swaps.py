@@ -45,7 +45,8 @@ SCENES: Mapping[str, Mapping[str, Any]] = {
     "slider_plate": {"time.end": 1.875e-4, "training.end": 1.875e-4},
     "brake_disk": {"time.end": 0.02, "training.end": 0.02},
 }
-OF_THE_ELEMENTS = ("undershoot", "stiff_in_bending", "time_error", "energy_lost")
+OF_THE_ELEMENTS = ("undershoot", "stiff_in_bending", "time_error", "energy_lost",
+                   "linear_strains")
 """Kinds of warnings that full-order runs have, too, and that say nothing of the reduction."""
 HEAD = """\
 # What one word changes

@@ -50,6 +50,14 @@ class _Window:
     end: FloatArray | None = None
 
 
+def _same_unknowns(one: StepSolver, other: StepSolver) -> bool:
+    """True if both solve for the same unknowns: bases can depend on the step (`impulse`)."""
+    mine, theirs = one.dictionaries, other.dictionaries
+    return one.layout.size == other.layout.size and mine.keys() == theirs.keys() and all(
+        np.array_equal(d.atoms, theirs[n].atoms) for n, d in mine.items())
+
+
+
 class TimeError:
     """Windows of a run's steps with a fixed size, and the estimate of its time error from them.
 
@@ -112,6 +120,8 @@ class TimeError:
                 solver: StepSolver = scene.reducer.prepare(ReducedProblem(
                     run.model, scene.integrator, 0.5 * scene.time.step, run.offline,
                     np.random.default_rng(scene.seed)))
+                if not _same_unknowns(solver, run.solver):
+                    return {}
                 pairs = [pair for w in whole if (pair := self._again(w, solver)) is not None]
         except (SolveFailed, InputError):
             return {}
