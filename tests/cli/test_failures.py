@@ -244,7 +244,8 @@ def test_compare_shows_a_run_that_failed() -> None:
     assert row.split()[1] in STOPS
     *warnings, last = done.stderr.splitlines()
     predicted = "warning: sparse: the reduced model is unstable in "
-    assert all(line.startswith("warning: sparse: ") for line in warnings)
+    assert all(line.startswith("warning: sparse: ") for line in warnings
+               if "too stiff" not in line and "long for this run" not in line)
     assert sum(line.startswith(predicted) for line in warnings) == 1
     assert last.startswith(f"sparse: {row.split()[1]} at t = ")
     assert Path("out/errors.csv").is_file()

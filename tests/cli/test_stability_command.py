@@ -24,8 +24,8 @@ def invoke(*arguments: str) -> Any:
 @pytest.mark.slow
 def test_the_command_prints_a_table_and_writes_tables_and_a_map(tmp_path: Path) -> None:
     out = tmp_path / "out"
-    options = ("--rows", "15/10,30/20", "--atoms", "15/10", "--required", "both", "--seeds", "2",
-               "--samplers", "lhs", "--out", str(out))
+    options = ("--set", "reducer.residual=plain", "--rows", "15/10,30/20", "--atoms", "15/10",
+               "--required", "both", "--seeds", "2", "--samplers", "lhs", "--out", str(out))
     done = invoke(*options, "--json")
     assert done.exit_code == 0, done.output
     found = json.loads(done.stdout)
