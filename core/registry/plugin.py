@@ -32,6 +32,12 @@ class Plugin(BaseModel):
         ignored_types=(bool, str),  # checked with the class's protocol, where it is named
     )
 
+    def __eq__(self, other: object) -> bool:
+        """Equal options of the same class; what a plugin has computed and kept (cached properties,
+        arrays among them) is not compared."""
+        return type(self) is type(other) and all(
+            getattr(self, name) == getattr(other, name) for name in type(self).model_fields)
+
     @classmethod
     def __get_pydantic_core_schema__(
         cls, source: Any, handler: GetCoreSchemaHandler

@@ -9,6 +9,7 @@ import pytest
 from sparsemor import simulate
 from sparsemor.bodies import Isotropic
 from sparsemor.bodies.carbon_steel import CarbonSteel
+from sparsemor.bodies.temperature_curve import TemperatureCurve
 from sparsemor.core import InputError, Plugin
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.testing import check_material
@@ -123,6 +124,16 @@ def test_equal_materials_by_set_are_one_material() -> None:
                  (one.heat[0].conductivity, several.heat[0].conductivity)):
         assert abs(x - y).max() <= 1e-13 * abs(x).max()
     assert not one.heat[0].local and not a.local
+
+
+def test_curves_are_equal_by_their_options_also_once_evaluated() -> None:
+    """A scene read twice (run and training) has equal materials, whose tables keep arrays."""
+    one, same = (TemperatureCurve(temperatures=(300.0, 400.0), values=(1.0, 2.0)) for _ in "ab")
+    other = TemperatureCurve(temperatures=(300.0, 400.0), values=(1.0, 3.0))
+    for curve in (one, same, other):
+        curve.integral(np.array([350.0]))
+    assert one == same and hash(one) == hash(same) and one != other
+    assert Isotropic(k=one, c=one, rho=1.0) == Isotropic(k=same, c=same, rho=1.0)
 
 
 def test_constant_matrices_have_the_properties_at_the_reference_temperature() -> None:
