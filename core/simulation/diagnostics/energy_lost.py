@@ -29,10 +29,10 @@ LARGEST = 20_000
 
 def times_of_energy(steps: int) -> frozenset[int]:
     """Numbers of the steps whose states are looked at: multiples of the golden ratio modulo the
-    run, which keep step with no period of the motion."""
+    run, which keep step with no period of the motion; the first and the last one among them."""
     golden = 0.5 * (sqrt(5.0) - 1.0)
-    return frozenset(1 + int(steps * (i * golden % 1.0)) for i in range(STATES)) if steps else (
-        frozenset())
+    return frozenset({steps, *(1 + int(steps * (i * golden % 1.0)) for i in range(STATES))}) if (
+        steps) else frozenset()
 
 
 def energy_lost(model: Model, states: Sequence[State], h: float, steps: int) -> float | None:
@@ -40,10 +40,11 @@ def energy_lost(model: Model, states: Sequence[State], h: float, steps: int) -> 
     largest kinetic energy of the rigid motion; None where nothing moves, or only as slowly as loads
     change (`INERTIA`), and for short runs.
 
-    A step takes (1/2) dv^T M dv of the kinetic energy, dv = h a, and (1/2) dx^T K dx of the
-    potential one, which for a vibration is on average as much: h^2 a^T M a together, the share
-    (w h)^2 of its energy for a vibration of the angular frequency w. states: full-order ones,
-    evenly spread.
+    A step takes (1/2) dv^T M dv of the kinetic energy, dv = h a, and -(1/2) dx^T df of the
+    potential one, df = M da: its sum over the run is that of the first part without the change of
+    (h/2) v^T M a from the first to the last state. Together that is the share (w h)^2 a step for a
+    vibration of the angular frequency w, and 1/n in n steps of a fall from rest. states: full-order
+    ones, evenly spread, with the first and the last one.
     """
     if steps < FEWEST:
         return None
@@ -57,7 +58,8 @@ def energy_lost(model: Model, states: Sequence[State], h: float, steps: int) -> 
         other = max(other, _other(model, s))
     if not most > 0.0 or not np.isfinite(lost + most) or inertia < INERTIA * other:
         return None
-    return lost / len(states) * steps / most
+    first, last = (float(s.a[at] @ _inertia(model, s, s.v)) for s in (states[0], states[-1]))
+    return max(0.0, lost / len(states) * steps - 0.5 * h * (last - first)) / most
 
 
 def _inertia(model: Model, s: State, u: FloatArray) -> FloatArray:

@@ -144,7 +144,7 @@ def test_a_model_is_accurate_at_unseen_parameters_of_its_box() -> None:
         run = model().run(parameters=values)
         errors = measure_errors(full_order(model().scene, **values), run).worst
         assert max(errors.values()) < 1e-4
-        assert set(run.summary["note_kinds"]) <= {"stiff_in_bending"}
+        assert set(run.summary["note_kinds"]) <= {"stiff_in_bending", "time_error"}  # of the scene
     poor = reduce(boxed(points=[{"flux": 1.0e6, "angle": 0.0}]))
     assert max(measure_errors(full_order(poor.scene, angle=0.5), poor.run(
         parameters={"angle": 0.5})).worst.values()) > 1e-3, "one training run does not do"
