@@ -38,7 +38,7 @@ def prescribed(function: TimeFunction, kind: int, t: float) -> float:
     """Value (kind 0), rate (1) or second difference over the present step (2) of a prescribed
     temperature."""
     if kind == 2:
-        return Bend(function, present_step())(t)
+        return Bend(function, present_step().h)(t)
     return function.rate(t) if kind else function.value(t)
 
 

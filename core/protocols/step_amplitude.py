@@ -89,15 +89,16 @@ def _mean(function: TimeFunction, start: float, end: float, jumps: Sequence[floa
 
 @dataclass(frozen=True, slots=True)
 class Substep:
-    """Step of size h, s, that is not one of the steps of the run. begins: True where its history is
-    that of the loads after a jump at its start; after: None, or the loads are those so many s after
-    its end, in the limit from the right."""
+    """Step of size h, s. begins: True where its history is made, after a jump of the loads or
+    steps of another size; after: None, or the loads are those so many s after its end, in the limit
+    from the right."""
 
     h: float
     begins: bool = False
     after: float | None = None
 
 
+_NO_STEP = Substep(0.0)
 _SUBSTEP: ContextVar[Substep | None] = ContextVar("substep", default=None)
 
 
@@ -111,10 +112,9 @@ def substep(of: Substep) -> Iterator[None]:
         _SUBSTEP.reset(token)
 
 
-def present_step() -> float:
-    """Size of the step that is being solved, s; 0 where none is, as at the start of a run."""
-    own = _SUBSTEP.get()
-    return 0.0 if own is None else own.h
+def present_step() -> Substep:
+    """The step that is being solved; of size 0 where none is, as at the start of a run."""
+    return _SUBSTEP.get() or _NO_STEP
 
 
 @dataclass(frozen=True, slots=True)

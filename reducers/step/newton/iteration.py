@@ -22,7 +22,7 @@ NOISE = 1e-9
 PATIENCE = 6
 """Number of full steps that may fail to halve the smallest change before the line search begins."""
 NONE = np.zeros(0)
-SHORTEST = 2.0**-7
+SHORTEST = 2.0**-14
 """Smallest step length of the line search, relative to a full step."""
 EXTRAPOLATION_ERROR = 1e-2
 """Relative error above which an extrapolation is no better a guess than the last state."""
@@ -125,7 +125,8 @@ class _Search:
         steps do not converge; None where no step length decreases the residual."""
         # wanders, if not in circles
         lost = self.iterations > 2 * PATIENCE and at.change > EXTRAPOLATION_ERROR
-        if self.stall <= PATIENCE and not lost:
+        around = self.cycles and at.change > NOISE  # a full step would lead back into the cycle
+        if self.stall <= PATIENCE and not (lost or around):
             new = self.beyond(at)
             if np.isfinite(new.r).all():
                 self._ready(new, renew)
