@@ -63,7 +63,7 @@ class Offline:
         self._kept: Mapping[str, tuple[Dictionary, float]] = {}
         self.manager, self._recording = manager or new_manager(), recording
         self.products = products
-        self.trained = False
+        self.trained, self._closed = False, False
         self.notes: Sequence[Note] = ()
         self.expected: float | None = None
 
@@ -84,6 +84,13 @@ class Offline:
             name: (d.leading(atoms), top) for name, (d, top) in kept.items()}
         new.trained, new.notes = self.trained, self.notes
         return new
+
+    def as_computed(self) -> "Offline":
+        """The same offline data for another step size, without work: what is not at hand raises
+        LookupError."""
+        kept = self.of_model(self._model, self.products)
+        kept._closed = True
+        return kept
 
     def without_snapshots(self) -> "Offline":
         """Itself; snapshots are read again from the cache if they are needed again."""
@@ -154,6 +161,8 @@ class Offline:
         key = "" if self.products.cache is None else digest(self._key, *depends)
 
         def told() -> Arrays:
+            if self._closed:
+                raise LookupError(kind)
             self.manager.hook.on_offline(product=kind)
             return make()
 

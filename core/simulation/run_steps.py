@@ -117,13 +117,13 @@ class RunSteps:
         if failure is not None:
             summary["message"] = str(failure)
         else:
-            summary["time_error"] = errors = dict(
-                self.time_error.estimated()) if self.time_error is not None else {}
+            errors, first = ({}, {}) if self.time_error is None else self.time_error.estimated()
+            summary["time_error"] = dict(errors)
             h = self.scene.time.step
             summary["energy_lost"] = lost = None if self.run.model is None else energy_lost(
                 self.run.model, [full_state(self.solver, s) for s in self.moving], h, self.steps)
             notes = (*self._found_after(), *energy_notes(lost, h), *time_error_notes(
-                errors, h, self.scene.integrator.order))
+                errors, first, h, self.scene.integrator.order))
             found = in_summary(notes)
             summary |= {key: [*summary[key], *texts] for key, texts in found.items()}
             refused = [n for n in notes if n.kind == LINEAR_STRAINS]

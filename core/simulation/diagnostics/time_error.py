@@ -1,8 +1,8 @@
 """Estimate of the error of a run's time step, by a few windows of steps that are taken again with
-half the step (Richardson; Hairer, Norsett, Wanner 1993, doi 10.1007/978-3-540-78862-1, II.4)."""
+twice the step (Richardson; Hairer, Norsett, Wanner 1993, doi 10.1007/978-3-540-78862-1, II.4)."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from math import sqrt
 
 import numpy as np
@@ -12,6 +12,7 @@ from sparsemor.core.errors import InputError
 from sparsemor.core.notes import Note, information
 from sparsemor.core.protocols import ReducedProblem, State, StepSolver
 from sparsemor.core.protocols.integrator import settled
+from sparsemor.core.protocols.layout import Quantity
 from sparsemor.core.protocols.step_solver import Restarts
 from sparsemor.core.results.error_norms import CONSTANT_CHANGE
 from sparsemor.core.scene.options import Control
@@ -25,8 +26,11 @@ TIME_ERROR = "time_error"
 """Kind of the note."""
 NOTED, WARNED = 0.01, 0.05
 """Error, relative to the largest change of a field, above which a note, or a warning, says so."""
-WINDOWS, LENGTH = 3, 10
-"""Number of windows, and the most steps of one."""
+WINDOWS, DOUBLED, SHARE = 3, 5, 20
+"""Number of windows, most doubled steps of one, and steps of a run for one doubled step of each."""
+FASTEST = 1.25
+"""Largest exponent of the growth of an error: between 1 (a steady drift) and 2 (a drift of the
+speed), as measured for pendulums and a four-bar."""
 FEWEST = 20
 """Number of steps of a run below which there is no estimate."""
 LARGEST = 20_000
@@ -39,46 +43,51 @@ CHANGES = 1000
 """Most states whose change since the start is looked at."""
 
 
-@dataclass(slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False)
 class _Window:
-    """Steps that are taken again: states before and at the start, unknowns in the middle and at the
-    end."""
+    """Steps that are taken again: states before and at the start, and the unknowns after each two
+    steps."""
 
     before: State | None
     start: State
-    middle: FloatArray | None = None
-    end: FloatArray | None = None
+    taken: list[FloatArray] = field(default_factory=list)
 
 
-def _same_unknowns(one: StepSolver, other: StepSolver) -> bool:
-    """True if both solve for the same unknowns: bases can depend on the step (`impulse`)."""
-    mine, theirs = one.dictionaries, other.dictionaries
-    return one.layout.size == other.layout.size and mine.keys() == theirs.keys() and all(
-        np.array_equal(d.atoms, theirs[n].atoms) for n, d in mine.items())
-
+def _rms(values: Sequence[float]) -> float:
+    return sqrt(sum(v * v for v in values) / len(values))
 
 
 class TimeError:
     """Windows of a run's steps with a fixed size, and the estimate of its time error from them.
 
-    After W steps from the same state, solutions with h and h/2 differ by e(W) (1 - 2^-p), with e
-    the error that these steps make and p the order. The windows show how it grows, e ~ W^g with
-    g = log2(e(W) / e(W/2)) between 0 (errors die out, as in a damped vibration) and 1 (they add
-    up, as in a free motion): that of N steps is about e(W) (N/W)^g. e is the root mean square over
-    the windows, relative to the largest change of the field.
+    After W steps from the same state, solutions with 2h and h differ by e(W) (2^p - 1), with e the
+    error that the W steps of h make and p the order. Windows after the start show how it grows,
+    e ~ W^g with g = log2(e(W) / e(W/2)) between 0 (errors die out, as in a damped vibration) and
+    `FASTEST` (they add up, as in a free motion): that of N steps is about e(W) (N/W)^g, in the root
+    mean square over the windows, relative to the largest change of the field.
+
+    Displacements and temperatures grow as they do in the window of the smallest g, at most 1, as
+    most of their errors fade; temperatures at most to the share of the changes in a window. Errors
+    of a motion are mostly a delay, which joints and loads share: all frames and displacements have
+    at least that of the largest delay. The window at the start shows what unresolved transients
+    miss.
     """
 
     def __init__(self, run: PreparedRun, origin: FloatArray) -> None:
         self.run, self.origin, self.steps = run, origin, step_count(run.scene)
-        self.length = min(LENGTH, max(2, self.steps // 10))
-        self.half = (self.length + 1) // 2
-        free = self.steps - self.length
-        self.starts = {int(free * (i + 0.5) / WINDOWS) for i in range(WINDOWS)}
+        windows = WINDOWS - (self.steps < 2 * FEWEST)
+        self.length = 2 * min(DOUBLED, max(2, self.steps // SHARE))
+        free, self.beyond = self.steps - self.length, self.steps / self.length
+        self.starts = {int(free * i / (windows - 0.5)) for i in range(windows)}
         sizes = Control(tolerance=0.5)
         self.blocks: tuple[Judged, ...] = tuple(
             judged(b, run.solver, sizes) for b in run.solver.layout.differential)
+        known = run.solver.layout.differential
+        self.frames = {b.name for b in known if b.kind.quantity is Quantity.POSE}
+        self.fading = {b.name for b in known if b.kind.order == 1}
         self.windows: dict[int, _Window] = {}
         self.changes = dict.fromkeys((b.name for b in self.blocks), 0.0)
+        self.rates = dict(self.changes)
         self.every = max(1, self.steps // CHANGES)
 
     @classmethod
@@ -98,83 +107,120 @@ class TimeError:
             self.windows[done] = _Window(before, state)
         elif done == 1 and 0 in self.starts:
             self.windows[0] = _Window(None, before)
-        if (w := self.windows.get(done - self.half)) is not None and done - self.half in (
-                self.starts):
-            w.middle = state.x
-        if (w := self.windows.get(done - self.length)) is not None:
-            w.end = state.x
+        for n, w in self.windows.items():
+            if done - n in range(2, self.length + 1, 2):
+                w.taken.append(state.x)
         if done % self.every == 0 or done == self.steps:
             for b in self.blocks:
                 self.changes[b.name] = max(
                     self.changes[b.name], b.norm(state.x - self.origin))
+                self.rates[b.name] = max(self.rates[b.name], b.norm(state.v))
 
-    def estimated(self) -> Mapping[str, float]:
-        """Block -> error of its field at the end of the run, relative to the largest change; empty
-        if half the step cannot be taken."""
+    def estimated(self) -> tuple[Mapping[str, float], Mapping[str, float]]:
+        """Block -> error of its field at the end of the run, and that of a transient at the start,
+        both relative to the largest change; empty if twice the step cannot be taken."""
         run, scene = self.run, self.run.scene
-        whole = [w for w in self.windows.values() if w.middle is not None and w.end is not None]
+        whole = {n: w for n, w in self.windows.items() if 2 * len(w.taken) == self.length}
         if not whole or run.model is None or run.offline is None:
-            return {}
+            return {}, {}
         try:
             with np.errstate(all="ignore"):
                 solver: StepSolver = scene.reducer.prepare(ReducedProblem(
-                    run.model, scene.integrator, 0.5 * scene.time.step, run.offline,
+                    run.model, scene.integrator, 2.0 * scene.time.step, run.offline.as_computed(),
                     np.random.default_rng(scene.seed)))
-                if not _same_unknowns(solver, run.solver):
-                    return {}
-                pairs = [pair for w in whole if (pair := self._again(w, solver)) is not None]
-        except (SolveFailed, InputError):
-            return {}
-        richardson, found = 1.0 - 0.5**scene.integrator.order, {}
+                again = {n: self._again(w, solver) for n, w in whole.items()}
+        except (SolveFailed, InputError, LookupError):
+            return {}, {}
+        known = {n: differences for n, differences in again.items() if differences}
+        later = [n for n in known if n > 0] or [*known]
+        scale = 2.0**scene.integrator.order - 1.0
+        found, start, delays = dict[str, float](), dict[str, float](), [0.0]
         for b in self.blocks:
             change = max(self.changes[b.name], SMALLEST * b.size)
-            if not pairs or self.changes[b.name] <= CONSTANT_CHANGE * b.norm(self.origin):
+            if not known or self.changes[b.name] <= CONSTANT_CHANGE * b.norm(self.origin):
                 continue
-            middle, end = (sqrt(sum(b.norm(p[i]) ** 2 for p in pairs) / len(pairs))
-                           for i in (0, 1))
-            if not np.isfinite(middle + end) or end == 0.0:
+            errors = {n: [b.norm(d) / scale for d in ds] for n, ds in known.items()}
+            ends, grows = {n: e[-1] for n, e in errors.items()}, {
+                n: _growth(e) for n, e in errors.items()}
+            if b.name in self.frames:
+                error = _rms([ends[n] * self.beyond ** grows[n] for n in known])
+            else:  # only what grows in every window grows in the run
+                error = _rms([ends[n] for n in later]) * self.beyond ** min(
+                    1.0, *(grows[n] for n in later))
+            if b.name in self.fading:
+                moved = _rms([b.norm(whole[n].taken[-1] - whole[n].start.x) for n in later])
+                share = _rms([ends[n] for n in later]) * change / max(moved, SMALLEST * b.size)
+                error = min(error, share)
+            error = max(error, *(ends[n] for n in later))
+            if not np.isfinite(error) or error == 0.0:
                 continue
-            grows = 1.0 if middle == 0.0 else float(
-                np.clip(np.log(end / middle) / np.log(self.length / self.half), 0.0, 1.0))
-            found[b.name] = (
-                end / (richardson * change) * (self.steps / self.length) ** grows)
-        return found
+            found[b.name] = error / change
+            if 0 in known and 0 not in later:
+                start[b.name] = max(errors[0]) / change
+            if b.name in self.frames and self.rates[b.name] > 0.0:
+                delays.append(error / self.rates[b.name])
+        for b in self.blocks:
+            if b.name in found and b.name not in self.fading:
+                rate = self.rates[b.name] if b.name in self.frames else _rms(
+                    [b.norm(whole[n].start.v) for n in later])
+                change = max(self.changes[b.name], SMALLEST * b.size)
+                found[b.name] = max(found[b.name], max(delays) * rate / change)
+        return found, start
 
-    def _again(self, w: _Window, solver: StepSolver) -> tuple[FloatArray, FloatArray] | None:
-        """Differences (n,) of the unknowns in the middle and at the end of a window that is taken
-        again with half the step; None where that fails."""
+    def _again(self, w: _Window, solver: StepSolver) -> list[FloatArray]:
+        """Differences (n,) of the unknowns after each step of a window that is taken again with
+        twice the step; none where that fails."""
         scene, layout = self.run.scene, solver.layout
-        h, slope, x = 0.5 * scene.time.step, np.zeros(layout.size), []
+        h, slope, x = 2.0 * scene.time.step, np.zeros(layout.size), []
         if w.before is not None:
             second, first = layout.second, layout.first
-            slope[second] = (w.start.a - w.before.a)[second] / (2.0 * h)
-            slope[first] = (w.start.v - w.before.v)[first] / (2.0 * h)
+            slope[second] = (w.start.a - w.before.a)[second] / (0.5 * h)
+            slope[first] = (w.start.v - w.before.v)[first] / (0.5 * h)
         _, memory = solver.start(self.run.start)
         if not isinstance(memory, Restarts):
-            return None
+            return []
         memory.moved(w.start.x)
         state = settled(scene.integrator, layout, w.start, slope, h)
         for taken in iterate(
-                FixedStep.of(scene.integrator, solver, h), state, memory, 2 * self.length):
+                FixedStep.of(scene.integrator, solver, h), state, memory, self.length // 2):
             if not taken.outcome.status.ok:
-                return None
+                return []
             x.append(taken.state.x)
-        assert w.middle is not None and w.end is not None
-        return x[2 * self.half - 1] - w.middle, x[-1] - w.end
+        return [a - b for a, b in zip(x, w.taken, strict=True)]
 
 
-def time_error_notes(found: Mapping[str, float], h: float, order: int) -> tuple[Note, ...]:
-    """Note on the fields with a large time error. found: of `TimeError.estimated`; h: time step,
-    s; order: of the integrator."""
-    large = {n: e for n, e in found.items() if e > NOTED}
-    if not large:
-        return ()
-    shown = ", ".join(
-        f"{n} {'more than 100' if e > 1.0 else format(100.0 * e, '.2g')} %"
-        for n, e in sorted(large.items(), key=lambda item: -item[1]))
+def _growth(errors: Sequence[float]) -> float:
+    """Exponent of the growth of an error, from its values in a window."""
+    half = len(errors) // 2
+    middle, end = errors[half - 1], errors[-1]
+    return 1.0 if middle == 0.0 or end == 0.0 else float(
+        np.clip(np.log(end / middle) / np.log(len(errors) / half), 0.0, FASTEST))
+
+
+def time_error_notes(
+    found: Mapping[str, float], start: Mapping[str, float], h: float, order: int
+) -> tuple[Note, ...]:
+    """Notes on the fields with a large time error, in the run and at its start. found, start: of
+    `TimeError.estimated`; h: time step, s; order: of the integrator."""
     other = ", an integrator of order 2" if order == 1 else ""
-    text = (f"the step of {h:g} s is long for this run: the time error, estimated by half the "
-            f"step, is about {shown} of the largest change (noted above {100.0 * NOTED:g} %): take "
-            f"a smaller time.step{other} or time.control")
-    return (Note(text, TIME_ERROR) if max(large.values()) > WARNED
-            else information(text, TIME_ERROR),)
+    cure = f"take a smaller time.step{other} or time.control"
+    notes = []
+    if any(e > NOTED for e in found.values()):
+        text = (f"the step of {h:g} s is long for this run: the time error, estimated by twice the "
+                f"step, is about {_shown(found)} of the largest change (noted above "
+                f"{100.0 * NOTED:g} %): {cure}")
+        notes.append((Note if max(found.values()) > WARNED else information)(text, TIME_ERROR))
+    early = {n: e for n, e in start.items() if e > max(WARNED, 2.0 * found.get(n, 0.0))}
+    if early:
+        notes.append(information(
+            f"the step of {h:g} s does not resolve how motion and temperatures begin: the first "
+            f"steps have a time error of about {_shown(early)} of the largest change (noted above "
+            f"{100.0 * WARNED:g} %); where that matters, {cure}, or let loads begin slowly",
+            TIME_ERROR))
+    return tuple(notes)
+
+
+def _shown(errors: Mapping[str, float]) -> str:
+    return ", ".join(
+        f"{n} {'more than 100' if e > 1.0 else format(100.0 * e, '.2g')} %"
+        for n, e in sorted(errors.items(), key=lambda item: -item[1]) if e > NOTED)

@@ -76,9 +76,10 @@ def test_levels_of_the_notes() -> None:
     def levels(notes: tuple[Note, ...]) -> list[str]:
         return [n.level.value for n in notes]
 
-    assert levels(time_error_notes({"a": 0.009}, 0.1, 1)) == []
-    assert levels(time_error_notes({"a": 0.02, "b": 0.0}, 0.1, 1)) == ["information"]
-    (note,) = time_error_notes({"a": 0.06, "b": 2.0}, 0.1, 2)
+    assert levels(time_error_notes({"a": 0.009}, {"a": 0.04}, 0.1, 1)) == []
+    assert levels(time_error_notes({"a": 0.02, "b": 0.0}, {}, 0.1, 1)) == ["information"]
+    assert levels(time_error_notes({"a": 0.0}, {"a": 0.4}, 0.1, 1)) == ["information"]
+    (note,) = time_error_notes({"a": 0.06, "b": 2.0}, {"a": 0.1}, 0.1, 2)
     assert note.kind == "time_error" and "b more than 100 %, a 6 %" in note.text
     assert "order 2" not in note.text
     assert levels(energy_notes(0.04, 0.1)) == levels(energy_notes(None, 0.1)) == []
