@@ -44,6 +44,7 @@ def test_steps_of_ten_seconds_end_at_the_mean_temperature(integrator: Any, reduc
         assert run.block(f"{body}.thermal")[-1] == pytest.approx(343.15, abs=1e-5)
         assert np.abs(run.block(f"{body}.elastic")[-1]).max() == pytest.approx(1e-4, rel=0.1)
     assert any("the vibrations of a at the start" in n for n in run.summary["information"])
+    assert "alternating_forces" not in run.summary["note_kinds"]  # they have died out
 
 
 @pytest.mark.full

@@ -14,6 +14,8 @@ LIMIT = 0.1
 """Amplitude, relative to the joint's largest force, above which there is a warning."""
 SMALL = 1e-6
 """Joint forces below this share of the largest in the scene are round-off."""
+DIED_OUT = 1e-3
+"""Joint forces that have fallen below this share of the joint's largest of the run do not matter."""
 
 
 def joints_with_forces(layout: Layout) -> tuple[str, ...]:
@@ -30,14 +32,15 @@ def alternating_forces(result: RunResult) -> tuple[Note, ...]:
         return ()
     last = slice(len(result.times) - LAST - 2, len(result.times))
     blocks = {name: result.layout.multipliers(name) for name in joints_with_forces(result.layout)}
-    forces = {name: result.block(b.name, last) for name, b in blocks.items() if b is not None}
-    most = max((float(np.abs(f).max()) for f in forces.values()), default=0.0)
-    found = {name: alternation(f) for name, f in forces.items()
-             if float(np.abs(f).max()) > SMALL * most}
+    forces = {name: result.block(b.name) for name, b in blocks.items() if b is not None}
+    size = {name: float(np.abs(f[last]).max()) for name, f in forces.items()}
+    most = max(size.values(), default=0.0)
+    found = {name: alternation(f[last]) for name, f in forces.items()
+             if size[name] > max(SMALL * most, DIED_OUT * float(np.abs(f).max()))}
     return tuple(Note(
         f"the forces of joint {name} alternate from step to step, by {100 * share:.3g} % of their "
-        f"size over the last {LAST} steps: they are not physical; take generalized_alpha with "
-        "rho_inf 0.8 or bdf2, and a smaller time.step where that does not help",
+        f"size over the last {LAST} steps: they are not physical; take bdf2, or generalized_alpha "
+        "with a smaller rho_inf (0.8 or less), and a smaller time.step where that does not help",
         "alternating_forces") for name, share in found.items() if share > LIMIT)
 
 
