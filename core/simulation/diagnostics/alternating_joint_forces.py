@@ -15,7 +15,7 @@ LIMIT = 0.1
 SMALL = 1e-6
 """Joint forces below this share of the largest in the scene are round-off."""
 DIED_OUT = 1e-3
-"""Joint forces that have fallen below this share of the joint's largest of the run do not matter."""
+"""Joint forces that have fallen below this share of the joint's largest of the run do not count."""
 
 
 def joints_with_forces(layout: Layout) -> tuple[str, ...]:
