@@ -26,7 +26,11 @@ from sparsemor.core.simulation.diagnostics.energy_lost import (
 )
 from sparsemor.core.simulation.diagnostics.free_rotations import rotation_notes
 from sparsemor.core.simulation.diagnostics.plausibility import after_run
-from sparsemor.core.simulation.diagnostics.selected_atoms import check_selection, times_of_check
+from sparsemor.core.simulation.diagnostics.selected_atoms import (
+    Selected,
+    check_selection,
+    times_of_check,
+)
 from sparsemor.core.simulation.diagnostics.spring_turns import SpringTurns
 from sparsemor.core.simulation.diagnostics.stress_stiffness import (
     LINEAR_STRAINS,
@@ -146,22 +150,27 @@ class RunSteps:
         try:
             if model is not None and run.contacts is None:
                 notes += contact_warnings(model, result)
-            if model is not None and run.own_loads and self.selected:
-                h = self.scene.time.step
-                notes += check_selection(
-                    model, self.solver.dictionaries,
-                    StepFactors(h, *self.scene.integrator.rules(h).factors), self.selected)
+            left = self._left_over_rows() if run.own_loads else ()
+            notes += (note for s in left if (note := s.note()) is not None)
             notes += (*alternating_forces(result), *rotation_notes(self.scene, result))
             if model is not None:
                 notes += undershoot(model, result) if run.own_loads else ()
                 notes += after_run(model, result)
                 if self.scene.check_strains != "off":
                     notes += stress_notes(model, result)
+            by_rows = {s.block for s in left if s.by_rows}  # which says more
             return (*notes, *large_estimates(result, error_limit(self.scene.reducer).tolerance),
-                    *beyond_training(run.spaces, result, run.trained_to, run.solver.facts,
-                                     run.own_loads))
+                    *beyond_training([s for s in run.spaces if s.name not in by_rows], result,
+                                     run.trained_to, run.solver.facts, run.own_loads))
         except Damaged as error:
             raise OSError(errno.EIO, str(error)) from None
+
+    def _left_over_rows(self) -> tuple[Selected, ...]:
+        """Residuals that selected atoms and sampled rows leave over all rows."""
+        h, model, solver = self.scene.time.step, self.run.model, self.solver
+        return () if model is None or not self.selected else check_selection(
+            model, solver.dictionaries, StepFactors(h, *self.scene.integrator.rules(h).factors),
+            self.selected, {n: len(rows) for n, rows in solver.rows.items()})
 
     @np.errstate(all="ignore")  # overflow is a status of the step, not a warning
     def _steps(self, interrupt: Interrupt) -> SolveFailed | None:
@@ -263,8 +272,9 @@ class RunSteps:
             supports = solver.supports(self.memory)
             if supports:
                 tally.count_atoms(supports)
-                if tally.done in self.checked:
-                    self.selected.append((full_state(solver, self.state), dict(supports)))
+            if tally.done in self.checked and (supports or solver.rows) and (
+                    self.run.model is not None):
+                self.selected.append((full_state(solver, self.state), dict(supports)))
             self.due = self.recorder.take(self.state, tally, supports, self.memory) or self.due
             # in a block of steps the memory is that of its last one
             if self.due and whole and self.watch is None:

@@ -1,10 +1,11 @@
-"""Check of a run that selected atoms: residual of its states over all rows of the full-order
-equations, against the smallest one with all atoms of the dictionary."""
+"""Check of a run that selected atoms or sampled rows: residual of its states over all rows of the
+full-order equations, against the smallest one with all atoms of the dictionary."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import coo_array
 
 from sparsemor.core.arrays import BoolArray, FloatArray
 from sparsemor.core.model.equations import system_residual
@@ -15,8 +16,8 @@ from sparsemor.core.protocols import Dictionary, State, StepFactors
 from sparsemor.core.results.error_norms import CONSTANT_CHANGE
 from sparsemor.core.status import SolveFailed
 
-SELECTED = "selected_atoms"
-"""Kind of the note."""
+SELECTED, SAMPLED_ROWS = "selected_atoms", "sampled_rows"
+"""Kinds of the notes."""
 STATES = 10
 """Number of states of the run that are checked."""
 RATIO = 10.0
@@ -24,8 +25,12 @@ RATIO = 10.0
 LIMIT = 1e-3
 """Displacement or temperature that this residual causes when it persists, relative to the largest
 change of the field, above which the note is a warning."""
+ROWS_LIMIT, ROWS_RATIO = 0.01, 3.0
+"""The same error and ratio above which sampled rows are the cause of a warning, where all atoms are
+used. Below this ratio all rows would leave about as much: the atoms are the cause."""
 ROUND_OFF = 1e-9
 """The same below which the residual is round-off."""
+NO_ROWS: Mapping[str, int] = {}
 MANY = 1000
 """Number of atoms above which a dictionary counts as complete: all its atoms leave no residual."""
 
@@ -37,8 +42,9 @@ def times_of_check(steps: int) -> frozenset[int]:
 
 @dataclass(frozen=True, slots=True)
 class Selected:
-    """Residual of selected atoms in one block, at the state where it causes the largest
-    error. t: time, s; active, atoms: number of active atoms and of all; ratio: of the two
+    """Residual of selected atoms, or of sampled rows, in one block, at the state where it causes
+    the largest error. t: time, s; active, atoms, rows: number of active atoms, of all, and of
+    sampled rows; ratio: of the two
     residuals, in the energy norm (r^T D^-1 r)^(1/2) with the operator D of a step, infinite for a
     complete dictionary; error: part of the field that the residual in excess causes if it persists,
     relative to the largest change."""
@@ -47,6 +53,7 @@ class Selected:
     t: float
     active: int
     atoms: int
+    rows: int
     ratio: float
     error: float
 
@@ -54,6 +61,8 @@ class Selected:
         """A warning where the residual causes an error above the limit, otherwise information;
         None where all atoms would leave about as much. All atoms of a complete dictionary leave
         nothing, so that its ratio says nothing."""
+        if self.active == self.atoms:
+            return self._of_rows()
         wrong, complete = self.error > LIMIT, not self.ratio < np.inf
         if not (wrong if complete else self.ratio > RATIO and self.error > ROUND_OFF):
             return None
@@ -67,23 +76,39 @@ class Selected:
                         "preconditioned, or another reducer.solver", SELECTED)
         return information(text + "all atoms are more accurate, and may be faster", SELECTED)
 
+    @property
+    def by_rows(self) -> bool:
+        """True where sampled rows are the cause of an error above the limit, with all atoms."""
+        return (self.active == self.atoms and self.error > ROWS_LIMIT
+                and self.ratio > ROWS_RATIO)
+
+    def _of_rows(self) -> Note | None:
+        return None if not self.by_rows else Note(
+            f"the {self.rows} sampled rows of {self.block} leave a residual over all rows "
+            f"{self.ratio:.2g} times that of its {self.atoms} atoms at {self.t:.4g} s, which "
+            f"causes an error of {self.error:.2g} of the largest change where it persists (limit "
+            f"{ROWS_LIMIT:g}): the rows are the cause, not the training; take a reducer that tests "
+            "all rows (ecsw, galerkin)", SAMPLED_ROWS)
+
 
 def check_selection(
     model: Model, dictionaries: Mapping[str, Dictionary], step: StepFactors,
-    states: Sequence[tuple[State, Mapping[str, BoolArray]]],
-) -> tuple[Note, ...]:
-    """Notes on blocks whose selected atoms leave a residual that all atoms would not. states:
-    full-order states of the run with the supports of their blocks. Blocks whose operators cannot be
-    factorized are left out."""
+    states: Sequence[tuple[State, Mapping[str, BoolArray]]], rows: Mapping[str, int] = NO_ROWS,
+) -> tuple[Selected, ...]:
+    """Residuals of blocks whose selected atoms or sampled rows leave more than all atoms and rows
+    would. states: full-order states of the run with the supports of their blocks; rows: number of
+    sampled rows by block. Left out are blocks whose operators cannot be factorized, and
+    temperatures with c(T), whose residual is a difference of heat content over the step."""
     found: dict[str, Selected] = {}
     start = model.x0
     change = {n: max((_norm(s.x[model.layout[n]] - start[model.layout[n]]) for s, _ in states),
                      default=0.0) for n in dictionaries}
     for name, d in dictionaries.items():
         k, at = d.atoms.shape[1], model.layout[name]
-        some = [(s, of[name]) for s, of in states
-                if name in of and len(of[name]) == k and not of[name].all()]
-        if not some or change[name] <= CONSTANT_CHANGE * _norm(some[-1][0].x[at]):
+        some = [(s, on) for s, of in states
+                if not (on := _support(of, name, k)).all() or name in rows]
+        if not some or change[name] <= CONSTANT_CHANGE * _norm(some[-1][0].x[at]) or (
+                _stores_by_temperature(model, name, [s for s, _ in some])):
             continue
         data = model.block_data(name, step=step)
         span = max(states[-1][0].t, step.h)
@@ -101,11 +126,29 @@ def check_selection(
                 ratio = float(np.sqrt(whole / left)) if left > 0.0 else np.inf
                 error = _norm(solve_or_fail(S, r - rest, name)) / change[name]
                 if name not in found or error > found[name].error:
-                    found[name] = Selected(
-                        name, state.t, int(np.count_nonzero(support)), k, ratio, error)
+                    found[name] = Selected(name, state.t, int(np.count_nonzero(support)), k,
+                                           rows.get(name, 0), ratio, error)
         except SolveFailed:
             continue
-    return tuple(note for s in found.values() if (note := s.note()) is not None)
+    return tuple(found.values())
+
+
+def _support(supports: Mapping[str, BoolArray], name: str, atoms: int) -> BoolArray:
+    """Active atoms (k,) of a block; all where none are selected."""
+    found = supports.get(name)
+    return found if found is not None and len(found) == atoms else np.ones(atoms, dtype=np.bool_)
+
+
+def _stores_by_temperature(model: Model, name: str, states: Sequence[State]) -> bool:
+    """True for a temperature block whose heat capacity at these states is not the constant one."""
+    for term in (t for heat in model.separated.heat if heat.thermal == name for t in heat.local):
+        none = np.zeros(len(term.columns))
+        for x in (s.x[term.columns] for s in states):
+            still, moving = (coo_array(term.jacobian(x, none, none, 0.0, none + c, none))
+                             for c in (0.0, 1.0))
+            if (still.tocsr() != moving.tocsr()).nnz:
+                return True
+    return False
 
 
 def _norm(x: FloatArray) -> float:

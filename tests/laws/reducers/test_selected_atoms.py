@@ -45,11 +45,37 @@ def beside(inside: float, outside: float) -> tuple[State, float, FloatArray]:
     return State(last.t, x, v, last.a, last.memory), float(ratio), np.asarray(D @ part)
 
 
-def checked(state: State, dictionary: Dictionary) -> Any:
-    scene, support = tiny(), np.array([False, True, True, True])
+def checked(state: State, dictionary: Dictionary, rows: int = 0) -> Any:
+    """Notes where three of four atoms are selected, or all are used with so many rows."""
+    scene, support = tiny(), {NAME: np.array([False, True, True, True])}
     step = StepFactors(scene.time.step, *scene.integrator.rules(scene.time.step).factors)
-    return check_selection(
-        full().model, {NAME: dictionary}, step, [(state, {NAME: support})])
+    found = check_selection(full().model, {NAME: dictionary}, step, [
+        (state, {} if rows else support)], {NAME: rows} if rows else {})
+    return [note for s in found if (note := s.note()) is not None]
+
+
+@pytest.mark.parametrize(("inside", "outside", "noted"), [
+    (5.0, 5e-3, True), (1e-5, 1e-8, False), (5.0, 5.0, False)])
+def test_rows_that_leave_what_atoms_could_remove_are_the_cause(
+    inside: float, outside: float, noted: bool
+) -> None:
+    """Not where the error is small, nor where the atoms leave as much."""
+    state, _, force = beside(inside, outside)
+    notes = checked(state, orthogonal_atoms(), 8)
+    assert bool(notes) == noted
+    for note in notes:
+        assert note.kind == "sampled_rows" and note.level is Level.WARNING
+        assert f"the 8 sampled rows of {NAME}" in note.text and "not the training" in note.text
+        assert f"an error of {error_of(force, state):.2g} of" in note.text
+
+
+def error_of(force: FloatArray, state: State) -> float:
+    """Temperature that the force causes over the run, relative to the largest change."""
+    model = full().model
+    data = model.block_data(NAME)
+    S = (data.stiffness + data.mass / state.t).toarray()
+    change = np.linalg.norm(state.x[model.layout[NAME]] - model.x0[model.layout[NAME]])
+    return float(np.linalg.norm(np.linalg.solve(S, force)) / change)
 
 
 @pytest.mark.parametrize(("inside", "level"), [(5.0, Level.WARNING), (1e-5, Level.INFORMATION)])
@@ -57,11 +83,7 @@ def test_numbers_are_those_of_the_residual(inside: float, level: Level) -> None:
     """Right values by construction: the residual is D times a known displacement of the state."""
     state, ratio, force = beside(inside, 1e-3 * inside)
     (note,) = checked(state, orthogonal_atoms())
-    model = full().model
-    data = model.block_data(NAME)
-    S = (data.stiffness + data.mass / state.t).toarray()
-    change = np.linalg.norm(state.x[model.layout[NAME]] - model.x0[model.layout[NAME]])
-    error = np.linalg.norm(np.linalg.solve(S, force)) / change
+    error = error_of(force, state)
     assert note.kind == "selected_atoms" and note.level is level
     assert f"3 of 4 atoms selected in {NAME}" in note.text
     assert f"{ratio:.2g} times" in note.text and f"an error of {error:.2g} of" in note.text
@@ -89,6 +111,40 @@ def test_selection_that_fails_says_so() -> None:
         error = compare(reference, x=run).errors["x"]["elastic"]
         assert error > 1e-2 if wrong else error < 1e-5, (residual, error)
         assert ("selected_atoms" in run.summary["note_kinds"]) == wrong, run.summary["notes"]
+
+
+@pytest.mark.full
+def test_plain_rows_that_a_new_load_makes_wrong_are_noted_as_the_cause() -> None:
+    """A bar whose modulus falls with temperature has plain rows. With another load than in training
+    they are 20 times and more worse than all rows; the note knows their error within a third."""
+    curve = {"temperatures": [293.15, 313.15, 493.15], "values": [7e10, 6e10, 4e10]}
+    scene = scene_of({
+        "bodies": {"b": {
+            "use": "flexible", "thickness": 0.02, "fields": ["elastic", "thermal"],
+            "frame": "fixed", "reference": {"clamp": "left"}, "initial_temperature": 293.15,
+            "mesh": {"use": "rectangle", "size": [1.0, 0.1], "divisions": [16, 3]},
+            "sets": {"below": {"box": [[0.4, 0.8], [-0.01, 0.01]]},
+                     "above": {"box": [[0.2, 0.5], [0.09, 0.11]]}},
+            "material": {"E": curve, "nu": 0.3, "rho": 2700.0, "alpha": 2.3e-5, "k": 150.0,
+                         "c": 900.0}}},
+        "loads": {
+            "heat": {"use": "heat_flux", "on": ["b:above"], "flux": 2e5},
+            "pull": {"use": "traction", "on": ["b:below"], "traction": [1e7, 5e6],
+                     "factor": {"use": "ramp", "end": 10.0, "final": 1.0}}},
+        "time": {"end": 20.0, "step": 0.5}, "integrator": "bdf2",
+        "training": {"end": 20.0, "overrides": {
+            "loads.pull.factor": {"use": "constant", "level": 0.3},
+            "loads.heat.flux": {"use": "pulse", "start": 2.0, "duration": 8.0, "level": 1e5}}}})
+    whole = simulate(scene.using({"reducer": "full"}))
+    best, run = (simulate(scene.using({"reducer": use})) for use in ("galerkin", "sparse"))
+    least, error = (compare(whole, x=r).errors["x"]["elastic"] for r in (best, run))
+    assert error > max(0.01, 5.0 * least), (error, least)
+    notes = [n for n in run.summary["notes"] if "the rows are the cause" in n]
+    assert len(notes) == 1 and "b.elastic" in notes[0], run.summary["notes"]
+    said = float(notes[0].split("an error of ")[1].split()[0])
+    assert said == pytest.approx(error, rel=0.33)
+    assert not [n for n in run.summary["notes"] if "left the range" in n and "b.elastic" in n]
+    assert not [n for n in best.summary["notes"] if "rows" in n]
 
 
 # ------------------------------------------------------------------- few rows, dependent atoms
