@@ -11,9 +11,9 @@ from sparsemor.core import FloatArray, Mesh, Note, outside_box_notes
 
 COINCIDENT = 1e-9
 """Distance of two nodes, relative to the mesh's diagonal, below which they coincide."""
-COLD, SPACE = 150.0, 5.0
-"""Radiation temperatures (K) between `SPACE` and `COLD` are most likely degrees Celsius; below
-`SPACE` the surroundings may be outer space."""
+COLD, SPACE, ROOM = 150.0, 5.0, 250.0
+"""Radiation temperatures (K) between `SPACE` and `COLD` are most likely degrees Celsius, and up to
+`ROOM` where another one is; below `SPACE` the surroundings may be outer space."""
 SMALLEST, LARGEST = 1e-4, 50.0
 """Extents of a body, m, between which there is no note."""
 LIGHT, HEAVY = 100.0, 25_000.0
@@ -78,11 +78,11 @@ def celsius_notes(
     """Warnings about radiation temperatures that look like degrees Celsius.
 
     surroundings: temperature at the start, K; starts, references: body -> initial and stress-free
-    temperatures (N,), K. A stress-free temperature below `COLD` shows that all are.
+    temperatures (N,), K. A stress-free temperature below `COLD` shows that others up to `ROOM` are.
     """
     cold = {f"the reference temperature of {name}": float(T.min())
             for name, T in references.items() if T is not None and SPACE < T.min() < COLD}
-    limit = np.inf if cold else COLD
+    limit = ROOM if cold else COLD
     cold |= {f"the initial temperature of {name}": float(T.min())
              for name, T in starts.items() if T is not None and T.min() < limit}
     if SPACE < surroundings < COLD or (cold and surroundings < limit):

@@ -152,7 +152,7 @@ class RunSteps:
                 notes += contact_warnings(model, result)
             left = self._left_over_rows() if run.own_loads else ()
             notes += (note for s in left if (note := s.note()) is not None)
-            notes += (*alternating_forces(result), *rotation_notes(self.scene, result))
+            notes += (*alternating_forces(model, result), *rotation_notes(self.scene, result))
             if model is not None:
                 notes += undershoot(model, result) if run.own_loads else ()
                 notes += after_run(model, result)

@@ -10,6 +10,7 @@ from sparsemor.core.model.equations import system_residual
 from sparsemor.core.model.model import Model
 from sparsemor.core.notes import Note, information
 from sparsemor.core.protocols import State
+from sparsemor.core.simulation.diagnostics.alternating_joint_forces import ROUNDING, inner_force
 
 ENERGY_LOST = "energy_lost"
 """Kind of the note."""
@@ -58,6 +59,8 @@ def energy_lost(model: Model, states: Sequence[State], h: float, steps: int) -> 
         other = max(other, _other(model, s))
     if not most > 0.0 or not np.isfinite(lost + most) or inertia < INERTIA * other:
         return None
+    if inertia <= ROUNDING * inner_force(model, lambda name: states[-1].x[model.layout[name]]):
+        return None  # a settling of bodies that deform
     first, last = (float(s.a[at] @ _inertia(model, s, s.v)) for s in (states[0], states[-1]))
     return max(0.0, lost / len(states) * steps - 0.5 * h * (last - first)) / most
 

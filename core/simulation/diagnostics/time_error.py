@@ -143,7 +143,7 @@ class TimeError:
             ends, grows = {n: e[-1] for n, e in errors.items()}, {
                 n: _growth(e) for n, e in errors.items()}
             if b.name in self.frames:
-                error = _rms([ends[n] * self.beyond ** grows[n] for n in known])
+                error = _rms([ends[n] * self.beyond ** grows[n] for n in later])
             else:  # only what grows in every window grows in the run
                 error = _rms([ends[n] for n in later]) * self.beyond ** min(
                     1.0, *(grows[n] for n in later))
@@ -157,7 +157,8 @@ class TimeError:
             found[b.name] = error / change
             if 0 in known and 0 not in later:
                 start[b.name] = max(errors[0]) / change
-            if b.name in self.frames and self.rates[b.name] > 0.0:
+            if b.name in self.frames and self.rates[b.name] > 0.0 and (
+                    self.changes[b.name] > SMALLEST * b.size):
                 delays.append(error / self.rates[b.name])
         for b in self.blocks:
             if b.name in found and b.name not in self.fading:

@@ -72,6 +72,24 @@ def test_a_fall_loses_the_energy_of_one_step_in_as_many() -> None:
     assert simulate(fall).summary["energy_lost"] == pytest.approx(1.0 / 50.0, rel=0.05)
 
 
+def test_round_off_and_settling_of_warm_bars_are_no_motion() -> None:
+    """Two clamped bars, one 100 K warmer than free of stress: joint forces are round-off of the
+    7e4 N that its elements bear, and bodies settle within the first steps of 10 s."""
+    bar: dict[str, Any] = {
+        "use": "flexible", "mesh": {"use": "rectangle", "lower": [0.0, -0.01],
+                                    "size": [0.1, 0.02], "divisions": [3, 1]}, "order": 2,
+        "thickness": 0.01, "fields": ["elastic", "thermal"], "reference": {"clamp": "left"},
+        "material": {"E": 7e10, "nu": 0.3, "rho": 2700, "alpha": 2e-5, "k": 200, "c": 900}}
+    scene = {"bodies": {"a": {**bar, "initial_temperature": 393.15},
+                        "b": {**bar, "pose": {"position": [0.1, 0.0]}}},
+             "joints": {"g": {"use": "fixed", "between": ["ground", "a:left"]},
+                        "w": {"use": "fixed", "between": ["a:right", "b:left"]}},
+             "time": {"end": 250.0, "step": 10.0}, "reducer": "full"}
+    for integrator in ("generalized_alpha", "bdf1"):
+        run = simulate(load({**scene, "integrator": integrator}))
+        assert run.summary["note_kinds"] == []
+
+
 def test_levels_of_the_notes() -> None:
     def levels(notes: tuple[Note, ...]) -> list[str]:
         return [n.level.value for n in notes]
