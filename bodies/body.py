@@ -170,6 +170,13 @@ class Body:
     # ------------------------------------------------------------------ equations
 
     def contribute(self, equations: Equations) -> None:
+        if self.heat is not None and self.heat.prescribed and equations.stepping is not None:
+            given = tuple((n, equations.stepping.prescribed(f)) for n, f in self.heat.prescribed)
+            replace(self, heat=replace(self.heat, prescribed=given))._contribute(equations)
+        else:
+            self._contribute(equations)
+
+    def _contribute(self, equations: Equations) -> None:
         mesh = self.mesh is not None
         equations.body(
             self.frame_of, self.pose, moves=self.moves, guide=self.guide,

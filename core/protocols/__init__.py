@@ -180,7 +180,7 @@ from sparsemor.core.protocols.sparse_solver import (
     SparseSolver,
     SparseStart,
 )
-from sparsemor.core.protocols.step_amplitude import StepAmplitude, Stepping, Substep
+from sparsemor.core.protocols.step_amplitude import StepAmplitude, StepFunction, Stepping, Substep
 from sparsemor.core.protocols.step_solver import (
     AroundSteps,
     CountsLinearIterations,
@@ -249,9 +249,9 @@ __all__ = [
     "SamplesRows", "Selection", "SelectsFields", "Separated", "SharesOptions",
     "SolvesManySteps", "SparseOutcome", "SparseProblem", "SparseSolver", "SparseStart", "Stage",
     "State", "StatesFillIn", "StepAmplitude", "StepBlock", "StepFactors", "StepFormula",
-    "StepMemory", "StepOutcome", "StepSolver", "Stepping", "StoresObjects", "StressConstants",
-    "StressStiffness", "Substep", "SurfaceLoads", "Surfaces", "Table", "Tabled", "TabledAlong",
-    "TableRecord", "TemperatureProperty", "Term",
+    "StepFunction", "StepMemory", "StepOutcome", "StepSolver", "Stepping", "StoresObjects",
+    "StressConstants", "StressStiffness", "Substep", "SurfaceLoads", "Surfaces", "Table", "Tabled",
+    "TabledAlong", "TableRecord", "TemperatureProperty", "Term",
     "TimeDependent", "TimeFunction", "Trial", "TrialRun", "UpdateRule", "UpdateRules",
     "UsesBases", "UsesForceBasis", "VectorRecord", "WeighsElements", "WrapsTerm",
 ]

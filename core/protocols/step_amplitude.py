@@ -130,6 +130,10 @@ class Stepping:
     def of(cls, integrator: Integrator, h: float) -> "Stepping":
         return cls(h, delay(integrator), differences(integrator))
 
+    def prescribed(self, function: TimeFunction) -> "StepFunction":
+        """A prescribed value with its rate by the integrator's formula."""
+        return StepFunction(function, self.h, self.differences)
+
     def over(self, amplitude: T) -> T | Amplitude:
         """Amplitude of a load over these steps: of the values of a function of time, and of those
         inside of an object such as a law or an item of a frame; anything else as it is."""
@@ -188,3 +192,36 @@ class StepAmplitude:
         f = self.function
         return f.rate(t), f.curvature(t) if isinstance(f, HasCurvature) else (
             (f.rate(t + 1e-2 * h) - f.rate(t)) / (1e-2 * h))
+
+
+@dataclass(frozen=True, slots=True)
+class StepFunction:
+    """Prescribed value of an unknown of first order, with the rate that the integrator's formula
+    gives it: differences of values, so that heat which neighbours take up is that of the change,
+    however fast. h: step, s; earlier: number of earlier values in the formula."""
+
+    function: TimeFunction
+    h: float
+    earlier: int
+
+    def value(self, t: float) -> float:
+        return self.function.value(t)
+
+    def rate(self, t: float) -> float:
+        """(f - f_0)/h or (3 f - 4 f_0 + f_1)/(2 h), with f_1 = f_0 - h f_0' where the formula
+        begins; f' at the start of a run and of another formula."""
+        f, own = self.function, _SUBSTEP.get()
+        h, begins = (self.h, False) if own is None else (own.h, own.begins)
+        if own is not None and own.after is not None:
+            return f.rate(t + own.after)
+        if not self.earlier or t <= same_time(t) or h <= same_time(t):
+            return f.rate(t)
+        start = t - h if t - h > same_time(t) else 0.0
+        change = f.value(t) - f.value(start)
+        if self.earlier == 1:
+            return change / h
+        past = h * f.rate(start) if begins or start == 0.0 else f.value(start) - f.value(start - h)
+        return (1.5 * change - 0.5 * past) / h
+
+    def jumps(self, start: float, end: float) -> Sequence[float] | None:
+        return jumps_of(self.function, start, end)

@@ -25,6 +25,11 @@ from sparsemor.core.simulation.diagnostics.energy_lost import (
     times_of_energy,
 )
 from sparsemor.core.simulation.diagnostics.free_rotations import rotation_notes
+from sparsemor.core.simulation.diagnostics.heat_balance import (
+    HeatBalance,
+    heat_notes,
+    in_result,
+)
 from sparsemor.core.simulation.diagnostics.plausibility import after_run
 from sparsemor.core.simulation.diagnostics.selected_atoms import (
     Selected,
@@ -78,6 +83,7 @@ class RunSteps:
         # windows of steps are not in checkpoints; a run that changes its model has no one estimate
         whole = tally.done == 0 and watch is None and not recorder.fall_back
         self.time_error = TimeError.of(run, state.x if whole else None)
+        self.heat = HeatBalance.of(run, state if whole else None)
         self.moving: list[State] = []
         self.looked = times_of_energy(self.steps) if (
             whole and run.model is not None and run.own_loads and run.scene.time.control is None
@@ -126,8 +132,11 @@ class RunSteps:
             h = self.scene.time.step
             summary["energy_lost"] = lost = None if self.run.model is None else energy_lost(
                 self.run.model, [full_state(self.solver, s) for s in self.moving], h, self.steps)
+            heat = {} if self.heat is None else self.heat.found()
+            summary["heat_balance"] = in_result(heat)
             notes = (*self._found_after(), *energy_notes(lost, h), *time_error_notes(
-                errors, first, h, self.scene.integrator.order))
+                errors, first, h, self.scene.integrator.order), *heat_notes(
+                    heat, bool(self.solver.dictionaries)))
             found = in_summary(notes)
             summary |= {key: [*summary[key], *texts] for key, texts in found.items()}
             refused = [n for n in notes if n.kind == LINEAR_STRAINS]
@@ -254,6 +263,8 @@ class RunSteps:
             tally.add(seconds, outcome)
             if self.time_error is not None:
                 self.time_error.take(tally.done, before, self.state)
+            if self.heat is not None:
+                self.heat.take(tally.done, before, self.state)
             if tally.done in self.looked:
                 self.moving.append(self.state)
             if large := extents.exceeded(self.state.x):

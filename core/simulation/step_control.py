@@ -328,11 +328,9 @@ class ControlledSteps(AroundSteps[StepSolver]):
                 return fine.state, slope
             found.append(advanced(rules, layout, fine.state, step, outcome))
         by_rates(found[0], found[1], LATER * h)
-        if not part.jump:
-            return fine.state, slope
         v = fine.state.v.copy()
-        v[first] = found[0].v[first]
-        return replace(fine.state, v=v, a=found[0].a), slope
+        v[first] = found[0].v[first]  # jumps where a prescribed temperature has a kink
+        return replace(fine.state, v=v, a=found[0].a if part.jump else fine.state.a), slope
 
     def _refused(self, fine: "_Try", error: float, block: str) -> StepOutcome:
         if not fine.outcome.status.ok:

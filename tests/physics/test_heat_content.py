@@ -88,6 +88,95 @@ def test_a_table_of_the_heat_content() -> None:
     assert mean_end(run) == pytest.approx(END, abs=0.01)
 
 
+def balance(run: Any) -> Any:
+    return run.summary["heat_balance"]["b.thermal"]
+
+
+@pytest.mark.parametrize("integrator", ["bdf1", "bdf2", ALPHA], ids=["bdf1", "bdf2", "alpha"])
+def test_the_balance_of_heat_is_part_of_the_result(integrator: Any) -> None:
+    """24 kJ = flux, area and time. BDF2 is half a step behind, which is no loss."""
+    found = balance(melted(integrator=integrator, **{"time.step": 40.0}))
+    assert found["stored"] == pytest.approx(24e3, rel=1e-9)
+    assert found["brought_in"] == pytest.approx(24e3, rel=1e-9)
+    assert found["share"] <= 1e-9
+
+
+BAR = {
+    "format": 1,
+    "bodies": {"b": {
+        "use": "flexible", "mesh": {"use": "rectangle", "size": [0.1, 0.02], "divisions": [20, 2]},
+        "thickness": 0.01, "material": {"rho": 7850.0, "k": 45.0, "c": 480.0},
+        "fields": ["thermal"], "frame": "fixed"}},
+    "time": {"end": 50.0, "step": 1.0}, "integrator": "bdf2", "reducer": "full"}
+STEEL = {"rho": 7850.0,
+         "k": {"polynomial": [54.0, -0.0333], "origin": 273.15, "range": [200.0, 1073.15]},
+         "c": {"polynomial": [450.0, 0.28], "origin": 273.15, "range": [200.0, 1073.15]}}
+MATERIALS = [{"rho": 7850.0, "k": 45.0, "c": 480.0}, pytest.param(STEEL, marks=pytest.mark.full)]
+
+
+def bar(loads: Any, **changes: Any) -> Any:
+    return simulate(load({**BAR, "loads": loads}, changes))
+
+
+PULSE = {"use": "heat_flux", "on": ["b:top"], "flux": {
+    "use": "table", "times": [3.2, 3.2001, 9.7, 9.7001], "values": [0.0, 1e5, 1e5, 0.0]}}
+FILM = {"use": "convection", "on": ["b:left"], "film": 500.0, "temperature": 273.15}
+GREY = {"use": "radiation", "on": ["b:right"], "emissivity": 0.8, "surroundings": 600.0}
+SINE = {"use": "sine", "amplitude": 5e4, "frequency": 0.02}
+
+
+@pytest.mark.parametrize("reducer", [
+    "full", "galerkin", pytest.param("ecsw", marks=pytest.mark.full),
+    pytest.param("sparse", marks=pytest.mark.full)])
+@pytest.mark.parametrize("material", MATERIALS, ids=["constant", "steel"])
+def test_right_runs_balance(reducer: str, material: Any) -> None:
+    """A pulse off the step grid, a film and radiation that brings as much: no note."""
+    run = bar({"q": PULSE, "f": FILM, "r": GREY}, reducer=reducer,
+              **{"bodies.b.material": material})
+    assert 0.0 <= balance(run)["share"] <= 1e-6
+    assert "heat_balance" not in run.summary["note_kinds"]
+
+
+@pytest.mark.parametrize("material", MATERIALS, ids=["constant", "steel"])
+def test_heat_that_rows_of_a_reduced_model_invent_is_noted(material: Any) -> None:
+    """Trained without the pulse: `sparse` solves its rows, and no heat is balanced."""
+    ends = {n: {"use": "heat_flux", "on": [f"b:{n}"], "flux": {**SINE, "amplitude": a}}
+            for n, a in (("left", 5e4), ("right", -5e4))}
+    run = bar({"q": PULSE, **ends}, reducer="sparse", **{
+        "training.overrides": {"loads.q.flux": 0.0}, "bodies.b.material": material})
+    found = balance(run)
+    assert found["share"] > 0.1
+    assert abs(found["stored"] - found["brought_in"]) > 0.1 * abs(found["brought_in"])
+    assert "heat_balance" in run.summary["note_kinds"]
+
+
+def test_no_balance_is_told_where_none_is_known() -> None:
+    run = bar({"f": FILM}, **{"time.control": {"tolerance": 1e-2}})
+    assert run.summary["heat_balance"] == {}
+
+
+@pytest.mark.parametrize("changes", [
+    {"integrator": "bdf1"}, {"integrator": "bdf2"}, {"integrator": ALPHA}, {"reducer": "galerkin"},
+    pytest.param({"time.control": {"tolerance": 1e-2, "max_halvings": 14}},
+                 marks=pytest.mark.full)],
+    ids=["bdf1", "bdf2", "alpha", "galerkin", "control"])
+@pytest.mark.parametrize("at", [10.0, 10.37])
+def test_a_jump_of_a_prescribed_temperature(at: float, changes: Any) -> None:
+    """An end of an insulated bar jumps by 200 K: the mean rises as the series of Fourier. By the
+    slope of the function at the end of the step it was -1471 K, or the jump brought nothing."""
+    a, L = 45.0 / (7850.0 * 480.0), 0.1
+    odd = np.arange(1, 400, 2) * np.pi
+    rise = 200.0 * (1.0 - float((8.0 / odd**2 * np.exp(
+        -odd**2 * a * (50.0 - at) / (4.0 * L**2))).sum()))
+    run = simulate(load({**BAR, "joints": {"h": {
+        "use": "prescribed_temperature", "on": ["b:left"], "temperature": {
+            "use": "table", "times": [at, at + 1e-3], "values": [293.15, 493.15]}}}}, changes))
+    T = run.nodal_temperature("b", -1).reshape(-1)
+    weights = np.zeros(len(T))
+    np.add.at(weights, run.cells("b"), 1.0)
+    assert np.average(T, weights=weights) - 293.15 == pytest.approx(rise, rel=0.015)
+
+
 CURVES = {
     "table": TemperatureCurve(**PEAK),
     "polynomial": TemperatureCurve(polynomial=(450.0, 0.28, -2.91e-4, 1.34e-7), origin=273.15,

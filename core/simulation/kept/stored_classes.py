@@ -10,7 +10,7 @@ from sparsemor.core.protocols.load_tables import Table
 from sparsemor.core.protocols.prescribed_motion import FrameHistory, Stage
 from sparsemor.core.protocols.prescribed_quantities import Held, Prescribed
 from sparsemor.core.protocols.separable import LoadColumn, MovingBody, Separated
-from sparsemor.core.protocols.step_amplitude import StepAmplitude
+from sparsemor.core.protocols.step_amplitude import StepAmplitude, StepFunction
 from sparsemor.core.results.metadata import Probe, RunHeader
 from sparsemor.core.results.probes import ForceReader, Linear, ProbeReader
 from sparsemor.core.simulation.diagnostics.trial_space import TrialSpace
@@ -18,6 +18,6 @@ from sparsemor.core.simulation.diagnostics.trial_space import TrialSpace
 CLASSES: Sequence[object] = (
     Block, BodyShape, CompressedLocal, Dictionary, FieldKind, ForceReader, FrameHistory, Held,
     Layout, Level, Linear, LoadColumn, MovingBody, Note, Prescribed, Probe, ProbePlace, ProbeReader,
-    Quantity, RunHeader, Separated, Stage, State, StepAmplitude, StressConstants, Table,
-    TrialSpace,
+    Quantity, RunHeader, Separated, Stage, State, StepAmplitude, StepFunction, StressConstants,
+    Table, TrialSpace,
 )
