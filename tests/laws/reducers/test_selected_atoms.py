@@ -98,6 +98,19 @@ def test_states_are_spread_over_the_run() -> None:
     assert times_of_check(20) == frozenset(range(2, 21, 2)) and times_of_check(1) == {1}
 
 
+@pytest.mark.parametrize("g", [0.0, -9.81])
+def test_atoms_that_no_step_uses_are_said(g: float) -> None:
+    """A bar without loads, trained under gravity."""
+    run = simulate(tiny().using({
+        "time.end": 0.005, "training.end": 0.005, "bodies.bar.fields": ["elastic"],
+        "loads": {"gravity": {"use": "gravity", "g": [0.0, g]}},
+        "training.overrides": {"loads.gravity.g": [0.0, -9.81]},
+        "reducer": {"use": "sparse", "solver": "omp", "basis": {"use": "pod", "count": 4},
+                    "budgets": {"*.elastic": {"atoms": 2}}}}))
+    assert ("none of the 4 atoms of bar.elastic was active in any step: it kept its initial values"
+            in run.summary["information"]) == (g == 0.0)
+
+
 @pytest.mark.full
 def test_selection_that_fails_says_so() -> None:
     """Orthogonal matching pursuit on plain rows, 8 of 16 elastic atoms: wrong and noted (0.016); on
