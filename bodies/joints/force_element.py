@@ -88,8 +88,8 @@ class ItemForce:
 class ForceElementPart:
     """Force element of a scene: an item of the frame of the first of its two `sides`, which reads
     the coordinates of the other one. law, recorded: force that is recorded, its name and unit;
-    held: constraints of massless frames, None for rigid sides; adjusted: these frames; reactions:
-    forces and moments on both sides where their motion is prescribed, else None."""
+    held: constraints of massless frames, None for rigid sides; adjusted: these frames; prescribed:
+    True if the motion of its sides is: then its force is a load on both."""
 
     name: str
     sides: tuple[Side, Side]
@@ -98,7 +98,7 @@ class ForceElementPart:
     recorded: tuple[str, str]
     held: JointPart | None = None
     adjusted: Mapping[str, Body] = field(default_factory=dict)
-    reactions: Table | None = None
+    prescribed: bool = False
     turns: bool = False
     localized: bool = True
 
@@ -117,8 +117,8 @@ class ForceElementPart:
         return () if self.held is None else self.held.blocks()
 
     def contribute(self, equations: Equations) -> None:
-        if self.reactions is not None:
-            write_reactions(equations, self.sides, self.reactions, self.turns)
+        if self.prescribed:
+            write_reactions(equations, self.sides, self._reactions(equations), self.turns)
             return
         if self.held is not None:
             self.held.contribute(equations)
@@ -126,6 +126,15 @@ class ForceElementPart:
         assert own.body is not None
         own.body.frame_item(equations, self.item, None,
                             reads=f"{other.reads}.rigid" if other.reads else "")
+
+    def _reactions(self, equations: Equations) -> Table:
+        """Forces and moments on both sides along their prescribed motion, with the functions of
+        time that the steps of the run see."""
+        motion = [s.motion for s in self.sides]
+        times = max((m.times for m in motion), key=len)
+        item: SpringItem = equations.over_steps(self.item)
+        _, wrench = item.along(times, *(m.along(times)[:2] for m in motion))
+        return Table(times, np.hstack([wrench, -wrench]))
 
 
 class ForceElement(Plugin):
@@ -172,14 +181,12 @@ class ForceElement(Plugin):
         first = ends[0].body is not None
         own, other = ends if first else ends[::-1]
         item = self.item(own, other, first)
-        times = max((s.motion.times for s in ends), key=len)
-        _, wrench = item.along(times, own.motion.along(times)[:2], other.motion.along(times)[:2])
         if self.turns:
             for side in ends:  # refuses a set without a mean rotation
                 _ = side.turning
         return ForceElementPart(
-            name, (own, other), item, self._law(item, first), self.recorded,
-            reactions=Table(times, np.hstack([wrench, -wrench])), turns=self.turns)
+            name, (own, other), item, self._law(item, first), self.recorded, prescribed=True,
+            turns=self.turns)
 
     def _law(self, item: SpringItem, first: bool) -> ItemForce:
         """Force that is recorded: of a rotational one the moment on the first side."""

@@ -336,11 +336,13 @@ def in_space() -> dict[str, Any]:
 
 @pytest.mark.full
 @pytest.mark.parametrize(("tree", "E", "integrator"), [
-    (driven(), 2e13, ALPHA), (in_space(), 2e12, "bdf1")], ids=["plane", "space"])
+    (driven(), 2e13, ALPHA), (driven(), 2e13, "bdf1"), (driven(), 2e13, "bdf2"),
+    (in_space(), 2e12, "bdf1")], ids=["plane, alpha", "plane, bdf1", "plane, bdf2", "space"])
 def test_two_stages_of_stiff_bodies_are_the_run_of_one_stage(
     tree: dict[str, Any], E: float, integrator: Any, tmp_path: Any
 ) -> None:
-    """The feedback of the deformation, which two stages neglect, is of the order 1 / E."""
+    """The feedback of the deformation, which two stages neglect, is of the order 1 / E. Driven by
+    functions at points of time, not by means over steps, bdf1 was 0.8 % off."""
     bodies = {n: {**b, "material": {**b["material"], "E": E}}
               for n, b in tree["bodies"].items()}
     scene = scene_of({**tree, "bodies": bodies, "integrator": integrator,
