@@ -94,10 +94,14 @@ REPEATS = 3
 
 
 def reduced(scene: Scene, reducer: str) -> Scene:
-    """The scene with this reducer, and its own options where both have them."""
+    """The scene with this reducer, and its own options where both have them; plain rows where
+    `sparse` has none of its own."""
     other = "full" if reducer == scene.reducer_name else scene.reducer_name
     changed = variants(scene, [other, reducer])[reducer]
-    return changed.using({"reducer.constant": "weighted"}) if reducer == "ecsw" else changed
+    if reducer == "ecsw":
+        return changed.using({"reducer.constant": "weighted"})
+    plain = reducer == "sparse" and changed.dump()["reducer"].get("residual", "auto") == "auto"
+    return changed.using({"reducer.residual": "plain"}) if plain else changed
 
 
 def reducers(name: str) -> tuple[str, ...]:
