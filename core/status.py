@@ -77,11 +77,14 @@ _ADVICE = {
     Status.INTERRUPTED: "continue it with --resume",
 }
 _OF_ROWS = {
-    Status.NOT_CONVERGED: "; keep the required rows, or sample more rows",
+    Status.NOT_CONVERGED: "; keep the required rows, sample more rows, or take a reducer that "
+                          "tests all rows",
     Status.SINGULAR: "; or sample more rows",
     Status.RANK_DEFICIENT: "; or sample more rows, or use another sampler",
-    Status.DIVERGED: "; keep the required rows, sample more rows, or try another seed or sampler",
-    Status.NOT_FINITE: "; keep the required rows, or sample more rows",
+    Status.DIVERGED: "; keep the required rows, sample more rows, try another seed or sampler, "
+                     "or a reducer that tests all rows",
+    Status.NOT_FINITE: "; keep the required rows, sample more rows, or take a reducer that "
+                       "tests all rows",
 }
 
 

@@ -38,6 +38,10 @@ from sparsemor.reducers.step.coupled_reduced import ProjectedBlock, ProjectedMod
 from sparsemor.reducers.step.frame_step import BodyStep
 from sparsemor.reducers.step.operators import TestedElastic, TestedHeat, TestMap
 
+ESTIMATE_STEPS, TOO_SMALL = "estimate_steps", 18
+"""Kind of the note on estimates by long steps, and the largest ratio of an error to its estimate
+that such steps have had (tests/physics/elements/test_nonlinear_strains.py)."""
+
 
 def error_model(
     problem: ReducedProblem, solver: StepSolver, every: int,
@@ -106,6 +110,13 @@ class _Builder:
             if m.operators is None:
                 continue
             warm = spaces.get(m.thermal)
+            if self.every > 1 and self.local.stiffens(m):
+                self.notes.append(Note(
+                    f"the error of {m.elastic} is estimated by one step for {self.every} of the "
+                    "run, which misses fast residuals: with a stiffness that depends on the "
+                    f"displacements it has been {TOO_SMALL} times too small, where estimates of "
+                    "every step were within 1 %; take reducer.error_estimate: 1",
+                    ESTIMATE_STEPS))
             test = add(m.elastic, self._elastic_space(
                 m, np.zeros((0, 0)) if warm is None else warm.modes))
             tested = TestedElastic.of(

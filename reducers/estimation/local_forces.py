@@ -18,6 +18,8 @@ from sparsemor.core import (
 )
 from sparsemor.reducers.estimation.error_space import Operators
 
+ROUND_OFF = 1e-9
+"""Change of a tangent, relative to its largest entry, that is none."""
 STATES = 40
 """Number of snapshots at which forces are evaluated."""
 
@@ -104,6 +106,22 @@ class LocalForces:
             J = csr_array(part.term.jacobian(x, zero, zero, 0.0, zero, zero))[:, cold]
             K = K + _placed(J, part.rows, part.columns[cold], K.shape[0])
         return replace(constant, stiffness=csr_array(K))
+
+    def stiffens(self, m: MovingBody) -> bool:
+        """True if a local term of an elastic block is not linear in its displacements: its tangent
+        changes with a small displacement."""
+        if m.operators is None:
+            return False
+        u, T = self._of_body(m)
+        moved = u[:, 0] + 1e-3 * np.sin(np.arange(len(u)))
+        for part in m.operators.local:
+            zero = np.zeros(len(part.columns))
+            still, bent = (csr_array(part.term.jacobian(
+                _read(part, x, T[:, 0]), zero, zero, 0.0, zero, zero))[:, ~part.hot]
+                for x in (u[:, 0], moved))
+            if abs(bent - still).max() > ROUND_OFF * max(abs(still).max(), abs(bent).max()):
+                return True
+        return False
 
 
 def _read(part: ElasticLocal, u: FloatArray, T: FloatArray) -> FloatArray:

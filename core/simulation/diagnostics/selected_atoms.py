@@ -14,6 +14,7 @@ from sparsemor.core.model.model import Model
 from sparsemor.core.notes import Note, information
 from sparsemor.core.protocols import Dictionary, State, StepFactors
 from sparsemor.core.results.error_norms import CONSTANT_CHANGE
+from sparsemor.core.scene.defaults import PROJECTION
 from sparsemor.core.status import SolveFailed
 
 SELECTED, SAMPLED_ROWS = "selected_atoms", "sampled_rows"
@@ -88,7 +89,7 @@ class Selected:
             f"{self.ratio:.2g} times that of its {self.atoms} atoms at {self.t:.4g} s, which "
             f"causes an error of {self.error:.2g} of the largest change where it persists (limit "
             f"{ROWS_LIMIT:g}): the rows are the cause, not the training; take a reducer that tests "
-            "all rows (ecsw, galerkin)", SAMPLED_ROWS)
+            f"all rows, such as {PROJECTION}", SAMPLED_ROWS)
 
 
 def check_selection(

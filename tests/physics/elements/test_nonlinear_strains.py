@@ -303,17 +303,27 @@ def with_reducer(use: str, **more: Any) -> dict[str, Any]:
 
 @pytest.mark.full
 @pytest.mark.parametrize(("share", "space", "use"), [
-    *((0.7, space, use) for space in (False, True) for use in ("galerkin", "ecsw", "deim")),
-    *((0.1, False, use) for use in ("lspg", "gnat", "sparse"))])
+    *((0.7, space, use) for space in (False, True)
+      for use in ("galerkin", "ecsw", "deim", "lspg", "gnat")),
+    (0.1, False, "sparse"), (0.7, False, "sparse")])
 def test_reduced_models_repeat_the_run(share: float, space: bool, use: str) -> None:
-    """A fifth of the length in ten steps, where each step needs the exact Jacobian; those that
-    minimise residuals, with a deflection of the height."""
-    want = fields(whole(share, space))
-    run = simulate(swing(share, space, **with_reducer(use)))
+    """A fifth of the length in ten steps, where each step needs the exact Jacobian. Those that
+    minimise residuals in the norm of D^-1 need no more atoms than the others."""
+    want, count = fields(whole(share, space)), 10 if use in ("lspg", "gnat") else 16
+    run = simulate(swing(share, space, **with_reducer(use, basis={"use": "pod", "count": count})))
     off = np.linalg.norm(fields(run) - want) / np.linalg.norm(want)
     assert off < 1e-3, off
     linear = simulate(swing(share, space).using({"bodies.b.strains": "linear"}))
     assert np.linalg.norm(fields(linear) - want) > 3.0 * off * np.linalg.norm(want)
+
+
+@pytest.mark.full
+def test_plain_rows_that_fail_name_the_reducers_that_do_not() -> None:
+    """`sparse` has plain rows where strains are nonlinear: with ten atoms in space they lose the
+    motion, which ends as a failure."""
+    scene = swing(0.7, True, **with_reducer("sparse", basis={"use": "pod", "count": 10}))
+    with pytest.raises(SolveFailed, match="in b.elastic .*a reducer that tests all rows"):
+        simulate(scene)
 
 
 @pytest.mark.full
@@ -368,11 +378,15 @@ def test_a_bar_beyond_its_buckling_load_is_not_called_stable(share: float, stabl
 
 
 @pytest.mark.full
-def test_the_error_of_a_reduced_run_is_estimated() -> None:
-    """Within thirty times of the error of the last state: the estimate has the stiffness of one
-    state in the middle of training."""
-    reducer = {"use": "galerkin", "basis": {"use": "pod", "count": 4}, "error_estimate": 5}
+@pytest.mark.parametrize(("every", "within"), [(1, 1.02), (5, 30.0)])
+def test_the_error_of_a_reduced_run_is_estimated(every: int, within: float) -> None:
+    """Estimated in every step within 1 % at all times; by one step for five 18 times too small at
+    the end, which a note says."""
+    reducer = {"use": "galerkin", "basis": {"use": "pod", "count": 4}, "error_estimate": every}
     run = simulate(swing(0.1, reducer=reducer))
-    want, got = fields(whole(0.1, False)), fields(run)
-    estimate = run.error_estimate("b.elastic")[-1]
-    assert 1 / 30 < estimate / np.linalg.norm(got[-1] - want[-1]) < 30.0
+    off = np.linalg.norm((fields(run) - fields(whole(0.1, False))).reshape(len(run.times), -1),
+                         axis=1)
+    ratio = (run.error_estimate("b.elastic")[1:] / off[1:])[5 if every == 1 else -1 :]
+    assert np.all((ratio > 1 / within) & (ratio < within)), ratio
+    assert [f"one step for {every} of the run" in n for n in run.summary["notes"]] == (
+        [True] if every > 1 else [])
