@@ -94,7 +94,8 @@ def assert_tells_all(done: SimpleNamespace, statuses: set[str]) -> RunResult:
 @pytest.mark.parametrize("settings", [
     {"time__step": 0.1, "time__end": 2.0, "bodies__arm__pose__spin": 60.0},
     {"loads__sun__flux": 1e308},
-], ids=["large step, fast spin", "huge heat"])
+    {"loads__weight__g": [0.0, -1e6]},
+], ids=["large step, fast spin", "huge heat", "huge weight"])
 def test_too_large_a_step_or_load(settings: dict[str, Any]) -> None:
     assert_tells_all(run(SWING, reducer="full", **settings), STOPS)
 

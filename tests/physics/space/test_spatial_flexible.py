@@ -142,12 +142,13 @@ def swings(h: float) -> tuple[float, float, float]:
 
 @pytest.mark.full
 def test_a_bar_that_swings_on_a_ball_keeps_energy_and_turn_about_the_vertical() -> None:
-    """General motion under gravity, rho_inf = 1: to second order, within the scatter of vibrations
-    that these steps hardly resolve."""
-    coarse, fine = (np.array(swings(h)) for h in (2e-3, 1e-3))
+    """General motion under gravity, rho_inf = 1: to second order over a factor of four in the step;
+    from one halving to the next the order scatters (1.7 to 2.2), since the longer steps hardly
+    resolve the vibrations."""
+    coarse, fine = (np.array(swings(h)) for h in (2e-3, 5e-4))
     assert fine[2] > 1e-3  # it does bend
-    assert np.all(fine[:2] < 2e-4)
-    assert np.all(np.log2(coarse[:2] / fine[:2]) > 1.6)
+    assert np.all(fine[:2] < 2e-5)
+    assert np.all(np.log2(coarse[:2] / fine[:2]) / 2.0 > 1.8)
 
 
 @pytest.mark.full
