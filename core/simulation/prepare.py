@@ -32,6 +32,7 @@ from sparsemor.core.results.probes import ForceReader, ProbeReader
 from sparsemor.core.scene.parameters import Point, values_at
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.cache import Cache
+from sparsemor.core.simulation.diagnostics.blow_up import Extents
 from sparsemor.core.simulation.diagnostics.contact_warnings import stage_warnings
 from sparsemor.core.simulation.diagnostics.plausibility import before_run, of_solver
 from sparsemor.core.simulation.diagnostics.trial_space import (
@@ -64,7 +65,7 @@ class PreparedRun:
     trained_to: end of the training run, s; contacts: warnings about contacts along a rigid-body
     pre-simulation, None without one. model: assembled model, estimator: of the error, and offline
     data, None where they are not at hand; own_loads: False if the run has other loads than that
-    model.
+    model; extents: of the bodies, where the model, or the atoms of the solver, are not at hand.
     """
 
     scene: Scene
@@ -83,6 +84,7 @@ class PreparedRun:
     offline: Offline | None = None
     own_loads: bool = True
     forces: tuple[ForceReader, ...] = ()
+    extents: Extents = Extents(())
 
     def factored(self) -> Sequence[Factored]:
         """Reports of the linear systems of the assembled model."""

@@ -50,6 +50,7 @@ from sparsemor.core.scene.yaml_reader import LocatedError
 from sparsemor.core.simulation.admission import kept
 from sparsemor.core.simulation.advice import explicit
 from sparsemor.core.simulation.cache import Cache
+from sparsemor.core.simulation.diagnostics.blow_up import Extents
 from sparsemor.core.simulation.diagnostics.plausibility import SETTINGS, of_settings
 from sparsemor.core.simulation.diagnostics.rounded_file import (
     ENOUGH,
@@ -180,6 +181,12 @@ def _check_consistent(run: PreparedRun) -> None:
     if not {a.shape for a in (start.x, start.v, start.a)} <= {
             (layout.size,), (run.header.full_layout.size,)}:
         raise PackedError(f"a state of {start.x.shape} for {layout.size} unknowns")
+    for extent in run.extents.blocks:
+        A, b = extent.atoms, extent.offset
+        k = layout.block(extent.name).size
+        if extent.at != layout[extent.name] or A is not None and (
+                b is None or A.ndim != 2 or A.shape[1] != k or b.shape != A.shape[:1]):
+            raise PackedError(f"{extent.name}: an extent of other unknowns")
     for name, made in run.header.dictionaries.items():
         if made.atoms.ndim != 2 or made.atoms.shape[1] != layout.block(name).size:
             raise PackedError(f"{name}: a trial basis of {made.atoms.shape}")
@@ -227,6 +234,12 @@ class ReducedModel:
     def estimates_errors(self) -> bool:
         """True if runs with the model's own loads estimate their error."""
         return bool(self._run.header.estimates)
+
+    @cached_property
+    def _extents(self) -> Extents:
+        run = self._run
+        return run.extents if run.model is None else Extents.of(
+            run.model, run.solver.layout, run.solver.dictionaries)
 
     @cached_property
     def free(self) -> tuple[str, ...]:
@@ -331,6 +344,7 @@ class ReducedModel:
             run.header, bodies={}, dictionaries=self._meshless[0].dictionaries)
         parts = {f.name: getattr(run, f.name) for f in fields_of(run)} | {
             "solver": solver, "start": start, "header": replace(header, scene={}, estimates=()),
+            "extents": self._extents.few(),
             "model": None, "estimator": None, "own_loads": True, "offline": None,
             "given": run.given if fields else {}, "probes": tuple(
                 replace(p, place=replace(p.place, displacement=None, temperature=None))
@@ -421,7 +435,8 @@ class ReducedModel:
             solver = run.solver.stepping_alike(made)
             start = started_from(self._meshless[1], initial, run.solver.layout)
             run = replace(run, solver=solver, start=start, own_loads=False, estimator=None,
-                          offline=None, notes=(*run.notes, *_without_estimate(run)),
+                          extents=self._extents, offline=None,
+                          notes=(*run.notes, *_without_estimate(run)),
                           header=replace(run.header, estimates=()))
             if initial:
                 notes = start_notes(made, start, initial, run.solver.layout)

@@ -249,7 +249,8 @@ class RunSteps:
         solver, h = self.solver, self.scene.time.step
         step = step_of(solver, self.scene.integrator, h)
         watched, tally, end = self.manager.has_observers, self.tally, self.tally.done + count
-        extents = Extents.of(self.run.model, solver.layout, solver.dictionaries)
+        extents = self.run.extents if self.run.extents.blocks else Extents.of(
+            self.run.model, solver.layout, solver.dictionaries)
         if self.growth is not None and not self.growth.last:
             self.growth = Growth(extents)
         turns = SpringTurns(self.run.forces, self.state)
@@ -283,7 +284,7 @@ class RunSteps:
             supports = solver.supports(self.memory)
             if supports:
                 tally.count_atoms(supports)
-            if tally.done in self.checked and (supports or solver.rows) and (
+            if tally.done in self.checked and (supports or solver.rows) and self.run.own_loads and (
                     self.run.model is not None):
                 self.selected.append((full_state(solver, self.state), dict(supports)))
             self.due = self.recorder.take(self.state, tally, supports, self.memory) or self.due
@@ -308,8 +309,7 @@ class RunSteps:
     def _diverged(self, large: Large) -> SolveFailed:
         """Failure of a run with displacements beyond a body."""
         run = self.run
-        assert run.model is not None  # without one there are no extents
-        if run.offline is None:
+        if run.offline is None or run.model is None:
             return SolveFailed(Status.DIVERGED, self.state.t, large.block, large.detail)
         return diverged(self.scene, run.model, run.offline, run.start, self.state, large)
 

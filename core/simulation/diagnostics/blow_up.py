@@ -2,10 +2,11 @@
 stopped as `diverged`, with the likely cause."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 
 import numpy as np
+from scipy.linalg import qr
 from scipy.sparse.linalg import ArpackError, eigsh
 
 from sparsemor.core.arrays import FloatArray
@@ -55,7 +56,11 @@ class Large:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Block:
+class Extent:
+    """One block of displacements or temperatures of `Extents`: its place in the unknowns, the
+    body's diagonal and smallest extent, and all rows of the atoms or a few of them; row: largest
+    norm of any row."""
+
     name: str
     at: slice
     diagonal: float
@@ -76,13 +81,21 @@ class _Block:
             return bound
         return float(np.abs(self.offset + self.atoms @ c).max(initial=0.0))
 
+    def few(self) -> "Extent":
+        """The same of as many rows as atoms, by pivoting: what a file without mesh holds. The
+        largest of these rows is at most the largest of all."""
+        if self.atoms is None or self.offset is None or not self.atoms.size:
+            return self
+        rows = qr(self.atoms.T, mode="r", pivoting=True)[1][: self.atoms.shape[1]]
+        return replace(self, atoms=self.atoms[rows], offset=self.offset[rows])
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Extents:
     """Blocks of displacements with the diagonals of their bodies, and blocks of temperatures, whose
     `diagonal` is the largest permitted one over `BEYOND`."""
 
-    blocks: tuple[_Block, ...]
+    blocks: tuple[Extent, ...]
 
     @classmethod
     def of(
@@ -101,10 +114,14 @@ class Extents:
             if diagonal == 0.0 or (d is not None and len(d.atoms) != len(points)):
                 continue
             extent = float(np.ptp(points, axis=0).min())
-            found.append(_Block(
+            found.append(Extent(
                 b.name, layout[b.name], diagonal, extent, None if d is None else d.atoms,
                 None if d is None else d.offset, _row(d)))
         return cls(tuple(found))
+
+    def few(self) -> "Extents":
+        """The same with few rows of the atoms (`Extent.few`)."""
+        return Extents(tuple(b.few() for b in self.blocks))
 
     def exceeded(self, x: FloatArray) -> Large | None:
         """The first block of the unknowns x (n,) with displacements beyond its body or
@@ -120,11 +137,11 @@ def _row(d: Dictionary | None) -> float:
     return 0.0 if d is None else float(np.sqrt((d.atoms**2).sum(axis=1).max(initial=0.0)))
 
 
-def _temperatures(model: Model, layout: Layout, name: str, d: Dictionary | None) -> _Block:
+def _temperatures(model: Model, layout: Layout, name: str, d: Dictionary | None) -> Extent:
     """Temperatures of a block, with the largest ones that a run may have."""
     start = float(np.abs(model.x0[model.layout[name]]).max(initial=0.0))
     most = max(HOTTEST, HOTTER * start)
-    return _Block(name, layout[name], most / BEYOND, most, None if d is None else d.atoms,
+    return Extent(name, layout[name], most / BEYOND, most, None if d is None else d.atoms,
                   None if d is None else d.offset, _row(d), hot=True)
 
 

@@ -1,11 +1,12 @@
 """Runs whose displacements leave the body end as `diverged`, with the likely cause."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from sparsemor import SolveFailed, simulate
+from sparsemor import SolveFailed, load_model, reduce, simulate
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.simulation.diagnostics.blow_up import WITHIN, Extents, Growth
 from sparsemor.core.testing.in_memory_run import scene_of
@@ -80,3 +81,33 @@ def test_temperatures_beyond_any_material_diverge() -> None:
     assert "temperatures of" in failure.value.detail and failure.value.time <= 11.0
     assert "half the step does not help: check the heat of loads" in str(failure.value)
     assert simulate(heated(1e7)).status.ok
+
+
+@pytest.mark.parametrize("fields", [False, pytest.param(True, marks=pytest.mark.full)])
+@pytest.mark.parametrize("field", ["thermal", "elastic"])
+def test_a_model_from_a_file_diverges_as_in_memory(
+    field: str, fields: bool, tmp_path: Path
+) -> None:
+    """A file holds the extents of its bodies, by as many rows of the atoms as there are atoms."""
+    pulled = {
+        "loads": {"pull": {"use": "traction", "on": ["plate:right"], "traction": [0.0, 1e4],
+                           "factor": {"use": "constant", "level": 1.0}}},
+        "bodies.plate.fields": ["elastic"], "bodies.plate.frame": "fixed",
+        "bodies.plate.reference": {"clamp": "left"},
+        "bodies.plate.material": {"E": 1e9, "nu": 0.3, "rho": 1000.0}}
+    key, harmless, beyond, noun = ("loads.heat.flux", 1e7, 1e10, "temperatures of") if (
+        field == "thermal") else ("loads.pull.factor.level", 2.0, 1e6, "displacements of")
+    basis = {"reducer": {"use": "galerkin", "basis": {"use": "modal", "count": 4}}}
+    model = reduce(heated(1e6).using(basis | (pulled if field == "elastic" else {})))
+    model.save(tmp_path / "plate.model", fields=fields)
+    read = load_model(tmp_path / "plate.model")
+    read.save(tmp_path / "again.model")
+    found = []
+    for one in (model, read, load_model(tmp_path / "again.model")):
+        assert one.run({key: harmless}).status.ok
+        with pytest.raises(SolveFailed, match=noun) as failure:
+            one.run({key: beyond})
+        assert failure.value.status.value == "diverged"
+        assert failure.value.block == f"plate.{field}"
+        found.append(failure.value.time)
+    assert max(found) <= found[0] + 1.0  # at most a step later
