@@ -177,11 +177,11 @@ class HeatBalance:
                     - self._powers(t, new.x, v, a, self.end.t, 0.0)
                     for t in self.terms), np.zeros(len(self.names))) * h / gain
 
-    def _rates(self, at: State, v: FloatArray) -> FloatArray:
-        """Rates of storage c(T) T' (blocks,), W, at temperatures and rates."""
+    def _rates(self, at: State, v: FloatArray, terms: Sequence[Term]) -> FloatArray:
+        """Rates of storage c(T) T' (blocks,), W, of some terms at temperatures and rates."""
         zero = 0.0 * v
         found = np.zeros(len(self.names))
-        for term in self.terms:
+        for term in terms:
             j = term.columns
             found += self._of_blocks(term, term.residual(
                 at.x[j], v[j], zero[j], at.t) - term.residual(at.x[j], zero[j], zero[j], at.t))
@@ -209,10 +209,11 @@ class HeatBalance:
         if self.formula == 2:
             heated = 0.0 * begin.v
             heated[self.layout.first] = begin.v[self.layout.first]
-            ahead = 0.5 * (self._stored(before, end) - h * self._rates(begin, heated))
+            ahead = 0.5 * (
+                self._stored(before, end) - h * self._rates(begin, heated, self.terms))
         one = 0.0 * end.x
         one[self.layout.first] = 1.0
-        capacity = self._rates(end, one)
+        capacity = self._rates(end, one, summed)  # without latent heat
         if self.sampled:
             for past, now in self.kept:
                 self._add_residual(past, now)

@@ -48,6 +48,8 @@ SLOW = 0.1
 
 UNDAMPED = 8
 """Number of Newton iterations after which a step that does not lower the residual is shortened."""
+SHORTEST = 2.0**-20
+"""Least length of such a step, relative to Newton's."""
 START_ITERATIONS = 5
 """Largest number of Newton iterations for consistent initial rates, which capacities enter
 linearly."""
@@ -81,14 +83,14 @@ class HeatOutcome(NamedTuple):
 def shortened(
     residual: Callable[[FloatArray], FloatArray], d: FloatArray, new: FloatArray
 ) -> FloatArray:
-    """The Newton step from d to `new`, halved until it lowers the norm of the residual: where the
-    capacity jumps, as at the ends of a melting range, whole steps may alternate for ever."""
-    size, step = np.linalg.norm(residual(d)), new - d
-    for _ in range(20):
-        if not np.linalg.norm(residual(d + step)) >= size:
-            break
-        step = 0.5 * step
-    return np.asarray(d + step)
+    """The Newton step from d to `new`, halved until the norm of the residual falls by a tenth of
+    what its length promises: where the capacity jumps, as at the ends of a melting range, whole
+    steps may alternate for ever, while the residual falls by less and less."""
+    size, share = np.linalg.norm(residual(d)), 1.0
+    while share > SHORTEST and np.linalg.norm(
+            residual(d + share * (new - d))) >= (1.0 - 0.1 * share) * size:
+        share *= 0.5
+    return np.asarray(d + share * (new - d))
 
 
 class HeatBlock(Protocol):
