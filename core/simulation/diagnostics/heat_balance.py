@@ -24,6 +24,9 @@ NOTED = 0.01
 so."""
 LEAST = 0.01
 """Change of the mean temperature of a body by that heat, K, below which no note does."""
+SMALLEST = 1e-6
+"""Change of the mean temperature of a body, K, of which heat that does not balance is a share at
+least: what is smaller is round-off."""
 SAMPLES = 32
 """Number of steps at which residuals are looked at where local terms are too expensive for all."""
 TIMES, ROUNDING = 5, 1e-9
@@ -128,7 +131,7 @@ class HeatBalance:
             term.equations, LinearEquations | TabledEquations)
 
     def _brings(self, term: Term) -> bool:
-        """True unless a term only stores or conducts heat inside of its body, at temperatures that
+        """True unless a term only stores or conducts heat inside of one body, at temperatures that
         vary in space."""
         if not self._inside(term):
             return True
@@ -136,7 +139,8 @@ class HeatBalance:
         x = self.begin.x[j] + np.sin(np.arange(1.0, len(j) + 1.0))
         found = (term.residual(x, zero, zero, t)
                  for t in np.linspace(0.0, self.h * self.steps, TIMES))
-        return any(abs(r.sum()) > ROUNDING * abs(r).sum() for r in found)
+        return any(bool((abs(self._of_blocks(term, r)) > ROUNDING * abs(r).sum()).any())
+                   for r in found)
 
     def take(self, done: int, before: State, state: State) -> None:
         """Looks at the step that ended at `state` after `done` steps, from the state `before`."""
@@ -224,8 +228,8 @@ class HeatBalance:
             rest = stored + ahead - brought
         came, went = (sum((np.maximum(s * f, 0.0) for f in flows), np.zeros(len(self.names)))
                       for s in (1.0, -1.0))
-        size = np.max(
-            [came, went, abs(stored), capacity * np.ptp(np.array(self.seen), axis=0)], axis=0)
+        size = np.max([came, went, abs(stored), capacity * np.maximum(
+            np.ptp(np.array(self.seen), axis=0), SMALLEST)], axis=0)
         # a storage that is no difference of a content has no H
         known = abs(stored + back) <= 1e-3 * NOTED * np.maximum(abs(stored), size)
         return {name: Balance(float(stored[i]), float(brought[i] - ahead[i]), float(rest[i]),

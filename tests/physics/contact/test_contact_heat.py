@@ -148,6 +148,11 @@ def test_two_stages_heat_as_one_does_where_nothing_deforms(tmp_path: Path) -> No
     found = [simulate(s, out=tmp_path / name, cache=Cache(tmp_path))
              for s, name in ((one, "one"), (two, "two"))]
     for block in ("block.thermal", "base.thermal"):
+        for run in found:  # what one body loses to the other is no loss
+            balance = run.summary["heat_balance"][block]
+            assert balance["share"] < 1e-9
+            assert balance["brought_in"] == pytest.approx(balance["stored"], rel=1e-9)
+            assert abs(balance["stored"]) > 0.1
         a, b = (r.block(block) for r in found)
         rise = np.abs(a - a[0]).max()
         assert rise > 1e-3
