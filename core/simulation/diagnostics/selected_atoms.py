@@ -27,8 +27,8 @@ LIMIT = 1e-3
 """Displacement or temperature that this residual causes when it persists, relative to the largest
 change of the field, above which the note is a warning."""
 ROWS_LIMIT, ROWS_RATIO = 0.01, 3.0
-"""The same error and ratio above which sampled rows are the cause of a warning, where all atoms are
-used. Below this ratio all rows would leave about as much: the atoms are the cause."""
+"""The same error above which sampled rows have a warning where all atoms are used, and the ratio
+above which they are the cause. Below it all rows would leave about as much: so are the atoms."""
 ROUND_OFF = 1e-9
 """The same below which the residual is round-off."""
 NO_ROWS: Mapping[str, int] = {}
@@ -84,12 +84,17 @@ class Selected:
                 and self.ratio > ROWS_RATIO)
 
     def _of_rows(self) -> Note | None:
-        return None if not self.by_rows else Note(
+        if not self.error > ROWS_LIMIT:
+            return None
+        cause = "the rows are the cause, not the training; take" if self.by_rows else (
+            "the atoms leave as much, so that all rows help in part: train on loads that cover the "
+            "run (training.overrides) or take another basis, and")
+        return Note(
             f"the {self.rows} sampled rows of {self.block} leave a residual over all rows "
             f"{self.ratio:.2g} times that of its {self.atoms} atoms at {self.t:.4g} s, which "
             f"causes an error of {self.error:.2g} of the largest change where it persists (limit "
-            f"{ROWS_LIMIT:g}): the rows are the cause, not the training; take a reducer that tests "
-            f"all rows, such as {PROJECTION}", SAMPLED_ROWS)
+            f"{ROWS_LIMIT:g}): {cause} a reducer that tests all rows, such as {PROJECTION}",
+            SAMPLED_ROWS)
 
 
 def check_selection(

@@ -54,18 +54,19 @@ def checked(state: State, dictionary: Dictionary, rows: int = 0) -> Any:
     return [note for s in found if (note := s.note()) is not None]
 
 
-@pytest.mark.parametrize(("inside", "outside", "noted"), [
-    (5.0, 5e-3, True), (1e-5, 1e-8, False), (5.0, 5.0, False)])
+@pytest.mark.parametrize(("inside", "outside", "noted", "cause"), [
+    (5.0, 5e-3, True, "the rows are the cause, not the training"), (1e-5, 1e-8, False, ""),
+    (5.0, 5.0, True, "the atoms leave as much")])
 def test_rows_that_leave_what_atoms_could_remove_are_the_cause(
-    inside: float, outside: float, noted: bool
+    inside: float, outside: float, noted: bool, cause: str
 ) -> None:
-    """Not where the error is small, nor where the atoms leave as much."""
+    """Not where the error is small; where the atoms leave as much, they are a cause, too."""
     state, _, force = beside(inside, outside)
     notes = checked(state, orthogonal_atoms(), 8)
     assert bool(notes) == noted
     for note in notes:
         assert note.kind == "sampled_rows" and note.level is Level.WARNING
-        assert f"the 8 sampled rows of {NAME}" in note.text and "not the training" in note.text
+        assert f"the 8 sampled rows of {NAME}" in note.text and cause in note.text
         assert f"an error of {error_of(force, state):.2g} of" in note.text
 
 
