@@ -38,6 +38,7 @@ def write_run(
     path: Path, blocks: tuple[Block, ...] = ALL, x: np.ndarray | None = None,
     times: np.ndarray = TIMES, status: Status = Status.DONE, seconds: float = 4e-3,
     dictionary: Dictionary | None = None, cost: dict[str, Any] | None = None,
+    scene: dict[str, Any] | None = None,
 ) -> RunResult:
     full = Layout(blocks)
     x = motion(blocks, times) if x is None else x
@@ -55,8 +56,8 @@ def write_run(
         x = np.concatenate([x[:, :place.start], c, x[:, place.stop:]], axis=1)
         supports["arm.elastic"] = np.arange(k) <= np.arange(len(times))[:, None] % k
     writer = ResultWriter.create(path / "result.zarr", RunHeader(
-        {}, "d", 1, {}, "sparse" if dictionary else "full", layout, full, 0.025, 40, dictionaries,
-        {"arm.elastic": np.arange(5)} if dictionary else {}, {"arm": shape}))
+        scene or {}, "d", 1, {}, "sparse" if dictionary else "full", layout, full, 0.025, 40,
+        dictionaries, {"arm.elastic": np.arange(5)} if dictionary else {}, {"arm": shape}))
     writer.append(ChunkOfSteps(times, x, np.full(len(times), 3), np.zeros(len(times)),
                                np.full(len(times), seconds), supports))
     writer.finish(status, cost or {

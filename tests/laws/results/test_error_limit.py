@@ -21,7 +21,7 @@ from sparsemor.core.results.tables import marked, text_table
 from sparsemor.core.status import Status
 from toy_scene import TOY_SCENE
 from toy_study import HEAD, planned
-from written_runs import ALL, motion, write_run
+from written_runs import ALL, TIMES, motion, write_run
 
 
 def runs(tmp_path: Path, limit: float = LIMIT) -> Comparison:
@@ -124,6 +124,22 @@ def test_a_run_that_moves_a_constant_field_has_an_error(tmp_path: Path) -> None:
     assert measure_errors(made.reference, made.runs["run"]).worst["thermal"] == pytest.approx(0.2)
     assert "constant" not in str(made)
     assert list(made.above_limit["run"]) == ["combined", "thermal"]
+
+
+@pytest.mark.parametrize(("solver", "error"), [
+    ({"use": "cg", "rtol": 1e-10}, 1e-8), ({"use": "splu"}, 1.0)])
+def test_remainders_of_iterative_solvers_are_no_change(
+    solver: dict[str, Any], error: float, tmp_path: Path
+) -> None:
+    """A field at rest that conjugate gradients move by 1e-8 of itself, and that a reduced run does
+    not move at all: its error was 1."""
+    x = motion(ALL, TIMES)
+    x[:, 11:15] = 293.15
+    full = x.copy()
+    full[1:, 11:15] *= 1.0 + 1e-8
+    runs = [write_run(tmp_path / name, x=states, scene={"linear_solver": solver})
+            for name, states in (("full", full), ("run", x))]
+    assert measure_errors(*runs).worst["arm.thermal"] == pytest.approx(error, rel=1e-6)
 
 
 @pytest.mark.usefixtures("toys")
