@@ -17,6 +17,7 @@ import numpy as np
 import skfem
 from scipy.sparse import csr_array, diags_array
 from skfem.helpers import ddot, div, dot, grad, sym_grad
+from skfem.quadrature import get_quadrature
 
 from sparsemor.core import BoolArray, Csr, FloatArray, IntArray, Mesh
 
@@ -179,12 +180,16 @@ def _degree(mesh: Mesh, degree: int) -> int:
 
 
 def cell_basis(
-    mesh: Mesh, order: int, cells: IntArray | None = None, at_nodes: bool = False
+    mesh: Mesh, order: int, cells: IntArray | None = None, at_nodes: bool = False,
+    positive: bool = False,
 ) -> Any:
     """Scalar scikit-fem basis on all cells, or on those with the given numbers; order: degree of
     the integrand with linear elements, for which the quadrature is exact; so it is with quadratic
-    ones. at_nodes: the points are the nodes of the cell, with equal weights."""
+    ones. at_nodes: the points are the nodes of the cell, with equal weights; positive: all weights
+    are, by a higher degree where they would not be."""
     whole, element, degree = _mesh(mesh), _element(mesh), _degree(mesh, order)
+    while positive and not (get_quadrature(element.refdom, degree)[1] > 0.0).all():
+        degree += 1
     chosen = np.arange(len(mesh.cells)) if cells is None else cells
     if degree > 1 and not at_nodes:
         return skfem.Basis(whole, element, intorder=degree, elements=chosen)

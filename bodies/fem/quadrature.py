@@ -93,14 +93,14 @@ def _without_vanishing(nodes: IntArray, values: FloatArray) -> tuple[IntArray, F
 
 def on_cells(
     mesh: Mesh, degree: int, cells: IntArray | None = None, *, gradients: bool = True,
-    at_nodes: bool = False,
+    at_nodes: bool = False, positive: bool = False,
 ) -> Quadrature:
     """Quadrature of the cells of a mesh (all, or those with the given numbers), exact for
     polynomials of this degree. at_nodes: points at the nodes with equal weights, as for lumped
-    matrices."""
+    matrices; positive: without negative weights."""
     from sparsemor.bodies.fem import forms
 
-    return from_basis(forms.cell_basis(mesh, degree, cells, at_nodes), gradients)
+    return from_basis(forms.cell_basis(mesh, degree, cells, at_nodes, positive), gradients)
 
 
 def on_facets(

@@ -87,8 +87,11 @@ def write_law(
     cells, as for a lumped capacity matrix."""
     assert body.mesh is not None
     steep = any(v.axis is not None for v in (*law.reads, *law.tests))
+    # a capacity with a peak at a point of negative weight would take heat away
+    stores = any(v.rate for v in law.reads)
     points = on_cells(
-        body.mesh, law.degree, cells, gradients=steep, at_nodes=at_nodes) if facets is None else (
+        body.mesh, law.degree, cells, gradients=steep, at_nodes=at_nodes,
+        positive=stores) if facets is None else (
         on_facets(body.mesh, facets, law.degree, gradients=steep))
     term, blocks = law_term(body, equations, law, points)
     if len(term.rows):

@@ -1,6 +1,7 @@
 """Storage of heat in materials whose heat content is any function of temperature: what goes in is
 stored, in every step, also across a peak by latent heat."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -8,6 +9,9 @@ import pytest
 from pydantic import ValidationError
 
 from sparsemor import load, simulate
+from sparsemor.bodies.fem.quadrature import on_cells
+from sparsemor.bodies.mesh.generators.block import Block
+from sparsemor.bodies.mesh.generators.rectangle import Rectangle
 from sparsemor.bodies.temperature_curve import TemperatureCurve
 from sparsemor.bodies.terms.law_functions import integral_at, with_integrals
 
@@ -100,6 +104,33 @@ def test_a_front_that_melts_with_few_atoms(integrator: str) -> None:
         run, T = ends(reducer, **few)
         assert np.abs(T - full).max() <= 0.01 * np.ptp(full), reducer
         assert balance(run)["share"] <= 2e-3, reducer
+
+
+@pytest.mark.full
+def test_melting_behind_a_jump_of_a_prescribed_temperature() -> None:
+    """Points of negative weight took heat away at the peak, so that no step had a solution
+    (`not_converged` at 29.7 s). The balance counts cells with prescribed nodes, too."""
+    run = simulate(load({
+        **BAR, "time": {"end": 35.0, "step": 0.1}, "integrator": "bdf1",
+        "joints": {"h": {"use": "prescribed_temperature", "on": ["b:left"], "temperature": {
+            "use": "table", "times": [20.3, 20.3001], "values": [293.15, 493.15]}}},
+        "bodies": {"b": {
+            **BAR["bodies"]["b"],  # type: ignore[index]
+            "mesh": {"use": "rectangle", "size": [0.1, 0.02], "divisions": [20, 4]},
+            "material": {"rho": 7850.0, "k": 45.0, "c": {
+                "temperatures": [293.15, 400.0, 402.0, 404.0, 406.0, 2000.0],
+                "values": [500.0, 500.0, 5000.0, 5000.0, 500.0, 500.0]}}}}}))
+    assert balance(run)["share"] <= 1e-9
+
+
+@pytest.mark.parametrize("mesh", [
+    Rectangle(size=(1.0, 1.0), divisions=(2, 2)),
+    Block(size=(1.0, 1.0, 1.0), divisions=(2, 2, 2))], ids=["plane", "space"])
+@pytest.mark.parametrize("degree", [1, 2, 3, 4, 7])
+def test_no_point_takes_heat_away(mesh: Any, degree: int) -> None:
+    weights = on_cells(mesh.build(Path()), degree, positive=True).weights
+    assert weights.min() > 0.0
+    assert weights.sum() == pytest.approx(1.0)
 
 
 def test_a_table_of_the_heat_content() -> None:

@@ -38,7 +38,8 @@ functions of time above which there is no balance."""
 
 @dataclass(frozen=True, slots=True)
 class Balance:
-    """Heat of one block, J: stored H(T_N) - H(T_0) in its free nodes, brought in by all that acts
+    """Heat of one block, J: stored H(T_N) - H(T_0) by its free nodes, those with prescribed
+    temperatures as at the end, brought in by all that acts
     on it (flows to nodes with prescribed temperatures included), and the rest that the integrator's
     formula does not explain. size: of what came, went or was stored; capacity: J/K."""
 
@@ -85,7 +86,8 @@ class HeatBalance:
         self.terms: list[Term] = [t.restrict(keep) for t, keep in heated if len(keep)]
         local = [t for t in self.terms if not self._summed(t)]
         self.reduced = bool(run.solver.dictionaries)
-        self.sampled = bool(local) and (self.reduced or any(map(self._brings, local)))
+        held = any(shape.given for shape in run.given.values())  # stores by prescribed rates, too
+        self.sampled = bool(local) and (self.reduced or held or any(map(self._brings, local)))
         count = min(SAMPLES, self.steps if self.reduced else max(1, self.steps // 10))
         self.looked = {round(self.steps * (i + 1) / count) for i in range(count)} if (
             self.sampled) else set()
