@@ -84,11 +84,21 @@ def tip(run: March) -> FloatArray:
 @dataclass(frozen=True, slots=True)
 class Link:
     """A body: points (N, 2), m, in space, undeformed; triangles (E, 3); ends: the two sets of
-    points whose mean points are joined."""
+    points, whose triangles' centres of area are joined."""
 
     points: FloatArray
     triangles: IntArray
     ends: tuple[IntArray, IntArray]
+
+    def centre(self, end: int) -> FloatArray:
+        """Weights (N,) of the points in the centre of an end."""
+        inside = np.zeros(len(self.points), dtype=np.bool_)
+        inside[self.ends[end]] = True
+        own = self.triangles[inside[self.triangles].all(axis=1)]
+        corners, weights = self.points[own], np.zeros(len(self.points))
+        area = np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1]))
+        np.add.at(weights, own, area[:, None])
+        return np.asarray(weights / weights.sum())
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,11 +137,10 @@ class Pendulum:
                 np.add.at(self.mass, (self.triangles[:, i], self.triangles[:, j]),
                           material.rho * self.volumes * (2 if i == j else 1) / 12)
         joints = np.zeros((len(links), n))
-        for k, (link, at) in enumerate(zip(links, first, strict=False)):
-            joints[k, at + link.ends[0]] = 1 / len(link.ends[0])
+        for k, link in enumerate(links):
+            joints[k, first[k] : first[k + 1]] = link.centre(0)
             if k:
-                before = links[k - 1].ends[1]
-                joints[k, first[k - 1] + before] = -1 / len(before)
+                joints[k, first[k - 1] : first[k]] = -links[k - 1].centre(1)
         inverse_mass = np.linalg.inv(self.mass)
         allowed = inverse_mass @ joints.T
         self.P = inverse_mass - allowed @ np.linalg.solve(joints @ allowed, allowed.T)
