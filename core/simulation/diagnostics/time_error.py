@@ -30,7 +30,10 @@ WINDOWS, DOUBLED, SHARE = 3, 5, 20
 """Number of windows, most doubled steps of one, and steps of a run for one doubled step of each."""
 FASTEST = 1.25
 """Largest exponent of the growth of an error: between 1 (a steady drift) and 2 (a drift of the
-speed), as measured for pendulums and a four-bar."""
+speed), as measured for pendulums and four-bars."""
+STEADY = 0.75
+"""Exponent of the growth of an error of temperatures below which it spreads as fast as it grows, as
+under a source that moves."""
 FEWEST = 20
 """Number of steps of a run below which there is no estimate."""
 LARGEST = 20_000
@@ -61,31 +64,36 @@ class TimeError:
     """Windows of a run's steps with a fixed size, and the estimate of its time error from them.
 
     After W steps from the same state, solutions with 2h and h differ by e(W) (2^p - 1), with e the
-    error that the W steps of h make and p the order. Windows after the start show how it grows,
-    e ~ W^g with g = log2(e(W) / e(W/2)) between 0 (errors die out, as in a damped vibration) and
-    `FASTEST` (they add up, as in a free motion): that of N steps is about e(W) (N/W)^g, in the root
-    mean square over the windows, relative to the largest change of the field.
+    error that the W steps of h make and p the order. Each part of the run after the start has a
+    window where the accelerations of its frames change most. It shows how e grows, e ~ W^g with
+    g = log2(e(W) / e(W/2)) between 0 (errors die out, as in a damped vibration) and `FASTEST` (they
+    add up, as in a free motion): that of the run is about e(W) r^g, with r the changes of the
+    accelerations in the run over those in the window, at most its number of steps over W. Their
+    root mean square over the windows is taken, relative to the largest change of the field.
 
     Displacements and temperatures grow as they do in the window of the smallest g, at most 1, as
-    most of their errors fade; temperatures at most to the share of the changes in a window. Errors
-    of a motion are mostly a delay, which joints and loads share: all frames and displacements have
-    at least that of the largest delay. The window at the start shows what unresolved transients
-    miss.
+    most of their errors fade; temperatures from `STEADY` on, and at most to the share of the
+    changes in a window. Errors of a motion are mostly a delay, which joints and loads share: all
+    frames and displacements have at least that of the largest delay. The window at the start shows
+    what unresolved transients miss.
     """
 
     def __init__(self, run: PreparedRun, origin: FloatArray) -> None:
         self.run, self.origin, self.steps = run, origin, step_count(run.scene)
         windows = WINDOWS - (self.steps < 2 * FEWEST)
         self.length = 2 * min(DOUBLED, max(2, self.steps // SHARE))
-        free, self.beyond = self.steps - self.length, self.steps / self.length
-        self.starts = {int(free * i / (windows - 0.5)) for i in range(windows)}
+        self.free = self.steps - self.length
+        self.part = self.free / (windows - 1)
+        self.jerks = [0.0]
+        self.older: FloatArray | float = 0.0
+        self.largest = [-1.0] * windows
         sizes = Control(tolerance=0.5)
         self.blocks: tuple[Judged, ...] = tuple(
             judged(b, run.solver, sizes) for b in run.solver.layout.differential)
         known = run.solver.layout.differential
         self.frames = {b.name for b in known if b.kind.quantity is Quantity.POSE}
         self.fading = {b.name for b in known if b.kind.order == 1}
-        self.windows: dict[int, _Window] = {}
+        self.found: list[tuple[int, _Window] | None] = [None] * windows
         self.changes = dict.fromkeys((b.name for b in self.blocks), 0.0)
         self.rates = dict(self.changes)
         self.every = max(1, self.steps // CHANGES)
@@ -103,11 +111,17 @@ class TimeError:
 
     def take(self, done: int, before: State, state: State) -> None:
         """Looks at the step that ended at `state` after `done` steps, from the state `before`."""
-        if done in self.starts:
-            self.windows[done] = _Window(before, state)
-        elif done == 1 and 0 in self.starts:
-            self.windows[0] = _Window(None, before)
-        for n, w in self.windows.items():
+        frames = state.x[self.run.solver.layout.frames].size
+        d = state.a[:frames] - self.older  # over two steps: what alternates is no course
+        self.older = before.a[:frames]
+        self.jerks.append(float(np.sqrt(d.dot(d))))
+        if done == 1:
+            self.found[0] = 0, _Window(None, before)
+        part = 1 + int((done - 1) / self.part)
+        if self.length < done <= self.free and self.jerks[-1] > self.largest[part]:
+            self.largest[part] = self.jerks[-1]
+            self.found[part] = done, _Window(before, state)
+        for n, w in filter(None, self.found):
             if done - n in range(2, self.length + 1, 2):
                 w.taken.append(state.x)
         if done % self.every == 0 or done == self.steps:
@@ -120,7 +134,8 @@ class TimeError:
         """Block -> error of its field at the end of the run, and that of a transient at the start,
         both relative to the largest change; empty if twice the step cannot be taken."""
         run, scene = self.run, self.run.scene
-        whole = {n: w for n, w in self.windows.items() if 2 * len(w.taken) == self.length}
+        whole = {n: w for n, w in filter(None, self.found)
+                 if 2 * len(w.taken) == self.length}
         if not whole or run.model is None or run.offline is None:
             return {}, {}
         try:
@@ -134,6 +149,7 @@ class TimeError:
         known = {n: differences for n, differences in again.items() if differences}
         later = [n for n in known if n > 0] or [*known]
         scale = 2.0**scene.integrator.order - 1.0
+        beyond = {n: self._beyond(n) for n in known}
         found, start, delays = dict[str, float](), dict[str, float](), [0.0]
         for b in self.blocks:
             change = max(self.changes[b.name], SMALLEST * b.size)
@@ -143,10 +159,11 @@ class TimeError:
             ends, grows = {n: e[-1] for n, e in errors.items()}, {
                 n: _growth(e) for n, e in errors.items()}
             if b.name in self.frames:
-                error = _rms([ends[n] * self.beyond ** grows[n] for n in later])
+                error = _rms([ends[n] * beyond[n] ** grows[n] for n in later])
             else:  # only what grows in every window grows in the run
-                error = _rms([ends[n] for n in later]) * self.beyond ** min(
-                    1.0, *(grows[n] for n in later))
+                g = min(1.0, *(grows[n] for n in later))
+                g = 0.0 if b.name in self.fading and g < STEADY else g
+                error = _rms([ends[n] * beyond[n] ** g for n in later])
             if b.name in self.fading:
                 moved = _rms([b.norm(whole[n].taken[-1] - whole[n].start.x) for n in later])
                 share = _rms([ends[n] for n in later]) * change / max(moved, SMALLEST * b.size)
@@ -167,6 +184,13 @@ class TimeError:
                 change = max(self.changes[b.name], SMALLEST * b.size)
                 found[b.name] = max(found[b.name], max(delays) * rate / change)
         return found, start
+
+    def _beyond(self, n: int) -> float:
+        """Steps of the run for each of the window that starts after n steps, weighted by the
+        changes of the frames' accelerations."""
+        here = sum(self.jerks[n + 1 : n + 1 + self.length])
+        most = self.steps / self.length
+        return min(most, max(1.0, sum(self.jerks) / here)) if here > 0.0 else most
 
     def _again(self, w: _Window, solver: StepSolver) -> list[FloatArray]:
         """Differences (n,) of the unknowns after each step of a window that is taken again with
