@@ -99,10 +99,11 @@ def overlap(p: Quaternion, f: Quaternion, a: FloatArray, i: int) -> float:
 
 
 def counted_angle(
-    numbers: FloatArray, m: SpaceMotion, o: int, others: int, c: float, s: float
+    numbers: FloatArray, m: SpaceMotion, o: int, others: int, c: float, s: float, relaxed: float
 ) -> float:
     """Angle atan2(s, c) of a rotational spring plus the whole turns since the start
-    (`SpatialRotationalSpring.counted`); numbers: those of the spring."""
+    (`SpatialRotationalSpring.counted`); numbers: those of the spring; relaxed: its angle without
+    deflection."""
     raw, near = atan2(s, c), 0.0
     if m.n == 1 and others <= 1:
         about = cross(vector(numbers, 4), vector(numbers, 7))[2]
@@ -112,18 +113,21 @@ def counted_angle(
         if others > 0:
             f = quaternion(m.y, o + 3, others)
         near = 2.0 * atan2(overlap(p, f, numbers, 17), overlap(p, f, numbers, 13))
+        near += 4.0 * pi * floor((relaxed - near) / (4.0 * pi) + 0.5)
     return raw + 2.0 * pi * floor((near - raw) / (2.0 * pi) + 0.5)
 
 
 def space_rotational_spring(
     numbers: FloatArray, g: float, m: SpaceMotion, j: int, o: int, k: int, out: SpaceSums
 ) -> None:
-    """Moment stiffness phi + damping phi' + g against the relative angle phi about an axis.
+    """Moment stiffness phi + damping phi' + g against the relative angle phi about an axis, or
+    stiffness (phi - g) + damping phi' where g is the relaxed angle.
 
     numbers: n, own direction d (3), directions e_1, e_2 of the other body, in space for one at rest
     (6), stiffness, N m/rad, damping, N m s/rad, number of attitude coordinates of the other body, 0
     at rest; quaternions r_0 and (0, e_1 x e_2) r_0 (8), with the relative quaternion r_0 at the
-    start, times that of a body at rest; relative angle about z at the start, rad.
+    start, times that of a body at rest; relative angle about z at the start, rad; 1 where g is the
+    relaxed angle, rad, 0 where it is a moment, N m.
     """
     own, first, second = vector(numbers, 1), vector(numbers, 4), vector(numbers, 7)
     stiffness, damping, others = numbers[10], numbers[11], int(numbers[12])
@@ -144,8 +148,9 @@ def space_rotational_spring(
             cosine[i], sine[i] = dot(Ad, times(X, first)), dot(Ad, times(X, second))
         along[i] = (c * sine[i] - s * cosine[i]) / square
         rate += along[i] * m.v[3 + i if i < m.n else o + 3 + i - m.n]
-    phi = counted_angle(numbers, m, o, others, c, s)
-    moment = stiffness * phi + damping * rate + g
+    relaxed = g * numbers[22]
+    phi = counted_angle(numbers, m, o, others, c, s, relaxed)
+    moment = stiffness * (phi - relaxed) + damping * rate + (g - relaxed)
     for i in range(size):
         slope[i] = (stiffness + damping * m.c1) * along[i]
         for r in range(size):

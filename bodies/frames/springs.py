@@ -161,13 +161,14 @@ class RotationalSpring(RigidItem):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SpatialRotationalSpring(RigidItem):
-    """In space: moment stiffness phi + damping phi' + drive(t), N m, against the relative angle
-    phi, rad, of the own and the other frame about an axis: phi = atan2(A d . A_o e_2, A d . A_o
-    e_1), plus whole turns (`counted`).
+    """In space: moment stiffness (phi - relaxed(t)) + damping phi' + drive(t), N m, against the
+    relative angle phi, rad, of the own and the other frame about an axis: phi = atan2(A d . A_o
+    e_2, A d . A_o e_1), plus whole turns (`counted`).
 
     own (3,) = d in own axes; first, second (3,) = e_1, e_2 in the other body's axes; others: number
     of its rigid coordinates that are unknowns, 0 if it is at rest at `place`; start (4,) or (1,):
-    own attitude at the start, `place`: pose of the other body there.
+    own attitude at the start, `place`: pose of the other body there; relaxed: angle without
+    deflection, rad, None for zero.
     """
 
     own: FloatArray
@@ -179,6 +180,7 @@ class SpatialRotationalSpring(RigidItem):
     others: int
     place: FloatArray
     start: FloatArray
+    relaxed: Amplitude | None = None
 
     def in_space(self) -> tuple[spatial.SpacePart, ...]:
         A, place = np.eye(3) if self.others else attitude(self.place[3:]).A, self.place[None, 3:]
@@ -187,10 +189,17 @@ class SpatialRotationalSpring(RigidItem):
             angle -= float(self.place[-1])
         else:
             pair = tuple(rot.products(_quaternions(place), r)[0] for r in pair)
-        return (spatial.SpacePart(space_rotational_spring, (
-            *self.own.tolist(), *(A @ self.first).tolist(), *(A @ self.second).tolist(),
-            self.stiffness, self.damping, float(max(self.others - 3, 0)),
-            *pair[0].tolist(), *pair[1].tolist(), angle), self.drive),)
+
+        def part(k: float, c: float, relaxed: float, g: Amplitude) -> spatial.SpacePart:
+            return spatial.SpacePart(space_rotational_spring, (
+                *self.own.tolist(), *(A @ self.first).tolist(), *(A @ self.second).tolist(), k, c,
+                float(max(self.others - 3, 0)), *pair[0].tolist(), *pair[1].tolist(), angle,
+                relaxed), g)
+
+        if self.relaxed is None:
+            return (part(self.stiffness, self.damping, 0.0, self.drive),)
+        return (part(self.stiffness, self.damping, 1.0, self.relaxed),
+                part(0.0, 0.0, 0.0, self.drive))
 
     def _at_start(self) -> tuple[FloatArray, ...]:
         """Relative quaternion r_0 at the start, and (0, n) r_0 with the axis n."""
@@ -198,14 +207,15 @@ class SpatialRotationalSpring(RigidItem):
         r = rot.product(rot.conjugate(f), p)
         return r, rot.product(np.array([0.0, *rot.cross(self.first, self.second)]), r)
 
-    def nearly(self, own: FloatArray, other: FloatArray) -> FloatArray:
+    def nearly(self, own: FloatArray, other: FloatArray, relaxed: FloatArray) -> FloatArray:
         """Relative angles (T,) since the start, rad, from the attitudes (T, 4) or (T, 1) of both;
-        exact if they turn about the axis alone.
+        exact if they turn about the axis alone. relaxed (T,): angles without deflection.
 
         Where both turn about the z axis alone, their angles count all turns. The quaternions p and
         -p have the same A, but p is continuous in time: the relative quaternion r = f* p of p and f
         of the other body is that of the start, turned by phi: r = (cos(phi / 2), n sin(phi / 2))
-        r_0, which determines phi between -2 pi and 2 pi.
+        r_0, which determines phi but for 4 pi. A spring is not deflected by more than 2 pi: it is
+        the angle nearest to the relaxed one.
         """
         rest = other.shape[1] == Free.size and not np.ptp(other, axis=0).any()
         if own.shape[1] == 1 and (other.shape[1] == 1 or rest):
@@ -216,18 +226,21 @@ class SpatialRotationalSpring(RigidItem):
             return np.asarray(about * turned[:, 0])
         p, f = _quaternions(own), _quaternions(other)
         c, s = ((p * rot.products(f, r)).sum(axis=1) for r in self._at_start())
-        return np.asarray(2.0 * np.arctan2(s, c))
+        phi = 2.0 * np.arctan2(s, c)
+        return np.asarray(phi + 4.0 * np.pi * np.floor((relaxed - phi) / (4.0 * np.pi) + 0.5))
 
-    def counted(self, raw: FloatArray, own: FloatArray, other: FloatArray) -> FloatArray:
+    def relaxed_at(self, times: FloatArray) -> FloatArray:
+        """Angles (T,) without deflection at times (T,), s."""
+        if self.relaxed is None:
+            return np.zeros(len(times))
+        return amplitudes_along((self.relaxed,), times)[:, 0]
+
+    def counted(
+        self, raw: FloatArray, own: FloatArray, other: FloatArray, relaxed: FloatArray
+    ) -> FloatArray:
         """Angles (T,) between -pi and pi, `raw`, plus the whole turns of `nearly`."""
-        near = self.nearly(own, other)
+        near = self.nearly(own, other, relaxed)
         return np.asarray(raw + 2.0 * np.pi * np.floor((near - raw) / (2.0 * np.pi) + 0.5))
-
-    def angles(self, own: FloatArray, other: FloatArray) -> FloatArray:
-        """Relative angles (T,), rad, of poses (T, n) of both frames."""
-        d = vectors_in_space(own, self.own)
-        c, s = ((d * vectors_in_space(other, e)).sum(axis=1) for e in (self.first, self.second))
-        return self.counted(np.arctan2(s, c), own[:, 3:], other[:, 3:])
 
     def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
         far = attitude((m.y[o : o + self.others] if self.others else self.place)[3:])
@@ -241,10 +254,11 @@ class SpatialRotationalSpring(RigidItem):
         bend = (np.outer(s1, c1) - np.outer(c1, s1) + c * s2 - s * c2) / size - np.outer(
             along, 2.0 * (c * c1 + s * s1) / size)
         rates = m.v[at]
+        relaxed = self.relaxed_at(np.array([m.t]))
         phi = self.counted(np.arctan2([s], [c]), m.y[None, m.at], m.y[
-            None, o + 3 : o + self.others] if self.others else self.place[None, 3:])
-        moment = (self.stiffness * float(phi[0]) + self.damping * float(along.dot(rates))
-                  + self.drive(m.t))
+            None, o + 3 : o + self.others] if self.others else self.place[None, 3:], relaxed)
+        moment = (self.stiffness * float((phi - relaxed)[0]) + self.damping * float(
+            along.dot(rates)) + self.drive(m.t))
         slope = (self.stiffness + self.damping * m.c1) * along + self.damping * bend.dot(rates)
         out.rows[at] += moment * along
         out.H[np.ix_(at, at)] += np.outer(along, slope) + moment * bend
@@ -257,8 +271,9 @@ class SpatialRotationalSpring(RigidItem):
         c1, s1 = ((turning * x + d * vector_rates(*other, y)).sum(axis=1)
                   for x, y in zip(f, e, strict=True))
         size = c * c + s * s
-        phi = self.angles(own[0], other[0])
-        M = (self.stiffness * phi + self.damping * (c * s1 - s * c1) / size
+        relaxed = self.relaxed_at(times)
+        phi = self.counted(np.arctan2(s, c), own[0][:, 3:], other[0][:, 3:], relaxed)
+        M = (self.stiffness * (phi - relaxed) + self.damping * (c * s1 - s * c1) / size
              + amplitudes_along((self.drive,), times)[:, 0])
         by_turn = np.cross(d, c[:, None] * f[1] - s[:, None] * f[0]) / size[:, None]
         return M, np.hstack([0 * by_turn, M[:, None] * by_turn])

@@ -76,12 +76,15 @@ class ItemForce:
     ) -> FloatArray:
         return self.sign * self.item.along(times, *motion)[0]
 
-    def bounded_angle(self, own: FloatArray, other: FloatArray) -> FloatArray | None:
+    def bounded_angle(
+        self, times: FloatArray, own: FloatArray, other: FloatArray
+    ) -> FloatArray | None:
         if not isinstance(self.item, SpatialRotationalSpring) or not self.item.stiffness:
             return None
         if own.shape[1] < FREE_POSE and (other.shape[1] < FREE_POSE or not self.item.others):
             return None  # these count all turns
-        return self.item.nearly(own[:, 3:], other[:, 3:])
+        relaxed = self.item.relaxed_at(times)
+        return self.item.nearly(own[:, 3:], other[:, 3:], relaxed) - relaxed
 
 
 @dataclass(frozen=True, slots=True, eq=False)

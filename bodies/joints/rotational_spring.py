@@ -1,5 +1,6 @@
 """Rotational spring and damper with a motor torque."""
 
+from dataclasses import replace
 from typing import ClassVar, Self
 
 from pydantic import Field, model_validator
@@ -18,8 +19,9 @@ class RotationalSpring(ForceElement):
 
     Moment torque - stiffness (phi - angle) - damping (phi' - angle') on the first side, N m, and
     the opposite one on the second; phi: their relative angle, zero at the start, in space about
-    `axis`, of any size where both sides have spinning frames or are at rest, else between -2 pi
-    and 2 pi: a run in which a spring with a stiffness turns further ends. It is used together with
+    `axis`. It has any size; but in space, unless both sides have spinning frames or are at rest, a
+    run in which phi - angle of a spring with a stiffness leaves -2 pi to 2 pi ends. It is used
+    together with
     a revolute joint of the same sides. With a large stiffness and `angle` a function of time it is
     a position drive. A flexible side has multipliers: the force on it, zero, and the moment, N m.
     """
@@ -57,5 +59,7 @@ class RotationalSpring(ForceElement):
         axis = unit(self.axis, 3)
         e1, e2 = across(axis)
         return SpatialRotationalSpring(
-            e1 @ own.axes, e1 @ other.axes, e2 @ other.axes, self.stiffness, self.damping, drive,
-            others, other.pose, own.pose[3:])
+            e1 @ own.axes, e1 @ other.axes, e2 @ other.axes, self.stiffness, self.damping,
+            replace(drive, stiffness=0.0), others, other.pose, own.pose[3:],
+            None if self.angle is None else replace(
+                drive, stiffness=-1.0, damping=0.0, load=None))

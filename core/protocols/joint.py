@@ -41,9 +41,11 @@ class ForceLaw(Protocol):
         rates (T, n)."""
         ...
 
-    def bounded_angle(self, own: FloatArray, other: FloatArray) -> FloatArray | None:
-        """Angles (T,), rad, on which the force depends for poses (T, n) of its two sides, where
-        these determine it between -2 pi and 2 pi only; else None."""
+    def bounded_angle(
+        self, times: FloatArray, own: FloatArray, other: FloatArray
+    ) -> FloatArray | None:
+        """Angles (T,), rad, on which the force depends at times (T,), s, for poses (T, n) of its
+        two sides, where these determine it between -2 pi and 2 pi only; else None."""
         ...
 
 

@@ -1,4 +1,4 @@
-"""Turns of rotational springs in space beyond those that the quaternions of their sides count."""
+"""Deflection of rotational springs in space beyond what the quaternions of their sides tell."""
 
 from collections.abc import Iterator, Sequence
 
@@ -10,11 +10,12 @@ from sparsemor.core.results.probes import ForceReader
 from sparsemor.core.status import SolveFailed, Status
 
 ADVICE = ("frame: spinning of rigid bodies counts all turns about the axis z; elsewhere leave out "
-          "the stiffness, or keep the angle within 2 pi")
+          "the stiffness, or keep the deflection within 2 pi")
 
 
 class SpringTurns:
-    """Angles of rotational springs in space at the last step of a run.
+    """Deflections of rotational springs in space from their relaxed angle at the last step of a
+    run.
 
     They are continuous between -2 pi and 2 pi and jump by 4 pi there, where the force of the spring
     is wrong from then on.
@@ -32,8 +33,8 @@ class SpringTurns:
                 beyond = angle + np.copysign(4.0 * np.pi, before)
                 return SolveFailed(
                     Status.OUTSIDE_THEORY, state.t, self.readers[i].name,
-                    f"the spring has turned by {beyond:.4g} rad; in space its angle is known "
-                    "between -2 pi and 2 pi only", advice=ADVICE)
+                    f"the spring is deflected by {beyond:.4g} rad; in space this is known between "
+                    "-2 pi and 2 pi only", advice=ADVICE)
         return None
 
     def _angles(self, state: State) -> Iterator[float]:
@@ -45,4 +46,4 @@ class SpringTurns:
 def _angle(reader: ForceReader, state: State) -> FloatArray | None:
     own, other = (state.x[None, e] if isinstance(e, slice) else e.along(np.array([state.t]))[0]
                   for e in reader.ends)
-    return reader.law.bounded_angle(own, other)
+    return reader.law.bounded_angle(np.array([state.t]), own, other)

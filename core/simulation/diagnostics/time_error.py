@@ -60,6 +60,13 @@ def _rms(values: Sequence[float]) -> float:
     return sqrt(sum(v * v for v in values) / len(values))
 
 
+def _same_unknowns(one: StepSolver, other: StepSolver) -> bool:
+    """True if both solve for the same unknowns: bases can depend on the step."""
+    mine, theirs = one.dictionaries, other.dictionaries
+    return one.layout.size == other.layout.size and mine.keys() == theirs.keys() and all(
+        np.array_equal(d.atoms, theirs[n].atoms) for n, d in mine.items())
+
+
 class TimeError:
     """Windows of a run's steps with a fixed size, and the estimate of its time error from them.
 
@@ -143,6 +150,8 @@ class TimeError:
                 solver: StepSolver = scene.reducer.prepare(ReducedProblem(
                     run.model, scene.integrator, 2.0 * scene.time.step, run.offline.as_computed(),
                     np.random.default_rng(scene.seed)))
+                if not _same_unknowns(solver, run.solver):
+                    return {}, {}
                 again = {n: self._again(w, solver) for n, w in whole.items()}
         except (SolveFailed, InputError, LookupError):
             return {}, {}
