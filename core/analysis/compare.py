@@ -18,10 +18,10 @@ from sparsemor.core.results.error_norms import (
     measure_names,
 )
 from sparsemor.core.results.files.listing import publishing
+from sparsemor.core.results.json_data import to_json
 from sparsemor.core.results.output_directory import COMPARISON
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.results.tables import CONSTANT, MARK, csv_table, marked, number, text_table
-from sparsemor.core.results.zarr_files import to_json
 from sparsemor.core.scene.html import html_table
 
 if TYPE_CHECKING:

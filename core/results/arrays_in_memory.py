@@ -1,51 +1,40 @@
 """Result of a run that is kept in memory: its writer, and its arrays as a reader takes them."""
 
 import uuid
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sparsemor.core.arrays import FloatArray, IntArray
-from sparsemor.core.results import zarr_files as zf
 from sparsemor.core.results.metadata import RunHeader
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.results.stage_arrays import stage_attributes
 from sparsemor.core.results.store import ChunkOfSteps, check_column, columns_of, converted
-from sparsemor.core.results.stored_arrays import ALL
+from sparsemor.core.results.stored_arrays import ALL, FORMAT, array_entry
 from sparsemor.core.results.variables import fixed_arrays, time_arrays
 from sparsemor.core.status import Status
 
-if TYPE_CHECKING:
-    import xarray as xr
-
 Fixed = Mapping[str, tuple[dict[str, Any], NDArray[Any]]]
-"""Name -> metadata and values of each array that does not depend on time."""
+"""Name -> entry (`array_entry`) and values of each array that does not depend on time."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ArraysInMemory:
-    """Arrays of one result in memory, read as those of a store (stored_arrays.py). metadata: name
-    -> shape, dimensions and attributes; values: name -> array."""
+    """Arrays of one result in memory, read as those of a store (stored_arrays.py). arrays: name ->
+    entry (`array_entry`); values: name -> array."""
 
     attributes: dict[str, Any]
-    metadata: dict[str, dict[str, Any]]
+    arrays: dict[str, dict[str, Any]]
     values: Mapping[str, NDArray[Any]]
 
     def __contains__(self, name: str) -> bool:
         return name in self.values
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        return tuple(self.values)
-
     def shape(self, name: str) -> tuple[int, ...]:
         return self.values[name].shape
-
-    def attributes_of(self, name: str) -> dict[str, Any]:
-        return dict(self.metadata[name]["attributes"])
 
     def check(self) -> None:
         """Nothing can be missing."""
@@ -54,25 +43,17 @@ class ArraysInMemory:
         """Copy of the entries `rows` along the first axis of an array."""
         return self.values[name][rows].copy()
 
-    def dataset(self) -> "xr.Dataset":
-        """All arrays as a dataset with dimension names, units and the attributes of the result."""
-        import xarray as xr
-
-        return xr.Dataset({n: (tuple(m["dimension_names"]), self.values[n], dict(m["attributes"]))
-                           for n, m in self.metadata.items()}, attrs=dict(self.attributes))
-
 
 def fixed_in_memory(header: RunHeader) -> Fixed:
     """Arrays of a result that do not depend on time, without copies."""
-    return {name: (_metadata(values, dimensions, attributes), values)
+    return {name: (_entry(values, dimensions, attributes), values)
             for name, dimensions, attributes, values in fixed_arrays(header)}
 
 
-def _metadata(
-    values: NDArray[Any], dimensions: Iterable[str], attributes: Mapping[str, Any]
+def _entry(
+    values: NDArray[Any], dimensions: Sequence[str], attributes: Mapping[str, Any]
 ) -> dict[str, Any]:
-    return {"shape": list(values.shape), "dimension_names": list(dimensions),
-            "attributes": dict(attributes)}
+    return array_entry(values.shape, str(values.dtype), dimensions, attributes)
 
 
 class MemoryWriter:
@@ -83,7 +64,7 @@ class MemoryWriter:
         self._arrays = time_arrays(header)
         self._parts: list[dict[str, NDArray[Any]]] = []
         self._attributes = header.attributes() | {
-            "format": zf.FORMAT, "run": uuid.uuid4().hex, "status": Status.INTERRUPTED.value,
+            "format": FORMAT, "run": uuid.uuid4().hex, "status": Status.INTERRUPTED.value,
             "summary": {}, "stage": stage_attributes(header.stage)}
 
     @property
@@ -115,12 +96,12 @@ class MemoryWriter:
 
     def result(self) -> RunResult:
         """The result up to the last steps taken."""
-        empty = {name: np.zeros((0, *m["shape"][1:]), dtype=m["data_type"])
+        empty = {name: np.zeros((0, *m["shape"][1:]), dtype=m["dtype"])
                  for name, m in self._arrays.items()}
         over_time = {name: np.concatenate([p[name] for p in self._parts] or [none])
                      for name, none in empty.items()}
         self._parts = [over_time]
-        grown = {name: _metadata(over_time[name], m["dimension_names"], m["attributes"])
+        grown = {name: _entry(over_time[name], m["dimensions"], m["attributes"])
                  for name, m in self._arrays.items()}
         return RunResult.of(ArraysInMemory(
             self._attributes, grown | {n: m for n, (m, _) in self._fixed.items()},

@@ -43,7 +43,7 @@ def unfinished(name: str) -> bool:
     return bool(re.fullmatch(r"\..+\.\d+\.part", name))
 
 
-def replace_file(path: Path, data: bytes, *, synced: bool = False) -> None:
+def replace_file(path: Path, data: bytes | memoryview, *, synced: bool = False) -> None:
     """Replaces the file `path` by `data`. synced: flush the bytes to disk before the replacement,
     so that the file survives a loss of power."""
     with replaced(path) as part:

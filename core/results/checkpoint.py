@@ -26,8 +26,7 @@ class Checkpoint:
 
 
 def checkpoint_file(store: Path) -> Path:
-    """Path of the checkpoint: next to the Zarr store, not in it, so that the store contains only
-    Zarr files."""
+    """Path of the checkpoint, next to the folder of the result."""
     return store.with_suffix(".checkpoint")
 
 

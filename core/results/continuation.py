@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from sparsemor.core.protocols.reducer import is_full_order
-from sparsemor.core.results import zarr_files as zf
+from sparsemor.core.results.archive import write_archive
 from sparsemor.core.results.metadata import RunHeader
 from sparsemor.core.results.stage_arrays import TIME as STAGE_TIME
-from sparsemor.core.results.stored_arrays import StoredArrays
+from sparsemor.core.results.stored_arrays import FIXED, StoredArrays, as_stored
 from sparsemor.core.results.variables import fixed_arrays
 from sparsemor.core.scene.nested import changes
 from sparsemor.core.scene.scene import Scene
@@ -61,30 +61,27 @@ def refusal(attributes: Mapping[str, Any], scene: Scene) -> str:
 
 def extended(path: Path, document: dict[str, Any], header: RunHeader) -> str:
     """Gives a store the scene of a run to a later end, with the further times of its rigid-body
-    pre-simulation; `document`, its metadata, is changed and not written. Returns the reason why the
+    pre-simulation; `document`, its header, is changed and not written. Returns the reason why the
     stored steps are not those of the longer run, "" if they are."""
-    stored, arrays = StoredArrays(path), zf.arrays_of(document)
-    found = {name: values for name, _, _, values in fixed_arrays(header)}
+    stored, arrays = StoredArrays(path), document["arrays"]
+    found = {name: as_stored(values) for name, _, _, values in fixed_arrays(header)}
     for name, values in found.items():
         if name not in arrays or not _begins_with(values, stored.read(name), arrays[name]):
             return (f"with the later end {name} is another one: the reduced model or its loads "
                     f"depend on time.end; {ELSEWHERE}")
+    if any(len(values) > arrays[name]["shape"][0] for name, values in found.items()):
+        write_archive(path / FIXED, found, document["attributes"]["run"])
     for name, values in found.items():
-        metadata, size = arrays[name], zf.chunk_shape(arrays[name])[0]
-        if len(values) > metadata["shape"][0]:
-            for number in range(metadata["shape"][0] // size, -(-len(values) // size)):
-                zf.write_chunk(
-                    path, name, metadata, number, values[number * size:(number + 1) * size])
-            metadata["shape"][0] = len(values)
+        arrays[name]["shape"][0] = len(values)
     attributes = header.attributes()
     document["attributes"].update(
         {key: attributes[key] for key in ("scene", "scene_digest", "steps_planned")})
     return ""
 
 
-def _begins_with(values: Any, kept: Any, metadata: Mapping[str, Any]) -> bool:
+def _begins_with(values: Any, kept: Any, entry: Mapping[str, Any]) -> bool:
     """True if an array equals the stored one, or continues it over the times of a
     pre-simulation."""
-    longer = metadata["dimension_names"][0] == STAGE_TIME and len(values) > len(kept)
+    longer = entry["dimensions"][0] == STAGE_TIME and len(values) > len(kept)
     return np.array_equal(values[:len(kept)] if longer else values, kept)
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from sparsemor.core.arrays import IntArray
 from sparsemor.core.protocols import BodyShape, Dictionary
-from sparsemor.core.protocols.layout import Block, FieldKind, Layout, Quantity
+from sparsemor.core.protocols.layout import Block, FieldKind, Layout
 from sparsemor.core.protocols.prescribed_motion import Stage
 
 POSE_UNITS, REACTION_UNITS = "m, rad", "N, N m"
@@ -115,36 +115,9 @@ def dump_layout(layout: Layout) -> list[list[str | int]]:
     return [[b.owner, b.field, b.size] for b in layout]
 
 
-def load_layout(
-    attributes: Mapping[str, Any], which: str, arrays: Mapping[str, Mapping[str, Any]]
-) -> Layout:
+def load_layout(attributes: Mapping[str, Any], which: str) -> Layout:
     """Layout of the unknowns of a result: `which` is "layout" (step solver) or "full_layout" (full
-    order).
-
-    arrays: name -> metadata of the stored arrays; their units determine the kind of each field in a
-    result of an older version, which does not contain the kinds.
-    """
-    dump = attributes[which]
-    if "fields" in attributes:
-        kinds = {name: FieldKind.of_plain(data) for name, data in attributes["fields"].items()}
-    else:
-        kinds = {name: _kind_by_unit(name, _unit(f"{owner}.{name}", arrays))
-                 for owner, name, _ in dump}
+    order)."""
+    kinds = {name: FieldKind.of_plain(data) for name, data in attributes["fields"].items()}
     return Layout([*(Block("", kind, 0) for kind in kinds.values()),
-                   *(Block(owner, kinds[name], size) for owner, name, size in dump)])
-
-
-def _unit(block: str, arrays: Mapping[str, Mapping[str, Any]]) -> str:
-    stored = arrays[block] if block in arrays else arrays[f"{block}.coefficients"]
-    return str(stored["attributes"].get("units", ""))
-
-
-def _kind_by_unit(name: str, unit: str) -> FieldKind:
-    """Kind of a field in a result of an older version, determined by its unit."""
-    if unit == POSE_UNITS:
-        return FieldKind(name, 2, unit, Quantity.POSE)
-    if unit == "m":
-        return FieldKind(name, 2, unit, Quantity.DISPLACEMENT, reducible=True)
-    if unit == "K":
-        return FieldKind(name, 1, unit, Quantity.TEMPERATURE, reducible=True)
-    return FieldKind(name, 0, unit)
+                   *(Block(owner, kinds[name], size) for owner, name, size in attributes[which])])

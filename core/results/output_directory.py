@@ -26,7 +26,7 @@ from sparsemor.core.results.files.own import STORE, OwnFiles, move, own_files, r
 from sparsemor.core.results.files.temporary import NAME as TEMPORARY
 from sparsemor.core.results.output_lock import LOCK, lost, owned
 from sparsemor.core.results.saved_state import SavedError
-from sparsemor.core.results.zarr_files import GROUP_FILE
+from sparsemor.core.results.stored_arrays import HEADER
 from sparsemor.core.status import SolveFailed, Status
 
 KEPT, MOVING = ".replaced", ".replaced.part"
@@ -48,7 +48,7 @@ class OutputDirectory:
 
     @property
     def store(self) -> Path:
-        """Path of the Zarr store that contains the result of a run."""
+        """Path of the folder that contains the result of a run."""
         return self.path / STORE
 
     def entries(self) -> list[Path]:
@@ -58,7 +58,7 @@ class OutputDirectory:
 
     def is_result(self) -> bool:
         """True if the directory contains the result of a run."""
-        return (self.store / GROUP_FILE).is_file()
+        return (self.store / HEADER).is_file()
 
     def is_run_or_comparison(self) -> bool:
         """True if the directory contains the result of a run or of a comparison."""
@@ -207,7 +207,7 @@ class OutputDirectory:
         taken += [n for n in parts if os.path.lexists(out / n) and n not in known]
         if taken:
             raise in_the_way(out, taken)
-        stores = {(out / p).parent for p in own.files if Path(p).name == GROUP_FILE}
+        stores = {(out / p).parent for p in own.files if Path(p).name == HEADER}
         for part in {out / p for p in known} | {s.parent for s in stores if s.name == STORE}:
             with owned(part):
                 pass
@@ -236,10 +236,10 @@ class OutputDirectory:
 
     def _ended(self, own: OwnFiles) -> bool:
         """True if the run, comparison or study in the directory ended without being interrupted."""
-        if f"{STORE}/{GROUP_FILE}" not in own.files:
+        if f"{STORE}/{HEADER}" not in own.files:
             return any(name in own.files for name in _TABLES)
         try:
-            document = json.loads((self.store / GROUP_FILE).read_text(encoding="utf-8"))
+            document = json.loads((self.store / HEADER).read_text(encoding="utf-8"))
             return bool(document["attributes"]["status"] != Status.INTERRUPTED.value)
         except (OSError, ValueError, KeyError, TypeError):
             return False

@@ -20,13 +20,20 @@ from sparsemor.core.protocols.poses import (
     vectors_in_space,
 )
 from sparsemor.core.protocols.prescribed_motion import Stage
+from sparsemor.core.results.files.own import STORE
 from sparsemor.core.results.files.temporary import TemporaryFolder
 from sparsemor.core.results.metadata import Probe, load_layout
 from sparsemor.core.results.output_directory import OutputDirectory
 from sparsemor.core.results.stage_arrays import read_stage
-from sparsemor.core.results.stored_arrays import ALL, ResultArrays, StoredArrays
+from sparsemor.core.results.stored_arrays import (
+    ALL,
+    HEADER,
+    ResultArrays,
+    StoredArrays,
+    dataset,
+    refuse_older,
+)
 from sparsemor.core.results.stress import Derived, Field, StressRecovery, equivalent
-from sparsemor.core.results.zarr_files import GROUP_FILE
 from sparsemor.core.scene.html import html_table
 from sparsemor.core.status import Status
 
@@ -46,7 +53,8 @@ class RunResult:
 
     def __init__(self, path: str | Path) -> None:
         self._path: Path | None = Path(path).absolute()
-        if not (self.path / GROUP_FILE).exists():
+        if not (self.path / HEADER).exists():
+            refuse_older(self.path)
             kept = OutputDirectory(self.path).kept_note()
             raise InputError(f"there is no result in {path}{kept}")
         self._arrays: dict[str, NDArray[Any]] = {}
@@ -147,7 +155,7 @@ class RunResult:
         return self._load_layout("layout")
 
     def _load_layout(self, which: str) -> Layout:
-        return load_layout(self._attributes, which, self._stored.metadata)
+        return load_layout(self._attributes, which)
 
     @property
     def times(self) -> FloatArray:
@@ -243,8 +251,8 @@ class RunResult:
 
     @property
     def probes(self) -> tuple[str, ...]:
-        arrays = {n: self._data.attributes_of(n) for n in self._data.names}
-        return tuple(n.removeprefix("probe.") for n, a in arrays.items() if "position" in a)
+        return tuple(n.removeprefix("probe.") for n, e in self._data.arrays.items()
+                     if "position" in e["attributes"])
 
     def probe(self, name: str) -> FloatArray:
         """(j, components) recorded values of a probe; `probe_header` names the components."""
@@ -256,7 +264,7 @@ class RunResult:
     def probe_header(self, name: str) -> Probe:
         """Position, and names and units of the recorded components, of a probe."""
         self.probe(name)  # says which there are
-        a = self._data.attributes_of(f"probe.{name}")
+        a = self._data.arrays[f"probe.{name}"]["attributes"]
         return Probe(name, a["body"], tuple(a["position"]), tuple(a["components"]),
                      tuple(a["units"].split(", ")))
 
@@ -337,7 +345,7 @@ class RunResult:
             self._recoveries[body] = StressRecovery(
                 self.points(body), self.cells(body), self._array(f"{body}.stress_constants"),
                 self._array(f"{body}.stress_region"),
-                self._data.attributes_of(f"{body}.stress_constants").get("strains") == "nonlinear")
+                "strains" in self._data.arrays[f"{body}.stress_constants"]["attributes"])
         return self._recoveries[body]
 
     def positions(self, body: str, step: int, magnify: float = 1.0) -> FloatArray:
@@ -417,7 +425,7 @@ class RunResult:
                 kept = Table(stage.times, stage.reactions[name]).along(self.times)
                 found[name] = dict(zip(of_unit, kept.T, strict=True))
         for b in self.layout:
-            given = self._data.attributes_of(b.name) if b.kind.order == 0 else {}
+            given = self._data.arrays[b.name]["attributes"] if b.kind.order == 0 else {}
             if "components" in given:
                 of_unit = tuple(zip(given["components"], given["units"].split(", "), strict=True))
                 found[b.owner] = dict(zip(of_unit, self.block(b.name).T, strict=True))
@@ -432,7 +440,7 @@ class RunResult:
 
     def to_xarray(self) -> "xr.Dataset":
         """All stored arrays as a lazily loaded xarray dataset with dimension names and units."""
-        return self._data.dataset()
+        return dataset(self._data)
 
     def _at_nodes(self, body: str, what: str, shape: tuple[int, ...]) -> FloatArray:
         key = f"{body}.eliminated_{what}"
@@ -470,6 +478,6 @@ class RunResult:
 
 
 def open_result(path: str | Path) -> RunResult:
-    """Result stored at `path` or in `path/result.zarr`. Raises InputError if there is none."""
-    inside = Path(path) / "result.zarr"
-    return RunResult(inside if (inside / GROUP_FILE).exists() else path)
+    """Result stored at `path` or in `path/result`. Raises InputError if there is none."""
+    inside = Path(path) / STORE
+    return RunResult(inside if (inside / HEADER).exists() else path)

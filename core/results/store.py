@@ -1,9 +1,9 @@
-"""Result of a run on disk: appended during the run and readable at any moment, even after a kill.
+"""Writer of a result on disk (stored_arrays.py), which can be read at any moment, even after a
+kill.
 
-Order of every append: first the data files, then one atomic replacement of the group's metadata.
-The file of an incomplete chunk is replaced by a longer one with the same first rows, so committed
-data do not change. This is safe if the process is killed; a power failure may lose recent files.
-The run ends with an OSError if its store is moved, removed or replaced meanwhile.
+An append replaces the last file of steps by a longer one, or adds one: the rename is the commit.
+This is safe if the process is killed; a power failure may lose recent files. The run ends with an
+OSError if its store is moved, removed or replaced meanwhile.
 """
 
 import errno
@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
 from sparsemor.core.errors import Damaged, InputError
 from sparsemor.core.protocols.layout import Layout
-from sparsemor.core.results import zarr_files as zf
-from sparsemor.core.results.atomic_files import replace_file, writing
+from sparsemor.core.results.archive import is_archive, write_archive
+from sparsemor.core.results.atomic_files import writing
 from sparsemor.core.results.checkpoint import (
     Checkpoint,
     checkpoint_file,
@@ -38,7 +38,22 @@ from sparsemor.core.results.output_lock import FixedFolder
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.results.saved_state import Saved, SavedError
 from sparsemor.core.results.stage_arrays import stage_attributes
-from sparsemor.core.results.variables import TIME, fixed_arrays, steps_per_chunk, time_arrays
+from sparsemor.core.results.stored_arrays import (
+    FIXED,
+    FORMAT,
+    HEADER,
+    TIME,
+    StoredArrays,
+    array_entry,
+    as_stored,
+    over_time,
+    read_header,
+    refuse_older,
+    steps_file,
+    steps_files,
+    write_header,
+)
+from sparsemor.core.results.variables import fixed_arrays, steps_per_chunk, time_arrays
 from sparsemor.core.scene.run_identity import Identity
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.status import Status
@@ -76,14 +91,16 @@ class ResultWriter:
     def __init__(self, path: Path) -> None:
         self.path = path
         self._folder = FixedFolder(path)
-        self._document = zf.read_group(path)
-        self._arrays = {name: m for name, m in zf.arrays_of(self._document).items()
-                        if m["dimension_names"][0] == TIME}
-        self._layout = load_layout(
-            self._document["attributes"], "layout", zf.arrays_of(self._document))
-        self._chunk = zf.chunk_shape(self._arrays[TIME])[0]
-        self._tails = {name: self._last_chunk(name) for name in self._arrays}
-        self._last_time = self._stored_time()
+        self._document = read_header(path)
+        self._arrays = {n: e for n, e in self._document["arrays"].items() if over_time(e)}
+        self._layout = load_layout(self._document["attributes"], "layout")
+        kept = StoredArrays(path)
+        self._per_file = kept.per_file
+        self._number, rest = divmod(kept.steps, self._per_file)
+        last = slice(kept.steps - rest, None)
+        self._tail = {name: kept.read(name, last) for name in self._arrays}
+        """Steps of the last file, number `_number`, which is not full."""
+        self._last_time = float(kept.read(TIME, slice(-1, None))[0]) if kept.steps else -np.inf
 
     @classmethod
     def create(cls, path: str | Path, header: RunHeader) -> "ResultWriter":
@@ -92,7 +109,7 @@ class ResultWriter:
         Raises InputError if there is a store already.
         """
         target = Path(path).absolute()
-        if (target / zf.GROUP_FILE).exists():
+        if (target / HEADER).exists():
             raise InputError(
                 f"{path} already contains a result: continue it with --resume, choose another "
                 "directory, or remove it", key="out")
@@ -101,7 +118,9 @@ class ResultWriter:
             fresh = folder / target.name
             fresh.mkdir()
             _write_empty(fresh, header)
-            if taken := [n for n in zf.arrays_of(zf.read_group(fresh)) if _in_use(target / n)]:
+            if target.is_dir() and (taken := [
+                    p.name for p in (target / FIXED, *steps_files(target).values())
+                    if os.path.lexists(p)]):
                 raise in_the_way(target, taken)
             checkpoint_file(target).unlink(missing_ok=True)
             if target.is_dir():  # somebody else's files are in it
@@ -126,12 +145,10 @@ class ResultWriter:
         if header is not None and header.scene["time"]["end"] != kept["time"]["end"]:
             if why := extended(target, document, header):
                 raise _refused(target, why)
-        for name, metadata in zf.arrays_of(document).items():
-            (target / name / zf.GROUP_FILE).unlink(missing_ok=True)
-            if metadata["dimension_names"][0] == TIME:
-                metadata["shape"][0] = checkpoint.stored
-        document["attributes"].update(status=Status.INTERRUPTED.value, summary={})
-        zf.write_group(target, document)
+        document["attributes"].update(
+            status=Status.INTERRUPTED.value, summary={}, steps_stored=checkpoint.stored)
+        write_header(target, document)
+        _truncate(target, document, checkpoint.stored)
         return cls(target), checkpoint
 
     @staticmethod
@@ -146,7 +163,7 @@ class ResultWriter:
 
     @property
     def stored(self) -> int:
-        return int(self._arrays[TIME]["shape"][0])
+        return self._number * self._per_file + len(self._tail[TIME])
 
     def append(self, steps: ChunkOfSteps) -> None:
         """Stores and commits steps. Raises ValueError, storing nothing, for values that are not
@@ -160,13 +177,12 @@ class ResultWriter:
         self._check_times(times)
         if len(times) == 0:
             return
-        first = self.stored // self._chunk
+        rows = {name: np.concatenate([self._tail[name], values])
+                for name, values in columns.items()}
         with self._folder.kept(self._last_time):
-            for name, values in columns.items():
-                self._write(name, first, values)
-            for metadata in self._arrays.values():
-                metadata["shape"][0] += len(times)
-            zf.write_group(self.path, self._document)
+            for start in range(0, len(rows[TIME]), self._per_file):
+                self._write({name: values[start:start + self._per_file]
+                             for name, values in rows.items()})
         self._last_time = float(times[-1])
 
     def continued(
@@ -181,20 +197,20 @@ class ResultWriter:
         fresh.mkdir()
         _write_empty(fresh, header)
         writer = ResultWriter(fresh)
-        for first in range(0, self.stored, writer._chunk):
+        for first in range(0, self.stored, writer._per_file):
             writer._append(converted(
                 known, writer._arrays, maps,
-                slice(first, min(first + writer._chunk, self.stored))))
+                slice(first, min(first + writer._per_file, self.stored))))
         with self._folder.kept(self._last_time):  # still in its place
             pass
         os.replace(self.path, old)
         os.replace(fresh, self.path)
         remove(own_store(old), old)
-        for path in sorted(old.rglob("*")):  # somebody else's files
-            place = self.path / path.relative_to(old)
-            if not os.path.lexists(place):
-                os.replace(path, place)
-        _remove_empty(old)
+        for path in old.iterdir():  # somebody else's files
+            if not os.path.lexists(self.path / path.name):
+                os.replace(path, self.path / path.name)
+        with suppress(OSError):
+            old.rmdir()
         folder.remove()
         return ResultWriter(self.path)
 
@@ -217,17 +233,13 @@ class ResultWriter:
         Raises OSError if the store was moved or removed, or if one of its files is missing.
         """
         with self._folder.kept(self._last_time):
+            self._document["attributes"].update(
+                status=status.value, summary=dict(summary), steps_stored=self.stored)
             try:
-                zf.check_chunks(self.path, zf.arrays_of(self._document))
+                StoredArrays(self.path, least=self.stored).check()
             except Damaged as error:
                 raise OSError(errno.EIO, str(error)) from None
-            for name, metadata in zf.arrays_of(self._document).items():
-                folder = self.path / name
-                if zf.chunk_count(metadata) == 0:
-                    folder.mkdir(exist_ok=True)
-                replace_file(folder / zf.GROUP_FILE, zf.to_json(metadata))
-            self._document["attributes"].update(status=status.value, summary=dict(summary))
-            zf.write_group(self.path, self._document)
+            write_header(self.path, self._document)
 
     def result(self) -> RunResult:
         """Reader of what is committed."""
@@ -244,25 +256,15 @@ class ResultWriter:
         if np.any(np.diff(before) <= 0.0):
             raise ValueError(f"time: must grow, after {self._last_time} s came {times}")
 
-    def _write(self, name: str, first: int, values: NDArray[Any]) -> None:
-        rows = np.concatenate([self._tails[name], values])
-        for number, start in enumerate(range(0, len(rows), self._chunk), start=first):
-            part = rows[start:start + self._chunk]
-            zf.write_chunk(self.path, name, self._arrays[name], number, part)
-        self._tails[name] = rows[len(rows) - len(rows) % self._chunk:].copy()
-
-    def _last_chunk(self, name: str) -> NDArray[Any]:
-        metadata = self._arrays[name]
-        number, rest = divmod(self.stored, self._chunk)
-        if rest == 0:
-            return np.zeros((0, *metadata["shape"][1:]), dtype=metadata["data_type"])
-        return zf.read_chunk(self.path, name, metadata, number, rest)
-
-    def _stored_time(self) -> float:
-        if self.stored == 0:
-            return -np.inf
-        number, rest = divmod(self.stored - 1, self._chunk)
-        return float(zf.read_chunk(self.path, TIME, self._arrays[TIME], number, rest + 1)[-1])
+    def _write(self, rows: dict[str, NDArray[Any]]) -> None:
+        """Replaces or adds the last file of steps."""
+        file = steps_file(self.path, self._number)
+        if len(self._tail[TIME]) == 0 and os.path.lexists(file):
+            raise FileExistsError(errno.EEXIST, "not written by this run", str(file))
+        write_archive(file, rows, self._document["attributes"]["run"])
+        if len(rows[TIME]) == self._per_file:
+            self._number, rows = self._number + 1, {n: v[:0] for n, v in rows.items()}
+        self._tail = {name: values.copy() for name, values in rows.items()}
 
 
 def columns_of(
@@ -316,54 +318,58 @@ def converted(
 
 
 def check_column(
-    name: str, metadata: Mapping[str, Any], values: NDArray[Any], count: int
+    name: str, entry: Mapping[str, Any], values: NDArray[Any], count: int
 ) -> None:
     """Raises ValueError for values of an array over `count` steps that are of another shape or not
     finite."""
-    expected = (count, *metadata["shape"][1:])
+    expected = (count, *entry["shape"][1:])
     if values.shape != expected:
         raise ValueError(f"{name}: shape {values.shape}, expected {expected}")
-    if metadata["data_type"] == "float64" and not np.isfinite(values).all():
+    if entry["dtype"] == "float64" and not np.isfinite(values).all():
         row = int(np.flatnonzero(~np.isfinite(values.reshape(count, -1)).all(axis=1))[0])
         raise ValueError(f"{name}: not finite in row {row} of the {count} steps to store")
 
 
 def _write_empty(path: Path, header: RunHeader) -> None:
     growing = time_arrays(header)
-    fixed: dict[str, dict[str, Any]] = {}
-    chunks: dict[str, NDArray[Any]] = {}
+    entries: dict[str, dict[str, Any]] = {}
+    fixed: dict[str, NDArray[Any]] = {}
     for name, dimensions, attributes, values in fixed_arrays(header):
-        dtype = "int64" if values.dtype.kind in "iu" else "float64"
         if not np.isfinite(values).all():
             raise ValueError(f"{name}: not finite")
         if name in growing or name in fixed:
             raise ValueError(f"two arrays of the result are named {name!r}: rename the probe")
-        fixed[name] = zf.array_metadata(values.shape, values.shape, dtype, dimensions, attributes)
-        if values.size:
-            chunks[name] = values
+        fixed[name] = as_stored(values)
+        entries[name] = array_entry(values.shape, str(fixed[name].dtype), dimensions, attributes)
     attributes = header.attributes() | {
-        "format": zf.FORMAT, "run": uuid.uuid4().hex, "steps_per_chunk": steps_per_chunk(header),
-        "status": Status.INTERRUPTED.value, "summary": {}, "stage": stage_attributes(header.stage),
-    }
-    # first the list by which the chunks of a process that is killed here are known to be ours
-    zf.write_group(path, zf.group_document(attributes, growing | fixed))
-    for name, values in chunks.items():
-        zf.write_chunk(path, name, fixed[name], 0, values)
+        "format": FORMAT, "run": uuid.uuid4().hex, "steps_per_chunk": steps_per_chunk(header),
+        "steps_stored": 0, "status": Status.INTERRUPTED.value, "summary": {},
+        "stage": stage_attributes(header.stage)}
+    # first the header by which a file of a process that is killed here is known to be ours
+    write_header(path, {"attributes": attributes, "arrays": growing | entries})
+    write_archive(path / FIXED, fixed, attributes["run"])
+
+
+def _truncate(store: Path, document: Mapping[str, Any], steps: int) -> None:
+    """Removes all stored steps but so many. Whatever a killed process leaves of them has no gap."""
+    kept, run = StoredArrays(store), document["attributes"]["run"]
+    number, rest = divmod(steps, kept.per_file)
+    beyond = [p for n, p in steps_files(store).items() if n >= number + bool(rest)]
+    if foreign := [p.name for p in beyond if not is_archive(p, run)]:
+        raise in_the_way(store, foreign)
+    tail = {name: kept.read(name, slice(steps - rest, steps))
+            for name, entry in kept.arrays.items() if over_time(entry)}
+    for file in reversed(beyond):
+        file.unlink()
+    if rest:
+        write_archive(steps_file(store, number), tail, run)
 
 
 def remove_store(store: Path) -> None:
     """Removes the files of a store that are ours, and the folder if it is then empty."""
     remove(own_store(store), store)
-    _remove_empty(store)
-
-
-def _remove_empty(folder: Path) -> None:
-    """Removes a folder in which there are no files."""
-    for path in sorted((p for p in folder.rglob("*") if p.is_dir()), reverse=True):
-        with suppress(OSError):
-            path.rmdir()
     with suppress(OSError):
-        folder.rmdir()
+        store.rmdir()
 
 
 def _old_folder(store: Path) -> Path:
@@ -377,16 +383,6 @@ def _old_folder(store: Path) -> Path:
     return folder
 
 
-def _in_use(array: Path) -> bool:
-    """True if something of somebody else is where the files of an array would be."""
-    def no_folder(path: Path) -> bool:
-        return os.path.lexists(path) and (path.is_symlink() or not path.is_dir())
-
-    chunks = array / "c"
-    return (no_folder(array) or no_folder(chunks) or os.path.lexists(array / zf.GROUP_FILE)
-            or any(map(no_folder, chunks.rglob("*"))))
-
-
 def _refused(target: Path, why: str) -> InputError:
     return InputError(f"{target} cannot be resumed: {why}", key="resume")
 
@@ -395,9 +391,10 @@ def _resumable(target: Path, scene: Scene | None) -> tuple[dict[str, Any], Check
     def refuse(why: str) -> InputError:
         return _refused(target, why)
 
-    if not (target / zf.GROUP_FILE).exists():
+    if not (target / HEADER).exists():
+        refuse_older(target.parent)
         raise refuse("there is no result; start the run without --resume")
-    document = zf.read_group(target)
+    document = read_header(target)
     attributes = document["attributes"]
     if scene is not None:
         if why := refusal(attributes, scene):
@@ -413,6 +410,7 @@ def _resumable(target: Path, scene: Scene | None) -> tuple[dict[str, Any], Check
     if checkpoint is None or checkpoint.run != attributes["run"]:
         raise refuse("it was stopped before its first checkpoint; start again, with --force or "
                      "into another directory")
+    StoredArrays(target, least=checkpoint.stored).check()
     return document, checkpoint
 
 

@@ -11,31 +11,27 @@ from sparsemor.core.protocols import BodyShape
 from sparsemor.core.protocols.layout import Quantity
 from sparsemor.core.results.metadata import CONTACT_UNITS, POSE_UNITS, RunHeader
 from sparsemor.core.results.stage_arrays import stage_arrays
-from sparsemor.core.results.zarr_files import array_metadata
+from sparsemor.core.results.stored_arrays import TIME, array_entry
 
-TIME = "time"
 _CHUNK_BYTES = 2**22
-CHUNK_STEPS = 256
+CHUNK_STEPS = 1024
 
 
 def steps_per_chunk(header: RunHeader) -> int:
-    """Number of steps per chunk file: about 4 MB for the largest block, 8 to 256 steps."""
+    """Number of steps in a file of steps: about 4 MB for the largest block, 8 to 1024 steps."""
     widest = max((b.size for b in header.layout), default=1)
     return int(np.clip(_CHUNK_BYTES // (8 * widest), 8, CHUNK_STEPS))
 
 
 def time_arrays(header: RunHeader) -> dict[str, dict[str, Any]]:
-    """Name -> metadata of the arrays that grow with time, initially of length 0."""
-    per_chunk = steps_per_chunk(header)
+    """Name -> entry (`array_entry`) of the arrays that grow with time."""
     made: dict[str, dict[str, Any]] = {}
 
     def add(name: str, dtype: str, inner: tuple[tuple[str, int], ...], **attributes: Any) -> None:
         if name in made:
             raise ValueError(f"two arrays of the result are named {name!r}: rename the probe")
         sizes = [size for _, size in inner]
-        made[name] = array_metadata(
-            [0, *sizes], [per_chunk, *sizes], dtype, [TIME, *(d for d, _ in inner)], attributes
-        )
+        made[name] = array_entry([0, *sizes], dtype, [TIME, *(d for d, _ in inner)], attributes)
 
     add(TIME, "float64", (), units="s", long_name="time")
     add("iterations", "int64", (), units="1", long_name="iterations of the step")

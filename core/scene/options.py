@@ -92,10 +92,10 @@ class Initial(Plugin):
     """Time in that run, s (the closest stored one); left out: its last."""
 
     def files(self, base: Path) -> Sequence[Path]:
-        """Metadata of the result, which change with it."""
-        place = Path(self.result)
-        files = place / "result.zarr" / "zarr.json", place / "zarr.json"
-        return [file for file in files if file.is_file()]
+        """Header and last steps of the result, which change with it."""
+        store = Path(self.result) / "result"
+        store = store if store.is_dir() else store.parent
+        return [*store.glob("header.json"), *sorted(store.glob("steps-*.npz"))[-1:]]
 
 
 class RigidStage(Plugin):

@@ -5,6 +5,7 @@ import logging
 import os
 import re
 import shutil
+import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -15,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsemor.core.arrays import Arrays
+from sparsemor.core.results.files.listing import written_in
 from sparsemor.core.results.files.own import STORE, own_files
 from sparsemor.core.results.files.temporary import NAME as TEMPORARY
 from sparsemor.core.results.files.temporary import TemporaryFolder, remove_left
-from sparsemor.core.results.zarr_files import checksum
 
 _MAPPED_BYTES = 2**24
 _MANIFEST = "manifest.json"
@@ -32,7 +33,6 @@ _MACHINE_CODE = re.compile(r"[0-9a-f]{32}\.code|\.[0-9a-f]{32}\.part|.+\.nb[ic]"
 _UNREADABLE = (ValueError, KeyError, TypeError, AttributeError, EOFError, MemoryError,
                RecursionError)
 """What is raised for a manifest or an array that this program has not written."""
-_PIECE = 2**22
 _log = logging.getLogger(__name__)
 
 
@@ -256,7 +256,7 @@ def _save(root: Path, place: Path, arrays: Arrays) -> None:
                 np.save(fresh / file, arrays[name], allow_pickle=False)
             else:
                 shutil.move(written, fresh / file)
-        table = {name: [file, _checksum_of(fresh / file)] for name, file in files.items()}
+        table = {name: [file, written_in(fresh / file)[1]] for name, file in files.items()}
         (fresh / _MANIFEST).write_text(
             json.dumps({"program": "sparsemor", "checksum": _checksum(table), "files": table}),
             encoding="utf-8")
@@ -282,7 +282,7 @@ def _load(place: Path) -> dict[str, NDArray[Any]]:
     missing."""
     table = _table(place)
     for file, kept in table.values():
-        if _checksum_of(place / file) != kept:
+        if written_in(place / file)[1] != kept:
             raise ValueError(f"{file}: its checksum is not that of its bytes")
     return {name: _load_one(place / file) for name, (file, _) in table.items()}
 
@@ -300,16 +300,7 @@ def _table(place: Path) -> dict[str, list[Any]]:
 
 
 def _checksum(table: Mapping[str, object]) -> int:
-    return checksum(json.dumps(table).encode("utf-8"))
-
-
-def _checksum_of(file: Path) -> int:
-    """CRC-32C checksum of a file, read in blocks."""
-    found = 0
-    with file.open("rb") as data:
-        while piece := data.read(_PIECE):
-            found = checksum(piece, found)
-    return found
+    return zlib.crc32(json.dumps(table).encode("utf-8"))
 
 
 def _load_one(file: Path) -> NDArray[Any]:

@@ -30,7 +30,7 @@ from sparsemor.core.results.probes import rate_columns
 from sparsemor.core.results.saved_state import SavedError
 from sparsemor.core.results.solver_report import solvers_summary
 from sparsemor.core.results.store import ChunkOfSteps, ResultWriter
-from sparsemor.core.results.zarr_files import read_group
+from sparsemor.core.results.stored_arrays import read_header
 from sparsemor.core.simulation.admission import admit
 from sparsemor.core.simulation.error_control.notes import enrichment_notes, error_limit
 from sparsemor.core.simulation.error_control.record import ErrorMark, ErrorRecord
@@ -40,7 +40,7 @@ from sparsemor.core.simulation.prepare import PreparedRun
 from sparsemor.core.simulation.step_statistics import Tally
 from sparsemor.core.status import Status
 
-CHUNK, SECONDS = 256, 2.0
+CHUNK, SECONDS = 1024, 2.0
 """Number of buffered steps, and seconds since the last commit, after which results are written to
 disk."""
 BUFFER = 2**26
@@ -80,12 +80,12 @@ class Recorder:
         """Records the steps of this run from now on."""
         self.run, self.solver = run, run.solver
         self._rates = rate_columns(run.forces)
-        # along a rigid stage histories are kept already; only conduction acts in addition
-        solver: object = run.solver
-        self._reports = solver if run.header.stage is None and isinstance(
-            solver, ReportsTerms) else None
         self._contact_names = frozenset(
             f"{name}.{what}" for name, kept in run.header.contacts.items() for what in kept)
+        # along a rigid stage histories are kept already; only conduction acts in addition
+        solver: object = run.solver
+        self._reports = solver if self._contact_names and run.header.stage is None and isinstance(
+            solver, ReportsTerms) else None
 
     def go_on(self, run: PreparedRun, maps: Mapping[str, FloatArray]) -> None:
         """Records the rest of a run in the unknowns of another step solver; the stored steps are
@@ -120,7 +120,7 @@ class Recorder:
         if resume:
             writer, checkpoint = ResultWriter.resume(store, scene, run.header)
             recorder = cls(run, writer, checkpoint, steps, products)
-            recorder.notes = elsewhere(read_group(store)["attributes"].get("platform", {}))
+            recorder.notes = elsewhere(read_header(store)["attributes"].get("platform", {}))
             return recorder
         admit(scene, out, resume)
         check_owned(out)

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from sparsemor.core.cli import app
 from sparsemor.core.errors import InputError
 from sparsemor.core.notes import Note
-from sparsemor.core.results.zarr_files import FORMAT, group_document, write_group
+from sparsemor.core.results.stored_arrays import FORMAT, write_header
 from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.simulation.diagnostics import plausibility
 from sparsemor.core.status import SolveFailed, Status
@@ -43,9 +43,10 @@ def runs(monkeypatch) -> list[SimpleNamespace]:
         name = scene.dump()["reducer"]["use"]
         if scene.bodies["a"].mass > 100:
             raise InputError("too heavy to hold", "bodies.a.mass")
-        (out / "result.zarr").mkdir(parents=True, exist_ok=True)
-        write_group(out / "result.zarr", group_document(
-            {"format": FORMAT, "run": name, "status": "done", "mass": scene.bodies["a"].mass}, {}))
+        (out / "result").mkdir(parents=True, exist_ok=True)
+        write_header(out / "result", {"arrays": {}, "attributes": {
+            "format": FORMAT, "run": name, "status": "done", "steps_per_chunk": 8,
+            "mass": scene.bodies["a"].mass}})
         if scene.bodies["a"].mass > 10:
             raise SolveFailed(Status.SINGULAR, 0.25, "a.rigid")
         return SimpleNamespace(summary={**SUMMARY, "reducer": name, "out": str(out)}, path=out)
@@ -82,7 +83,7 @@ def test_run_prints_one_json_object(runs):
 
 def test_an_earlier_result_is_kept_unless_told_otherwise(runs):
     assert sparsemor("run", "scene.yaml").code == 0
-    mine, group = (Path("runs/scene-tuned/result.zarr", name) for name in ("mine", "zarr.json"))
+    mine, group = (Path("runs/scene-tuned/result", name) for name in ("mine", "header.json"))
     mine.touch()
     before = group.read_bytes()
     again = sparsemor("run", "scene.yaml")
@@ -93,7 +94,7 @@ def test_an_earlier_result_is_kept_unless_told_otherwise(runs):
     assert mine.exists() and group.read_bytes() == before
     assert sparsemor("run", "scene.yaml", "--force", "--set", "bodies.a.mass=2").code == 0
     assert mine.exists() and group.read_bytes() != before
-    assert sorted(Path("runs/scene-tuned").rglob("*")) == [group.parent, mine, group]
+    assert sorted(Path("runs/scene-tuned").rglob("*")) == [group.parent, group, mine]
     assert [p.name for p in Path("runs").iterdir()] == ["scene-tuned"]
 
 

@@ -140,9 +140,9 @@ def test_compare_goes_on_where_it_stopped() -> None:
              "--training-end", "1", "--out", "out"]
     simulate(load(SWING, {"reducer": "full", "time.end": 0.02, "training.end": 0.02}),
              out="out/full")
-    before = Path("out/full/result.zarr/zarr.json").read_bytes()
+    before = Path("out/full/result/header.json").read_bytes()
     out, _ = sparsemor(*asked, "--resume")
-    assert Path("out/full/result.zarr/zarr.json").read_bytes() == before
+    assert Path("out/full/result/header.json").read_bytes() == before
     assert [line.split()[0] for line in out.splitlines()[2:4]] == ["full", "galerkin"]
     assert out.splitlines()[-1] == "table and charts: out"
     changed = subprocess.run(

@@ -78,7 +78,7 @@ def assert_tells_all(done: SimpleNamespace, statuses: set[str]) -> RunResult:
     assert message.startswith(f"{status.value} at t = ")
     assert message.endswith(status.advice_for(sampled=bool(done.shown["rows"])))
     assert re.search(f" s in {BLOCK.pattern}[ :]", message)
-    assert where == f"results up to the failure: {Path('out/result.zarr').absolute()}"
+    assert where == f"results up to the failure: {Path('out/result').absolute()}"
     result = open_result("out")
     assert result.status is status
     assert len(result.times) == done.shown["steps"] + 1

@@ -44,12 +44,12 @@ def kept(*names: str) -> bool:
 @pytest.mark.full
 def test_files_beside_a_result_stay() -> None:
     assert sparsemor("run", "tiny.yaml", "--out", "a", *SHORT)[0] == 0
-    write("a/notes.txt", "a/mine/plot.py", "a/result.zarr/notes.txt", "a/errors.csv",
+    write("a/notes.txt", "a/mine/plot.py", "a/result/notes.txt", "a/errors.csv",
           "a/angles.png")
-    before = Path("a/result.zarr/zarr.json").read_bytes()
+    before = Path("a/result/header.json").read_bytes()
     assert sparsemor("run", "tiny.yaml", "--out", "a", "--force", *SHORT)[0] == 0
-    assert kept("a/notes.txt", "a/mine/plot.py", "a/result.zarr/notes.txt")
-    assert Path("a/result.zarr/zarr.json").read_bytes() != before
+    assert kept("a/notes.txt", "a/mine/plot.py", "a/result/notes.txt")
+    assert Path("a/result/header.json").read_bytes() != before
     assert not Path("a/.replaced").exists()
     code, error = sparsemor("compare", "tiny.yaml", "--out", "a", "--force", *SHORT)
     assert code == 2 and error == (
@@ -75,7 +75,7 @@ def test_a_folder_that_only_contains_a_result_is_none() -> None:
         assert code == 2 and "--force replaces" in error, error
     assert sparsemor("run", "tiny.yaml", "--set", "loads.heating.flux=1e300", "--out", "p",
                      "--force", *SHORT)[0] == 2
-    assert kept("thesis/ch1.tex", "m.csv", "p/paper.tex") and Path("p/run/result.zarr").is_dir()
+    assert kept("thesis/ch1.tex", "m.csv", "p/paper.tex") and Path("p/run/result").is_dir()
     assert Path("tiny.yaml").read_text(encoding="utf-8") == TINY
 
 
@@ -84,14 +84,14 @@ def test_a_folder_that_only_contains_a_result_is_none() -> None:
     ("loads.heating.flux=1e300", 1), ("time.end=0.0155", 2), ("bodies.bar.material.E=-1", 2)])
 def test_files_stay_where_the_new_run_fails(change: str, code: int) -> None:
     assert sparsemor("run", "tiny.yaml", "--out", "a", *SHORT)[0] == 0
-    write("a/paper.tex", "a/result.zarr/time/notes.txt")
-    before = Path("a/result.zarr/zarr.json").read_bytes()
+    write("a/paper.tex", "a/result/time/notes.txt")
+    before = Path("a/result/header.json").read_bytes()
     short = SHORT if "time.end" not in change else SHORT[2:]
     assert sparsemor(
         "run", "tiny.yaml", "--out", "a", "--force", *short, "--set", change)[0] == code
-    assert kept("a/paper.tex", "a/result.zarr/time/notes.txt")
+    assert kept("a/paper.tex", "a/result/time/notes.txt")
     if code == 2:  # the earlier result is back
-        assert Path("a/result.zarr/zarr.json").read_bytes() == before
+        assert Path("a/result/header.json").read_bytes() == before
 
 
 @pytest.mark.full
@@ -115,7 +115,7 @@ def test_what_belongs_to_a_result_goes_with_it() -> None:
         "full/notes.txt", "notes.txt", "vtu/notes.txt"}
     assert kept("a/full/notes.txt", "a/notes.txt", "a/vtu/notes.txt")
     assert {p.name for p in Path("a").iterdir()} == {
-        "result.zarr", "result.checkpoint", "full", "vtu", "notes.txt"}
+        "result", "result.checkpoint", "full", "vtu", "notes.txt"}
 
 
 @pytest.mark.full
@@ -243,13 +243,13 @@ def test_files_in_and_beside_a_study_stay() -> None:
     words = ("study", "study.yaml", "--out", "a", "--quiet")
     assert sparsemor(*words)[0] == 0
     write("a/notes.txt", "a/runs/1/notes.txt", "a/runs/mine.csv")
-    before = Path("a/study.json").stat().st_ino, Path("a/runs/1/result.zarr").stat().st_ino
+    before = Path("a/study.json").stat().st_ino, Path("a/runs/1/result").stat().st_ino
     code, error = sparsemor(*words, "--force")
     assert code == 0, error
     assert kept("a/notes.txt", "a/runs/1/notes.txt", "a/runs/mine.csv")
     assert before[0] != Path("a/study.json").stat().st_ino or (
-        before[1] != Path("a/runs/1/result.zarr").stat().st_ino)
-    assert not Path("a/.replaced").exists() and (Path("a/runs/1/result.zarr/zarr.json")).exists()
+        before[1] != Path("a/runs/1/result").stat().st_ino)
+    assert not Path("a/.replaced").exists() and (Path("a/runs/1/result/header.json")).exists()
     write("a/table.csv")
     code, error = sparsemor(*words, "--force")
     assert code == 2 and "a/table.csv: not written by sparsemor, or changed since" in error

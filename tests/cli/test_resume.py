@@ -14,7 +14,7 @@ import pytest
 
 from sparsemor import InputError, Status, load, open_result, simulate
 from sparsemor.core.results.run_result import RunResult
-from sparsemor.core.results.zarr_files import read_group, write_group
+from sparsemor.core.results.stored_arrays import read_header, write_header
 
 pytestmark = pytest.mark.full
 
@@ -115,7 +115,7 @@ def test_ctrl_c_leaves_a_run_that_can_be_continued(tmp_path: Path) -> None:
     first, second = err.splitlines()
     assert first.startswith("interrupted at t = ")
     assert first.endswith(": continue it with --resume")
-    assert second == f"results up to the failure: {tmp_path / 'out' / 'result.zarr'}"
+    assert second == f"results up to the failure: {tmp_path / 'out' / 'result'}"
     stopped = open_result("out")
     assert stopped.status is Status.INTERRUPTED
     assert 0 <= stopped.summary["steps"] < 5000
@@ -154,9 +154,9 @@ def test_what_cannot_be_resumed() -> None:
     assert "made with time.end 0.05, and a run is continued to a later one (got 0.04)" in refusal(
         *asked, "--resume", "--set", "time.end=0.04")
     assert "not empty: use --resume to continue" in refusal(*asked)
-    document = read_group(Path("out/result.zarr"))
+    document = read_header(Path("out/result"))
     document["attributes"]["status"] = "interrupted"
-    write_group(Path("out/result.zarr"), document)
+    write_header(Path("out/result"), document)
     checkpoint = Path("out/result.checkpoint").read_bytes()
     assert "it was made from another scene" in refusal(
         *asked, "--resume", "--set", "loads.sun.flux=1")

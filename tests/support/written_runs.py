@@ -55,7 +55,7 @@ def write_run(
         c = (x[:, place] - dictionary.offset) @ dictionary.atoms
         x = np.concatenate([x[:, :place.start], c, x[:, place.stop:]], axis=1)
         supports["arm.elastic"] = np.arange(k) <= np.arange(len(times))[:, None] % k
-    writer = ResultWriter.create(path / "result.zarr", RunHeader(
+    writer = ResultWriter.create(path / "result", RunHeader(
         scene or {}, "d", 1, {}, "sparse" if dictionary else "full", layout, full, 0.025, 40,
         dictionaries, {"arm.elastic": np.arange(5)} if dictionary else {}, {"arm": shape}))
     writer.append(ChunkOfSteps(times, x, np.full(len(times), 3), np.zeros(len(times)),

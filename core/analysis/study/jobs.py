@@ -186,7 +186,7 @@ def _remove_damaged(key: str) -> None:
     kept = Cache().root / "reference" / key
     try:
         if (kept / STORE).is_dir():
-            StoredArrays(kept / STORE).verify()
+            StoredArrays(kept / STORE).check(whole=True)
     except InputError as fault:
         _log.warning("cache entry reference/%s is damaged (%s): made again", key, fault)
         shutil.rmtree(kept / STORE, ignore_errors=True)  # known by the digest that is its name

@@ -36,7 +36,7 @@ class Journal:
     folder: Path
     columns: tuple[str, ...]
     _written: dict[str, Written] = field(default_factory=dict)
-    """Size and CRC-32C of the files that grow."""
+    """Size and CRC-32 of the files that grow."""
 
     @classmethod
     def open(cls, folder: Path, plan: Plan, force: bool = False) -> "Journal":

@@ -1,7 +1,7 @@
 """List of the files that this program wrote into a folder: FOLDER/.sparsemor.jsonl.
 
 Each line is a JSON object. The first has the kind of the result. Those of files have their size and
-CRC-32C, and are written before the file gets its name. A folder with a result of its own that
+CRC-32, and are written before the file gets its name. A folder with a result of its own that
 belongs to the one above (a run of a comparison or study, an export) is listed as its part. A file
 that is not listed, or is not as it was written, is somebody else's. Symbolic links are never
 followed.
@@ -11,6 +11,7 @@ import json
 import os
 import re
 import stat
+import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -19,19 +20,20 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from sparsemor.core.errors import InputError
-from sparsemor.core.results import zarr_files as zf
 from sparsemor.core.results.atomic_files import append_synced, replace_file
 from sparsemor.core.results.files.temporary import TemporaryFolder
 
 LISTING = ".sparsemor.jsonl"
+VERSION = 2
+"""Version of the list. Version 1 had other checksums: its files count as somebody else's."""
 _PIECE = 2**22
 Written = tuple[int, int]
-"""Size and CRC-32C of a file."""
+"""Size and CRC-32 of a file."""
 
 
 @dataclass(frozen=True, slots=True)
 class Listing:
-    """Content of a list. kind: kind of the result; files: path -> size and CRC-32C at each time it
+    """Content of a list. kind: kind of the result; files: path -> size and CRC-32 at each time it
     was written; parts: folders with lists or stores of their own; alone: files as in `files` that
     belong to no result, such as kept models."""
 
@@ -50,7 +52,7 @@ def read_listing(folder: Path) -> Listing | None:
         lines = [_parsed(line) for line in file.read_bytes().splitlines()]
     except OSError:
         return None
-    if not lines or lines[0].get("sparsemor") != 1:
+    if not lines or lines[0].get("sparsemor") != VERSION:
         return None
     files: dict[str, list[Written]] = {}
     alone: dict[str, list[Written]] = {}
@@ -60,7 +62,7 @@ def read_listing(folder: Path) -> Listing | None:
             parts[line["part"]] = None
         if _inside(line.get("file")):
             (alone if line.get("alone") else files).setdefault(line["file"], []).append(
-                (line.get("size", -1), line.get("crc32c", -1)))
+                (line.get("size", -1), line.get("crc32", -1)))
     kind = lines[0].get("kind")
     return Listing(kind if isinstance(kind, str) else "", files, tuple(parts), alone)
 
@@ -73,7 +75,7 @@ def add_to_listing(folder: Path, lines: Sequence[Mapping[str, Any]], kind: str =
         if not _begun(file):
             raise in_the_way(folder, [LISTING])
     else:
-        lines = [{"sparsemor": 1, "kind": kind}, *lines]
+        lines = [{"sparsemor": VERSION, "kind": kind}, *lines]
     text = "".join(f"{json.dumps(line)}\n" for line in lines)
     with file.open("ab") as out:
         # what a process that was killed wrote last may be no whole line
@@ -85,7 +87,7 @@ def _begun(file: Path) -> bool:
     if not is_kind(file, stat.S_ISREG):
         return False
     with file.open("rb") as lines:
-        return bool(_parsed(lines.readline()).get("sparsemor") == 1)
+        return bool(_parsed(lines.readline()).get("sparsemor") == VERSION)
 
 
 def add_part(folder: Path, name: str, kind: str = "") -> None:
@@ -98,10 +100,10 @@ def add_part(folder: Path, name: str, kind: str = "") -> None:
 
 
 def write_listed(folder: Path, name: str, data: bytes, *, synced: bool = False) -> Written:
-    """Writes a file of ours into a folder, atomically, and lists it; returns its size and CRC-32C.
+    """Writes a file of ours into a folder, atomically, and lists it; returns its size and CRC-32.
     Raises InputError (key `out`) instead of replacing a file that is not ours."""
     require_ours(folder, [name])
-    written = len(data), zf.checksum(data)
+    written = len(data), zlib.crc32(data)
     add_to_listing(folder, [line_of(name, written)])
     replace_file(folder / name, data, synced=synced)
     return written
@@ -115,9 +117,9 @@ def remove_listed(folder: Path, name: str) -> None:
 
 def append_listed(folder: Path, name: str, data: bytes, before: Written) -> Written:
     """Appends to a file of ours, flushed to disk, and lists it as it then is; returns its size and
-    CRC-32C. before: those that it had. The list grows before the file does: one that was changed in
+    CRC-32. before: those that it had. The list grows before the file does: one that was changed in
     between is not ours."""
-    written = before[0] + len(data), zf.checksum(data, before[1])
+    written = before[0] + len(data), zlib.crc32(data, before[1])
     add_to_listing(folder, [line_of(name, written)])
     append_synced(folder / name, data)
     return written
@@ -149,8 +151,8 @@ def list_file(file: Path, *, alone: bool = False) -> None:
 
 
 def line_of(name: str, written: Written, alone: bool = False) -> dict[str, Any]:
-    """Line of a list for a file that is written with this size and CRC-32C."""
-    line = {"file": name, "size": written[0], "crc32c": written[1]}
+    """Line of a list for a file that is written with this size and CRC-32."""
+    line = {"file": name, "size": written[0], "crc32": written[1]}
     return {**line, "alone": True} if alone else line
 
 
@@ -212,11 +214,11 @@ def is_free(folder: Path, name: str) -> bool:
 
 
 def written_in(file: Path, most: int | None = None) -> Written:
-    """Size and CRC-32C of a file, or of its first `most` bytes; it is read in pieces."""
+    """Size and CRC-32 of a file, or of its first `most` bytes; it is read in pieces."""
     size = found = 0
     with file.open("rb") as data:
         while piece := data.read(_PIECE if most is None else min(_PIECE, most - size)):
-            size, found = size + len(piece), zf.checksum(piece, found)
+            size, found = size + len(piece), zlib.crc32(piece, found)
     return size, found
 
 

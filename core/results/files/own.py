@@ -1,21 +1,19 @@
 """Files of a result that this program wrote and nobody has changed since: what may be replaced.
 
-A store is a list of its own files: its metadata, which have a checksum, name its arrays, and each
-chunk ends with its CRC-32C. All other files are listed (listing.py). What is not listed, or is not
-as it was written, is somebody else's and stays.
+The files of a result need no list: its header has a checksum and the identifier of its run, and
+each archive ends with this identifier and the CRC-32 of its bytes. All other files are listed
+(listing.py). What is not listed, or is not as it was written, is somebody else's and stays.
 """
 
-import json
 import os
-import re
 import stat
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 from sparsemor.core.errors import InputError
-from sparsemor.core.results import zarr_files as zf
+from sparsemor.core.results.archive import is_archive
 from sparsemor.core.results.atomic_files import unfinished
 from sparsemor.core.results.checkpoint import checkpoint_file, load_checkpoint
 from sparsemor.core.results.files.listing import (
@@ -27,8 +25,10 @@ from sparsemor.core.results.files.listing import (
     real_folder,
 )
 from sparsemor.core.results.saved_state import SavedError
+from sparsemor.core.results.stored_arrays import FIXED, HEADER, read_header, steps_files
 
-STORE = "result.zarr"
+STORE = "result"
+"""Name of the folder of a result in the output directory of its run."""
 _Signature = tuple[int, int, int]
 """Inode, size and time of the last change (ns) of a file that was found to be ours."""
 
@@ -55,7 +55,7 @@ class OwnFiles:
 
 def own_files(folder: Path, *, checked: bool = True) -> OwnFiles:
     """Files in a folder that are ours, by its list, its store and its parts. checked: the content
-    of its chunks and checkpoints is compared with their checksums, else their sizes only."""
+    of its archives and checkpoints is compared with their checksums, else their ends only."""
     files: dict[str, _Signature] = {}
     changed: dict[str, None] = {}
     _gather(folder, "", files, changed, checked)
@@ -96,36 +96,19 @@ def _gather_store(
 ) -> bool:
     """Adds the files of the store root/prefix; returns True if it is one of ours."""
     store = root / prefix
-    group = store / zf.GROUP_FILE
-    if not is_kind(store, stat.S_ISDIR) or not os.path.lexists(group):
+    header = store / HEADER
+    if not is_kind(store, stat.S_ISDIR) or not os.path.lexists(header):
         return False
     try:
-        document = zf.read_group(store) if is_kind(group, stat.S_ISREG) else {}
-        ours = document["attributes"]["format"] == zf.FORMAT
+        run = read_header(store)["attributes"]["run"] if is_kind(header, stat.S_ISREG) else None
     except (InputError, OSError, KeyError):
-        ours = False
-    _judge(root, f"{prefix}{zf.GROUP_FILE}", True, ours, files, changed)
-    if not ours:
+        run = None
+    _judge(root, f"{prefix}{HEADER}", True, run is not None, files, changed)
+    if run is None:
         return False
-    for name, metadata in zf.arrays_of(document).items():
-        if len(PurePosixPath(name).parts) != 1 or not real_folder(store, name):
-            continue
-        own = store / name / zf.GROUP_FILE
-        _judge(root, f"{prefix}{name}/{zf.GROUP_FILE}", os.path.lexists(own),
-               _holds(own, metadata), files, changed)
-        _add_unfinished(root, f"{prefix}{name}/", files)
-        folders: dict[str, None] = {}
-        for number in _chunks(store / name / "c"):
-            chunk = zf.chunk_file(store, name, metadata, number)
-            path = f"{prefix}{chunk.relative_to(store).as_posix()}"
-            inside = real_folder(store, chunk.parent.relative_to(store).as_posix())
-            _judge(root, path, number < zf.chunk_count(metadata) and os.path.lexists(chunk),
-                   inside and is_kind(chunk, stat.S_ISREG)
-                   and zf.is_chunk(chunk, metadata, checked), files, changed)
-            if inside:
-                folders[f"{PurePosixPath(path).parent}/"] = None
-        for folder in folders:
-            _add_unfinished(root, folder, files)
+    for file in (store / FIXED, *steps_files(store).values()):
+        ours = is_kind(file, stat.S_ISREG) and is_archive(file, run, checked=checked)
+        _judge(root, f"{prefix}{file.name}", os.path.lexists(file), ours, files, changed)
     _add_unfinished(root, prefix, files)
     return True
 
@@ -161,22 +144,9 @@ def _is_checkpoint(store: Path, checked: bool) -> bool:
         return is_kind(checkpoint_file(store), stat.S_ISREG)
     try:
         found = load_checkpoint(store)
-        return found is not None and found.run == zf.read_group(store)["attributes"]["run"]
+        return found is not None and found.run == read_header(store)["attributes"]["run"]
     except (SavedError, OSError, KeyError, InputError):
         return False
-
-
-def _holds(file: Path, value: object) -> bool:
-    try:
-        return is_kind(file, stat.S_ISREG) and bool(json.loads(file.read_bytes()) == value)
-    except (OSError, ValueError, RecursionError):
-        return False
-
-
-def _chunks(folder: Path) -> Iterator[int]:
-    """Numbers of the chunks in a folder, those included that are not committed."""
-    if is_kind(folder, stat.S_ISDIR):
-        yield from sorted(int(e.name) for e in os.scandir(folder) if re.fullmatch(r"\d+", e.name))
 
 
 def _signature(path: Path) -> _Signature | None:

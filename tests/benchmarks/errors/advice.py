@@ -194,7 +194,7 @@ class Bench:
                 **self.changes[i], "reducer": "full", "output.every": self.case.every}),
                 out=out, cache=self.cache, body_cache=self.bodies)
             out.with_suffix(".done").touch()
-        return RunResult(out / "result.zarr")
+        return RunResult(out / "result")
 
     def error(self, model: Scene, i: int) -> dict[str, float]:
         """Largest error of each field in a run of set i; inf for a run that stops."""

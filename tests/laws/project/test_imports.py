@@ -21,7 +21,7 @@ DEPTH = 8
 """Imports at most from a folder of core down to the modules that import nothing of it: cli,
 analysis, simulation, results, model, scene, registry, protocols, arrays."""
 FLAT_MODULES = {"arrays", "errors", "notes", "status"}
-HEAVY = {"skfem", "matplotlib", "meshio", "zarr", "xarray", "rich", "pyvista"}
+HEAVY = {"skfem", "matplotlib", "meshio", "xarray", "rich", "pyvista"}
 EACH = [pytest.param(f, marks=pytest.mark.full) if f == "core" else f for f in FOLDERS]
 """Folders as parameters; the syntax trees of core take half a second."""
 FILES = sorted(p for folder in FOLDERS for p in (ROOT / folder).rglob("*.py"))

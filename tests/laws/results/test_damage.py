@@ -2,20 +2,20 @@
 
 import logging
 import shutil
+import zipfile
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-import xarray as xr
 from typer.testing import CliRunner
 
 from sparsemor import InputError, load, open_result, simulate
 from sparsemor.core.cli import app
 from sparsemor.core.errors import Damaged
-from sparsemor.core.results import zarr_files
 from sparsemor.core.results.run_result import RunResult
+from sparsemor.core.results.stored_arrays import read_header, write_header
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.status import Status
 
@@ -79,8 +79,8 @@ def damage(file: Path, rng: np.random.Generator) -> str:
 @pytest.mark.full
 def test_damaged_results_are_named_or_harmless(result: Path) -> None:
     rng, reference = np.random.default_rng(14), everything(open_result(result))
-    files = sorted(p for p in (result / "result.zarr").rglob("*") if p.is_file())
-    group = result / "result.zarr" / "zarr.json"
+    files = sorted(p for p in (result / "result").rglob("*") if p.is_file())
+    group = result / "result" / "header.json"
     named = 0
     for turn in range(150):
         file = group if turn % 3 == 0 else files[int(rng.integers(len(files)))]
@@ -95,7 +95,7 @@ def test_damaged_results_are_named_or_harmless(result: Path) -> None:
         else:
             assert same(found, reference), f"{turn}: {kind} in {file}"
         file.write_bytes(before)
-    assert named > 90  # the others: bytes replaced by themselves, metadata of single arrays
+    assert named > 90  # the others: bytes replaced by themselves, dates of the archive
     assert same(everything(open_result(result)), reference)
 
 
@@ -130,35 +130,31 @@ def test_damaged_cache_entries_are_made_again(
 
 
 def test_a_missing_chunk_is_an_error_and_never_zeros(result: Path) -> None:
-    chunk = result / "result.zarr" / "bar.thermal.coefficients" / "c" / "0" / "0"
+    chunk = result / "result" / "steps-000000.npz"
     chunk.unlink()
     run = open_result(result)
     assert run.status is Status.DONE  # of the metadata, which are whole
     for read in (lambda: run.times, lambda: run.block("bar.thermal"), run.to_xarray):
-        with pytest.raises(Damaged, match="is missing; rows 0 to 10 of bar.thermal.coeff") as error:
+        with pytest.raises(Damaged, match="is missing; steps 0 to 10 are lost") as error:
             read()
         assert str(chunk) in str(error.value)
-    with xr.open_zarr(result / "result.zarr", chunks=None) as data:  # any other reader
-        assert np.isnan(data["bar.thermal.coefficients"].to_numpy()).all()
 
 
-def test_other_zarr_readers_see_the_checksums(result: Path) -> None:
-    store = result / "result.zarr"
-    with xr.open_zarr(store, chunks=None) as data:
-        assert np.array_equal(data["bar.thermal.coefficients"],
-                              open_result(result).coefficients("bar.thermal"))
-    chunk = store / "bar.thermal.coefficients" / "c" / "0" / "0"
-    raw = bytearray(chunk.read_bytes())
-    raw[11] ^= 4
-    chunk.write_bytes(raw)
-    with (xr.open_zarr(store, chunks=None) as data,
-          pytest.raises(ValueError, match="checksum")):
-        data["bar.thermal.coefficients"].to_numpy()
+def test_other_readers_see_the_checksums(result: Path) -> None:
+    chunk = result / "result" / "steps-000000.npz"
+    with np.load(chunk) as data:
+        kept = data["bar.thermal.coefficients"]
+        assert np.array_equal(kept, open_result(result).coefficients("bar.thermal"))
+    raw = chunk.read_bytes()
+    at = raw.index(kept.tobytes())
+    chunk.write_bytes(raw[:at + 11] + bytes([raw[at + 11] ^ 4]) + raw[at + 12:])
+    with np.load(chunk) as data, pytest.raises(zipfile.BadZipFile, match="CRC-32"):
+        data["bar.thermal.coefficients"]
 
 
 @pytest.mark.full
 def test_a_damaged_result_is_bad_input_of_commands(result: Path, tmp_path: Path) -> None:
-    group = result / "result.zarr" / "zarr.json"
+    group = result / "result" / "header.json"
     text = group.read_text(encoding="utf-8")
     group.write_text(text.replace('"done"', '"dome"'), encoding="utf-8")
     for command in (["export", str(result), "--out", str(tmp_path / "x")],
@@ -177,29 +173,26 @@ def test_a_damaged_result_is_bad_input_of_commands(result: Path, tmp_path: Path)
     assert CliRunner().invoke(app, again).exit_code == 0
 
 
-def test_results_of_format_1_are_read_and_others_refused(result: Path) -> None:
-    store = result / "result.zarr"
-    reference, document = everything(open_result(result)), zarr_files.read_group(store)
-    document["attributes"]["format"] = 1
-    for name, metadata in zarr_files.arrays_of(document).items():
-        metadata["codecs"] = metadata["codecs"][:1]
-        metadata["fill_value"] = {"float64": 0.0, "int64": 0, "bool": False}[metadata["data_type"]]
-        for number in range(zarr_files.chunk_count(metadata)):
-            file = zarr_files.chunk_file(store, name, metadata, number)
-            file.write_bytes(file.read_bytes()[:-4])
-    zarr_files.write_group(store, document)
-    assert "checksum" not in (store / "zarr.json").read_text(encoding="utf-8")
-    found = everything(open_result(result))
-    for each in (found, reference):
-        each["attributes"].pop("format")
-    assert same(found, reference)
-    (store / "bar.rigid" / "c" / "0" / "0").unlink(missing_ok=True)
-    with pytest.raises(Damaged, match="is missing; rows 0 to 10 of bar.rigid"):
-        open_result(result).block("bar.rigid")
-    document["attributes"]["format"] = 3
-    zarr_files.write_group(store, document)
-    with pytest.raises(InputError, match="has format 3; this version reads formats 1 to 2"):
+def test_results_of_other_formats_are_refused(result: Path) -> None:
+    store = result / "result"
+    document = read_header(store)
+    document["attributes"]["format"] = 4
+    write_header(store, document)
+    with pytest.raises(InputError, match="has format 4; this version reads format 3"):
         _ = open_result(result).status
+    store.rename(result / "result.zarr")  # as earlier versions wrote it, a Zarr group
+    (result / "result.zarr" / "header.json").rename(result / "result.zarr" / "zarr.json")
+    (result / "result.checkpoint").unlink()
+    for place in (result, result / "result.zarr"):
+        with pytest.raises(InputError, match=r"result.zarr is a result of an earlier format "
+                           r"\(Zarr\) of sparsemor 0.1.0, which this version does not read"):
+            open_result(place)
+    again = ["run", str(TINY), "--set", "time.end=0.01", "--out", str(result)]
+    for more, said in (("--resume", "earlier format"), ("--quiet", "not empty"),
+                       ("--force", "holds none")):
+        done = CliRunner().invoke(app, [*again, more])
+        assert done.exit_code == 2 and said in done.stderr, done.stderr
+        assert len(done.stderr.splitlines()) == 1
 
 
 def test_arrays_of_a_result_are_read_only(result: Path) -> None:

@@ -3,6 +3,7 @@
 import os
 import shutil
 import tempfile
+import zlib
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -25,18 +26,17 @@ from sparsemor.core.results.files.listing import (
 from sparsemor.core.results.files.own import own_files
 from sparsemor.core.results.output_directory import COMPARISON, KEPT, MOVING, OutputDirectory
 from sparsemor.core.results.store import ResultWriter
-from sparsemor.core.results.zarr_files import checksum
 from written_runs import RIGID, TIMES, write_run
 
 TABLE = "errors.csv"
 NAMES = (
     "notes.txt", "thesis/ch1.tex", TABLE, "table.csv", "study.json", "result.checkpoint",
-    "result.zarr/notes.txt", "result.zarr/zarr.json", "result.zarr/time/c/0",
-    "result.zarr/time/c/1", "result.zarr/arm.rigid/c/0/0", "result.zarr/.zarr.json.part",
-    "result.zarr/mine/c/0", ".lock", ".sparsemor.lock", LISTING, f"{KEPT}/a.txt",
-    f"{KEPT}/{TABLE}", f"{MOVING}/a.txt", ".result.zarr.new/a", ".result.zarr.old/zarr.json",
-    "full/notes.txt", "full/result.zarr", "full/result.zarr/zarr.json", "galerkin",
-    "galerkin/result.checkpoint", "runs/1/data.csv", "vtu/arm.pvd", "sub/result.zarr/x")
+    "result/notes.txt", "result/header.json", "result/fixed.npz",
+    "result/steps-000000.npz", "result/steps-000001.npz", "result/.header.json.part",
+    "result/mine/c/0", ".lock", ".sparsemor.lock", LISTING, f"{KEPT}/a.txt",
+    f"{KEPT}/{TABLE}", f"{MOVING}/a.txt", ".result.new/a", ".result.old/header.json",
+    "full/notes.txt", "full/result", "full/result/header.json", "galerkin",
+    "galerkin/result.checkpoint", "runs/1/data.csv", "vtu/arm.pvd", "sub/result/x")
 """Places where users' files may lie, many of which a result has, too."""
 
 
@@ -47,7 +47,7 @@ class Killed(BaseException):
 def run(folder: Path) -> None:
     """A result as a run leaves it, of three steps."""
     write_run(folder, (RIGID,), times=TIMES[:3])
-    ResultWriter(folder / "result.zarr").checkpoint({})
+    ResultWriter(folder / "result").checkpoint({})
 
 
 def comparison(folder: Path) -> None:
@@ -157,7 +157,7 @@ def check(seed: Tree) -> None:
             if how == "edit" and path.is_file() and not path.is_symlink() and not any(
                     p.is_symlink() for p in path.parents):
                 path.write_bytes(path.read_bytes() + b"mine %d" % number)
-                if path.name in (LISTING, "zarr.json"):
+                if path.name in (LISTING, "header.json"):
                     continue  # who edits the list of our files says which are ours
             elif free(path, out):
                 path.parent.mkdir(parents=True, exist_ok=True)
@@ -224,7 +224,7 @@ def test_a_result_is_replaced_or_kept_as_a_whole(tmp_path: Path, kind: str, end:
         force(out, "run", "refused", 1)
         assert snapshot(out) == before
         force(out, "run", "done", 1)
-    assert {p.name for p in out.iterdir()} == {"notes.txt", "result.zarr", "result.checkpoint"}
+    assert {p.name for p in out.iterdir()} == {"notes.txt", "result", "result.checkpoint"}
     assert len(open_result(out).times) == 3
     assert {*own_files(out).files} == {
         n for n, c in snapshot(out).items() if c is not None} - {"notes.txt"}
@@ -236,7 +236,7 @@ def test_lists_that_name_files_elsewhere_are_not_followed(tmp_path: Path) -> Non
     thesis.write_text("mine", encoding="utf-8")
     out.mkdir()
     (out / "link").symlink_to(tmp_path)
-    line = {"size": 4, "crc32c": checksum(b"mine")}
+    line = {"size": 4, "crc32": zlib.crc32(b"mine")}
     add_to_listing(out, [
         *({"file": name, **line} for name in ("../thesis.tex", str(thesis), "link/thesis.tex")),
         *({"part": name} for name in ("..", ".", "", str(tmp_path), "link", 3, None)),

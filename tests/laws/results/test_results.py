@@ -9,18 +9,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import xarray as xr
 
 from sparsemor.bodies.terms.field_kinds import ELASTIC, MULTIPLIER, RIGID, THERMAL
 from sparsemor.core import BodyShape
-from sparsemor.core.errors import InputError
+from sparsemor.core.errors import Damaged, InputError
 from sparsemor.core.protocols import Dictionary
 from sparsemor.core.protocols.layout import Block, Layout
 from sparsemor.core.results.checkpoint import checkpoint_file
-from sparsemor.core.results.metadata import Probe, RunHeader, load_layout
+from sparsemor.core.results.metadata import Probe, RunHeader
 from sparsemor.core.results.run_result import RunResult, open_result
 from sparsemor.core.results.store import ChunkOfSteps, ResultWriter
-from sparsemor.core.results.stored_arrays import StoredArrays
 from sparsemor.core.status import Status
 
 FULL = Layout([Block("arm", RIGID, 3), Block("arm", ELASTIC, 6), Block("arm", THERMAL, 3),
@@ -59,13 +57,13 @@ def steps(layout: Layout, first: int, count: int) -> ChunkOfSteps:
 @pytest.mark.parametrize("reduced", [False, True])
 def test_round_trip(tmp_path: Path, reduced: bool) -> None:
     head = header(reduced)
-    writer = ResultWriter.create(tmp_path / "result.zarr", head)
+    writer = ResultWriter.create(tmp_path / "result", head)
     for first in range(0, 700, 70):
         writer.append(steps(head.layout, first, 70))
     writer.finish(Status.DONE, {"steps": np.int64(699), "online_seconds": 1.5})
     run, given = open_result(tmp_path), steps(head.layout, 0, 700)
     assert (run.status, run.summary) == (Status.DONE, {"steps": 699, "online_seconds": 1.5})
-    assert run.scene == head.scene and run.path == (tmp_path / "result.zarr").absolute()
+    assert run.scene == head.scene and run.path == (tmp_path / "result").absolute()
     assert np.array_equal(run.times, given.times)
     assert np.array_equal(run.iterations, given.iterations)
     assert np.array_equal(run.probe("tip"), given.probes["tip"])
@@ -87,22 +85,21 @@ def test_round_trip(tmp_path: Path, reduced: bool) -> None:
 
 def test_labels_units_and_nothing_missing(tmp_path: Path) -> None:
     head = header(True)
-    writer = ResultWriter.create(tmp_path / "result.zarr", head)
+    writer = ResultWriter.create(tmp_path / "result", head)
     writer.append(steps(head.layout, 0, 10))
     writer.finish(Status.DONE, {})
-    for consolidated in (True, False):
-        with xr.open_zarr(tmp_path / "result.zarr", chunks=None, consolidated=consolidated) as data:
-            assert data["arm.elastic.coefficients"].dims == ("time", "arm.elastic.atom")
-            assert data["arm.elastic.atoms"].dims == ("arm.elastic.unknown", "arm.elastic.atom")
-            assert data["arm.thermal"].attrs["units"] == "K"
-            assert data["time"].attrs["units"] == "s"
-            assert data["probe.tip"].attrs["components"] == ["x", "y"]
-            assert all(np.isfinite(v.to_numpy()).all() for v in data.variables.values())
-    assert RunResult(tmp_path / "result.zarr").to_xarray().sizes["time"] == 10
+    data = RunResult(tmp_path / "result").to_xarray()
+    assert data["arm.elastic.coefficients"].dims == ("time", "arm.elastic.atom")
+    assert data["arm.elastic.atoms"].dims == ("arm.elastic.unknown", "arm.elastic.atom")
+    assert data["arm.thermal"].attrs["units"] == "K"
+    assert data["time"].attrs["units"] == "s"
+    assert data["probe.tip"].attrs["components"] == ["x", "y"]
+    assert all(np.isfinite(v.to_numpy()).all() for v in data.variables.values())
+    assert data.sizes["time"] == 10
 
 
 def test_nodes_and_positions(tmp_path: Path) -> None:
-    writer = ResultWriter.create(tmp_path / "result.zarr", header(False))
+    writer = ResultWriter.create(tmp_path / "result", header(False))
     x = np.zeros((1, FULL.size))
     x[0, FULL["arm.rigid"]] = [2.0, 3.0, np.pi / 2]
     x[0, FULL["arm.elastic"]] = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6]
@@ -123,7 +120,7 @@ def test_nodes_and_positions(tmp_path: Path) -> None:
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
 @pytest.mark.parametrize("where", ["x", "times", "step_seconds"])
 def test_what_is_not_finite_is_refused_whole(tmp_path: Path, bad: float, where: str) -> None:
-    writer = ResultWriter.create(tmp_path / "result.zarr", header(False))
+    writer = ResultWriter.create(tmp_path / "result", header(False))
     writer.append(steps(FULL, 0, 5))
     chunk = steps(FULL, 5, 5)
     values = getattr(chunk, where).copy()
@@ -138,7 +135,7 @@ def test_what_is_not_finite_is_refused_whole(tmp_path: Path, bad: float, where: 
 
 
 def test_times_must_grow_and_names_must_fit(tmp_path: Path) -> None:
-    writer = ResultWriter.create(tmp_path / "result.zarr", header(False))
+    writer = ResultWriter.create(tmp_path / "result", header(False))
     writer.append(steps(FULL, 0, 5))
     with pytest.raises(ValueError, match="time: must grow"):
         writer.append(steps(FULL, 4, 5))
@@ -149,26 +146,26 @@ def test_times_must_grow_and_names_must_fit(tmp_path: Path) -> None:
 
 
 def test_an_existing_result_is_kept(tmp_path: Path) -> None:
-    path = tmp_path / "result.zarr"
+    path = tmp_path / "result"
     ResultWriter.create(path, header(False)).append(steps(FULL, 0, 5))
     with pytest.raises(InputError, match="already contains a result"):
         ResultWriter.create(path, header(False))
     assert len(open_result(path).times) == 5
-    assert [p.name for p in tmp_path.iterdir()] == ["result.zarr"]
+    assert [p.name for p in tmp_path.iterdir()] == ["result"]
 
 
 def test_resume_continues_where_the_checkpoint_stands(tmp_path: Path) -> None:
     head = header(True)
-    whole = ResultWriter.create(tmp_path / "a" / "result.zarr", head)
+    whole = ResultWriter.create(tmp_path / "a" / "result", head)
     whole.append(steps(head.layout, 0, 900))
-    broken = ResultWriter.create(tmp_path / "b" / "result.zarr", head)
+    broken = ResultWriter.create(tmp_path / "b" / "result", head)
     broken.append(steps(head.layout, 0, 300))
     broken.checkpoint({"x": np.arange(3.0)}, memory={"active": [1, 2]})
     lost = steps(head.layout, 300, 350)
     broken.append(dataclasses.replace(lost, x=lost.x + 99.0))
     broken.finish(Status.INTERRUPTED, {"steps": 650})
 
-    again, checkpoint = ResultWriter.resume(tmp_path / "b" / "result.zarr")
+    again, checkpoint = ResultWriter.resume(tmp_path / "b" / "result")
     memory = checkpoint.memory.into({"active": []})
     assert (again.stored, checkpoint.stored, memory) == (300, 300, {"active": [1, 2]})
     assert np.array_equal(checkpoint.arrays["x"], np.arange(3.0))
@@ -184,7 +181,7 @@ def test_resume_continues_where_the_checkpoint_stands(tmp_path: Path) -> None:
 
 
 def test_resume_refuses_in_words(tmp_path: Path) -> None:
-    path = tmp_path / "result.zarr"
+    path = tmp_path / "result"
     with pytest.raises(InputError, match="there is no result"):
         ResultWriter.resume(path)
     ResultWriter.create(path, header(False))
@@ -192,6 +189,46 @@ def test_resume_refuses_in_words(tmp_path: Path) -> None:
         ResultWriter.resume(path)
     with pytest.raises(InputError, match="no block 'arm.heat'.*arm.thermal"):
         open_result(path).block("arm.heat")
+
+
+def test_a_reader_keeps_the_steps_that_it_opened(tmp_path: Path) -> None:
+    writer = ResultWriter.create(tmp_path / "result", header(False))
+    writer.append(steps(FULL, 0, 1000))
+    before = open_result(tmp_path)
+    assert len(before.times) == 1000
+    writer.append(steps(FULL, 1000, 1200))  # the file that it reads is replaced, others are added
+    assert np.array_equal(before.block("arm.elastic"), steps(FULL, 0, 1000).x[:, 3:9])
+    assert {len(v) for v in before.to_xarray().values() if v.dims[0] == "time"} == {1000}
+    after = open_result(tmp_path)
+    assert np.array_equal(after.block("arm.elastic"), steps(FULL, 0, 2200).x[:, 3:9])
+    writer.finish(Status.DONE, {})
+    assert sorted(p.name for p in after.path.iterdir()) == [
+        "fixed.npz", "header.json", *(f"steps-00000{n}.npz" for n in range(3))]
+
+
+@pytest.mark.parametrize(("number", "lost"), [(0, "0 to 1023"), (1, "1024 to 2047"),
+                                              (2, "2048 to 2199")])
+def test_a_file_of_steps_that_is_lost_is_named(tmp_path: Path, number: int, lost: str) -> None:
+    writer = ResultWriter.create(tmp_path / "result", header(False))
+    writer.append(steps(FULL, 0, 2200))
+    writer.checkpoint({})
+    file = tmp_path / "result" / f"steps-00000{number}.npz"
+    kept = file.read_bytes()
+    file.unlink()
+    if number < 2:  # while the run goes on the number of its steps is that of its files
+        with pytest.raises(Damaged, match=f"{file} is missing; steps {lost}"):
+            _ = open_result(tmp_path).times
+    else:
+        assert len(open_result(tmp_path).times) == 2048
+    with pytest.raises(Damaged, match=f"{file} is missing; steps {lost}"):
+        ResultWriter.resume(tmp_path / "result")
+    with pytest.raises(OSError, match=f"{file} is missing; steps {lost}"):
+        writer.finish(Status.DONE, {})
+    file.write_bytes(kept)
+    writer.finish(Status.DONE, {})
+    file.unlink()
+    with pytest.raises(Damaged, match=f"{file} is missing; steps {lost}"):
+        _ = open_result(tmp_path).times
 
 
 ENDLESS = """
@@ -233,9 +270,9 @@ while True:
 def test_a_killed_run_is_whole_up_to_its_last_commit(tmp_path: Path) -> None:
     reached: list[int] = []
     for turn in range(20):  # each store is killed and resumed four times, more on a busy machine
-        if turn >= 4 and max(reached) > 256:
+        if turn >= 4 and max(reached) > 1024:
             break
-        stores = [tmp_path / str(i) / "result.zarr" for i in range(4)]
+        stores = [tmp_path / str(i) / "result" for i in range(4)]
         writers = [subprocess.Popen([sys.executable, "-c", ENDLESS, str(s)],
                                     stdout=subprocess.PIPE) for s in stores]
         for number, writer in enumerate(writers):
@@ -245,29 +282,17 @@ def test_a_killed_run_is_whole_up_to_its_last_commit(tmp_path: Path) -> None:
             writer.wait()
             writer.stdout.close()
         for store in stores:
-            with xr.open_zarr(store, chunks=None) as data:
-                count = data.sizes["time"]
-                t = np.arange(count)
-                assert np.array_equal(data["time"], t)
-                assert np.array_equal(data["iterations"], t + 1)
-                assert np.array_equal(data["step_seconds"], t + 1.0)
-                assert np.array_equal(data["b.rigid"], t[:, None] + np.arange(1.0, 4.0))
-                assert np.array_equal(
-                    data["b.thermal.coefficients"], t[:, None] + np.arange(4.0, 6.0))
-                assert bool(data["b.thermal.active"].all())
-                reached.append(count)
             run = open_result(store)
+            data = run.to_xarray()
+            count = data.sizes["time"]
+            t = np.arange(count)
+            assert np.array_equal(data["time"], t)
+            assert np.array_equal(data["iterations"], t + 1)
+            assert np.array_equal(data["step_seconds"], t + 1.0)
+            assert np.array_equal(data["b.rigid"], t[:, None] + np.arange(1.0, 4.0))
+            assert np.array_equal(data["b.thermal.coefficients"], t[:, None] + np.arange(4.0, 6.0))
+            assert bool(data["b.thermal.active"].all())
+            reached.append(count)
             assert run.status is Status.INTERRUPTED and run.summary == {}
             assert np.array_equal(run.block("b.thermal")[:, 2], np.ones(count))
-    assert max(reached) > 256  # more than one file a variable was written
-
-
-def test_a_result_without_kinds_tells_them_by_units(tmp_path: Path) -> None:
-    ResultWriter.create(tmp_path / "r.zarr", header(True))
-    stored = StoredArrays(tmp_path / "r.zarr")
-    assert load_layout(stored.attributes, "full_layout", stored.metadata).blocks == FULL.blocks
-    older = {k: v for k, v in stored.attributes.items() if k != "fields"}
-    told = load_layout(older, "full_layout", stored.metadata)
-    assert [(b.name, b.size) for b in told] == [(b.name, b.size) for b in FULL]
-    assert [(b.kind.order, b.kind.quantity, b.kind.reducible) for b in told] == [
-        (b.kind.order, b.kind.quantity, b.kind.reducible) for b in FULL]
+    assert max(reached) > 1024  # more than one file was written

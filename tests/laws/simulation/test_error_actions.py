@@ -110,7 +110,7 @@ def test_a_source_not_seen_in_training_is_caught_and_full_order_brings_the_error
     assert "fell_back" in run.summary["note_kinds"]
     assert run.error_estimates == ("bar.thermal",) and not run.reduced("bar.thermal")
     assert run.reducer == "galerkin" and len(run.times) == STEPS + 1
-    assert not (tmp_path / "run" / ".result.zarr.old").exists()
+    assert not (tmp_path / "run" / ".result.old").exists()
     assert f"run: {told['steps']} steps from 0.016 s on at full order" in str(
         compare(reference(), run=run))
 

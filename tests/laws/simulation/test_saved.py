@@ -111,7 +111,7 @@ def test_a_forged_checkpoint_executes_nothing(
     monkeypatch.chdir(tmp_path)
     scene = stopped(tmp_path / "out")
     data = pickle.dumps(("run", 0, {}, Nasty())) if forged == "pickle" else forged_array()
-    checkpoint_file(tmp_path / "out" / "result.zarr").write_bytes(data)
+    checkpoint_file(tmp_path / "out" / "result").write_bytes(data)
     with pytest.raises(InputError, match="cannot be resumed: result.checkpoint: it "):
         simulate(scene, out=tmp_path / "out", resume=True)
     assert not (tmp_path / "was_here").exists()
@@ -119,7 +119,7 @@ def test_a_forged_checkpoint_executes_nothing(
 
 def test_a_damaged_checkpoint_is_named(tmp_path: Path) -> None:
     scene = stopped(tmp_path / "out")
-    file = checkpoint_file(tmp_path / "out" / "result.zarr")
+    file = checkpoint_file(tmp_path / "out" / "result")
     data = bytearray(file.read_bytes())
     data[len(data) // 2] ^= 1
     file.write_bytes(data)

@@ -143,8 +143,8 @@ def test_a_run_is_the_reference_of_studies_with_its_physics(here: Path) -> None:
     for change, same in (({"title": "another", "seed": 7}, True), ({"output.every": 3}, False),
                          ({"time.end": 0.002}, False)):
         job = {"kind": "reference", "scene": SceneData.of(scene.using(change)).plain()}
-        kept = Cache().root / "reference" / execute(job)["key"] / "result.zarr" / "zarr.json"
-        assert kept.samefile(Path("out", "result.zarr", "zarr.json")) is same
+        kept = Cache().root / "reference" / execute(job)["key"] / "result" / "header.json"
+        assert kept.samefile(Path("out", "result", "header.json")) is same
 
 
 def test_the_functions_that_count_as_matrix_operations_exist() -> None:
@@ -205,12 +205,12 @@ def test_a_verdict_follows_the_numbers_and_what_is_complete_is_kept(here: Path) 
     assert "&lt;Angle&gt; &amp; error" in page.read_text()
     for text in (index.read_text(), page.read_text()):
         assert "http" not in text and "<script" not in text
-    before = (here / "out" / "runs" / "whole" / "result.zarr" / "zarr.json").stat().st_mtime_ns
+    before = (here / "out" / "runs" / "whole" / "result" / "header.json").stat().st_mtime_ns
     for bound, grade in ((1.5 * error, "reproduced"), (20.0 * error, "better")):
         again = reproduce("bar", paper=toy(bound), out="out", workers=1)
         assert [v.grade for v in again.verdicts] == [grade]
         assert grade in GRADES and again.counts == {grade: 1} and not again.incomplete
-    after = (here / "out" / "runs" / "whole" / "result.zarr" / "zarr.json").stat().st_mtime_ns
+    after = (here / "out" / "runs" / "whole" / "result" / "header.json").stat().st_mtime_ns
     assert before == after, "a complete run was repeated"
     assert "better" in (here / "out" / "verdicts.csv").read_text()
     with pytest.raises(InputError, match="reproduction without --quick"):
