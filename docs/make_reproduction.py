@@ -16,10 +16,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from textwrap import wrap
 
-from sparsemor.core.analysis.reproduction.page import text_of
-from sparsemor.core.analysis.reproduction.paper import GRADES, MISSED, Item, Paper, PaperFile
-from sparsemor.core.analysis.reproduction.rules import Operand, evaluate
 from sparsemor.core.registry.registry import Registry
+from sparsemor.plugins.liang2026.page import text_of
+from sparsemor.plugins.liang2026.paper import GRADES, MISSED, Item, Paper, PaperFile
+from sparsemor.plugins.liang2026.rules import Operand, evaluate
 
 HERE = Path(__file__).parent
 PAGE = HERE / "reproduce.md"

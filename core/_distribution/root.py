@@ -11,7 +11,6 @@ if TYPE_CHECKING:
     from sparsemor.core.analysis.charts.plot import plot as plot
     from sparsemor.core.analysis.compare import compare as compare
     from sparsemor.core.analysis.parameter_test import parameter_test as parameter_test
-    from sparsemor.core.analysis.reproduction import reproduce as reproduce
     from sparsemor.core.analysis.study import study as study
     from sparsemor.core.errors import InputError as InputError
     from sparsemor.core.registry.registry import Registry as Registry
@@ -27,30 +26,31 @@ if TYPE_CHECKING:
     from sparsemor.core.simulation.simulate import simulate as simulate
     from sparsemor.core.status import SolveFailed as SolveFailed
     from sparsemor.core.status import Status as Status
+    from sparsemor.plugins.liang2026.reproduce import reproduce as reproduce
 
     __version__: str
 
 _HOMES = {
-    "Advice": "simulation.advice",
-    "InputError": "errors",
-    "ReducedModel": "simulation.reduced_model",
-    "Registry": "registry.registry",
-    "Scene": "scene.scene",
-    "SolveFailed": "status",
-    "Status": "status",
-    "advise": "simulation.advice",
-    "animate": "analysis.charts.animation",
-    "compare": "analysis.compare",
-    "export": "results.export",
-    "load": "scene.scene",
-    "load_model": "simulation.reduced_model",
-    "open_result": "results.run_result",
-    "parameter_test": "analysis.parameter_test",
-    "plot": "analysis.charts.plot",
-    "reduce": "simulation.reduced_model",
-    "reproduce": "analysis.reproduction",
-    "simulate": "simulation.simulate",
-    "study": "analysis.study",
+    "Advice": "core.simulation.advice",
+    "InputError": "core.errors",
+    "ReducedModel": "core.simulation.reduced_model",
+    "Registry": "core.registry.registry",
+    "Scene": "core.scene.scene",
+    "SolveFailed": "core.status",
+    "Status": "core.status",
+    "advise": "core.simulation.advice",
+    "animate": "core.analysis.charts.animation",
+    "compare": "core.analysis.compare",
+    "export": "core.results.export",
+    "load": "core.scene.scene",
+    "load_model": "core.simulation.reduced_model",
+    "open_result": "core.results.run_result",
+    "parameter_test": "core.analysis.parameter_test",
+    "plot": "core.analysis.charts.plot",
+    "reduce": "core.simulation.reduced_model",
+    "reproduce": "plugins.liang2026.reproduce",
+    "simulate": "core.simulation.simulate",
+    "study": "core.analysis.study",
 }
 
 __all__ = [
@@ -67,7 +67,7 @@ def __getattr__(name: str) -> Any:
 
         return version("sparsemor")
     if name in _HOMES:
-        return getattr(import_module(f"sparsemor.core.{_HOMES[name]}"), name)
+        return getattr(import_module(f"sparsemor.{_HOMES[name]}"), name)
     raise AttributeError(f"module 'sparsemor' has no attribute {name!r}")
 
 

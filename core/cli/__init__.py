@@ -30,13 +30,13 @@ try:
 
     from sparsemor.core.cli.advise import advise
     from sparsemor.core.cli.cache import cache
+    from sparsemor.core.cli.commands import Commands
     from sparsemor.core.cli.compare import compare
     from sparsemor.core.cli.export import animate, export, pictures
     from sparsemor.core.cli.new_plugin import new_plugin
     from sparsemor.core.cli.options import FAILED, INTERRUPTED
     from sparsemor.core.cli.plugins import plugins, schema, validate
     from sparsemor.core.cli.reduce import reduce
-    from sparsemor.core.cli.reproduce import reproduce
     from sparsemor.core.cli.run import run
     from sparsemor.core.cli.stability import stability
     from sparsemor.core.cli.study import study
@@ -44,10 +44,11 @@ except KeyboardInterrupt:  # Ctrl-C in the first half second, while all this is 
     sys.stderr.write("interrupted\n")
     raise SystemExit(130) from None
 
-app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
+app = typer.Typer(
+    cls=Commands, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]})
-for command in (run, reduce, advise, compare, study, reproduce, stability, export, pictures,
-                animate, validate, schema, plugins, cache):
+for command in (run, reduce, advise, compare, study, stability, export, pictures, animate,
+                validate, schema, plugins, cache):
     app.command()(command)
 app.command("new-plugin")(new_plugin)
 

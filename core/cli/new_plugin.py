@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from sparsemor.core.cli.commands import OWN
 from sparsemor.core.cli.options import exit_codes, located_in, path_of
 from sparsemor.core.errors import InputError
 from sparsemor.core.registry.registry import Registry, suggestions
@@ -20,6 +21,7 @@ NAME."""
 COMMON = "common"
 KINDS = tuple(sorted(p.stem for p in TEMPLATES.glob("*.txt") if p.stem != COMMON))
 USES = {"scene": "`sparsemor run $name` runs it", "study": "`sparsemor study $name` conducts it",
+        "command": "`sparsemor $name double_pendulum` calls it",
         "paper": "`sparsemor reproduce --paper $name` recomputes it",
         "observer": "a script passes `$cls().observer()` to `simulate`"}
 """Plugin kind -> how plugins of that kind are used; scene files select those of all other kinds."""
@@ -37,6 +39,8 @@ def new_plugin(
         directory = out or Path(f"sparsemor-{name.replace('_', '-')}")
         files = package_files(name, kind)
         taken = [p.origin for p in Registry().names(kind) if p.name == name]
+        if kind == "command" and name in OWN:
+            taken.append("sparsemor")
         if taken:
             offer = "offers" if len(taken) == 1 else "offer"
             raise InputError(f"NAME: {' and '.join(taken)} {offer} a {kind} called {name!r} "
@@ -64,7 +68,7 @@ def package_files(name: str, kind: str) -> dict[str, str]:
         "distribution": f"sparsemor-{name.replace('_', '-')}",
         "cls": "".join(part.capitalize() for part in name.split("_")),
     }
-    values["target"] = name if kind in ("scene", "study", "paper") else values["cls"]
+    values["target"] = name if kind in ("scene", "study", "paper", "command") else values["cls"]
     values["use"] = Template(USES.get(kind, "a scene can contain `use: $name`")).substitute(values)
     files = _files(kind, values)
     packaged = [f for f in files if f == f"{values['module']}.py" or f.startswith(f"{name}.")]

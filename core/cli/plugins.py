@@ -3,11 +3,14 @@ scene files, list the installed plugins."""
 
 import json
 import re
+from inspect import getdoc
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from pydantic import BaseModel
 
+from sparsemor.core.cli.commands import GROUP, function_of
 from sparsemor.core.cli.options import (
     Json,
     SceneName,
@@ -23,9 +26,6 @@ from sparsemor.core.registry.contracts import abilities_of, required_members, sh
 from sparsemor.core.registry.option_types import type_in_words
 from sparsemor.core.registry.registry import PluginName, Registry, suggestions
 from sparsemor.core.scene.source import Source
-
-FILES = ("scene", "study", "paper")
-"""Plugin kinds that are data files without options."""
 
 
 def validate(scene: SceneName, settings: Settings = None, as_json: Json = False) -> None:
@@ -92,7 +92,10 @@ def _described(registry: Registry, plugin: PluginName) -> dict[str, Any]:
         "broken": "", "options": [], "required": [], "abilities": [],
     }
     try:
-        if plugin.kind in FILES:
+        if plugin.kind == GROUP:
+            return {**found, "doc": first_sentence(
+                getdoc(function_of(registry, found["use"])) or "")}
+        if isinstance(registry.load(plugin.kind, found["use"]), Path):
             return {**found, "doc": _title(registry, plugin)}
         cls = registry.get(plugin.kind, found["use"])
     except InputError as error:
@@ -109,7 +112,7 @@ def _ability(protocol: type) -> dict[str, Any]:
 
 
 def _title(registry: Registry, plugin: PluginName) -> str:
-    """Title of a packaged scene, study or paper."""
+    """Title of a packaged data file, such as a scene."""
     return str(Source.read(registry.spelling(plugin), registry, plugin.kind).tree.get("title", ""))
 
 

@@ -103,9 +103,16 @@ def environment() -> list[object]:
 def code_digest() -> str:
     """SHA-256 digest of sparsemor's own sources on which runs depend, read once per process."""
     root = Path(__file__).absolute().parents[2]
-    outside = [root / folder for folder in OUTSIDE]
+    outside = [root / folder for folder in (*OUTSIDE, *_of_commands())]
     return _digest_of([p for folder in FOLDERS for p in sources(root / folder)
                        if not any(map(p.is_relative_to, outside))], root)
+
+
+def _of_commands() -> list[str]:
+    """Folders of sparsemor's commands outside of core, on which no run depends either."""
+    found = metadata.entry_points(group=f"{PACKAGE}.command")
+    return [Path(*e.module.split(".")[1:-1]).as_posix() for e in found
+            if e.module.startswith(f"{PACKAGE}.")]
 
 
 @cache

@@ -7,8 +7,8 @@ from types import ModuleType
 
 import pytest
 
-from sparsemor.core.analysis.reproduction.paper import GRADES, Paper
 from sparsemor.core.registry.registry import Registry
+from sparsemor.plugins.liang2026.paper import GRADES, Paper
 
 DOCS = Path(__file__).parents[2] / "docs"
 PAPER = Paper.read("liang_2026", Registry()).file

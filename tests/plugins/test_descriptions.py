@@ -11,7 +11,7 @@ from sparsemor.core.registry.registry import Registry
 def plugin_classes() -> list[tuple[str, type]]:
     registry = Registry()
     return [(f"{p.kind} {p.name}", registry.get(p.kind, registry.spelling(p)))
-            for kind in registry.kinds() if kind not in ("scene", "study", "paper")
+            for kind in registry.kinds() if kind not in ("scene", "study", "paper", "command")
             for p in registry.names(kind) if p.distribution == "sparsemor"]
 
 

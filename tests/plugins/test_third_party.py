@@ -64,8 +64,35 @@ def test_all_of_its_plugins_work(third_party):
         ("body", "ring"), ("joint", "gear"), ("load", "spring"), ("load", "contact_resistance"),
         ("load", "calm_air"), ("material", "alloy"), ("normal_law", "power_law"),
         ("integrator", "trapezoidal"), ("sampler", "every_nth"),
-        ("sparse_solver", "hard_thresholding"), ("reducer", "oblique")}
+        ("sparse_solver", "hard_thresholding"), ("reducer", "oblique"),
+        ("command", "span")}
     assert not any(p["broken"] for p in found.values())
+
+
+def test_its_command_is_one_of_the_program(third_party):
+    """It is called and refused as core's own are."""
+    scene = str(SAMPLE / "scenes" / "plate.yaml")
+    done = command(third_party, "span", scene)
+    assert (done.returncode, done.stderr) == (0, "") and json.loads(done.stdout)
+    for arguments, fault in ((("no_such",), "no packaged scene"),
+                             ((scene, "--block", "no"), "no block")):
+        refused = command(third_party, "span", *arguments)
+        assert (refused.returncode, refused.stdout) == (2, "")
+        assert fault in refused.stderr and len(refused.stderr.splitlines()) == 1
+
+
+def test_a_broken_command_says_so_in_one_line_and_hides_no_other(third_party):
+    done = command(third_party, "broken", "some", "--thing", "3")
+    assert (done.returncode, done.stdout) == (2, "") and len(done.stderr.splitlines()) == 1
+    assert "sparsemor-broken 0.1.0 cannot be imported (ModuleNotFoundError" in done.stderr
+    shown = command(third_party, "--help").stdout
+    assert all(f"│ {name} " in shown for name in ("run", "reproduce", "span", "broken"))
+    assert "BROKEN: " in shown and shown.count("│ run ") == 1
+    found = {p["name"]: p for p in json.loads(
+        command(third_party, "plugins", "command", "--json").stdout)["plugins"]}
+    assert "No module named" in found["broken"]["broken"]
+    assert found["run"]["broken"] == "sparsemor's own command is called 'run'"
+    assert found["span"]["doc"].startswith("Print the largest") and not found["span"]["broken"]
 
 
 def test_it_imports_public_names_alone():

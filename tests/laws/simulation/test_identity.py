@@ -121,7 +121,7 @@ def test_the_digest_of_the_program_reads_every_source() -> None:
 
 @pytest.mark.parametrize(("place", "runs", "studies"), [
     ("core", True, False), ("plugins", True, False), ("core/analysis/study", False, True),
-    ("core/analysis/reproduction", False, False), ("core/cli", False, False)])
+    ("plugins/liang2026", False, False), ("core/cli", False, False)])
 def test_no_run_depends_on_analysis_and_command_line(
     place: str, runs: bool, studies: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -15,18 +15,6 @@ import numpy as np
 import pytest
 
 from source_trees import tree_of
-from sparsemor.core.analysis.reproduction.error_quantities import StudyValue
-from sparsemor.core.analysis.reproduction.jobs import command_of, plan_of, scene_of
-from sparsemor.core.analysis.reproduction.page import text_of
-from sparsemor.core.analysis.reproduction.paper import BROKEN, GRADES, MISSED, Item, Paper, RunEntry
-from sparsemor.core.analysis.reproduction.processes import executed
-from sparsemor.core.analysis.reproduction.reproduce import (
-    chosen_items,
-    commands_of,
-    reproduce,
-)
-from sparsemor.core.analysis.reproduction.rules import evaluate, names_in
-from sparsemor.core.analysis.reproduction.split import Counted
 from sparsemor.core.analysis.study.jobs import execute, keep_reference
 from sparsemor.core.analysis.study.plan import SceneData
 from sparsemor.core.cli.options import load_with
@@ -36,6 +24,18 @@ from sparsemor.core.scene.scene import load
 from sparsemor.core.scene.yaml_reader import LocatedError
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.simulate import simulate
+from sparsemor.plugins.liang2026.error_quantities import StudyValue
+from sparsemor.plugins.liang2026.jobs import command_of, plan_of, scene_of
+from sparsemor.plugins.liang2026.page import text_of
+from sparsemor.plugins.liang2026.paper import BROKEN, GRADES, MISSED, Item, Paper, RunEntry
+from sparsemor.plugins.liang2026.processes import executed
+from sparsemor.plugins.liang2026.reproduce import (
+    chosen_items,
+    commands_of,
+    reproduce,
+)
+from sparsemor.plugins.liang2026.rules import evaluate, names_in
+from sparsemor.plugins.liang2026.split import Counted
 
 ROOT = Path(__file__).parents[3]
 PAPER = Paper.read("liang_2026", Registry()).file
@@ -285,7 +285,7 @@ def test_workers_end_with_the_process_that_started_them(here: Path) -> None:
 
 STARTS = """\
 import os, pathlib, time
-from sparsemor.core.analysis.reproduction.processes import executed
+from sparsemor.plugins.liang2026.processes import executed
 
 def waits(seconds):
     pathlib.Path(f"worker-{os.getpid()}").touch()

@@ -1,11 +1,13 @@
 """Laws, scenes and one study of the sample package, as its authors would test it."""
 
+import json
 from math import cos, sqrt
 from pathlib import Path
 
 import pytest
 from alloys import TABLE, Alloy
 from calm_air import CalmAir
+from span import span
 from sparsemor_sample import EveryNth, HardThresholding, PowerLaw, Trapezoidal
 from sparsemor_sample_parts import Gear, Ring, Spring
 from thermal_contact import ContactResistance
@@ -121,3 +123,9 @@ def test_the_study_compares_its_methods(tmp_path: Path) -> None:
     for name in ("galerkin", "oblique", "thresholded", "other_integrator"):
         assert float(rows[name]["error_elastic"]) < 1e-3, name
         assert float(rows[name]["error_thermal"]) < 1e-5, name
+
+
+def test_the_command_prints_the_range_of_the_unknowns(capsys: pytest.CaptureFixture[str]) -> None:
+    span(str(HERE / "scenes" / "plate.yaml"), "plate.thermal")
+    (cold, hot), = json.loads(capsys.readouterr().out).values()
+    assert 300.0 < cold < hot

@@ -8,19 +8,19 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from sparsemor.core.analysis.reproduction.jobs import Job, command_of, execute, jobs_of, profile
-from sparsemor.core.analysis.reproduction.page import write_pages
-from sparsemor.core.analysis.reproduction.paper import BROKEN, Item, Paper, PaperFile
-from sparsemor.core.analysis.reproduction.processes import executed
-from sparsemor.core.analysis.reproduction.stored import StoredResults
-from sparsemor.core.analysis.reproduction.verdicts import Verdict, judged
 from sparsemor.core.errors import InputError
 from sparsemor.core.linalg.threads import fixed_threads
 from sparsemor.core.registry.registry import Registry, suggestions
 from sparsemor.core.results.files.listing import add_part, add_to_listing, write_listed
 from sparsemor.core.results.output_directory import OutputDirectory
 from sparsemor.core.results.tables import csv_table
-from sparsemor.core.scene.defaults import PAPER
+from sparsemor.plugins.liang2026 import PAPER
+from sparsemor.plugins.liang2026.jobs import Job, command_of, execute, jobs_of, profile
+from sparsemor.plugins.liang2026.page import write_pages
+from sparsemor.plugins.liang2026.paper import BROKEN, Item, Paper, PaperFile
+from sparsemor.plugins.liang2026.processes import executed
+from sparsemor.plugins.liang2026.stored import StoredResults
+from sparsemor.plugins.liang2026.verdicts import Verdict, judged
 
 ABOUT, PICTURES = "reproduction.json", "pictures"
 TABLES = ("verdicts.csv", "numbers.csv")

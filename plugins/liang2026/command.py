@@ -11,17 +11,16 @@ from sparsemor.core.cli.options import (
     Force,
     Json,
     Quiet,
-    exit_codes,
     leave,
     located_in,
     path_of,
     print_json,
     words,
 )
-from sparsemor.core.scene.defaults import PAPER
+from sparsemor.plugins.liang2026 import PAPER
 
 if TYPE_CHECKING:
-    from sparsemor.core.analysis.reproduction import Reproduction
+    from sparsemor.plugins.liang2026.reproduce import Reproduction
 
 
 def reproduce(
@@ -41,19 +40,18 @@ def reproduce(
     force: Force = False, as_json: Json = False, quiet: Quiet = False,
 ) -> None:
     """Recompute the figures and tables of a paper, with published numbers and verdicts."""
-    with exit_codes(as_json):
-        from sparsemor.core.analysis.reproduction import reproduce as reproduced
+    from sparsemor.plugins.liang2026.reproduce import reproduce as reproduced
 
-        try:
-            with located_in():
-                done = reproduced(
-                    scene, quick=quick, out=out, items=words(items) or (), workers=workers,
-                    paper=paper, force=force,
-                    watch=lambda line: None if quiet or as_json else typer.echo(line, err=True))
-        except KeyboardInterrupt:
-            leave(["interrupted: the same command continues"], INTERRUPTED)
-        else:
-            _report(done, as_json, quiet)
+    try:
+        with located_in():
+            done = reproduced(
+                scene, quick=quick, out=out, items=words(items) or (), workers=workers,
+                paper=paper, force=force,
+                watch=lambda line: None if quiet or as_json else typer.echo(line, err=True))
+    except KeyboardInterrupt:
+        leave(["interrupted: the same command continues"], INTERRUPTED)
+    else:
+        _report(done, as_json, quiet)
 
 
 def _report(done: "Reproduction", as_json: bool, quiet: bool) -> None:

@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
 
-from sparsemor.core.analysis.reproduction.paper import BROKEN, GRADES, MISSED, Item, PaperFile
-from sparsemor.core.analysis.reproduction.rules import Operand
-from sparsemor.core.analysis.reproduction.verdicts import Number, Verdict
 from sparsemor.core.results.files.listing import write_listed
+from sparsemor.plugins.liang2026.paper import BROKEN, GRADES, MISSED, Item, PaperFile
+from sparsemor.plugins.liang2026.rules import Operand
+from sparsemor.plugins.liang2026.verdicts import Number, Verdict
 
 _COLOURS = {"better": "#d5efdf", "reproduced": "#e3f3d6", "in part": "#fbf0cf",
             MISSED: "#f8dcd6", BROKEN: "#e2e2e2"}

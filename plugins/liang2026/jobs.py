@@ -10,8 +10,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from sparsemor.core.analysis.reproduction.paper import Item, PaperFile, RunEntry, StudyEntry
-from sparsemor.core.analysis.reproduction.split import profiled
 from sparsemor.core.analysis.study.jobs import keep_reference
 from sparsemor.core.analysis.study.plan import Plan
 from sparsemor.core.analysis.study.run import run_plan
@@ -28,6 +26,8 @@ from sparsemor.core.scene.source import Source
 from sparsemor.core.simulation.simulate import simulate
 from sparsemor.core.simulation.training import training_steps
 from sparsemor.core.status import SolveFailed, Status
+from sparsemor.plugins.liang2026.paper import Item, PaperFile, RunEntry, StudyEntry
+from sparsemor.plugins.liang2026.split import profiled
 
 SPLIT = "split.json"
 

@@ -7,12 +7,12 @@ from typing import Any, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
-from sparsemor.core.analysis.reproduction.pictures import Picture
-from sparsemor.core.analysis.reproduction.quantities import Quantity
-from sparsemor.core.analysis.reproduction.rules import names_in
 from sparsemor.core.registry.plugin import Plugin
 from sparsemor.core.registry.registry import Registry
 from sparsemor.core.scene.source import Source
+from sparsemor.plugins.liang2026.pictures import Picture
+from sparsemor.plugins.liang2026.quantities import Quantity
+from sparsemor.plugins.liang2026.rules import names_in
 
 GRADES = ("better", "reproduced", "in part")
 """Verdicts that a rule may give, the best first; an item that meets none is `not reproduced`."""

@@ -7,13 +7,13 @@ import numpy as np
 
 from sparsemor.core.analysis.charts.fields import values_of
 from sparsemor.core.analysis.charts.time_histories import rate_of
-from sparsemor.core.analysis.reproduction.measure import OfRun, Results, Statistic, statistic
-from sparsemor.core.analysis.reproduction.rules import Operand
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.protocols import layout
 from sparsemor.core.results.error_norms import common_steps
 from sparsemor.core.results.run_result import RunResult
+from sparsemor.plugins.liang2026.measure import OfRun, Results, Statistic, statistic
+from sparsemor.plugins.liang2026.rules import Operand
 
 Moment = float | Literal["end"]
 """Time in s, or the last stored time."""

@@ -6,13 +6,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from sparsemor.core.analysis.reproduction.jobs import SPLIT, folder_of, plan_of
-from sparsemor.core.analysis.reproduction.paper import PaperFile
 from sparsemor.core.analysis.study.journal import Journal, is_study
 from sparsemor.core.analysis.study.plan import Plan
 from sparsemor.core.errors import InputError
 from sparsemor.core.results.error_norms import Errors, measure_errors
 from sparsemor.core.results.run_result import RunResult, open_result
+from sparsemor.plugins.liang2026.jobs import SPLIT, folder_of, plan_of
+from sparsemor.plugins.liang2026.paper import PaperFile
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -5,10 +5,10 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from sparsemor.core.analysis.reproduction.error_quantities import Error, StudyValue
-from sparsemor.core.analysis.reproduction.measure import Measure, Results
-from sparsemor.core.analysis.reproduction.rules import Operand, evaluate
-from sparsemor.core.analysis.reproduction.run_quantities import (
+from sparsemor.plugins.liang2026.error_quantities import Error, StudyValue
+from sparsemor.plugins.liang2026.measure import Measure, Results
+from sparsemor.plugins.liang2026.rules import Operand, evaluate
+from sparsemor.plugins.liang2026.run_quantities import (
     ActiveAtoms,
     Cost,
     MeshCount,
@@ -17,7 +17,7 @@ from sparsemor.core.analysis.reproduction.run_quantities import (
     Split,
     Summary,
 )
-from sparsemor.core.analysis.reproduction.state_quantities import (
+from sparsemor.plugins.liang2026.state_quantities import (
     ContactValue,
     FieldValue,
     Position,

@@ -3,11 +3,11 @@
 from collections.abc import Mapping
 from typing import Any, Literal
 
-from sparsemor.core.analysis.reproduction.measure import Measure, OfRun, Results, statistic
-from sparsemor.core.analysis.reproduction.rules import Operand
 from sparsemor.core.analysis.study.jobs import BROKEN, DIED, REFUSED
 from sparsemor.core.errors import InputError
 from sparsemor.core.results.error_norms import Errors
+from sparsemor.plugins.liang2026.measure import Measure, OfRun, Results, statistic
+from sparsemor.plugins.liang2026.rules import Operand
 
 UNCOMPUTED = (REFUSED, BROKEN, DIED)
 """Statuses of rows of a study that are no results."""

@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sparsemor.core.analysis.charts.style import saved
-from sparsemor.core.analysis.reproduction.measure import Results
-from sparsemor.core.analysis.reproduction.paper import BROKEN, GRADES, MISSED, Item
-from sparsemor.core.analysis.reproduction.rules import Operand, evaluate
-from sparsemor.core.analysis.reproduction.sketches import numbers_figure
 from sparsemor.core.errors import InputError
+from sparsemor.plugins.liang2026.measure import Results
+from sparsemor.plugins.liang2026.paper import BROKEN, GRADES, MISSED, Item
+from sparsemor.plugins.liang2026.rules import Operand, evaluate
+from sparsemor.plugins.liang2026.sketches import numbers_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -7,12 +7,12 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field
 
-from sparsemor.core.analysis.reproduction.measure import OfRun, Results
-from sparsemor.core.analysis.reproduction.rules import Operand
-from sparsemor.core.analysis.reproduction.state_quantities import FIELDS
 from sparsemor.core.errors import InputError
 from sparsemor.core.results.cost import run_facts
 from sparsemor.core.scene.overrides import split as key_parts
+from sparsemor.plugins.liang2026.measure import OfRun, Results
+from sparsemor.plugins.liang2026.rules import Operand
+from sparsemor.plugins.liang2026.state_quantities import FIELDS
 
 
 class Cost(OfRun):

@@ -18,12 +18,12 @@ from sparsemor.core.analysis.charts import (
     surface_figures,
 )
 from sparsemor.core.analysis.charts.time_histories import moving_bodies
-from sparsemor.core.analysis.reproduction.measure import Results
-from sparsemor.core.analysis.reproduction.sketches import flow_figure, geometry_figure
-from sparsemor.core.analysis.reproduction.state_quantities import FIELDS
 from sparsemor.core.registry.plugin import Plugin
 from sparsemor.core.results.error_norms import LIMIT
 from sparsemor.core.results.run_result import RunResult
+from sparsemor.plugins.liang2026.measure import Results
+from sparsemor.plugins.liang2026.sketches import flow_figure, geometry_figure
+from sparsemor.plugins.liang2026.state_quantities import FIELDS
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

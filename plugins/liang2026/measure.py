@@ -6,10 +6,10 @@ from typing import Any, Literal, Protocol
 
 import numpy as np
 
-from sparsemor.core.analysis.reproduction.rules import Operand
 from sparsemor.core.registry.plugin import Plugin
 from sparsemor.core.results.error_norms import Errors
 from sparsemor.core.results.run_result import RunResult
+from sparsemor.plugins.liang2026.rules import Operand
 
 Statistic = Literal["max", "min", "mean", "median", "last", "first"]
 _STATISTICS: Mapping[str, Any] = {

@@ -1,0 +1,78 @@
+"""Commands of the program: those of core, and those that distributions offer by entry points of the
+group `sparsemor.command`.
+
+An entry point names a function that typer takes as a command. It is imported when its command is
+called or the help lists it.
+"""
+
+from collections.abc import Callable
+from functools import wraps
+from inspect import getdoc
+from typing import Any
+
+import typer
+from typer.core import TyperGroup
+from typer.main import get_command
+
+from sparsemor.core.cli.options import exit_codes
+from sparsemor.core.errors import InputError
+from sparsemor.core.registry.registry import Registry
+
+GROUP = "command"
+OWN = ("run", "reduce", "advise", "compare", "study", "stability", "export", "pictures", "animate",
+       "validate", "schema", "plugins", "cache", "new-plugin")
+"""Names of core's commands, which nobody else can take."""
+
+
+class Commands(TyperGroup):
+    """The commands of core and those of entry points."""
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        registry = Registry()
+        offered = (registry.spelling(p) for p in registry.names(GROUP) if p.name not in OWN)
+        return [*super().list_commands(ctx), *offered]
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        own = super().get_command(ctx, cmd_name)
+        return own if own is not None or not Registry().has(GROUP, cmd_name) else _found(cmd_name)
+
+
+def _found(name: str) -> Any:
+    """Command of an entry point. One that cannot be used says so in one line, when it is called
+    and in the help."""
+    try:
+        return _made(name, function_of(Registry(), name))
+    except InputError as error:
+        reason = "; ".join(str(error).splitlines())
+    except Exception as error:  # typer refuses the function's parameters
+        reason = f"command {name!r} cannot be used ({type(error).__name__}: {error})"
+
+    def refused() -> None:
+        raise InputError(reason)
+
+    refused.__doc__ = f"BROKEN: {reason}"
+    return _made(name, refused, allow_extra_args=True, ignore_unknown_options=True)
+
+
+def function_of(registry: Registry, name: str) -> Callable[..., Any]:
+    """Function of a command. Raises InputError if it cannot be imported or is none, or if core has
+    a command of this name."""
+    if name.rpartition(":")[2] in OWN:
+        raise InputError(f"sparsemor's own command is called {name!r}")
+    loaded = registry.load(GROUP, name)
+    if not callable(loaded) or not getdoc(loaded) or isinstance(loaded, type):
+        raise InputError(f"command {name!r} is no function with a docstring, which is its help: "
+                         "report it to the authors of that package")
+    return loaded  # type: ignore[no-any-return]
+
+
+def _made(name: str, function: Callable[..., Any], **settings: Any) -> Any:
+    """Command of a function, with the messages and exit codes of all commands."""
+    @wraps(function)
+    def called(**options: Any) -> Any:
+        with exit_codes(bool(options.get("as_json"))):
+            return function(**options)
+
+    app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+    app.command(name, context_settings=settings)(called)
+    return get_command(app)
