@@ -109,6 +109,7 @@ if TYPE_CHECKING:
     from sparsemor.core.registry.slot import Slot as Slot
     from sparsemor.core.registry.slot import slot_default as slot_default
     from sparsemor.core.results.error_norms import CONSTANT_CHANGE as CONSTANT_CHANGE
+    from sparsemor.core.scene.expressions import Expression as Expression
     from sparsemor.core.simulation.diagnostics.alternating_joint_forces import (
         joints_with_forces as joints_with_forces,
     )
@@ -170,6 +171,7 @@ _HOMES = {
         "prepared_recovery", "sampled_rows"),
     "registry.slot": ("Slot", "slot_default"),
     "results.error_norms": ("CONSTANT_CHANGE",),
+    "scene.expressions": ("Expression",),
     "simulation.diagnostics.alternating_joint_forces": ("joints_with_forces",),
     "simulation.diagnostics.expected_states": ("expected_states",),
     "simulation.diagnostics.plausibility": ("outside_box_notes",),

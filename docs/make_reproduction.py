@@ -18,22 +18,22 @@ from textwrap import wrap
 
 from sparsemor.core.registry.registry import Registry
 from sparsemor.plugins.liang2026.page import text_of
-from sparsemor.plugins.liang2026.paper import GRADES, MISSED, Item, Paper, PaperFile
-from sparsemor.plugins.liang2026.rules import Operand, evaluate
+from sparsemor.plugins.liang2026.paper import GRADES, MISSED, Item, PaperFile
+from sparsemor.plugins.liang2026.parts import Value
 
 HERE = Path(__file__).parent
 PAGE = HERE / "reproduce.md"
 TABLES = HERE / "measured" / "reproduction"
 QUICK, WHOLE = "quick", "whole"
 MARK = re.compile(r"(<!-- verdicts -->\n).*?(<!-- end -->)", re.DOTALL)
-Values = Mapping[str, Operand]
+Values = Mapping[str, Value]
 
 
 def stored(kind: str) -> dict[str, tuple[str, Values]]:
     """Item -> verdict and values of a stored reproduction; empty if it was not run."""
     if not (TABLES / f"{kind}-verdicts.csv").is_file():
         return {}
-    values: dict[str, dict[str, Operand]] = {}
+    values: dict[str, dict[str, Value]] = {}
     for row in read(TABLES / f"{kind}-numbers.csv"):
         known = values.setdefault(row["item"], {})
         known |= {row["name"]: value(row["here"]), f"paper_{row['name']}": value(row["published"])}
@@ -46,17 +46,11 @@ def read(file: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(lines))
 
 
-def value(cell: str) -> Operand:
+def value(cell: str) -> Value:
     try:
         return float(cell) if cell else None
     except ValueError:
         return cell
-
-
-def grade(item: Item, values: Values) -> str:
-    """Verdict that the rules of the paper file give on these values."""
-    return next((g for g in GRADES if g in item.verdict and evaluate(item.verdict[g], values)),
-                MISSED)
 
 
 def table(file: PaperFile) -> str:
@@ -104,7 +98,7 @@ def main(folders: Sequence[str]) -> None:
     for folder in folders:
         keep(Path(folder))
     text = PAGE.read_text(encoding="utf-8")
-    file = Paper.read("liang_2026", Registry()).file
+    file = PaperFile.read("liang_2026", Registry())
     PAGE.write_text(MARK.sub(lambda m: m[1] + table(file) + m[2], text), encoding="utf-8")
 
 

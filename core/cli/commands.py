@@ -71,7 +71,11 @@ def _made(name: str, function: Callable[..., Any], **settings: Any) -> Any:
     @wraps(function)
     def called(**options: Any) -> Any:
         with exit_codes(bool(options.get("as_json"))):
-            return function(**options)
+            try:
+                return function(**options)
+            except (typer.Exit, typer.Abort, typer.BadParameter) as raised:
+                left = raised
+        raise left  # which is no fault of the command
 
     app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
     app.command(name, context_settings=settings)(called)

@@ -1,7 +1,6 @@
 """Paper file: the runs, studies, figures and tables of a publication, with its numbers."""
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
@@ -9,10 +8,10 @@ from pydantic import Field, ValidationError, model_validator
 
 from sparsemor.core.registry.plugin import Plugin
 from sparsemor.core.registry.registry import Registry
+from sparsemor.core.scene.expressions import Expression
 from sparsemor.core.scene.source import Source
 from sparsemor.plugins.liang2026.pictures import Picture
-from sparsemor.plugins.liang2026.quantities import Quantity
-from sparsemor.plugins.liang2026.rules import names_in
+from sparsemor.plugins.liang2026.quantities import Quantity, study
 
 GRADES = ("better", "reproduced", "in part")
 """Verdicts that a rule may give, the best first; an item that meets none is `not reproduced`."""
@@ -20,32 +19,33 @@ MISSED, BROKEN = "not reproduced", "not computed"
 Grade = Literal["better", "reproduced", "in part"]
 
 
-class RunEntry(Plugin):
-    """A run of a scene that one or more items need."""
+class Entry(Plugin):
+    """A run or study that one or more items need."""
+
+    quick: dict[str, Any] = {}
+    """With `--quick`: further changes to the scene, or keys of the study file that are replaced;
+    `set` and `grid` are merged with the file's."""
+    after: str = ""
+    """Run that must have ended first, because it leaves its snapshots in the cache."""
+
+
+class RunEntry(Entry):
+    """A run of a scene."""
 
     scene: str
     """Packaged scene, or path of a scene file relative to the paper file."""
     changes: dict[str, Any] = Field(default={}, alias="set")
     """Changes to the scene: dotted key -> value."""
-    quick: dict[str, Any] = {}
-    """Further changes with `--quick`."""
-    after: str = ""
-    """Run that must have ended first, because it leaves its snapshots in the cache."""
     profile: int = Field(default=100, ge=1)
     """Number of steps of the separate profiled pass, where an item needs the split of the computing
     time."""
 
 
-class StudyEntry(Plugin):
-    """A study that one or more items need."""
+class StudyEntry(Entry):
+    """A study."""
 
     study: str
     """Packaged study."""
-    quick: dict[str, Any] = {}
-    """Keys of the study file that `--quick` replaces; `set` and `grid` are merged with the
-    file's."""
-    after: str = ""
-    """Run that must have ended first, because it leaves its snapshots in the cache."""
 
 
 class Value(Plugin):
@@ -91,8 +91,8 @@ class Item(Plugin):
 
     @model_validator(mode="after")
     def _rules_use_known_names(self) -> "Item":
-        for grade, rule in self.verdict.items():
-            unknown = names_in(rule) - {*self.values, *(f"paper_{n}" for n in self.values)}
+        for grade, text in self.verdict.items():
+            unknown = {*rule(text).names} - {*self.values, *(f"paper_{n}" for n in self.values)}
             if unknown:
                 raise ValueError(f"{self.id}: {grade}: unknown names {', '.join(sorted(unknown))}")
         return self
@@ -100,15 +100,20 @@ class Item(Plugin):
     @property
     def runs(self) -> tuple[str, ...]:
         """Names of the runs that it needs, in order, each once."""
-        return _once(n for part in self._parts() for n in part.runs())
+        return tuple(dict.fromkeys(n for part in self._parts() for n in part.runs))
 
     @property
     def studies(self) -> tuple[str, ...]:
         """Names of the studies that it needs."""
-        return _once(n for part in self._parts() for n in part.studies())
+        return tuple(dict.fromkeys(n for part in self._parts() for n in part.studies))
 
-    def _parts(self) -> "list[Any]":
+    def _parts(self) -> list[Any]:
         return [*(v.of for v in self.values.values()), *self.pictures]
+
+    def grade(self, values: Mapping[str, Any]) -> str:
+        """Verdict whose rule the values meet, the best first."""
+        return next((g for g, text in sorted(self.verdict.items(), key=lambda r: GRADES.index(r[0]))
+                     if rule(text).value(values)), MISSED)
 
 
 class PaperFile(Plugin):
@@ -132,22 +137,40 @@ class PaperFile(Plugin):
     items: list[Item] = Field(min_length=1)
     """Figures and tables."""
 
-    def rows_read(self, study: str) -> list[Mapping[str, Any]]:
+    @classmethod
+    def read(cls, paper: str | Path, registry: Registry) -> "PaperFile":
+        """Reads a packaged paper or a paper file. Raises `LocatedError` with every fault."""
+        source = Source.read(paper, registry, "paper")
+        try:
+            file = cls.model_validate(source.tree)
+        except ValidationError as error:
+            raise source.invalid(error) from None
+        folder = source.folder or Path()
+        near = {name: entry.model_copy(update={"scene": str(folder / entry.scene)})
+                for name, entry in file.runs.items() if (folder / entry.scene).is_file()}
+        return file.model_copy(update={"runs": {**file.runs, **near}})
+
+    @property
+    def entries(self) -> Mapping[str, RunEntry | StudyEntry]:
+        """Runs and studies by name."""
+        return {**self.runs, **self.studies}
+
+    def rows_read(self, name: str) -> list[Mapping[str, Any]]:
         """Column -> value of the rows of a study that items read."""
-        return [where for i in self.items for v in i.values.values()
-                if study in v.of.studies() for where in v.of.rows()]
+        return [dict(v.of)["where"] for i in self.items for v in i.values.values()
+                if type(v.of).function is study and name in v.of.studies]
 
     @model_validator(mode="after")
     def _names_exist(self) -> "PaperFile":
-        faults = [f"{i.id}: no scene {i.scene!r}" for i in self.items if i.scene not in self.scenes]
+        faults = []
         for i in self.items:
+            faults += [f"{i.id}: no scene {i.scene!r}"] * (i.scene not in self.scenes)
             faults += [f"{i.id}: no run {n!r}" for n in i.runs if n not in self.runs]
             faults += [f"{i.id}: no study {n!r}" for n in i.studies if n not in self.studies]
-        waiting: Mapping[str, RunEntry | StudyEntry] = {**self.runs, **self.studies}
-        faults += [f"{name}: no run {e.after!r}" for name, e in waiting.items()
+        faults += [f"{name}: no run {e.after!r}" for name, e in self.entries.items()
                    if e.after and (e.after not in self.runs or self.runs[e.after].after)]
-        both = {*self.runs} & {*self.studies}
-        faults += [f"{name}: a run and a study have this name" for name in sorted(both)]
+        faults += [f"{name}: a run and a study have this name"
+                   for name in sorted({*self.runs} & {*self.studies})]
         ids = [i.id for i in self.items]
         faults += [f"{i}: twice" for i in sorted({i for i in ids if ids.count(i) > 1})]
         if faults:
@@ -155,26 +178,6 @@ class PaperFile(Plugin):
         return self
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Paper:
-    """Paper file after reading and validation."""
-
-    file: PaperFile
-    source: Source
-
-    @classmethod
-    def read(cls, paper: str | Path, registry: Registry) -> "Paper":
-        """Reads a packaged paper or a paper file. Raises `LocatedError` with every fault."""
-        source = Source.read(paper, registry, "paper")
-        try:
-            file = PaperFile.model_validate(source.tree)
-        except ValidationError as error:
-            raise source.invalid(error) from None
-        folder = source.folder or Path()
-        runs = {name: entry.model_copy(update={"scene": str(folder / entry.scene)})
-                for name, entry in file.runs.items() if (folder / entry.scene).is_file()}
-        return cls(file.model_copy(update={"runs": {**file.runs, **runs}}), source)
-
-
-def _once(names: Iterable[str]) -> tuple[str, ...]:
-    return tuple(dict.fromkeys(names))
+def rule(text: str) -> Expression:
+    """Condition on the numbers and texts of an item. Raises InputError if it is none."""
+    return Expression.parse(text, "condition", texts=True)

@@ -5,27 +5,23 @@ import os
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 
 from sparsemor.core.errors import InputError
 from sparsemor.core.linalg.threads import fixed_threads
 from sparsemor.core.registry.registry import Registry, suggestions
-from sparsemor.core.results.files.listing import add_part, add_to_listing, write_listed
+from sparsemor.core.results.files.listing import add_to_listing, write_listed
 from sparsemor.core.results.output_directory import OutputDirectory
 from sparsemor.core.results.tables import csv_table
 from sparsemor.plugins.liang2026 import PAPER
-from sparsemor.plugins.liang2026.jobs import Job, command_of, execute, jobs_of, profile
 from sparsemor.plugins.liang2026.page import write_pages
-from sparsemor.plugins.liang2026.paper import BROKEN, Item, Paper, PaperFile
-from sparsemor.plugins.liang2026.processes import executed
-from sparsemor.plugins.liang2026.stored import StoredResults
+from sparsemor.plugins.liang2026.paper import BROKEN, Item, PaperFile
+from sparsemor.plugins.liang2026.parts import Results
+from sparsemor.plugins.liang2026.runs import Work, commands_of
 from sparsemor.plugins.liang2026.verdicts import Verdict, judged
 
 ABOUT, PICTURES = "reproduction.json", "pictures"
 TABLES = ("verdicts.csv", "numbers.csv")
-Watch = Callable[[str], None]
-"""Callback for progress: called with a line of text."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,21 +47,20 @@ class Reproduction:
 def reproduce(
     scene: str = "", *, quick: bool = False, out: str | Path | None = None,
     items: Sequence[str] = (), workers: int | None = None, paper: str | Path = PAPER,
-    force: bool = False, watch: Watch = lambda line: None,
+    force: bool = False, watch: Callable[[str], None] = lambda line: None,
 ) -> Reproduction:
     """Recomputes the figures and tables of a paper and writes pages with the verdicts.
 
     scene: scene whose items are computed ("": all); quick: shorter runs and fewer seeds; out:
     folder, by default `runs/reproduce` or `runs/reproduce-quick`, where a repeated call keeps what
     is complete; items: `fig_4`, `table_2`, ..; workers: number of processes (default: number of
-    processors); paper: packaged paper or paper file; force: replace an earlier reproduction. Raises
-    InputError before anything is written.
+    processors); paper: packaged paper or paper file; force: replace an earlier reproduction; watch:
+    called for progress with a line of text. Raises InputError before anything is written.
     """
-    file = Paper.read(paper, Registry()).file
+    file = PaperFile.read(paper, Registry())
     chosen = chosen_items(file, scene, items)
     if workers is not None and workers < 1:
         raise InputError(f"at least 1 (got {workers})", "workers")
-    count = workers or os.cpu_count() or 1
     name = "reproduce-quick" if quick else "reproduce"
     folder = (Path(out) if out is not None else Path("runs", name)).absolute()
     with OutputDirectory(folder).claimed(
@@ -73,16 +68,16 @@ def reproduce(
             kind="reproductions only, and this is none",
             writes=(ABOUT, *TABLES, "index.html", *(f"{s}.html" for s in file.scenes))):
         _begin(folder, file, quick, force)
-        jobs = jobs_of(file, chosen, folder, quick)
-        for job in jobs:
-            add_part(folder, Path(job.folder).relative_to(folder).as_posix())
-        failed = _executed(execute, jobs, count, watch, "runs and studies")
-        timed = [j for j in jobs if j.profiled and j.name not in failed]
-        failed |= _executed(profile, timed, 1, watch, "runs timed")  # next to no other work
-        verdicts = _judged(chosen, StoredResults(file, folder, quick, failed), count, watch)
+        work = Work(file, chosen, folder, quick, watch)
+        work.execute(workers or os.cpu_count() or 1)
+        results, verdicts = Results(folder, work.failed), []
+        for item in chosen:
+            with fixed_threads():
+                verdicts.append(judged(item, results, folder / PICTURES))
+            watch(f"{item.id}: {verdicts[-1].grade}")
         commands = {i.id: commands_of(file, i, quick) for i in chosen}
         files = [*write_pages(file, verdicts, commands, folder, quick),
-                 *_tables(file, verdicts, commands, folder)]
+                 *_tables(chosen, verdicts, commands, folder)]
     return Reproduction(file, folder, tuple(verdicts), tuple(files))
 
 
@@ -98,14 +93,6 @@ def chosen_items(file: PaperFile, scene: str = "", items: Sequence[str] = ()) ->
     if not found:
         raise InputError(f"none of {', '.join(items)} is of {scene}", "items")
     return found
-
-
-def commands_of(file: PaperFile, item: Item, quick: bool) -> list[str]:
-    """Commands that recompute an item: the first with its verdict, the others its runs and studies
-    alone."""
-    first = f"sparsemor reproduce --items {item.id}{' --quick' * quick}"
-    return [first, *(command_of(n, file.runs[n], quick) for n in item.runs),
-            *(command_of(n, file.studies[n], quick) for n in item.studies)]
 
 
 def _begin(folder: Path, file: PaperFile, quick: bool, force: bool) -> None:
@@ -125,54 +112,18 @@ def _begin(folder: Path, file: PaperFile, quick: bool, force: bool) -> None:
                          "another --out", "out")
 
 
-def _executed(
-    work: Callable[[Job], str], jobs: Sequence[Job], workers: int, watch: Watch, what: str
-) -> dict[str, str]:
-    """Does a piece of work for all jobs; returns name -> reason of those that failed."""
-    calls, failed = {job.name: job for job in jobs}, {}
-    after = {job.name: job.entry.after for job in jobs if job.entry.after}
-    for done, (name, reason) in enumerate(executed(
-            work, calls, workers, after, lambda name: "its process died twice"), 1):
-        watch(f"{done} of {len(calls)} {what}: {name}{': ' * bool(reason)}{reason}")
-        if reason:
-            failed[name] = reason
-    return failed
-
-
-def _judged(
-    items: Sequence[Item], results: StoredResults, workers: int, watch: Watch
-) -> list[Verdict]:
-    """Verdicts on all items, in their order."""
-    found: dict[str, Verdict] = {}
-    call = partial(_judge, results)
-    for name, verdict in executed(call, {i.id: i for i in items}, workers, None, _lost):
-        watch(f"{name}: {verdict.grade}")
-        found[name] = verdict
-    return [found[i.id] for i in items]
-
-
-def _judge(results: StoredResults, item: Item) -> Verdict:
-    with fixed_threads():
-        return judged(item, results, results.folder / PICTURES)
-
-
-def _lost(name: str) -> Verdict:
-    return Verdict(name, BROKEN, "", (), (), ("its process died twice",))
-
-
 def _tables(
-    file: PaperFile, verdicts: Sequence[Verdict], commands: Mapping[str, Sequence[str]],
+    items: Sequence[Item], verdicts: Sequence[Verdict], commands: Mapping[str, Sequence[str]],
     folder: Path,
 ) -> list[Path]:
     """Writes verdicts.csv and numbers.csv; returns their paths."""
-    items = {i.id: i for i in file.items}
-    rows: list[list[object]] = [["item", "scene", "title", "verdict", "rule", "command", "faults"]]
-    rows += [[v.item, items[v.item].scene, items[v.item].title, v.grade, v.rule,
-              commands[v.item][0], "; ".join(v.faults)] for v in verdicts]
-    numbers: list[list[object]] = [["item", "name", "label", "unit", "published", "here"]]
-    numbers += [[v.item, n.name, n.label, n.unit, n.paper, n.here]
-                for v in verdicts for n in v.numbers]
-    written = {"verdicts.csv": rows, "numbers.csv": numbers}
-    for name, table in written.items():
+    rows: list[list[object]] = [
+        [i.id, i.scene, i.title, v.grade, v.rule, commands[i.id][0], "; ".join(v.faults)]
+        for i, v in zip(items, verdicts, strict=True)]
+    numbers: list[list[object]] = [[v.item, n.name, n.label, n.unit, n.paper, n.here]
+                                   for v in verdicts for n in v.numbers]
+    rows.insert(0, ["item", "scene", "title", "verdict", "rule", "command", "faults"])
+    numbers.insert(0, ["item", "name", "label", "unit", "published", "here"])
+    for name, table in zip(TABLES, (rows, numbers), strict=True):
         write_listed(folder, name, csv_table(table).encode())
-    return [folder / name for name in written]
+    return [folder / name for name in TABLES]

@@ -25,20 +25,21 @@ def geometry_figure(run: RunResult) -> "Figure | None":
     """Meshes of all bodies of a run at its start, in the plane or in a view from above; None
     without bodies. Names, sizes and numbers of elements are written next to them."""
     flat, solid = drawable_bodies(run), solid_bodies(run)
-    if not (flat or solid):
+    shapes = {body: _lines(run, body, body in solid) for body in (*flat, *solid)}
+    if not shapes:
         return None
-    shapes = [(body, _flat(run, body)) for body in flat] + [
-        (body, _seen(run, body)) for body in solid]
-    points = np.concatenate([p for _, (p, _) in shapes])
-    size = np.ptp(points, axis=0)
+    size = np.ptp(np.concatenate([lines.reshape(-1, 2) for lines in shapes.values()]), axis=0)
     metre = unit(float(size.max()), "m")
-    height = float(np.clip(PAGE * size[1] / size[0], 1.2, 5.5))
-    figure = new_figure(PAGE, height + 0.9)
+    figure = new_figure(PAGE, float(np.clip(PAGE * size[1] / size[0], 1.2, 5.5)) + 0.9)
     axes = figure.subplots()
-    for number, (body, (corners, edges)) in enumerate(shapes):
-        lines = metre.factor * corners[edges]
-        axes.plot(lines[..., 0].T, lines[..., 1].T, color=style(number).colour, linewidth=0.35)
-        axes.plot([], [], color=style(number).colour, label=_described(run, body))
+    for number, (body, edges) in enumerate(shapes.items()):
+        lines, colour = metre.factor * edges, style(number).colour
+        axes.plot(lines[..., 0].T, lines[..., 1].T, color=colour, linewidth=0.35)
+        extent = np.ptp(run.points(body), axis=0)
+        own = unit(float(extent.max()), "m")
+        axes.plot([], [], color=colour, label=plain(
+            f"{body}: {len(run.cells(body))} elements, {len(run.points(body))} nodes, "
+            f"{' × '.join(f'{own.factor * s:.4g}' for s in extent)} {own.name}"))
     names = ", ".join([*run.scene.get("joints", {}), *run.scene.get("contacts", {})])
     loads = ", ".join(run.scene.get("loads", {}))
     axes.set_aspect("equal")
@@ -53,37 +54,24 @@ def geometry_figure(run: RunResult) -> "Figure | None":
     return figure
 
 
-def _described(run: RunResult, body: str) -> str:
-    size = np.ptp(run.points(body), axis=0)
-    metre = unit(float(size.max()), "m")
-    sides = " × ".join(f"{metre.factor * s:.4g}" for s in size)
-    return plain(f"{body}: {len(run.cells(body))} elements, {len(run.points(body))} nodes, "
-                 f"{sides} {metre.name}")
-
-
-def _flat(run: RunResult, body: str) -> tuple[FloatArray, Any]:
-    cells = subdivided(run.cells(body))
+def _lines(run: RunResult, body: str, solid: bool) -> FloatArray:
+    """(l, 2, 2) ends of the edges that are drawn of a body, m."""
+    cells, corners = subdivided(run.cells(body)), run.positions(body, 0)
+    if solid:
+        triangles = outer_facets(Mesh(run.points(body), cells))
+        corners = VIEWS[0].rotated(corners)
+        cells = triangles[skin(corners, triangles)]
     edges = np.concatenate([cells[:, [0, 1]], cells[:, [1, 2]], cells[:, [2, 0]]])
-    return run.positions(body, 0), np.unique(np.sort(edges, axis=1), axis=0)
+    return np.asarray(corners[np.unique(np.sort(edges, axis=1), axis=0)][..., :2])
 
 
-def _seen(run: RunResult, body: str) -> tuple[FloatArray, Any]:
-    triangles = outer_facets(Mesh(run.points(body), subdivided(run.cells(body))))
-    seen = VIEWS[0].rotated(run.positions(body, 0))
-    front = triangles[skin(seen, triangles)]
-    edges = np.concatenate([front[:, [0, 1]], front[:, [1, 2]], front[:, [2, 0]]])
-    return seen[:, :2], np.unique(np.sort(edges, axis=1), axis=0)
-
-
-def flow_figure(
-    steps: Sequence[str], back: tuple[int, int] | None = None, again: str = ""
-) -> "Figure":
+def flow_figure(steps: Sequence[str], back: tuple[int, int] | None, again: str) -> "Figure":
     """Flow chart with one box per step from top to bottom, and an arrow from step back[0] to step
     back[1] (counted from 1) with the text `again`."""
-    figure = new_figure(1.5 * COLUMN, 0.62 * len(steps) + 0.2)
+    count = len(steps)
+    figure = new_figure(1.5 * COLUMN, 0.62 * count + 0.2)
     axes = figure.subplots()
     axes.set_axis_off()
-    count = len(steps)
     axes.set(xlim=(0.0, 1.05), ylim=(-count + 0.4, 0.6))
     box = {"boxstyle": "round,pad=0.45", "facecolor": "#eef4fa", "edgecolor": style(0).colour,
            "linewidth": 0.8}
@@ -118,19 +106,17 @@ def numbers_figure(pairs: Mapping[str, tuple[float, float]]) -> "Figure | None":
         return None
     figure = new_figure(1.6 * COLUMN, 0.75 + 0.27 * len(shown))
     axes = figure.subplots()
-    rows = -np.arange(len(shown), dtype=np.float64)
-    published, ours = (np.array([p[i] for p in shown.values()]) for i in (0, 1))
-    axes.hlines(rows, np.minimum(published, ours), np.maximum(published, ours), color="#c8c8c8",
-                linewidth=1.0, zorder=0)
-    axes.plot(published, rows, "s", color=style(1).colour, markersize=5, label="published",
+    rows, found = -np.arange(len(shown), dtype=np.float64), np.array(list(shown.values()))
+    axes.hlines(rows, found.min(axis=1), found.max(axis=1), color="#c8c8c8", linewidth=1.0,
+                zorder=0)
+    axes.plot(found[:, 0], rows, "s", color=style(1).colour, markersize=5, label="published",
               markerfacecolor="none")
-    axes.plot(ours, rows, "o", color=style(0).colour, markersize=5, label="here")
+    axes.plot(found[:, 1], rows, "o", color=style(0).colour, markersize=5, label="here")
     axes.set_xscale("log")
     axes.set_yticks(rows, [plain(name) for name in shown], fontsize=SMALL)
     axes.tick_params(labelsize=SMALL)
     axes.grid(True, axis="x", color="#e6e6e6", linewidth=0.5)
     axes.set_ylim(rows[-1] - 0.6, 0.6)
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
+    axes.spines[["top", "right"]].set_visible(False)
     figure.legend(loc="outside upper left", ncols=2, fontsize=SMALL, frameon=False)
     return figure

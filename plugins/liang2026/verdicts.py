@@ -2,16 +2,14 @@
 
 import sys
 import traceback
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sparsemor.core.analysis.charts.style import saved
 from sparsemor.core.errors import InputError
-from sparsemor.plugins.liang2026.measure import Results
-from sparsemor.plugins.liang2026.paper import BROKEN, GRADES, MISSED, Item
-from sparsemor.plugins.liang2026.rules import Operand, evaluate
+from sparsemor.plugins.liang2026.paper import BROKEN, GRADES, Item
+from sparsemor.plugins.liang2026.parts import Results, Value
 from sparsemor.plugins.liang2026.sketches import numbers_figure
 
 if TYPE_CHECKING:
@@ -26,7 +24,7 @@ class Number:
     label: str
     unit: str
     paper: float | str | None
-    here: Operand
+    here: Value
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,56 +46,37 @@ class Verdict:
         return self.grade in GRADES[:2]
 
 
-def judged(item: Item, results: Results, pictures: Path) -> Verdict:
+def judged(item: Item, results: Results, folder: Path) -> Verdict:
     """Verdict on an item, with its pictures drawn into a folder. Failures are part of the verdict,
     never raised."""
-    known: dict[str, Operand] = {}
+    known: dict[str, Value] = {}
     faults = []
+    drawn: dict[str, Figure | None] = {}
     for name, value in item.values.items():
         known[f"paper_{name}"] = value.paper
         try:
-            known[name] = value.of.compute(results, known)
+            known[name] = value.of.made(results, known)
         except Exception as error:  # a fault in one number must not lose the others
             known[name] = None
             faults.append(f"{value.label}: {_reason(error)}")
-    grade, rule = (BROKEN, "") if faults else _grade(item, known)
+    grade = BROKEN if faults else item.grade(known)
     numbers = tuple(Number(n, v.label, v.unit, v.paper, known[n]) for n, v in item.values.items())
-    drawn, undrawn = _drawn(item, results, numbers, pictures)
-    return Verdict(item.id, grade, rule, numbers, drawn, (*faults, *undrawn))
-
-
-def _grade(item: Item, known: Mapping[str, Operand]) -> tuple[str, str]:
-    for grade in GRADES:
-        rule = next((r for g, r in item.verdict.items() if g == grade), None)
-        if rule is not None and evaluate(rule, known):
-            return grade, " ".join(rule.split())
-    return MISSED, ""
-
-
-def _drawn(
-    item: Item, results: Results, numbers: tuple[Number, ...], folder: Path
-) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """File names of the pictures, and reasons why some could not be drawn."""
-    files, faults = [], []
     for number, picture in enumerate(item.pictures, 1):
         try:
-            for name, figure in picture.draw(results).items():
-                if figure is not None:
-                    files += _saved(figure, folder, f"{item.id}_{number}_{name}")
+            drawn |= {f"{item.id}_{number}_{name}": figure
+                      for name, figure in picture.made(results, known).items()}
         except Exception as error:
             faults.append(f"picture {number}: {_reason(error)}")
-    figure = numbers_figure(
-        {n.label: (float(n.paper), float(n.here)) for n in numbers
-         if isinstance(n.paper, int | float) and isinstance(n.here, int | float)
-         and not isinstance(n.here, bool) and n.paper != n.here})
-    if figure is not None:
-        files += _saved(figure, folder, f"{item.id}_numbers")
-    return tuple(files), tuple(faults)
-
-
-def _saved(figure: "Figure", folder: Path, name: str) -> list[str]:
+    drawn[f"{item.id}_numbers"] = numbers_figure({
+        n.label: (n.paper, n.here) for n in numbers if n.paper != n.here
+        and isinstance(n.paper, int | float) and isinstance(n.here, int | float)
+        and not isinstance(n.here, bool)})
     folder.mkdir(parents=True, exist_ok=True)
-    return [path.name for path in saved(figure, folder, name, ("png",))]
+    files = [path.name for name, figure in drawn.items() if figure is not None
+             for path in saved(figure, folder, name, ("png",))]
+    met = next((rule for g, rule in item.verdict.items() if g == grade), "")
+    return Verdict(
+        item.id, grade, " ".join(met.split()), numbers, tuple(files), tuple(faults))
 
 
 def _reason(error: Exception) -> str:

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from sparsemor.bodies.mesh.expression import parse
 from sparsemor.core.errors import InputError
+from sparsemor.core.scene.expressions import Expression
 from sparsemor.core.scene.overrides import parse_settings
 from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.scene.yaml_reader import MOST_BYTES
@@ -85,12 +85,12 @@ def test_an_integer_from_python_is_refused_too() -> None:
 @pytest.mark.parametrize("text", ["~" * 1900 + "x", "x" + ".a" * 900, "x" + "()" * 900])
 def test_refusing_an_expression_does_not_recurse_through_it(text: str) -> None:
     with pytest.raises(InputError, match="not allowed"):
-        parse(text, "condition")
+        Expression.parse(text, "condition")
 
 
 def test_a_full_width_letter_is_no_coordinate() -> None:
     with pytest.raises(InputError, match="not an ASCII character"):
-        parse("\uff58 > 1", "condition")
+        Expression.parse("\uff58 > 1", "condition")
 
 
 @pytest.mark.parametrize("value", [True, 1.0])

@@ -8,10 +8,10 @@ from types import ModuleType
 import pytest
 
 from sparsemor.core.registry.registry import Registry
-from sparsemor.plugins.liang2026.paper import GRADES, Paper
+from sparsemor.plugins.liang2026.paper import GRADES, PaperFile
 
 DOCS = Path(__file__).parents[2] / "docs"
-PAPER = Paper.read("liang_2026", Registry()).file
+PAPER = PaperFile.read("liang_2026", Registry())
 
 
 def maker() -> ModuleType:
@@ -35,7 +35,7 @@ def test_stored_verdicts_follow_from_stored_numbers(kind: str) -> None:
     found = made.stored(kind)
     for name, (verdict, values) in found.items():
         assert values.keys() == {n for v in items[name].values for n in (v, f"paper_{v}")}, name
-        assert made.grade(items[name], values) == verdict, name
+        assert items[name].grade(values) == verdict, name
     if kind == "quick":
         assert found.keys() == items.keys()
         assert sum(verdict in GRADES[:2] for verdict, _ in found.values()) >= 29

@@ -26,12 +26,14 @@ from sparsemor.core.linalg.threads import fixed_threads
 from sparsemor.core.model.body_cache import BodyCache
 from sparsemor.core.model.model import Model
 from sparsemor.core.protocols import ReducedProblem
+from sparsemor.core.protocols.reducer import is_full_order
 from sparsemor.core.registry.hooks import new_manager
 from sparsemor.core.registry.registry import Registry
 from sparsemor.core.results.checkpoint import checkpoint_file
 from sparsemor.core.results.files.own import STORE, own_files, remove
 from sparsemor.core.results.files.temporary import TemporaryFolder
 from sparsemor.core.results.json_data import finite
+from sparsemor.core.results.output_directory import OutputDirectory
 from sparsemor.core.results.run_result import RunResult, open_result
 from sparsemor.core.results.stored_arrays import StoredArrays
 from sparsemor.core.scene.digest import digest
@@ -53,6 +55,8 @@ _log = logging.getLogger(__name__)
 REFUSED, BROKEN, DIED = "refused", "error", "worker_died"
 """Outcomes of a run in addition to the values of `Status`: invalid input, exception in the code,
 lost worker."""
+UNCOMPUTED = (REFUSED, BROKEN, DIED)
+"""Outcomes that are no results."""
 
 
 def execute(
@@ -131,6 +135,8 @@ def _run(
             shutil.copytree(reference.path, Path(job["keep"], STORE), copy_function=_linked,
                             dirs_exist_ok=True)
         return table(reference, failure=reference.summary.get("message", "")) | folder
+    if job.get("continue"):
+        return table(_continued(scene, Path(job["keep"]), job["offered"]), failure="") | folder
     with _place(job["keep"], job["scratch"]) as place:
         failure, model = "", None
         if job.get("model"):
@@ -144,6 +150,37 @@ def _run(
             result, failure = error.result, str(error)
         prepared = None if model is None else model.offline_seconds
         return table(result, failure=failure, prepared=prepared) | folder
+
+
+def _continued(scene: Scene, folder: Path, offered: bool) -> RunResult:
+    """Result of a run in `folder`: the one that is there, continued where it was interrupted, or a
+    new one if it is of another scene or program."""
+    kept = completed(scene, folder)
+    try:
+        if kept is None and OutputDirectory(folder).is_result():
+            try:
+                kept = simulate(scene, out=folder, resume=True)
+            except InputError:
+                OutputDirectory(folder).remove_result()
+        if kept is None:
+            kept = simulate(scene, out=folder, keep_training=offered)
+    except SolveFailed as error:
+        if error.status is Status.INTERRUPTED or not isinstance(error.result, RunResult):
+            raise
+        kept = error.result
+    if offered and kept.status.ok and is_full_order(scene.reducer):
+        keep_reference(scene, folder)
+    return kept
+
+
+def completed(scene: Scene, folder: Path) -> RunResult | None:
+    """Stored result of this scene, finished or stopped by itself; None if there is none."""
+    if not OutputDirectory(folder).is_result():
+        return None
+    kept = open_result(folder)
+    same = kept.attributes["scene_digest"] == scene.digest() and not Identity.of(scene).changes(
+        kept.attributes.get("identity", {}))
+    return kept if same and kept.summary and kept.status is not Status.INTERRUPTED else None
 
 
 _KINDS = {"reference": _reference, "products": _products, "run": _run}

@@ -56,6 +56,10 @@ class Run:
     of the prepared model that it may share; learns: True if it needs a training run; is_reference:
     True if the run is its own reference; refused: reason why its scene is invalid, "" if it is
     valid.
+
+    name: of a run of a plan that was made without a study file: of its folder, where an interrupted
+    one continues; after: names of runs that must have ended first; offered: True if the cache keeps
+    its snapshots and, at full order, the run as the reference of other studies.
     """
 
     number: int
@@ -70,6 +74,14 @@ class Run:
     model: str = ""
     learns: bool = False
     refused: str = ""
+    name: str = ""
+    after: tuple[str, ...] = ()
+    offered: bool = False
+
+    @property
+    def label(self) -> str:
+        """Name of its job and folder."""
+        return self.name or str(self.number)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -100,7 +100,7 @@ def run_plan(
                         raise in_the_way(folder, taken)
                     kept.mkdir(exist_ok=True)
                     add_to_listing(folder, [{"part": n} for n in parts if n not in known])
-                with _pool(workers, cluster, folder, registry) as (pool, scratch):
+                with worker_pool(workers, folder, cluster, registry) as (pool, scratch):
                     Schedule(plan, left, pool, rows, scratch, str(kept or "")).go(
                         journal.add, watch)
                 rows = journal.rows()
@@ -119,8 +119,8 @@ def _cluster(address: str) -> Pool:
 
 
 @contextmanager
-def _pool(
-    workers: int, cluster: Pool | None, folder: Path, registry: Registry | None
+def worker_pool(
+    workers: int, folder: Path, cluster: Pool | None = None, registry: Registry | None = None
 ) -> Iterator[tuple[Pool, str | None]]:
     """Context manager: pool of workers, and a folder that they share (None for a cluster)."""
     if cluster is not None:

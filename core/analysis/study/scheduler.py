@@ -129,8 +129,9 @@ class Schedule:
             if reference else "",
             "is_reference": run.is_reference,
             "errors_from": self._plan.study.file.errors_from,
-            "scratch": f"{self._scratch}/run-{run.number}" if self._scratch else None,
-            "keep": f"{self._kept}/{run.number}" if self._kept else None,
+            "scratch": f"{self._scratch}/run-{run.label}" if self._scratch else None,
+            "keep": f"{self._kept}/{run.label}" if self._kept else None,
+            "continue": bool(run.name), "offered": run.offered,
             "quantities": {n: q.model_dump()
                            for n, q in self._plan.study.file.quantities.items()},
             "model": self._models.get(run.model),
@@ -215,12 +216,13 @@ def _jobs_of(runs: Sequence[Run]) -> list[_Job]:
             products.append(_Job("products", token, (before,) if before else (), sharing[0]))
             waits_for[token] = name
     jobs = [_Job("reference", key, (), run) for key, run in reversed(references.items())] + products
+    present = {run.name for run in runs}
     for run in runs:
-        after: tuple[str, ...] = ()
+        after = [f"run:{name}" for name in run.after if name in present]
         if not run.refused:
             shared = waits_for.get(run.products)
-            after = tuple(name for name in (_reference_of(run), shared) if name)
-        jobs.append(_Job("run", str(run.number), after, run))
+            after += [name for name in (_reference_of(run), shared) if name]
+        jobs.append(_Job("run", run.label, tuple(after), run))
     return jobs
 
 

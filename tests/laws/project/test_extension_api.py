@@ -13,8 +13,8 @@ from sparsemor.core import protocols
 
 NAMES = {
     "BlockSolvers", "BoolArray", "CONSTANT_CHANGE", "ColumnSubsets", "CompressedLocal", "Csr",
-    "FREE_POSE", "Fault", "FloatArray", "GIGABYTE", "Gather", "InputError", "IntArray",
-    "Linearized", "MachineCode", "Note", "PLANAR_POSE", "Plugin", "Registry", "RunStart",
+    "Expression", "FREE_POSE", "Fault", "FloatArray", "GIGABYTE", "Gather", "InputError",
+    "IntArray", "Linearized", "MachineCode", "Note", "PLANAR_POSE", "Plugin", "Registry", "RunStart",
     "SPINNING_POSE", "Slot", "SolveFailed", "Solved", "Status", "advanced", "amplitudes_along",
     "bounded_address_space", "built_dictionary", "built_weights", "cell_facets",
     "checked_return", "coherence", "column_chunks", "condition_number", "consistent_state",
