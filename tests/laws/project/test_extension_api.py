@@ -14,8 +14,9 @@ from sparsemor.core import protocols
 NAMES = {
     "BlockSolvers", "BoolArray", "CONSTANT_CHANGE", "ColumnSubsets", "CompressedLocal", "Csr",
     "Expression", "FREE_POSE", "Fault", "FloatArray", "GIGABYTE", "Gather", "InputError",
-    "IntArray", "Linearized", "MachineCode", "Note", "PLANAR_POSE", "Plugin", "Registry", "RunStart",
-    "SPINNING_POSE", "Slot", "SolveFailed", "Solved", "Status", "advanced", "amplitudes_along",
+    "IntArray", "Linearized", "MachineCode", "Note", "PLANAR_POSE", "Plugin", "Registry",
+    "RunStart", "SPINNING_POSE", "Slot", "SolveFailed", "Solved", "Status", "advanced",
+    "amplitudes_along",
     "bounded_address_space", "built_dictionary", "built_weights", "cell_facets",
     "checked_return", "coherence", "column_chunks", "condition_number", "consistent_state",
     "derivative_along_motion", "derivative_from_right", "dissect", "distinct_names",
