@@ -10,8 +10,6 @@ if TYPE_CHECKING:
     from sparsemor.core.analysis.charts.animation import animate as animate
     from sparsemor.core.analysis.charts.plot import plot as plot
     from sparsemor.core.analysis.compare import compare as compare
-    from sparsemor.core.analysis.parameter_test import parameter_test as parameter_test
-    from sparsemor.core.analysis.study import study as study
     from sparsemor.core.errors import InputError as InputError
     from sparsemor.core.registry.registry import Registry as Registry
     from sparsemor.core.results.export import export as export
@@ -27,6 +25,8 @@ if TYPE_CHECKING:
     from sparsemor.core.status import SolveFailed as SolveFailed
     from sparsemor.core.status import Status as Status
     from sparsemor.plugins.liang2026.reproduce import reproduce as reproduce
+    from sparsemor.plugins.study import study as study
+    from sparsemor.plugins.study.parameter_test import parameter_test as parameter_test
 
     __version__: str
 
@@ -45,12 +45,12 @@ _HOMES = {
     "load": "core.scene.scene",
     "load_model": "core.simulation.reduced_model",
     "open_result": "core.results.run_result",
-    "parameter_test": "core.analysis.parameter_test",
+    "parameter_test": "plugins.study.parameter_test",
     "plot": "core.analysis.charts.plot",
     "reduce": "core.simulation.reduced_model",
     "reproduce": "plugins.liang2026.reproduce",
     "simulate": "core.simulation.simulate",
-    "study": "core.analysis.study",
+    "study": "plugins.study",
 }
 
 __all__ = [

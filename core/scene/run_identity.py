@@ -115,11 +115,9 @@ def _of_commands() -> list[str]:
             if e.module.startswith(f"{PACKAGE}.")]
 
 
-@cache
-def study_digest() -> str:
-    """SHA-256 digest of the sources that start and measure the runs of a study."""
-    root = Path(__file__).absolute().parents[2]
-    return _digest_of(sources(root / "core/analysis/study"), root)
+def folder_digest(folder: Path) -> str:
+    """SHA-256 digest of the sources in a folder."""
+    return _digest_of(sources(folder), folder)
 
 
 @cache

@@ -10,7 +10,6 @@ from pydantic import Field
 
 from sparsemor.core.analysis.charts.fields import values_of
 from sparsemor.core.analysis.charts.time_histories import rate_of
-from sparsemor.core.analysis.study.jobs import UNCOMPUTED
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.protocols.layout import Quantity as Unknown
@@ -21,6 +20,7 @@ from sparsemor.core.scene.expressions import Expression
 from sparsemor.core.scene.overrides import split as key_parts
 from sparsemor.plugins.liang2026.parts import Known, Part, Rows, Value, errors_of, part_of
 from sparsemor.plugins.liang2026.split import split_of
+from sparsemor.plugins.study.jobs import UNCOMPUTED
 
 Moment = float | Literal["end"]
 """Time in s, or the last stored time."""

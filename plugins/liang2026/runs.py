@@ -11,11 +11,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from sparsemor.core.analysis.study.file import Study
-from sparsemor.core.analysis.study.jobs import UNCOMPUTED, completed
-from sparsemor.core.analysis.study.plan import Plan, Run, SceneData
-from sparsemor.core.analysis.study.run import run_plan, worker_pool
-from sparsemor.core.analysis.study.scheduler import Row, Schedule, State
 from sparsemor.core.errors import InputError
 from sparsemor.core.linalg.threads import fixed_threads
 from sparsemor.core.registry.registry import Registry
@@ -27,6 +22,11 @@ from sparsemor.core.status import SolveFailed, Status
 from sparsemor.plugins.liang2026.paper import Item, PaperFile, RunEntry, StudyEntry
 from sparsemor.plugins.liang2026.quantities import split
 from sparsemor.plugins.liang2026.split import SPLIT, write_split
+from sparsemor.plugins.study.file import Study
+from sparsemor.plugins.study.jobs import UNCOMPUTED, completed
+from sparsemor.plugins.study.plan import Plan, Run, SceneData
+from sparsemor.plugins.study.run import run_plan, worker_pool
+from sparsemor.plugins.study.scheduler import Row, Schedule, State
 
 RUNS, STUDIES = "runs", "studies"
 

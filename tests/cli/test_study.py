@@ -11,9 +11,9 @@ from typing import Any
 import pytest
 
 from sparsemor import InputError, study
-from sparsemor.core.analysis.study import run_plan
-from sparsemor.core.analysis.study.plan import Plan
 from sparsemor.core.results.output_lock import LOCK
+from sparsemor.plugins.study import run_plan
+from sparsemor.plugins.study.plan import Plan
 from swing_study import PROGRAM, STUDY, SWING, command, rows_of
 
 pytestmark = pytest.mark.full

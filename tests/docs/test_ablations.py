@@ -8,9 +8,9 @@ from types import ModuleType
 import pytest
 
 from sparsemor import compare, simulate
-from sparsemor.core.analysis.study.jobs import scene_of
-from sparsemor.core.analysis.study.plan import Plan
 from sparsemor.core.registry.registry import Registry
+from sparsemor.plugins.study.jobs import scene_of
+from sparsemor.plugins.study.plan import Plan
 
 DOCS = Path(__file__).parents[2] / "docs"
 STUDIES = [p.name for p in Registry().names("study") if p.distribution == "sparsemor"]

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from sparsemor.core.analysis.study.plan import Plan
+from sparsemor.plugins.study.plan import Plan
 
 HEAD = "scene: scene.yaml\nreference: {reducer: direct}\n"
 GRID = HEAD + """\

@@ -19,8 +19,6 @@ READERS = ("registry", "scene", "cli")
 """Folders that read texts: entry points, YAML, options."""
 TEXTS = {
     ("__init__.py", "name.startswith('_')"),  # private names of Python
-    ("analysis/study/dask_pool.py", "'://' in address"),
-    ("analysis/study/journal.py", "line.endswith(b'\\n')"),
     ("model/assembly.py", "group.removesuffix('s')"),  # keys of a scene and kinds of plugins
     ("results/output_directory.py", "path.name.startswith(_SCRATCH)"),
     ("results/run_result.py", "n.removeprefix('probe.')"),  # an array of a probe

@@ -13,12 +13,12 @@ from sparsemor.bodies.terms.field_kinds import BODY_KINDS
 from sparsemor.core.analysis.charts.error_over_time import error_over_time_figure
 from sparsemor.core.analysis.charts.work_precision import WorkPoint, work_precision_figure
 from sparsemor.core.analysis.compare import Comparison, compare
-from sparsemor.core.analysis.study.metrics import measured
-from sparsemor.core.analysis.study.plan import Plan
-from sparsemor.core.analysis.study.report import counted, in_words
 from sparsemor.core.results.error_norms import LIMIT, measure_errors
 from sparsemor.core.results.tables import marked, text_table
 from sparsemor.core.status import Status
+from sparsemor.plugins.study.metrics import measured
+from sparsemor.plugins.study.plan import Plan
+from sparsemor.plugins.study.report import counted, in_words
 from toy_scene import TOY_SCENE
 from toy_study import HEAD, planned
 from written_runs import ALL, TIMES, motion, write_run

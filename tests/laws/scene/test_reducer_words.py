@@ -6,10 +6,10 @@ from typing import Any
 import pytest
 
 from sparsemor import InputError, load
-from sparsemor.core.analysis.study.plan import Plan
 from sparsemor.core.cli.compare import variants
 from sparsemor.core.scene.scene import Scene, build
 from sparsemor.core.scene.source import Source
+from sparsemor.plugins.study.plan import Plan
 
 SCENES = ("slider_plate", "brake_disk", "double_pendulum")
 

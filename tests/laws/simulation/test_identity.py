@@ -14,7 +14,6 @@ import threadpoolctl
 from typer.testing import CliRunner
 
 from sparsemor import InputError, load, simulate
-from sparsemor.core.analysis.study.plan import Plan
 from sparsemor.core.cli import app
 from sparsemor.core.registry.hooks import hookimpl, new_manager
 from sparsemor.core.scene import run_identity as identity
@@ -23,6 +22,7 @@ from sparsemor.core.scene.run_identity import FOLDERS, Identity
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.prepare import prepared
+from sparsemor.plugins.study.plan import Plan
 
 TINY = Path(__file__).parents[2] / "scenes" / "tiny.yaml"
 SHORT: Mapping[str, Any] = {"time.end": 0.003}
@@ -120,16 +120,17 @@ def test_the_digest_of_the_program_reads_every_source() -> None:
 
 
 @pytest.mark.parametrize(("place", "runs", "studies"), [
-    ("core", True, False), ("plugins", True, False), ("core/analysis/study", False, True),
+    ("core", True, False), ("plugins", True, False), ("plugins/study", False, True),
     ("plugins/liang2026", False, False), ("core/cli", False, False)])
 def test_no_run_depends_on_analysis_and_command_line(
     place: str, runs: bool, studies: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    before = identity.code_digest.__wrapped__(), identity.study_digest.__wrapped__()
-    read, new = identity.sources, Path(identity.__file__).parents[2] / place / "new.py"
+    root = Path(identity.__file__).parents[2]
+    before = identity.code_digest.__wrapped__(), identity.folder_digest(root / "plugins/study")
+    read, new = identity.sources, root / place / "new.py"
     monkeypatch.setattr(identity, "sources", lambda folder: [
         *read(folder), *([new] if new.is_relative_to(folder) else [])])
-    after = identity.code_digest.__wrapped__(), identity.study_digest.__wrapped__()
+    after = identity.code_digest.__wrapped__(), identity.folder_digest(root / "plugins/study")
     assert (after[0] != before[0], after[1] != before[1]) == (runs, studies)
 
 

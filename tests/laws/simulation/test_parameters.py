@@ -11,7 +11,6 @@ import pytest
 
 from small_scenes import tiny
 from sparsemor import InputError, ReducedModel, load, load_model, parameter_test, reduce, simulate
-from sparsemor.core.analysis.study.plan import Plan
 from sparsemor.core.results.error_norms import measure_errors
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.scene.parameters import Parameter, corners, latin_hypercube
@@ -21,6 +20,7 @@ from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.greedy import estimated_error, greedy_points
 from sparsemor.core.simulation.offline_cache import Products
 from sparsemor.core.status import SolveFailed
+from sparsemor.plugins.study.plan import Plan
 
 FLUX, ANGLE = "loads.heating.flux", "bodies.bar.pose.angle"
 BOX = {"flux": {"key": FLUX, "range": [5.0e5, 2.0e6]}, "angle": {"key": ANGLE, "range": [0.0, 0.5]}}

@@ -9,9 +9,9 @@ import pytest
 
 from small_scenes import tiny
 from sparsemor import InputError, open_result, study
-from sparsemor.core.analysis.quantities import TAKEN
-from sparsemor.core.analysis.study.columns import label
-from sparsemor.core.analysis.study.plan import Plan
+from sparsemor.plugins.study.columns import label
+from sparsemor.plugins.study.plan import Plan
+from sparsemor.plugins.study.quantities import TAKEN
 
 
 def test_numbers_of_a_history() -> None:

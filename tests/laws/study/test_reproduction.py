@@ -12,8 +12,6 @@ import numpy as np
 import pytest
 
 from source_trees import tree_of
-from sparsemor.core.analysis.study.jobs import execute, keep_reference
-from sparsemor.core.analysis.study.plan import SceneData
 from sparsemor.core.cli.options import load_with
 from sparsemor.core.errors import InputError
 from sparsemor.core.registry.registry import Registry
@@ -35,6 +33,8 @@ from sparsemor.plugins.liang2026.quantities import formula, study
 from sparsemor.plugins.liang2026.reproduce import chosen_items, reproduce
 from sparsemor.plugins.liang2026.runs import command_of, commands_of, plan_of, scene_of
 from sparsemor.plugins.liang2026.split import Counted
+from sparsemor.plugins.study.jobs import execute, keep_reference
+from sparsemor.plugins.study.plan import SceneData
 
 ROOT = Path(__file__).parents[3]
 PAPER = PaperFile.read("liang_2026", Registry())

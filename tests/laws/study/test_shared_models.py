@@ -7,10 +7,10 @@ import pytest
 
 from small_scenes import tiny
 from sparsemor import study
-from sparsemor.core.analysis.study import kept_models
-from sparsemor.core.analysis.study.columns import TIMES
-from sparsemor.core.analysis.study.kept_models import KeptModels
 from sparsemor.core.simulation import training
+from sparsemor.plugins.study import kept_models
+from sparsemor.plugins.study.columns import TIMES
+from sparsemor.plugins.study.kept_models import KeptModels
 
 FLUX = "loads.heating.flux"
 

@@ -11,14 +11,14 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from sparsemor.bodies.terms.field_kinds import BODY_KINDS
-from sparsemor.core.analysis.study.columns import RESERVED, TIMES, cell, columns_of
-from sparsemor.core.analysis.study.journal import Journal
-from sparsemor.core.analysis.study.plan import Plan
-from sparsemor.core.analysis.study.progress import duration, in_words
-from sparsemor.core.analysis.study.scheduler import Row, Schedule, State
 from sparsemor.core.errors import InputError
 from sparsemor.core.results.json_data import finite
 from sparsemor.core.simulation.workers.local_pool import Ended
+from sparsemor.plugins.study.columns import RESERVED, TIMES, cell, columns_of
+from sparsemor.plugins.study.journal import Journal
+from sparsemor.plugins.study.plan import Plan
+from sparsemor.plugins.study.progress import duration, in_words
+from sparsemor.plugins.study.scheduler import Row, Schedule, State
 from toy_scene import TOY_SCENE
 from toy_study import GRID, HEAD, planned
 

@@ -17,10 +17,6 @@ from typing import Any
 
 import numpy as np
 
-from sparsemor.core.analysis.quantities import QuantityOfInterest
-from sparsemor.core.analysis.study.columns import RESULT
-from sparsemor.core.analysis.study.kept_models import KeptModels
-from sparsemor.core.analysis.study.metrics import measured
 from sparsemor.core.errors import InputError
 from sparsemor.core.linalg.threads import fixed_threads
 from sparsemor.core.model.body_cache import BodyCache
@@ -50,6 +46,10 @@ from sparsemor.core.simulation.simulate import simulate
 from sparsemor.core.simulation.training import TRAINING
 from sparsemor.core.simulation.validation import checked_model
 from sparsemor.core.status import SolveFailed, Status
+from sparsemor.plugins.study.columns import RESULT
+from sparsemor.plugins.study.kept_models import KeptModels
+from sparsemor.plugins.study.metrics import measured
+from sparsemor.plugins.study.quantities import QuantityOfInterest
 
 _log = logging.getLogger(__name__)
 REFUSED, BROKEN, DIED = "refused", "error", "worker_died"

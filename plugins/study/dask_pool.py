@@ -4,9 +4,9 @@ import queue
 from typing import Any, cast
 from urllib.parse import urlsplit
 
-from sparsemor.core.analysis.study.jobs import execute
 from sparsemor.core.errors import InputError
 from sparsemor.core.simulation.workers.local_pool import Ended, Payload
+from sparsemor.plugins.study.jobs import execute
 
 SECONDS = 10.0
 """Timeout of the connection to the scheduler, s."""

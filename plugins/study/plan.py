@@ -7,16 +7,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from sparsemor.core.analysis.study.axes import (
-    Point,
-    axis_columns,
-    chart_columns,
-    points_of,
-    setting_columns,
-    taken_names,
-)
-from sparsemor.core.analysis.study.columns import OUTCOME, RESERVED, columns_of, error_columns
-from sparsemor.core.analysis.study.file import Finding, Study
 from sparsemor.core.errors import Fault, InputError
 from sparsemor.core.protocols import FieldKind, UsesBases
 from sparsemor.core.protocols.layout import ordered
@@ -25,11 +15,21 @@ from sparsemor.core.registry.registry import Registry, suggestions
 from sparsemor.core.scene.digest import digest
 from sparsemor.core.scene.independent_of_physics import NOT_PHYSICS, training_physics
 from sparsemor.core.scene.overrides import split
-from sparsemor.core.scene.run_identity import Identity, environment, study_digest
+from sparsemor.core.scene.run_identity import Identity, environment, folder_digest
 from sparsemor.core.scene.scene import Scene, build
 from sparsemor.core.scene.source import Source, packaged
 from sparsemor.core.scene.yaml_reader import KeyPath, LocatedError
 from sparsemor.core.simulation.free_options import kept_options
+from sparsemor.plugins.study.axes import (
+    Point,
+    axis_columns,
+    chart_columns,
+    points_of,
+    setting_columns,
+    taken_names,
+)
+from sparsemor.plugins.study.columns import OUTCOME, RESERVED, columns_of, error_columns
+from sparsemor.plugins.study.file import Finding, Study
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -129,7 +129,7 @@ class Plan:
         read.check(file.quantity_faults(maker.base.tree, {
             *settings, *RESERVED, *OUTCOME, "seed", *error_columns(fields)}))
         about = digest(
-            read.source.tree, environment(), study_digest(), maker.identities,
+            read.source.tree, environment(), folder_digest(Path(__file__).parent), maker.identities,
             [[r.refused, dict(r.scene.tree) if r.scene else None] for r in runs],
             {key: dict(s.tree) for key, s in maker.references.items()})
         return cls(read, tuple(runs), maker.references, tuple(columns), tuple(settings),

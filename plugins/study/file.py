@@ -7,7 +7,6 @@ from typing import Any, Literal
 
 from pydantic import Field, ModelWrapValidatorHandler, ValidationError, model_validator
 
-from sparsemor.core.analysis.quantities import QuantityOfInterest
 from sparsemor.core.errors import Fault
 from sparsemor.core.registry.plugin import Plugin
 from sparsemor.core.registry.registry import Registry, suggestions
@@ -15,6 +14,7 @@ from sparsemor.core.registry.validation_errors import custom, dotted, with_advic
 from sparsemor.core.scene.defaults import FULL_ORDER
 from sparsemor.core.scene.source import Source
 from sparsemor.core.scene.yaml_reader import KeyPath, LocatedError, located
+from sparsemor.plugins.study.quantities import QuantityOfInterest
 
 FORMS = ("grid", "list", "random")
 FULL = {"reducer": FULL_ORDER}

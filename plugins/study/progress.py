@@ -5,9 +5,9 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from sparsemor.core.analysis.study.columns import cell
-from sparsemor.core.analysis.study.plan import Plan
-from sparsemor.core.analysis.study.scheduler import Row, State
+from sparsemor.plugins.study.columns import cell
+from sparsemor.plugins.study.plan import Plan
+from sparsemor.plugins.study.scheduler import Row, State
 
 Watch = Callable[[State, Row | None], None]
 """Callback for progress: called after each run with its row, and repeatedly with None while jobs

@@ -11,7 +11,6 @@ from sparsemor.core.cli.options import (
     Force,
     Json,
     Quiet,
-    exit_codes,
     leave,
     located_in,
     path_of,
@@ -19,8 +18,8 @@ from sparsemor.core.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from sparsemor.core.analysis.study import StudyOutcome
-    from sparsemor.core.analysis.study.plan import Plan
+    from sparsemor.plugins.study import StudyOutcome
+    from sparsemor.plugins.study.plan import Plan
 
 
 def study(
@@ -38,25 +37,24 @@ def study(
     force: Force = False, as_json: Json = False, quiet: Quiet = False,
 ) -> None:
     """Run a scene under every combination of changes and tabulate errors and cost."""
-    with exit_codes(as_json):
-        from sparsemor.core.analysis.study.plan import Plan
-        from sparsemor.core.analysis.study.progress import shown
-        from sparsemor.core.analysis.study.run import run_plan
+    from sparsemor.plugins.study.plan import Plan
+    from sparsemor.plugins.study.progress import shown
+    from sparsemor.plugins.study.run import run_plan
 
-        plan = Plan.of(file)
-        folder = (out or Path("runs", plan.study.name)).absolute()
-        try:
-            with located_in(), shown(plan, quiet or as_json) as watch:
-                done = run_plan(plan, out=folder, workers=workers, scheduler=scheduler,
-                               times=not no_times, force=force, watch=watch)
-        except KeyboardInterrupt:
-            _interrupted(plan, folder, as_json, quiet)
-        else:
-            _report(done, as_json, quiet)
+    plan = Plan.of(file)
+    folder = (out or Path("runs", plan.study.name)).absolute()
+    try:
+        with located_in(), shown(plan, quiet or as_json) as watch:
+            done = run_plan(plan, out=folder, workers=workers, scheduler=scheduler,
+                           times=not no_times, force=force, watch=watch)
+    except KeyboardInterrupt:
+        _interrupted(plan, folder, as_json, quiet)
+    else:
+        _report(done, as_json, quiet)
 
 
 def _report(done: "StudyOutcome", as_json: bool, quiet: bool) -> None:
-    from sparsemor.core.analysis.study.report import draw, in_words
+    from sparsemor.plugins.study.report import draw, in_words
 
     charts = draw(done)
     none = all(row["status"] != "done" for row in done.rows)
@@ -72,8 +70,8 @@ def _report(done: "StudyOutcome", as_json: bool, quiet: bool) -> None:
 
 
 def _interrupted(plan: "Plan", folder: Path, as_json: bool, quiet: bool) -> None:
-    from sparsemor.core.analysis.study.journal import Journal, is_study
-    from sparsemor.core.analysis.study.report import in_words
+    from sparsemor.plugins.study.journal import Journal, is_study
+    from sparsemor.plugins.study.report import in_words
 
     rows: list[Any] = Journal(folder, plan.columns).rows() if is_study(folder) else []
     rows.sort(key=lambda row: int(row["run"]))

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sparsemor.core.analysis.study.columns import ERROR, SERIES, label
-from sparsemor.core.analysis.study.plan import Plan
-from sparsemor.core.analysis.study.run import StudyOutcome
 from sparsemor.core.results.error_norms import LIMIT, measure_names
 from sparsemor.core.results.tables import CONSTANT, MARK, marked, text_table
 from sparsemor.core.status import Status
+from sparsemor.plugins.study.columns import ERROR, SERIES, label
+from sparsemor.plugins.study.plan import Plan
+from sparsemor.plugins.study.run import StudyOutcome
 
 if TYPE_CHECKING:
     from sparsemor.core.analysis.charts.work_precision import WorkPoint

@@ -4,10 +4,10 @@ dask_pool.py)."""
 from collections import deque
 from typing import Protocol
 
-from sparsemor.core.analysis.study.jobs import execute
-from sparsemor.core.analysis.study.kept_models import KeptModels
 from sparsemor.core.registry.registry import Registry
 from sparsemor.core.simulation.workers.local_pool import Ended, Payload
+from sparsemor.plugins.study.jobs import execute
+from sparsemor.plugins.study.kept_models import KeptModels
 
 
 class Pool(Protocol):

@@ -7,8 +7,8 @@ from sparsemor.core.simulation.workers.serve import Execute, serve
 
 def executing() -> Execute:
     """Execution of the jobs of a study, with the models that earlier ones have prepared."""
-    from sparsemor.core.analysis.study.jobs import execute
-    from sparsemor.core.analysis.study.kept_models import KeptModels
+    from sparsemor.plugins.study.jobs import execute
+    from sparsemor.plugins.study.kept_models import KeptModels
 
     return partial(execute, models=KeptModels())
 

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 from graphlib import TopologicalSorter
 from typing import Any, Literal
 
-from sparsemor.core.analysis.study.jobs import BROKEN, DIED, REFUSED
-from sparsemor.core.analysis.study.plan import Plan, Run
-from sparsemor.core.analysis.study.pools import Pool
 from sparsemor.core.simulation.workers.local_pool import Ended
 from sparsemor.core.status import Status
+from sparsemor.plugins.study.jobs import BROKEN, DIED, REFUSED
+from sparsemor.plugins.study.plan import Plan, Run
+from sparsemor.plugins.study.pools import Pool
 
 Row = dict[str, Any]
 Answer = dict[str, Any]

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from sparsemor.core.analysis.study.jobs import cached_reference
 from sparsemor.core.errors import InputError, check_count
 from sparsemor.core.model.body_cache import BodyCache
 from sparsemor.core.results.error_norms import LIMIT, measure_errors, measure_names
@@ -21,6 +20,7 @@ from sparsemor.core.scene.parameters import uniform, values_at
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.reduced_model import ReducedModel, reduce
 from sparsemor.core.status import SolveFailed
+from sparsemor.plugins.study.jobs import cached_reference
 
 Row = dict[str, Any]
 

@@ -7,12 +7,6 @@ from os.path import lexists
 from pathlib import Path
 from typing import Any
 
-from sparsemor.core.analysis.study.jobs import DIED
-from sparsemor.core.analysis.study.journal import WRITES, Journal, is_study
-from sparsemor.core.analysis.study.plan import Plan
-from sparsemor.core.analysis.study.pools import Pool, SerialPool
-from sparsemor.core.analysis.study.progress import Watch, shown
-from sparsemor.core.analysis.study.scheduler import Row, Schedule
 from sparsemor.core.errors import InputError
 from sparsemor.core.registry.registry import Registry
 from sparsemor.core.results.files.listing import (
@@ -25,10 +19,16 @@ from sparsemor.core.results.files.listing import (
 from sparsemor.core.results.files.temporary import TemporaryFolder
 from sparsemor.core.results.output_directory import OutputDirectory
 from sparsemor.core.status import Status
+from sparsemor.plugins.study.jobs import DIED
+from sparsemor.plugins.study.journal import WRITES, Journal, is_study
+from sparsemor.plugins.study.plan import Plan
+from sparsemor.plugins.study.pools import Pool, SerialPool
+from sparsemor.plugins.study.progress import Watch, shown
+from sparsemor.plugins.study.scheduler import Row, Schedule
 
 KEPT = "runs"
 """Folder of the results that are kept, in that of the study."""
-WORKER = "sparsemor.core.analysis.study.worker"
+WORKER = "sparsemor.plugins.study.worker"
 """Program of the worker processes."""
 
 
@@ -113,7 +113,7 @@ def run_plan(
 
 
 def _cluster(address: str) -> Pool:
-    from sparsemor.core.analysis.study.dask_pool import DaskPool
+    from sparsemor.plugins.study.dask_pool import DaskPool
 
     return DaskPool(address)
 

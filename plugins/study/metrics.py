@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from sparsemor.core.analysis.quantities import QuantityOfInterest
-from sparsemor.core.analysis.study.columns import SERIES
 from sparsemor.core.errors import InputError
 from sparsemor.core.results.cost import RunFacts, pays_after, run_facts
 from sparsemor.core.results.error_norms import Errors, measure_errors, measure_names
 from sparsemor.core.results.run_result import RunResult
+from sparsemor.plugins.study.columns import SERIES
+from sparsemor.plugins.study.quantities import QuantityOfInterest
 
 SPANS = 120
 NONE: Mapping[str, QuantityOfInterest] = {}

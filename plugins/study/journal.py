@@ -6,8 +6,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from sparsemor.core.analysis.study.columns import TIMES, cell, fact_columns, with_facts
-from sparsemor.core.analysis.study.plan import Plan
 from sparsemor.core.errors import InputError
 from sparsemor.core.results.files.listing import (
     Written,
@@ -19,6 +17,8 @@ from sparsemor.core.results.files.listing import (
 )
 from sparsemor.core.results.output_directory import OutputDirectory
 from sparsemor.core.results.tables import csv_table
+from sparsemor.plugins.study.columns import TIMES, cell, fact_columns, with_facts
+from sparsemor.plugins.study.plan import Plan
 
 STUDY = "study"
 """Kind of the list of a study."""

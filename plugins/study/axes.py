@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from sparsemor.core.analysis.study.columns import RESERVED
-from sparsemor.core.analysis.study.file import Finding, RandomSubset, Study, StudyFile
 from sparsemor.core.registry.registry import suggestions
 from sparsemor.core.registry.validation_errors import dotted
 from sparsemor.core.scene.overrides import split
 from sparsemor.core.scene.yaml_reader import KeyPath
+from sparsemor.plugins.study.columns import RESERVED
+from sparsemor.plugins.study.file import Finding, RandomSubset, Study, StudyFile
 
 LABEL, SEED = "label", "seed"
 
