@@ -38,7 +38,6 @@ try:
     from sparsemor.core.cli.plugins import plugins, schema, validate
     from sparsemor.core.cli.reduce import reduce
     from sparsemor.core.cli.run import run
-    from sparsemor.core.cli.stability import stability
 except KeyboardInterrupt:  # Ctrl-C in the first half second, while all this is read
     sys.stderr.write("interrupted\n")
     raise SystemExit(130) from None
@@ -46,7 +45,7 @@ except KeyboardInterrupt:  # Ctrl-C in the first half second, while all this is 
 app = typer.Typer(
     cls=Commands, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]})
-for command in (run, reduce, advise, compare, stability, export, pictures, animate,
+for command in (run, reduce, advise, compare, export, pictures, animate,
                 validate, schema, plugins, cache):
     app.command()(command)
 app.command("new-plugin")(new_plugin)

@@ -2,8 +2,8 @@
 
 from typing import Any
 
-from sparsemor.core.analysis.stability.variants import Plan, variants
 from sparsemor.core.scene.scene import Scene, load
+from sparsemor.plugins.stability.variants import Plan, variants
 
 SMALL = {"bodies.link1.mesh.elements": 320, "bodies.link2.mesh.elements": 320,
          "time.end": 0.1, "training.end": 0.1}

@@ -6,8 +6,8 @@ import pytest
 
 from small_scenes import tiny
 from sparsemor import load, simulate
-from sparsemor.core.analysis.stability.survey import unsampled
 from sparsemor.core.notes import Level, Note, information, kinds, sentences
+from sparsemor.plugins.stability.survey import unsampled
 
 SLIDER = "tests/scenes/small_slider.yaml"
 INSIDE = {"reducer": "galerkin", "rigid_stage": None, "contacts.sole.surfaces": "deformed",

@@ -9,13 +9,13 @@ import pytest
 
 from small_pendulum import small
 from sparsemor.core.analysis.compare import compare
-from sparsemor.core.analysis.stability.survey import Entry, Finding, Survey, survey
-from sparsemor.core.analysis.stability.variants import Plan, variants
 from sparsemor.core.errors import InputError
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.simulation.simulate import simulate
 from sparsemor.core.status import SolveFailed
+from sparsemor.plugins.stability.survey import Entry, Finding, Survey, survey
+from sparsemor.plugins.stability.variants import Plan, variants
 
 pytestmark = pytest.mark.usefixtures("one_cache")
 

@@ -8,14 +8,14 @@ import pytest
 
 from sparsemor import compare, load, simulate
 from sparsemor.core import ReducedProblem
-from sparsemor.core.analysis.stability.survey import survey
-from sparsemor.core.analysis.stability.variants import Plan
 from sparsemor.core.registry.hooks import new_manager
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.prepare import prepared
 from sparsemor.core.status import SolveFailed
+from sparsemor.plugins.stability.survey import survey
+from sparsemor.plugins.stability.variants import Plan
 
 pytestmark = pytest.mark.full
 

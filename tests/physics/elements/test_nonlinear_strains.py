@@ -10,14 +10,14 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from sparsemor import load_model, reduce, simulate
-from sparsemor.core.analysis.stability.survey import survey
-from sparsemor.core.analysis.stability.variants import Plan
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.results.stress import StressRecovery
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.status import SolveFailed
 from sparsemor.core.testing.in_memory_run import scene_of
+from sparsemor.plugins.stability.survey import survey
+from sparsemor.plugins.stability.variants import Plan
 
 E, L, H, ALPHA = 7e10, 1.0, 0.02, 1.2e-5
 EULER = np.pi**2 * E * H**4 / 12.0

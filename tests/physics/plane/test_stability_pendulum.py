@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from sparsemor.core import ReducedProblem
-from sparsemor.core.analysis.stability.eigenvalue_errors import exact_values, own_radii, own_values
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.protocols import StepSolver
@@ -24,6 +23,7 @@ from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.simulation.time_stepping import started
 from sparsemor.core.simulation.training import train
 from sparsemor.core.testing.in_memory_run import scene_of
+from sparsemor.plugins.stability.eigenvalue_errors import exact_values, own_radii, own_values
 
 H, G = 1e-3, 9.81
 DOWN, UP = -np.pi / 2, np.pi / 2

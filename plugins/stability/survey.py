@@ -9,13 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from sparsemor.core.analysis.stability.eigenvalue_errors import (
-    EigenvalueErrors,
-    departure,
-    exact_values,
-    own_radii,
-)
-from sparsemor.core.analysis.stability.variants import Plan, Variant, variants
 from sparsemor.core.errors import InputError
 from sparsemor.core.linalg.threads import fixed_threads
 from sparsemor.core.model.model import Model
@@ -49,6 +42,13 @@ from sparsemor.core.simulation.prepare import prepared
 from sparsemor.core.simulation.time_stepping import started
 from sparsemor.core.simulation.validation import checked_model, time_faults
 from sparsemor.core.status import SolveFailed
+from sparsemor.plugins.stability.eigenvalue_errors import (
+    EigenvalueErrors,
+    departure,
+    exact_values,
+    own_radii,
+)
+from sparsemor.plugins.stability.variants import Plan, Variant, variants
 
 UNKNOWN = EigenvalueErrors(None, {}, None)
 

@@ -13,7 +13,6 @@ from sparsemor.core.cli.options import (
     Quiet,
     SceneName,
     Settings,
-    exit_codes,
     finite_number,
     items,
     load_with,
@@ -32,8 +31,8 @@ from sparsemor.core.results.tables import csv_table, with_head
 from sparsemor.core.scene.yaml_reader import parse_value
 
 if TYPE_CHECKING:
-    from sparsemor.core.analysis.stability.survey import Survey
-    from sparsemor.core.analysis.stability.variants import Plan
+    from sparsemor.plugins.stability.survey import Survey
+    from sparsemor.plugins.stability.variants import Plan
 
 Out = Annotated[Path | None, out_option("only printed")]
 FILES = ("stability.csv", "seeds.csv", "stability_map.png", "stability_map.svg")
@@ -61,28 +60,27 @@ def stability(
 
     Options that are left out take the values of the scene.
     """
-    with exit_codes(as_json):
-        loaded = load_with(scene, settings)
-        with located_in():
-            plan = plan_of(seeds, samplers, required, rows, atoms, step, integrators, at)
-            if out is not None:
-                OutputDirectory(out).require_replaceable(
-                    force, "use --force to overwrite, or choose another --out",
-                    OutputDirectory(out).path.is_dir, "a directory only")
-                require_ours(out, FILES)
-        from sparsemor.core.analysis.stability.survey import survey
+    loaded = load_with(scene, settings)
+    with located_in():
+        plan = plan_of(seeds, samplers, required, rows, atoms, step, integrators, at)
+        if out is not None:
+            OutputDirectory(out).require_replaceable(
+                force, "use --force to overwrite, or choose another --out",
+                OutputDirectory(out).path.is_dir, "a directory only")
+            require_ours(out, FILES)
+    from sparsemor.plugins.stability.survey import survey
 
-        with located_in(loaded), owned(out) if out is not None else nullcontext():
-            with progress(quiet or as_json) as observers:
-                found = survey(loaded, plan, observers=observers)
-            files = [] if out is None else write(found, out)
-        if as_json:
-            print_json({"status": "done", "scene": loaded.name, **found.as_dict(),
-                        "files": [str(f) for f in files]})
-        elif not quiet:
-            typer.echo(str(found))
-            if files:
-                typer.echo(f"tables and map: {out}")
+    with located_in(loaded), owned(out) if out is not None else nullcontext():
+        with progress(quiet or as_json) as observers:
+            found = survey(loaded, plan, observers=observers)
+        files = [] if out is None else write(found, out)
+    if as_json:
+        print_json({"status": "done", "scene": loaded.name, **found.as_dict(),
+                    "files": [str(f) for f in files]})
+    elif not quiet:
+        typer.echo(str(found))
+        if files:
+            typer.echo(f"tables and map: {out}")
 
 
 def plan_of(
@@ -91,7 +89,7 @@ def plan_of(
 ) -> "Plan":
     """Plan of a stability survey from the text of the command's options. Raises InputError that
     names the option."""
-    from sparsemor.core.analysis.stability.variants import Plan
+    from sparsemor.plugins.stability.variants import Plan
 
     flags = {"true": [True], "false": [False], "both": [True, False], None: None}
     if required not in flags:
@@ -108,8 +106,8 @@ def plan_of(
 def write(found: "Survey", folder: Path) -> list[Path]:
     """Writes stability.csv (one line per variant), seeds.csv (one line per seed of each variant)
     and the stability map; returns their paths."""
-    from sparsemor.core.analysis.charts.stability import stability_figure
     from sparsemor.core.analysis.charts.style import save
+    from sparsemor.plugins.stability.figure import stability_figure
 
     with writing(folder), publishing(folder) as fresh:
         table, each = fresh / "stability.csv", fresh / "seeds.csv"

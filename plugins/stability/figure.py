@@ -11,7 +11,7 @@ from sparsemor.core.simulation.linearization.check import LIMIT
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from sparsemor.core.analysis.stability.survey import Survey
+    from sparsemor.plugins.stability.survey import Survey
 
 TOP = 3.0
 """Upper end of the colour scale: log10 of (excess spectral radius) x (number of steps)."""
