@@ -12,7 +12,6 @@ if TYPE_CHECKING:
     from sparsemor.core.analysis.compare import compare as compare
     from sparsemor.core.errors import InputError as InputError
     from sparsemor.core.registry.registry import Registry as Registry
-    from sparsemor.core.results.export import export as export
     from sparsemor.core.results.run_result import open_result as open_result
     from sparsemor.core.scene.scene import Scene as Scene
     from sparsemor.core.scene.scene import load as load
@@ -24,6 +23,7 @@ if TYPE_CHECKING:
     from sparsemor.core.simulation.simulate import simulate as simulate
     from sparsemor.core.status import SolveFailed as SolveFailed
     from sparsemor.core.status import Status as Status
+    from sparsemor.plugins.export import export as export
     from sparsemor.plugins.liang2026.reproduce import reproduce as reproduce
     from sparsemor.plugins.study import study as study
     from sparsemor.plugins.study.parameter_test import parameter_test as parameter_test
@@ -41,7 +41,7 @@ _HOMES = {
     "advise": "core.simulation.advice",
     "animate": "core.analysis.charts.animation",
     "compare": "core.analysis.compare",
-    "export": "core.results.export",
+    "export": "plugins.export",
     "load": "core.scene.scene",
     "load_model": "core.simulation.reduced_model",
     "open_result": "core.results.run_result",

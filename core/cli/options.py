@@ -20,7 +20,7 @@ import typer
 from sparsemor.core.errors import Damaged, Fault, InputError
 from sparsemor.core.registry.boundary import naming_plugins
 from sparsemor.core.registry.validation_errors import shown
-from sparsemor.core.results.files.listing import require_ours
+from sparsemor.core.results.files.listing import add_to_listing, require_ours
 from sparsemor.core.results.model_format import is_model_file
 from sparsemor.core.results.output_directory import OutputDirectory
 from sparsemor.core.scene.overrides import parse_settings
@@ -39,6 +39,10 @@ Settings = Annotated[
         "--set", metavar="KEY=VALUE",
         help="Change the scene: time.end=0.5, reducer=full, reducer.sampler.use=random. May be "
              "repeated.")]
+StoredRun = Annotated[str, typer.Argument(
+    metavar="RUN", help="Directory of a run, finished or not.")]
+At = Annotated[str | None, typer.Option(
+    "--at", help="Times in s, such as 0.3,1.2; the nearest stored steps are used.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
 Resume = Annotated[bool, typer.Option(
@@ -263,3 +267,15 @@ def place_for_result(
             stack.enter_context(OutputDirectory(out).claimed(
                 resume=resume, force=force, writes=writes, parts=parts))
         yield
+
+
+@contextmanager
+def part_of(run: Path, folder: Path) -> Iterator[None]:
+    """Context in which files are written to a folder, which is listed as a part of the run's
+    directory if it is new and inside it: `--force` replaces both."""
+    run, place = run.absolute(), folder.absolute()
+    new = run in place.parents and not OutputDirectory(place).occupied()
+    yield
+    if new:
+        with suppress(OSError, InputError):  # the run may be of another user
+            add_to_listing(run, [{"part": place.relative_to(run).as_posix()}])

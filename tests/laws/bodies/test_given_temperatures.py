@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from sparsemor.core.registry.hooks import hookimpl
-from sparsemor.core.results.export import export
 from sparsemor.core.results.run_result import RunResult, open_result
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.simulate import simulate
 from sparsemor.core.status import SolveFailed
 from sparsemor.core.testing.in_memory_run import scene_of
+from sparsemor.plugins.export import export
 
 RAMP = {"use": "ramp", "end": 1.0, "initial": 300.0, "final": 400.0}
 GALERKIN = {"use": "galerkin", "basis": {"use": "pod", "count": 4}}

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsemor.core.arrays import IntArray
-from sparsemor.core.results.export.snapshot import Frame
+from sparsemor.plugins.export.snapshot import Frame
 
 _KINDS = {1: "Scalar", 3: "Vector", 9: "Tensor"}
 _TOPOLOGY = {3: "Triangle", 4: "Tetrahedron", 6: "Triangle_6", 10: "Tetrahedron_10"}

@@ -4,7 +4,7 @@ from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
 from sparsemor.core.arrays import IntArray
-from sparsemor.core.results.export.snapshot import Frame
+from sparsemor.plugins.export.snapshot import Frame
 
 _NAMES = {3: "triangle", 4: "tetra", 6: "triangle6", 10: "tetra10"}
 
