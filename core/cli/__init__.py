@@ -28,14 +28,12 @@ _open_streams()
 try:
     import typer
 
-    from sparsemor.core.cli.advise import advise
     from sparsemor.core.cli.cache import cache
     from sparsemor.core.cli.commands import Commands
     from sparsemor.core.cli.compare import compare
     from sparsemor.core.cli.new_plugin import new_plugin
     from sparsemor.core.cli.options import FAILED, INTERRUPTED
     from sparsemor.core.cli.plugins import plugins, schema, validate
-    from sparsemor.core.cli.reduce import reduce
     from sparsemor.core.cli.run import run
 except KeyboardInterrupt:  # Ctrl-C in the first half second, while all this is read
     sys.stderr.write("interrupted\n")
@@ -44,8 +42,7 @@ except KeyboardInterrupt:  # Ctrl-C in the first half second, while all this is 
 app = typer.Typer(
     cls=Commands, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]})
-for command in (run, reduce, advise, compare,
-                validate, schema, plugins, cache):
+for command in (run, compare, validate, schema, plugins, cache):
     app.command()(command)
 app.command("new-plugin")(new_plugin)
 

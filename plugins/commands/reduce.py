@@ -13,7 +13,6 @@ from sparsemor.core.cli.options import (
     SceneName,
     Settings,
     check_new_file,
-    exit_codes,
     load_with,
     located_in,
     path_of,
@@ -39,26 +38,25 @@ def reduce(
 ) -> None:
     """Prepare the reduced model of a scene and write it to a file, which `sparsemor run` runs
     without mesh and training."""
-    with exit_codes(as_json):
-        loaded = load_with(scene, settings)
-        file = out or Path(f"{loaded.name}-{loaded.reducer_name}.model")
-        with located_in(loaded), progress(quiet or as_json) as observers:
-            check_new_file(file, force)
-            from sparsemor.core.simulation.reduced_model import reduce as prepare
+    loaded = load_with(scene, settings)
+    file = out or Path(f"{loaded.name}-{loaded.reducer_name}.model")
+    with located_in(loaded), progress(quiet or as_json) as observers:
+        check_new_file(file, force)
+        from sparsemor.core.simulation.reduced_model import reduce as prepare
 
-            begun = time.perf_counter()
-            model = prepare(loaded, observers=observers)
-            saved = model.save(file, fields=fields, rounded=rounded)
-            list_file(file, alone=True)
-        said = {"status": "done", "scene": loaded.name, "reducer": loaded.reducer_name,
-                "unknowns": model.size, "seconds": time.perf_counter() - begun,
-                "bytes": file.stat().st_size, "rounded": saved.rounded,
-                "rounded_change": saved.change, "may_change": list(model.free), "out": str(file)}
-        if as_json:
-            print_json(said)
-        elif not quiet:
-            typer.echo(f"{model.size} unknowns, {file.stat().st_size / 1e6:.2g} MB, prepared in "
-                       f"{said['seconds']:.3g} s\na run may change {', '.join(model.free)}")
-            for note in saved.notes:
-                typer.echo(note.text)
-            typer.echo(f"model: {file}")
+        begun = time.perf_counter()
+        model = prepare(loaded, observers=observers)
+        saved = model.save(file, fields=fields, rounded=rounded)
+        list_file(file, alone=True)
+    said = {"status": "done", "scene": loaded.name, "reducer": loaded.reducer_name,
+            "unknowns": model.size, "seconds": time.perf_counter() - begun,
+            "bytes": file.stat().st_size, "rounded": saved.rounded,
+            "rounded_change": saved.change, "may_change": list(model.free), "out": str(file)}
+    if as_json:
+        print_json(said)
+    elif not quiet:
+        typer.echo(f"{model.size} unknowns, {file.stat().st_size / 1e6:.2g} MB, prepared in "
+                   f"{said['seconds']:.3g} s\na run may change {', '.join(model.free)}")
+        for note in saved.notes:
+            typer.echo(note.text)
+        typer.echo(f"model: {file}")
