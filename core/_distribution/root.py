@@ -7,8 +7,6 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from sparsemor.core.analysis.charts.animation import animate as animate
-    from sparsemor.core.analysis.charts.plot import plot as plot
     from sparsemor.core.analysis.compare import compare as compare
     from sparsemor.core.errors import InputError as InputError
     from sparsemor.core.registry.registry import Registry as Registry
@@ -23,6 +21,8 @@ if TYPE_CHECKING:
     from sparsemor.core.simulation.simulate import simulate as simulate
     from sparsemor.core.status import SolveFailed as SolveFailed
     from sparsemor.core.status import Status as Status
+    from sparsemor.plugins.charts.animation import animate as animate
+    from sparsemor.plugins.charts.plot import plot as plot
     from sparsemor.plugins.export import export as export
     from sparsemor.plugins.liang2026.reproduce import reproduce as reproduce
     from sparsemor.plugins.study import study as study
@@ -39,14 +39,14 @@ _HOMES = {
     "SolveFailed": "core.status",
     "Status": "core.status",
     "advise": "core.simulation.advice",
-    "animate": "core.analysis.charts.animation",
+    "animate": "plugins.charts.animation",
     "compare": "core.analysis.compare",
     "export": "plugins.export",
     "load": "core.scene.scene",
     "load_model": "core.simulation.reduced_model",
     "open_result": "core.results.run_result",
     "parameter_test": "plugins.study.parameter_test",
-    "plot": "core.analysis.charts.plot",
+    "plot": "plugins.charts.plot",
     "reduce": "core.simulation.reduced_model",
     "reproduce": "plugins.liang2026.reproduce",
     "simulate": "core.simulation.simulate",

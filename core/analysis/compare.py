@@ -1,14 +1,15 @@
-"""Comparison of runs with a reference run: errors, computing times and charts."""
+"""Comparison of runs with a reference run: errors and computing times."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 from sparsemor.core.analysis.gains import Gain, end_of_training, gain_table, gains, training_lines
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
+from sparsemor.core.registry.registry import Registry
 from sparsemor.core.results.cost import RunFacts, pays_after, run_facts
 from sparsemor.core.results.error_norms import (
     LIMIT,
@@ -24,12 +25,9 @@ from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.results.tables import CONSTANT, MARK, csv_table, marked, number, text_table
 from sparsemor.core.scene.html import html_table
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from sparsemor.core.analysis.charts.work_precision import WorkPoint
-
 REFERENCE = "reference"
+CHARTS = "charts"
+"""Group of the entry points of charts."""
 NONE: Mapping[str, str] = {}
 
 
@@ -102,33 +100,8 @@ class Comparison:
         """Run -> wall-clock gain over the reference."""
         return gains(self.facts, self.name)
 
-    def work_points(self) -> "tuple[list[WorkPoint], WorkPoint]":
-        """Points of the work-precision chart: one per run, and the reference. Errors are those
-        after the end of training, if late errors are measured from there."""
-        from sparsemor.core.analysis.charts.work_precision import WorkPoint
-
-        errors = self.late_errors if self._outside else self.errors
-        found = {name: WorkPoint(name, "", f.ms_per_step, errors.get(name, {}), f.status,
-                                 f.offline_whole_seconds) for name, f in self.facts.items()}
-        return [found[run] for run in self.runs], found[self.name]
-
-    def work_notes(self) -> list[str]:
-        """Lines below the work-precision chart: training, cost, and runs that failed."""
-        facts = self.facts
-        outside = [f"errors after {self.trained_to:.4g} s, the end of training"] * self._outside
-        costs = [f"{name}: offline {facts[name].offline_whole_seconds:.3g} s, wall-clock gain "
-                 f"{g.once:.3g} with it, {g.again:.3g} in further runs"
-                 for name, g in self.gains.items()]
-        lines = training_lines(self.reference, self.runs)
-        return [*outside, *lines, *costs, *self._failed_lines()]
-
-    @property
-    def _outside(self) -> bool:
-        """True if late errors are those after the end of training."""
-        return self.trained_to > 0.0 and any(
-            e.late_from == self.trained_to for e in self.measured.values())
-
-    def _failed_lines(self) -> list[str]:
+    def failed_lines(self) -> list[str]:
+        """Lines on the runs that have no result."""
         return [f"failed: {name}: {why}" for name, why in self.failed.items()]
 
     @property
@@ -161,14 +134,6 @@ class Comparison:
             *self._limit_lines(), *self.notes.values()))
         return html_table(self._table(self._fields(fields)), "errors and cost") + notes
 
-    def plot(self, chart: str = "work_precision") -> "Figure":
-        """Chart of the comparison: work_precision, error_over_time, angles, or a field of all runs
-        (deformation, temperature, stress, strain). InputError for another name and where there are
-        no data."""
-        from sparsemor.core.analysis.charts.plot import plot_comparison
-
-        return plot_comparison(self, chart)
-
     def __str__(self) -> str:
         fields = self._fields(measure_names(self.reference.layout.kinds))
         late = next((e.late_from for e in self.measured.values() if e.late_from > 0.0), 0.0)
@@ -177,7 +142,7 @@ class Comparison:
         return "\n".join([text_table(self._table(fields)), *self._late_lines(late, fields), *phases,
                           *self._estimate_lines(), *gain, *self._limit_lines(),
                           *self.notes.values(), *training_lines(self.reference, self.runs),
-                          *self._failed_lines()])
+                          *self.failed_lines()])
 
     def _fields(self, measures: Sequence[str]) -> list[str]:
         return [f for f in measures if any(f in e.worst for e in self.measured.values())]
@@ -221,9 +186,9 @@ class Comparison:
         self, directory: str | Path, charts: bool = True,
         report: Callable[[Path], None] | None = None,
     ) -> list[Path]:
-        """Writes errors.csv, start_up.csv, error_over_time.csv and, with `charts`, the charts (PNG
-        and SVG); returns their paths. report: called with the path of each
-        chart's file. Raises InputError instead of replacing files that are not ours."""
+        """Writes errors.csv, start_up.csv, error_over_time.csv and, with `charts`, what the
+        installed `Charts` draw; returns their paths. report: called with the path of each chart's
+        file. Raises InputError instead of replacing files that are not ours."""
         folder = Path(directory)
         tables = {"errors.csv": self._error_rows(), "start_up.csv": phase_rows(self.measured),
                   "error_over_time.csv": self._series_rows()}
@@ -233,9 +198,13 @@ class Comparison:
         written = [folder / name for name in tables]
         if not charts:
             return written
-        from sparsemor.core.analysis.charts import FORMATS, silent, write_charts
-
-        return [*written, *write_charts(self, folder, None, FORMATS, report or silent)]
+        for drawing in installed_charts():
+            with publishing(folder) as fresh:
+                for file in drawing.write_charts(self, fresh):
+                    written.append(folder / file.relative_to(fresh))
+                    if report is not None:
+                        report(written[-1])
+        return written
 
     def _all(self) -> dict[str, RunResult]:
         return {self.name: self.reference, **self.runs}
@@ -311,6 +280,27 @@ class Comparison:
         return rows
 
 
+class Charts(Protocol):
+    """Charts of comparisons: entry points of the group `sparsemor.charts` refer to a module or an
+    object of this form."""
+
+    def usual_files(self, labels: Sequence[str]) -> list[str]:
+        """Names of the files that charts of runs with these labels usually have: `sparsemor
+        compare` refuses a directory with other files of these names before the first run."""
+        ...
+
+    def write_charts(self, comparison: Comparison, folder: Path) -> Iterator[Path]:
+        """Writes the charts that apply to a comparison into an empty folder, from where they are
+        moved to the directory of the comparison; yields the path of each when it is written."""
+        ...
+
+
+def installed_charts() -> list[Charts]:
+    """Charts of the installed distributions. Raises InputError if one cannot be imported."""
+    registry = Registry()
+    return [registry.load(CHARTS, p.qualified) for p in registry.names(CHARTS)]
+
+
 def compare(
     reference: RunResult, *, errors_from: float | None = None, error_limit: float = LIMIT,
     failed: Mapping[str, str] = NONE, **runs: RunResult
@@ -375,4 +365,4 @@ def _pair(start_up: float | None, steady: float | None, limit: float) -> str:
     return " / ".join(marked(v, ".1e", limit) for v in (start_up, steady))
 
 
-__all__ = ["Comparison", "Errors", "compare"]
+__all__ = ["Charts", "Comparison", "Errors", "compare", "installed_charts"]

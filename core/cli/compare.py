@@ -80,9 +80,10 @@ def compare(
         _refuse_early(scenes, body_cache)
         writes = list(TABLES)
         if charts:
-            from sparsemor.core.analysis.charts import usual_files
+            from sparsemor.core.analysis.compare import installed_charts
 
-            writes += usual_files(tuple(scenes))
+            for drawing in installed_charts():
+                writes += drawing.usual_files(tuple(scenes))
         with place_for_result(directory, resume, force, writes, tuple(scenes)):
             results, failures = _run_all(scenes, directory, resume, quiet or as_json, body_cache)
         _report(results, failures, directory, as_json, quiet, charts, error_limit)

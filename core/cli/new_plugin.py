@@ -21,10 +21,14 @@ NAME."""
 COMMON = "common"
 KINDS = tuple(sorted(p.stem for p in TEMPLATES.glob("*.txt") if p.stem != COMMON))
 USES = {"scene": "`sparsemor run $name` runs it", "study": "`sparsemor study $name` conducts it",
+        "charts": "`sparsemor compare` draws them",
         "command": "`sparsemor $name double_pendulum` calls it",
         "paper": "`sparsemor reproduce --paper $name` recomputes it",
         "observer": "a script passes `$cls().observer()` to `simulate`"}
 """Plugin kind -> how plugins of that kind are used; scene files select those of all other kinds."""
+
+NO_CLASS = ("charts", "command", "paper", "scene", "study")
+"""Plugin kinds whose entry points refer to objects, functions and files."""
 
 
 def new_plugin(
@@ -68,7 +72,7 @@ def package_files(name: str, kind: str) -> dict[str, str]:
         "distribution": f"sparsemor-{name.replace('_', '-')}",
         "cls": "".join(part.capitalize() for part in name.split("_")),
     }
-    values["target"] = name if kind in ("scene", "study", "paper", "command") else values["cls"]
+    values["target"] = name if kind in NO_CLASS else values["cls"]
     values["use"] = Template(USES.get(kind, "a scene can contain `use: $name`")).substitute(values)
     files = _files(kind, values)
     packaged = [f for f in files if f == f"{values['module']}.py" or f.startswith(f"{name}.")]

@@ -10,6 +10,7 @@ from typing import Annotated, Any
 import typer
 from pydantic import BaseModel
 
+from sparsemor.core.analysis.compare import CHARTS
 from sparsemor.core.cli.commands import GROUP, function_of
 from sparsemor.core.cli.options import (
     Json,
@@ -95,7 +96,10 @@ def _described(registry: Registry, plugin: PluginName) -> dict[str, Any]:
         if plugin.kind == GROUP:
             return {**found, "doc": first_sentence(
                 getdoc(function_of(registry, found["use"])) or "")}
-        if isinstance(registry.load(plugin.kind, found["use"]), Path):
+        loaded = registry.load(plugin.kind, found["use"])
+        if plugin.kind == CHARTS:
+            return {**found, "doc": first_sentence(getdoc(loaded) or "")}
+        if isinstance(loaded, Path):
             return {**found, "doc": _title(registry, plugin)}
         cls = registry.get(plugin.kind, found["use"])
     except InputError as error:

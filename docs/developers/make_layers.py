@@ -16,10 +16,10 @@ ROLE = {
     "linalg/": "SVD, least squares, factorizations, snapshot matrices",
     "scene/": "YAML file to validated scene, --set, JSON schema",
     "model/": "assembled equations, layout of unknowns, initial state",
-    "results/": "result store, reader, error norms, export",
+    "results/": "result store, reader, error norms",
     "simulation/": "training, cache, time loop, checks before and after a run",
-    "analysis/": "compare, study, stability survey, charts",
-    "cli/": "commands",
+    "analysis/": "compare",
+    "cli/": "commands: run, compare, validate, plugins, schema, new-plugin, cache",
     "testing/": "law kit: checks of plugins for their authors",
 }
 """Folders of core -> their content."""

@@ -38,14 +38,13 @@ def pictures(
 ) -> None:
     """Draw a stored run: motion, fields at some times, probes, active atoms. PNG and SVG."""
     with located_in():
-        from sparsemor.core.analysis.charts import (
+        from sparsemor.core.results.run_result import open_result
+        from sparsemor.core.results.stress import FIELDS
+        from sparsemor.plugins.charts import (
             DEFAULT_FIELDS,
-            silent,
             usual_files,
             write_run_charts,
         )
-        from sparsemor.core.results.run_result import open_result
-        from sparsemor.core.results.stress import FIELDS
 
         result = open_result(run)
         times = times_at(at)
@@ -60,7 +59,7 @@ def pictures(
             require_ours(folder, usual_files())
             files = write_run_charts(
                 result, folder, times, fields=chosen,
-                report=silent if as_json or quiet else lambda file: typer.echo(str(file)))
+                report=None if as_json or quiet else lambda file: typer.echo(str(file)))
         if as_json:
             print_json({"status": "done", "out": folder, "files": [str(f) for f in files]})
 
@@ -83,8 +82,8 @@ def animate(
 ) -> None:
     """Write an animation of a stored run: the moving bodies, coloured by a field."""
     with located_in():
-        from sparsemor.core.analysis.charts.animation import animate as write
         from sparsemor.core.results.run_result import open_result
+        from sparsemor.plugins.charts.animation import animate as write
 
         result = open_result(run)
         shown = sys.stderr.isatty() and not quiet and not as_json

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 from pydantic import Field
 
-from sparsemor.core.analysis import charts
-from sparsemor.core.analysis.charts.time_histories import moving_bodies
 from sparsemor.core.results.error_norms import LIMIT
 from sparsemor.core.results.run_result import RunResult
+from sparsemor.plugins import charts
+from sparsemor.plugins.charts.time_histories import moving_bodies
 from sparsemor.plugins.liang2026.parts import Part, errors_of, part_of
 from sparsemor.plugins.liang2026.quantities import FIELDS, FieldName
 from sparsemor.plugins.liang2026.sketches import flow_figure, geometry_figure

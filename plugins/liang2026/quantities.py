@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 import numpy as np
 from pydantic import Field
 
-from sparsemor.core.analysis.charts.fields import values_of
-from sparsemor.core.analysis.charts.time_histories import rate_of
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.protocols.layout import Quantity as Unknown
@@ -18,6 +16,8 @@ from sparsemor.core.results.error_norms import common_steps
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.scene.expressions import Expression
 from sparsemor.core.scene.overrides import split as key_parts
+from sparsemor.plugins.charts.fields import values_of
+from sparsemor.plugins.charts.time_histories import rate_of
 from sparsemor.plugins.liang2026.parts import Known, Part, Rows, Value, errors_of, part_of
 from sparsemor.plugins.liang2026.split import split_of
 from sparsemor.plugins.study.jobs import UNCOMPUTED

@@ -6,16 +6,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sparsemor.core.analysis.charts.planar_fields import drawable_bodies
-from sparsemor.core.analysis.charts.style import COLUMN, NORMAL, PAGE, SMALL, new_figure, plain
-from sparsemor.core.analysis.charts.style import style_of as style
-from sparsemor.core.analysis.charts.surface_fields import solid_bodies
-from sparsemor.core.analysis.charts.units import unit
-from sparsemor.core.analysis.charts.view import VIEWS, skin
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.model.facets import outer_facets, subdivided
 from sparsemor.core.protocols.mesh import Mesh
 from sparsemor.core.results.run_result import RunResult
+from sparsemor.plugins.charts.planar_fields import drawable_bodies
+from sparsemor.plugins.charts.style import COLUMN, NORMAL, PAGE, SMALL, new_figure, plain
+from sparsemor.plugins.charts.style import style_of as style
+from sparsemor.plugins.charts.surface_fields import solid_bodies
+from sparsemor.plugins.charts.units import unit
+from sparsemor.plugins.charts.view import VIEWS, skin
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

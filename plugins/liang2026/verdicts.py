@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sparsemor.core.analysis.charts.style import saved
 from sparsemor.core.errors import InputError
+from sparsemor.plugins.charts.style import saved
 from sparsemor.plugins.liang2026.paper import BROKEN, GRADES, Item
 from sparsemor.plugins.liang2026.parts import Results, Value
 from sparsemor.plugins.liang2026.sketches import numbers_figure

@@ -106,7 +106,7 @@ def plan_of(
 def write(found: "Survey", folder: Path) -> list[Path]:
     """Writes stability.csv (one line per variant), seeds.csv (one line per seed of each variant)
     and the stability map; returns their paths."""
-    from sparsemor.core.analysis.charts.style import save
+    from sparsemor.plugins.charts.style import save
     from sparsemor.plugins.stability.figure import stability_figure
 
     with writing(folder), publishing(folder) as fresh:

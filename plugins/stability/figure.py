@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sparsemor.core.analysis.charts.style import PAGE, SMALL, new_figure, tidy
 from sparsemor.core.simulation.linearization.check import LIMIT
+from sparsemor.plugins.charts.style import PAGE, SMALL, new_figure, tidy
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

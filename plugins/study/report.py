@@ -16,8 +16,8 @@ from sparsemor.plugins.study.plan import Plan
 from sparsemor.plugins.study.run import StudyOutcome
 
 if TYPE_CHECKING:
-    from sparsemor.core.analysis.charts.work_precision import WorkPoint
     from sparsemor.core.results.error_norms import Errors
+    from sparsemor.plugins.charts.work_precision import WorkPoint
 
 SHOWN = 60
 """Maximum number of rows of the text table; the files contain all rows."""
@@ -80,7 +80,7 @@ def _errors(plan: Plan) -> dict[str, str]:
 def _point(
     method: str, budget: str, rows: Sequence[Mapping[str, Any]], measures: Mapping[str, str]
 ) -> "WorkPoint":
-    from sparsemor.core.analysis.charts.work_precision import WorkPoint
+    from sparsemor.plugins.charts.work_precision import WorkPoint
 
     def middle(name: str) -> float | None:
         values = [row[name] for row in rows if row.get(name) is not None]
@@ -95,9 +95,9 @@ def _point(
 def draw(done: StudyOutcome) -> list[Path]:
     """Writes the charts work_precision and, if the study requests it, error_over_time as PNG and
     SVG to the study's folder; returns their paths."""
-    from sparsemor.core.analysis.charts import FORMATS, error_over_time_figure
-    from sparsemor.core.analysis.charts.style import saved
-    from sparsemor.core.analysis.charts.work_precision import work_precision_figure
+    from sparsemor.plugins.charts import FORMATS, error_over_time_figure
+    from sparsemor.plugins.charts.style import saved
+    from sparsemor.plugins.charts.work_precision import work_precision_figure
 
     figures = {CHART: work_precision_figure(
         work_points(done.plan, done.rows), _reference(done.rows), done.plan.fields)}
@@ -141,7 +141,7 @@ def _rank(row: Mapping[str, Any]) -> tuple[bool, float]:
 def _reference(rows: Sequence[Mapping[str, Any]]) -> "WorkPoint | None":
     """Point of the reference in the work-precision chart; None if the runs have several
     references."""
-    from sparsemor.core.analysis.charts.work_precision import WorkPoint
+    from sparsemor.plugins.charts.work_precision import WorkPoint
 
     found = {(row["reference_ms_per_step"], row["reference_status"]) for row in rows
              if row.get("reference_ms_per_step")}

@@ -249,7 +249,7 @@ def test_compare_runs_each_reducer(runs, monkeypatch):
                           write=lambda directory, *_: [directory / "errors.csv"])
 
     module = ModuleType("sparsemor.core.analysis.compare")
-    module.compare = compare
+    module.compare, module.installed_charts = compare, list
     monkeypatch.setitem(sys.modules, "sparsemor.core.analysis.compare", module)
     checked_by(monkeypatch, lambda scene, body_cache: None)
     done = sparsemor("compare", "scene.yaml", "--reducers", "direct,second,tuned", "--json")

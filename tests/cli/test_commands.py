@@ -18,8 +18,8 @@ import pytest
 from typer.testing import CliRunner
 
 from sparsemor import load, open_result, simulate
-from sparsemor.core.analysis.charts import FORMATS
 from sparsemor.core.cli import app
+from sparsemor.plugins.charts import FORMATS
 
 SWING = Path(__file__).parents[1] / "scenes" / "swing.yaml"
 PROGRAM = Path(sys.executable).with_name("sparsemor")

@@ -10,13 +10,14 @@ import pytest
 from matplotlib.text import Text
 from typer.testing import CliRunner
 
-from sparsemor import load, open_result, simulate
+from sparsemor import load, open_result, plot, simulate
 from sparsemor.bodies.mesh.generators.rectangle import Rectangle
 from sparsemor.core.analysis.compare import compare
 from sparsemor.core.cli import app
 from sparsemor.core.cli.compare import variants
 from sparsemor.core.model import assembly
 from sparsemor.core.simulation.cache import Cache
+from sparsemor.plugins.charts.comparison import work_notes, work_points
 from sparsemor.reducers.full.reducer import Full
 
 SCENES = Path(__file__).parents[1] / "scenes"
@@ -129,21 +130,21 @@ def test_errors_after_the_end_of_training_are_tabulated_and_drawn() -> None:
     assert found["late_errors"]["galerkin"]["elastic"] > 0.0
     runs = {name: open_result(f"half/{name}") for name in ("full", "galerkin")}
     comparison = compare(runs["full"], galerkin=runs["galerkin"], failed={"deim": "singular"})
-    points, _ = comparison.work_points()
+    points, _ = work_points(comparison)
     assert points[0].errors == comparison.late_errors["galerkin"]
     gain, full, own = comparison.gains["galerkin"], *comparison.facts.values()
     whole = (full.offline_seconds or 0.0) + (full.online_seconds or 0.0)
     assert gain.again == pytest.approx(whole / (own.online_seconds or 0.0))
     assert gain.once < gain.again
-    notes = comparison.work_notes()
+    notes = work_notes(comparison)
     assert notes[0] == "errors after 0.02 s, the end of training"
     assert "trained to 0.02 s of 0.04 s: galerkin" in notes
     assert notes[-1] == "failed: deim: singular"
     for line in notes[1:]:
         assert line in str(comparison) or "offline" in line
-    drawn = "\n".join(t.get_text() for t in comparison.plot().findobj(Text))
+    drawn = "\n".join(t.get_text() for t in plot(comparison).findobj(Text))
     assert all(note[:40] in drawn for note in notes)
-    lines = comparison.plot("error_over_time").findobj(Text)
+    lines = plot(comparison, "error_over_time").findobj(Text)
     assert any("end of training" in t.get_text() for t in lines)
     whole_run = compare(runs["full"], galerkin=simulate(load(TINY, {"reducer": "galerkin"})))
     assert whole_run.trained_to == 0.0

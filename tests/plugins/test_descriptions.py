@@ -4,6 +4,7 @@ import re
 
 import pytest
 
+from sparsemor.core.cli.new_plugin import NO_CLASS
 from sparsemor.core.cli.plugins import first_sentence
 from sparsemor.core.registry.registry import Registry
 
@@ -11,7 +12,7 @@ from sparsemor.core.registry.registry import Registry
 def plugin_classes() -> list[tuple[str, type]]:
     registry = Registry()
     return [(f"{p.kind} {p.name}", registry.get(p.kind, registry.spelling(p)))
-            for kind in registry.kinds() if kind not in ("scene", "study", "paper", "command")
+            for kind in registry.kinds() if kind not in NO_CLASS
             for p in registry.names(kind) if p.distribution == "sparsemor"]
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from sparsemor.core.analysis.charts.style import (
+from sparsemor.plugins.charts.style import (
     PAGE,
     SMALL,
     legend_above,

@@ -12,7 +12,6 @@ from reduced_runs import errors, estimates, learnt, model_of, states
 from small_scenes import everything, tiny
 from sparsemor import load_model, reduce
 from sparsemor.bodies.terms.weak_term import WeakTerm
-from sparsemor.core.analysis.charts.error_over_time import error_over_time_figure
 from sparsemor.core.analysis.compare import compare
 from sparsemor.core.model.equations import system_residual
 from sparsemor.core.model.initial_state import consistent_state
@@ -27,6 +26,7 @@ from sparsemor.core.testing.in_memory_run import March, march, scene_of
 from sparsemor.integrators.bdf1 import Bdf1
 from sparsemor.integrators.bdf2 import Bdf2
 from sparsemor.integrators.generalized_alpha import GeneralizedAlpha
+from sparsemor.plugins.charts.error_over_time import error_over_time_figure
 from sparsemor.reducers.estimation import error_space
 from sparsemor.reducers.estimation.coupled_errors import CoupledErrors
 from sparsemor.reducers.estimation.estimator import ErrorModel

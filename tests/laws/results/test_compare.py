@@ -2,21 +2,22 @@
 
 import csv
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from sparsemor.core.analysis.charts import FORMATS, write_run_charts
-from sparsemor.core.analysis.charts.fields import magnification
-from sparsemor.core.analysis.compare import Comparison, compare
+from sparsemor.core.analysis.compare import Comparison, compare, installed_charts
 from sparsemor.core.errors import InputError
 from sparsemor.core.protocols import Dictionary
 from sparsemor.core.protocols.layout import Block, Layout
 from sparsemor.core.results.error_norms import common_steps, measure_errors
 from sparsemor.core.results.run_result import RunResult, open_result
 from sparsemor.core.status import Status
+from sparsemor.plugins.charts import FORMATS, write_run_charts
+from sparsemor.plugins.charts.fields import magnification
 from written_runs import (
     ALL,
     ELASTIC,
@@ -183,9 +184,7 @@ def test_written_tables_and_pictures(comparison: Comparison, tmp_path: Path) -> 
         assert "<svg" in (tmp_path / f"{name}.svg").read_text(encoding="utf-8")
 
 
-def test_offline_cost_pays_after_so_many_runs(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_offline_cost_pays_after_so_many_runs(tmp_path: Path) -> None:
     """offline / (online of the reference - own online), rounded up; never when not faster."""
     def run(name: str, status: Status = Status.DONE, **cost: Any) -> RunResult:
         return write_run(tmp_path / name, status=status, cost=cost)
@@ -208,12 +207,40 @@ def test_offline_cost_pays_after_so_many_runs(
     runs = json.loads(made.to_json())["runs"]
     assert runs["cached"]["pays_after"] == 3 and runs["full"]["pays_after"] is None
     assert (runs["cached"]["offline_seconds"], runs["cached"]["offline_whole_seconds"]) == (.1, 1.7)
-    monkeypatch.setattr("sparsemor.core.analysis.charts.write_charts", lambda *_: [])
-    made.write(tmp_path / "out")
+    made.write(tmp_path / "out", charts=False)
     with (tmp_path / "out" / "errors.csv").open(encoding="utf-8") as text:
         rows = {r["run"]: r for r in csv.DictReader(text)}
     assert (rows["quick"]["pays_after"], rows["slow"]["pays_after"]) == ("4", "")
     assert rows["cached"]["offline_whole_s"] == "1.7"
+
+
+def test_charts_of_others_are_files_of_the_comparison(
+    comparison: Comparison, distribute: Callable[..., None], tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Listed as ours, so that they are replaced when they are written again."""
+    distribute("bars", {"charts": {"bars": "bars_of_errors:Bars"}}, bars_of_errors=BARS)
+    monkeypatch.setattr("sparsemor.plugins.charts.write_charts", lambda *_: iter(()))
+    assert [c.usual_files(["a"]) for c in installed_charts()][0] == ["bars.txt"]
+    for _ in range(2):
+        assert tmp_path / "out/bars.txt" in comparison.write(tmp_path / "out")
+    (tmp_path / "out/bars.txt").write_text("of somebody else")
+    with pytest.raises(InputError, match="not written by sparsemor"):
+        comparison.write(tmp_path / "out")
+
+
+BARS = """
+class Bars:
+    @staticmethod
+    def usual_files(labels):
+        return ["bars.txt"]
+
+    @staticmethod
+    def write_charts(comparison, folder):
+        file = folder / "bars.txt"
+        file.write_text(str(comparison.errors))
+        yield file
+"""
 
 
 def assert_not_blank(picture: Path) -> None:

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from sparsemor.bodies.terms.field_kinds import BODY_KINDS
-from sparsemor.core.analysis.charts.error_over_time import error_over_time_figure
-from sparsemor.core.analysis.charts.work_precision import WorkPoint, work_precision_figure
 from sparsemor.core.analysis.compare import Comparison, compare
 from sparsemor.core.results.error_norms import LIMIT, measure_errors
 from sparsemor.core.results.tables import marked, text_table
 from sparsemor.core.status import Status
+from sparsemor.plugins.charts.error_over_time import error_over_time_figure
+from sparsemor.plugins.charts.work_precision import WorkPoint, work_precision_figure
 from sparsemor.plugins.study.metrics import measured
 from sparsemor.plugins.study.plan import Plan
 from sparsemor.plugins.study.report import counted, in_words
@@ -34,9 +34,7 @@ def runs(tmp_path: Path, limit: float = LIMIT) -> Comparison:
                    right=write_run(tmp_path / "right", x=right))
 
 
-def test_what_is_above_the_limit_is_marked(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_is_above_the_limit_is_marked(tmp_path: Path) -> None:
     made = runs(tmp_path)
     assert made.above_limit == {"wrong": {"elastic": pytest.approx(0.5)}}
     lines = str(made).splitlines()
@@ -48,8 +46,7 @@ def test_what_is_above_the_limit_is_marked(
     assert sum("5.0e-01!" in line for line in lines) == 1  # start-up and rest
     told = json.loads(made.to_json())["runs"]
     assert list(told["wrong"]["above_limit"]) == ["elastic"] and not told["right"]["above_limit"]
-    monkeypatch.setattr("sparsemor.core.analysis.charts.write_charts", lambda *_: [])
-    made.write(tmp_path / "out")
+    made.write(tmp_path / "out", charts=False)
     with (tmp_path / "out" / "errors.csv").open(encoding="utf-8") as text:
         rows = {r["run"]: r for r in csv.DictReader(text)}
     assert (rows["wrong"]["above_limit"], rows["right"]["above_limit"]) == ("elastic", "")
@@ -96,9 +93,7 @@ def still(tmp_path: Path, factor: float) -> Comparison:
     return compare(write_run(tmp_path / "full", x=here), run=write_run(tmp_path / "run", x=there))
 
 
-def test_a_field_that_changes_by_round_off_is_constant(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_field_that_changes_by_round_off_is_constant(tmp_path: Path) -> None:
     """58 % of round-off was reported as an error of 58 %."""
     made = still(tmp_path, 3e-14)
     errors = made.measured["run"]
@@ -111,8 +106,7 @@ def test_a_field_that_changes_by_round_off_is_constant(
     assert figure is None or "temperature" not in [a.get_title(loc="left") for a in figure.axes]
     columns = measured(made.runs["run"], made.reference, 0.0, "")
     assert columns["constant"] == "thermal" and columns["error_thermal"] < 1e-12
-    monkeypatch.setattr("sparsemor.core.analysis.charts.write_charts", lambda *_: [])
-    made.write(tmp_path / "out")
+    made.write(tmp_path / "out", charts=False)
     with (tmp_path / "out" / "errors.csv").open(encoding="utf-8") as text:
         rows = {r["run"]: r for r in csv.DictReader(text)}
     assert rows["run"]["constant"] == "arm.thermal thermal" and not rows["run"]["above_limit"]

@@ -88,7 +88,7 @@ def test_what_a_notebook_shows(run: RunResult, tmp_path: Path) -> None:
     assert repr(found) == "<Comparison with full: combined errors again 0.0e+00>"
     assert "<td>again</td>" in found._repr_html_() and "<th>combined</th>" in found._repr_html_()
     assert "force (" in plot(run, "joint_forces").axes[0].get_ylabel()
-    assert found.plot("angles").axes
+    assert plot(found, "angles").axes
     with pytest.raises(InputError, match="no chart is called 'forces': .*joint_forces"):
         plot(run, "forces")
     with pytest.raises(InputError, match="there are no data for stress"):

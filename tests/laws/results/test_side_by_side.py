@@ -8,11 +8,11 @@ import pytest
 
 from small_scenes import tiny
 from sparsemor import compare, load, simulate
-from sparsemor.core.analysis.charts.planar_fields import deformation_figure
-from sparsemor.core.analysis.charts.surface_fields import surface_figures
-from sparsemor.core.analysis.charts.time_histories import probe_temperature_figure
 from sparsemor.core.protocols.layout import Quantity
 from sparsemor.core.results.run_result import RunResult
+from sparsemor.plugins.charts.planar_fields import deformation_figure
+from sparsemor.plugins.charts.surface_fields import surface_figures
+from sparsemor.plugins.charts.time_histories import probe_temperature_figure
 
 pytestmark = pytest.mark.full
 TIP = {"tip": {"body": "bar", "at": [0.5, 0.05]}}

@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 
 from sparsemor.bodies.terms.field_kinds import RIGID, THERMAL
-from sparsemor.core.analysis.charts.style import save
-from sparsemor.core.analysis.charts.time_histories import (
+from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core.protocols.layout import Block, Layout
+from sparsemor.core.protocols.prescribed_motion import FrameHistory, Stage
+from sparsemor.core.results.run_result import RunResult
+from sparsemor.plugins.charts.style import save
+from sparsemor.plugins.charts.time_histories import (
     angles_figure,
     contact_forces_figure,
     moving_bodies,
     positions_figure,
 )
-from sparsemor.core.analysis.charts.units import unit
-from sparsemor.core.arrays import FloatArray, IntArray
-from sparsemor.core.protocols.layout import Block, Layout
-from sparsemor.core.protocols.prescribed_motion import FrameHistory, Stage
-from sparsemor.core.results.run_result import RunResult
+from sparsemor.plugins.charts.units import unit
 
 TIMES = np.linspace(0.0, 3.75e-3, 51)
 

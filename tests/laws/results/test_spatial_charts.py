@@ -8,12 +8,18 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from sparsemor import load, simulate
-from sparsemor.core.analysis.charts import surface_pyvista, write_run_charts
-from sparsemor.core.analysis.charts.style import new_figure
-from sparsemor.core.analysis.charts.surface_fields import solid_bodies, surface_figures
-from sparsemor.core.analysis.charts.surface_matplotlib import paint
-from sparsemor.core.analysis.charts.surface_pyvista import rendered
-from sparsemor.core.analysis.charts.time_histories import (
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.model.facets import outer_facets
+from sparsemor.core.protocols.mesh import Mesh
+from sparsemor.core.protocols.poses import turned_by
+from sparsemor.core.results.run_result import RunResult
+from sparsemor.core.simulation.cache import Cache
+from sparsemor.plugins.charts import surface_pyvista, write_run_charts
+from sparsemor.plugins.charts.style import new_figure
+from sparsemor.plugins.charts.surface_fields import solid_bodies, surface_figures
+from sparsemor.plugins.charts.surface_matplotlib import paint
+from sparsemor.plugins.charts.surface_pyvista import rendered
+from sparsemor.plugins.charts.time_histories import (
     angles_figure,
     moving_bodies,
     positions_figure,
@@ -22,13 +28,7 @@ from sparsemor.core.analysis.charts.time_histories import (
     rate_of,
     turning,
 )
-from sparsemor.core.analysis.charts.view import DARKEST, LIGHT, VIEWS, Surface, skin
-from sparsemor.core.arrays import FloatArray
-from sparsemor.core.model.facets import outer_facets
-from sparsemor.core.protocols.mesh import Mesh
-from sparsemor.core.protocols.poses import turned_by
-from sparsemor.core.results.run_result import RunResult
-from sparsemor.core.simulation.cache import Cache
+from sparsemor.plugins.charts.view import DARKEST, LIGHT, VIEWS, Surface, skin
 
 SCENE = """\
 format: 1

@@ -10,8 +10,8 @@ import pytest
 from matplotlib.text import Annotation
 
 from sparsemor.bodies.terms.field_kinds import BODY_KINDS
-from sparsemor.core.analysis.charts.work_precision import WorkPoint, work_precision_figure
 from sparsemor.core.status import Status
+from sparsemor.plugins.charts.work_precision import WorkPoint, work_precision_figure
 
 pytestmark = pytest.mark.full
 

@@ -9,7 +9,6 @@ import pytest
 
 from pressed_slider import BOTH, LOAD, SIDE, STEP, full, scene, stored
 from reduced_runs import decoded, learnt
-from sparsemor.core.analysis.charts import write_run_charts
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.protocols.integrator import step_formula
@@ -18,6 +17,7 @@ from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.simulation.simulate import simulate
 from sparsemor.core.testing.in_memory_run import March, march
 from sparsemor.core.testing.reducer import check_reducer
+from sparsemor.plugins.charts import write_run_charts
 from sparsemor.reducers.step.coupled_reduced import ReducedGeneral
 
 pytestmark = pytest.mark.full

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from sparsemor import compare, load, simulate
-from sparsemor.core.analysis.charts import write_charts
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.protocols.prescribed_motion import Stage
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.rigid_stage import rigid_scene
 from sparsemor.core.testing.in_memory_run import march
+from sparsemor.plugins.charts import write_charts
 from tiers import quick
 
 HEAT_ALONE = {"reducer": "full", "bodies.slider.fields": ["thermal"],
@@ -178,7 +178,7 @@ def test_pictures(tmp_path: Path, cache: Cache) -> None:
     runs = {name: simulate(scene.using({"reducer": r}), out=tmp_path / name, cache=cache)
             for name, r in (("full", "full"), ("sparse", reducer))}
     files = write_charts(compare(reference=runs["full"], sparse=runs["sparse"]),
-                         tmp_path / "pictures", formats=["png"])
+                         tmp_path, formats=["png"])
     assert {f.stem for f in files} == {
         "contact_forces", "joint_forces", "positions", "deformation", "temperature",
         "error_over_time", "work_precision", "active_atoms_sparse", "probe_displacement",

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from sparsemor import export, simulate
-from sparsemor.core.analysis.charts import write_run_charts
-from sparsemor.core.analysis.charts.animation import animate
-from sparsemor.core.analysis.charts.fields import field_mesh, values_of
 from sparsemor.core.errors import InputError
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.results.stress import FIELDS, Derived, StressRecovery
 from sparsemor.core.testing.in_memory_run import scene_of
+from sparsemor.plugins.charts import write_run_charts
+from sparsemor.plugins.charts.animation import animate
+from sparsemor.plugins.charts.fields import field_mesh, values_of
 
 E, NU, ALPHA, PULL = 2e9, 0.3, 1e-5, 3e5
 PLANE = {"use": "flexible", "thickness": 0.02, "fields": ["elastic"], "frame": "fixed",

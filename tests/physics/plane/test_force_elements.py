@@ -15,12 +15,12 @@ from sparsemor.bodies.frames.springs import SpatialRotationalSpring, Spring
 from sparsemor.bodies.joints.rotational_spring import RotationalSpring
 from sparsemor.bodies.joints.spring_damper import SpringDamper
 from sparsemor.bodies.loads.torque import Torque
-from sparsemor.core.analysis.charts.joint_forces import joint_forces_figure
 from sparsemor.core.errors import InputError
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.protocols.poses import vectors_in_space
 from sparsemor.core.testing import check_joint, check_load
 from sparsemor.core.testing.in_memory_run import March, march, scene_of
+from sparsemor.plugins.charts.joint_forces import joint_forces_figure
 from sparsemor.plugins.study.quantities import QuantityOfInterest
 
 EXACT = {"use": "generalized_alpha", "rho_inf": 1.0}

@@ -265,9 +265,9 @@ def test_exported_cells_are_quadratic(kind: str, form: Any, tmp_path: Path) -> N
     else:
         with meshio.xdmf.TimeSeriesReader(tmp_path / form / "bar.xdmf") as reader:
             assert reader is not None
-    from sparsemor.core.analysis.charts.planar_fields import deformation_figure
-    from sparsemor.core.analysis.charts.surface_fields import surface_figures
     from sparsemor.core.protocols.layout import Quantity
+    from sparsemor.plugins.charts.planar_fields import deformation_figure
+    from sparsemor.plugins.charts.surface_fields import surface_figures
 
     if kind == "plane":
         assert deformation_figure(run, Quantity.TEMPERATURE) is not None

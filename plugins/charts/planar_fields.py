@@ -7,7 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sparsemor.core.analysis.charts.fields import (
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.protocols.layout import Quantity
+from sparsemor.core.protocols.poses import PLANAR_POSE
+from sparsemor.core.results.run_result import RunResult
+from sparsemor.core.results.stress import Field
+from sparsemor.plugins.charts.fields import (
     MAPS,
     NO_RUNS,
     drawn_steps,
@@ -18,7 +23,7 @@ from sparsemor.core.analysis.charts.fields import (
     step_near,
     values_of,
 )
-from sparsemor.core.analysis.charts.style import (
+from sparsemor.plugins.charts.style import (
     COLUMN,
     NORMAL,
     PAGE,
@@ -28,12 +33,7 @@ from sparsemor.core.analysis.charts.style import (
     plain,
     tidy,
 )
-from sparsemor.core.analysis.charts.units import Unit, unit
-from sparsemor.core.arrays import FloatArray
-from sparsemor.core.protocols.layout import Quantity
-from sparsemor.core.protocols.poses import PLANAR_POSE
-from sparsemor.core.results.run_result import RunResult
-from sparsemor.core.results.stress import Field
+from sparsemor.plugins.charts.units import Unit, unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsemor.core.analysis.charts.view import Surface
+from sparsemor.plugins.charts.view import Surface
 
 _SECONDS = 300.0
-_WORKER = "sparsemor.core.analysis.charts.surface_pyvista_worker"
+_WORKER = "sparsemor.plugins.charts.surface_pyvista_worker"
 
 
 def rendered(surfaces: Sequence[Surface]) -> list[NDArray[np.uint8]] | None:

@@ -5,7 +5,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sparsemor.core.analysis.charts.style import (
+from sparsemor.core.protocols.layout import FieldKind
+from sparsemor.core.results.error_norms import LIMIT, Errors
+from sparsemor.core.status import Status
+from sparsemor.plugins.charts.style import (
     LIMIT_COLOUR,
     REFERENCE_COLOUR,
     SMALL,
@@ -16,9 +19,6 @@ from sparsemor.core.analysis.charts.style import (
     style_of,
     time_panels,
 )
-from sparsemor.core.protocols.layout import FieldKind
-from sparsemor.core.results.error_norms import LIMIT, Errors
-from sparsemor.core.status import Status
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

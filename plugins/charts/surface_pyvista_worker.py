@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from sparsemor.core.analysis.charts.view import DARKEST, LIGHT
+from sparsemor.plugins.charts.view import DARKEST, LIGHT
 
 PIXELS = 700
 """Number of pixels along the longer side of a panel."""

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from sparsemor.core.analysis.charts.style import SMALL
 from sparsemor.core.arrays import FloatArray
+from sparsemor.plugins.charts.style import SMALL
 
 _NEAR = [(0, 5, "center", "bottom"), (0, -5, "center", "top"), (6, 0, "left", "center"),
          (-6, 0, "right", "center"), (5, 4, "left", "bottom"), (-5, 4, "right", "bottom"),

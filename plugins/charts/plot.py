@@ -4,29 +4,28 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
-from sparsemor.core.analysis.charts import (
+from sparsemor.core.analysis.compare import Comparison
+from sparsemor.core.errors import InputError
+from sparsemor.core.registry.registry import suggestions
+from sparsemor.core.results.run_result import RunResult
+from sparsemor.core.results.stress import Field
+from sparsemor.plugins.charts import (
     NAMES,
-    Compared,
     active_atoms_figure,
     alike,
     angles_figure,
     contact_forces_figure,
     deformation_figure,
-    error_over_time_figure,
     joint_forces_figure,
     positions_figure,
     probe_displacement_figure,
     probe_temperature_figure,
     surface_figures,
-    work_precision_figure,
 )
-from sparsemor.core.analysis.charts.fields import NO_RUNS
-from sparsemor.core.analysis.charts.surface_fields import solid_bodies
-from sparsemor.core.analysis.charts.time_histories import moving_bodies
-from sparsemor.core.errors import InputError
-from sparsemor.core.registry.registry import suggestions
-from sparsemor.core.results.run_result import RunResult
-from sparsemor.core.results.stress import Field
+from sparsemor.plugins.charts.comparison import error_over_time_of, work_precision_of
+from sparsemor.plugins.charts.fields import NO_RUNS
+from sparsemor.plugins.charts.surface_fields import solid_bodies
+from sparsemor.plugins.charts.time_histories import moving_bodies
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -36,29 +35,24 @@ Makers = Mapping[str, "Callable[[], Figure | None]"]
 
 
 def plot(
-    run: RunResult, chart: str = "deformation", times: Sequence[float] | None = None
+    run: RunResult | Comparison, chart: str | None = None, times: Sequence[float] | None = None
 ) -> "Figure":
-    """Chart of a run by the name of its file: deformation, temperature, stress, strain (for bodies
-    in space followed by `_BODY`), joint_forces, contact_forces, angles, positions,
-    probe_displacement, probe_temperature or active_atoms.
+    """Chart of a run or a comparison by the name of its file.
 
-    times: at which fields are drawn, s. InputError for another name and where there are no data.
+    chart: of a run deformation (the default), temperature, stress, strain (for bodies in space
+    followed by `_BODY`), joint_forces, contact_forces, angles, positions, probe_displacement,
+    probe_temperature or active_atoms; of a comparison work_precision (the default),
+    error_over_time, or one of a run, with all runs in it where they can be. times: at which fields
+    are drawn, s. InputError for another name and where there are no data.
     """
-    return _drawn(_of_run(run, times), chart)
-
-
-def plot_comparison(comparison: Compared, chart: str) -> "Figure":
-    """Chart of a comparison by the name of its file (`Comparison.plot`)."""
-    runs, reference, name = comparison.runs, comparison.reference, comparison.name
-    kinds, limit = reference.layout.kinds, comparison.limit
+    if isinstance(run, RunResult):
+        return _drawn(_of_run(run, times), chart or "deformation")
+    reference, runs, name = run.reference, run.runs, run.name
     return _drawn({
-        "work_precision": lambda: work_precision_figure(
-            *comparison.work_points(), kinds, limit, comparison.work_notes()),
-        "error_over_time": lambda: error_over_time_figure(
-            comparison.measured, {n: run.status for n, run in runs.items()}, kinds, limit,
-            comparison.trained_to),
-        **_of_run(reference, None, alike(reference, runs), name),
-        "angles": lambda: angles_figure(reference, runs, name)}, chart)
+        "work_precision": lambda: work_precision_of(run),
+        "error_over_time": lambda: error_over_time_of(run),
+        **_of_run(reference, times, alike(reference, runs), name),
+        "angles": lambda: angles_figure(reference, runs, name)}, chart or "work_precision")
 
 
 def _of_run(

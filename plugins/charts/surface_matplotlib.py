@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sparsemor.core.analysis.charts.view import DARKEST, LIGHT, Surface, skin
 from sparsemor.core.arrays import FloatArray
+from sparsemor.plugins.charts.view import DARKEST, LIGHT, Surface, skin
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

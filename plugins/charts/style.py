@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from sparsemor.core.analysis.charts.units import Unit, unit
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.results.files.listing import publishing
 from sparsemor.core.status import Status
+from sparsemor.plugins.charts.units import Unit, unit
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist

@@ -8,7 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsemor.core.analysis.charts.fields import (
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.protocols.layout import Quantity
+from sparsemor.core.results.run_result import RunResult
+from sparsemor.core.results.stress import Derived, Field
+from sparsemor.plugins.charts.fields import (
     MAPS,
     NO_RUNS,
     drawn_steps,
@@ -20,15 +24,11 @@ from sparsemor.core.analysis.charts.fields import (
     step_near,
     values_of,
 )
-from sparsemor.core.analysis.charts.style import NORMAL, PAGE, SMALL, new_figure, plain
-from sparsemor.core.analysis.charts.surface_matplotlib import paint
-from sparsemor.core.analysis.charts.surface_pyvista import rendered
-from sparsemor.core.analysis.charts.units import unit
-from sparsemor.core.analysis.charts.view import VIEWS, Surface, View, half_of, middle
-from sparsemor.core.arrays import FloatArray
-from sparsemor.core.protocols.layout import Quantity
-from sparsemor.core.results.run_result import RunResult
-from sparsemor.core.results.stress import Derived, Field
+from sparsemor.plugins.charts.style import NORMAL, PAGE, SMALL, new_figure, plain
+from sparsemor.plugins.charts.surface_matplotlib import paint
+from sparsemor.plugins.charts.surface_pyvista import rendered
+from sparsemor.plugins.charts.units import unit
+from sparsemor.plugins.charts.view import VIEWS, Surface, View, half_of, middle
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

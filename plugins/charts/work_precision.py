@@ -8,8 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sparsemor.core.analysis.charts.label_placement import place_labels
-from sparsemor.core.analysis.charts.style import (
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.protocols.layout import FieldKind, Quantity
+from sparsemor.core.results.error_norms import LIMIT
+from sparsemor.core.status import Status
+from sparsemor.plugins.charts.label_placement import place_labels
+from sparsemor.plugins.charts.style import (
     COLUMN,
     LIMIT_COLOUR,
     NORMAL,
@@ -22,10 +26,6 @@ from sparsemor.core.analysis.charts.style import (
     style_of,
     tidy,
 )
-from sparsemor.core.arrays import FloatArray
-from sparsemor.core.protocols.layout import FieldKind, Quantity
-from sparsemor.core.results.error_norms import LIMIT
-from sparsemor.core.status import Status
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

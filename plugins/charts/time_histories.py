@@ -6,8 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sparsemor.core.analysis.charts.fields import NO_RUNS
-from sparsemor.core.analysis.charts.style import (
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.protocols.layout import Quantity
+from sparsemor.core.protocols.poses import FREE_POSE, KNOWN, PLANAR_POSE, SPINNING_POSE, turned_by
+from sparsemor.core.results.run_result import RunResult
+from sparsemor.plugins.charts.fields import NO_RUNS
+from sparsemor.plugins.charts.style import (
     REFERENCE_COLOUR,
     dash_of,
     draw_line,
@@ -18,11 +22,7 @@ from sparsemor.core.analysis.charts.style import (
     style_of,
     time_panels,
 )
-from sparsemor.core.analysis.charts.units import unit
-from sparsemor.core.arrays import FloatArray
-from sparsemor.core.protocols.layout import Quantity
-from sparsemor.core.protocols.poses import FREE_POSE, KNOWN, PLANAR_POSE, SPINNING_POSE, turned_by
-from sparsemor.core.results.run_result import RunResult
+from sparsemor.plugins.charts.units import unit
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist

@@ -2,9 +2,9 @@
 
 from typing import TYPE_CHECKING
 
-from sparsemor.core.analysis.charts.style import draw_line, handles_of, legend_above, time_panels
-from sparsemor.core.analysis.charts.units import unit
 from sparsemor.core.results.run_result import RunResult
+from sparsemor.plugins.charts.style import draw_line, handles_of, legend_above, time_panels
+from sparsemor.plugins.charts.units import unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -8,7 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sparsemor.core.analysis.charts.fields import (
+from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core.errors import InputError
+from sparsemor.core.protocols.layout import Quantity
+from sparsemor.core.results.files.listing import publishing, require_ours
+from sparsemor.core.results.run_result import RunResult
+from sparsemor.core.results.stress import FIELDS, Field
+from sparsemor.plugins.charts.fields import (
     MAPS,
     field_mesh,
     magnification,
@@ -16,16 +22,10 @@ from sparsemor.core.analysis.charts.fields import (
     shades,
     values_of,
 )
-from sparsemor.core.analysis.charts.style import NORMAL, SMALL, new_figure, tidy
-from sparsemor.core.analysis.charts.surface_matplotlib import paint
-from sparsemor.core.analysis.charts.units import unit
-from sparsemor.core.analysis.charts.view import VIEWS, Surface
-from sparsemor.core.arrays import FloatArray, IntArray
-from sparsemor.core.errors import InputError
-from sparsemor.core.protocols.layout import Quantity
-from sparsemor.core.results.files.listing import publishing, require_ours
-from sparsemor.core.results.run_result import RunResult
-from sparsemor.core.results.stress import FIELDS, Field
+from sparsemor.plugins.charts.style import NORMAL, SMALL, new_figure, tidy
+from sparsemor.plugins.charts.surface_matplotlib import paint
+from sparsemor.plugins.charts.units import unit
+from sparsemor.plugins.charts.view import VIEWS, Surface
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
