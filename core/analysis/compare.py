@@ -298,7 +298,7 @@ class Charts(Protocol):
 def installed_charts() -> list[Charts]:
     """Charts of the installed distributions. Raises InputError if one cannot be imported."""
     registry = Registry()
-    return [registry.load(CHARTS, p.qualified) for p in registry.names(CHARTS)]
+    return [registry.load(CHARTS, registry.spelling(p)) for p in registry.names(CHARTS)]
 
 
 def compare(

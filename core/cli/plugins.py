@@ -10,8 +10,8 @@ from typing import Annotated, Any
 import typer
 from pydantic import BaseModel
 
-from sparsemor.core.analysis.compare import CHARTS
 from sparsemor.core.cli.commands import GROUP, function_of
+from sparsemor.core.cli.new_plugin import NO_CLASS
 from sparsemor.core.cli.options import (
     Json,
     SceneName,
@@ -97,10 +97,10 @@ def _described(registry: Registry, plugin: PluginName) -> dict[str, Any]:
             return {**found, "doc": first_sentence(
                 getdoc(function_of(registry, found["use"])) or "")}
         loaded = registry.load(plugin.kind, found["use"])
-        if plugin.kind == CHARTS:
-            return {**found, "doc": first_sentence(getdoc(loaded) or "")}
         if isinstance(loaded, Path):
             return {**found, "doc": _title(registry, plugin)}
+        if plugin.kind in NO_CLASS:
+            return {**found, "doc": first_sentence(getdoc(loaded) or "")}
         cls = registry.get(plugin.kind, found["use"])
     except InputError as error:
         cause = error.__cause__
