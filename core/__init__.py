@@ -40,6 +40,8 @@ if TYPE_CHECKING:
     from sparsemor.core.linalg.snapshots import needs_chunks as needs_chunks
     from sparsemor.core.linalg.svd import svd as svd
     from sparsemor.core.linalg.threads import limit_loaded_libraries as limit_loaded_libraries
+    from sparsemor.core.model.assembled_term import AssembledTerm as AssembledTerm
+    from sparsemor.core.model.assembly import mentioned as mentioned
     from sparsemor.core.model.block_patterns import matched_option as matched_option
     from sparsemor.core.model.block_patterns import unmatched_patterns as unmatched_patterns
     from sparsemor.core.model.compressed_local import CompressedLocal as CompressedLocal
@@ -50,6 +52,7 @@ if TYPE_CHECKING:
     from sparsemor.core.model.equations import rate_factors as rate_factors
     from sparsemor.core.model.equations import system_jacobian as system_jacobian
     from sparsemor.core.model.equations import system_residual as system_residual
+    from sparsemor.core.model.expected_states import expected_states as expected_states
     from sparsemor.core.model.facets import cell_facets as cell_facets
     from sparsemor.core.model.facets import facet_numbers as facet_numbers
     from sparsemor.core.model.facets import group_equal_rows as group_equal_rows
@@ -59,17 +62,25 @@ if TYPE_CHECKING:
     from sparsemor.core.model.factorizations import unconverged_note as unconverged_note
     from sparsemor.core.model.fitting_bases import fitted_bases as fitted_bases
     from sparsemor.core.model.initial_state import consistent_state as consistent_state
+    from sparsemor.core.model.linear_equations import LinearEquations as LinearEquations
+    from sparsemor.core.model.linear_equations import TabledEquations as TabledEquations
     from sparsemor.core.model.linearized_term import Linearized as Linearized
     from sparsemor.core.model.linearized_term import linearization as linearization
+    from sparsemor.core.model.model import Model as Model
     from sparsemor.core.model.model import distinct_names as distinct_names
     from sparsemor.core.model.moving_loads import loaded_columns as loaded_columns
+    from sparsemor.core.model.points_outside import outside_box_notes as outside_box_notes
+    from sparsemor.core.notes import Level as Level
     from sparsemor.core.notes import Note as Note
     from sparsemor.core.notes import information as information
     from sparsemor.core.protocols import *
+    from sparsemor.core.protocols.integrator import differences as differences
     from sparsemor.core.protocols.integrator import next_time as next_time
     from sparsemor.core.protocols.integrator import same_time as same_time
     from sparsemor.core.protocols.integrator import second_difference as second_difference
+    from sparsemor.core.protocols.integrator import settled as settled
     from sparsemor.core.protocols.integrator import step_formula as step_formula
+    from sparsemor.core.protocols.layout import joints_with_forces as joints_with_forces
     from sparsemor.core.protocols.load_tables import projected_tables as projected_tables
     from sparsemor.core.protocols.load_tables import total_load as total_load
     from sparsemor.core.protocols.load_tables import total_load_along as total_load_along
@@ -109,22 +120,23 @@ if TYPE_CHECKING:
     from sparsemor.core.registry.slot import Slot as Slot
     from sparsemor.core.registry.slot import slot_default as slot_default
     from sparsemor.core.results.error_norms import CONSTANT_CHANGE as CONSTANT_CHANGE
+    from sparsemor.core.results.error_norms import estimated_errors as estimated_errors
+    from sparsemor.core.results.run_result import RunResult as RunResult
     from sparsemor.core.scene.expressions import Expression as Expression
-    from sparsemor.core.simulation.diagnostics.alternating_joint_forces import (
-        joints_with_forces as joints_with_forces,
-    )
-    from sparsemor.core.simulation.diagnostics.expected_states import (
-        expected_states as expected_states,
-    )
-    from sparsemor.core.simulation.diagnostics.plausibility import (
-        outside_box_notes as outside_box_notes,
-    )
+    from sparsemor.core.scene.nested import functions_of_time as functions_of_time
+    from sparsemor.core.scene.scene import Scene as Scene
+    from sparsemor.core.simulation.checks import Check as Check
+    from sparsemor.core.simulation.checks import Findings as Findings
+    from sparsemor.core.simulation.checks import OnStep as OnStep
     from sparsemor.core.simulation.kept.machine_code import MachineCode as MachineCode
+    from sparsemor.core.simulation.memory.estimate import trains as trains
     from sparsemor.core.simulation.memory.limits import GIGABYTE as GIGABYTE
     from sparsemor.core.simulation.memory.limits import (
         bounded_address_space as bounded_address_space,
     )
     from sparsemor.core.simulation.memory.limits import machine_memory as machine_memory
+    from sparsemor.core.simulation.offline import step_count as step_count
+    from sparsemor.core.simulation.prepared_run import PreparedRun as PreparedRun
     from sparsemor.core.status import SolveFailed as SolveFailed
     from sparsemor.core.status import Status as Status
 
@@ -149,11 +161,18 @@ _HOMES = {
     "model.factorizations": ("BlockSolvers", "solve_or_fail", "unconverged_note"),
     "model.fitting_bases": ("fitted_bases",),
     "model.initial_state": ("consistent_state",),
-    "model.model": ("distinct_names",),
+    "model.assembled_term": ("AssembledTerm",),
+    "model.assembly": ("mentioned",),
+    "model.expected_states": ("expected_states",),
+    "model.linear_equations": ("LinearEquations", "TabledEquations"),
+    "model.model": ("Model", "distinct_names"),
+    "model.points_outside": ("outside_box_notes",),
     "model.linearized_term": ("Linearized", "linearization"),
     "model.moving_loads": ("loaded_columns",),
-    "notes": ("Note", "information"),
-    "protocols.integrator": ("next_time", "same_time", "second_difference", "step_formula"),
+    "notes": ("Level", "Note", "information"),
+    "protocols.integrator": ("differences", "next_time", "same_time", "second_difference",
+        "settled", "step_formula"),
+    "protocols.layout": ("joints_with_forces",),
     "protocols.load_tables": ("projected_tables", "total_load", "total_load_along"),
     "protocols.poses": ("FREE_POSE", "PLANAR_POSE", "SPINNING_POSE", "points_in_space",
         "vectors_in_space"),
@@ -170,13 +189,17 @@ _HOMES = {
     "registry.returned_values": ("built_dictionary", "built_weights", "checked_return",
         "prepared_recovery", "sampled_rows"),
     "registry.slot": ("Slot", "slot_default"),
-    "results.error_norms": ("CONSTANT_CHANGE",),
+    "results.error_norms": ("CONSTANT_CHANGE", "estimated_errors"),
+    "results.run_result": ("RunResult",),
     "scene.expressions": ("Expression",),
-    "simulation.diagnostics.alternating_joint_forces": ("joints_with_forces",),
-    "simulation.diagnostics.expected_states": ("expected_states",),
-    "simulation.diagnostics.plausibility": ("outside_box_notes",),
+    "scene.nested": ("functions_of_time",),
+    "scene.scene": ("Scene",),
+    "simulation.checks": ("Check", "Findings", "OnStep"),
     "simulation.kept.machine_code": ("MachineCode",),
+    "simulation.memory.estimate": ("trains",),
     "simulation.memory.limits": ("GIGABYTE", "bounded_address_space", "machine_memory"),
+    "simulation.offline": ("step_count",),
+    "simulation.prepared_run": ("PreparedRun",),
     "status": ("SolveFailed", "Status"),
 }
 """Module of core -> public names that it defines; those of `protocols` are in its `__all__`."""

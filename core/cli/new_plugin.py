@@ -24,7 +24,8 @@ USES = {"scene": "`sparsemor run $name` runs it", "study": "`sparsemor study $na
         "charts": "`sparsemor compare` draws them",
         "command": "`sparsemor $name double_pendulum` calls it",
         "paper": "`sparsemor reproduce --paper $name` recomputes it",
-        "observer": "a script passes `$cls().observer()` to `simulate`"}
+        "observer": "a script passes `$cls().observer()` to `simulate`",
+        "check": "each run is checked by it"}
 """Plugin kind -> how plugins of that kind are used; scene files select those of all other kinds."""
 
 NO_CLASS = ("charts", "command", "paper", "scene", "study")

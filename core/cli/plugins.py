@@ -35,10 +35,11 @@ def validate(scene: SceneName, settings: Settings = None, as_json: Json = False)
         loaded = load_with(scene, settings)
         with located_in(loaded):
             from sparsemor.core.notes import Level, sentences
-            from sparsemor.core.simulation.diagnostics.plausibility import before_run
+            from sparsemor.core.simulation.checks import Checks
             from sparsemor.core.simulation.validation import checked_model
 
-            found = sentences(before_run(loaded, checked_model(loaded)), Level.WARNING)
+            found = sentences(Checks.of(loaded).of_model(
+                loaded, checked_model(loaded)), Level.WARNING)
         if as_json:
             print_json({"status": "done", "scene": loaded.dump(), "notes": found})
         else:

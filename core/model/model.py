@@ -11,8 +11,10 @@ from sparsemor.core.model.factorizations import BlockSolvers
 from sparsemor.core.model.moving_loads import path_rows, ring
 from sparsemor.core.protocols import (
     BlockData,
+    BodyShape,
     DofLocations,
     Factorized,
+    HasShape,
     MovesOverBody,
     Part,
     ProbePlace,
@@ -39,7 +41,7 @@ class Model:
     prescribed motion, reactions and surface loads come, or None. starts: the consistent initial
     state, once it is computed (core/model/initial_state.py); a modified copy of the model computes
     its own. stress_checks: body -> sizes of its largest displacement and change of temperature, and
-    change of stiffness, in a state that was checked (simulation/diagnostics/stress_stiffness.py).
+    change of stiffness, in a state that was checked (plugins/checks/stress_stiffness.py).
     """
 
     layout: Layout
@@ -62,6 +64,11 @@ class Model:
     def terms(self) -> tuple[Term, ...]:
         """Residual terms of all bodies, joints, contacts and loads."""
         return tuple(t for terms in self.by_part.values() for t in terms)
+
+    def shapes(self) -> dict[str, BodyShape]:
+        """Mesh and field data of each body that has a mesh."""
+        return {n: shape for n, p in self.parts.items()
+                if isinstance(p, HasShape) and (shape := p.shape()) is not None}
 
     def reducible(self) -> tuple[str, ...]:
         return tuple(b.name for b in self.layout if b.kind.reducible)

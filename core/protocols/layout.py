@@ -214,3 +214,10 @@ class Layout:
         """Layout of a reduced model: the same blocks with new numbers of unknowns, `sizes` by block
         name."""
         return Layout(b.resized(sizes.get(b.name, b.size)) for b in self.parts()[0])
+
+
+def joints_with_forces(layout: Layout) -> tuple[str, ...]:
+    """Names of the joints whose constraint forces (Lagrange multipliers) are unknowns. The
+    multiplier that keeps a quaternion at unit length does not belong to a joint."""
+    return tuple(b.owner for b in layout
+                 if b.kind.order == 0 and layout.of(b.owner, Quantity.POSE) is None)

@@ -10,7 +10,7 @@ does not call by a protocol, such as the force law of a joint.
 
 import inspect
 import traceback
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from copy import copy
 from dataclasses import fields
@@ -44,10 +44,10 @@ def admit(kind: str, cls: type) -> None:
             guard(protocol, cls)
 
 
-def guard(protocol: type, cls: type) -> None:
+def guard(protocol: type, cls: type, members: Iterable[str] | None = None) -> None:
     """Puts the checked form of each member of a protocol into a class, once. What a member returns
-    by another protocol is guarded when it is returned."""
-    for name in get_protocol_members(protocol):
+    by another protocol is guarded when it is returned. members: those of a base class."""
+    for name in get_protocol_members(protocol) if members is None else members:
         found = inspect.getattr_static(cls, name, None)
         wanted = inspect.getattr_static(protocol, name)
         if isinstance(found, FunctionType) and isinstance(wanted, FunctionType):

@@ -97,6 +97,10 @@ class Registry:
         admit(kind, loaded)
         return loaded
 
+    def every(self, kind: str) -> tuple[type[Plugin], ...]:
+        """Classes of all plugins of one kind, imported. Raises InputError as `get`."""
+        return tuple(self.get(kind, self._spelled(e)) for e in self._of(kind))
+
     def load(self, kind: str, name: str) -> Any:
         """Object to which an entry point refers, imported (for packaged example inputs, a path)."""
         return _Driver(self._only(kind, name)).plugin

@@ -141,6 +141,10 @@ def _observer(value: Any, _: Any, given: Mapping[str, Any]) -> str:
         f"{shown_type(value)} without a method marked by hookimpl")
 
 
+def _fields(value: Any, _: Any, given: Mapping[str, Any]) -> str:
+    return unfit_arrays(value)
+
+
 CHECKS: Mapping[tuple[str, str], Check] = {
     ("Basis", "build"): _dictionary, ("Sampler", "sample"): _rows,
     ("Preconditioner", "build"): _square, ("NormalLaw", "pressure"): _like("depth"),
@@ -150,7 +154,7 @@ CHECKS: Mapping[tuple[str, str], Check] = {
     ("SparseSolver", "solve"): _columns, ("Recovery", "select"): _support,
     ("Factorized", "solve"): _solution, ("Factorized", "outcome"): _solution,
     ("StepSolver", "start"): _start, ("Body", "initial"): _initial,
-    ("ObserverPlugin", "observer"): _observer,
+    ("ObserverPlugin", "observer"): _observer, ("Check", "after_run"): _fields,
 }
 """Protocol and member -> check of what it returns."""
 EVERY_STEP: Mapping[tuple[str, str], Callable[[Any, Any], str]] = {

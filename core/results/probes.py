@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.protocols import Dictionary, ForceLaw, HasForceLaw, ProbePlace
+from sparsemor.core.protocols import Dictionary, ForceLaw, HasForceLaw, ProbePlace, State
 from sparsemor.core.protocols.layout import Layout, Quantity
 from sparsemor.core.protocols.poses import points_in_space
 from sparsemor.core.protocols.prescribed_motion import FrameHistory
@@ -142,6 +142,14 @@ class ForceReader:
         return self.law(times, [
             (x[:, e], rates[e.start]) if isinstance(e, slice) else e.along(times)[:2]
             for e in self.ends])
+
+    def bounded_angle(self, state: State) -> FloatArray | None:
+        """Angle of its law (1,), rad, in a solver state, where it is known up to a limit only; None
+        for other laws."""
+        t = np.array([state.t])
+        own, other = (state.x[None, e] if isinstance(e, slice) else e.along(t)[0]
+                      for e in self.ends)
+        return self.law.bounded_angle(t, own, other)
 
 
 def rate_columns(readers: Sequence[ForceReader]) -> Mapping[int, slice]:

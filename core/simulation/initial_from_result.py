@@ -16,7 +16,6 @@ from sparsemor.core.results.checkpoint import Checkpoint, load_checkpoint
 from sparsemor.core.results.error_norms import LIMIT
 from sparsemor.core.results.run_result import RunResult, open_result
 from sparsemor.core.scene.scene import Scene
-from sparsemor.core.simulation.run_header import shapes
 
 KEY = "initial.result"
 
@@ -118,6 +117,6 @@ def _opened(scene: Scene) -> tuple[RunResult, int]:
 
 def _check_meshes(result: RunResult, model: Model) -> None:
     """Raises InputError if a body with a mesh has another one in the result."""
-    for name, shape in shapes(model).items():
+    for name, shape in model.shapes().items():
         if name in result.bodies and not np.array_equal(result.points(name), shape.points):
             raise InputError(f"{name} has another mesh in the result", KEY)

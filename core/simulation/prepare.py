@@ -2,42 +2,34 @@
 and the checks before the first step."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from sparsemor.core.model.body_cache import BodyCache
-from sparsemor.core.model.factorizations import Factored
 from sparsemor.core.model.initial_state import start_notes
 from sparsemor.core.model.model import Model
 from sparsemor.core.model.resolved_start import resolved_start
 from sparsemor.core.notes import Note
 from sparsemor.core.protocols import (
-    BodyShape,
     ChecksLayout,
     Dictionary,
     ErrorEstimator,
     EstimatesErrors,
     HasForceLaw,
     ReducedProblem,
-    State,
     StepSolver,
 )
 from sparsemor.core.registry.hooks import Manager
 from sparsemor.core.registry.returned_values import complete
-from sparsemor.core.results.metadata import RunHeader
 from sparsemor.core.results.probes import ForceReader, ProbeReader
 from sparsemor.core.scene.parameters import Point, values_at
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.cache import Cache
-from sparsemor.core.simulation.diagnostics.blow_up import Extents
-from sparsemor.core.simulation.diagnostics.contact_warnings import stage_warnings
-from sparsemor.core.simulation.diagnostics.plausibility import before_run, of_solver
+from sparsemor.core.simulation.checks import Checks
 from sparsemor.core.simulation.diagnostics.trial_space import (
     TRIAL_SPACE,
-    TrialSpace,
     check_trial_spaces,
 )
 from sparsemor.core.simulation.greedy import estimated_error, greedy_points, trial_scene
@@ -48,48 +40,12 @@ from sparsemor.core.simulation.memory.disk import room_for_result, room_for_snap
 from sparsemor.core.simulation.memory.estimate import fitting
 from sparsemor.core.simulation.offline import Offline, step_count
 from sparsemor.core.simulation.offline_cache import Products
+from sparsemor.core.simulation.prepared_run import PreparedRun
 from sparsemor.core.simulation.rigid_stage import staged
-from sparsemor.core.simulation.run_header import header_of, shapes
+from sparsemor.core.simulation.run_header import header_of
 from sparsemor.core.simulation.step_control import controlled
 from sparsemor.core.simulation.training import offline_of
 from sparsemor.core.simulation.validation import checked_model
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class PreparedRun:
-    """A run up to its first step: everything that further runs of the same model share.
-
-    solver: step solver; start: state from which it starts, of the full-order model, or in the
-    unknowns of a solver without mesh; header: of the result; probes, forces, given: what is
-    recorded next to the unknowns; notes, stability, spaces: findings before the first step;
-    trained_to: end of the training run, s; contacts: warnings about contacts along a rigid-body
-    pre-simulation, None without one. model: assembled model, estimator: of the error, and offline
-    data, None where they are not at hand; own_loads: False if the run has other loads than that
-    model; extents: of the bodies, where the model, or the atoms of the solver, are not at hand.
-    """
-
-    scene: Scene
-    solver: StepSolver
-    start: State
-    header: RunHeader
-    probes: tuple[ProbeReader, ...]
-    given: Mapping[str, BodyShape]
-    notes: tuple[Note, ...]
-    stability: Mapping[str, Any]
-    spaces: tuple[TrialSpace, ...]
-    trained_to: float
-    contacts: tuple[Note, ...] | None
-    model: Model | None = None
-    estimator: ErrorEstimator | None = None
-    offline: Offline | None = None
-    own_loads: bool = True
-    forces: tuple[ForceReader, ...] = ()
-    extents: Extents = Extents(())
-
-    def factored(self) -> Sequence[Factored]:
-        """Reports of the linear systems of the assembled model."""
-        return [] if self.model is None else self.model.solvers.log
-
 
 Kept = tuple[PreparedRun, Offline]
 """A prepared run and its offline data."""
@@ -133,19 +89,20 @@ def prepared_run(
     differences = scene.initial is not None and scene.integrator.order == 1
     started = () if differences else start_notes(model)
     of_integrator = integrator.notes(model.layout) if isinstance(integrator, ChecksLayout) else ()
-    return PreparedRun(
+    run = PreparedRun(
         scene, solver, start, header_of(
             scene, model, solver, step_count(scene), () if estimator is None else estimator.blocks),
         tuple(ProbeReader.of(p, solver.layout, solver.dictionaries) for p in model.probes),
-        {n: shape for n, shape in shapes(model).items() if shape.given},
-        (*started, *initial_notes(scene, model, solver.dictionaries),
-         *resolved.notes(scene.time.step), *of_integrator, *solver.notes,
-         *before_run(scene, model), *of_solver(scene, solver), *unstable, *missed, *offline.notes,
-         *(() if estimator is None else estimator.notes)),
-        stability, spaces, scene.training_end, stage_warnings(model),
-        model, estimator, offline, forces=tuple(
+        {n: shape for n, shape in model.shapes().items() if shape.given}, (),
+        stability, spaces, scene.training_end, model, estimator, offline, forces=tuple(
             ForceReader.of(name, part, solver.layout) for name, part in model.parts.items()
-            if isinstance(part, HasForceLaw))), offline
+            if isinstance(part, HasForceLaw)))
+    checks = Checks.of(scene)
+    return replace(run, notes=(
+        *started, *initial_notes(scene, model, solver.dictionaries),
+        *resolved.notes(scene.time.step), *of_integrator, *solver.notes,
+        *checks.of_model(scene, model), *checks.before_steps(run), *unstable, *missed,
+        *offline.notes, *(() if estimator is None else estimator.notes))), offline
 
 
 def prepared(

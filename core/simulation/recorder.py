@@ -36,7 +36,7 @@ from sparsemor.core.simulation.error_control.notes import enrichment_notes, erro
 from sparsemor.core.simulation.error_control.record import ErrorMark, ErrorRecord
 from sparsemor.core.simulation.memory.use import MemoryUse
 from sparsemor.core.simulation.offline_cache import Products
-from sparsemor.core.simulation.prepare import PreparedRun
+from sparsemor.core.simulation.prepared_run import PreparedRun
 from sparsemor.core.simulation.step_statistics import Tally
 from sparsemor.core.status import Status
 

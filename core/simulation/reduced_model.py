@@ -50,8 +50,8 @@ from sparsemor.core.scene.yaml_reader import LocatedError
 from sparsemor.core.simulation.admission import kept
 from sparsemor.core.simulation.advice import explicit
 from sparsemor.core.simulation.cache import Cache
+from sparsemor.core.simulation.checks import Checks
 from sparsemor.core.simulation.diagnostics.blow_up import Extents
-from sparsemor.core.simulation.diagnostics.plausibility import SETTINGS, of_settings
 from sparsemor.core.simulation.diagnostics.rounded_file import (
     ENOUGH,
     HARMLESS,
@@ -68,7 +68,8 @@ from sparsemor.core.simulation.other_start import (
     start_notes,
     started_from,
 )
-from sparsemor.core.simulation.prepare import PreparedRun, prepared_run
+from sparsemor.core.simulation.prepare import prepared_run
+from sparsemor.core.simulation.prepared_run import PreparedRun
 from sparsemor.core.simulation.progress import progress_bar
 from sparsemor.core.simulation.recorder import Recorder
 from sparsemor.core.simulation.simulate import stepped
@@ -425,10 +426,12 @@ class ReducedModel:
         if self._again is not None and any(self._fault(key, scene) for key in keys):
             again = ReducedModel(self._again(scene, None), again=self._again)
             return again._changed({}, initial)
+        checks = Checks.of(scene)
         run = replace(run, scene=scene, header=replace(
             run.header, scene=scene.dump(), scene_digest=scene.digest(),
             steps_planned=step_count(scene)), notes=(
-            *(n for n in run.notes if n.kind not in SETTINGS), *of_settings(scene, run.model)))
+            *(n for n in run.notes if n.kind not in checks.renewed),
+            *checks.again(scene, run.model)))
         if initial or any(inside(key, k) for key in keys for k in self._functions):
             assert isinstance(run.solver, LeavesMesh)
             made = self._packed.made(_table(scene), _functions(scene))

@@ -5,18 +5,12 @@ from importlib.metadata import version
 
 from sparsemor.core.linalg.threads import described
 from sparsemor.core.model.model import Model, distinct_names
-from sparsemor.core.protocols import BodyShape, HasForceLaw, HasShape, NamesMultipliers, StepSolver
+from sparsemor.core.protocols import HasForceLaw, NamesMultipliers, StepSolver
 from sparsemor.core.protocols.step_solver import resultant_sources_of
 from sparsemor.core.results.metadata import RunHeader
 from sparsemor.core.results.probes import ProbeReader
 from sparsemor.core.scene.run_identity import Identity
 from sparsemor.core.scene.scene import Scene
-
-
-def shapes(model: Model) -> dict[str, BodyShape]:
-    """Mesh and field data (`BodyShape`) of each body that has a mesh."""
-    return {n: shape for n, p in model.parts.items()
-            if isinstance(p, HasShape) and (shape := p.shape()) is not None}
 
 
 def multiplier_components(model: Model) -> dict[str, tuple[tuple[str, str], ...]]:
@@ -53,7 +47,7 @@ def header_of(
         reducer=scene.reducer_name, layout=solver.layout, full_layout=model.layout,
         step=scene.time.step, steps_planned=steps, dictionaries=solver.dictionaries,
         rows=solver.rows,
-        bodies=shapes(model),
+        bodies=model.shapes(),
         probes=tuple(ProbeReader.of(p, solver.layout, solver.dictionaries).header()
                      for p in model.probes),
         stage=model.stage,

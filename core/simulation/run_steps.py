@@ -2,59 +2,29 @@
 
 import errno
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from copy import deepcopy
 from dataclasses import replace
 
 import numpy as np
 
-from sparsemor.core.arrays import BoolArray
 from sparsemor.core.errors import Damaged, PluginError
-from sparsemor.core.notes import Note
-from sparsemor.core.protocols import ManySteps, RedrawsRows, State, StepFactors, StepMemory
+from sparsemor.core.protocols import ManySteps, RedrawsRows, State, StepMemory
 from sparsemor.core.registry.boundary import naming_plugins
 from sparsemor.core.registry.hooks import Manager, RunStart
 from sparsemor.core.results.run_result import RunResult
-from sparsemor.core.simulation.diagnostics.alternating_joint_forces import alternating_forces
+from sparsemor.core.simulation.checks import Checks, Findings
 from sparsemor.core.simulation.diagnostics.blow_up import Extents, Growth, Large, diverged, too_long
-from sparsemor.core.simulation.diagnostics.contact_warnings import contact_warnings
-from sparsemor.core.simulation.diagnostics.energy_lost import (
-    LARGEST,
-    energy_lost,
-    energy_notes,
-    times_of_energy,
-)
-from sparsemor.core.simulation.diagnostics.free_rotations import rotation_notes
-from sparsemor.core.simulation.diagnostics.heat_balance import (
-    HeatBalance,
-    heat_notes,
-    in_result,
-)
-from sparsemor.core.simulation.diagnostics.plausibility import after_run
-from sparsemor.core.simulation.diagnostics.selected_atoms import (
-    Selected,
-    check_selection,
-    times_of_check,
-)
-from sparsemor.core.simulation.diagnostics.spring_turns import SpringTurns
-from sparsemor.core.simulation.diagnostics.stress_stiffness import (
-    LINEAR_STRAINS,
-    stress_notes,
-)
-from sparsemor.core.simulation.diagnostics.time_error import TimeError, time_error_notes
 from sparsemor.core.simulation.diagnostics.trial_space import beyond_training
-from sparsemor.core.simulation.diagnostics.undershoot import undershoot
 from sparsemor.core.simulation.error_control.actions import Accepted, ErrorWatch, Exceeded
 from sparsemor.core.simulation.error_control.continuation import (
     Continuation,
     fall_back,
     with_more_atoms,
 )
-from sparsemor.core.simulation.error_control.notes import error_limit, large_estimates
 from sparsemor.core.simulation.interrupt import Interrupt
-from sparsemor.core.simulation.linearization.reference import full_state
 from sparsemor.core.simulation.offline import step_count
-from sparsemor.core.simulation.prepare import PreparedRun
+from sparsemor.core.simulation.prepared_run import PreparedRun
 from sparsemor.core.simulation.recorder import Recorder, in_summary
 from sparsemor.core.simulation.step_control import ControlledSteps, ControlMemory, step_of
 from sparsemor.core.simulation.step_statistics import Tally
@@ -77,18 +47,11 @@ class RunSteps:
         self.steps = step_count(run.scene)
         self.keeper, self.watch, self.due = keeper, watch, False
         self.seen_changes, self.seen_draws = -1, self._resamplings()
-        self.checked = times_of_check(self.steps)
-        self.selected: list[tuple[State, Mapping[str, BoolArray]]] = []
         self.growth: Growth | None = Growth(Extents(()))
-        # windows of steps are not in checkpoints; a run that changes its model has no one estimate
-        whole = tally.done == 0 and watch is None and not recorder.fall_back
-        self.time_error = TimeError.of(run, state.x if whole else None)
-        self.heat = HeatBalance.of(run, state if whole else None)
-        self.moving: list[State] = []
-        self.looked = times_of_energy(self.steps) if (
-            whole and run.model is not None and run.own_loads and run.scene.time.control is None
-            and run.scene.integrator.order == 1 and run.model.layout.frames.stop > 0
-            and run.model.layout.size <= LARGEST) else frozenset[int]()
+        self.checks = Checks.of(run.scene)
+        # what checks see of steps is not in checkpoints
+        self.on_step = self.checks.on_start(
+            run, state, tally.done == 0 and watch is None and not recorder.fall_back)
 
     def go(self) -> RunResult:
         recorder, hook = self.recorder, self.manager.hook
@@ -127,22 +90,12 @@ class RunSteps:
         if failure is not None:
             summary["message"] = str(failure)
         else:
-            errors, first = ({}, {}) if self.time_error is None else self.time_error.estimated()
-            summary["time_error"] = dict(errors)
-            h = self.scene.time.step
-            summary["energy_lost"] = lost = None if self.run.model is None else energy_lost(
-                self.run.model, [full_state(self.solver, s) for s in self.moving], h, self.steps)
-            heat = {} if self.heat is None else self.heat.found()
-            summary["heat_balance"] = in_result(heat)
-            notes = (*self._found_after(), *energy_notes(lost, h), *time_error_notes(
-                errors, first, h, self.scene.integrator.order), *heat_notes(
-                    heat, bool(self.solver.dictionaries)))
-            found = in_summary(notes)
-            summary |= {key: [*summary[key], *texts] for key, texts in found.items()}
-            refused = [n for n in notes if n.kind == LINEAR_STRAINS]
-            if refused and self.scene.check_strains == "refuse":
-                status = Status.OUTSIDE_THEORY
-                failure = SolveFailed(status, self.state.t, "", refused[0].text)
+            found = self._found_after()
+            failure, told = found.failure, in_summary(found.notes)
+            summary = {**found.summary, **summary} | {
+                key: [*summary[key], *texts] for key, texts in told.items()}
+            if failure is not None:
+                status = failure.status
                 summary |= {"status": status.value, "message": str(failure)}
         self.recorder.finish(status, summary)
         self.manager.hook.on_finish(summary=summary)
@@ -152,34 +105,28 @@ class RunSteps:
             raise failure
         return result
 
-    def _found_after(self) -> tuple[Note, ...]:
-        """Notes on the stored results. Raises OSError if a part of them has been lost since."""
+    def _found_after(self) -> Findings:
+        """What checks find after the last step. Raises OSError if a part of the stored results has
+        been lost since."""
         run, result = self.run, self.recorder.writer.result()
-        model, notes = run.model, list(run.contacts or ())
         try:
-            if model is not None and run.contacts is None:
-                notes += contact_warnings(model, result)
-            left = self._left_over_rows() if run.own_loads else ()
-            notes += (note for s in left if (note := s.note()) is not None)
-            notes += (*alternating_forces(model, result), *rotation_notes(self.scene, result))
-            if model is not None:
-                notes += undershoot(model, result) if run.own_loads else ()
-                notes += after_run(model, result)
-                if self.scene.check_strains != "off":
-                    notes += stress_notes(model, result)
-            by_rows = {s.block for s in left if s.by_rows}  # which says more
-            return (*notes, *large_estimates(result, error_limit(self.scene.reducer).tolerance),
-                    *beyond_training([s for s in run.spaces if s.name not in by_rows], result,
-                                     run.trained_to, run.solver.facts, run.own_loads))
+            found = self.checks.after_run(run, result)
+            beyond = beyond_training(
+                [s for s in run.spaces if s.name not in found.explained], result, run.trained_to,
+                run.solver.facts, run.own_loads)
         except Damaged as error:
             raise OSError(errno.EIO, str(error)) from None
+        except PluginError as error:
+            if isinstance(error.__cause__, OSError):
+                raise error.__cause__ from None
+            return Findings(failure=self._of_plugin(error))
+        return replace(found, notes=(*found.notes, *beyond))
 
-    def _left_over_rows(self) -> tuple[Selected, ...]:
-        """Residuals that selected atoms and sampled rows leave over all rows."""
-        h, model, solver = self.scene.time.step, self.run.model, self.solver
-        return () if model is None or not self.selected else check_selection(
-            model, solver.dictionaries, StepFactors(h, *self.scene.integrator.rules(h).factors),
-            self.selected, {n: len(rows) for n, rows in solver.rows.items()})
+    def _of_plugin(self, error: PluginError) -> SolveFailed:
+        """Failure of a run by a fault of a plugin: hours of computed steps are not thrown away."""
+        if error.own and self.run.model is None:  # the fault of the file of a kept model
+            raise error
+        return SolveFailed(Status.PLUGIN_FAILED, self.state.t, detail=str(error))
 
     @np.errstate(all="ignore")  # overflow is a status of the step, not a warning
     def _steps(self, interrupt: Interrupt) -> SolveFailed | None:
@@ -221,13 +168,14 @@ class RunSteps:
         """Drops the steps after an accepted state."""
         self.recorder.back_to(accepted.mark)
         self.state, self.tally = accepted.state, accepted.tally
-        self.selected = [(s, of) for s, of in self.selected if s.t <= self.state.t]
+        self.on_step = self.checks.on_start(self.run, self.state, False)
 
     def _go_on(self, found: Continuation) -> None:
         """Takes the remaining steps with another step solver."""
         self.run, self.solver = found.run, found.run.solver
         self.state, self.memory = found.state, found.memory
         self.many, self.watch = found.many, found.watch
+        self.on_step = self.checks.on_start(self.run, self.state, False)
         self._save()
 
     def _save(self) -> None:
@@ -240,10 +188,8 @@ class RunSteps:
         try:
             with naming_plugins():
                 return self._taken(count, stop)
-        except PluginError as error:  # hours of computed steps are not thrown away
-            if error.own and self.run.model is None:  # the fault of the file of a kept model
-                raise
-            return SolveFailed(Status.PLUGIN_FAILED, self.state.t, detail=str(error))
+        except PluginError as error:
+            return self._of_plugin(error)
 
     def _taken(self, count: int, stop: Callable[[], bool]) -> SolveFailed | None:
         solver, h = self.solver, self.scene.time.step
@@ -253,7 +199,6 @@ class RunSteps:
             self.run.model, solver.layout, solver.dictionaries)
         if self.growth is not None and not self.growth.last:
             self.growth = Growth(extents)
-        turns = SpringTurns(self.run.forces, self.state)
         for taken in iterate(step, self.state, self.memory, count, stop, self.many):
             outcome, before = taken.outcome, self.state
             _, self.state, self.memory, seconds, whole = taken
@@ -262,16 +207,12 @@ class RunSteps:
                     outcome.status, self.state.t + h, outcome.block, outcome.detail,
                     sampled=bool(solver.rows))
             tally.add(seconds, outcome)
-            if self.time_error is not None:
-                self.time_error.take(tally.done, before, self.state)
-            if self.heat is not None:
-                self.heat.take(tally.done, before, self.state)
-            if tally.done in self.looked:
-                self.moving.append(self.state)
+            supports = solver.supports(self.memory)
             if large := extents.exceeded(self.state.x):
                 return self._diverged(large)
-            if (lost := turns.lost(self.state)) is not None:
-                return lost
+            for look in self.on_step:
+                if (found := look(tally.done, before, self.state, supports)) is not None:
+                    return found
             if self.growth is not None and (large := self.growth.sudden(self.state.x)):
                 self.growth = None  # asked once
                 if (found := self._too_long(large)) is not None:
@@ -281,12 +222,8 @@ class RunSteps:
                     tally.full_steps + 1, tally.full_seconds + seconds)
             if self.keeper is not None:
                 self.keeper.take(tally.done, self.state)
-            supports = solver.supports(self.memory)
             if supports:
                 tally.count_atoms(supports)
-            if tally.done in self.checked and (supports or solver.rows) and self.run.own_loads and (
-                    self.run.model is not None):
-                self.selected.append((full_state(solver, self.state), dict(supports)))
             self.due = self.recorder.take(self.state, tally, supports, self.memory) or self.due
             # in a block of steps the memory is that of its last one
             if self.due and whole and self.watch is None:

@@ -29,7 +29,8 @@ from sparsemor.core.simulation.error_control.record import ErrorRecord
 from sparsemor.core.simulation.memory.limits import peak
 from sparsemor.core.simulation.memory.use import MemoryUse
 from sparsemor.core.simulation.offline import Offline, step_count
-from sparsemor.core.simulation.prepare import PreparedRun, prepared_run
+from sparsemor.core.simulation.prepare import prepared_run
+from sparsemor.core.simulation.prepared_run import PreparedRun
 from sparsemor.core.simulation.progress import progress_bar
 from sparsemor.core.simulation.recorder import Recorder
 from sparsemor.core.simulation.run_steps import RunSteps

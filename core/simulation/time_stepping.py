@@ -83,6 +83,18 @@ def started(solver: StepSolver[M], integrator: Integrator, full: State) -> tuple
     return integrator.start(solver.layout, state), memory
 
 
+def full_state(solver: StepSolver, state: State) -> State:
+    """State in full-order unknowns, without the integrator's memory."""
+    x, v, a = [], [], []
+    for b in solver.layout:
+        at, d = solver.layout[b.name], solver.dictionaries.get(b.name)
+        x.append(state.x[at] if d is None else d.offset + d.atoms @ state.x[at])
+        v.append(state.v[at] if d is None else d.atoms @ state.v[at])
+        a.append(state.a[at] if d is None else d.atoms @ state.a[at])
+    whole = np.concatenate(x)
+    return State(state.t, whole, np.concatenate(v), np.concatenate(a), np.zeros((len(whole), 0)))
+
+
 def _larger(a: FloatArray, resolved: FloatArray) -> bool:
     """True if accelerations exceed those that the step resolves."""
     return float(np.abs(a).max(initial=0.0)) > UNRESOLVED * float(np.abs(resolved).max(initial=0.0))

@@ -8,6 +8,7 @@ memory; `reduced_problem` is what a reducer prepares its step solver from.
 
 from sparsemor.core.testing.basis import check_basis
 from sparsemor.core.testing.body import check_body
+from sparsemor.core.testing.check import check_check
 from sparsemor.core.testing.contact import check_contact
 from sparsemor.core.testing.contact_laws import check_friction_law, check_normal_law
 from sparsemor.core.testing.function import check_function
@@ -31,6 +32,7 @@ __all__ = [
     "March",
     "check_basis",
     "check_body",
+    "check_check",
     "check_contact",
     "check_friction_law",
     "check_function",

@@ -20,7 +20,7 @@ from sparsemor.core.results.tables import number, text_table
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.scene.yaml_reader import LocatedError
 from sparsemor.core.simulation.cache import Cache
-from sparsemor.core.simulation.diagnostics.stress_stiffness import buckled_in_training
+from sparsemor.core.simulation.checks import Checks
 from sparsemor.core.simulation.linearization.check import (
     LIMIT,
     Judgement,
@@ -232,7 +232,7 @@ class _Case:
     @classmethod
     def of(cls, scene: Scene, model: Model, offline: Offline, plan: Plan) -> "_Case":
         states = _states(scene, model, offline, plan.at)
-        buckled = () if scene.check_strains == "off" else buckled_in_training(model, offline)
+        buckled = Checks.of(scene).of_training(scene, model, offline)
         return cls(model, offline, states, Reference(model, scene.source.registry),
                    exact_values(model), buckled)
 

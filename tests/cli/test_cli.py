@@ -14,7 +14,7 @@ from sparsemor.core.errors import InputError
 from sparsemor.core.notes import Note
 from sparsemor.core.results.stored_arrays import FORMAT, write_header
 from sparsemor.core.scene.scene import Scene, load
-from sparsemor.core.simulation.diagnostics import plausibility
+from sparsemor.core.simulation.checks import Checks
 from sparsemor.core.status import SolveFailed, Status
 from toy_scene import TOY_SCENE
 
@@ -157,7 +157,7 @@ def test_validate_also_builds_the_parts(monkeypatch):
             raise InputError("too heavy to hold", "bodies.a.mass")
 
     checked_by(monkeypatch, check)
-    monkeypatch.setattr(plausibility, "before_run", lambda scene, model: (
+    monkeypatch.setattr(Checks, "of_model", lambda checks, scene, model: (
         Note("the mass is 3 tons", "heavy"),) if scene.bodies["a"].mass == 3 else ())
     done = sparsemor("validate", "scene.yaml")
     assert (done.code, done.err) == (0, "")

@@ -62,7 +62,7 @@ def test_all_of_its_plugins_work(third_party):
              if p["distribution"] == "sparsemor-sample"}
     assert set(found) == {
         ("body", "ring"), ("joint", "gear"), ("load", "spring"), ("load", "contact_resistance"),
-        ("load", "calm_air"), ("material", "alloy"), ("normal_law", "power_law"),
+        ("load", "calm_air"), ("material", "alloy"), ("check", "idle"), ("normal_law", "power_law"),
         ("integrator", "trapezoidal"), ("sampler", "every_nth"),
         ("sparse_solver", "hard_thresholding"), ("reducer", "oblique"),
         ("command", "span")}

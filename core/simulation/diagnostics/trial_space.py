@@ -17,6 +17,7 @@ from sparsemor.core.arrays import Arrays, BoolArray, FloatArray
 from sparsemor.core.errors import Fault, InputError
 from sparsemor.core.linalg.least_squares import orthonormal
 from sparsemor.core.linalg.snapshots import column_chunks
+from sparsemor.core.model.expected_states import expected_states
 from sparsemor.core.model.model import Model
 from sparsemor.core.model.resolved_start import resolved_start
 from sparsemor.core.notes import Note
@@ -30,7 +31,6 @@ from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.scene.defaults import FULL_ORDER
 from sparsemor.core.scene.independent_of_physics import physics_of
 from sparsemor.core.scene.scene import Scene
-from sparsemor.core.simulation.diagnostics.expected_states import expected_states
 from sparsemor.core.simulation.offline import Offline, step_count
 from sparsemor.core.simulation.step_control import step_of
 from sparsemor.core.simulation.time_stepping import iterate, started

@@ -17,7 +17,7 @@ from sparsemor.core.protocols.layout import Layout
 from sparsemor.core.results.probes import ProbeReader
 from sparsemor.core.scene.defaults import FULL_ORDER
 from sparsemor.core.simulation.offline import Offline
-from sparsemor.core.simulation.prepare import PreparedRun
+from sparsemor.core.simulation.prepared_run import PreparedRun
 from sparsemor.core.simulation.recorder import RecordMark
 from sparsemor.core.simulation.step_control import controlled
 from sparsemor.core.simulation.step_statistics import Tally

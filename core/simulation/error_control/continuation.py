@@ -24,7 +24,7 @@ from sparsemor.core.simulation.error_control.enrichment import (
     with_new_atoms,
 )
 from sparsemor.core.simulation.error_control.record import ErrorRecord
-from sparsemor.core.simulation.prepare import PreparedRun
+from sparsemor.core.simulation.prepared_run import PreparedRun
 from sparsemor.core.simulation.recorder import Recorder
 from sparsemor.core.simulation.step_control import step_of
 from sparsemor.core.simulation.step_statistics import Tally

@@ -22,7 +22,7 @@ from sparsemor.core.protocols import (
 )
 from sparsemor.core.protocols.layout import Layout
 from sparsemor.core.results.probes import ProbeReader
-from sparsemor.core.simulation.prepare import PreparedRun
+from sparsemor.core.simulation.prepared_run import PreparedRun
 from sparsemor.core.simulation.step_control import controlled
 
 STEPS = 10

@@ -26,7 +26,6 @@ from sparsemor.core.scene.independent_of_physics import IRRELEVANT
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.linearization.differences import StepMap, step_map
 from sparsemor.core.simulation.linearization.reference import (
-    full_state,
     linearization_times,
     projected,
     states_along,
@@ -38,7 +37,7 @@ from sparsemor.core.simulation.linearization.spectrum import (
     excess,
 )
 from sparsemor.core.simulation.offline import Offline, step_count
-from sparsemor.core.simulation.time_stepping import started
+from sparsemor.core.simulation.time_stepping import full_state, started
 from sparsemor.core.status import SolveFailed, Status
 
 UNSTABLE = "unstable"

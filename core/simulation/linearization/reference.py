@@ -26,7 +26,7 @@ from sparsemor.core.registry.registry import Registry
 from sparsemor.core.scene.defaults import PROJECTION
 from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.simulation.offline_cache import Products
-from sparsemor.core.simulation.time_stepping import FixedStep, accepted_steps, started
+from sparsemor.core.simulation.time_stepping import FixedStep, accepted_steps, full_state, started
 from sparsemor.core.status import SolveFailed, Status
 
 STATES = 5
@@ -112,18 +112,6 @@ def states_along(
         return along(twin, integrator, h, start, times)
     except (SolveFailed, InputError):
         return [start]
-
-
-def full_state(solver: StepSolver, state: State) -> State:
-    """State in full-order unknowns, without the integrator's memory."""
-    x, v, a = [], [], []
-    for b in solver.layout:
-        at, d = solver.layout[b.name], solver.dictionaries.get(b.name)
-        x.append(state.x[at] if d is None else d.offset + d.atoms @ state.x[at])
-        v.append(state.v[at] if d is None else d.atoms @ state.v[at])
-        a.append(state.a[at] if d is None else d.atoms @ state.a[at])
-    whole = np.concatenate(x)
-    return State(state.t, whole, np.concatenate(v), np.concatenate(a), np.zeros((len(whole), 0)))
 
 
 def times_checked(times: Sequence[float], h: float, end: float) -> tuple[float, ...]:

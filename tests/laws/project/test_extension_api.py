@@ -12,6 +12,9 @@ from sparsemor import bodies, core, reducers
 from sparsemor.core import protocols
 
 NAMES = {
+    "AssembledTerm", "Check", "Findings", "Level", "LinearEquations", "Model", "OnStep",
+    "PreparedRun", "RunResult", "Scene", "TabledEquations", "differences", "estimated_errors",
+    "functions_of_time", "mentioned", "settled", "step_count", "trains",
     "BlockSolvers", "BoolArray", "CONSTANT_CHANGE", "ColumnSubsets", "CompressedLocal", "Csr",
     "Expression", "FREE_POSE", "Fault", "FloatArray", "GIGABYTE", "Gather", "InputError",
     "IntArray", "Linearized", "MachineCode", "Note", "PLANAR_POSE", "Plugin", "Registry",

@@ -18,6 +18,7 @@ from sparsemor.core.registry.registry import Registry
 from sparsemor.core.scene.scene import load
 from sparsemor.core.testing import (
     check_basis,
+    check_check,
     check_friction_law,
     check_function,
     check_integrator,
@@ -70,6 +71,12 @@ def linear_solver(solver: Any, seed: int) -> None:
         check_linear_solver(solver, seed, trials=1)
 
 
+SWING: dict[str, Any] = {
+    "bodies": {"rod": {"use": "rigid", "mass": 1.0, "inertia": 0.1, "center": [0.5, 0.0],
+                       "points": {"top": [0.0, 0.0]}}},
+    "joints": {"pin": {"use": "revolute", "between": ["ground", "rod:top"]}},
+    "loads": {"weight": {"use": "gravity"}}, "reducer": "full", "integrator": "bdf1",
+    "time": {"end": 0.5, "step": 0.02}}
 LAWS: dict[str, Callable[[Any, int], None]] = {
     "basis": lambda p, seed: check_basis(p, seed, trials=4),
     "sampler": lambda p, seed: check_sampler(p, seed, trials=6),
@@ -82,9 +89,10 @@ LAWS: dict[str, Callable[[Any, int], None]] = {
     "friction_law": check_friction_law,
     "material": lambda p, seed: check_material(p),
     "observer": lambda p, seed: check_observer(p.observer, seed),
+    "check": lambda p, seed: check_check(p, scene_of(SWING)),
 }
 SCENE_KINDS = {"body", "joint", "load", "contact"}
-QUICK = {"sparse_solver": {"greedy_gauss_newton"}}
+QUICK = {"sparse_solver": {"greedy_gauss_newton"}, "check": {"energy_lost"}}
 """Of the kinds whose laws take long: those that the default tier checks."""
 QUICK_RUNS = {"galerkin", "bdf2"}
 """Each reducer with this integrator, and this reducer with each integrator."""

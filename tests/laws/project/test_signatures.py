@@ -17,7 +17,8 @@ modules of `STATED`."""
 STATED = ("results.", "simulation.recorder.", "simulation.step_control.ControlledSteps.summary",
           "simulation.linearization.check.", "linalg.threads.", "registry.hooks.Events.on_finish",
           "protocols.layout.FieldKind.of_plain", "simulation.reduced_model.",
-          "simulation.prepare.PreparedRun.stability", "simulation.workers.")
+          "simulation.prepared_run.PreparedRun.stability", "simulation.checks.Findings.summary",
+          "simulation.workers.")
 ALLOWED = {
     "registry.boundary.read_only": "an argument of any method of a plugin, of its own type again",
     "registry.value_types.fits": "any annotation",

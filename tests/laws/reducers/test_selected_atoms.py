@@ -10,12 +10,12 @@ from sparsemor import compare, simulate
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.notes import Level
 from sparsemor.core.protocols import Dictionary, State, StepFactors
-from sparsemor.core.simulation.diagnostics.selected_atoms import (
+from sparsemor.core.testing.in_memory_run import scene_of
+from sparsemor.plugins.checks.selected_atoms import (
     RATIO,
     check_selection,
     times_of_check,
 )
-from sparsemor.core.testing.in_memory_run import scene_of
 from tiny_scene import full, prepared, snapshots
 
 NAME = "bar.thermal"

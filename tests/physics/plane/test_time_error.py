@@ -9,9 +9,9 @@ import pytest
 from sparsemor.core.notes import Note
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.scene.scene import load
-from sparsemor.core.simulation.diagnostics.energy_lost import energy_notes
-from sparsemor.core.simulation.diagnostics.time_error import time_error_notes
 from sparsemor.core.simulation.simulate import simulate
+from sparsemor.plugins.checks.energy_lost import energy_notes
+from sparsemor.plugins.checks.time_error import time_error_notes
 
 PENDULUM: dict[str, Any] = {
     "bodies": {"b": {"use": "rigid", "mass": 1.0, "inertia": 1.0 / 12.0, "center": [0.5, 0.0],

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from alloys import TABLE, Alloy
 from calm_air import CalmAir
+from idle import Idle
 from span import span
 from sparsemor_sample import EveryNth, HardThresholding, PowerLaw, Trapezoidal
 from sparsemor_sample_parts import Gear, Ring, Spring
@@ -15,6 +16,7 @@ from thermal_contact import ContactResistance
 from sparsemor import load, simulate, study
 from sparsemor.core.testing import (
     check_body,
+    check_check,
     check_integrator,
     check_joint,
     check_load,
@@ -55,6 +57,14 @@ def test_an_alloy_is_the_material_of_its_constants() -> None:
         assert (one.block(block) == other.block(block)).all()
     titanium = simulate(scene("bar", **{"bodies.bar.material.name": "Ti-6Al-4V"}))
     assert (one.block("bar.thermal") != titanium.block("bar.thermal")).any()
+
+
+def test_a_run_tells_what_never_changes() -> None:
+    check_check(Idle(), scene("plate"))
+    run = simulate(scene("plate", **{"loads.air": None}))
+    assert run.summary["idle"] == ["plate.thermal"]
+    assert "plate.thermal never changes" in run.summary["information"]
+    assert simulate(scene("plate")).summary["idle"] == []
 
 
 def test_laws_of_parts() -> None:

@@ -5,11 +5,18 @@ from collections.abc import Callable
 
 import numpy as np
 
-from sparsemor.core.arrays import FloatArray
-from sparsemor.core.model.model import Model
-from sparsemor.core.notes import Note
-from sparsemor.core.protocols.layout import Layout, Quantity
-from sparsemor.core.results.run_result import RunResult
+from sparsemor.core import (
+    Check,
+    Findings,
+    FloatArray,
+    Model,
+    Note,
+    PreparedRun,
+    Quantity,
+    RunResult,
+    joints_with_forces,
+)
+from sparsemor.plugins.checks import place
 
 LAST = 20
 """Number of steps at the end of a run that are examined."""
@@ -22,11 +29,13 @@ DIED_OUT = 1e-3
 """Joint forces that have fallen below this share of the joint's largest of the run do not count."""
 
 
-def joints_with_forces(layout: Layout) -> tuple[str, ...]:
-    """Names of the joints whose constraint forces (Lagrange multipliers) are unknowns. The
-    multiplier that keeps a quaternion at unit length does not belong to a joint."""
-    return tuple(b.owner for b in layout
-                 if b.kind.order == 0 and layout.of(b.owner, Quantity.POSE) is None)
+class AlternatingJointForces(Check):
+    """Joint forces that alternate from step to step, without physical meaning."""
+
+    order = place("alternating_joint_forces")
+
+    def after_run(self, run: PreparedRun, result: RunResult) -> Findings:
+        return Findings(alternating_forces(run.model, result))
 
 
 def alternating_forces(model: Model | None, result: RunResult) -> tuple[Note, ...]:

@@ -5,17 +5,29 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from pydantic import PrivateAttr
 from scipy.sparse import coo_array
 
-from sparsemor.core.arrays import BoolArray, FloatArray
-from sparsemor.core.model.equations import system_residual
-from sparsemor.core.model.factorizations import solve_or_fail
-from sparsemor.core.model.model import Model
-from sparsemor.core.notes import Note, information
-from sparsemor.core.protocols import Dictionary, State, StepFactors
-from sparsemor.core.results.error_norms import CONSTANT_CHANGE
-from sparsemor.core.scene.defaults import PROJECTION
-from sparsemor.core.status import SolveFailed
+from sparsemor.core import (
+    CONSTANT_CHANGE,
+    BoolArray,
+    Check,
+    Dictionary,
+    Findings,
+    FloatArray,
+    Model,
+    Note,
+    OnStep,
+    PreparedRun,
+    RunResult,
+    SolveFailed,
+    State,
+    StepFactors,
+    information,
+    solve_or_fail,
+    system_residual,
+)
+from sparsemor.plugins.checks import place
 
 SELECTED, SAMPLED_ROWS = "selected_atoms", "sampled_rows"
 """Kinds of the notes."""
@@ -34,6 +46,37 @@ ROUND_OFF = 1e-9
 NO_ROWS: Mapping[str, int] = {}
 MANY = 1000
 """Number of atoms above which a dictionary counts as complete: all its atoms leave no residual."""
+
+
+class SelectedAtoms(Check):
+    """Residual that selected atoms and sampled rows leave over all rows."""
+
+    order = place("selected_atoms")
+    _run: PreparedRun | None = None
+    _times: frozenset[int] = frozenset()
+    _states: list[tuple[State, Mapping[str, BoolArray]]] = PrivateAttr(default_factory=list)
+
+    def on_start(self, run: PreparedRun, state: State, whole: bool) -> OnStep | None:
+        self._run, self._times = run, times_of_check(run.steps)
+        self._states = [(s, of) for s, of in self._states if s.t <= state.t]
+        return self._look if run.own_loads and run.model is not None else None
+
+    def _look(
+        self, done: int, before: State, state: State, active: Mapping[str, BoolArray]
+    ) -> None:
+        if done in self._times and self._run is not None and (active or self._run.solver.rows):
+            self._states.append((self._run.full_order(state), dict(active)))
+
+    def after_run(self, run: PreparedRun, result: RunResult) -> Findings:
+        if run.model is None or not run.own_loads or not self._states:
+            return Findings()
+        h, solver = run.scene.time.step, run.solver
+        found = check_selection(
+            run.model, solver.dictionaries, StepFactors(
+                h, *run.scene.integrator.rules(h).factors),
+            self._states, {n: len(rows) for n, rows in solver.rows.items()})
+        return Findings([note for s in found if (note := s.note()) is not None],
+                        explained=frozenset(s.block for s in found if s.by_rows))
 
 
 def times_of_check(steps: int) -> frozenset[int]:
@@ -93,7 +136,7 @@ class Selected:
             f"the {self.rows} sampled rows of {self.block} leave a residual over all rows "
             f"{self.ratio:.2g} times that of its {self.atoms} atoms at {self.t:.4g} s, which "
             f"causes an error of {self.error:.2g} of the largest change where it persists (limit "
-            f"{ROWS_LIMIT:g}): {cause} a reducer that tests all rows, such as {PROJECTION}",
+            f"{ROWS_LIMIT:g}): {cause} a reducer that tests all rows, such as galerkin",
             SAMPLED_ROWS)
 
 

@@ -7,20 +7,26 @@ from math import sqrt
 
 import numpy as np
 
-from sparsemor.core.arrays import FloatArray
-from sparsemor.core.errors import InputError
-from sparsemor.core.notes import Note, information
-from sparsemor.core.protocols import ReducedProblem, State, StepSolver
-from sparsemor.core.protocols.integrator import settled
-from sparsemor.core.protocols.layout import Quantity
-from sparsemor.core.protocols.step_solver import Restarts
-from sparsemor.core.results.error_norms import CONSTANT_CHANGE
-from sparsemor.core.scene.options import Control
-from sparsemor.core.simulation.offline import step_count
-from sparsemor.core.simulation.prepare import PreparedRun
-from sparsemor.core.simulation.step_control import Judged, judged
-from sparsemor.core.simulation.time_stepping import FixedStep, iterate
-from sparsemor.core.status import SolveFailed
+from sparsemor.core import (
+    CONSTANT_CHANGE,
+    BoolArray,
+    Check,
+    Findings,
+    FloatArray,
+    InputError,
+    Note,
+    OnStep,
+    PreparedRun,
+    Quantity,
+    Restarts,
+    RunResult,
+    SolveFailed,
+    State,
+    StepSolver,
+    information,
+    settled,
+)
+from sparsemor.plugins.checks import place
 
 TIME_ERROR = "time_error"
 """Kind of the note."""
@@ -46,6 +52,24 @@ CHANGES = 1000
 """Most states whose change since the start is looked at."""
 
 
+class TimeError(Check):
+    """Error of the time step, estimated by a few windows of doubled steps."""
+
+    order = place("time_error")
+    _windows: "Windows | None" = None
+
+    def on_start(self, run: PreparedRun, state: State, whole: bool) -> OnStep | None:
+        self._windows = Windows.of(run, state.x if whole else None)
+        return None if self._windows is None else self._windows.take
+
+    def after_run(self, run: PreparedRun, result: RunResult) -> Findings:
+        errors, first = ({}, {}) if self._windows is None else self._windows.estimated()
+        scene = run.scene
+        return Findings(
+            time_error_notes(errors, first, scene.time.step, scene.integrator.order),
+            {"time_error": dict(errors)})
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class _Window:
     """Steps that are taken again: states before and at the start, and the unknowns after each two
@@ -67,7 +91,7 @@ def _same_unknowns(one: StepSolver, other: StepSolver) -> bool:
         np.array_equal(d.atoms, theirs[n].atoms) for n, d in mine.items())
 
 
-class TimeError:
+class Windows:
     """Windows of a run's steps with a fixed size, and the estimate of its time error from them.
 
     After W steps from the same state, solutions with 2h and h differ by e(W) (2^p - 1), with e the
@@ -86,7 +110,7 @@ class TimeError:
     """
 
     def __init__(self, run: PreparedRun, origin: FloatArray) -> None:
-        self.run, self.origin, self.steps = run, origin, step_count(run.scene)
+        self.run, self.origin, self.steps = run, origin, run.steps
         windows = WINDOWS - (self.steps < 2 * FEWEST)
         self.length = 2 * min(DOUBLED, max(2, self.steps // SHARE))
         self.free = self.steps - self.length
@@ -94,9 +118,7 @@ class TimeError:
         self.jerks = [0.0]
         self.older: FloatArray | float = 0.0
         self.largest = [-1.0] * windows
-        sizes = Control(tolerance=0.5)
-        self.blocks: tuple[Judged, ...] = tuple(
-            judged(b, run.solver, sizes) for b in run.solver.layout.differential)
+        self.blocks = run.measured_blocks()
         known = run.solver.layout.differential
         self.frames = {b.name for b in known if b.kind.quantity is Quantity.POSE}
         self.fading = {b.name for b in known if b.kind.order == 1}
@@ -106,17 +128,19 @@ class TimeError:
         self.every = max(1, self.steps // CHANGES)
 
     @classmethod
-    def of(cls, run: PreparedRun, start: FloatArray | None) -> "TimeError | None":
+    def of(cls, run: PreparedRun, start: FloatArray | None) -> "Windows | None":
         """The estimate of a run from its first unknowns, None where there is none: for steps of
         controlled error, runs without their model or resumed (`start` None), and where it would
         cost too much."""
         if (start is None or run.model is None or run.offline is None or not run.own_loads
                 or run.scene.time.control is not None
-                or len(start) > LARGEST or step_count(run.scene) < FEWEST):
+                or len(start) > LARGEST or run.steps < FEWEST):
             return None
         return cls(run, start)
 
-    def take(self, done: int, before: State, state: State) -> None:
+    def take(
+        self, done: int, before: State, state: State, active: Mapping[str, BoolArray]
+    ) -> None:
         """Looks at the step that ended at `state` after `done` steps, from the state `before`."""
         frames = state.x[self.run.solver.layout.frames].size
         d = state.a[:frames] - self.older  # over two steps: what alternates is no course
@@ -143,13 +167,11 @@ class TimeError:
         run, scene = self.run, self.run.scene
         whole = {n: w for n, w in filter(None, self.found)
                  if 2 * len(w.taken) == self.length}
-        if not whole or run.model is None or run.offline is None:
+        if not whole:
             return {}, {}
         try:
             with np.errstate(all="ignore"):
-                solver: StepSolver = scene.reducer.prepare(ReducedProblem(
-                    run.model, scene.integrator, 2.0 * scene.time.step, run.offline.as_computed(),
-                    np.random.default_rng(scene.seed)))
+                solver = run.solver_of(2.0 * scene.time.step)
                 if not _same_unknowns(solver, run.solver):
                     return {}, {}
                 again = {n: self._again(w, solver) for n, w in whole.items()}
@@ -205,7 +227,7 @@ class TimeError:
         """Differences (n,) of the unknowns after each step of a window that is taken again with
         twice the step; none where that fails."""
         scene, layout = self.run.scene, solver.layout
-        h, slope, x = 2.0 * scene.time.step, np.zeros(layout.size), []
+        h, slope = 2.0 * scene.time.step, np.zeros(layout.size)
         if w.before is not None:
             second, first = layout.second, layout.first
             slope[second] = (w.start.a - w.before.a)[second] / (0.5 * h)
@@ -215,12 +237,9 @@ class TimeError:
             return []
         memory.moved(w.start.x)
         state = settled(scene.integrator, layout, w.start, slope, h)
-        for taken in iterate(
-                FixedStep.of(scene.integrator, solver, h), state, memory, self.length // 2):
-            if not taken.outcome.status.ok:
-                return []
-            x.append(taken.state.x)
-        return [a - b for a, b in zip(x, w.taken, strict=True)]
+        states = self.run.advanced(solver, h, state, memory, self.length // 2)
+        return [s.x - x for s, x in zip(states, w.taken, strict=True)] if (
+            len(states) == len(w.taken)) else []
 
 
 def _growth(errors: Sequence[float]) -> float:

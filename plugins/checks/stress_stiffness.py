@@ -18,19 +18,29 @@ import numpy as np
 from scipy.linalg import eigh
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
-from sparsemor.core.arrays import Csr, FloatArray
-from sparsemor.core.model.factorizations import BlockSolvers, solve_or_fail
-from sparsemor.core.model.model import Model
-from sparsemor.core.notes import Note
-from sparsemor.core.protocols import Factorized
-from sparsemor.core.protocols.layout import Quantity
-from sparsemor.core.protocols.poses import FREE_POSE
-from sparsemor.core.protocols.separable import MovingBody, StressStiffness
-from sparsemor.core.results.run_result import RunResult
-from sparsemor.core.simulation.diagnostics.plausibility import checked_steps
-from sparsemor.core.simulation.offline import Offline
-from sparsemor.core.simulation.run_header import shapes
-from sparsemor.core.status import SolveFailed, Status
+from sparsemor.core import (
+    FREE_POSE,
+    BlockSolvers,
+    Check,
+    Csr,
+    Factorized,
+    Findings,
+    FloatArray,
+    Model,
+    MovingBody,
+    Note,
+    OfflineProducts,
+    PreparedRun,
+    Quantity,
+    RunResult,
+    Scene,
+    SolveFailed,
+    Status,
+    solve_or_fail,
+)
+from sparsemor.core import StressStiffness as Stiffening
+from sparsemor.plugins.checks import place
+from sparsemor.plugins.checks.plausibility import checked_steps
 
 LINEAR_STRAINS, BUCKLED = "linear_strains", "buckled"
 """Identifiers of the warnings."""
@@ -45,6 +55,28 @@ FAR = 4.0
 """Margin for states of another shape."""
 ACCURACY = 1e-2
 """Relative accuracy of eigenvalues."""
+
+
+class StressStiffness(Check):
+    """Stress that changes the stiffness of a body with linear strains, or buckles it."""
+
+    order = place("stress_stiffness")
+
+    def on_training(self, scene: Scene, model: Model, offline: OfflineProducts) -> list[Note]:
+        if scene.check_strains == "off":
+            return []
+        return [Note(text, BUCKLED) for text in buckled_in_training(model, offline)]
+
+    def after_run(self, run: PreparedRun, result: RunResult) -> Findings:
+        if run.model is None or run.scene.check_strains == "off":
+            return Findings()
+        notes = tuple(stress_notes(run.model, result))
+        refused = [n for n in notes if n.kind == LINEAR_STRAINS]
+        if not refused or run.scene.check_strains != "refuse":
+            return Findings(notes)
+        end = float(result.times[-1])
+        return Findings(notes, failure=SolveFailed(
+            Status.OUTSIDE_THEORY, end, "", refused[0].text))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -98,7 +130,7 @@ def _linear(result: RunResult, body: MovingBody, mass: Csr, found: Ratio) -> str
 
 
 def largest_ratio(
-    model: Model, result: RunResult, body: MovingBody, stress: StressStiffness
+    model: Model, result: RunResult, body: MovingBody, stress: Stiffening
 ) -> Ratio | None:
     """Largest change of stiffness, of the checked states with the largest displacements and the
     last; None where no state has a stress, or where a run of the same model before shows that it is
@@ -124,12 +156,12 @@ def largest_ratio(
     return found
 
 
-def buckled_in_training(model: Model, offline: Offline) -> tuple[str, ...]:
+def buckled_in_training(model: Model, offline: OfflineProducts) -> tuple[str, ...]:
     """Sentences on bodies with linear strains that their training run compresses beyond their
     buckling load."""
     texts = []
     for body in model.separated.moving if offline.trained else ():
-        ops, shape = body.operators, shapes(model).get(body.name)
+        ops, shape = body.operators, model.shapes().get(body.name)
         if ops is None or ops.stress_stiffness is None or ops.stress_stiffness.nonlinear or (
                 shape is None or shape.elastic_dofs is None):
             continue
@@ -153,7 +185,7 @@ def buckled_in_training(model: Model, offline: Offline) -> tuple[str, ...]:
 
 
 def ratio_of(
-    model: Model, body: MovingBody, stress: StressStiffness,
+    model: Model, body: MovingBody, stress: Stiffening,
     states: Sequence[tuple[float, FloatArray, FloatArray | None]],
 ) -> Ratio | None:
     """Largest change of stiffness of states: time, s, displacements (N, d), m, and temperatures

@@ -5,13 +5,35 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from sparsemor.core.arrays import FloatArray
-from sparsemor.core.model.model import Model
-from sparsemor.core.notes import Note
-from sparsemor.core.protocols import ReportsChatter, ReportsNoContact, ReportsPassage
-from sparsemor.core.protocols.layout import Quantity
-from sparsemor.core.protocols.prescribed_motion import FrameHistory
-from sparsemor.core.results.run_result import RunResult
+from sparsemor.core import (
+    Check,
+    Findings,
+    FloatArray,
+    FrameHistory,
+    Model,
+    Note,
+    PreparedRun,
+    Quantity,
+    ReportsChatter,
+    ReportsNoContact,
+    ReportsPassage,
+    RunResult,
+)
+from sparsemor.plugins.checks import place
+
+
+class Contacts(Check):
+    """Contacts that never close, chatter, or let surfaces pass each other."""
+
+    order = place("contacts")
+
+    def before_steps(self, run: PreparedRun) -> tuple[Note, ...]:
+        return () if run.model is None else stage_warnings(run.model)
+
+    def after_run(self, run: PreparedRun, result: RunResult) -> Findings:
+        if run.model is None or run.model.stage is not None:
+            return Findings()
+        return Findings(contact_warnings(run.model, result))
 
 
 def contact_warnings(model: Model, result: RunResult) -> tuple[Note, ...]:
@@ -26,10 +48,10 @@ def contact_warnings(model: Model, result: RunResult) -> tuple[Note, ...]:
     return _warnings(model, motion, result.contacts() if every else None)
 
 
-def stage_warnings(model: Model) -> tuple[Note, ...] | None:
-    """The same along a rigid-body pre-simulation; None without one."""
+def stage_warnings(model: Model) -> tuple[Note, ...]:
+    """The same along a rigid-body pre-simulation."""
     stage = model.stage
-    return None if stage is None else _warnings(model, stage.frames, {
+    return () if stage is None else _warnings(model, stage.frames, {
         name: {"time": stage.times, **kept} for name, kept in stage.contacts.items()})
 
 

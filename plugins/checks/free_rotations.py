@@ -4,16 +4,23 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from sparsemor.core.notes import Note
-from sparsemor.core.protocols.layout import Quantity
-from sparsemor.core.protocols.poses import FREE_POSE
-from sparsemor.core.results.run_result import RunResult
-from sparsemor.core.scene.scene import Scene
+from sparsemor.core import FREE_POSE, Check, Findings, Note, PreparedRun, Quantity, RunResult, Scene
+from sparsemor.plugins.checks import place
 
 LARGEST_TURN = 1.0
 """Rotation in a step, rad, above which there is a warning."""
 BRAKED = 0.01
 """Share of a spin lost over the run above which there is a warning."""
+
+
+class FreeRotations(Check):
+    """Rotations of free bodies in space that the step does not resolve, or the integrator
+    brakes."""
+
+    order = place("free_rotations")
+
+    def after_run(self, run: PreparedRun, result: RunResult) -> Findings:
+        return Findings(tuple(rotation_notes(run.scene, result)))
 
 
 def rotation_notes(scene: Scene, result: RunResult) -> Iterator[Note]:

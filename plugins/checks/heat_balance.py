@@ -5,17 +5,27 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sparsemor.core.arrays import FloatArray
-from sparsemor.core.model.assembled_term import AssembledTerm
-from sparsemor.core.model.linear_equations import LinearEquations, TabledEquations
-from sparsemor.core.notes import Note
-from sparsemor.core.protocols import State, Term
-from sparsemor.core.protocols.integrator import differences, second_difference
-from sparsemor.core.protocols.prescribed_quantities import Held
-from sparsemor.core.protocols.step_amplitude import Substep, substep
-from sparsemor.core.simulation.linearization.reference import full_state
-from sparsemor.core.simulation.offline import step_count
-from sparsemor.core.simulation.prepare import PreparedRun
+from sparsemor.core import (
+    AssembledTerm,
+    BoolArray,
+    Check,
+    Findings,
+    FloatArray,
+    Held,
+    LinearEquations,
+    Note,
+    OnStep,
+    PreparedRun,
+    RunResult,
+    State,
+    Substep,
+    TabledEquations,
+    Term,
+    differences,
+    second_difference,
+    substep,
+)
+from sparsemor.plugins.checks import place
 
 HEAT_BALANCE = "heat_balance"
 """Kind of the note."""
@@ -55,7 +65,23 @@ class Balance:
         return abs(self.rest) / self.size if self.size > 0.0 else 0.0
 
 
-class HeatBalance:
+class HeatBalance(Check):
+    """Balance of the heat that came into each body and that it stored."""
+
+    order = place("heat_balance")
+    _sums: "HeatSums | None" = None
+
+    def on_start(self, run: PreparedRun, state: State, whole: bool) -> OnStep | None:
+        self._sums = HeatSums.of(run, state if whole else None)
+        return None if self._sums is None else self._sums.take
+
+    def after_run(self, run: PreparedRun, result: RunResult) -> Findings:
+        found = {} if self._sums is None else self._sums.found()
+        return Findings(heat_notes(found, bool(run.solver.dictionaries)),
+                        {"heat_balance": in_result(found)})
+
+
+class HeatSums:
     """Sums over the steps of a run from which its balance of heat follows.
 
     Summed over the rows of a body, conduction cancels but for prescribed temperatures, and each
@@ -74,7 +100,7 @@ class HeatBalance:
     def __init__(self, run: PreparedRun, state: State, formula: int) -> None:
         assert run.model is not None
         self.run, self.layout, self.formula = run, run.model.layout, formula
-        self.h, self.steps = run.scene.time.step, step_count(run.scene)
+        self.h, self.steps = run.scene.time.step, run.steps
         first = self.layout.first
         self.names = [b.name for b in self.layout if first.start <= self.layout[b.name].start
                       and self.layout[b.name].stop <= first.stop]
@@ -97,7 +123,7 @@ class HeatBalance:
         self.every, self.seen = max(1, self.steps // SAMPLES), [self._mean(state)]
 
     @classmethod
-    def of(cls, run: PreparedRun, start: State | None) -> "HeatBalance | None":
+    def of(cls, run: PreparedRun, start: State | None) -> "HeatSums | None":
         """The balance of a run from its first state; None where there is none: without heat, for
         steps of controlled error, runs without their model or resumed (`start` None), and
         integrators that are no differences of earlier temperatures."""
@@ -144,7 +170,9 @@ class HeatBalance:
         return any(bool((abs(self._of_blocks(term, r)) > ROUNDING * abs(r).sum()).any())
                    for r in found)
 
-    def take(self, done: int, before: State, state: State) -> None:
+    def take(
+        self, done: int, before: State, state: State, active: Mapping[str, BoolArray]
+    ) -> None:
         """Looks at the step that ended at `state` after `done` steps, from the state `before`."""
         self.sum += state.x[self.at]
         self.before, self.end = before, state
@@ -199,16 +227,16 @@ class HeatBalance:
             return self._found()
 
     def _found(self) -> Mapping[str, Balance]:
-        solver, N, h = self.run.solver, self.steps, self.h
+        N, h = self.steps, self.h
         summed = [t for t in self.terms if self._summed(t)]
         timed = {id(f) for t in summed if isinstance(t, AssembledTerm) and isinstance(
             t.equations, LinearEquations) for f in t.equations.amplitudes}
         if N * len(timed) > AMPLITUDES or not N:
             return {}
-        begin, before, end = (full_state(solver, s) for s in (self.begin, self.before, self.end))
+        begin, before, end = (self.run.full_order(s) for s in (self.begin, self.before, self.end))
         mean = self.end.x.copy()
         mean[self.at] = self.sum / N
-        flows = self._sums(summed, full_state(solver, replace(self.end, x=mean)).x)
+        flows = self._sums(summed, self.run.full_order(replace(self.end, x=mean)).x)
         stored = self._stored(begin, end)
         back = self._stored(end, begin)
         ahead = np.zeros(len(self.names))
@@ -266,7 +294,7 @@ class HeatBalance:
     def _add_residual(self, past: State, now: State) -> None:
         """Adds S_n - Q_n (blocks,), W, of the step between two states."""
         h, at = self.h, self.layout.first
-        old, new = full_state(self.run.solver, past), full_state(self.run.solver, now)
+        old, new = self.run.full_order(past), self.run.full_order(now)
         new.a[at] = second_difference(old.x[at], new.x[at], new.v[at], h)
         for term in self.terms:
             self.residuals += self._powers(term, new.x, new.v, new.a, new.t, 1.0)

@@ -5,12 +5,23 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from sparsemor.core.arrays import FloatArray, IntArray
-from sparsemor.core.model.model import Model
-from sparsemor.core.notes import Note, information
-from sparsemor.core.protocols import HasSurroundings, NamesSource, Part
-from sparsemor.core.protocols.separable import HeatBody, amplitudes_along
-from sparsemor.core.results.run_result import RunResult
+from sparsemor.core import (
+    Check,
+    Findings,
+    FloatArray,
+    HasSurroundings,
+    HeatBody,
+    IntArray,
+    Model,
+    NamesSource,
+    Note,
+    Part,
+    PreparedRun,
+    RunResult,
+    amplitudes_along,
+    information,
+)
+from sparsemor.plugins.checks import place
 
 SHARE, LARGE = 1e-3, 0.1
 """Smallest undershoot that is reported, relative to the range of temperatures; undershoot from
@@ -20,6 +31,16 @@ FIRST, STEPS = 16, 48
 least, and others, evenly spread over the run."""
 ROUND = 1e-9
 """Undershoot relative to the highest temperature that is taken as round-off."""
+
+
+class Undershoot(Check):
+    """Temperatures below every initial, prescribed and surrounding one."""
+
+    order = place("undershoot")
+
+    def after_run(self, run: PreparedRun, result: RunResult) -> Findings:
+        return Findings(() if run.model is None or not run.own_loads else undershoot(
+            run.model, result))
 
 
 def undershoot(model: Model, result: RunResult) -> tuple[Note, ...]:

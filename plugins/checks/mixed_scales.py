@@ -4,11 +4,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from sparsemor.core.model.model import Model
-from sparsemor.core.notes import Level, Note
-from sparsemor.core.protocols import HasNotes, HasSurroundings
-from sparsemor.core.protocols.layout import Quantity
-from sparsemor.core.simulation.run_header import shapes
+from sparsemor.core import Check, HasNotes, HasSurroundings, Level, Model, Note, Quantity, Scene
+from sparsemor.plugins.checks import place
 
 OFFSET = 273.15
 """0 degrees Celsius, K."""
@@ -19,6 +16,15 @@ LOWEST, UNLIKELY, COLD = 5.0, 150.0, 240.0
 a warning. Below the first are temperatures relative to a start, and outer space."""
 NITROGEN = 77.36, 1.0
 """Boiling temperature of nitrogen, K, and its tolerance: no mistake."""
+
+
+class MixedScales(Check):
+    """Temperatures in degrees Celsius among others in kelvin."""
+
+    order = place("mixed_scales")
+
+    def on_model(self, scene: Scene, model: Model | None) -> tuple[Note, ...]:
+        return () if model is None else tuple(mixed_scales(model))
 
 
 def mixed_scales(model: Model) -> Iterator[Note]:
@@ -46,7 +52,7 @@ def _temperatures(model: Model) -> Iterator[tuple[str, float]]:
         if block.kind.quantity is Quantity.TEMPERATURE and block.size:
             yield (f"the initial temperature of {block.owner}",
                    float(model.x0[model.layout[block.name]].min()))
-    for name, shape in shapes(model).items():
+    for name, shape in model.shapes().items():
         if shape.stress is not None:
             yield f"the reference temperature of {name}", float(shape.stress.free.min())
             if shape.eliminated_temperature is not None:

@@ -2,15 +2,29 @@
 
 import numpy as np
 
-from sparsemor.core.model.assembly import mentioned
-from sparsemor.core.model.model import Model
-from sparsemor.core.notes import Note, information
-from sparsemor.core.protocols import DeclaresEffect
-from sparsemor.core.protocols.layout import Quantity
-from sparsemor.core.registry.plugin import Plugin
-from sparsemor.core.scene.scene import Scene
+from sparsemor.core import (
+    Check,
+    DeclaresEffect,
+    Model,
+    Note,
+    Plugin,
+    Quantity,
+    Scene,
+    information,
+    mentioned,
+)
+from sparsemor.plugins.checks import place
 
 GROUND = ""
+
+
+class UnheldBodies(Check):
+    """Bodies that nothing holds."""
+
+    order = place("unheld_bodies")
+
+    def on_model(self, scene: Scene, model: Model | None) -> tuple[Note, ...]:
+        return () if model is None else unheld_bodies(scene, model)
 
 
 def unheld_bodies(scene: Scene, model: Model) -> tuple[Note, ...]:

@@ -1,16 +1,27 @@
 """Energy that an integrator of first order takes from a motion, against the motion's own."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import sqrt
 
 import numpy as np
+from pydantic import PrivateAttr
 
-from sparsemor.core.arrays import FloatArray
-from sparsemor.core.model.equations import system_residual
-from sparsemor.core.model.model import Model
-from sparsemor.core.notes import Note, information
-from sparsemor.core.protocols import State
-from sparsemor.core.simulation.diagnostics.alternating_joint_forces import ROUNDING, inner_force
+from sparsemor.core import (
+    BoolArray,
+    Check,
+    Findings,
+    FloatArray,
+    Model,
+    Note,
+    OnStep,
+    PreparedRun,
+    RunResult,
+    State,
+    information,
+    system_residual,
+)
+from sparsemor.plugins.checks import place
+from sparsemor.plugins.checks.alternating_joint_forces import ROUNDING, inner_force
 
 ENERGY_LOST = "energy_lost"
 """Kind of the note."""
@@ -26,6 +37,35 @@ FEWEST = 20
 """Number of steps below which a run shows no loss: it is that of its first step."""
 LARGEST = 20_000
 """Number of full-order unknowns above which it is not looked at."""
+
+
+class EnergyLost(Check):
+    """Energy that an integrator of first order takes from a motion."""
+
+    order = place("energy_lost")
+    _times: frozenset[int] = frozenset()
+    _states: list[State] = PrivateAttr(default_factory=list)
+
+    def on_start(self, run: PreparedRun, state: State, whole: bool) -> OnStep | None:
+        model, scene = run.model, run.scene
+        if not whole or model is None or not run.own_loads or scene.time.control is not None or (
+                scene.integrator.order > 1 or model.layout.frames.stop == 0
+                or model.layout.size > LARGEST):
+            return None
+        self._times = times_of_energy(run.steps)
+        return self._look
+
+    def _look(
+        self, done: int, before: State, state: State, active: Mapping[str, BoolArray]
+    ) -> None:
+        if done in self._times:
+            self._states.append(state)
+
+    def after_run(self, run: PreparedRun, result: RunResult) -> Findings:
+        h = run.scene.time.step
+        lost = None if run.model is None or not self._states else energy_lost(
+            run.model, [run.full_order(s) for s in self._states], h, run.steps)
+        return Findings(energy_notes(lost, h), {"energy_lost": lost})
 
 
 def times_of_energy(steps: int) -> frozenset[int]:

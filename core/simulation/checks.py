@@ -1,0 +1,162 @@
+"""Checks of a run, plugins of the kind `check`: notes before its first step, what they see of its
+steps, and notes and entries of its summary after the last one."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from inspect import getattr_static
+from itertools import chain
+from typing import Any, ClassVar, TypeAlias
+
+import pluggy
+
+from sparsemor.core.arrays import BoolArray
+from sparsemor.core.errors import InputError
+from sparsemor.core.model.model import Model
+from sparsemor.core.notes import Note
+from sparsemor.core.protocols import HasNotes, OfflineProducts, State
+from sparsemor.core.registry.boundary import guard
+from sparsemor.core.registry.hooks import hookspec
+from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core.results.run_result import RunResult
+from sparsemor.core.scene.scene import Scene
+from sparsemor.core.simulation.prepared_run import PreparedRun
+from sparsemor.core.status import SolveFailed
+
+KIND = "check"
+OnStep: TypeAlias = Callable[[int, State, State, Mapping[str, BoolArray]], SolveFailed | None]
+"""Look at a step: number of steps done, state before and after it, active atoms of each block ->
+the failure with which the run ends here, None to go on."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Findings:
+    """What a check says about a run that took all its steps.
+
+    summary: entries of the summary of its result; failure: with which it ends nevertheless;
+    explained: blocks whose errors the notes explain, so that more general checks need not.
+    """
+
+    notes: Sequence[Note] = ()
+    summary: Mapping[str, Any] = field(default_factory=dict)
+    failure: SolveFailed | None = None
+    explained: frozenset[str] = frozenset()
+
+
+class Check(Plugin):
+    """A look at runs: a plugin of the kind `check` derives from it and overrides what it needs.
+
+    Each run has its own object, which may keep what it sees in private attributes. order: place
+    among all checks, in which notes are told; renewed: kinds of its notes of `on_model` on options
+    that a run of a kept model may change, for which it is asked again.
+    """
+
+    order: ClassVar[int] = 1000
+    renewed: ClassVar[frozenset[str]] = frozenset()
+
+    @hookspec
+    def on_model(self, scene: Scene, model: Model | None) -> Sequence[Note]:
+        """Notes that need no more than the assembled model, also those of `sparsemor validate`.
+        None: the model of a kept one that was read from a file."""
+        return ()
+
+    @hookspec
+    def on_training(self, scene: Scene, model: Model, offline: OfflineProducts) -> Sequence[Note]:
+        """Notes on the training run for a survey of models that takes no steps with them."""
+        return ()
+
+    @hookspec
+    def before_steps(self, run: PreparedRun) -> Sequence[Note]:
+        """Notes on a run whose step solver is prepared."""
+        return ()
+
+    @hookspec
+    def on_start(self, run: PreparedRun, state: State, whole: bool) -> OnStep | None:
+        """What is called after each step from this state on, None for nothing. Called again where
+        the run goes on from an earlier state or with another step solver. whole: True at the first
+        step of a run that keeps its model."""
+        return None
+
+    @hookspec
+    def after_run(self, run: PreparedRun, result: RunResult) -> Findings:
+        """What is found in the stored results of a run, and in its steps."""
+        return Findings()
+
+
+HOOKS = tuple(name for name, member in vars(Check).items() if hasattr(member, "sparsemor_spec"))
+
+
+class Checks(pluggy.PluginManager):
+    """The checks of one run, in their order. A method of `Check` that a class overrides is its
+    hook, without a mark."""
+
+    def __init__(self, classes: Iterable[type[Plugin]]) -> None:
+        super().__init__("sparsemor")
+        self.add_hookspecs(Check)
+        self.renewed = frozenset[str]()
+        checks = sorted(map(_guarded, classes), key=lambda c: c.order)
+        for cls in reversed(checks):  # the last one that is registered is called first
+            self.register(cls())
+            self.renewed |= cls.renewed
+
+    @classmethod
+    def of(cls, scene: Scene) -> "Checks":
+        """The installed checks, for a run of a scene."""
+        return cls(scene.source.registry.every(KIND))
+
+    def parse_hookspec_opts(
+        self, module_or_class: object, name: str
+    ) -> pluggy.HookspecOpts | None:
+        return vars(Check)[name].sparsemor_spec if name in HOOKS else None
+
+    def parse_hookimpl_opts(self, plugin: object, name: str) -> pluggy.HookimplOpts | None:
+        if name not in HOOKS or not _overrides(type(plugin), name):
+            return None
+        return pluggy.HookimplOpts(wrapper=False, hookwrapper=False, optionalhook=False,
+                                   tryfirst=False, trylast=False, specname=None)
+
+    def of_model(self, scene: Scene, model: Model | None) -> tuple[Note, ...]:
+        """Notes that need no step solver: those of the scene, of its parts and of the checks."""
+        parts = () if model is None else model.parts.values()
+        return (*scene.notes, *(n for p in parts if isinstance(p, HasNotes) for n in p.notes),
+                *chain(*self.hook.on_model(scene=scene, model=model)))
+
+    def again(self, scene: Scene, model: Model | None) -> tuple[Note, ...]:
+        """Notes on the options that a run of a kept model may change."""
+        return tuple(n for n in chain(*self.hook.on_model(scene=scene, model=model))
+                     if n.kind in self.renewed)
+
+    def of_training(self, scene: Scene, model: Model, offline: OfflineProducts) -> tuple[str, ...]:
+        """Sentences on the training run."""
+        found = self.hook.on_training(scene=scene, model=model, offline=offline)
+        return tuple(n.text for n in chain(*found))
+
+    def before_steps(self, run: PreparedRun) -> tuple[Note, ...]:
+        """Notes on a run whose step solver is prepared."""
+        return tuple(chain(*self.hook.before_steps(run=run)))
+
+    def on_start(self, run: PreparedRun, state: State, whole: bool) -> list[OnStep]:
+        """What is to be called after each step."""
+        return list(self.hook.on_start(run=run, state=state, whole=whole))
+
+    def after_run(self, run: PreparedRun, result: RunResult) -> Findings:
+        """What all checks find, together."""
+        found: list[Findings] = self.hook.after_run(run=run, result=result)
+        return Findings(
+            tuple(chain(*(f.notes for f in found))),
+            {key: value for f in found for key, value in f.summary.items()},
+            next((f.failure for f in found if f.failure is not None), None),
+            frozenset(chain(*(f.explained for f in found))))
+
+
+def _overrides(cls: type, name: str) -> bool:
+    return getattr_static(cls, name, None) is not vars(Check)[name]
+
+
+def _guarded(cls: type[Plugin]) -> type[Check]:
+    """A class of checks, each of whose hooks says where it fails. Raises InputError for another
+    class."""
+    if not issubclass(cls, Check):
+        raise InputError(f"check plugin {cls.__module__}:{cls.__qualname__} is no "
+                         "sparsemor.core.Check: report it to the authors of that package")
+    guard(Check, cls, [name for name in HOOKS if _overrides(cls, name)])
+    return cls

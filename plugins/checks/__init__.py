@@ -1,0 +1,13 @@
+"""Checks of runs: notes before the first step and after the last one."""
+
+ORDER = (
+    "contacts", "selected_atoms", "alternating_joint_forces", "free_rotations", "undershoot",
+    "spring_turns", "unheld_bodies", "mixed_scales", "plausibility", "options", "few_atoms",
+    "stress_stiffness", "estimated_error", "energy_lost", "time_error", "heat_balance",
+)
+"""Order in which their notes are told."""
+
+
+def place(name: str) -> int:
+    """Place of a check in this order."""
+    return ORDER.index(name)

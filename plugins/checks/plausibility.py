@@ -1,0 +1,143 @@
+"""Places, temperatures and displacements that are almost surely a mistake."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from sparsemor.core import (
+    Check,
+    Findings,
+    FloatArray,
+    LimitsTemperature,
+    Model,
+    Note,
+    Part,
+    PreparedRun,
+    Quantity,
+    RunResult,
+    Scene,
+    outside_box_notes,
+    step_count,
+)
+from sparsemor.plugins.checks import place
+
+HOTTEST = 1e4
+"""Temperature, K, above which there is a warning: no solid is that hot, tungsten melts at 3 695
+K."""
+COLDEST = 50.0
+"""Initial temperature, K, above which temperatures are taken as absolute. Temperatures that start
+at 0 are changes, for which the discretisation may undershoot 0."""
+ROUND = 1e-6
+"""Temperature difference, K, by which a property's range may be exceeded without a warning."""
+STORED, LARGE = 8, 20_000
+"""Number of stored steps at which a block is checked, and number of unknowns above which only the
+last one is."""
+
+
+class Plausibility(Check):
+    """Places, temperatures and displacements that are almost surely a mistake."""
+
+    order = place("plausibility")
+
+    def on_model(self, scene: Scene, model: Model | None) -> tuple[Note, ...]:
+        return () if model is None else (
+            *distant_probes(scene, model), *start_temperatures(model),
+            *prescribed_temperatures(scene, model))
+
+    def after_run(self, run: PreparedRun, result: RunResult) -> Findings:
+        return Findings(() if run.model is None else after_run(run.model, result))
+
+
+def after_run(model: Model, result: RunResult) -> tuple[Note, ...]:
+    """Warnings about results outside the validity of the equations: temperatures that no solid has,
+    displacements larger than the body's smallest extent."""
+    found: list[Note] = []
+    nonlinear = {m.name for m in model.separated.moving if m.operators is not None and (
+        s := m.operators.stress_stiffness) is not None and s.nonlinear}
+    for name, shape in model.shapes().items():
+        heated, moved = (result.layout.of(name, q) for q in (
+            Quantity.TEMPERATURE, Quantity.DISPLACEMENT))
+        if heated is not None:
+            T = result.block(heated.name, checked_steps(result, heated.name))
+            absolute = bool((np.abs(model.x0[model.layout[heated.name]]) > COLDEST).any())
+            found += temperature_notes(f"temperatures of {name}", T, 0.0 if absolute else 1.0)
+            found += property_notes(model.parts[name], T)
+        if moved is not None:
+            largest = max(float(np.linalg.norm(result.nodal_displacement(name, int(i)), axis=1)
+                                .max()) for i in checked_steps(result, moved.name))
+            extent = float(np.ptp(shape.points, axis=0).min())
+            if largest > extent and name not in nonlinear:
+                found.append(Note(
+                    f"displacements of {name} reach {largest:.3g} m, {largest / extent:.2g} times "
+                    f"its smallest extent of {extent:.3g} m: linear elasticity does not hold "
+                    f"there; take bodies.{name}.strains: nonlinear, or check E, the thickness and "
+                    "the loads", "large_displacement"))
+    return tuple(found)
+
+
+def property_notes(body: Part, T: FloatArray) -> Iterator[Note]:
+    """Warnings about temperatures T (K) outside the range in which a material property of the body
+    is defined."""
+    limits = body.temperature_limits if isinstance(body, LimitsTemperature) else {}
+    values = T[np.isfinite(T)]
+    for key, (low, high) in limits.items() if values.size else ():
+        coldest, hottest = float(values.min()), float(values.max())
+        worst = hottest if hottest - high > low - coldest else coldest
+        if coldest < low - ROUND or hottest > high + ROUND:
+            yield Note(f"bodies.{body.name}.{key} is defined from {low:g} to {high:g} K, and "
+                       f"temperatures of {body.name} reach {worst:.5g} K: it is constant outside",
+                       "property_range")
+
+
+def distant_probes(scene: Scene, model: Model) -> Iterator[Note]:
+    """Warnings about probes outside their body: the nearest node is recorded instead."""
+    for name, shape in model.shapes().items():
+        for key, probe in scene.probes.items():
+            if probe.body == name and not isinstance(probe.at, str):
+                yield from outside_box_notes(f"probes.{key}", probe.at, shape.points)
+
+
+def start_temperatures(model: Model) -> Iterator[Note]:
+    """Warnings about initial temperatures that no solid has."""
+    for block in model.layout:
+        if block.kind.quantity is Quantity.TEMPERATURE:
+            yield from temperature_notes(
+                f"initial temperatures of {block.owner}", model.x0[model.layout[block.name]])
+
+
+def prescribed_temperatures(scene: Scene, model: Model) -> Iterator[Note]:
+    """Warnings about prescribed temperatures that no solid has, at up to a thousand times of the
+    run."""
+    times = np.linspace(0.0, scene.time.end, min(step_count(scene), 1000) + 1)
+    for name, shape in model.shapes().items():
+        if shape.given:
+            yield from temperature_notes(f"prescribed temperatures of {name}",
+                                         shape.given_at(times))
+
+
+def temperature_notes(what: str, T: FloatArray, undershoot: float = 0.0) -> list[Note]:
+    """Warnings about temperatures T (K) below 0 by more than the share `undershoot` of the highest
+    one, or above `HOTTEST`; what: their name in the text."""
+    values = T[np.isfinite(T)]
+    if not values.size:
+        return []
+    low, high, found = float(values.min()), float(values.max()), list[Note]()
+    if low < min(-undershoot * high, 0.0):
+        found.append(Note(f"{what} are in K and fall to {low:.4g} K, below absolute zero",
+                          "impossible_temperature"))
+    if high > HOTTEST:
+        found.append(Note(f"{what} reach {high:.3g} K: no solid is that hot (above {HOTTEST:g} K); "
+                          "check the heat, the thickness and the material",
+                          "impossible_temperature"))
+    return found
+
+
+def checked_steps(result: RunResult, name: str) -> np.ndarray[tuple[int, ...], np.dtype[np.int64]]:
+    """Stored steps at which a block is checked; for a reduced block those of the largest
+    coefficients and the last."""
+    last = len(result.times) - 1
+    if result.reduced(name):
+        size = np.linalg.norm(result.coefficients(name), axis=1)
+        return np.unique([int(np.nan_to_num(size).argmax()), last])
+    large = next(b.size for b in result.layout if b.name == name) > LARGE
+    return np.unique(np.linspace(last if large else 0, last, STORED).astype(np.int64))
