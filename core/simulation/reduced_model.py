@@ -7,7 +7,6 @@ from contextlib import contextmanager
 from dataclasses import fields as fields_of
 from dataclasses import replace
 from functools import cached_property
-from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -52,13 +51,6 @@ from sparsemor.core.simulation.advice import explicit
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.checks import Checks
 from sparsemor.core.simulation.diagnostics.blow_up import Extents
-from sparsemor.core.simulation.diagnostics.rounded_file import (
-    ENOUGH,
-    HARMLESS,
-    LARGE_FILE,
-    SavedModel,
-    largest_difference,
-)
 from sparsemor.core.simulation.free_options import FREE, inside, load_functions
 from sparsemor.core.simulation.kept.stored_classes import CLASSES
 from sparsemor.core.simulation.offline import step_count
@@ -306,39 +298,17 @@ class ReducedModel:
         if faults := self._faults(self._scene_with(overrides)):
             raise InputError(list(faults.values()))
 
-    def save(
-        self, path: str | Path, *, fields: bool = False, rounded: float | None = None
-    ) -> SavedModel:
+    def save(self, path: str | Path, *, fields: bool = False) -> None:
         """Writes the model to a file. fields: with meshes and bases, so that its results have
         displacements and temperatures of all nodes; without them they have coefficients, rigid
-        motion, joint forces and probes. rounded: errors of large matrices in a smaller file,
-        relative to the largest entry of each row; 0 keeps every digit. None rounds to 1e-9 where
-        the file would have more than 5 MB, if that changes no unknown of a run of the model by more
-        than 1e-6.
+        motion, joint forces and probes.
 
         Raises InputError for a model that cannot be stored, and, with `fields`, for one that was
         read from a file without them.
         """
-        if rounded is not None and not 0.0 <= rounded < 1.0:
-            raise InputError(f"must be at least 0 and below 1 (got {rounded:g})", "rounded")
         bases = self._run.header.dictionaries.values()
         if fields and not all(len(d.offset) for d in bases):
             raise InputError("this model was read from a file without fields", "fields")
-        saved = SavedModel(rounded or 0.0, 0.0)
-        data = self._file(fields, saved)
-        if rounded is None and len(data) > LARGE_FILE:
-            saved = SavedModel(ENOUGH, 0.0)
-            rough = self._file(fields, saved)
-            saved = replace(saved, change=self._change(rough))
-            if saved.change > HARMLESS:
-                saved = SavedModel(0.0, 0.0)
-        elif rounded:
-            saved = replace(saved, change=self._change(data))
-        replace_file(Path(path), self._file(fields, saved) if saved.rounded else data)
-        return saved
-
-    def _file(self, fields: bool, saved: SavedModel) -> bytes:
-        """Bytes of the model's file."""
         run = self._run
         solver, start = self._meshless
         header = run.header if fields else replace(
@@ -350,19 +320,10 @@ class ReducedModel:
             "given": run.given if fields else {}, "probes": tuple(
                 replace(p, place=replace(p.place, displacement=None, temperature=None))
                 for p in run.probes),
-            "notes": (*run.notes, *saved.notes, *_without_estimate(run))}
+            "notes": (*run.notes, *_without_estimate(run))}
         del parts["scene"]
         about = {"scene": run.scene.dump(), "name": run.scene.name}
-        return replace(self._pack(parts), about=about).dump(saved.rounded)
-
-    def _change(self, data: bytes) -> float:
-        """Largest difference of an unknown in a run of the model in the bytes of a file, relative
-        to the largest of its block in a run of this one; `inf` where either run fails."""
-        try:
-            one, other = self.run(), _unpacked(data, self.scene.source.registry).run()
-        except SolveFailed:
-            return inf
-        return largest_difference(one, other)
+        replace_file(Path(path), replace(self._pack(parts), about=about).dump())
 
     # ------------------------------------------------------------------ changes
 

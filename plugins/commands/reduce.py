@@ -26,15 +26,10 @@ Out = Annotated[Path | None, typer.Option(
 Fields = Annotated[bool, typer.Option(
     "--fields", help="Keep meshes and bases too, for pictures and export of the model's results.")]
 
-Rounded = Annotated[float | None, typer.Option(
-    help="Relative errors of large matrices in a smaller file; 0 keeps all digits (default: 0; for "
-         "a file of more than 5 MB 1e-9, if a run shows that it does no harm).")]
-
 
 def reduce(
     scene: SceneName, settings: Settings = None, out: Out = None, fields: Fields = False,
-    rounded: Rounded = None, force: ReplaceFile = False, as_json: Json = False,
-    quiet: Quiet = False,
+    force: ReplaceFile = False, as_json: Json = False, quiet: Quiet = False,
 ) -> None:
     """Prepare the reduced model of a scene and write it to a file, which `sparsemor run` runs
     without mesh and training."""
@@ -46,17 +41,14 @@ def reduce(
 
         begun = time.perf_counter()
         model = prepare(loaded, observers=observers)
-        saved = model.save(file, fields=fields, rounded=rounded)
+        model.save(file, fields=fields)
         list_file(file, alone=True)
     said = {"status": "done", "scene": loaded.name, "reducer": loaded.reducer_name,
             "unknowns": model.size, "seconds": time.perf_counter() - begun,
-            "bytes": file.stat().st_size, "rounded": saved.rounded,
-            "rounded_change": saved.change, "may_change": list(model.free), "out": str(file)}
+            "bytes": file.stat().st_size, "may_change": list(model.free), "out": str(file)}
     if as_json:
         print_json(said)
     elif not quiet:
         typer.echo(f"{model.size} unknowns, {file.stat().st_size / 1e6:.2g} MB, prepared in "
                    f"{said['seconds']:.3g} s\na run may change {', '.join(model.free)}")
-        for note in saved.notes:
-            typer.echo(note.text)
         typer.echo(f"model: {file}")

@@ -90,10 +90,9 @@ class Packed:
                 AssertionError) as error:
             raise PackedError(f"no model fits the data ({type(error).__name__}: {error})") from None
 
-    def dump(self, rounded: float = 0.0) -> bytes:
-        """Bytes of the file: magic line, SHA-256 digest of the rest, then the compressed data.
-        rounded: as for `compact`."""
-        heads, data = compact(self.arrays, rounded)
+    def dump(self) -> bytes:
+        """Bytes of the file: magic line, SHA-256 digest of the rest, then the compressed data."""
+        heads, data = compact(self.arrays)
         head = json.dumps([self.about, self.tree, sorted(self.used), heads], separators=(",", ":"),
                           allow_nan=False).encode()
         body = b"".join([len(head).to_bytes(8, "little"), head, *data])

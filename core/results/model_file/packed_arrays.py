@@ -1,4 +1,4 @@
-"""Arrays of a kept model as bytes that compress well, and back, to the last digit unless rounded.
+"""Arrays of a kept model as bytes that compress well, and back, to the last digit.
 
 Bytes are ordered by their significance. A large matrix that is another one with its rows times a
 vector, such as the operators of a step, D^-1 A with a diagonal D, is stored as the numbers of the
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 LARGE = 10_000
-"""Number of entries from which a matrix is stored as a product, or rounded."""
+"""Number of entries from which a matrix is stored as a product."""
 MOST_DIMENSIONS = 8
 _DTYPES = {d.str: d for d in map(np.dtype, ("?", "i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8",
                                             "f2", "f4", "f8"))}
@@ -24,14 +24,11 @@ Head = list[Any]
 whose product it is."""
 
 
-def compact(
-    arrays: Sequence[NDArray[Any]], rounded: float = 0.0
-) -> tuple[list[Head], list[bytes]]:
-    """Heads of all arrays and bytes of those that are no products. rounded: bound of the rounding
-    of large matrices, as a fraction of the largest entry of each row."""
+def compact(arrays: Sequence[NDArray[Any]]) -> tuple[list[Head], list[bytes]]:
+    """Heads of all arrays and bytes of those that are no products."""
     products = _products(arrays)
     return [[a.dtype.str, list(a.shape), order(a), products.get(i)] for i, a in enumerate(arrays)
-            ], [shuffled(_rounded(a, rounded)) for i, a in enumerate(arrays) if i not in products]
+            ], [shuffled(a) for i, a in enumerate(arrays) if i not in products]
 
 
 def restored(heads: Sequence[Head], take: Callable[[int], bytearray]) -> tuple[NDArray[Any], ...]:
@@ -86,16 +83,6 @@ def shuffled(a: NDArray[Any]) -> bytes:
     """Bytes of an array, first bytes of all entries first, which compress better."""
     flat = np.ascontiguousarray(a.ravel(order=order(a)))  # type: ignore[arg-type]
     return flat.view(np.uint8).reshape(-1, a.itemsize).T.tobytes() if a.size else b""
-
-
-def _rounded(a: NDArray[Any], share: float) -> NDArray[Any]:
-    """A large matrix with its entries rounded to multiples of a power of two, with errors of at
-    most `share` times the largest entry of their row; other arrays as they are."""
-    if not share or not _is_large(a) or not np.isfinite(a).all():
-        return a
-    largest = np.abs(a).max(axis=-1, keepdims=True)
-    unit = 2.0 ** np.floor(np.log2(np.maximum(2.0 * share * largest, np.finfo(a.dtype).tiny)))
-    return np.asarray(np.round(a / unit) * unit)
 
 
 def _products(arrays: Sequence[NDArray[Any]]) -> dict[int, tuple[int, int, bool]]:

@@ -6,7 +6,6 @@ import json
 import os
 import subprocess
 import sys
-import zlib
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -71,30 +70,6 @@ def test_a_model_from_a_file_runs_alike(file: Path) -> None:
     assert_equal(load_model(file).run(), model().run(), OF_THE_MESH)
     model().save(file, fields=True)
     assert_equal(load_model(file).run(), model().run())
-
-
-def test_a_large_file_is_rounded_where_that_changes_no_run(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Above 5 MB, here above none, and for matrices of any size: rounding these to 1e-9 changes the
-    bar's displacements by 15 %."""
-    monkeypatch.setattr("sparsemor.core.simulation.reduced_model.LARGE_FILE", 0)
-    monkeypatch.setattr("sparsemor.core.results.model_file.packed_arrays.LARGE", 10)
-    files = {share: tmp_path / f"{share}.model" for share in (None, 0.0, 1e-9, 1e-15)}
-    saved = {share: model().save(file, rounded=share) for share, file in files.items()}
-    assert saved[None] == saved[0.0] and files[None].read_bytes() == files[0.0].read_bytes()
-    assert saved[1e-9].change > 1e-3 and 0.0 < saved[1e-15].change < 1e-6
-    assert files[1e-9].stat().st_size < files[1e-15].stat().st_size < files[0.0].stat().st_size
-    summary = load_model(files[1e-9]).run().summary
-    assert "rounded" in summary["note_kinds"] and "--rounded 0" in " ".join(summary["notes"])
-    summary = load_model(files[1e-15]).run().summary
-    assert "rounded" not in summary["note_kinds"]
-    assert "rounds large matrices to 1e-15" in " ".join(summary["information"])
-    monkeypatch.setattr("sparsemor.core.simulation.reduced_model.ENOUGH", 1e-15)
-    assert model().save(files[None]).rounded == 1e-15, "which changes no run"
-    one, other = model().run(), load_model(files[None]).run()
-    a, b = one.coefficients("bar.elastic"), other.coefficients("bar.elastic")
-    assert 0.0 < np.abs(b - a).max() < 1e-6 * np.abs(a).max()
 
 
 @pytest.mark.full
@@ -290,9 +265,3 @@ def test_matrices_times_a_stored_vector_are_stored_once() -> None:
         assert np.array_equal(one, other) and one.flags.c_contiguous
     with pytest.raises(ValueError, match="as a product of"):
         restored([*heads[:4], [*heads[4][:3], [1, 2, False]]], taker(data))
-    few, data = compact(arrays, 1e-6)
-    rough = restored(few, taker(data))
-    assert np.array_equal(rough[1], v) and np.array_equal(rough[3], rough[2] * v[:, None])
-    errors = np.abs(rough[4] - B).max(axis=1) / np.abs(B).max(axis=1)
-    assert 1e-8 < errors.max() <= 1e-6
-    assert len(zlib.compress(b"".join(data))) < 0.6 * A.nbytes + 0.6 * B.nbytes

@@ -331,7 +331,7 @@ def test_a_kept_model_and_a_resumed_run_repeat_the_run(tmp_path: Path) -> None:
     """From a file, with another load; resumed from half the run."""
     scene = swing(0.3, **with_reducer("ecsw"), training={"end": 0.03})
     model = reduce(scene)
-    model.save(tmp_path / "b.model", rounded=0.0)
+    model.save(tmp_path / "b.model")
     kept = load_model(tmp_path / "b.model")
     change = {"loads.f.factor.final": 0.8}
     probe = model.run(change).probe("end")
