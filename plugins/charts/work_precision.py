@@ -8,11 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sparsemor.core.arrays import FloatArray
 from sparsemor.core.protocols.layout import FieldKind, Quantity
 from sparsemor.core.results.error_norms import LIMIT
 from sparsemor.core.status import Status
-from sparsemor.plugins.charts.label_placement import place_labels
 from sparsemor.plugins.charts.style import (
     COLUMN,
     LIMIT_COLOUR,
@@ -73,10 +71,11 @@ def work_precision_figure(
     None if no run has both a time and an error.
 
     The upper axis shows the speed-up over the reference, whose time is a vertical line. Points of a
-    method are joined in the order of the numbers in their budgets; the first and the last are
-    labelled. Runs that stopped early are hollow points at the upper edge, named below the chart; a
-    cross marks errors above `limit`. kinds: kinds of the runs' fields; rigid coordinates have a
-    panel of their own only if there is no error of angles. notes: further lines below the chart.
+    method are joined in the order of the numbers in their budgets, of which the first and the last
+    stand next to their points. Runs that stopped early are hollow points at the upper edge, named
+    below the chart; a cross marks errors above `limit`. kinds: kinds of the runs' fields; rigid
+    coordinates have a panel of their own only if there is no error of angles. notes: further lines
+    below the chart.
     """
     points = [_drawn(p) for p in points]
     reference = None if reference is None else _drawn(reference)
@@ -90,7 +89,6 @@ def work_precision_figure(
     if not measures:
         return None
     methods = list(dict.fromkeys(p.method for p in points))
-    alone = len({p.method for p in timed}) == len(timed)  # then names stand next to the points
     stopped = [p for p in points if not p.status.ok]
     columns = 2 if len(measures) > 1 else 1
     rows = -(-len(measures) // columns)
@@ -98,29 +96,21 @@ def work_precision_figure(
     panels = figure.subplots(rows, columns, squeeze=False).ravel()
     for axes in panels[len(measures):]:
         axes.set_visible(False)
-    jobs = []
     for measure, axes in zip(measures, panels, strict=False):
         unit = " (rad)" if measure == "angle_rad" else ""
         relative = "" if unit else "relative "
         tidy(axes, "computing time (ms/step)", f"largest {relative}error{unit}")
-        _time_axis(axes, timed, reference, 0.22 if alone else 0.12)
+        _time_axis(axes, timed, reference)
         axes.set_title(titles[measure], fontsize=NORMAL, loc="left", fontweight="bold")
         shown = [p for p in timed if measure in p.errors or not p.status.ok]
-        texts, lines = _lines(axes, measure, shown, methods, alone, limit)
-        if reference is not None and reference.ms_per_step:
-            lines.append(np.array([[reference.ms_per_step, y] for y in axes.get_ylim()]))
-        jobs.append((axes, texts, lines))
-    if not alone:
-        legend_above(figure, _handles(methods, points), columns=2 if columns == 1 else 4)
+        _lines(axes, measure, shown, methods, limit)
+    legend_above(figure, _handles(methods, points), columns=2 if columns == 1 else 4)
     below = [_stopped_note(stopped, columns)] if stopped else []
     if any(e > limit for p in timed for m, e in p.errors.items() if m in measures and p.status.ok):
         below.append(f"crossed out: error above {limit:g}")
     below += [fill(plain(note), 62 * columns) for note in notes]
     if below:
         figure.supxlabel("\n".join(below), fontsize=SMALL, x=0.01, ha="left")
-    figure.draw_without_rendering()  # the layout must stand before labels are placed
-    for axes, texts, lines in jobs:
-        place_labels(axes, texts, not alone, lines)
     return figure
 
 
@@ -129,14 +119,10 @@ def _drawn(point: WorkPoint) -> WorkPoint:
 
 
 def _lines(
-    axes: Any, measure: str, points: Sequence[WorkPoint], methods: Sequence[str], alone: bool,
-    limit: float,
-) -> tuple[list[tuple[float, float, str, str]], list[FloatArray]]:
-    """Draws points and lines of one panel; returns (ms, error, label, colour) of each point, and
-    the (j, 2) vertices of each line.
-
-    Along a line only the first and the last budget are labelled, to limit the amount of text.
-    """
+    axes: Any, measure: str, points: Sequence[WorkPoint], methods: Sequence[str], limit: float
+) -> None:
+    """Draws points and lines of one panel; along a line only the first and the last budget are
+    labelled, to limit the amount of text."""
     from matplotlib.ticker import LogLocator, NullLocator
 
     limits = _limits(measure, points)
@@ -144,8 +130,6 @@ def _lines(
     axes.set_ylim(limits.bottom, limits.top)
     axes.yaxis.set_major_locator(LogLocator(numticks=7))
     axes.yaxis.set_minor_locator(NullLocator())
-    texts: list[tuple[float, float, str, str]] = []
-    lines: list[FloatArray] = []
     for number, method in enumerate(methods):
         style = style_of(number)
         own = sorted((p for p in points if p.method == method), key=_budget_order)
@@ -153,18 +137,16 @@ def _lines(
         # an error of 0 has no place on a logarithmic axis: it stands at the lower edge
         placed = [(p, max(p.errors.get(measure, 0.0), limits.bottom)) for p in ended]
         placed += [(p, limits.edge) for p in own if not p.status.ok]
-        line = np.array([[p.ms_per_step, y] for p, y in placed[:len(ended)]]).reshape(-1, 2)
-        axes.plot(*line.T, color=style.colour, linestyle=style.dash, linewidth=1.1)
-        lines.append(line)
+        axes.plot([p.ms_per_step for p in ended], [y for _, y in placed[:len(ended)]],
+                  color=style.colour, linestyle=style.dash, linewidth=1.1)
         for p, y in placed:
             _marker(axes, p.ms_per_step, y, style, p.status.ok)
             if p.status.ok and p.errors.get(measure, 0.0) > limit:
                 axes.plot([p.ms_per_step], [y], linestyle="none", marker="x", markersize=9,
                           color=LIMIT_COLOUR, clip_on=False, zorder=4)
-            labelled = not p.status.ok or p is ended[0] or p is ended[-1]
-            label = method if alone else p.budget if labelled else ""
-            texts.append((float(p.ms_per_step or 0.0), y, label, style.colour))
-    return texts, lines
+            if p.budget and (not p.status.ok or p is ended[0] or p is ended[-1]):
+                axes.annotate(p.budget, (p.ms_per_step, y), (5, 4), textcoords="offset points",
+                              fontsize=SMALL, color=style.colour, annotation_clip=False)
 
 
 def _marker(axes: Any, x: float | None, y: float, style: LineStyle, ok: bool) -> None:
@@ -188,20 +170,17 @@ def _budget_order(p: WorkPoint) -> tuple[list[float], float]:
 
 
 def _time_axis(
-    axes: Any, points: Sequence[WorkPoint], reference: WorkPoint | None, spare: float
+    axes: Any, points: Sequence[WorkPoint], reference: WorkPoint | None
 ) -> None:
     """Logarithmic time axis (ms/step) and, where the reference has a time, an upper axis for the
-    speed-up and a vertical line at the reference.
-
-    spare: margin on both sides, as a fraction of the logarithmic span of the points.
-    """
+    speed-up and a vertical line at the reference."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
     axes.set_xscale("log")
     base = reference.ms_per_step if reference is not None else None
     times = [p.ms_per_step for p in points if p.ms_per_step] + ([base] if base else [])
     low, high = np.log10(min(times)), np.log10(max(times))
-    margin = spare * max(high - low, 0.5)
+    margin = 0.12 * max(high - low, 0.5)
     axes.set_xlim(10.0 ** (low - margin), 10.0 ** (high + margin))
     span = high - low + 2 * margin
     subs = (1.0, 2.0, 3.0, 5.0, 7.0) if span < 0.9 else (1.0, 2.0, 5.0) if span < 2.6 else (1.0,)
