@@ -184,8 +184,8 @@ def largest_of(cells: int, options: Any) -> int:
 @pytest.mark.parametrize("reducer", NONLINEAR)
 def test_arrays_of_a_nonlinear_step_do_not_grow_with_the_mesh(reducer: str) -> None:
     """Points of the sampled rows or of ECSW's elements. How many elements there are around a row,
-    and how many ECSW keeps, differs between meshes; the mesh has four times as many. Heat is stored by
-    six points an element: the whole mesh has 6900."""
+    and how many ECSW keeps, differs between meshes; the mesh has four times as many. Heat is stored
+    by six points an element, 6900 in the whole mesh."""
     coarse, fine = (largest_of(cells, NONLINEAR[reducer]) for cells in (12, 24))
     assert 100 < fine < 1.3 * coarse
     assert fine < 1500
