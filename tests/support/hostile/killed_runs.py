@@ -3,7 +3,7 @@
     python killed_runs.py SCENE OUT SETTINGS MOMENTS
 
 SETTINGS: JSON of overrides. MOMENTS: `step:300` dies after that step, `training:30` in the training
-run, `replace:70` just before the 70th time that a file is put in place, so in the middle of a
+run, `replace:7` just before the 7th time that a file is put in place, so in the middle of a
 commit. Prints how each process ended.
 """
 
@@ -20,7 +20,7 @@ from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.simulation import recorder
 from sparsemor.core.simulation.simulate import simulate
 
-COMMIT_EVERY = 40  # rows; the default would commit a run this short twice only
+COMMIT_EVERY = 40  # rows, with two files each; the default would commit a run this short once
 
 
 def die() -> None:
