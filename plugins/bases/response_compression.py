@@ -6,7 +6,7 @@ from scipy import linalg
 from sparsemor.core import BlockData, FloatArray
 from sparsemor.plugins.bases.load_patterns import moving_loads
 from sparsemor.plugins.bases.orthogonalise import independent
-from sparsemor.plugins.bases.randomized_svd import left_singular, round_off_level
+from sparsemor.plugins.bases.snapshot_svd import left_singular, round_off_level
 
 
 def largest_directions(

@@ -13,7 +13,7 @@ from sparsemor.core.protocols import BlockData, Dictionary
 from sparsemor.core.testing import check_basis
 from sparsemor.core.testing.random_inputs import random_block, with_snapshots
 from sparsemor.plugins.bases.pod import Pod
-from sparsemor.plugins.bases.randomized_svd import left_singular, round_off_level
+from sparsemor.plugins.bases.snapshot_svd import left_singular, round_off_level
 
 
 @pytest.mark.parametrize(
@@ -23,7 +23,6 @@ from sparsemor.plugins.bases.randomized_svd import left_singular, round_off_leve
         Pod(complete=True),
         Pod(energy=0.99),
         Pod(count=3),
-        Pod(rank_rtol=1e-4),
         Pod(energy=1.0, centred=True),
     ],
     ids=repr,
@@ -144,6 +143,13 @@ def test_a_failed_snapshot_is_named() -> None:
     A[2, 3] = np.inf
     with pytest.raises(InputError, match="snapshot 3 of link.thermal"):
         Pod().build(block_of(A))
+
+
+@pytest.mark.parametrize("size", [1e-200, 1e200])
+def test_snapshots_whose_squares_are_no_numbers_are_refused(size: float) -> None:
+    _, A = decaying(40, 30, np.array([1.0, 0.5, 0.1]))
+    with pytest.raises(InputError, match="take other units"):
+        Pod(count=2).build(block_of(size * A))
 
 
 @pytest.mark.parametrize(

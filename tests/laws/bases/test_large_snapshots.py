@@ -97,10 +97,8 @@ def test_more_than_a_third_is_refused_in_words(few_held: None) -> None:
     assert refused.value.faults[0].key == "count"
 
 
-def test_windows_and_faults_of_large_ones(few_held: None) -> None:
+def test_faults_of_large_ones(few_held: None) -> None:
     A = matrix(12.0)
-    d = Pod(windows=3, count=5).build(data(A))
-    assert d.atoms.shape[1] <= 15 and 0.5 < float(d.info["energy"]) <= 1.0
     A[3, 50] = np.nan
     with pytest.raises(InputError, match="snapshot 50"):
         Pod(count=3).build(data(A))

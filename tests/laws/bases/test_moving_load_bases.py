@@ -1,4 +1,4 @@
-"""Atoms for loads that move: attachment, impulse and windowed POD hold a full-order run."""
+"""Atoms for loads that move: attachment, impulse and weighted POD hold a full-order run."""
 
 from dataclasses import replace
 
@@ -29,8 +29,8 @@ from sparsemor.reducers.checks import most_atoms
     Attachment(thermal=Modal(count=4), dynamic=True, orthonormal=True),
     Attachment(thermal=Impulse(count=4)), Attachment(count=3, dynamic=True, thermal=Modal(count=4)),
     Impulse(), Impulse(positions=2, delays=(0, 3)), Impulse(count=3), Impulse(count=500),
-    Pod(windows=3), Pod(weights="inverse_sqrt_norm"), Pod(windows=2, centred=True),
-    Pod(windows=4, energy=0.9, centred=True, weights="inverse_sqrt_norm"),
+    Pod(weights="inverse_sqrt_norm"),
+    Pod(energy=0.9, centred=True, weights="inverse_sqrt_norm"),
 ], ids=repr)
 def test_laws_with_every_option(basis: Basis) -> None:
     check_basis(basis, seed=1, trials=9)
@@ -191,7 +191,7 @@ def test_other_steps_make_other_impulses() -> None:
     assert a.shape != b.shape or np.abs(a - b).max() > 1e-2
 
 
-# ------------------------------------------------------------------------ windows, weights
+# ------------------------------------------------------------------------ weights
 
 
 def startup(got: FloatArray, want: FloatArray) -> float:
@@ -208,28 +208,11 @@ def test_weights_count_a_small_start_for_more() -> None:
     assert errors[1] < 0.5 * errors[0] and errors[0] > 1e-4, errors
 
 
-def test_windows_are_named_pooled_and_merged() -> None:
-    heat, T = plate()[1], full()[1]
-    data = replace(heat, snapshots=T)
-    d = Pod(windows=6, count=7).build(data)
-    assert d.atoms.shape[1] == 42 == most_atoms(Pod(windows=6, count=7), heat.size)
-    assert d.provenance[:2] == ("window 0 pod 0", "window 0 pod 1")
-    assert d.provenance[-1] == "window 5 pod 6"
-    for number, columns in enumerate(np.array_split(np.arange(T.shape[1]), 6)):
-        own = d.atoms[:, 7 * number : 7 * number + 7]
-        rest = T[:, columns] - own @ (own.T @ T[:, columns])
-        assert np.linalg.norm(rest) < 1e-3 * np.linalg.norm(T[:, columns])
-    still = replace(heat, snapshots=np.tile(T[:, 100:120], 2))
-    twice = Pod(windows=2, count=3).build(still)
-    assert twice.atoms.shape[1] == 3 and twice.info["merged"] == 3
-    assert twice.provenance[0] == "window 0 pod 0 (also window 1 pod 0)"
-
-
 def test_all_go_into_one_dictionary() -> None:
     heat, T = plate()[1], full()[1]
-    both = Overcomplete(bases=[Pod(windows=2, count=10), Impulse(count=40)], orthonormal=True)
+    both = Overcomplete(bases=[Pod(count=20), Impulse(count=40)], orthonormal=True)
     atoms = both.build(replace(heat, snapshots=T)).atoms
-    pods = orthonormal(Pod(windows=2, count=10), replace(heat, snapshots=T))
+    pods = orthonormal(Pod(count=20), replace(heat, snapshots=T))
     assert error(run(heat, given(heat), atoms), T) < error(run(heat, given(heat), pods), T)
 
 
@@ -249,10 +232,6 @@ def test_what_cannot_be_built_is_refused_in_words() -> None:
     with pytest.raises(InputError, match="attachment with dynamic: true: the time step"):
         Attachment(dynamic=True).build(unknown)
     assert isinstance(Attachment(thermal=Modal(count=2)).build(still), Dictionary)
-    with pytest.raises(InputError, match="300 windows were requested of 221 snapshots"):
-        Pod(windows=300).build(replace(heat, snapshots=full()[1]))
     for options in ({"delays": [3, 1]}, {"delays": [-1]}, {"delays": []}, {"positions": 0}):
         with pytest.raises(ValidationError):
             Impulse.model_validate(options)
-    with pytest.raises(ValidationError, match="windows make several"):
-        Pod(windows=2, complete=True)

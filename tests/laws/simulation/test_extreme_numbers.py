@@ -1,21 +1,13 @@
 """Numbers far from physics end in a status or in an error that names its place, never in a
 traceback."""
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
-from reduced_runs import learnt
 from sparsemor import SolveFailed, Status, load, simulate
-from sparsemor.core.arrays import FloatArray
-from sparsemor.core.protocols import BlockData
 from sparsemor.core.scene.scene import Scene
-from sparsemor.core.testing.in_memory_run import march
-from sparsemor.core.testing.random_inputs import TEMPERATURES, random_block
-from sparsemor.plugins.bases.pod import Pod
 from tiers import quick
 
 SCENES = Path(__file__).parents[2] / "scenes"
@@ -66,38 +58,3 @@ def test_a_stiffness_beside_which_mass_is_nothing(here: Path) -> None:
     with pytest.raises(SolveFailed) as found:
         simulate(scene)
     assert found.value.status is Status.SINGULAR and found.value.block == "disk.elastic"
-
-
-@pytest.mark.parametrize("flux", quick((1e-287, 1e-170, 1e-100, 1e100, 1e160), 1e-287, 1e160))
-def test_temperatures_of_any_size_have_the_same_modes(flux: float) -> None:
-    """T and its heat are in proportion: the reduced run is that of a flux of 1, times the flux."""
-    def run(size: float) -> tuple[list[FloatArray], FloatArray]:
-        scene = tiny({"loads": {"heating": {"use": "heat_flux", "on": ["bar:right"],
-                                            "flux": size}},
-                      "bodies.bar.fields": ["thermal"], "bodies.bar.frame": "fixed",
-                      "bodies.bar.reference": None, "joints": {},
-                      "bodies.bar.reference_temperature": 0.0})
-        reference = march(scene)
-        reduced = scene.using({"reducer": {"use": "galerkin", "basis": "pod"}})
-        end = march(reduced, model=reference.model, snapshots=learnt(reference))
-        (d,) = end.solver.dictionaries.values()
-        atoms = [d.atoms @ np.diag(1.0 / np.linalg.norm(d.atoms, axis=0))]
-        return atoms, (d.offset + d.atoms @ end.x[-1]) / size
-
-    (got,), T = run(flux)
-    (want,), exact = run(1.0)
-    np.testing.assert_allclose(T, exact, rtol=1e-8, atol=1e-8 * np.abs(exact).max())
-    assert got.shape == want.shape
-
-
-@pytest.mark.parametrize("exponent", [-950, -600, -301, 0, 301, 600, 950])
-def test_atoms_do_not_depend_on_the_unit_of_snapshots(exponent: int) -> None:
-    rng = np.random.default_rng(2)
-    block: BlockData = random_block(rng, TEMPERATURES)
-    A = rng.standard_normal((block.size, 9)) * 0.5 ** np.arange(9)
-    for centred in (False, True):
-        pod = Pod(count=5, centred=centred)
-        want = pod.build(replace(block, snapshots=A))
-        got = pod.build(replace(block, snapshots=np.ldexp(A, exponent)))
-        np.testing.assert_array_equal(got.atoms, want.atoms)
-        np.testing.assert_array_equal(got.offset, np.ldexp(want.offset, exponent))
