@@ -23,9 +23,8 @@ from sparsemor.plugins.charts.fields import (
     values_of,
 )
 from sparsemor.plugins.charts.style import NORMAL, SMALL, new_figure, tidy
-from sparsemor.plugins.charts.surface_matplotlib import paint
 from sparsemor.plugins.charts.units import unit
-from sparsemor.plugins.charts.view import VIEWS, Surface
+from sparsemor.plugins.charts.view import VIEWS, Surface, paint
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

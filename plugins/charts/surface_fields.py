@@ -25,10 +25,9 @@ from sparsemor.plugins.charts.fields import (
     values_of,
 )
 from sparsemor.plugins.charts.style import NORMAL, PAGE, SMALL, new_figure, plain
-from sparsemor.plugins.charts.surface_matplotlib import paint
 from sparsemor.plugins.charts.surface_pyvista import rendered
 from sparsemor.plugins.charts.units import unit
-from sparsemor.plugins.charts.view import VIEWS, Surface, View, half_of, middle
+from sparsemor.plugins.charts.view import VIEWS, Surface, View, half_of, middle, paint
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -1,7 +1,7 @@
 """Surfaces of bodies rendered by pyvista (extra `pictures3d`) off screen, in a separate process.
 
 VTK may abort its process if neither a display nor EGL or OSMesa is available, and it changes global
-settings. A picture that it fails to render is drawn by matplotlib (surface_matplotlib.py).
+settings. A picture that it fails to render is drawn plainly by matplotlib (`view.paint`).
 """
 
 import subprocess

@@ -11,10 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from sparsemor.plugins.charts.view import DARKEST, LIGHT
-
 PIXELS = 700
 """Number of pixels along the longer side of a panel."""
+LIGHT = np.array([-0.3, 0.3, 0.9]) / np.sqrt(0.99)
+"""Direction of the light source, a unit vector in view axes: upper left, behind the viewer."""
+DARKEST = 0.7
+"""Brightness of surfaces that no light reaches; close to 1, so that colours remain readable as
+values."""
 
 
 def _render(file: Path) -> None:

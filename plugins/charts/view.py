@@ -1,10 +1,15 @@
-"""Orthographic view of a body in space: lengths parallel to the view plane are true."""
+"""Orthographic view of a body in space, in which lengths parallel to the view plane are true, and
+its picture by matplotlib."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from sparsemor.core.arrays import FloatArray, IntArray
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,11 +36,6 @@ class View:
 
 VIEWS = (View.of("from above", -50.0, 40.0), View.of("from below", -50.0, -40.0))
 """Views from above and below, because a contact may heat the lower side."""
-LIGHT = np.array([-0.3, 0.3, 0.9]) / np.sqrt(0.99)
-"""Direction of the light source, a unit vector in view axes: upper left, behind the viewer."""
-DARKEST = 0.7
-"""Brightness of surfaces that no light reaches; close to 1, so that colours remain readable as
-values."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,10 +67,22 @@ def half_of(boxes: list[FloatArray]) -> FloatArray:
     return np.asarray(spans.max(axis=0) + 0.06 * spans.max())
 
 
-def skin(points: FloatArray, triangles: IntArray) -> IntArray:
-    """Indices of the triangles (E, 3) that face the viewer, in the order of decreasing distance."""
-    a, b, c = (points[triangles[:, k]] for k in range(3))
-    facing = np.cross(b - a, c - a)[:, 2] > 0.0
-    depth = (a + b + c)[:, 2]
-    front = np.flatnonzero(facing)
-    return front[np.argsort(depth[front], kind="stable")]
+def front_facing(corners: FloatArray) -> IntArray:
+    """Indices of the triangles with corners (b, 3, 3) in view axes that face the viewer, in the
+    order of decreasing distance."""
+    a, b, c = (corners[:, k] for k in range(3))
+    front = np.flatnonzero(np.cross(b - a, c - a)[:, 2] > 0.0)
+    return front[np.argsort((a + b + c)[front, 2], kind="stable")]
+
+
+def paint(axes: "Axes", surface: Surface) -> None:
+    """Draws a surface by matplotlib into axes with coordinates in metres in the view plane: nearer
+    triangles over farther ones."""
+    front = front_facing(surface.corners)
+    if front.size == 0:
+        return
+    x, y = surface.corners[front].reshape(-1, 3)[:, :2].T
+    axes.tripcolor(
+        x, y, surface.values[front].ravel(), triangles=np.arange(x.size).reshape(-1, 3),
+        shading="gouraud", cmap=surface.colours, vmin=surface.low, vmax=surface.high,
+        rasterized=True)

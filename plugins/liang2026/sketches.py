@@ -15,7 +15,7 @@ from sparsemor.plugins.charts.style import COLUMN, NORMAL, PAGE, SMALL, new_figu
 from sparsemor.plugins.charts.style import style_of as style
 from sparsemor.plugins.charts.surface_fields import solid_bodies
 from sparsemor.plugins.charts.units import unit
-from sparsemor.plugins.charts.view import VIEWS, skin
+from sparsemor.plugins.charts.view import VIEWS, front_facing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -60,7 +60,7 @@ def _lines(run: RunResult, body: str, solid: bool) -> FloatArray:
     if solid:
         triangles = outer_facets(Mesh(run.points(body), cells))
         corners = VIEWS[0].rotated(corners)
-        cells = triangles[skin(corners, triangles)]
+        cells = triangles[front_facing(corners[triangles])]
     edges = np.concatenate([cells[:, [0, 1]], cells[:, [1, 2]], cells[:, [2, 0]]])
     return np.asarray(corners[np.unique(np.sort(edges, axis=1), axis=0)][..., :2])
 

@@ -17,8 +17,8 @@ from sparsemor.core.simulation.cache import Cache
 from sparsemor.plugins.charts import surface_pyvista, write_run_charts
 from sparsemor.plugins.charts.style import new_figure
 from sparsemor.plugins.charts.surface_fields import solid_bodies, surface_figures
-from sparsemor.plugins.charts.surface_matplotlib import paint
 from sparsemor.plugins.charts.surface_pyvista import rendered
+from sparsemor.plugins.charts.surface_pyvista_worker import DARKEST, LIGHT
 from sparsemor.plugins.charts.time_histories import (
     angles_figure,
     moving_bodies,
@@ -28,7 +28,7 @@ from sparsemor.plugins.charts.time_histories import (
     rate_of,
     turning,
 )
-from sparsemor.plugins.charts.view import DARKEST, LIGHT, VIEWS, Surface, skin
+from sparsemor.plugins.charts.view import VIEWS, Surface, front_facing, paint
 
 SCENE = """\
 format: 1
@@ -86,7 +86,7 @@ def test_three_sides_of_a_box_face_the_eye(view: Any) -> None:
     np.testing.assert_allclose(view.axes @ view.axes.T, np.eye(3), atol=1e-15)
     assert np.linalg.det(view.axes) == pytest.approx(1.0)
     points, triangles = block((1.0, 2.0, 3.0))
-    shown = triangles[skin(view.rotated(points), triangles)]
+    shown = triangles[front_facing(view.rotated(points)[triangles])]
     normals = {tuple(np.sign(np.round(np.cross(b - a, c - a), 9)))
                for a, b, c in points[shown]}
     assert len(shown) == 6
@@ -122,8 +122,7 @@ def test_the_nearer_triangle_hides_the_farther_one() -> None:
     parts = [flat(0.3, 0.9), flat(-0.2, 0.1), flat(0.1, 0.5)]
     surface = Surface(np.concatenate([p for p, _ in parts]), np.concatenate([v for _, v in parts]),
                       0.0, 1.0, "viridis", np.ones(2))
-    lit = DARKEST + (1.0 - DARKEST) * LIGHT[2]
-    expected = np.array(colormaps["viridis"](0.9)[:3]) * lit
+    expected = np.array(colormaps["viridis"](0.9)[:3])
     np.testing.assert_allclose(colour_at(surface, (0.1, -0.2)), expected, atol=0.02)
     away = Surface(surface.corners[:, ::-1], surface.values, 0.0, 1.0, "viridis", np.ones(2))
     assert np.all(colour_at(away, (0.1, -0.2)) == 1.0)  # backs are not seen
@@ -147,9 +146,8 @@ def test_colours_are_those_of_the_bar(triangles: int) -> None:
     from matplotlib import colormaps
 
     surface = ramp(triangles)
-    lit = DARKEST + (1.0 - DARKEST) * LIGHT[2]
     for y in (-0.8, 0.0, 0.6):
-        expected = np.array(colormaps["viridis"](0.5 + 0.5 * y)[:3]) * lit
+        expected = np.array(colormaps["viridis"](0.5 + 0.5 * y)[:3])
         np.testing.assert_allclose(colour_at(surface, (0.3, y)), expected, atol=0.02)
 
 
