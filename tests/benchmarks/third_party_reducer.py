@@ -30,10 +30,10 @@ ATOMS = {"full": (30, 20), "quick": (8, 5)}
 
 
 def contenders(elastic: int, thermal: int) -> dict[str, Plugin]:
-    """Both reducers with equal trial bases; oblique tests with POD modes in the product of mass."""
+    """Both reducers with equal trial bases; oblique tests with POD modes of weighted snapshots."""
     trial = {"basis": {"use": "pod", "count": elastic},
              "bases": {"*.thermal": {"use": "pod", "count": thermal}}}
-    test = {"use": "pod", "product": "mass"}
+    test = {"use": "pod", "weights": "inverse_sqrt_norm"}
     return {"galerkin": Galerkin.model_validate(trial),
             "oblique": Oblique.model_validate({**trial, "test": test})}
 

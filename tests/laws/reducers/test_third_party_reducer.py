@@ -28,12 +28,14 @@ TRIAL = {"basis": {"use": "pod", "count": 5}, "bases": {"*.thermal": {"use": "po
 
 
 def oblique() -> Any:
-    """The reducer `oblique` of the sample package, with test functions orthogonal in the mass."""
+    """The reducer `oblique` of the sample package, with test functions from weighted
+    snapshots."""
     spec = spec_from_file_location("sparsemor_sample", SAMPLE)
     assert spec is not None and spec.loader is not None
     module: Any = module_from_spec(spec)
     spec.loader.exec_module(module)
-    return module.Oblique.model_validate({**TRIAL, "test": {"use": "pod", "product": "mass"}})
+    weighted = {"use": "pod", "weights": "inverse_sqrt_norm"}
+    return module.Oblique.model_validate({**TRIAL, "test": weighted})
 
 
 @cache

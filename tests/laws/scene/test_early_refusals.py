@@ -20,12 +20,6 @@ CASES: dict[str, tuple[dict[str, Any], str, str]] = {
     "control and trial runs": (
         {"time.control": {"tolerance": 1e-3}, "reducer": "auto"},
         "time.control", "trial runs take fixed steps"),
-    "more windows than snapshots": (
-        {"reducer": {"use": "galerkin", "basis": {"use": "pod", "windows": 9}}},
-        "reducer.basis", "9 windows were requested of 5 snapshots of bar.elastic"),
-    "windows of every second step": (
-        {"reducer": {"use": "galerkin", "basis": {"use": "pod", "windows": 4}},
-         "training.every": 2}, "reducer.basis", "4 windows were requested of 3 snapshots"),
     "no interface": (
         {"reducer": {"use": "galerkin", "bases": {"*.thermal": "craig_bampton"}}},
         "reducer.basis", "craig_bampton: no joint acts on the unknowns of bar.thermal"),
@@ -80,7 +74,6 @@ def test_validate_refuses_what_needs_no_training(changes, key, message, here):
 @pytest.mark.parametrize("changes", [
     {"time.control": {"tolerance": 1e-3}, "reducer": SPARSE},
     {"reducer": {**SPARSE, "resample": 1}},
-    {"reducer": {"use": "galerkin", "basis": {"use": "pod", "windows": 5}}},
     {"reducer": {"use": "galerkin", "bases": {"*.elastic": "craig_bampton"}}},
     {"reducer": {"use": "galerkin", "bases": {"*.elastic": {"use": "attachment",
                                                             "thermal": "pod"}}}},
