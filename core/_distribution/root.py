@@ -13,14 +13,14 @@ if TYPE_CHECKING:
     from sparsemor.core.results.run_result import open_result as open_result
     from sparsemor.core.scene.scene import Scene as Scene
     from sparsemor.core.scene.scene import load as load
-    from sparsemor.core.simulation.advice import Advice as Advice
-    from sparsemor.core.simulation.advice import advise as advise
     from sparsemor.core.simulation.reduced_model import ReducedModel as ReducedModel
     from sparsemor.core.simulation.reduced_model import load_model as load_model
     from sparsemor.core.simulation.reduced_model import reduce as reduce
     from sparsemor.core.simulation.simulate import simulate as simulate
     from sparsemor.core.status import SolveFailed as SolveFailed
     from sparsemor.core.status import Status as Status
+    from sparsemor.plugins.advice.advice import Advice as Advice
+    from sparsemor.plugins.advice.advice import advise as advise
     from sparsemor.plugins.charts.animation import animate as animate
     from sparsemor.plugins.charts.plot import plot as plot
     from sparsemor.plugins.export import export as export
@@ -31,14 +31,14 @@ if TYPE_CHECKING:
     __version__: str
 
 _HOMES = {
-    "Advice": "core.simulation.advice",
+    "Advice": "plugins.advice.advice",
     "InputError": "core.errors",
     "ReducedModel": "core.simulation.reduced_model",
     "Registry": "core.registry.registry",
     "Scene": "core.scene.scene",
     "SolveFailed": "core.status",
     "Status": "core.status",
-    "advise": "core.simulation.advice",
+    "advise": "plugins.advice.advice",
     "animate": "plugins.charts.animation",
     "compare": "core.analysis.compare",
     "export": "plugins.export",

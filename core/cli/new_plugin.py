@@ -22,13 +22,14 @@ COMMON = "common"
 KINDS = tuple(sorted(p.stem for p in TEMPLATES.glob("*.txt") if p.stem != COMMON))
 USES = {"scene": "`sparsemor run $name` runs it", "study": "`sparsemor study $name` conducts it",
         "charts": "`sparsemor compare` draws them",
+        "choice": "it is applied to each scene before a run",
         "command": "`sparsemor $name double_pendulum` calls it",
         "paper": "`sparsemor reproduce --paper $name` recomputes it",
         "observer": "a script passes `$cls().observer()` to `simulate`",
         "check": "each run is checked by it"}
 """Plugin kind -> how plugins of that kind are used; scene files select those of all other kinds."""
 
-NO_CLASS = ("charts", "command", "paper", "scene", "study")
+NO_CLASS = ("charts", "choice", "command", "paper", "scene", "study")
 """Plugin kinds whose entry points refer to objects, functions and files."""
 
 

@@ -154,7 +154,8 @@ CHECKS: Mapping[tuple[str, str], Check] = {
     ("SparseSolver", "solve"): _columns, ("Recovery", "select"): _support,
     ("Factorized", "solve"): _solution, ("Factorized", "outcome"): _solution,
     ("StepSolver", "start"): _start, ("Body", "initial"): _initial,
-    ("ObserverPlugin", "observer"): _observer, ("Check", "after_run"): _fields,
+    ("ObserverPlugin", "observer"): _observer, ("Check", "before_steps"): _fields,
+    ("Check", "after_run"): _fields,
 }
 """Protocol and member -> check of what it returns."""
 EVERY_STEP: Mapping[tuple[str, str], Callable[[Any, Any], str]] = {

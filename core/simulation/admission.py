@@ -5,6 +5,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from sparsemor.core.errors import Damaged, InputError
+from sparsemor.core.results.arrays_in_memory import MemoryWriter
 from sparsemor.core.results.checkpoint import checkpoint_file
 from sparsemor.core.results.output_directory import OutputDirectory
 from sparsemor.core.results.store import ResultWriter
@@ -22,14 +23,14 @@ def admit(scene: Scene, out: Path, resume: bool) -> None:
 
 
 @contextmanager
-def kept(writer: ResultWriter, new: bool) -> Iterator[None]:
+def kept(writer: ResultWriter | MemoryWriter, new: bool) -> Iterator[None]:
     """Context that deletes a new result if its run is refused by an input error, or fails before
     its first checkpoint."""
     try:
         yield
     except (InputError, OSError) as error:
-        first = not checkpoint_file(writer.path).exists()
-        refused = isinstance(error, InputError) and not isinstance(error, Damaged)
-        if new and (first or refused):
-            writer.discard()
+        if new and isinstance(writer, ResultWriter):
+            first = not checkpoint_file(writer.path).exists()
+            if first or isinstance(error, InputError) and not isinstance(error, Damaged):
+                writer.discard()
         raise

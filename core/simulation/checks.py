@@ -30,16 +30,34 @@ the failure with which the run ends here, None to go on."""
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Findings:
-    """What a check says about a run that took all its steps.
+    """What a check says about a run, before its first step or after its last one.
 
     summary: entries of the summary of its result; failure: with which it ends nevertheless;
-    explained: blocks whose errors the notes explain, so that more general checks need not.
+    explained: blocks whose errors the notes explain; general: notes on blocks, which are given
+    unless another check explains the block. Before the steps, kept: data by name that are needed
+    again after the run, also in the runs of a kept model; changes: block -> largest change (2-norm)
+    in training, to which estimated errors are compared.
     """
 
     notes: Sequence[Note] = ()
     summary: Mapping[str, Any] = field(default_factory=dict)
     failure: SolveFailed | None = None
     explained: frozenset[str] = frozenset()
+    general: Mapping[str, Note] = field(default_factory=dict)
+    kept: Mapping[str, Any] = field(default_factory=dict)
+    changes: Mapping[str, float] = field(default_factory=dict)
+
+    @classmethod
+    def together(cls, found: Sequence["Findings"]) -> "Findings":
+        """What several checks find, in their order."""
+        explained = frozenset(chain(*(f.explained for f in found)))
+        return cls(
+            (*chain(*(f.notes for f in found)),
+             *(note for f in found for name, note in f.general.items() if name not in explained)),
+            dict(chain(*(f.summary.items() for f in found))),
+            next((f.failure for f in found if f.failure is not None), None), explained, {},
+            dict(chain(*(f.kept.items() for f in found))),
+            dict(chain(*(f.changes.items() for f in found))))
 
 
 class Check(Plugin):
@@ -47,11 +65,13 @@ class Check(Plugin):
 
     Each run has its own object, which may keep what it sees in private attributes. order: place
     among all checks, in which notes are told; renewed: kinds of its notes of `on_model` on options
-    that a run of a kept model may change, for which it is asked again.
+    that a run of a kept model may change, for which it is asked again; stored_classes: classes of
+    what it keeps (`Findings.kept`), as a model file may contain them.
     """
 
     order: ClassVar[int] = 1000
     renewed: ClassVar[frozenset[str]] = frozenset()
+    stored_classes: ClassVar[Sequence[type]] = ()
 
     @hookspec
     def on_model(self, scene: Scene, model: Model | None) -> Sequence[Note]:
@@ -65,9 +85,11 @@ class Check(Plugin):
         return ()
 
     @hookspec
-    def before_steps(self, run: PreparedRun) -> Sequence[Note]:
-        """Notes on a run whose step solver is prepared."""
-        return ()
+    def before_steps(self, run: PreparedRun, again: PreparedRun | None) -> Findings:
+        """What is found in a run whose step solver is prepared, for steps of one size. again: a run
+        of the same training with other values of parameters, whose findings may be used again.
+        Raises InputError for a run that the scene asks to refuse."""
+        return Findings()
 
     @hookspec
     def on_start(self, run: PreparedRun, state: State, whole: bool) -> OnStep | None:
@@ -130,9 +152,9 @@ class Checks(pluggy.PluginManager):
         found = self.hook.on_training(scene=scene, model=model, offline=offline)
         return tuple(n.text for n in chain(*found))
 
-    def before_steps(self, run: PreparedRun) -> tuple[Note, ...]:
-        """Notes on a run whose step solver is prepared."""
-        return tuple(chain(*self.hook.before_steps(run=run)))
+    def before_steps(self, run: PreparedRun, again: PreparedRun | None = None) -> Findings:
+        """What all checks find in a run whose step solver is prepared."""
+        return Findings.together(self.hook.before_steps(run=run, again=again))
 
     def on_start(self, run: PreparedRun, state: State, whole: bool) -> list[OnStep]:
         """What is to be called after each step."""
@@ -140,12 +162,7 @@ class Checks(pluggy.PluginManager):
 
     def after_run(self, run: PreparedRun, result: RunResult) -> Findings:
         """What all checks find, together."""
-        found: list[Findings] = self.hook.after_run(run=run, result=result)
-        return Findings(
-            tuple(chain(*(f.notes for f in found))),
-            {key: value for f in found for key, value in f.summary.items()},
-            next((f.failure for f in found if f.failure is not None), None),
-            frozenset(chain(*(f.explained for f in found))))
+        return Findings.together(self.hook.after_run(run=run, result=result))
 
 
 def _overrides(cls: type, name: str) -> bool:

@@ -3,7 +3,7 @@
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import fields, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -12,7 +12,6 @@ from sparsemor.core.linalg.least_squares import least_squares_coefficients
 from sparsemor.core.linalg.snapshots import column_chunks
 from sparsemor.core.model.model import Model
 from sparsemor.core.model.resolved_start import resolved_start
-from sparsemor.core.notes import Note
 from sparsemor.core.protocols import (
     Basis,
     BlockData,
@@ -27,7 +26,7 @@ from sparsemor.core.registry.hooks import Manager, RunStart, new_manager
 from sparsemor.core.registry.returned_values import built_dictionary
 from sparsemor.core.scene.digest import digest
 from sparsemor.core.scene.scene import Scene
-from sparsemor.core.simulation.diagnostics.blow_up import Extents, diverged
+from sparsemor.core.simulation.blow_up import Extents, diverged
 from sparsemor.core.simulation.offline_cache import Products
 from sparsemor.core.simulation.step_control import controlled, step_of
 from sparsemor.core.simulation.time_stepping import iterate, started
@@ -46,9 +45,9 @@ class Offline:
     recording: integrator, step size and interval of the snapshots, None for snapshots that were
     passed in. trained: True if a basis needs snapshots, also if the basis came from the cache.
     expected: estimated memory of the run, bytes, None before the estimate.
-    reducer: identity of a third-party reducer, part of its cache keys; notes: warnings about the
-    choice of training runs. at_once: makes several training runs at once and stores them in the
-    cache under the keys that it is called with; None if they are made one after the other.
+    reducer: identity of a third-party reducer, part of its cache keys. at_once: makes several
+    training runs at once and stores them in the cache under the keys that it is called with; None
+    if they are made one after the other.
     """
 
     def __init__(
@@ -60,11 +59,11 @@ class Offline:
         self._reducer = list(reducer)
         self._snapshots: Mapping[str, FloatArray] | None = None
         self._made: dict[str, tuple[Dictionary, float]] = {}
+        self._asked: dict[str, str] = {}
         self._kept: Mapping[str, tuple[Dictionary, float]] = {}
         self.manager, self._recording = manager or new_manager(), recording
         self.products = products
         self.trained, self._closed = False, False
-        self.notes: Sequence[Note] = ()
         self.expected: float | None = None
 
     @classmethod
@@ -82,7 +81,7 @@ class Offline:
         kept = self._made or self._kept
         new._kept = kept if atoms is None else {
             name: (d.leading(atoms), top) for name, (d, top) in kept.items()}
-        new.trained, new.notes = self.trained, self.notes
+        new.trained = self.trained
         return new
 
     def as_computed(self) -> "Offline":
@@ -110,7 +109,9 @@ class Offline:
     def recording(self) -> Recording | None:
         return self._recording and replace(self._recording, runs=len(self._runs))
 
-    def snapshots(self, name: str) -> FloatArray:
+    def train(self) -> Mapping[str, FloatArray]:
+        """Snapshots (M, n) of all blocks: of training runs that are read from the cache, or made.
+        Raises SolveFailed if one stops early."""
         if self._snapshots is None:
             apart = self._trained_at_once()
             found = [self.products.remember("training", self._place(key), train)
@@ -119,7 +120,11 @@ class Offline:
                 self.products.used["training"] = "miss" if apart == len(found) else "mixed"
             self._snapshots = found[0] if len(found) == 1 else {
                 n: np.concatenate([each[n] for each in found]) for n in found[0]}
-        return self._snapshots[name].T
+        self.products.spent.use(f"training/{self._place(key)}" for key, _ in self._runs)
+        return self._snapshots
+
+    def snapshots(self, name: str) -> FloatArray:
+        return self.train()[name].T
 
     def _trained_at_once(self) -> int:
         """Number of training runs that other processes made, as they were not in the cache."""
@@ -158,15 +163,13 @@ class Offline:
     def _remembered(
         self, kind: str, depends: Sequence[object], make: Callable[[], Arrays]
     ) -> Arrays:
-        key = "" if self.products.cache is None else digest(self._key, *depends)
-
-        def told() -> Arrays:
-            if self._closed:
-                raise LookupError(kind)
+        cache = self.products.cache
+        key = "" if cache is None else digest(self._key, *depends)
+        if self._closed:
+            make = partial(_not_at_hand, kind)
+        elif cache is None or not cache.has(kind, key):
             self.manager.hook.on_offline(product=kind)
-            return make()
-
-        return self.products.remember(kind, key, told)
+        return self.products.remember(kind, key, make)
 
     def has_training(self) -> bool:
         """True if the snapshots of all training runs are in the cache."""
@@ -188,27 +191,43 @@ class Offline:
         self.trained = self.trained or basis.needs_snapshots
         if name in self._kept:
             return self._kept[name]
-        known = self._model.block_data(name, step=step)
-
-        def make() -> Arrays:
-            snapshots = self.snapshots(name) if basis.needs_snapshots else None
-            given = known if snapshots is None else replace(known, snapshots=snapshots)
-            if snapshots is not None and known.heat is not None:
-                given = replace(given, heat=replace(
-                    known.heat, snapshots=self.snapshots(known.heat.name)))
-            d = built_dictionary(basis, given)
-            top = 0.0 if snapshots is None else largest_coefficient(d, snapshots)
-            info = np.array(json.dumps(dict(d.info)))
-            return {"atoms": d.atoms, "offset": d.offset, "top": np.array(top),
-                    "provenance": np.array(d.provenance), "info": info}
-
-        # the key tells the training scene; loads and operators are those of the scene that is run
-        a = self._remembered("basis", (name, basis, *_content(known)), make)
-        provenance = tuple(str(p) for p in a["provenance"])
-        d = Dictionary(np.asarray(a["atoms"]), np.asarray(a["offset"]), provenance,
-                       json.loads(str(a["info"])))
-        self._made[name] = d, float(a["top"])
+        asked = digest(basis, step)
+        if self._asked.get(name) != asked:
+            known = self._model.block_data(name, step=step)
+            a = self._remembered("basis", self._depends(basis, known),
+                                 partial(self._built, basis, known))
+            self._made[name] = Dictionary(
+                np.asarray(a["atoms"]), np.asarray(a["offset"]),
+                tuple(str(p) for p in a["provenance"]), json.loads(str(a["info"]))), float(a["top"])
+            self._asked[name] = asked
         return self._made[name]
+
+    def has_dictionary(self, name: str, basis: Basis, step: StepFactors | None = None) -> bool:
+        """True if the cache has this dictionary."""
+        cache = self.products.cache
+        return name in self._kept or cache is not None and cache.has("basis", digest(
+            self._key, *self._depends(basis, self._model.block_data(name, step=step))))
+
+    def _depends(self, basis: Basis, known: BlockData) -> Sequence[object]:
+        """Inputs of a dictionary for its cache key: that of the training tells the training scene;
+        loads and operators are those of the scene that is run."""
+        return known.name, basis, *_content(known)
+
+    def _built(self, basis: Basis, known: BlockData) -> Arrays:
+        """Arrays of the dictionary of a block."""
+        if not basis.needs_snapshots:
+            d, top = built_dictionary(basis, known), 0.0
+        else:
+            heat = known.heat and replace(known.heat, snapshots=self.snapshots(known.heat.name))
+            snapshots = self.snapshots(known.name)
+            d = built_dictionary(basis, replace(known, snapshots=snapshots, heat=heat))
+            top = largest_coefficient(d, snapshots)
+        return {"atoms": d.atoms, "offset": d.offset, "top": np.array(top),
+                "provenance": np.array(d.provenance), "info": np.array(json.dumps(dict(d.info)))}
+
+
+def _not_at_hand(kind: str) -> Arrays:
+    raise LookupError(kind)
 
 
 _NESTED = frozenset({"heat", "moving"})

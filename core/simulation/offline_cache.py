@@ -2,7 +2,7 @@
 
 import json
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -41,6 +41,7 @@ class OfflineCost:
     def __init__(self) -> None:
         self.seconds: dict[str, float] = {}
         self.waited = 0.0
+        self._costs: dict[str, Mapping[str, float]] = {}
         self._open: list[Product] = []
 
     @property
@@ -52,6 +53,12 @@ class OfflineCost:
         """Time that an offline stage would take without any cached product, s; elapsed: time it
         took, s."""
         return max(elapsed - self.waited, 0.0) + self.total
+
+    def use(self, names: Iterable[str]) -> None:
+        """Counts products as such that the product is computed from that is computed now."""
+        if self._open:
+            for name in names:
+                self._open[-1].inside |= self._costs.get(name, {})
 
     @contextmanager
     def product(self, name: str, place: Path | None) -> Iterator[Product]:
@@ -70,6 +77,7 @@ class OfflineCost:
             cost = one.inside | {name: max(elapsed - one.nested, 0.0)}
             record(place, cost)
         self.seconds |= cost
+        self._costs[name] = cost
         if self._open:
             self._open[-1].inside |= cost
             self._open[-1].nested += elapsed

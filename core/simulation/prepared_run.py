@@ -1,13 +1,15 @@
 """A run that is prepared for its first step."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
+from sparsemor.core.arrays import FloatArray
 from sparsemor.core.model.factorizations import Factored
 from sparsemor.core.model.model import Model
+from sparsemor.core.model.resolved_start import resolved_start
 from sparsemor.core.notes import Note
 from sparsemor.core.protocols import (
     BodyShape,
@@ -18,16 +20,19 @@ from sparsemor.core.protocols import (
     StepMemory,
     StepSolver,
 )
+from sparsemor.core.results.error_norms import constant_change
 from sparsemor.core.results.metadata import RunHeader
 from sparsemor.core.results.probes import ForceReader, ProbeReader
+from sparsemor.core.scene.defaults import FULL_ORDER
+from sparsemor.core.scene.independent_of_physics import physics_of
 from sparsemor.core.scene.options import Control
 from sparsemor.core.scene.scene import Scene
-from sparsemor.core.simulation.diagnostics.blow_up import Extents
-from sparsemor.core.simulation.diagnostics.trial_space import TrialSpace
+from sparsemor.core.simulation.blow_up import Extents
 from sparsemor.core.simulation.error_control.notes import error_limit
 from sparsemor.core.simulation.offline import Offline, step_count
-from sparsemor.core.simulation.step_control import Judged, judged
-from sparsemor.core.simulation.time_stepping import FixedStep, full_state, iterate
+from sparsemor.core.simulation.step_control import Judged, judged, step_of
+from sparsemor.core.simulation.time_stepping import FixedStep, full_state, iterate, started
+from sparsemor.core.simulation.training import training_steps
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,11 +41,11 @@ class PreparedRun:
 
     solver: step solver; start: state from which it starts, of the full-order model, or in the
     unknowns of a solver without mesh; header: of the result; probes, forces, given: what is
-    recorded next to the unknowns; notes, stability, spaces: findings before the first step;
-    trained_to: end of the training run, s. model: assembled model, estimator: of the error, and
-    offline data, None where they are not at hand; own_loads: False if the run has other loads than
-    that model; extents: of the bodies, where the model, or the atoms of the solver, are not at
-    hand.
+    recorded next to the unknowns; trained_to: end of the training run of its bases, s, if there was
+    one. model: assembled model, estimator: of the error, and offline data, None where they are not
+    at hand; own_loads: False if the run has other loads than that model; extents: of the bodies,
+    where the model, or the atoms of the solver, are not at hand. notes, summary, kept, changes:
+    what is known, and found by checks, before the first step (`Findings`).
     """
 
     scene: Scene
@@ -50,15 +55,47 @@ class PreparedRun:
     probes: tuple[ProbeReader, ...]
     given: Mapping[str, BodyShape]
     notes: tuple[Note, ...]
-    stability: Mapping[str, Any]
-    spaces: tuple[TrialSpace, ...]
-    trained_to: float
+    trained_to: float | None
     model: Model | None = None
     estimator: ErrorEstimator | None = None
     offline: Offline | None = None
     own_loads: bool = True
     forces: tuple[ForceReader, ...] = ()
     extents: Extents = Extents(())
+    summary: Mapping[str, Any] = field(default_factory=dict)
+    kept: Mapping[str, Any] = field(default_factory=dict)
+    changes: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def in_training(self) -> bool:
+        """True if the run at full order is the training run, or the first part of it."""
+        full = self.scene.using({"reducer": {"use": FULL_ORDER}}, label="full order")
+        return training_steps(full) >= step_count(full)
+
+    @property
+    def physics(self) -> str:
+        """Digest of all that its full-order solution depends on."""
+        return physics_of(self.scene, "run").digest()
+
+    @property
+    def constant_change(self) -> float:
+        """Relative change up to which a field counts as constant."""
+        return constant_change(self.scene.dump())
+
+    def first_states(self, count: int) -> FloatArray:
+        """States (M, n) of its first steps at full order, without the initial state; those before a
+        step that fails. Raises SolveFailed where an operator cannot be factorized."""
+        assert self.model is not None and self.offline is not None
+        full, h = self.scene.using({"reducer": {"use": FULL_ORDER}}, label="full order"), (
+            self.scene.time.step)
+        solver: StepSolver = full.reducer.prepare(ReducedProblem(
+            self.model, full.integrator, h, self.offline, np.random.default_rng(full.seed)))
+        state, memory = started(
+            solver, full.integrator, resolved_start(self.model, full.integrator, h).state)
+        taken = iterate(step_of(solver, full.integrator, h), state, memory,
+                        min(count, step_count(full)))
+        states = [one.state.x for one in taken if one.outcome.status.ok]
+        return np.stack(states) if states else np.zeros((0, len(state.x)))
 
     def factored(self) -> Sequence[Factored]:
         """Reports of the linear systems of the assembled model."""

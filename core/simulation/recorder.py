@@ -24,9 +24,11 @@ from sparsemor.core.results.arrays_in_memory import MemoryWriter
 from sparsemor.core.results.checkpoint import Checkpoint
 from sparsemor.core.results.error_norms import estimated_errors
 from sparsemor.core.results.files.own import STORE
+from sparsemor.core.results.files.temporary import TemporaryFolder
 from sparsemor.core.results.json_data import finite
 from sparsemor.core.results.output_lock import check_owned
 from sparsemor.core.results.probes import rate_columns
+from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.results.saved_state import SavedError
 from sparsemor.core.results.solver_report import solvers_summary
 from sparsemor.core.results.store import ChunkOfSteps, ResultWriter
@@ -60,14 +62,15 @@ class Recorder:
 
     def __init__(
         self, run: PreparedRun, writer: ResultWriter | MemoryWriter,
-        checkpoint: Checkpoint | None, steps: int, products: Products | None = None,
+        checkpoint: Checkpoint | None, products: Products | None = None,
     ) -> None:
         self.scene = run.scene
-        self.writer, self.checkpoint, self.steps = writer, checkpoint, steps
+        self.writer, self.checkpoint, self.steps = writer, checkpoint, run.steps
         self.reducer = run.header.reducer
         self.products = Products(None) if products is None else products
         self.notes: tuple[Note, ...] = ()  # of a result that is resumed
         self.memory: MemoryUse | None = None
+        self.folder: TemporaryFolder | None = None  # which is removed with the result
         self.errors: ErrorRecord | None = None
         self._every, self._saved = run.scene.output.every, time.perf_counter()
         self._on_disk = isinstance(writer, ResultWriter)
@@ -112,19 +115,19 @@ class Recorder:
 
     @classmethod
     def open(
-        cls, run: PreparedRun, out: Path, resume: bool, steps: int, products: Products | None,
+        cls, run: PreparedRun, out: Path, resume: bool, products: Products | None,
     ) -> "Recorder":
         """Recorder of a new result in `out`, or of a stored one to be resumed. Raises InputError
         if `out` contains a result already, or with `resume` one that cannot be resumed."""
         store, scene = out / STORE, run.scene
         if resume:
             writer, checkpoint = ResultWriter.resume(store, scene, run.header)
-            recorder = cls(run, writer, checkpoint, steps, products)
+            recorder = cls(run, writer, checkpoint, products)
             recorder.notes = elsewhere(read_header(store)["attributes"].get("platform", {}))
             return recorder
         admit(scene, out, resume)
         check_owned(out)
-        return cls(run, ResultWriter.create(store, run.header), None, steps, products)
+        return cls(run, ResultWriter.create(store, run.header), None, products)
 
     def restored(
         self, state: State, memory: StepMemory, tally: Tally
@@ -241,8 +244,11 @@ class Recorder:
         """Directory of the result, "" in memory."""
         return str(self.writer.path.parent) if isinstance(self.writer, ResultWriter) else ""
 
-    def finish(self, status: Status, summary: Mapping[str, Any]) -> None:
+    def finish(self, status: Status, summary: Mapping[str, Any]) -> RunResult:
+        """The result with its summary."""
         self.writer.finish(status, summary)
+        result = self.writer.result()
+        return result if self.folder is None else result.held_in(self.folder)
 
     def summary(
         self, status: Status, tally: Tally, state: State, memory: StepMemory
@@ -284,9 +290,8 @@ class Recorder:
                           "seconds": tally.full_seconds} if self.fall_back else {},
             "enriched": {"times": times, "steps": tally.full_steps, "seconds": tally.full_seconds}
             if (times := list(self.run.header.enriched)) else {},
-            "stability": dict(self.run.stability),
-            "trained_to": self.run.trained_to if any(
-                s.trained for s in self.run.spaces) else None,
+            **self.run.summary,
+            "trained_to": self.run.trained_to,
             "linear_solvers": solvers_summary(
                 [*self.run.factored(), *self.products.factorizations],
                 _iterations(solver, memory), done),

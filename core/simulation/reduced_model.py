@@ -37,7 +37,6 @@ from sparsemor.core.results.metadata import RunHeader
 from sparsemor.core.results.model_file.packed import Packed, PackedError, Table, table_of
 from sparsemor.core.results.output_lock import owned
 from sparsemor.core.results.run_result import RunResult
-from sparsemor.core.results.store import ResultWriter
 from sparsemor.core.results.variables import time_arrays
 from sparsemor.core.scene.html import html_table
 from sparsemor.core.scene.nested import changes, functions_of_time, nested
@@ -47,10 +46,10 @@ from sparsemor.core.scene.scene import Scene, build
 from sparsemor.core.scene.source import Source
 from sparsemor.core.scene.yaml_reader import LocatedError
 from sparsemor.core.simulation.admission import kept
-from sparsemor.core.simulation.advice import explicit
+from sparsemor.core.simulation.blow_up import Extents
 from sparsemor.core.simulation.cache import Cache
-from sparsemor.core.simulation.checks import Checks
-from sparsemor.core.simulation.diagnostics.blow_up import Extents
+from sparsemor.core.simulation.checks import KIND, Checks
+from sparsemor.core.simulation.choices import explicit
 from sparsemor.core.simulation.free_options import FREE, inside, load_functions
 from sparsemor.core.simulation.kept.stored_classes import CLASSES
 from sparsemor.core.simulation.offline import step_count
@@ -60,11 +59,11 @@ from sparsemor.core.simulation.other_start import (
     start_notes,
     started_from,
 )
-from sparsemor.core.simulation.prepare import prepared_run
+from sparsemor.core.simulation.prepare import prepared_again, prepared_run
 from sparsemor.core.simulation.prepared_run import PreparedRun
 from sparsemor.core.simulation.progress import progress_bar
 from sparsemor.core.simulation.recorder import Recorder
-from sparsemor.core.simulation.simulate import stepped
+from sparsemor.core.simulation.run_steps import RunSteps
 from sparsemor.core.simulation.step_statistics import Tally
 from sparsemor.core.simulation.time_stepping import started
 from sparsemor.core.simulation.validation import ESTIMATE, endless, time_faults
@@ -99,8 +98,8 @@ def reduce(
     kept = run, offline.without_snapshots()
 
     def again(changed: Scene, atoms: int | None = None) -> PreparedRun:
-        return prepared_run(
-            changed, cache, new_manager(()), bodies.of_bodies(), kept=kept, atoms=atoms)[0]
+        return prepared_again(
+            changed, cache, new_manager(()), bodies.of_bodies(), kept, atoms)
 
     return ReducedModel(run, offline.products.spent.whole(time.perf_counter() - begun), again)
 
@@ -261,7 +260,7 @@ class ReducedModel:
             changed = scene.using(values_at(parameters), label="parameters")
         with usable(self._file_name):
             run = self._changed(changed, initial or {})
-        manager, steps = new_manager(observers), step_count(run.scene)
+        manager = new_manager(observers)
         tally, begin = Tally(offline=time.perf_counter() - begun), None
         if run.solver is self._run.solver:
             with usable(self._file_name):
@@ -273,13 +272,14 @@ class ReducedModel:
             with usable(self._file_name):
                 writer = MemoryWriter(
                     run.header, self._fixed if own is None else fixed_in_memory(run.header))
-                recorder = Recorder(run, writer, None, steps, products)
-                return stepped(run, recorder, manager, tally, begin=begin)
+                recorder = Recorder(run, writer, None, products)
+                steps = RunSteps.begin(run, recorder, manager, tally, begin=begin)
+                return steps.finish(steps.take())
         with owned(Path(out)):
-            recorder = Recorder.open(run, Path(out), False, steps, products)
-            assert isinstance(recorder.writer, ResultWriter)
+            recorder = Recorder.open(run, Path(out), False, products)
             with kept(recorder.writer, new=True), usable(self._file_name):
-                return stepped(run, recorder, manager, tally, begin=begin)
+                steps = RunSteps.begin(run, recorder, manager, tally, begin=begin)
+                return steps.finish(steps.take())
 
     def at(self, parameters: Mapping[str, float], atoms: int | None = None) -> "ReducedModel":
         """The model with other values of its scene's parameters: the equations projected again on
@@ -463,7 +463,8 @@ def _without_estimate(run: PreparedRun) -> tuple[Note, ...]:
 
 def _table(scene: Scene) -> Table:
     """Classes and functions of which a model of this scene may be made."""
-    found = list(CLASSES)
+    found = [*CLASSES, *(c for check in scene.source.registry.every(KIND)
+                         for c in getattr(check, "stored_classes", ()))]
     for _, plugin in nested(dict(scene), BaseModel):
         if isinstance(plugin, StoresObjects):
             found += plugin.stored_classes

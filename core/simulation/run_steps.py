@@ -8,27 +8,34 @@ from dataclasses import replace
 
 import numpy as np
 
-from sparsemor.core.errors import Damaged, PluginError
+from sparsemor.core.errors import Damaged, InputError, PluginError
 from sparsemor.core.protocols import ManySteps, RedrawsRows, State, StepMemory
 from sparsemor.core.registry.boundary import naming_plugins
 from sparsemor.core.registry.hooks import Manager, RunStart
+from sparsemor.core.registry.returned_values import complete
 from sparsemor.core.results.run_result import RunResult
+from sparsemor.core.simulation.blow_up import Extents, Growth, Large, diverged, too_long
 from sparsemor.core.simulation.checks import Checks, Findings
-from sparsemor.core.simulation.diagnostics.blow_up import Extents, Growth, Large, diverged, too_long
-from sparsemor.core.simulation.diagnostics.trial_space import beyond_training
-from sparsemor.core.simulation.error_control.actions import Accepted, ErrorWatch, Exceeded
+from sparsemor.core.simulation.error_control.actions import (
+    Accepted,
+    ErrorWatch,
+    Exceeded,
+    at_full_order,
+)
 from sparsemor.core.simulation.error_control.continuation import (
     Continuation,
     fall_back,
     with_more_atoms,
 )
+from sparsemor.core.simulation.error_control.notes import error_limit
+from sparsemor.core.simulation.error_control.record import ErrorRecord
 from sparsemor.core.simulation.interrupt import Interrupt
 from sparsemor.core.simulation.offline import step_count
 from sparsemor.core.simulation.prepared_run import PreparedRun
 from sparsemor.core.simulation.recorder import Recorder, in_summary
 from sparsemor.core.simulation.step_control import ControlledSteps, ControlMemory, step_of
 from sparsemor.core.simulation.step_statistics import Tally
-from sparsemor.core.simulation.time_stepping import iterate
+from sparsemor.core.simulation.time_stepping import iterate, many_steps, started
 from sparsemor.core.simulation.training import SnapshotKeeper
 from sparsemor.core.status import SolveFailed, Status
 
@@ -53,7 +60,37 @@ class RunSteps:
         self.on_step = self.checks.on_start(
             run, state, tally.done == 0 and watch is None and not recorder.fall_back)
 
-    def go(self) -> RunResult:
+    @classmethod
+    @np.errstate(all="ignore")  # overflow ends in a status, not in a warning
+    def begin(
+        cls, run: PreparedRun, recorder: Recorder, manager: Manager, tally: Tally,
+        keeper: SnapshotKeeper | None = None, begin: tuple[State, StepMemory] | None = None,
+    ) -> "RunSteps":
+        """All steps of a prepared run, or those after its checkpoint. begin: the state and memory
+        with which they begin (`started`), if they are known."""
+        scene, solver = run.scene, run.solver
+        state, memory = begin or started(solver, scene.integrator, run.start)
+        complete(memory, StepMemory, scene.reducer, "start", "reducer")
+        many = many_steps(solver, scene.integrator, scene.time.step, run.steps)
+        if run.estimator is not None:
+            recorder.errors = ErrorRecord(run.estimator, run.start, state, run.changes)
+        watch = _watch(run, state, recorder.errors)
+        if recorder.errors is not None and recorder.fall_back:  # a run that is resumed after it
+            recorder.errors.exact, watch = True, None
+            run = at_full_order(run, Exceeded.of(recorder.fall_back))
+            recorder.take_up(run)
+            solver, many = run.solver, None
+            state, memory = started(solver, scene.integrator, run.start)
+        if recorder.checkpoint is not None:
+            state, memory, tally = recorder.restored(state, memory, tally)
+        sampled = solver.rows_at(memory) if isinstance(solver, RedrawsRows) else solver.rows
+        for block, rows in sampled.items():
+            manager.hook.on_resample(block=block, rows=rows)
+        return cls(run, recorder, manager, state, memory, tally, keeper, many, watch)
+
+    def take(self) -> SolveFailed | None:
+        """Takes and records the steps; returns None, or the error of a failed step or an
+        interruption."""
         recorder, hook = self.recorder, self.manager.hook
         try:
             with Interrupt() as interrupt:  # while the first checkpoint is written, too
@@ -80,9 +117,11 @@ class RunSteps:
             hook.on_failure(status=failure.status, t=failure.time, block=failure.block,
                             detail=failure.detail)
         self.tally.online = time.perf_counter() - self._begun  # with what was written last
-        return self._finish(failure)
+        return failure
 
-    def _finish(self, failure: SolveFailed | None) -> RunResult:
+    @np.errstate(all="ignore")
+    def finish(self, failure: SolveFailed | None) -> RunResult:
+        """The result, with its summary and what checks find in it. Raises the failure."""
         status = Status.DONE if failure is None else failure.status
         summary = self.recorder.summary(status, self.tally, self.state, self.memory)
         if isinstance(self.solver, ControlledSteps) and isinstance(self.memory, ControlMemory):
@@ -97,9 +136,8 @@ class RunSteps:
             if failure is not None:
                 status = failure.status
                 summary |= {"status": status.value, "message": str(failure)}
-        self.recorder.finish(status, summary)
+        result = self.recorder.finish(status, summary)
         self.manager.hook.on_finish(summary=summary)
-        result = self.recorder.writer.result()
         if failure is not None:
             failure.result = result
             raise failure
@@ -108,19 +146,15 @@ class RunSteps:
     def _found_after(self) -> Findings:
         """What checks find after the last step. Raises OSError if a part of the stored results has
         been lost since."""
-        run, result = self.run, self.recorder.writer.result()
+        result = self.recorder.writer.result()
         try:
-            found = self.checks.after_run(run, result)
-            beyond = beyond_training(
-                [s for s in run.spaces if s.name not in found.explained], result, run.trained_to,
-                run.solver.facts, run.own_loads)
+            return self.checks.after_run(self.run, result)
         except Damaged as error:
             raise OSError(errno.EIO, str(error)) from None
         except PluginError as error:
             if isinstance(error.__cause__, OSError):
                 raise error.__cause__ from None
             return Findings(failure=self._of_plugin(error))
-        return replace(found, notes=(*found.notes, *beyond))
 
     def _of_plugin(self, error: PluginError) -> SolveFailed:
         """Failure of a run by a fault of a plugin: hours of computed steps are not thrown away."""
@@ -266,3 +300,20 @@ class RunSteps:
             for block, support in self.solver.supports(memory).items():
                 self.manager.hook.on_support_change(t=t, block=block, support=support)
         return count
+
+
+def _watch(
+    run: PreparedRun, start: State, errors: ErrorRecord | None
+) -> ErrorWatch | None:
+    """Comparison of the estimated errors with their tolerance, where the run acts on it.
+
+    Raises InputError where a run should act and has no estimate.
+    """
+    limit = error_limit(run.scene.reducer)
+    if limit.action == "warn":
+        return None
+    if errors is None or run.model is None:
+        raise InputError(f"action: {limit.action} needs the estimate and the assembled model, "
+                         "which this reduced model does not have: take action: warn, or run its "
+                         "scene", "reducer.error_estimate")
+    return ErrorWatch(limit, run, start, errors.changes)

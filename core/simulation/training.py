@@ -12,7 +12,6 @@ from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.body_cache import BodyCache
 from sparsemor.core.model.factorizations import factorizations_in
 from sparsemor.core.model.model import Model
-from sparsemor.core.notes import Note
 from sparsemor.core.protocols import Recording, State
 from sparsemor.core.protocols.layout import Layout
 from sparsemor.core.registry.hooks import Manager
@@ -77,11 +76,10 @@ class SnapshotKeeper:
 def offline_of(
     scene: Scene, model: Model, products: Products, manager: Manager,
     body_cache: BodyCache | None = None,
-    greedy: Callable[[], tuple[Sequence[Point], Sequence[Note]]] | None = None,
 ) -> Offline:
     """Offline data of a scene. The cache key of a training run contains its physics, its identity
     (code, plugins, files) and every mesh. body_cache: bodies of the model, for the training runs.
-    greedy: points of the training runs where errors choose them, and warnings."""
+    """
     mesh, box = mesh_content(model), scene.training.parameters
 
     def run(point: Point) -> TrainingRun:
@@ -92,10 +90,7 @@ def offline_of(
     def runs() -> Sequence[TrainingRun]:
         if box is None or not trains(scene, dict.fromkeys(model.reducible(), 0), model):
             return [run({})]
-        points: Sequence[Point] = box.chosen(scene.parameters)
-        if greedy is not None and box.points is None and box.choice == "greedy":
-            points, offline.notes = greedy()
-        return [run(point) for point in points]
+        return [run(point) for point in box.chosen(scene.parameters)]
 
     def at_once(missing: Sequence[str]) -> None:
         assert box is not None and products.cache is not None
@@ -107,9 +102,17 @@ def offline_of(
     training = scene.for_training()
     recording = Recording(training.integrator, training.time.step, training.training.every,
                           training.time.end)
-    offline = Offline(model, runs, products, manager, recording, origin(type(scene.reducer)),
-                      at_once if box is not None and box.workers > 1 else None)
-    return offline
+    return Offline(model, runs, products, manager, recording, origin(type(scene.reducer)),
+                   at_once if box is not None and box.workers > 1 else None)
+
+
+def snapshot_keeper(scene: Scene, model: Model, offline: Offline) -> SnapshotKeeper | None:
+    """Recorder of training snapshots, if this run begins with a training run whose snapshots are
+    not in the cache; else None."""
+    if not model.reducible() or not (count := training_steps(scene)) or offline.has_training():
+        return None
+    return SnapshotKeeper(scene, count, model.layout, model.reducible(),
+                          offline.products.scratch, step_count(scene))
 
 
 def training_steps(scene: Scene) -> int:

@@ -27,8 +27,8 @@ class Contacts(Check):
 
     order = place("contacts")
 
-    def before_steps(self, run: PreparedRun) -> tuple[Note, ...]:
-        return () if run.model is None else stage_warnings(run.model)
+    def before_steps(self, run: PreparedRun, again: PreparedRun | None) -> Findings:
+        return Findings(() if run.model is None else stage_warnings(run.model))
 
     def after_run(self, run: PreparedRun, result: RunResult) -> Findings:
         if run.model is None or run.model.stage is not None:

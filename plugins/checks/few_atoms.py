@@ -2,6 +2,7 @@
 
 from sparsemor.core import (
     Check,
+    Findings,
     Note,
     PreparedRun,
     Scene,
@@ -18,8 +19,8 @@ class FewAtoms(Check):
 
     order = place("few_atoms")
 
-    def before_steps(self, run: PreparedRun) -> tuple[Note, ...]:
-        return of_solver(run.scene, run.solver)
+    def before_steps(self, run: PreparedRun, again: PreparedRun | None) -> Findings:
+        return Findings(of_solver(run.scene, run.solver))
 
 
 def of_solver(scene: Scene, solver: StepSolver) -> tuple[Note, ...]:

@@ -16,8 +16,8 @@ from sparsemor.core.arrays import FloatArray
 from sparsemor.core.model.model import Model
 from sparsemor.core.protocols import RespondsByBlock
 from sparsemor.core.protocols.layout import Quantity
-from sparsemor.core.simulation.linearization.differences import StepMap
-from sparsemor.core.simulation.linearization.spectrum import ComplexArray, radius
+from sparsemor.plugins.stability.spectrum import ComplexArray, radius
+from sparsemor.plugins.stability.step_map import StepMap
 
 LOWEST = 3
 """Number of lowest eigenvalues of each block that are compared."""

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sparsemor.core.simulation.linearization.check import LIMIT
 from sparsemor.plugins.charts.style import PAGE, SMALL, new_figure, tidy
+from sparsemor.plugins.stability.check import LIMIT
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

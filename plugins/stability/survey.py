@@ -21,7 +21,12 @@ from sparsemor.core.scene.scene import Scene
 from sparsemor.core.scene.yaml_reader import LocatedError
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.checks import Checks
-from sparsemor.core.simulation.linearization.check import (
+from sparsemor.core.simulation.offline import Offline, step_count
+from sparsemor.core.simulation.prepare import prepared
+from sparsemor.core.simulation.time_stepping import started
+from sparsemor.core.simulation.validation import checked_model, time_faults
+from sparsemor.core.status import SolveFailed
+from sparsemor.plugins.stability.check import (
     LIMIT,
     Judgement,
     Reference,
@@ -29,25 +34,20 @@ from sparsemor.core.simulation.linearization.check import (
     judged,
     over_the_run,
 )
-from sparsemor.core.simulation.linearization.differences import step_map
-from sparsemor.core.simulation.linearization.reference import (
-    along,
-    linearization_times,
-    projected,
-    states_along,
-    times_checked,
-)
-from sparsemor.core.simulation.offline import Offline, step_count
-from sparsemor.core.simulation.prepare import prepared
-from sparsemor.core.simulation.time_stepping import started
-from sparsemor.core.simulation.validation import checked_model, time_faults
-from sparsemor.core.status import SolveFailed
 from sparsemor.plugins.stability.eigenvalue_errors import (
     EigenvalueErrors,
     departure,
     exact_values,
     own_radii,
 )
+from sparsemor.plugins.stability.reference import (
+    along,
+    linearization_times,
+    projected,
+    states_along,
+    times_checked,
+)
+from sparsemor.plugins.stability.step_map import step_map
 from sparsemor.plugins.stability.variants import Plan, Variant, variants
 
 UNKNOWN = EigenvalueErrors(None, {}, None)

@@ -21,10 +21,9 @@ from modules import report
 
 from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.protocols import State, StepSolver
-from sparsemor.core.simulation.linearization import LIMIT, Judgement, Reference, judge_along
-from sparsemor.core.simulation.linearization.check import failed
-from sparsemor.core.simulation.linearization.reference import linearization_times, states_along
 from sparsemor.core.status import SolveFailed
+from sparsemor.plugins.stability.check import LIMIT, Judgement, Reference, failed, judge_along
+from sparsemor.plugins.stability.reference import linearization_times, states_along
 
 ERRS, TIMES = 1e-5, 10.0
 """Relative error of a field (rad for an angle) from which a run is said to err, if it is also so

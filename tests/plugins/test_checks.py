@@ -31,7 +31,7 @@ def offered(distribute: Any, body: str) -> None:
 def test_notes_and_numbers_of_a_check_are_in_the_summary(distribute: Any) -> None:
     offered(distribute, """
     def on_model(self, scene, model): return [Note("before the solver", "early")]
-    def before_steps(self, run): return [Note(f"{run.steps} steps", "count")]
+    def before_steps(self, run): return Findings([Note(f"{run.steps} steps", "count")])
     def after_run(self, run, result): return Findings([Note("done", "late")], {"odd": 7})
 """)
     summary = simulate(tiny()).summary

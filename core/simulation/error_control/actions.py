@@ -111,7 +111,7 @@ def at_full_order(run: PreparedRun, why: Exceeded) -> PreparedRun:
         model, scene.integrator, scene.time.step, offline, np.random.default_rng(scene.seed)))
     solver = controlled(full, model, offline, solver)
     return replace(
-        run, solver=solver, spaces=(), notes=(*run.notes, why.note()),
+        run, solver=solver, kept={}, trained_to=None, notes=(*run.notes, why.note()),
         probes=tuple(ProbeReader.of(p, solver.layout, {}) for p in model.probes),
         header=replace(run.header, layout=solver.layout, dictionaries={}, rows={}, fall_back={
             "time": why.t, "block": why.block, "reason": why.reason}))

@@ -13,12 +13,11 @@ from sparsemor.core.protocols.separable import LoadColumn, MovingBody, Separated
 from sparsemor.core.protocols.step_amplitude import StepAmplitude, StepFunction
 from sparsemor.core.results.metadata import Probe, RunHeader
 from sparsemor.core.results.probes import ForceReader, Linear, ProbeReader
-from sparsemor.core.simulation.diagnostics.blow_up import Extent, Extents
-from sparsemor.core.simulation.diagnostics.trial_space import TrialSpace
+from sparsemor.core.simulation.blow_up import Extent, Extents
 
 CLASSES: Sequence[object] = (
     Block, BodyShape, CompressedLocal, Dictionary, Extent, Extents, FieldKind, ForceReader,
     FrameHistory, Held, Layout, Level, Linear, LoadColumn, MovingBody, Note, Prescribed, Probe,
     ProbePlace, ProbeReader, Quantity, RunHeader, Separated, Stage, State, StepAmplitude,
-    StepFunction, StressConstants, Table, TrialSpace,
+    StepFunction, StressConstants, Table,
 )

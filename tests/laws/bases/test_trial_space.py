@@ -14,8 +14,8 @@ from sparsemor.core.results.error_norms import measure_errors
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.cache import Cache
-from sparsemor.core.simulation.diagnostics.trial_space import trial_spaces
 from sparsemor.core.simulation.offline import Offline
+from sparsemor.plugins.checks.trial_space import trial_spaces
 from sparsemor.reducers.projection.projected_error import ProjectedError, projected_error
 from tiers import quick
 from tiny_scene import full, snapshots

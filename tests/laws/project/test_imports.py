@@ -28,8 +28,8 @@ FILES = sorted(p for folder in FOLDERS for p in (ROOT / folder).rglob("*.py"))
 FORMS = "sparsemor.bodies.fem.forms"
 """Imports scikit-fem, and is itself imported inside functions only."""
 BUILD = ROOT / "core" / "_distribution"
-COMMANDS = [ROOT / "plugins" / name
-            for name in ("charts", "commands", "export", "liang2026", "stability", "study")]
+COMMANDS = [ROOT / "plugins" / name for name in (
+    "advice", "charts", "commands", "export", "liang2026", "stability", "study")]
 """Folders of commands, which import of core what its own commands do: runs, studies, charts."""
 
 

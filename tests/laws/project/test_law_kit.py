@@ -105,7 +105,8 @@ def made(kind: str, name: str) -> Any:
 
 
 def test_every_kind_has_laws() -> None:
-    others = {"mesh", "reducer", "scene", "study", "paper", "command", "charts", *SCENE_KINDS}
+    others = {"mesh", "reducer", "scene", "study", "paper", "command", "charts", "choice",
+              *SCENE_KINDS}
     assert set(Registry().kinds()) <= set(LAWS) | others
 
 

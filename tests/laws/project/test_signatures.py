@@ -15,9 +15,10 @@ OBJECT = re.compile(r"NDArray\[Any\]|\b(?:dict|Mapping)\[str, Any\]")
 """Arrays with entries of any type; JSON objects, in the folder of stored results and in the
 modules of `STATED`."""
 STATED = ("results.", "simulation.recorder.", "simulation.step_control.ControlledSteps.summary",
-          "simulation.linearization.check.", "linalg.threads.", "registry.hooks.Events.on_finish",
+          "linalg.threads.", "registry.hooks.Events.on_finish",
           "protocols.layout.FieldKind.of_plain", "simulation.reduced_model.",
-          "simulation.prepared_run.PreparedRun.stability", "simulation.checks.Findings.summary",
+          "simulation.prepared_run.PreparedRun.summary", "simulation.prepared_run.PreparedRun.kept",
+          "simulation.checks.Findings.summary", "simulation.checks.Findings.kept",
           "simulation.workers.")
 ALLOWED = {
     "registry.boundary.read_only": "an argument of any method of a plugin, of its own type again",

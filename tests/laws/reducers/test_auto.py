@@ -100,7 +100,7 @@ def test_the_stability_check_takes_the_states_of_the_trial_run(
     def refused(*of: object) -> None:
         raise AssertionError("a run of the Galerkin model")
 
-    monkeypatch.setattr("sparsemor.core.simulation.linearization.check.states_along", refused)
+    monkeypatch.setattr("sparsemor.plugins.stability.check.states_along", refused)
     scene = load("hot_plate", {"bodies.plate.mesh.divisions": [20, 8], "time.end": 12.0})
     assert advise(scene, tolerance=1e-2, cache=Cache(tmp_path)).choice.reducer["use"] == "ecsw"
 
@@ -142,7 +142,7 @@ def test_an_unstable_candidate_is_not_chosen(
 ) -> None:
     """Instability is predicted for ECSW alone; the next candidate is Galerkin projection."""
     notes = (Note(reason, "unstable"),) if reason else ()
-    monkeypatch.setattr("sparsemor.core.simulation.advice.check_run", lambda *of: (notes, {}))
+    monkeypatch.setattr("sparsemor.plugins.advice.advice.check_run", lambda *of: (notes, {}))
     scene = load("hot_plate", {"bodies.plate.mesh.divisions": [20, 8], "time.end": 12.0})
     choice = advise(scene, tolerance=1e-2, cache=Cache(tmp_path)).choice
     assert choice.reducer["use"] == ("galerkin" if reason else "ecsw")

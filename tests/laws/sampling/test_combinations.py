@@ -25,11 +25,11 @@ from sparsemor.core.protocols.load_tables import LoadTable, Table
 from sparsemor.core.protocols.step_solver import advanced
 from sparsemor.core.registry.hooks import new_manager
 from sparsemor.core.scene.scene import Scene, load
-from sparsemor.core.simulation.linearization.check import Reference, judge
 from sparsemor.core.simulation.offline import Offline, step_count
 from sparsemor.core.simulation.training import train
 from sparsemor.core.status import SolveFailed, Status
 from sparsemor.core.testing import installed
+from sparsemor.plugins.stability.check import Reference, judge
 
 TINY = Path(__file__).parents[2] / "scenes" / "tiny.yaml"
 STEPS = 3

@@ -8,7 +8,7 @@ import pytest
 
 from sparsemor import SolveFailed, load_model, reduce, simulate
 from sparsemor.core.model.assembly import assemble
-from sparsemor.core.simulation.diagnostics.blow_up import WITHIN, Extents, Growth
+from sparsemor.core.simulation.blow_up import WITHIN, Extents, Growth
 from sparsemor.core.testing.in_memory_run import scene_of
 
 BAR: dict[str, Any] = {

@@ -17,9 +17,9 @@ from sparsemor.core.scene.parameters import Parameter, corners, latin_hypercube
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation import training
 from sparsemor.core.simulation.cache import Cache
-from sparsemor.core.simulation.greedy import estimated_error, greedy_points
 from sparsemor.core.simulation.offline_cache import Products
 from sparsemor.core.status import SolveFailed
+from sparsemor.plugins.advice.greedy import estimated_error, greedy_points
 from sparsemor.plugins.study.plan import Plan
 
 FLUX, ANGLE = "loads.heating.flux", "bodies.bar.pose.angle"
@@ -205,7 +205,7 @@ def test_greedy_adds_runs_until_the_estimate_is_small(tmp_path: Path) -> None:
         estimated_error(scene, absent, absent, absent)
 
 
-def unused(points: object) -> NoReturn:
+def unused(*of: object) -> NoReturn:
     raise AssertionError("the choice is in the cache")
 
 

@@ -17,17 +17,6 @@ from sparsemor.core.registry.hooks import new_manager
 from sparsemor.core.results.saved_state import Saved
 from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.simulation.cache import Cache
-from sparsemor.core.simulation.linearization import (
-    Judgement,
-    Reference,
-    eigenvalues,
-    excess,
-    judge,
-    step_map,
-)
-from sparsemor.core.simulation.linearization.check import over_the_run
-from sparsemor.core.simulation.linearization.differences import packed, unpacked
-from sparsemor.core.simulation.linearization.reference import linearization_times, states_along
 from sparsemor.core.simulation.offline_cache import Products
 from sparsemor.core.simulation.prepare import prepared_run
 from sparsemor.core.simulation.simulate import simulate
@@ -35,6 +24,10 @@ from sparsemor.core.simulation.time_stepping import started
 from sparsemor.core.simulation.training import offline_of
 from sparsemor.core.simulation.validation import checked_model
 from sparsemor.core.testing.installed import installed
+from sparsemor.plugins.stability.check import Judgement, Reference, judge, over_the_run
+from sparsemor.plugins.stability.reference import linearization_times, states_along
+from sparsemor.plugins.stability.spectrum import eigenvalues, excess
+from sparsemor.plugins.stability.step_map import packed, step_map, unpacked
 from tiers import quick
 
 pytestmark = pytest.mark.usefixtures("one_cache")

@@ -18,11 +18,11 @@ from sparsemor.core.model.model import Model
 from sparsemor.core.protocols import StepSolver
 from sparsemor.core.results.saved_state import Saved
 from sparsemor.core.scene.scene import Scene, load
-from sparsemor.core.simulation.linearization.differences import step_map
 from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.simulation.time_stepping import FixedStep, accepted_steps, started
 from sparsemor.core.testing.in_memory_run import March, march
 from sparsemor.core.testing.term import check_term
+from sparsemor.plugins.stability.step_map import step_map
 from sparsemor.reducers.step.coupled_reduced import ReducedGeneral
 from sparsemor.reducers.step.newton.stepper import NewtonStepper
 from springs import bars, coupled, with_other

@@ -11,19 +11,14 @@ from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.protocols import StepSolver
 from sparsemor.core.registry.hooks import new_manager
 from sparsemor.core.scene.scene import Scene
-from sparsemor.core.simulation.linearization import (
-    Reference,
-    StepMap,
-    eigenvalues,
-    judge,
-    radius,
-    step_map,
-)
 from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.simulation.time_stepping import started
 from sparsemor.core.simulation.training import train
 from sparsemor.core.testing.in_memory_run import scene_of
+from sparsemor.plugins.stability.check import Reference, judge
 from sparsemor.plugins.stability.eigenvalue_errors import exact_values, own_radii, own_values
+from sparsemor.plugins.stability.spectrum import eigenvalues, radius
+from sparsemor.plugins.stability.step_map import StepMap, step_map
 
 H, G = 1e-3, 9.81
 DOWN, UP = -np.pi / 2, np.pi / 2

@@ -24,21 +24,24 @@ from sparsemor.core.scene.defaults import PROJECTION
 from sparsemor.core.scene.digest import digest
 from sparsemor.core.scene.independent_of_physics import IRRELEVANT
 from sparsemor.core.scene.scene import Scene
-from sparsemor.core.simulation.linearization.differences import StepMap, step_map
-from sparsemor.core.simulation.linearization.reference import (
+from sparsemor.core.simulation.checks import Check, Findings
+from sparsemor.core.simulation.offline import Offline, step_count
+from sparsemor.core.simulation.prepared_run import PreparedRun
+from sparsemor.core.simulation.time_stepping import full_state, started
+from sparsemor.core.status import SolveFailed, Status
+from sparsemor.plugins.checks import place
+from sparsemor.plugins.stability.reference import (
     linearization_times,
     projected,
     states_along,
 )
-from sparsemor.core.simulation.linearization.spectrum import (
+from sparsemor.plugins.stability.spectrum import (
     ComplexArray,
     block_of,
     eigenvalues,
     excess,
 )
-from sparsemor.core.simulation.offline import Offline, step_count
-from sparsemor.core.simulation.time_stepping import full_state, started
-from sparsemor.core.status import SolveFailed, Status
+from sparsemor.plugins.stability.step_map import StepMap, step_map
 
 UNSTABLE = "unstable"
 """Identifier of the warning."""
@@ -191,6 +194,23 @@ def _judged(
     return Judgement(
         t, steps, float(abs(values[0])), None if theirs is None else float(abs(theirs[0])),
         beyond, "" if stable else block_of(step, value))
+
+
+class Stability(Check):
+    """Stability of a reduced model: growth of its linearised time-step map before the run."""
+
+    order = place("stability")
+
+    def before_steps(self, run: PreparedRun, again: PreparedRun | None) -> Findings:
+        """Raises InputError (key `check_stability`) if the model is unstable and the scene's option
+        is `refuse`."""
+        if again is not None:
+            return Findings([n for n in again.notes if n.kind == UNSTABLE],
+                            {"stability": again.summary.get("stability", {})})
+        if run.model is None or run.offline is None:
+            return Findings(summary={"stability": {}})
+        notes, facts = check_run(run.scene, run.model, run.solver, run.start, run.offline)
+        return Findings(notes, {"stability": facts})
 
 
 def check_run(

@@ -6,36 +6,37 @@ orthogonal projection on the atoms (basis vectors). No reduced run on these atom
 one.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
+from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import qr
 
-from sparsemor.core.arrays import Arrays, BoolArray, FloatArray
-from sparsemor.core.errors import Fault, InputError
-from sparsemor.core.linalg.least_squares import orthonormal
-from sparsemor.core.linalg.snapshots import column_chunks
-from sparsemor.core.model.expected_states import expected_states
-from sparsemor.core.model.model import Model
-from sparsemor.core.model.resolved_start import resolved_start
-from sparsemor.core.notes import Note
-from sparsemor.core.protocols import Dictionary, ReducedProblem, StepFactors, StepSolver
-from sparsemor.core.results.error_norms import (
+from sparsemor.core import (
     CONSTANT_CHANGE,
-    constant_change,
+    AssembledModel,
+    BoolArray,
+    Check,
+    Dictionary,
+    Fault,
+    Findings,
+    FloatArray,
+    InputError,
+    Note,
+    OfflineProducts,
+    PreparedRun,
+    RunResult,
+    SolveFailed,
+    StepFactors,
+    column_chunks,
     estimated_errors,
+    expected_states,
+    orthonormal,
 )
-from sparsemor.core.results.run_result import RunResult
-from sparsemor.core.scene.defaults import FULL_ORDER
-from sparsemor.core.scene.independent_of_physics import physics_of
-from sparsemor.core.scene.scene import Scene
-from sparsemor.core.simulation.offline import Offline, step_count
-from sparsemor.core.simulation.step_control import step_of
-from sparsemor.core.simulation.time_stepping import iterate, started
-from sparsemor.core.simulation.training import training_steps
-from sparsemor.core.status import SolveFailed
+from sparsemor.plugins.checks import place
 
 TRIAL_SPACE, BEYOND = "trial_space", "beyond_training"
 """Identifiers of the two kinds of warnings."""
@@ -123,10 +124,48 @@ class TrialSpace:
         return np.asarray(np.linalg.norm(out, axis=1) / self.change)
 
 
+class TrialSpaces(Check):
+    """Projection error of expected states before a run, and states outside the range of training
+    after it."""
+
+    order = place("trial_space")
+    stored_classes: ClassVar = (TrialSpace,)
+
+    def before_steps(self, run: PreparedRun, again: PreparedRun | None) -> Findings:
+        """Trial spaces of all reduced blocks, and warnings about projection errors above the limit;
+        nothing where the scene skips the check. Raises InputError (key `check_trial_space`), with
+        all such errors, if the scene's option is `refuse`."""
+        scene, bases = run.scene, run.solver.dictionaries
+        if again is not None and _equal(again.header.dictionaries, bases):
+            return Findings([n for n in again.notes if n.kind == TRIAL_SPACE],
+                            kept={TRIAL_SPACE: again.kept.get(TRIAL_SPACE, ())},
+                            changes=again.changes)
+        if scene.check_trial_space == "off" or run.model is None or run.offline is None:
+            return Findings()
+        new = run.offline.trained and not run.in_training
+        spaces = trial_spaces(
+            run.model, run.offline, bases, scene.time.step, scene.time.end, run.physics,
+            partial(run.first_states, FIRST) if new else None, run.constant_change)
+        notes = [note for space in spaces if (note := space.note()) is not None]
+        if notes and scene.check_trial_space == "refuse":
+            raise InputError([Fault("check_trial_space", note.text) for note in notes])
+        return Findings(notes, kept={TRIAL_SPACE: spaces},
+                        changes={s.name: s.change for s in spaces})
+
+    def after_run(self, run: PreparedRun, result: RunResult) -> Findings:
+        return Findings(general=beyond_training(
+            run.kept.get(TRIAL_SPACE, ()), result, run.trained_to or 0.0, run.solver.facts,
+            run.own_loads))
+
+
+def _equal(one: Mapping[str, Dictionary], other: Mapping[str, Dictionary]) -> bool:
+    return all(np.array_equal(d.atoms, other[n].atoms) for n, d in one.items())
+
+
 def trial_spaces(
-    model: Model, offline: Offline, dictionaries: Mapping[str, Dictionary], h: float, end: float,
-    physics: str = "", first_steps: Callable[[], FloatArray] | None = None,
-    least: float = CONSTANT_CHANGE,
+    model: AssembledModel, offline: OfflineProducts, dictionaries: Mapping[str, Dictionary],
+    h: float, end: float, physics: str = "",
+    first_steps: Callable[[], FloatArray] | None = None, least: float = CONSTANT_CHANGE,
 ) -> tuple[TrialSpace, ...]:
     """Trial spaces of all reduced blocks of a run with steps of h up to `end`, s.
 
@@ -151,9 +190,9 @@ def trial_spaces(
 
 
 def _tested(
-    model: Model, offline: Offline, name: str, d: Dictionary, h: float, end: float,
+    model: AssembledModel, offline: OfflineProducts, name: str, d: Dictionary, h: float, end: float,
     first_steps: Callable[[], FloatArray] | None, least: float,
-) -> Arrays:
+) -> dict[str, NDArray[Any]]:
     Q, R = _orthogonal(d.atoms)
     none, response, response_error = np.zeros(0), "", 0.0
     error = change = 0.0
@@ -211,7 +250,7 @@ def _orthogonal(atoms: FloatArray) -> tuple[FloatArray, FloatArray]:
     return Q, np.asarray(Q.T @ atoms)
 
 
-def _of_the_run(offline: Offline, count: int) -> BoolArray:
+def _of_the_run(offline: OfflineProducts, count: int) -> BoolArray:
     """Columns (count,) of the snapshots that are states of training runs: x + h^2 a of each start,
     the last one for integrators of an order above 1, can be metres away in a stiff body."""
     counted = np.ones(count, dtype=np.bool_)
@@ -262,53 +301,15 @@ def _worst(Q: FloatArray, responses: FloatArray, names: Sequence[str]) -> tuple[
     return names[worst], float(left[worst])
 
 
-def check_trial_spaces(
-    scene: Scene, model: Model, offline: Offline, dictionaries: Mapping[str, Dictionary]
-) -> tuple[tuple[TrialSpace, ...], tuple[Note, ...]]:
-    """Trial spaces of all reduced blocks of a run, and warnings about projection errors above the
-    limit; nothing where the scene skips the check.
-
-    Raises InputError (key `check_trial_space`), with all such errors, if the scene's option is
-    `refuse`.
-    """
-    if scene.check_trial_space == "off":
-        return (), ()
-    full = scene.using({"reducer": {"use": FULL_ORDER}}, label="full order")
-    new = offline.trained and training_steps(full) < step_count(full)
-    spaces = trial_spaces(
-        model, offline, dictionaries, scene.time.step, scene.time.end,
-        physics_of(scene, "run").digest(),
-        partial(_first_steps, full, model, offline) if new else None,
-        constant_change(scene.dump()))
-    notes = tuple(note for space in spaces if (note := space.note()) is not None)
-    if notes and scene.check_trial_space == "refuse":
-        raise InputError([Fault("check_trial_space", note.text) for note in notes])
-    return spaces, notes
-
-
-def _first_steps(scene: Scene, model: Model, offline: Offline) -> FloatArray:
-    """States (M, n) of the first steps of a scene at full order, without the initial state; those
-    before a step that fails."""
-    h = scene.time.step
-    solver: StepSolver = scene.reducer.prepare(ReducedProblem(
-        model, scene.integrator, h, offline, np.random.default_rng(scene.seed)))
-    state, memory = started(
-        solver, scene.integrator, resolved_start(model, scene.integrator, h).state)
-    step = step_of(solver, scene.integrator, h)
-    taken = iterate(step, state, memory, min(FIRST, step_count(scene)))
-    states = [one.state.x for one in taken if one.outcome.status.ok]
-    return np.stack(states) if states else np.zeros((0, len(state.x)))
-
-
 def beyond_training(
-    spaces: Iterable[TrialSpace], result: RunResult, trained_to: float,
+    spaces: Sequence[TrialSpace], result: RunResult, trained_to: float,
     facts: Mapping[str, Mapping[str, object]] = NOTHING, own_loads: bool = True,
-) -> tuple[Note, ...]:
+) -> dict[str, Note]:
     """Warnings about reduced blocks whose stored states left the range that they had in training;
     trained_to: end time of the training run, s; facts: of the step solver by block, whose `norm` of
     the residual says if solutions are as good as the atoms (`D^-1`); own_loads: False for loads
     other than those that the spaces were tested with. Coefficients are read in portions."""
-    notes, times = [], result.times
+    notes, times = dict[str, Note](), result.times
     end = float(times[-1]) if len(times) else 0.0
     estimates = estimated_errors(result)
     longer = end > trained_to * (1.0 + 1e-9)
@@ -331,9 +332,9 @@ def beyond_training(
         estimate = "" if space.name not in estimates else (
             f", with an estimated error of {estimates[space.name].max():.2g}")
         if len(left):
-            notes.append(Note(
+            notes[space.name] = Note(
                 f"{space.name} left the range of its training in {len(left) / len(times):.0%} of "
                 f"the stored steps, first at {times[left[0]]:.4g} s, by up to "
                 f"{excess.max():.2g} of its largest change in training (limit "
-                f"{BEYOND_LIMIT:g}){estimate}; {advice}", BEYOND))
-    return tuple(notes)
+                f"{BEYOND_LIMIT:g}){estimate}; {advice}", BEYOND)
+    return notes

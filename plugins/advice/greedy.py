@@ -2,23 +2,28 @@
 estimates the largest error, a full-order run is added to its training."""
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from math import inf, isfinite
 from typing import Any
 
 import numpy as np
 
 from sparsemor.core.errors import InputError
+from sparsemor.core.model.body_cache import BodyCache
 from sparsemor.core.notes import Note
 from sparsemor.core.protocols import ErrorEstimator, State, StepSolver
+from sparsemor.core.registry.hooks import Manager
 from sparsemor.core.results.error_norms import CONSTANT_CHANGE
 from sparsemor.core.scene.digest import digest
 from sparsemor.core.scene.independent_of_physics import physics_of
 from sparsemor.core.scene.parameters import Point, values_at
 from sparsemor.core.scene.run_identity import Identity
 from sparsemor.core.scene.scene import Scene
+from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.error_control.record import ErrorRecord
 from sparsemor.core.simulation.offline import step_count
 from sparsemor.core.simulation.offline_cache import Products
+from sparsemor.core.simulation.prepare import prepared_again, prepared_run
 from sparsemor.core.simulation.step_control import step_of
 from sparsemor.core.simulation.time_stepping import iterate, started
 from sparsemor.core.status import SolveFailed
@@ -28,15 +33,45 @@ EVERY = 10
 CHOICE = "training.parameters.choice"
 
 
+def with_points(
+    scene: Scene, cache: Cache, manager: Manager, body_cache: BodyCache
+) -> Scene:
+    """The scene with the points of its training runs. Raises InputError for a reducer without
+    estimated errors, SolveFailed if a training run fails."""
+    points, notes = greedy_points(
+        scene, Products(cache), partial(_trial_errors, scene, cache, manager, body_cache))
+    made = scene.using(
+        {"training.parameters": {"points": [dict(p) for p in points]}}, label="greedy")
+    return made.with_notes((*(n for n in scene.notes if n not in made.notes), *notes))
+
+
+def _trial_errors(
+    scene: Scene, cache: Cache, manager: Manager, body_cache: BodyCache,
+    points: Sequence[Point], candidates: Sequence[Point],
+) -> list[float]:
+    """Estimated errors at candidates of the reduced model that is trained at `points`."""
+    trained, errors = trial_scene(scene, points), list[float]()
+    kept = prepared_run(trained, cache, manager, body_cache)
+    for point in candidates:
+        there = trained.using(values_at(point))
+        try:
+            run = prepared_again(there, cache, manager, body_cache.of_bodies(), kept)
+            errors.append(estimated_error(run.scene, run.solver, run.start, run.estimator))
+        except SolveFailed:
+            errors.append(inf)
+    return errors
+
+
 def greedy_points(
-    scene: Scene, products: Products, trial: Callable[[Sequence[Point]], Callable[[Point], float]]
+    scene: Scene, products: Products,
+    trial: Callable[[Sequence[Point], Sequence[Point]], list[float]],
 ) -> tuple[list[Point], tuple[Note, ...]]:
     """Points of the training runs of a scene with `training.parameters.choice: greedy`, cached, and
     a warning if so many do not attain the tolerance.
 
-    trial(points): the estimated error, at any point, of the reduced model that is trained at
-    `points`. The candidate with the largest one is added, until it is at most the tolerance. Raises
-    InputError where no block has an estimate.
+    trial(points, candidates): the estimated errors at candidates of the reduced model that is
+    trained at `points`. The candidate with the largest one is added, until it is at most the
+    tolerance. Raises InputError where no block has an estimate.
     """
     box = scene.training.parameters
     assert box is not None
@@ -46,8 +81,7 @@ def greedy_points(
         chosen, candidates = box.chosen(scene.parameters), box.others(scene.parameters)
         errors = [inf]
         while len(chosen) < count:
-            error = trial(chosen)
-            errors = [_or_infinite(error, c) for c in candidates]
+            errors = trial(chosen, candidates)
             worst = int(np.argmax(errors))
             if errors[worst] <= box.tolerance or candidates[worst] in chosen:
                 break
@@ -108,10 +142,3 @@ def estimated_error(
         scale = change if change > CONSTANT_CHANGE * size else size
         worst = max(worst, float(errors.max()) / (scale or 1.0))
     return worst if isfinite(worst) else inf
-
-
-def _or_infinite(error: Callable[[Point], float], point: Point) -> float:
-    try:
-        return error(point)
-    except SolveFailed:
-        return inf

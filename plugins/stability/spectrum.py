@@ -8,7 +8,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from sparsemor.core.arrays import FloatArray, IntArray
-from sparsemor.core.simulation.linearization.differences import StepMap
+from sparsemor.plugins.stability.step_map import StepMap
 
 ComplexArray = NDArray[np.complex128]
 

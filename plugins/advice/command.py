@@ -39,7 +39,7 @@ def advise(
     with located_in(loaded), progress(quiet or as_json) as observers:
         if out is not None:
             check_new_file(out, force)
-        from sparsemor.core.simulation.advice import advise as advised
+        from sparsemor.plugins.advice.advice import advise as advised
 
         advice = advised(loaded, tolerance=tolerance, observers=observers)
         if out is not None:

@@ -39,13 +39,13 @@ from sparsemor.core.scene.html import html_text
 from sparsemor.core.scene.nested import nested
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.cache import Cache
-from sparsemor.core.simulation.linearization import check_run
 from sparsemor.core.simulation.offline import Offline, step_count
 from sparsemor.core.simulation.offline_cache import Products
 from sparsemor.core.simulation.prepare import prepared
 from sparsemor.core.simulation.progress import progress_bar
 from sparsemor.core.simulation.rigid_stage import acts_on_motion
 from sparsemor.core.status import SolveFailed
+from sparsemor.plugins.stability.check import check_run
 
 CHOSEN, UNMET = "chosen", "tolerance_unmet"
 """Kinds of the notes on a chosen reducer."""
@@ -150,14 +150,9 @@ def advise(
         return _advice(scene, cache or Cache(), manager, body_cache or BodyCache())
 
 
-def explicit(
-    scene: Scene, cache: Cache, manager: Manager, body_cache: BodyCache | None = None
-) -> Scene:
-    """The scene with the fields and the reducer that its reducer chooses; the scene itself if its
-    reducer does not choose. Raises as `advise`."""
-    if not isinstance(scene.reducer, ChoosesReducer):
-        return scene
-    advice = _advice(scene, cache, manager, body_cache or BodyCache())
+def with_reducer(scene: Scene, cache: Cache, manager: Manager, body_cache: BodyCache) -> Scene:
+    """The scene with the fields and the reducer that its reducer chooses. Raises as `advise`."""
+    advice = _advice(scene, cache, manager, body_cache)
     return advice.scene.with_notes(advice.notes)
 
 
@@ -170,7 +165,7 @@ def _advice(scene: Scene, cache: Cache, manager: Manager, body_cache: BodyCache)
     model, offline = prepared(training, cache, manager, body_cache)
     if not model.reducible():
         return _rigid(scene, (), time.perf_counter() - begun)
-    offline.snapshots(model.reducible()[0])  # the training run is made here
+    offline.train()
     full, ready = offline.products.spent.total, time.perf_counter()
     options = scene.dump()["reducer"]
 

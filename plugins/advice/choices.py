@@ -1,0 +1,27 @@
+"""Choices by trial runs that scenes may leave open: the reducer, by `auto`, and points of training
+runs, by `training.parameters.choice: greedy`."""
+
+from sparsemor.core.model.body_cache import BodyCache
+from sparsemor.core.protocols import ChoosesReducer
+from sparsemor.core.registry.hooks import Manager
+from sparsemor.core.scene.scene import Scene
+from sparsemor.core.simulation.cache import Cache
+
+
+def reducer(scene: Scene, cache: Cache, manager: Manager, body_cache: BodyCache) -> Scene:
+    """Fields and reducer, by trial runs, where the reducer is `auto`."""
+    if not isinstance(scene.reducer, ChoosesReducer):
+        return scene
+    from sparsemor.plugins.advice.advice import with_reducer
+
+    return with_reducer(scene, cache, manager, body_cache)
+
+
+def training_points(scene: Scene, cache: Cache, manager: Manager, body_cache: BodyCache) -> Scene:
+    """Points of the training runs, by estimated errors, where their choice is `greedy`."""
+    box = scene.training.parameters
+    if box is None or box.points is not None or box.choice != "greedy":
+        return scene
+    from sparsemor.plugins.advice.greedy import with_points
+
+    return with_points(scene, cache, manager, body_cache)
