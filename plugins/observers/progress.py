@@ -9,7 +9,7 @@ from sparsemor.core import Plugin, RunStart, hookimpl
 
 if TYPE_CHECKING:
     from rich.console import Console
-    from rich.progress import Progress, TaskID
+    from rich.progress import Progress, ProgressColumn, TaskID
 
 
 class ProgressBar(Plugin):
@@ -36,7 +36,7 @@ class RunningBar:
     @hookimpl
     def on_start(self, run: RunStart) -> None:
         self.close()
-        self._bar = _bar(self._refresh, self._console)
+        self._bar = self._new_bar(_run_columns())
         label = f"{run.title} {run.reducer}".strip()
         label += "" if run.phase == "run" else f" ({run.phase})"
         self._steps = 0
@@ -46,7 +46,7 @@ class RunningBar:
     @hookimpl
     def on_offline(self, product: str) -> None:
         self.close()
-        self._bar = _waiting(self._refresh, self._console)
+        self._bar = self._new_bar(_offline_columns())
         self._bar.add_task(f"offline: {product.replace('_', ' ')}", total=None)
         self._bar.start()
 
@@ -66,28 +66,36 @@ class RunningBar:
             self._bar.stop()
         self._bar = self._task = None
 
+    def _new_bar(self, columns: "list[ProgressColumn]") -> "Progress":
+        return terminal_bar(*columns, refresh=self._refresh, console=self._console)
 
-def _waiting(refresh: float, console: "Console | None") -> "Progress":
+
+def terminal_bar(
+    *columns: "ProgressColumn", refresh: float = 4.0, console: "Console | None" = None
+) -> "Progress":
+    """Progress display in the last line of standard error, or of a console, which vanishes at its
+    end."""
     from rich.console import Console
-    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import Progress
 
-    return Progress(
-        SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn(),
-        console=console or Console(stderr=True), refresh_per_second=refresh, transient=True)
+    return Progress(*columns, console=console or Console(stderr=True),
+                    refresh_per_second=refresh, transient=True)
 
 
-def _bar(refresh: float, console: "Console | None") -> "Progress":
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, ProgressColumn, TextColumn, TimeRemainingColumn
+def _offline_columns() -> "list[ProgressColumn]":
+    from rich.progress import SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    return [SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn()]
+
+
+def _run_columns() -> "list[ProgressColumn]":
+    from rich.progress import BarColumn, ProgressColumn, TextColumn, TimeRemainingColumn
     from rich.text import Text
 
     class Rate(ProgressColumn):
         def render(self, task: Any) -> Text:
             return Text(f"{task.speed:.0f} steps/s" if task.speed else "")
 
-    return Progress(
-        TextColumn("{task.description}"), BarColumn(),
-        TextColumn("t = {task.fields[t]:.4g} of {task.fields[end]:g} s"),
-        Rate(), TimeRemainingColumn(),
-        console=console or Console(stderr=True), refresh_per_second=refresh, transient=True,
-    )
+    return [TextColumn("{task.description}"), BarColumn(),
+            TextColumn("t = {task.fields[t]:.4g} of {task.fields[end]:g} s"),
+            Rate(), TimeRemainingColumn()]

@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
+from sparsemor.plugins.observers.progress import terminal_bar
 from sparsemor.plugins.study.columns import cell
 from sparsemor.plugins.study.plan import Plan
 from sparsemor.plugins.study.scheduler import Row, State
@@ -52,11 +53,9 @@ def _line(plan: Plan, state: State, row: Row | None) -> None:
 
 @contextmanager
 def _bar() -> Iterator[Watch]:
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn
+    from rich.progress import BarColumn, TextColumn
 
-    with Progress(BarColumn(), TextColumn("{task.description}"), console=Console(stderr=True),
-                  transient=True) as bar:
+    with terminal_bar(BarColumn(), TextColumn("{task.description}")) as bar:
         task: Any = bar.add_task("starting", total=None)
 
         def watch(state: State, row: Row | None) -> None:
