@@ -274,8 +274,9 @@ def _owner(module: str) -> str:
 
 def _providers() -> Mapping[str, str]:
     """Top-level module -> name and version of the distribution whose plugins it holds."""
-    return {_root(e.module): f"{e.dist.name} {e.dist.version}"
-            for e in _entry_points() if e.dist}
+    # the name of a distribution is parsed from its metadata at each access: once for each module
+    found = {_root(e.module): e.dist for e in _entry_points() if e.dist}
+    return {module: f"{dist.name} {dist.version}" for module, dist in found.items()}
 
 
 def _entry_points() -> tuple[metadata.EntryPoint, ...]:

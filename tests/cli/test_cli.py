@@ -195,6 +195,7 @@ def test_plugins_lists_broken_and_duplicate_ones_with_code_0(distribute):
     assert "BROKEN" in table.out
 
 
+@pytest.mark.full
 def test_plugins_with_a_name_shows_its_options():
     done = sparsemor("plugins", "grid")
     assert "toy_sampler grid (toys 1.0): A sampler." in done.out
@@ -208,6 +209,7 @@ def test_plugins_with_a_name_shows_its_options():
     assert "did you mean grid" in unknown.err
 
 
+@pytest.mark.full
 def test_plugins_shows_whole_sentences_and_types_in_words(monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
     (ecsw,) = json.loads(sparsemor("plugins", "ecsw", "--json").out)["plugins"]

@@ -182,6 +182,7 @@ def test_redundant_joints_have_no_unique_forces() -> None:
     assert not Path("out").exists()
 
 
+@pytest.mark.full
 def test_a_body_that_nothing_holds_falls_freely() -> None:
     done = run(SWING, joints={}, reducer="full", time__end=0.1)
     assert done.code == 0

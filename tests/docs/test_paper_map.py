@@ -2,6 +2,7 @@
 
 import ast
 import re
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -16,6 +17,11 @@ PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 
 def targets(page: Path) -> list[tuple[str, str]]:
     return TARGET.findall(page.read_text(encoding="utf-8"))
+
+
+@cache
+def names_in(path: Path) -> set[str]:
+    return names(tree_of(path).body)
 
 
 def names(body: list[ast.stmt], prefix: str = "") -> set[str]:
@@ -39,8 +45,7 @@ def test_targets_exist(page: Path) -> None:
         path = ROOT / file
         assert path.is_file(), f"{page.name}: there is no {file}"
         if name:
-            known = names(tree_of(path).body)
-            assert name in known, f"{page.name}: {file} has no {name}"
+            assert name in names_in(path), f"{page.name}: {file} has no {name}"
 
 
 def test_the_map_is_not_empty_and_a_wrong_target_is_seen() -> None:

@@ -44,6 +44,7 @@ def test_the_balance_of_heat_in_closed_form() -> None:
     assert pytest.approx(1341.8, abs=0.05) == END
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("integrator", ["bdf1", "bdf2", ALPHA], ids=["bdf1", "bdf2", "alpha"])
 def test_latent_heat_is_stored_with_steps_that_miss_its_peak(integrator: Any) -> None:
     """cases/physics/latent: 1821.8 K before, with steps of 5 s."""
@@ -61,6 +62,7 @@ def test_latent_heat_with_controlled_steps(integrator: Any, step: float) -> None
     assert mean_end(run) == pytest.approx(END, abs=1e-3)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("narrow", [1.0, 0.02])
 def test_newton_finds_the_state_beyond_a_peak(narrow: float) -> None:
     """Full steps alternate between the sides of the peak; the textbook method ended there at 280 s
@@ -133,6 +135,7 @@ def test_no_point_takes_heat_away(mesh: Any, degree: int) -> None:
     assert weights.sum() == pytest.approx(1.0)
 
 
+@pytest.mark.full
 def test_a_table_of_the_heat_content() -> None:
     """Latent heat as a steep piece of H: the same as a peak of c of that area."""
     T = np.array(PEAK["temperatures"])
@@ -192,6 +195,7 @@ def test_right_runs_balance(reducer: str, material: Any) -> None:
     assert "heat_balance" not in run.summary["note_kinds"]
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("material", MATERIALS, ids=["constant", "steel"])
 def test_heat_that_rows_of_a_reduced_model_invent_is_noted(material: Any) -> None:
     """Trained without the pulse: `sparse` solves its rows, and no heat is balanced."""
@@ -205,6 +209,7 @@ def test_heat_that_rows_of_a_reduced_model_invent_is_noted(material: Any) -> Non
     assert "heat_balance" in run.summary["note_kinds"]
 
 
+@pytest.mark.full
 def test_no_balance_is_told_where_none_is_known() -> None:
     run = bar({"f": FILM}, **{"time.control": {"tolerance": 1e-2}})
     assert run.summary["heat_balance"] == {}

@@ -66,6 +66,7 @@ def test_the_fall_of_a_hot_bar_keeps_its_acceleration(integrator: str) -> None:
     assert run.block("a.rigid")[-1, 1] == pytest.approx(-0.5 * 9.81 * 0.01, abs=1e-4)
 
 
+@pytest.mark.full
 def test_accelerations_of_a_step_tend_to_those_at_the_start() -> None:
     model = assemble(welded("bdf2", 1e-3, 1))
     at = model.layout.second

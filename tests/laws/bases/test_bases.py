@@ -68,6 +68,7 @@ def test_singular_values_of_a_slow_tail_are_those_of_a_dense_svd() -> None:
     np.testing.assert_allclose(s, np.linalg.svd(A, compute_uv=False), rtol=0, atol=1e-14)
 
 
+@pytest.mark.full
 def test_the_sketch_keeps_what_a_dense_svd_keeps() -> None:
     """n and M large enough for the sketch; noise as of one rounding of each entry."""
     rng, level = np.random.default_rng(3), round_off_level(800, 800)

@@ -52,6 +52,7 @@ def outside(x: FloatArray, d: Dictionary) -> float:
     return float((np.linalg.norm(rest, axis=0) / np.linalg.norm(x, axis=0)).max())
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(
     "basis",
     [

@@ -89,6 +89,7 @@ def test_static_answers_to_any_load_on_the_path_are_held() -> None:
     assert d.provenance[0].startswith("attachment sole, node ") and d.provenance[0][-1] in "xy"
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("speed", [1.0, 0.8])
 def test_attachment_follows_what_moves_without_training(speed: float) -> None:
     """Made from the path of the one run, used for the others, too: its thermoelastic part holds the

@@ -95,6 +95,7 @@ def test_superposed_responses_represent_the_run_with_few_atoms(disk) -> None:
             Impulse(superposed=True).build(replace(data, moving=still, heat=heat))
 
 
+@pytest.mark.full
 def test_longer_steps_between_delays_lose_little(disk) -> None:
     data, T = disk[1], disk[3] - disk[3][:, :1]
     exact, longer = (Impulse(tabled=20, count=30, substeps=s).build(data) for s in (None, 3))

@@ -77,6 +77,7 @@ def test_block_data_names_what_loads_a_block() -> None:
     assert np.array_equal(heat.start, np.full(heat.size, 293.15))
 
 
+@pytest.mark.full
 def test_frequencies_of_the_published_link() -> None:
     """Chord frame, 1280 triangles: 730, 1652 and 2450 Hz."""
     info = Modal(count=3).build(pendulum(1280).block_data("link1.elastic")).info

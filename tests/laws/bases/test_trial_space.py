@@ -102,6 +102,7 @@ def test_dependent_atoms_span_what_they_span() -> None:
     assert found[1].excess(c)[0] < 0.05 < 1e3 < found[1].excess(c)[1]
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("basis", quick(["modal", "static"], "static"))
 def test_without_training_the_estimate_of_the_run_decides(
     shared: Cache, tmp_path: Path, reference: RunResult, basis: str
@@ -189,6 +190,7 @@ def test_galerkin_errors_are_noted_beyond_those_of_the_atoms(
 # ------------------------------------------------------------------------ beyond training
 
 
+@pytest.mark.full
 def test_a_run_that_leaves_its_training_says_when_and_by_how_much(
     shared: Cache, tmp_path: Path
 ) -> None:
@@ -203,6 +205,7 @@ def test_a_run_that_leaves_its_training_says_when_and_by_how_much(
         share / 100, abs=0.02)
 
 
+@pytest.mark.full
 def test_a_run_in_the_range_of_its_training_says_nothing(shared: Cache, tmp_path: Path) -> None:
     result = run(shared, tmp_path, tiny().using({"time.end": 0.02, "training.end": 0.04}),
                  use="galerkin", basis={"use": "pod", "count": 6})
@@ -242,6 +245,7 @@ def test_a_side_load_that_was_absent_from_training_is_noted(tmp_path: Path) -> N
     assert "sampled_rows" in result.summary["note_kinds"]
 
 
+@pytest.mark.full
 def test_larger_loads_of_the_same_shape_are_no_reason_for_a_note(
     shared: Cache, tmp_path: Path
 ) -> None:

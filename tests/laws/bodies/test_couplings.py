@@ -82,6 +82,7 @@ def test_full_order_is_the_textbook_newton_by_one_factor_of_the_group(textbook: 
     assert max(errors(fast, textbook).values()) < 1e-9
 
 
+@pytest.mark.full
 def test_heat_flows_from_the_warm_bar_into_the_cold_one(textbook: March) -> None:
     scene = bars(divisions=(6, 2)).using({"reducer": "full", "time.end": 0.02})
     apart = march(scene)

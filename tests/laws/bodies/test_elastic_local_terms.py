@@ -185,6 +185,7 @@ def error(found: March, truth: March) -> float:
     return worst
 
 
+@pytest.mark.full
 def test_the_term_keeps_the_laws_and_its_block_holds_it(case) -> None:
     truth = case[3]
     (term,) = truth.model.by_part["bed"]

@@ -81,6 +81,7 @@ def test_atoms_are_chosen_without_the_forms_that_only_rigid_equations_need(
     assert not got.solver.steps.elastic["bar.elastic"].few[0].quadratic.size
 
 
+@pytest.mark.full
 def test_a_body_at_rest_is_one_product_and_one_that_turns_a_few() -> None:
     for use in ({"use": "full"}, {"use": "galerkin", "basis": {"use": "modal", "count": 5}}):
         scene = bar(5e8, **use)

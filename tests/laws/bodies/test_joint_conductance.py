@@ -59,6 +59,7 @@ def test_a_small_conductance_is_the_resistance_of_the_pair() -> None:
     assert 1.0 - left == pytest.approx(1.0 - (1.0 + 2.0 * G * 1.0 / C) ** -100, rel=0.01)
 
 
+@pytest.mark.full
 def test_heat_reaches_a_prescribed_temperature_whatever_the_order_of_the_joints() -> None:
     """A bar whose welded end is held at 300 K draws the other one to 300 K."""
     hold = {"use": "prescribed_temperature", "on": ["b:left", "b:right"], "temperature": 300.0}
@@ -72,6 +73,7 @@ def test_heat_reaches_a_prescribed_temperature_whatever_the_order_of_the_joints(
     np.testing.assert_allclose(first.block("a.thermal"), last.block("a.thermal"), rtol=1e-12)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("reducer", ["galerkin", "sparse"])
 def test_reduced_runs_have_the_heat_flow(reducer: str) -> None:
     scene = welded({"conductance": 50.0})
@@ -84,6 +86,7 @@ def test_reduced_runs_have_the_heat_flow(reducer: str) -> None:
         np.testing.assert_allclose(T, full.block(name)[-1], atol=0.1)
 
 
+@pytest.mark.full
 def test_a_joint_that_insulates_says_so() -> None:
     (note,) = assemble(welded({})).parts["w"].notes  # type: ignore[attr-defined]
     assert note.kind == "insulated_joint" and note.level is Level.INFORMATION

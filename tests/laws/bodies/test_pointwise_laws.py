@@ -134,6 +134,7 @@ def terms(model: Model) -> Sequence[WeakTerm]:
     return [t for t in model.terms if isinstance(t, WeakTerm)]
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(("d", "strains"), [
     (2, "linear"), (3, "linear"), (2, "nonlinear"),
     pytest.param(3, "nonlinear", marks=pytest.mark.full)])

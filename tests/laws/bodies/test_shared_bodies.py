@@ -82,6 +82,7 @@ def test_a_bare_body_is_the_one_that_is_built_without_fields() -> None:
         assert one.inertia is other.inertia or one.inertia.mass == other.inertia.mass
 
 
+@pytest.mark.full
 def test_other_options_or_another_folder_are_another_body() -> None:
     plugin = load(SCENES / "small_brake.yaml").bodies["disk"]
     body_cache = BodyCache()

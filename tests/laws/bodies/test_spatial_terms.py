@@ -108,7 +108,8 @@ def everything() -> dict[str, Any]:
         "time": {"end": 1.0, "step": 0.1}}
 
 
-LONG = ("bar", "held", "hinge", "hub", "weld", "gravity")
+LONG = ("bar", "held", "hinge", "hub", "weld", "gravity", "two", "three", "rail", "track", "drive",
+        "shaft", "link", "stand", "push")
 PARTS = [pytest.param(name, marks=[pytest.mark.full] * (name in LONG)) for name in (
     *everything()["bodies"], *everything()["joints"], *everything()["loads"])]
 

@@ -15,7 +15,8 @@ from sparsemor.core.protocols import Term
 from sparsemor.core.testing import check_term
 from term_scales import scales
 
-LONG = ("weight",)
+LONG = ("weight", "plate", "wall", "weld", "hinge", "bolt", "hang", "shake", "wind", "brush",
+        "press")
 PARTS = [pytest.param(name, marks=[pytest.mark.full] * (name in LONG)) for name in (
     *everything().bodies, *everything().joints, *everything().loads)]
 
@@ -54,6 +55,7 @@ def test_every_term_has_one_owner_in_the_fast_step(model: Model) -> None:
     assert model.separated.other == ()
 
 
+@pytest.mark.full
 def test_the_whole_jacobian_is_the_derivative_of_the_whole_residual(model: Model) -> None:
     """Central differences block by block, because the units differ by many orders."""
     rng, layout = np.random.default_rng(3), model.layout

@@ -128,6 +128,7 @@ def scene(distribute):
     return scene_of(SCENE)
 
 
+@pytest.mark.full
 def test_the_stage_moves_by_the_term_and_the_fields_take_what_is_imported(scene, tmp_path):
     run = simulate(scene, cache=Cache(tmp_path))
     stage = run.stage()

@@ -24,12 +24,11 @@ RUBBING = Coulomb(coefficient=0.2, critical_velocity=0.1)
 
 
 LAID = [pytest.param(world, case, *kind, id=f"{name}-{case}-{kind[0]}-{'-'.join(kind[1])}",
-                     marks=[] if case == "flat" or (kind is KINDS[-1] and world is PLANE)
+                     marks=[] if case in ("flat", "bent") and kind is KINDS[-1]
                      else pytest.mark.full)
         for (world, name), case, kind in product(
             ((PLANE, "plane"), (SPACE, "space")), CASES, KINDS)]
-"""How the block lies, on what; the default tier has all that is flat, and all with everything in
-the plane."""
+"""How the block lies, on what; the default tier has the flat and the bent one with everything."""
 
 
 @pytest.mark.parametrize(("world", "case", "surfaces", "fields", "heat"), LAID)
@@ -167,6 +166,7 @@ def test_the_laws_hold_within_the_ramp_of_the_damping_and_the_critical_velocity(
     check_term(term, np.random.default_rng(0), base=x, scale=2e-5, trials=8)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("plate", ["fixed", "spinning"])
 def test_frames_that_stand_or_turn_about_an_axis(plate: str) -> None:
     m = SPACE.model("flat", plate=plate)

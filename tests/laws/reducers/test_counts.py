@@ -142,6 +142,7 @@ def test_arrays_of_a_step_that_selects_do_not_grow_with_the_mesh() -> None:
     assert max(largest) < 300
 
 
+@pytest.mark.full
 def test_the_walk_sees_the_arrays_of_a_full_order_step() -> None:
     """The check of the check: the factors' right-hand sides are of the mesh's size."""
     scene, model, _ = trained(COARSE)

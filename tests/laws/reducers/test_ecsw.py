@@ -181,6 +181,7 @@ class Plain:
     rows = columns = np.zeros(0, dtype=np.int64)
 
 
+@pytest.mark.full
 def test_bodies_and_terms_that_offer_no_elements_are_refused_in_words() -> None:
     model = checked_model(everything())
     assert not Ecsw(constant="weighted").check(model)

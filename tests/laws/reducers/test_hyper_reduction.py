@@ -114,6 +114,7 @@ def test_with_enough_points_the_pendulum_moves_as_under_galerkin(method: str) ->
     assert max(errors(run, full).values()) < 2e-9
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("method,centred", [
     ("deim", False), ("deim", True), ("lspg", True), ("gnat", False), ("gnat, energy", True)])
 def test_every_body_joint_and_load_is_given_back(method: str, centred: bool) -> None:
@@ -185,6 +186,7 @@ def test_lspg_leaves_a_residual_at_right_angles_to_its_images() -> None:
         assert np.abs(slope).max() < 1e-3 * np.linalg.norm(own), name
 
 
+@pytest.mark.full
 def test_deim_projects_what_is_linear_and_interpolates_the_rest() -> None:
     """atoms^T (K x + D v + M a) + atoms^T U (P^T U)^+ P^T rest = 0, from the full-order terms."""
     options = {"use": "deim", "basis": FEW, "force_basis": {"use": "pod", "count": 4}}
@@ -207,6 +209,7 @@ def fields(block: Reducible) -> dict[str, Any]:
     return {name: getattr(block, name) for name in Reducible.__dataclass_fields__}
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("method", ["deim", "gnat"])
 def test_only_elements_at_the_points_are_visited(method: str) -> None:
     run = repeated("everything", {"use": method, "oversampling": 1.0})
@@ -279,6 +282,7 @@ def test_too_few_modes_fail_by_name_or_are_measured() -> None:
     assert 1e-5 < errors(run, trained("pendulum")[1])["elastic"] < 1e-2
 
 
+@pytest.mark.full
 def test_points_without_a_load_say_so() -> None:
     options = {"use": "deim", "points": {"*.thermal": 1}, "sampler": {"use": "deim"}}
     assert repeated("pendulum", options).solver.notes == ()
@@ -289,6 +293,7 @@ def test_points_without_a_load_say_so() -> None:
     assert "one that heating acts on" in note.text and "required: true" in note.text
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("reducer", ["galerkin", "lspg", "gnat", "deim"])
 def test_dependent_atoms_are_replaced_by_their_span(reducer: str) -> None:
     twice, once = (repeated("pendulum", {

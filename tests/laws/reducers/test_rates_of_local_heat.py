@@ -71,6 +71,7 @@ def test_the_capacity_matters() -> None:
     assert error(plain, textbook("bdf1")) > 1e-2
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("integrator", quick(INTEGRATORS, "bdf2"))
 def test_full_order_is_the_textbook(integrator: str) -> None:
     run = march(plate(reducer="full", integrator=integrator), model=model())

@@ -59,6 +59,7 @@ def test_mechanics_are_solved_when_only_heat_selects() -> None:
     assert angles < 1e-6 * np.abs(np.diff(full.x[[0, -1]][:, [2, 5]], axis=0)).max()
 
 
+@pytest.mark.full
 def test_local_heat_needs_the_solve_on_the_support() -> None:
     """The selection is linear: without polish radiation would be dropped in silence."""
     model = assemble(everything())

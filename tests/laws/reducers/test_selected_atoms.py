@@ -99,6 +99,7 @@ def test_states_are_spread_over_the_run() -> None:
     assert times_of_check(20) == frozenset(range(2, 21, 2)) and times_of_check(1) == {1}
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("g", [0.0, -9.81])
 def test_atoms_that_no_step_uses_are_said(g: float) -> None:
     """A bar without loads, trained under gravity."""
@@ -170,6 +171,7 @@ PLATE = {
 FEW = {"use": "sparse", "budgets": {"*.thermal": {"rows": 3, "atoms": 3}}}
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(("k", "load"), [
     (50.0, {"use": "radiation", "emissivity": 0.9, "surroundings": 300.0}),
     (50.0, {"use": "convection", "film": {"temperatures": [300.0, 1300.0], "values": [10.0, 200.0]},

@@ -100,6 +100,7 @@ def test_bad_options_are_told_by_key(options: dict[str, Any], key: str, words: s
     assert [f.key for f in faults] == [key] and words in faults[0].message
 
 
+@pytest.mark.full
 def test_new_rows_of_radiation_need_a_number_of_sets() -> None:
     model = assemble(everything())
     budgets = {"*.elastic": {"rows": 8}, "*.thermal": {"rows": 0}}

@@ -43,6 +43,7 @@ def test_a_scene_from_plain_data_is_that_of_a_file(tmp_path: Path) -> None:
         load({**BALL, "lodes": {}})
 
 
+@pytest.mark.full
 def test_a_temporary_result_is_removed_with_its_last_reader() -> None:
     """The result, its dataset and a copy are readers; a failed run's result is one, too."""
     result = simulate(load(BALL))

@@ -240,6 +240,7 @@ def test_pictures_of_a_run_in_space(
 # --------------------------------------------------------------------------- motion
 
 
+@pytest.mark.full
 def test_speed_is_that_of_the_parabola(run: RunResult) -> None:
     """Nothing brakes the wheel: 5 rad/s; and 5 t^2 has the speed 10 t at any spacing."""
     curves = turning(run)

@@ -154,6 +154,7 @@ def every_two() -> Iterator[tuple[str, str, str]]:
         yield basis, sampler, others[(i + j) % len(others)]
 
 
+@pytest.mark.full
 @pytest.mark.end_to_end
 def test_every_two_parts() -> None:
     chosen = list(every_two())

@@ -164,6 +164,7 @@ def test_default_keeps_plain_rows_where_a_row_would_read_every_element_and_says_
     assert not plain_rows(model, Sparse(residual="plain")), "asked for"
 
 
+@pytest.mark.full
 def test_rows_drawn_during_the_run_are_plain_by_default_and_told() -> None:
     run, plain = ran(sparse(resample=3)), ran(sparse(resample=3, residual="plain"))
     for name in full().model.reducible():
@@ -247,6 +248,7 @@ def test_bad_options_are_told_by_key(options: dict[str, Any], key: str, words: s
     assert [f.key for f in faults] == [key] and words in faults[0].message
 
 
+@pytest.mark.full
 def test_radiation_would_need_every_element() -> None:
     model = assemble(everything())
     budgets = {"*.elastic": {"rows": 8}, "*.thermal": {"rows": 0}}

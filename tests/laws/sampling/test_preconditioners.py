@@ -30,6 +30,7 @@ def test_untf_tightens_the_frame_and_lowers_the_coherence(m: int, k: int, seed: 
     assert condition_number(unit_columns(PB)) < 1.5 < condition_number(unit_columns(B))
 
 
+@pytest.mark.full
 def test_untf_as_published_may_leave_the_row_space() -> None:
     """Pulling cosines back can lift a direction that no sampled row has above a weak one that a
     row has: then P nearly loses that row. The paper's steps are kept as they are."""
@@ -52,6 +53,7 @@ def test_untf_by_products_is_a_tight_frame_of_the_same_coherence(
     assert coherence(PB) == pytest.approx(coherence(exact), abs=0.01)
 
 
+@pytest.mark.full
 def test_a_note_says_that_untf_makes_rows_worse_conditioned() -> None:
     B = np.random.default_rng(1).standard_normal((100, 120))
     exact, near = (row_facts(B, UnitNormTightFrame(products=n).build(B)) for n in (None, 1))

@@ -160,6 +160,7 @@ def test_a_free_body_at_rest_under_loads_is_no_warning():
     assert (note.kind, note.level) == ("unheld_body", Level.INFORMATION)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(("reducer", "what"), [
     ({"use": "galerkin", "basis": {"use": "pod", "count": 500}}, "bar.elastic: 500 atoms"),
     ({"use": "sparse", "basis": {"use": "pod", "count": 3},
@@ -170,6 +171,7 @@ def test_more_atoms_than_exist_are_said(here, reducer, what):
     assert any(text.startswith(what) for text in summary["information"]), summary["information"]
 
 
+@pytest.mark.full
 def test_a_run_that_ends_beyond_linear_elasticity_is_noted(here):
     # a bar of 0.5 m at 293 K above the temperature without stress grows by 0.15 m
     scene = load(TINY, {"bodies.bar.material.alpha": 1e-3, "bodies.bar.reference_temperature": 0.0,
@@ -181,6 +183,7 @@ def test_a_run_that_ends_beyond_linear_elasticity_is_noted(here):
     assert "large_displacement" in summary["note_kinds"]
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("reducer", quick(["full", "galerkin"], "full"))
 def test_a_run_that_melts_is_noted(here, reducer):
     scene = load(TINY, {"loads.heating.flux": 1e11, "time.end": 0.01, "reducer": reducer,
@@ -190,6 +193,7 @@ def test_a_run_that_melts_is_noted(here, reducer):
     assert "no solid is that hot" in note
 
 
+@pytest.mark.full
 def test_a_run_that_falls_below_absolute_zero_is_noted(here):
     scene = load(TINY, {"loads.heating.flux": -1e10, "time.end": 0.01,
                         "bodies.bar.initial_temperature": 293.15,
@@ -198,6 +202,7 @@ def test_a_run_that_falls_below_absolute_zero_is_noted(here):
     assert note.startswith("temperatures of bar are in K and fall to -")
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("reducer", [
     {"use": "galerkin", "basis": {"use": "pod", "count": 1}},
     {"use": "galerkin", "bases": {"*.elastic": {"use": "modal", "count": 1, "start": False}}},

@@ -83,6 +83,7 @@ def test_temperatures_beyond_any_material_diverge() -> None:
     assert simulate(heated(1e7)).status.ok
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("fields", [False, pytest.param(True, marks=pytest.mark.full)])
 @pytest.mark.parametrize("field", ["thermal", "elastic"])
 def test_a_model_from_a_file_diverges_as_in_memory(

@@ -96,6 +96,7 @@ def test_factors_count_where_a_solver_must_have_them() -> None:
     assert sizes["splu"] > 1.1 * sizes["auto"] and sizes["auto"] == sizes["cg"]
 
 
+@pytest.mark.full
 def test_counts_and_matrices_tell_the_same_start() -> None:
     scene = load(SCENES / "heated_disk.yaml", {"bodies.disk.mesh.refine": 0.5, "reducer": "full"})
     from sparsemor.core.registry.hooks import new_manager
@@ -119,6 +120,7 @@ def test_bodies_that_do_not_know_their_size_are_left_to_the_later_count() -> Non
     assert precheck_memory(rigid) is None
 
 
+@pytest.mark.full
 def test_a_wrong_end_of_the_training_is_told_once() -> None:
     scene = load("double_pendulum", {"training.end": 1.00005, "bodies.link1.mesh.elements": 1280})
     with pytest.raises(InputError) as error:

@@ -118,6 +118,7 @@ def test_no_frequency_grows(rho: float, wh: float) -> None:
     assert np.abs(np.linalg.eigvals(G)).max() < 1.0 + 1e-7
 
 
+@pytest.mark.full
 def test_the_undamped_rule_keeps_the_energy() -> None:
     integrator, w = GeneralizedAlpha(rho_inf=1.0), 3.0
     state = integrator.start(OSCILLATOR, one(1.0, 0.5, -w * w, np.zeros((1, 0))))

@@ -61,6 +61,7 @@ def assert_equal(one: RunResult, other: RunResult, leaving: tuple[str, ...] = ()
     assert all(name in a or str(name).endswith(leaving) for name in b)
 
 
+@pytest.mark.full
 def test_a_run_is_that_of_simulate() -> None:
     assert_equal(model().run(), simulate(scene()))
     assert_equal(model().run(), model().run())
@@ -111,6 +112,7 @@ def test_torques_and_springs_are_kept(tmp_path: Path) -> None:
     assert_equal(load_model(tmp_path / "m").run(), made.run(), OF_THE_MESH)
 
 
+@pytest.mark.full
 def test_another_start_gives_the_run_of_a_new_model() -> None:
     turned = {"bodies.bar.pose": {"angle": 0.2, "spin": 1.5}}
     fresh = simulate(scene().using(turned).using({
@@ -136,6 +138,7 @@ def test_another_start_fits_the_joints_or_is_refused() -> None:
     assert "by 0.3 m/s" in broken[0]
 
 
+@pytest.mark.full
 def test_what_may_change() -> None:
     assert model().free == ("title", "output", "time.end", "loads.gravity.factor", FLUX)
     assert f"<td>title, output, time.end, loads.gravity.factor, {FLUX}</td>" in (

@@ -258,6 +258,7 @@ def test_auto_leaves_factors_that_do_not_fit(monkeypatch: pytest.MonkeyPatch) ->
     assert tight.choose(A)[1].startswith("cg: factors of")  # positions unknown
 
 
+@pytest.mark.full
 def test_multigrid_neither_reads_nor_moves_the_global_generator() -> None:
     pytest.importorskip("pyamg")
     A, places = elastic(8)  # more unknowns than the coarsest level has

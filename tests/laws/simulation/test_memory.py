@@ -129,6 +129,7 @@ def test_points_of_local_terms_are_counted() -> None:
     assert held == item.size > 0
 
 
+@pytest.mark.full
 def test_results_say_what_was_held(tmp_path: Path) -> None:
     run = simulate(load(SCENE, {"bodies.disk.mesh.refine": 0.3, "reducer": "full"}),
                    cache=Cache(tmp_path))

@@ -35,6 +35,7 @@ def contact(**changes: Any) -> Scene:
         "reducer": "full", "rigid_stage": None, **changes})
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("solver", ["auto", "splu", {"use": "splu", "ordering": "columns"}])
 def test_nothing_is_said_of_the_solver_that_serves(solver: Any) -> None:
     assert notes(contact(linear_solver=solver)) == []

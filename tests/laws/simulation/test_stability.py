@@ -104,6 +104,7 @@ def test_multipliers_carry_no_state(integrator: str) -> None:
         assert not step.matrix[np.ix_(rest, here)].any()
 
 
+@pytest.mark.full
 def test_heat_does_not_feel_the_motion() -> None:
     scene, solver, model = prepared("bdf1", "sparse")
     step = step_map(solver, scene.integrator, scene.time.step,
@@ -207,6 +208,7 @@ class Plain:
         return self.solver.supports(memory)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("reducer", quick(["ecsw", "galerkin", "deim", "gnat", "lspg"], "ecsw"))
 def test_an_exact_response_is_that_of_small_changes(reducer: str) -> None:
     """Of laws that depend on temperature, joints and frames, in the middle of a run."""

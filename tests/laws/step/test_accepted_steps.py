@@ -108,6 +108,7 @@ def test_bordered_steps_are_those_of_the_textbook(
     assert found["bar.elastic"] < bound and found["pin.multiplier"] < 1e-7, found
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("E", [7e7, 5e6])
 def test_the_stored_estimate_bounds_the_error_that_the_iteration_leaves(E: float) -> None:
     """Tolerances of 1e-4 and 1e-7: the error of a step against the smallest tolerance."""

@@ -128,6 +128,7 @@ def test_the_kernel_takes_the_steps_of_the_solver(seed: int, rigid: bool | None)
     law(case, 30)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("integrator", [
     "bdf1", "bdf2", {"use": "generalized_alpha", "rho_inf": 0.5}])
 def test_with_every_integrator(integrator: Any) -> None:
@@ -202,6 +203,7 @@ def test_springs_motors_and_torques() -> None:
     law(trained(scene({"format": 1, **driven()}), GALERKIN), 20)
 
 
+@pytest.mark.full
 def test_models_that_are_not_covered_say_why() -> None:
     with pytest.raises(NotCompiled, match="full order"):
         plan(trained(tiny(), "full").solver())
@@ -264,6 +266,7 @@ def test_terms_that_depend_on_the_unknowns(reducer: str, clamped: bool) -> None:
     law(case, 30)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("frame", ["floating", pytest.param("fixed", marks=pytest.mark.full)])
 def test_nonlinear_strains(frame: str) -> None:
     """A soft hot bar that hangs through by more than its height."""
@@ -284,6 +287,7 @@ def test_frames_at_rest() -> None:
         "time.end": 0.05}), GALERKIN), 30)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("integrator", ["bdf1", "bdf2"])
 def test_a_joint_with_a_motion_of_its_own(integrator: str) -> None:
     hinged = tiny().using({
@@ -313,6 +317,7 @@ PIECE = {"use": "rigid", "mass": 0.5, "inertia": [1e-3, 2e-3, 2.5e-3], "center":
          "points": {"a": [0.0, 0.0, 0.0], "b": [0.2, 0.0, 0.0], "c": [0.1, 0.05, 0.0]}}
 
 
+@pytest.mark.full
 def test_rigid_bodies_in_space_on_springs_and_hinges() -> None:
     s = scene_of({
         "bodies": {"one": {**PIECE, "pose": {"spin": [0.0, 0.0, 2.0]}},

@@ -157,6 +157,7 @@ class Opaque:
         return self.term.compress(trial, left)
 
 
+@pytest.mark.full
 def test_terms_that_do_not_know_their_time_derivatives_are_differenced() -> None:
     model = assemble(scene_of(chain()))
     at = model.x0, model.v0, 0.0
@@ -188,6 +189,7 @@ class Nothing:
         return self
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("unit", quick([1e-5, 1.0, 1e5], 1e5))
 def test_the_general_and_the_separated_start_are_the_same(unit: float) -> None:
     scene = scene_of(chain(unit, reducer=ATOMS))

@@ -128,6 +128,7 @@ def test_faults_have_their_place(text: str, expected: str) -> None:
         "scene.yaml", "study.yaml"]
 
 
+@pytest.mark.full
 def test_faults_of_the_scene_are_told_where_they_are() -> None:
     Path("scene.yaml").write_text(TOY_SCENE.replace("mass: 1", "mass: -1"))
     with pytest.raises(InputError) as caught:

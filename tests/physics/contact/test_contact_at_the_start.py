@@ -36,6 +36,7 @@ def test_free_flight_through_the_other_surface_is_left_out(here: Path, integrato
     assert end(integrator, **{"loads.press.force": ramp}) == pytest.approx(want, rel=0.1)
 
 
+@pytest.mark.full
 def test_steps_that_resolve_the_free_flight_keep_their_accelerations(here: Path) -> None:
     rigid = rigid_scene(brake("bdf2"))
     model = assemble(rigid)

@@ -209,6 +209,7 @@ def test_the_slider_on_the_plate_of_the_paper() -> None:
     assert np.mean(found.iterations) < 3.0
 
 
+@pytest.mark.full
 def test_the_leading_edge_of_the_slider_carries_the_largest_pressure() -> None:
     found = slider(60)
     part = found.model.parts["sole"]

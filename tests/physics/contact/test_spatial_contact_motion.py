@@ -62,6 +62,7 @@ def history(found: March, body: str = "block", contact: str = "sole") -> Mapping
     return part.history({body: motion})
 
 
+@pytest.mark.full
 def test_a_pressed_block_sinks_to_pressure_over_stiffness_and_gains_nothing_when_released() -> None:
     pressure, K = 1e5, 1e9
     push = {"use": "pressure", "on": ["block:top"], "pressure": {

@@ -83,6 +83,7 @@ def test_a_linear_field_given_at_the_surface_goes_on_inside(mesh: Disk | Pad | B
     np.testing.assert_allclose(solved(m, A, 0 * T, surface, start), T, rtol=1e-12)
 
 
+@pytest.mark.full
 def test_rigid_motions_cost_no_force_and_nothing_else_does(disk: Mesh, stiffness: Csr) -> None:
     n = 3 * len(disk.points)
     motions = rigid_motions(DofLocations(disk.points[np.arange(n) // 3], np.arange(n) % 3))

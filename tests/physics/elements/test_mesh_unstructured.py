@@ -57,6 +57,7 @@ def test_the_outline_is_as_asked() -> None:
     assert len(facets) == 180
 
 
+@pytest.mark.full
 def test_refinement_splits_each_triangle_in_four() -> None:
     coarse, fine = built(**SLIDER), built(**SLIDER | {"refine": 2})
     check_mesh(fine)

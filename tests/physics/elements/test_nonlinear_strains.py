@@ -73,6 +73,7 @@ def plain() -> float:
     return middle(simulate(column("linear", 0.0)))
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("share", [0.5, pytest.param(-0.5, marks=pytest.mark.full)])
 def test_axial_force_softens_and_stiffens_a_bar(share: float) -> None:
     """Deflection w / (1 - P / P_E); with linear strains it does not change."""
@@ -80,6 +81,7 @@ def test_axial_force_softens_and_stiffens_a_bar(share: float) -> None:
     assert middle(run) / plain() == pytest.approx(1.0 / (1.0 - share), rel=0.01)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("fields", [
     ("elastic",), pytest.param(("elastic", "thermal"), marks=pytest.mark.full)])
 def test_heat_softens_a_bar_between_walls(fields: Any) -> None:
@@ -89,6 +91,7 @@ def test_heat_softens_a_bar_between_walls(fields: Any) -> None:
     assert middle(run) / plain() == pytest.approx(2.0, rel=0.01)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("fields", [
     ("elastic",), pytest.param(("elastic", "thermal"), marks=pytest.mark.full)])
 def test_a_modulus_that_falls_with_temperature_lowers_the_buckling_load(fields: Any) -> None:

@@ -263,6 +263,7 @@ def test_frequencies_of_a_cantilever() -> None:
     assert (found > [134.264, 805.46]).all()
 
 
+@pytest.mark.full
 def test_frequencies_of_a_solid_cantilever() -> None:
     """1 x 0.3 x 0.2 m: 265.634 and 383.742 Hz on refined quadratic tetrahedra (test_fe_solid)."""
     exact = np.array([265.634, 383.742])

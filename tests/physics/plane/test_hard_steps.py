@@ -39,6 +39,7 @@ def test_a_soft_body_that_spins_fast(spin: float) -> None:
     assert max(fast.iterations) < 25
 
 
+@pytest.mark.full
 def test_radiation_in_long_steps() -> None:
     """4 eps sigma T^3 outweighs capacity and conduction here, so the fixed factor diverges."""
     scene = {
@@ -54,6 +55,7 @@ def test_radiation_in_long_steps() -> None:
     assert max(fast.iterations) <= 25
 
 
+@pytest.mark.full
 def test_velocities_that_break_a_joint_are_noted() -> None:
     body = {"use": "rigid", "mass": 1.0, "inertia": 0.1, "points": {"pin": [0.0, 0.0]}}
     joint = {"pin": {"use": "revolute", "between": ["ground", "bar:pin"]}}

@@ -128,6 +128,7 @@ def smooth(integrator: Any, h: float) -> FloatArray:
     return profile(run)[1]
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("integrator,order", [
     ("bdf1", 1.0), ("bdf2", 2.0), pytest.param(ALPHA, 2.0, marks=pytest.mark.full)],
     ids=["bdf1", "bdf2", "alpha"])

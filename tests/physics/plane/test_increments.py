@@ -37,6 +37,7 @@ def apart(one: March, other: March, which: str, block: str) -> float:
     return float(np.abs(a - b).max() / np.abs(b).max())
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("h, E, integrator", [
     (1e-5, SOFT, ALPHA),
     *[pytest.param(h, E, use, marks=pytest.mark.full) for h in STEPS for E in (SOFT, STIFF)

@@ -82,6 +82,7 @@ def rigid(done: March) -> FloatArray:
     return done.x[:, done.solver.layout.frames]
 
 
+@pytest.mark.full
 def test_each_hinge_of_a_hanging_chain_carries_what_hangs_below() -> None:
     n = 12
     bodies, joints, _ = links([-np.pi / 2] * n)

@@ -65,6 +65,7 @@ def test_a_bar_in_absolute_coordinates() -> None:
     assert apart(extrapolated(1, 7e8, 2e-4, 0.05), halved) < AGREE
 
 
+@pytest.mark.full
 def test_absolute_coordinates_keep_the_energy_and_do_not_strain_when_they_turn() -> None:
     """The check of the other computation itself."""
     other, _ = absolute(swing(1, 7e8, 1e-3, 1e-3, 1e-3), 7e8)

@@ -214,6 +214,7 @@ def test_a_run_that_follows_its_own_motion_is_the_same_run(which: str) -> None:
         assert np.abs(x - y).max() < 1e-9 * np.abs(x - x[0]).max(), b.name
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("sides", [
     "rigid", "first", "second", pytest.param("both", marks=pytest.mark.full)])
 def test_laws_of_the_joint(sides: str) -> None:

@@ -133,6 +133,7 @@ def test_bdf2_is_of_second_order_in_everything() -> None:
     np.testing.assert_allclose(np.log2(coarse / fine), 2.0, atol=0.1)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("rho", RADII)
 def test_generalized_alpha_is_of_second_order(rho: float) -> None:
     """At rho_inf = 1 nothing damps the round-off of the multipliers, so they are left out."""
@@ -169,6 +170,7 @@ def test_bdf1_loses_energy_and_generalized_alpha_keeps_it() -> None:
     assert np.log2(drifts[0] / drifts[1]) > 1.8
 
 
+@pytest.mark.full
 def test_constraints_hold_at_every_step() -> None:
     run = pendulum({"use": "generalized_alpha", "rho_inf": 0.8}, 1e-3, 1.0)
     one, two = (run.block(f"{b}.rigid") for b in ("link1", "link2"))

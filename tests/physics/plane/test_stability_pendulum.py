@@ -110,6 +110,7 @@ def all_atoms(k: int = 8) -> dict[str, Any]:
     return {"use": "galerkin", "basis": {"use": "pod", "count": k}}
 
 
+@pytest.mark.full
 def test_the_thermal_part_is_that_of_its_rule() -> None:
     """BDF1: eigenvalues 1/(1 + s h) with s of the projected (K, C); an insulated body's is 1."""
     step, solver = stepped(bar(all_atoms()))
@@ -123,6 +124,7 @@ def test_the_thermal_part_is_that_of_its_rule() -> None:
     assert own_radii(step)["bar.thermal"] == pytest.approx(1.0, abs=1e-10)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("integrator, modulus", [
     ("bdf1", lambda w: 1.0 / np.sqrt(1.0 + (w * H) ** 2)),
     ({"use": "generalized_alpha", "rho_inf": 1.0}, lambda w: 1.0)])

@@ -101,6 +101,7 @@ def test_heat_that_enters_is_stored(reducer: str) -> None:
     assert 1e-3 * np.abs(s).max() > 0.05
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("integrator", ["bdf1", "bdf2"])
 def test_enthalpy_rises_by_the_heat_that_enters(integrator: str) -> None:
     """H = integral of rho (500 s + 0.25 s^2), s = T - 300 K, of a well conducting slab."""

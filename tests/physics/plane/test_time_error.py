@@ -30,6 +30,7 @@ def angle(run: RunResult) -> Any:
     return run.block("b.rigid")[:, 2]
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("integrator, h", [("bdf1", 0.02), ("generalized_alpha", 0.1)])
 def test_a_step_too_long_is_noted_with_its_error(integrator: str, h: float) -> None:
     """The error against a step of a tenth, relative to the largest change."""
@@ -78,6 +79,7 @@ def rod(length: float, a: Any, b: Any) -> dict[str, Any]:
             "pose": {"position": a.tolist(), "angle": float(np.arctan2(*(b - a)[::-1]))}}
 
 
+@pytest.mark.full
 def test_all_blocks_of_a_closed_loop_are_told_of_their_delay() -> None:
     """A four-bar of rods that falls through its lowest position: errors of 7 to 23 % against a
     tenth of the step."""
@@ -99,6 +101,7 @@ def test_all_blocks_of_a_closed_loop_are_told_of_their_delay() -> None:
         assert 0.4 < run.summary["time_error"][name] / error < 2.5
 
 
+@pytest.mark.full
 def test_round_off_and_settling_of_warm_bars_are_no_motion() -> None:
     """Two clamped bars, one 100 K warmer than free of stress: joint forces are round-off of the
     7e4 N that its elements bear, and bodies settle within the first steps of 10 s."""

@@ -67,6 +67,7 @@ def test_place(seed: int) -> None:
     assert_equal(differences(fields(run(seed)), fields(other)), 1e-7)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("seed", SEEDS)
 def test_direction(seed: int) -> None:
     angle = float(np.random.default_rng(200 + seed).uniform(-3, 3))
@@ -100,6 +101,7 @@ def test_a_copy_of_the_scene_in_the_same_file(seed: int) -> None:
     assert_equal(differences(fields(run(seed), ALL), fields(other, ALL)), 1e-7)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_rigid_rod_in_two_halves(seed: int) -> None:
     """One frame or two are integrated: equal but for the error of the steps, which falls."""

@@ -88,6 +88,7 @@ def test_a_slider_by_other_names(reducer: str, tmp_path: Path) -> None:
         simulate(other, out=tmp_path / "b", cache=cache), names)
 
 
+@pytest.mark.full
 def test_a_load_called_joint_is_no_joint() -> None:
     """It was taken for one by the begin of its name: two more atoms, another error."""
     from sparsemor.core.model.assembly import assemble

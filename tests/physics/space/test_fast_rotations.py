@@ -62,6 +62,7 @@ def error(got: March, want: FloatArray) -> float:
     return max(angle, float(np.linalg.norm(spin(x, got.v[-1]) - w) / np.linalg.norm(w)))
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(("of", "lever"), [(ROTOR, 0.0), (TOP, LEVER)], ids=["rotor", "top"])
 @pytest.mark.parametrize("name", INTEGRATORS)
 def test_errors_fall_with_the_square_of_the_step(name: str, of: Any, lever: float) -> None:

@@ -253,6 +253,7 @@ def test_held_components_are_the_ties_that_a_body_needs() -> None:
 # --------------------------------------------------------------------------- heat, bad input
 
 
+@pytest.mark.full
 def test_a_warm_bar_in_space_grows_freely() -> None:
     """alpha dT in every direction, no stress, whatever the ties; heat flows in from a face."""
     got = march(scene_of({

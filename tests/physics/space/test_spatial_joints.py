@@ -128,6 +128,7 @@ def test_two_welded_bodies_are_one() -> None:
     assert np.abs(relative - A).max() < 1e-13
 
 
+@pytest.mark.full
 def test_a_hinge_leaves_one_rotation() -> None:
     """A rod on a tilted hinge swings with the moment of inertia about that hinge."""
     axis = np.array([0.2, 1.0, 0.4]) / np.linalg.norm([0.2, 1.0, 0.4])

@@ -49,6 +49,7 @@ def heated(deep: bool, n: int) -> FloatArray:
     return np.asarray(T.reshape(-1, 3).mean(axis=1) if deep else T)
 
 
+@pytest.mark.full
 def test_heat_in_a_solid_plate_is_that_of_the_plane() -> None:
     """The difference falls with the square of the elements."""
     flat, deep = ([heated(which, n) for n in (2, 4)] for which in (False, True))

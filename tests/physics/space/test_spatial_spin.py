@@ -31,6 +31,7 @@ def run(bodies: dict[str, Any], end: float, integrator: Any = "bdf1", **more: An
                            "integrator": integrator, **more}))
 
 
+@pytest.mark.full
 def test_bdf1_keeps_the_speed_of_a_spinning_frame_and_damps_a_quaternion() -> None:
     """(w h)^2 / 8 of the rate in each step: what an angle about the axis is for."""
     spun = run({"wheel": WHEEL}, 0.1, joints={"axle": AXLE})
@@ -43,6 +44,7 @@ def test_bdf1_keeps_the_speed_of_a_spinning_frame_and_damps_a_quaternion() -> No
     assert left == pytest.approx(1 / np.sqrt(1 + half**2 * 100), rel=1e-3)
 
 
+@pytest.mark.full
 def test_a_braked_wheel_comes_to_the_speed_and_angle_of_the_brake_disk() -> None:
     """1440 N m on 28.1866 kg m^2 from 66.667 rad/s: 5.362 rad/s and 43.217 rad at 1.2 s."""
     pull = {"use": "point_force", "on": "wheel:rim", "force": [1440.0 / 0.25, 0.0, 0.0],
@@ -94,6 +96,7 @@ def test_a_spinning_frame_and_a_free_one_on_a_hinge_move_alike() -> None:
     assert np.log2(gaps[0] / gaps[1]) == pytest.approx(2.0, abs=0.3)
 
 
+@pytest.mark.full
 def test_a_spinning_plate_costs_one_factor_and_one_or_two_iterations() -> None:
     axle = {"use": "revolute", "between": ["plate:hub", "ground"], "axis": [0, 0, 1]}
     round_plate = {**PLATE, "pose": {"spin": [0.0, 0.0, 60.0]}, "mesh": Block(

@@ -43,6 +43,7 @@ def largest(spin: float) -> float:
     return float(spin / np.sqrt(40.0))
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(("axis", "two", "method"), [
     ("z", False, "bordered"),
     pytest.param("oblique", False, "newton", marks=pytest.mark.full),
@@ -67,6 +68,7 @@ def test_spinning_frames_count_all_turns(two: bool) -> None:
     assert np.abs(angle).max() == pytest.approx(largest(60.0), rel=2e-3)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("two", [False, pytest.param(True, marks=pytest.mark.full)])
 def test_a_position_drive_goes_through_many_turns(two: bool) -> None:
     """A wheel driven through five turns about an oblique axis: the deflection is that of spinning
