@@ -1,5 +1,5 @@
 """Classes and functions of which the frames and terms of kept reduced models are made
-(`StoresObjects`)."""
+(`Plugin.stored_classes`)."""
 
 from collections.abc import Sequence
 

@@ -96,7 +96,6 @@ if TYPE_CHECKING:
     from sparsemor.core.protocols.separable import amplitudes_along as amplitudes_along
     from sparsemor.core.protocols.separable import evaluate_amplitudes as evaluate_amplitudes
     from sparsemor.core.protocols.sparse_solver import solver_refusal as solver_refusal
-    from sparsemor.core.protocols.step_amplitude import jumps_of as jumps_of
     from sparsemor.core.protocols.step_amplitude import present_step as present_step
     from sparsemor.core.protocols.step_amplitude import substep as substep
     from sparsemor.core.protocols.step_solver import advanced as advanced
@@ -106,10 +105,10 @@ if TYPE_CHECKING:
     )
     from sparsemor.core.protocols.turning import steered as steered
     from sparsemor.core.protocols.turning import tangent as tangent
+    from sparsemor.core.registry.hooks import Observer as Observer
     from sparsemor.core.registry.hooks import RunStart as RunStart
     from sparsemor.core.registry.hooks import hookimpl as hookimpl
     from sparsemor.core.registry.optional_packages import require as require
-    from sparsemor.core.registry.plugin import Plugin as Plugin
     from sparsemor.core.registry.registry import Registry as Registry
     from sparsemor.core.registry.registry import suggestions as suggestions
     from sparsemor.core.registry.returned_values import built_dictionary as built_dictionary
@@ -179,12 +178,11 @@ _HOMES = {
     "protocols.prescribed_quantities": ("derivative_from_right", "time_derivatives"),
     "protocols.separable": ("amplitudes_along", "evaluate_amplitudes"),
     "protocols.sparse_solver": ("solver_refusal",),
-    "protocols.step_amplitude": ("jumps_of", "present_step", "substep"),
+    "protocols.step_amplitude": ("present_step", "substep"),
     "protocols.step_solver": ("advanced", "resultant_sources", "unavailable_resultants"),
     "protocols.turning": ("steered", "tangent"),
-    "registry.hooks": ("RunStart", "hookimpl"),
+    "registry.hooks": ("Observer", "RunStart", "hookimpl"),
     "registry.optional_packages": ("require",),
-    "registry.plugin": ("Plugin",),
     "registry.registry": ("Registry", "suggestions"),
     "registry.returned_values": ("built_dictionary", "built_weights", "checked_return",
         "prepared_recovery", "sampled_rows"),

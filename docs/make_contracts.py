@@ -1,20 +1,23 @@
 """Writes contracts.md from core/protocols: `python docs/make_contracts.py`."""
 
 from collections.abc import Iterable
+from inspect import getdoc
 from pathlib import Path
 
 from sparsemor.core.cli.plugins import first_sentence
 from sparsemor.core.model.features import FEATURES
-from sparsemor.core.protocols.capabilities import BUILT, CAPABILITIES, EVERY, OTHERS
-from sparsemor.core.registry.contracts import CONTRACTS, PARTS, shapes
+from sparsemor.core.protocols.capabilities import BUILT, CAPABILITIES, OTHERS
+from sparsemor.core.protocols.plugin import Plugin
+from sparsemor.core.registry.contracts import CONTRACTS, PARTS, members, required, shape, shapes
 
 PAGE = Path(__file__).with_name("contracts.md")
 HEAD = """# Contracts of plugins
 
-Members that a plugin must have, and optional abilities that it may have. All names are imported
-from `sparsemor.core`; their docstrings state shapes and units. This page is written by
-`python docs/make_contracts.py` from `core/protocols`, and a test compares the two.
-`sparsemor plugins NAME` prints the abilities of one plugin.
+Each kind of plugin has a contract, a class of `sparsemor.core` from which its plugins derive: what
+has no default must be written, everything else may be. Docstrings state shapes and units. This page
+is written by `python docs/make_contracts.py` from `core/protocols`, and a test compares the two.
+`sparsemor plugins NAME` prints the defaults that one plugin replaces. Plugins for version 2 of the
+extension API: [version 3](developers/version-3.md).
 How a plugin is written: [how to write a plugin](how-to-write-a-plugin.md).
 """
 
@@ -22,9 +25,10 @@ How a plugin is written: [how to write a plugin](how-to-write-a-plugin.md).
 def page() -> str:
     """The whole text of contracts.md."""
     parts = [HEAD, "## Required\n", *_table((kind, (p,)) for kind, p in CONTRACTS.items()),
+             "## Defaults\n", *_defaults(),
              "## Required of what `build` returns\n",
              *_table((kind, (p,)) for kind, p in PARTS.items()),
-             "## Optional abilities of plugins\n", *_table({**CAPABILITIES, "any": EVERY}.items()),
+             "## Optional abilities of plugins\n", *_table(CAPABILITIES.items()),
              "## Optional abilities of what `build` returns\n", *_table(BUILT.items()),
              "## Optional abilities of what is passed between parts\n", *_table(OTHERS.items()),
              "## Features that need an ability\n",
@@ -34,9 +38,20 @@ def page() -> str:
 
 
 def _table(rows: Iterable[tuple[str, tuple[type, ...]]]) -> list[str]:
-    made = [f"| {kind} | `{p.__name__}` | {', '.join(f'`{m}`' for m in shapes(p))} | "
+    made = [f"| {kind} | `{p.__name__}` | {', '.join(f'`{m}`' for m in shapes(p, required(p)))} | "
             f"{first_sentence(p.__doc__ or '')} |" for kind, protocols in rows for p in protocols]
-    return ["| kind | protocol | members | meaning |", "|---|---|---|---|", *made, ""]
+    return ["| kind | contract | members | meaning |", "|---|---|---|---|", *made, ""]
+
+
+def _defaults() -> list[str]:
+    """Members with a default, those of every plugin first."""
+    every = members(Plugin)
+    rows = [("any", n, m) for n, m in every.items()]
+    rows += [(kind, n, m) for kind, c in CONTRACTS.items() if issubclass(c, Plugin)
+             for n, m in members(c).items() if n not in required(c) and n not in every]
+    return ["| kind | member | meaning |", "|---|---|---|",
+            *(f"| {kind} | `{shape(n, m)}` | {first_sentence(getdoc(m) or '')} |"
+              for kind, n, m in rows if callable(m) or isinstance(m, property)), ""]
 
 
 def _features() -> list[str]:

@@ -1,13 +1,15 @@
 """Implicit Euler time integration (Eq. 24 of the paper), for first- and second-order equations."""
 
-from dataclasses import replace
-
 import numpy as np
 
-from sparsemor.core import Layout, Plugin, State, UpdateRule, UpdateRules
+from sparsemor.core import (
+    Integrator,
+    UpdateRule,
+    UpdateRules,
+)
 
 
-class Bdf1(Plugin):
+class Bdf1(Integrator):
     """Implicit Euler (BDF1), first order: v = v0 + h a, x = x0 + h v with a, v at the new time.
 
     Stable for every step. An oscillation of angular frequency w keeps the fraction
@@ -17,11 +19,6 @@ class Bdf1(Plugin):
     @property
     def order(self) -> int:
         return 1
-
-    def start(self, layout: Layout, state: State) -> State:
-        """Initial state with empty integrator memory (n, 0): a one-step formula needs no
-        history."""
-        return replace(state, memory=np.zeros((state.x.size, 0)))
 
     def rules(self, h: float) -> UpdateRules:
         """Update rules in x, v, a of a step of size h, s."""

@@ -4,10 +4,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from sparsemor.core import FloatArray, Layout, Plugin, State, UpdateRule, UpdateRules
+from sparsemor.core import (
+    FloatArray,
+    Integrator,
+    Layout,
+    State,
+    UpdateRule,
+    UpdateRules,
+)
 
 
-class Bdf2(Plugin):
+class Bdf2(Integrator):
     """Backward differentiation formula of second order (BDF2), with constant step.
 
     v = (3 x - 4 x0 + x_)/(2 h), a = (3 v - 4 v0 + v_)/(2 h), with x_, v_ one step before x0, v0.

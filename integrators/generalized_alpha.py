@@ -9,9 +9,9 @@ from pydantic import Field
 
 from sparsemor.core import (
     FloatArray,
+    Integrator,
     Layout,
     Note,
-    Plugin,
     State,
     UpdateRule,
     UpdateRules,
@@ -32,7 +32,7 @@ class _Second(NamedTuple):
     beta: float
 
 
-class GeneralizedAlpha(Plugin):
+class GeneralizedAlpha(Integrator):
     """Generalized-alpha method, second order, with spectral radius `rho_inf` at high frequency.
 
     With the algorithmic acceleration b (kept in memory) and the true acceleration a: q1 = q + h v +

@@ -14,11 +14,9 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BeforeValidator, Field, model_validator
 
 from sparsemor.core import (
-    HasCurvature,
-    Plugin,
+    Function,
     Slot,
     TimeFunction,
-    jumps_of,
     same_time,
 )
 
@@ -32,7 +30,7 @@ def _between(times: Iterable[float], start: float, end: float) -> list[float]:
     return [t for t in times if start <= t <= end]
 
 
-class PiecewiseLinear(Plugin):
+class PiecewiseLinear(Function):
     """Piecewise linear function of time: its second derivative is zero; the first is zero unless a
     subclass defines it."""
 
@@ -99,7 +97,7 @@ class Table(PiecewiseLinear):
         return (self.values[i + 1] - self.values[i]) / (self.times[i + 1] - self.times[i])
 
 
-class Change(Plugin):
+class Change(Function):
     """Change from one value to another in an interval, constant before and after."""
 
     start: float = 0.0
@@ -158,7 +156,7 @@ class Pulse(PiecewiseLinear):
         return self.level if begun and t < end - same_time(end) else 0.0
 
 
-class Sine(Plugin):
+class Sine(Function):
     """Harmonic function: offset + amplitude sin(2 pi frequency t + phase)."""
 
     amplitude: float
@@ -200,13 +198,6 @@ class SmoothStep(Change):
         return (self.final - self.initial) * 60.0 * s * (1.0 - s) * (1.0 - 2.0 * s) / T**2
 
 
-def _smooth(function: TimeFunction) -> HasCurvature:
-    if not isinstance(function, HasCurvature):
-        raise ValueError(f"{type(function).__name__} has no method `curvature`, the second "
-                         "derivative")
-    return function
-
-
 def _function(value: Any) -> Any:
     number = isinstance(value, int | float) and not isinstance(value, bool)
     return Constant(level=value) if number else value
@@ -220,21 +211,15 @@ Part = Annotated[
 
 def _jumps(parts: Iterable[TimeFunction], start: float, end: float) -> list[float] | None:
     """Times at which one of several functions jumps; None if none of them ever does."""
-    found = [j for j in (jumps_of(f, start, end) for f in parts) if j is not None]
+    found = [j for j in (f.jumps(start, end) for f in parts) if j is not None]
     return sorted({t for times in found for t in times}) if found else None
 
 
-class Sum(Plugin):
+class Sum(Function):
     """Sum of functions of time."""
 
     terms: tuple[Part, ...] = Field(min_length=1)
     """The summands: numbers and functions."""
-
-    @model_validator(mode="after")
-    def _differentiable(self) -> Self:
-        for term in self.terms:
-            _smooth(term)
-        return self
 
     def jumps(self, start: float, end: float) -> list[float] | None:
         """Times between start and end, s, at which one of the terms jumps."""
@@ -246,21 +231,16 @@ class Sum(Plugin):
     def rate(self, t: float) -> float:
         return sum(f.rate(t) for f in self.terms)
 
-    def curvature(self, t: float) -> float:
-        return sum(_smooth(f).curvature(t) for f in self.terms)
+    def curvature(self, t: float) -> float | None:
+        found = [f.curvature(t) for f in self.terms]
+        return None if None in found else sum(c for c in found if c is not None)
 
 
-class Product(Plugin):
+class Product(Function):
     """Product of functions of time, such as a sine that a smooth step switches on."""
 
     factors: tuple[Part, ...] = Field(min_length=1)
     """The factors: numbers and functions."""
-
-    @model_validator(mode="after")
-    def _differentiable(self) -> Self:
-        for factor in self.factors:
-            _smooth(factor)
-        return self
 
     def jumps(self, start: float, end: float) -> list[float] | None:
         """Times between start and end, s, at which one of the factors jumps."""
@@ -272,13 +252,15 @@ class Product(Plugin):
     def rate(self, t: float) -> float:
         return self._jet(t)[1]
 
-    def curvature(self, t: float) -> float:
+    def curvature(self, t: float) -> float | None:
         return self._jet(t)[2]
 
-    def _jet(self, t: float) -> tuple[float, float, float]:
-        """Value and first and second derivative."""
+    def _jet(self, t: float) -> tuple[float, float, float | None]:
+        """Value, and first and second derivative, None where a factor has none."""
         p, p1, p2 = 1.0, 0.0, 0.0
+        exact = True
         for f in self.factors:
-            q, q1, q2 = f.value(t), f.rate(t), _smooth(f).curvature(t)
-            p, p1, p2 = p * q, p1 * q + p * q1, p2 * q + 2.0 * p1 * q1 + p * q2
-        return p, p1, p2
+            q, q1, q2 = f.value(t), f.rate(t), f.curvature(t)
+            exact = exact and q2 is not None
+            p, p1, p2 = p * q, p1 * q + p * q1, p2 * q + 2.0 * p1 * q1 + p * (q2 or 0.0)
+        return p, p1, p2 if exact else None

@@ -8,8 +8,6 @@ import numpy as np
 from sparsemor.core import (
     AssembledModel,
     Basis,
-    BoundsAtoms,
-    ChoosesRowsKept,
     Fault,
     Preconditioner,
     Sampler,
@@ -210,7 +208,7 @@ def block_size(model: AssembledModel, name: str) -> int:
 def required_rows(model: AssembledModel, name: str, sampler: Sampler) -> int:
     """Number of rows of a block that each sample contains in addition to the drawn ones: those that
     joints and localized loads act on."""
-    kept = sampler.keeps if isinstance(sampler, ChoosesRowsKept) else "required"
+    kept = sampler.keeps
     if kept == "ring":
         return len(np.union1d(model.required[name], model.ring(name)))
     return len(model.required[name]) if kept == "required" else 0
@@ -233,4 +231,4 @@ def most_atoms(basis: Basis, size: int) -> int:
 def bound_of_atoms(basis: Basis, size: int) -> int | None:
     """Upper bound of the number of atoms that the options of a basis set for a block of `size`
     unknowns; None where the options set no bound."""
-    return basis.most_atoms(size) if isinstance(basis, BoundsAtoms) else None
+    return basis.most_atoms(size)

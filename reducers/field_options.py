@@ -1,21 +1,18 @@
 """Reducer options by field (elastic, thermal): lookup by block pattern, and numbers of atoms."""
 
 from collections.abc import Mapping
-from typing import Protocol, TypeVar, runtime_checkable
+from typing import TypeVar
 
-from sparsemor.core import Basis, Plugin
+from sparsemor.core import Basis
 
 T = TypeVar("T")
 BASES = ("basis", "bases")
 """Options that set the trial bases of the blocks."""
 
 
-@runtime_checkable
-class CountsAtoms(Basis, Protocol):
-    """A basis whose number of atoms is an option `count`; None: not set."""
-
-    @property
-    def count(self) -> int | None: ...
+def counts_atoms(basis: Basis) -> bool:
+    """True if the number of atoms is an option of the basis, `count`."""
+    return "count" in type(basis).model_fields
 
 
 def of_field(field: str, table: Mapping[str, T]) -> T | None:
@@ -36,13 +33,9 @@ def counted(
     for i, (field, count) in enumerate(atoms.items()):
         if i > 0:
             own = bases.get(f"*.{field}", basis)
-            if isinstance(own, CountsAtoms):
-                found[f"*.{field}"] = _with_count(own, count)
+            if counts_atoms(own):
+                found[f"*.{field}"] = own.model_copy(update={"count": count})
     first = next(iter(atoms.values()), None)
-    if first is None or not isinstance(basis, CountsAtoms):
+    if first is None or not counts_atoms(basis):
         return basis, found
-    return _with_count(basis, first), found
-
-
-def _with_count(basis: Basis, count: int) -> Basis:
-    return basis.model_copy(update={"count": count}) if isinstance(basis, Plugin) else basis
+    return basis.model_copy(update={"count": first}), found

@@ -10,6 +10,7 @@ from sparsemor.core import (
     ErrorLimit,
     Plugin,
     ReducedProblem,
+    Reducer,
     StepSolver,
 )
 from sparsemor.reducers.estimation.build import error_model
@@ -17,7 +18,7 @@ from sparsemor.reducers.step.acceptance import Tolerances
 from sparsemor.reducers.step.compiled.stepper import Compiled
 
 
-class StepOptions(Plugin):
+class StepOptions(Reducer):
     """Options of a step's solution: predictor, tolerance, compilation."""
 
     predictor: int = Field(default=6, ge=1, le=8)

@@ -1,4 +1,4 @@
-"""Classes of which the step solvers of kept reduced models are made (`StoresObjects`)."""
+"""Classes of which the step solvers of kept reduced models are made (`Plugin.stored_classes`)."""
 
 from collections.abc import Sequence
 

@@ -16,9 +16,9 @@ from sparsemor.core import (
     Note,
     OfflineProducts,
     ReducedTerm,
+    Reducer,
     StepFactors,
     Trial,
-    UsesBases,
     fitted_bases,
     information,
     orthonormal,
@@ -43,7 +43,7 @@ class TrialBases(NamedTuple):
 
 
 def trial_bases(
-    offline: OfflineProducts, model: AssembledModel, reducer: UsesBases, step: StepFactors
+    offline: OfflineProducts, model: AssembledModel, reducer: Reducer, step: StepFactors
 ) -> TrialBases:
     """Trial bases of all reducible blocks; step: step size and integrator constants.
 

@@ -28,7 +28,7 @@ from typing import Annotated, Any, ClassVar
 from pydantic import Field
 
 from sparsemor.bodies.terms.field_kinds import BODY_KINDS
-from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core import Integrator, Plugin, Reducer
 from sparsemor.core.registry.slot import Slot, slot_default
 
 
@@ -54,7 +54,7 @@ class Push(Plugin):
         raise NotImplementedError
 
 
-class Still(Plugin):
+class Still(Integrator):
     """An integrator."""
 
     rho: float = Field(default=0.8, ge=0, le=1)
@@ -69,7 +69,7 @@ class Still(Plugin):
         raise NotImplementedError
 
 
-class Prepares(Plugin):
+class Prepares(Reducer):
     """Base of reducers."""
 
     def prepare(self, problem):

@@ -23,7 +23,7 @@ from sparsemor.core.cli.options import (
     warn,
 )
 from sparsemor.core.errors import InputError
-from sparsemor.core.registry.contracts import abilities_of, required_members, shapes
+from sparsemor.core.registry.contracts import CONTRACTS, chosen, required, shape, shapes
 from sparsemor.core.registry.option_types import type_in_words
 from sparsemor.core.registry.registry import PluginName, Registry, suggestions
 from sparsemor.core.scene.source import Source
@@ -91,7 +91,7 @@ def _described(registry: Registry, plugin: PluginName) -> dict[str, Any]:
     found: dict[str, Any] = {
         "kind": plugin.kind, "name": plugin.name, "use": registry.spelling(plugin),
         "distribution": plugin.distribution, "version": plugin.version, "doc": "",
-        "broken": "", "options": [], "required": [], "abilities": [],
+        "broken": "", "options": [], "required": [], "own": [],
     }
     try:
         if plugin.kind == GROUP:
@@ -107,13 +107,14 @@ def _described(registry: Registry, plugin: PluginName) -> dict[str, Any]:
         cause = error.__cause__
         return {**found, "broken": f"{type(cause).__name__}: {cause}" if cause else str(error)}
     return {**found, "doc": first_sentence(cls.__doc__ or ""), "options": _options(cls),
-            "required": required_members(plugin.kind),
-            "abilities": [_ability(a) for a in abilities_of(plugin.kind, cls)]}
+            "required": _required(plugin.kind),
+            "own": [{"name": shape(n, m), "doc": first_sentence(getdoc(m) or "")}
+                    for n, m in chosen(plugin.kind, cls).items()]}
 
 
-def _ability(protocol: type) -> dict[str, Any]:
-    return {"name": protocol.__name__, "members": shapes(protocol),
-            "doc": first_sentence(protocol.__doc__ or "")}
+def _required(kind: str) -> list[str]:
+    contract = CONTRACTS.get(kind)
+    return [] if contract is None else shapes(contract, required(contract))
 
 
 def _title(registry: Registry, plugin: PluginName) -> str:
@@ -164,8 +165,8 @@ def _print_options(plugin: dict[str, Any]) -> None:
         _console().print(table)
     if plugin["required"]:
         _console().print(_plain(f"Every {plugin['kind']} has: {', '.join(plugin['required'])}"))
-    for a in plugin["abilities"]:
-        _console().print(_plain(f"{a['name']} ({', '.join(a['members'])}): {a['doc']}"))
+    for own in plugin["own"]:
+        _console().print(_plain(f"{own['name']}: {own['doc']}"))
 
 
 def _folded(heading: str) -> Any:

@@ -40,10 +40,10 @@ from sparsemor.core.protocols import (
 from sparsemor.core.protocols.capabilities import BUILT
 from sparsemor.core.protocols.contributions import Equations, Origin, Records
 from sparsemor.core.protocols.layout import Layout
+from sparsemor.core.protocols.plugin import Plugin
 from sparsemor.core.protocols.prescribed_motion import FrameHistory
 from sparsemor.core.protocols.step_amplitude import Stepping
 from sparsemor.core.registry.boundary import guard
-from sparsemor.core.registry.plugin import Plugin
 from sparsemor.core.registry.returned_values import complete
 from sparsemor.core.scene.digest import digest
 from sparsemor.core.scene.options import Probe

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sparsemor.core.protocols import Body, BodyPlugin, CopiesRigidly, SelectsFields
-from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core.protocols.plugin import Plugin
 
 if TYPE_CHECKING:
     from sparsemor.core.model.model import Model

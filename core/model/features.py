@@ -15,7 +15,6 @@ from sparsemor.core.protocols import (
     HasProbes,
     ImportsMotion,
     PrescribesReactions,
-    RestartsSteps,
 )
 from sparsemor.core.registry.contracts import absent_members, origin
 
@@ -42,9 +41,6 @@ class Feature:
             f"{', '.join(absent_members(self.ability, lacking))} ({self.ability.__name__})", key)
 
 
-CONTROLLED_STEPS = Feature(
-    "error-controlled steps", "time.control", "reducer", RestartsSteps,
-    "begin steps at states that it did not compute")
 PROBES = Feature("probes", "probes", "body", HasProbes, "have material points")
 PRESCRIBED_MOTION = Feature(
     "rigid pre-simulation", "rigid_stage", "body", FollowsMotion, "follow a prescribed motion")
@@ -58,5 +54,5 @@ SURFACE_LOADS = Feature(
     "rigid pre-simulation", "rigid_stage", "body", CarriesSurfaceLoads,
     "take loads on its surface")
 
-FEATURES = (CONTROLLED_STEPS, PROBES, PRESCRIBED_MOTION, PRESCRIBED_REACTIONS,
+FEATURES = (PROBES, PRESCRIBED_MOTION, PRESCRIBED_REACTIONS,
             CONTACT_ALONG_MOTION, SURFACE_LOADS)

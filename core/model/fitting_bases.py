@@ -6,7 +6,7 @@ from typing import Any
 
 from sparsemor.core.model.block_patterns import matched_option
 from sparsemor.core.notes import Note
-from sparsemor.core.protocols import AssembledModel, Basis, ChecksBlock, CombinesBases, UsesBases
+from sparsemor.core.protocols import AssembledModel, Basis, Reducer
 from sparsemor.core.registry.registry import Registry
 from sparsemor.core.scene.defaults import BASIS
 
@@ -22,23 +22,25 @@ class FittedBases:
     notes: tuple[Note, ...] = ()
 
 
-def fitted_bases(model: AssembledModel, reducer: UsesBases) -> FittedBases:
-    """Bases of all reducible blocks of a model.
+def fitted_bases(model: AssembledModel, reducer: Reducer) -> FittedBases:
+    """Bases of all reducible blocks of a model; none for a reducer of full order.
 
     A block that a pattern in `bases` names has that basis. The others have the shared `basis`, or,
     where it cannot be built (no joint acts on temperatures, no load moves over a body), what is
-    left of it (`CombinesBases`), or the default basis. A shared basis that fits no block of the
+    left of it (`Basis.fitting`), or the default basis. A shared basis that fits no block of the
     model stays, and is refused when it is built.
     """
-    shared, found = reducer.basis, dict[str, Basis]()
+    chosen, found = reducer.trial_bases(), dict[str, Basis]()
+    if chosen is None:
+        return FittedBases(found)
+    shared = chosen.shared
     default: Any = Registry().get("basis", BASIS)()
     lacking, partly = dict[str, str](), dict[str, str]()
     for name in model.reducible():
-        found[name] = matched_option(name, reducer.bases, shared)
+        found[name] = matched_option(name, chosen.others, shared)
         why = _unfit(model, name, shared) if found[name] is shared else ""
         if why:
-            data = model.block_data(name)
-            rest = shared.fitting(data, _MANY) if isinstance(shared, CombinesBases) else None
+            rest = shared.fitting(model.block_data(name), _MANY)
             if rest is not None:
                 found[name], partly[name] = rest, why
             elif not isinstance(shared, type(default)):
@@ -54,4 +56,4 @@ def fitted_bases(model: AssembledModel, reducer: UsesBases) -> FittedBases:
 
 
 def _unfit(model: AssembledModel, name: str, basis: Basis) -> str:
-    return basis.unfit(model.block_data(name), _MANY) if isinstance(basis, ChecksBlock) else ""
+    return basis.unfit(model.block_data(name), _MANY)

@@ -9,10 +9,6 @@ keep no state between calls: a time step writes only to the memory passed to it.
 
 from sparsemor.core.protocols.basis import (
     Basis,
-    BoundsAtoms,
-    CentresSnapshots,
-    ChecksBlock,
-    CombinesBases,
 )
 from sparsemor.core.protocols.block_data import BlockData, Dictionary
 from sparsemor.core.protocols.body import (
@@ -80,8 +76,7 @@ from sparsemor.core.protocols.element_integrals import (
     WeighsElements,
 )
 from sparsemor.core.protocols.integrator import (
-    ChecksLayout,
-    HasCurvature,
+    Function,
     Integrator,
     State,
     StepFormula,
@@ -101,11 +96,9 @@ from sparsemor.core.protocols.joint import (
 from sparsemor.core.protocols.layout import Block, DeclaresFields, FieldKind, Layout, Quantity
 from sparsemor.core.protocols.linear_solver import (
     DofLocations,
-    EstimatesMemory,
     Factorized,
     LinearOutcome,
     LinearSolver,
-    StatesFillIn,
 )
 from sparsemor.core.protocols.load_tables import LoadTable, Table, Tabled, TabledAlong
 from sparsemor.core.protocols.mesh import BodySize, EstimatesMeshSize, Mesh, MeshPlugin, MeshSize
@@ -119,43 +112,30 @@ from sparsemor.core.protocols.part import (
     LocalizesRows,
     MovesOverBody,
     Part,
-    ReadsFiles,
-    StoresObjects,
 )
+from sparsemor.core.protocols.plugin import Plugin
 from sparsemor.core.protocols.prescribed_motion import FrameHistory, Stage, SurfaceLoads
 from sparsemor.core.protocols.prescribed_quantities import Differentiable, Held, Prescribed
 from sparsemor.core.protocols.reducer import (
     AssembledModel,
+    BlockBases,
     BlockBudget,
     BlockLinearSolvers,
-    BudgetsFields,
-    ChecksModel,
     Choice,
-    ChoosesReducer,
     ErrorAction,
     ErrorEstimator,
     ErrorLimit,
-    EstimatesErrors,
-    HoldsSnapshots,
     OfflineProducts,
     Recording,
     ReducedProblem,
     Reducer,
-    RestartsSteps,
-    SamplesRows,
-    SharesOptions,
     StepFactors,
     TrialRun,
-    UsesBases,
-    UsesForceBasis,
 )
 from sparsemor.core.protocols.sampler import (
-    ChoosesRowsKept,
-    DrawsRequired,
     Preconditioner,
     RowsKept,
     Sampler,
-    SamplesNodes,
 )
 from sparsemor.core.protocols.separable import (
     Amplitude,
@@ -172,7 +152,6 @@ from sparsemor.core.protocols.sparse_solver import (
     PROBLEM_FEATURES,
     Columns,
     Group,
-    LimitsProblems,
     Recovery,
     Selection,
     SparseOutcome,
@@ -219,39 +198,33 @@ from sparsemor.core.protocols.term import (
 )
 
 __all__ = [
-    "Amplitude", "AroundSteps", "AssembledModel", "Basis", "Block", "BlockBudget", "BlockData",
-    "BlockLinearSolvers", "Body", "BodyDefaults", "BodyFrame", "BodyPlugin", "BodyRecord",
-    "BodyShape", "BodySize", "BoundsAtoms", "BudgetsFields", "CAPABILITIES",
-    "CarriesSurfaceLoads", "CentresSnapshots", "ChangesBodies", "ChecksBlock", "ChecksLayout",
-    "ChecksModel", "ChecksStep", "Choice", "ChoosesReducer", "ChoosesRowsKept", "Columns",
-    "CombinesBases", "ConductsHeat", "ConstraintRecord", "Contact", "ContactPlugin",
-    "CopiesRigidly", "CountsLinearIterations", "DeclaresEffect", "DeclaresFields",
-    "DeclaresSurfaces", "Dictionary", "Differentiable", "DofLocations", "DrawsRequired",
-    "Effect", "ElasticIntegrals", "ElasticLocal", "ElasticOperators", "Equations",
-    "ErrorAction", "ErrorEstimator", "ErrorLimit", "EstimatesErrors", "EstimatesMemory",
-    "EstimatesMeshSize", "EstimatesSize", "EvaluatesManyTimes", "Factorized", "FieldKind",
-    "FollowsMotion", "ForceLaw", "Frame", "FrameArrays", "FrameHistory", "FrameItem",
-    "FrameRecord", "FrameWork", "FreezesSupport", "FrictionLaw", "Group", "HasArrays",
-    "HasConstantMatrices", "HasCurvature", "HasForceLaw", "HasMesh", "HasNotes", "HasNumbers",
+    "Amplitude", "AroundSteps", "AssembledModel", "Basis", "Block", "BlockBases", "BlockBudget",
+    "BlockData", "BlockLinearSolvers", "Body", "BodyDefaults", "BodyFrame", "BodyPlugin",
+    "BodyRecord", "BodyShape", "BodySize", "CAPABILITIES", "CarriesSurfaceLoads", "ChangesBodies",
+    "ChecksStep", "Choice", "Columns", "ConductsHeat", "ConstraintRecord",
+    "Contact", "ContactPlugin", "CopiesRigidly", "CountsLinearIterations", "DeclaresEffect",
+    "DeclaresFields", "DeclaresSurfaces", "Dictionary", "Differentiable", "DofLocations", "Effect",
+    "ElasticIntegrals", "ElasticLocal", "ElasticOperators", "Equations", "ErrorAction",
+    "ErrorEstimator", "ErrorLimit", "EstimatesMeshSize", "EstimatesSize", "EvaluatesManyTimes",
+    "Factorized", "FieldKind", "FollowsMotion", "ForceLaw", "Frame", "FrameArrays", "FrameHistory",
+    "FrameItem", "FrameRecord", "FrameWork", "FreezesSupport", "FrictionLaw", "Function", "Group",
+    "HasArrays", "HasConstantMatrices", "HasForceLaw", "HasMesh", "HasNotes", "HasNumbers",
     "HasPointArrays", "HasPoints", "HasPose", "HasProbes", "HasShape", "HasSurroundings",
-    "HeatBody", "HeatCoupling", "HeatIntegrals", "Held", "HoldsSnapshots", "ImportsMotion",
-    "Integrals", "Integrator", "Joint", "JointPlugin", "LawArrays", "Layout", "LeavesMesh",
-    "LimitsProblems", "LimitsTemperature", "Linearizes", "LinearOutcome", "LinearSolver",
-    "Load", "LoadColumn", "LoadPlugin", "LoadTable", "LocalCopy", "LocalizesRows",
-    "LocalRecord", "ManySteps", "Material", "MatrixRecord", "Mesh", "MeshPlugin", "MeshSize",
-    "MovesOverBody", "MovingBody", "NamesMultipliers", "NamesSides", "NamesSource", "NormalLaw",
-    "OfflineProducts", "Origin", "Part", "PassesReactionsOn", "PointArrays", "Preconditioner",
-    "Prescribed", "PrescribesReactions", "ProbePlace", "PROBLEM_FEATURES", "Quantity",
-    "ReadsFiles", "Recording", "Records", "Recovery", "RedrawsRows", "ReducedProblem",
-    "ReducedTerm", "Reducer", "RelocatesNear", "ReportsChatter", "ReportsNoContact",
-    "ReportsPassage", "ReportsResultants", "ReportsTerms", "RespondsByBlock", "RespondsExactly",
-    "Restarts", "RestartsSteps", "ResultantSource", "RowsKept", "Sampler", "SamplesNodes",
-    "SamplesRows", "Selection", "SelectsFields", "Separated", "SharesOptions",
+    "HeatBody", "HeatCoupling", "HeatIntegrals", "Held", "ImportsMotion", "Integrals", "Integrator",
+    "Joint", "JointPlugin", "LawArrays", "Layout", "LeavesMesh", "LimitsTemperature", "Linearizes",
+    "LinearOutcome", "LinearSolver", "Load", "LoadColumn", "LoadPlugin", "LoadTable", "LocalCopy",
+    "LocalizesRows", "LocalRecord", "ManySteps", "Material", "MatrixRecord", "Mesh", "MeshPlugin",
+    "MeshSize", "MovesOverBody", "MovingBody", "NamesMultipliers", "NamesSides", "NamesSource",
+    "NormalLaw", "OfflineProducts", "Origin", "Part", "PassesReactionsOn", "Plugin", "PointArrays",
+    "Preconditioner", "Prescribed", "PrescribesReactions", "ProbePlace", "PROBLEM_FEATURES",
+    "Quantity", "Recording", "Records", "Recovery", "RedrawsRows", "ReducedProblem", "ReducedTerm",
+    "Reducer", "RelocatesNear", "ReportsChatter", "ReportsNoContact", "ReportsPassage",
+    "ReportsResultants", "ReportsTerms", "RespondsByBlock", "RespondsExactly", "Restarts",
+    "ResultantSource", "RowsKept", "Sampler", "Selection", "SelectsFields", "Separated",
     "SolvesManySteps", "SparseOutcome", "SparseProblem", "SparseSolver", "SparseStart", "Stage",
-    "State", "StatesFillIn", "StepAmplitude", "StepBlock", "StepFactors", "StepFormula",
-    "StepFunction", "StepMemory", "StepOutcome", "StepSolver", "Stepping", "StoresObjects",
-    "StressConstants", "StressStiffness", "Substep", "SurfaceLoads", "Surfaces", "Table", "Tabled",
-    "TabledAlong", "TableRecord", "TemperatureProperty", "Term",
-    "TimeDependent", "TimeFunction", "Trial", "TrialRun", "UpdateRule", "UpdateRules",
-    "UsesBases", "UsesForceBasis", "VectorRecord", "WeighsElements", "WrapsTerm",
+    "State", "StepAmplitude", "StepBlock", "StepFactors", "StepFormula", "StepFunction",
+    "StepMemory", "StepOutcome", "Stepping", "StepSolver", "StressConstants", "StressStiffness",
+    "Substep", "SurfaceLoads", "Surfaces", "Table", "Tabled", "TabledAlong", "TableRecord",
+    "TemperatureProperty", "Term", "TimeDependent", "TimeFunction", "Trial", "TrialRun",
+    "UpdateRule", "UpdateRules", "VectorRecord", "WeighsElements", "WrapsTerm",
 ]

@@ -8,46 +8,26 @@ simply lacks the capability. The documentation and `sparsemor plugins NAME` prin
 from collections.abc import Mapping
 
 from sparsemor.core.protocols import (
-    basis,
     body,
     body_frame,
     contact,
     element_integrals,
-    integrator,
     joint,
     layout,
-    linear_solver,
     mesh,
     part,
-    reducer,
-    sampler,
-    sparse_solver,
     step_solver,
     term,
 )
 
 CAPABILITIES: Mapping[str, tuple[type, ...]] = {
-    "basis": (basis.BoundsAtoms, basis.ChecksBlock, basis.CombinesBases,
-              basis.CentresSnapshots),
     "body": (body.EstimatesSize, body.SelectsFields, layout.DeclaresFields),
     "contact": (contact.DeclaresSurfaces, contact.NamesSides),
-    "function": (integrator.HasCurvature,),
-    "integrator": (integrator.ChecksLayout,),
     "joint": (part.DeclaresEffect,),
-    "linear_solver": (linear_solver.EstimatesMemory, linear_solver.StatesFillIn),
     "load": (part.DeclaresEffect,),
     "mesh": (mesh.EstimatesMeshSize,),
-    "reducer": (reducer.ChecksModel, reducer.UsesBases, reducer.UsesForceBasis,
-                reducer.HoldsSnapshots, reducer.EstimatesErrors, reducer.RestartsSteps,
-                reducer.SharesOptions, reducer.SamplesRows, reducer.BudgetsFields,
-                reducer.ChoosesReducer),
-    "sampler": (sampler.ChoosesRowsKept, sampler.SamplesNodes, sampler.DrawsRequired),
-    "sparse_solver": (sparse_solver.LimitsProblems,),
 }
 """Kind of plugin -> optional protocols of the plugin class."""
-EVERY = (part.ReadsFiles, part.StoresObjects)
-"""Optional protocols of plugins of every kind."""
-
 _ANY_PART = (part.HasNotes,)
 _CONNECTOR = (part.LocalizesRows, part.MovesOverBody, body.ChangesBodies, part.HasSurroundings,
               *_ANY_PART)

@@ -1,16 +1,17 @@
 """Time integration: states, step formulas of an integrator, and functions of time."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import ulp
-from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.notes import Note
 from sparsemor.core.protocols.layout import Layout
+from sparsemor.core.protocols.plugin import Plugin
 from sparsemor.core.protocols.turning import steered, tangent
 
 
@@ -264,49 +265,51 @@ def _add(
             into += part[at] if factor == 1.0 else factor * part[at]
 
 
-class Integrator(Protocol):
+class Integrator(Plugin):
     """Implicit time integrator whose steps are linear in the old state and in the highest rates at
-    the new time. `order`: order of accuracy."""
+    the new time."""
 
     @property
-    def order(self) -> int: ...
-    def start(self, layout: Layout, state: State) -> State:
-        """Initial state with the integrator's history `memory` filled."""
-        ...
+    @abstractmethod
+    def order(self) -> int:
+        """Order of accuracy."""
 
+    @abstractmethod
     def rules(self, h: float) -> UpdateRules:
         """Update rules of a step of size h, s."""
-        ...
 
-
-@runtime_checkable
-class ChecksLayout(Protocol):
-    """An integrator with warnings for models that it does not suit."""
+    def start(self, layout: Layout, state: State) -> State:
+        """Initial state with the integrator's history `memory` filled; by default it has none."""
+        return replace(state, memory=np.zeros((state.x.size, 0)))
 
     def notes(self, layout: Layout) -> tuple[Note, ...]:
         """Warnings before the first step, derived from the kinds of unknowns (second-order,
         first-order, algebraic) in the layout."""
-        ...
+        return ()
 
 
-@runtime_checkable
-class TimeFunction(Protocol):
-    """Scalar function of time, with its rate, for loads and prescribed motion.
+class TimeFunction(ABC):
+    """Scalar function of time, with its rate, for loads and prescribed motion."""
 
-    Where its value or slope jumps, a function has a method `jumps` that says when
-    (core/protocols/step_amplitude.py), so that steps have the exact integral of a load.
-    """
+    @abstractmethod
+    def value(self, t: float) -> float:
+        """Value at t, s."""
 
-    def value(self, t: float) -> float: ...
-    def rate(self, t: float) -> float: ...
+    @abstractmethod
+    def rate(self, t: float) -> float:
+        """First derivative at t, from the right at a kink."""
+
+    def curvature(self, t: float) -> float | None:
+        """Exact second derivative at t, from the right at a kink; None: the initial accelerations
+        use finite differences of `rate`, scaled by the time step."""
+        return None
+
+    def jumps(self, start: float, end: float) -> Sequence[float] | None:
+        """Times from start to end (s) at which the value or the slope jumps, so that steps have the
+        exact integral of a load (core/protocols/step_amplitude.py); None for a function that never
+        jumps."""
+        return None
 
 
-@runtime_checkable
-class HasCurvature(TimeFunction, Protocol):
-    """A function of time with an exact second derivative, from the right at a kink.
-
-    For functions without it, the initial accelerations use finite differences of `rate`, scaled by
-    the time step.
-    """
-
-    def curvature(self, t: float) -> float: ...
+class Function(Plugin, TimeFunction):
+    """Function of time as a plugin."""

@@ -1,9 +1,11 @@
 """Interfaces of linear solvers: one matrix, many right-hand sides."""
 
+from abc import abstractmethod
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Protocol
 
 from sparsemor.core.arrays import Csr, FloatArray, IntArray
+from sparsemor.core.protocols.plugin import Plugin
 from sparsemor.core.status import Status
 
 
@@ -58,29 +60,22 @@ class Factorized(Protocol):
         ...
 
 
-class LinearSolver(Protocol):
+class LinearSolver(Plugin):
     """Solver of A x = b with A (n, n) csr, symmetric positive definite. places: node coordinates
-    and components of the unknowns, or None.
+    and components of the unknowns, or None."""
 
-    Raises InputError if A is not square, not symmetric or does not fit in memory.
-    """
+    @abstractmethod
+    def factorize(self, A: Csr, places: DofLocations | None = None) -> Factorized:
+        """Factorization of A. Raises InputError if A is not square, not symmetric or does not fit
+        in memory."""
 
-    def factorize(self, A: Csr, places: DofLocations | None = None) -> Factorized: ...
-
-
-@runtime_checkable
-class EstimatesMemory(Protocol):
-    """A linear solver that estimates its memory in advance; a run that does not fit is refused."""
-
-    def expected(self, A: Csr, places: DofLocations | None = None) -> int:
-        """Peak memory, bytes, of `factorize` for a matrix with the sparsity pattern of A."""
-        ...
-
-
-@runtime_checkable
-class StatesFillIn(Protocol):
-    """A linear solver that states whether it is direct, so that fill-in of its factors is checked
-    against the available memory."""
+    def expected(self, A: Csr, places: DofLocations | None = None) -> int | None:
+        """Peak memory, bytes, of `factorize` for a matrix with the sparsity pattern of A; None if
+        it is not known. A run that does not fit is refused."""
+        return None
 
     @property
-    def direct(self) -> bool: ...
+    def direct(self) -> bool:
+        """True for factors whose fill-in is checked against the available memory before a mesh is
+        made."""
+        return False

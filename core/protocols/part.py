@@ -2,7 +2,6 @@
 methods."""
 
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 from typing import Literal, Protocol, runtime_checkable
 
 from sparsemor.core.notes import Note
@@ -93,22 +92,4 @@ class HasSurroundings(Protocol):
     @property
     def surroundings(self) -> Callable[[float], float] | None:
         """Ambient temperature, K, as a function of time t, s; None if there is none."""
-        ...
-
-
-@runtime_checkable
-class StoresObjects(Protocol):
-    """A plugin that names the classes and functions of which the step solver of a kept model may be
-    made. The file of a model refers to them by name; no others are used when it is read."""
-
-    @property
-    def stored_classes(self) -> Sequence[object]: ...
-
-
-@runtime_checkable
-class ReadsFiles(Protocol):
-    """A plugin that reads files named in its options."""
-
-    def files(self, base: Path) -> Sequence[Path]:
-        """Paths of the files that are read; base: folder of the input file."""
         ...

@@ -7,7 +7,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.protocols.integrator import HasCurvature, TimeFunction
+from sparsemor.core.protocols.integrator import TimeFunction
 
 SHARE = 1e-2
 """Step of finite differences in time, relative to the time step."""
@@ -38,7 +38,7 @@ class Held:
 
 @dataclass(frozen=True, slots=True)
 class Prescribed:
-    """Prescribed value start + function.value(t). Without a method `curvature`, the second
+    """Prescribed value start + function.value(t). Without a `curvature`, the second
     derivative is a finite difference of the function's rate."""
 
     function: TimeFunction
@@ -49,9 +49,8 @@ class Prescribed:
 
     def derivatives(self, t: float, h: float) -> tuple[float, float]:
         f = self.function
-        if isinstance(f, HasCurvature):
-            return f.rate(t), f.curvature(t)
-        return f.rate(t), _scalar(f.rate, 1, t, h)
+        bend = f.curvature(t)
+        return f.rate(t), _scalar(f.rate, 1, t, h) if bend is None else bend
 
 
 def time_derivatives(function: Callable[[float], float], t: float, h: float) -> tuple[float, float]:

@@ -1,9 +1,10 @@
 """Interfaces of model reduction: reducers, the assembled models that they reduce, and offline data
 such as snapshots."""
 
+from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal, NamedTuple, Protocol, Self, TypeAlias, runtime_checkable
+from typing import ClassVar, Literal, NamedTuple, Protocol, Self, TypeAlias
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from sparsemor.core.protocols.integrator import Integrator, State
 from sparsemor.core.protocols.layout import Layout
 from sparsemor.core.protocols.linear_solver import DofLocations, Factorized, LinearSolver
 from sparsemor.core.protocols.part import Part
-from sparsemor.core.protocols.sampler import Sampler
+from sparsemor.core.protocols.plugin import Plugin
 from sparsemor.core.protocols.separable import Separated
 from sparsemor.core.protocols.step_solver import StepSolver
 from sparsemor.core.protocols.term import Term
@@ -178,53 +179,6 @@ class ReducedProblem:
     rng: np.random.Generator
 
 
-class Reducer(Protocol):
-    """Model reduction method: `prepare` makes a solver for the time steps of the reduced model.
-    Raises InputError for an unsuitable model, SolveFailed for singular matrices."""
-
-    def prepare(self, problem: ReducedProblem) -> StepSolver: ...
-
-
-@runtime_checkable
-class ChecksModel(Protocol):
-    """A reducer that rejects unsuitable models before any training run."""
-
-    def check(self, model: AssembledModel) -> Sequence[Fault]:
-        """Errors that follow from numbers of rows and unknowns; keys are relative to the reducer
-        (`budgets.*.elastic.rows`)."""
-        ...
-
-
-@runtime_checkable
-class UsesBases(Protocol):
-    """A reducer with a trial basis for each block of unknowns. bases: block-name pattern -> basis;
-    `basis` is used for all other blocks. A training run is made if any of them needs snapshots."""
-
-    @property
-    def basis(self) -> Basis: ...
-    @property
-    def bases(self) -> Mapping[str, Basis]: ...
-
-
-@runtime_checkable
-class UsesForceBasis(Protocol):
-    """A reducer with a basis of forces, which it interpolates as in DEIM, in addition to the trial
-    basis of the unknowns."""
-
-    @property
-    def force_basis(self) -> Basis: ...
-
-
-@runtime_checkable
-class HoldsSnapshots(Protocol):
-    """A reducer that keeps all snapshots of a block in memory during preparation."""
-
-    @property
-    def snapshot_copies(self) -> int:
-        """Number of arrays of the size of a block's snapshots in memory at once."""
-        ...
-
-
 @dataclass(frozen=True, slots=True)
 class TrialRun:
     """Reduced run over the training run, whose snapshots are its reference.
@@ -257,26 +211,6 @@ class Choice:
     trials: tuple[TrialRun, ...]
     reasons: tuple[str, ...]
     doubts: tuple[str, ...] = ()
-
-
-@runtime_checkable
-class ChoosesReducer(Protocol):
-    """A reducer that is replaced by another one before a run. It chooses that on the training run:
-    the model of its problem is that of the training run, and so are the snapshots."""
-
-    def left_out(self, problem: ReducedProblem) -> tuple[str, ...]:
-        """Names of the blocks that the scene does not need: fields that are constant in the
-        training run."""
-        ...
-
-    def choose(
-        self, problem: ReducedProblem,
-        unstable: Callable[[Mapping[str, object], StepSolver, Sequence[State]], str],
-    ) -> Choice:
-        """Reducer for this problem. unstable: options of a reducer, its step solver, and states of
-        a run of it that are close to the training run, none if there was no such run -> reason why
-        it must not be chosen, "" for a stable one. Raises InputError where none can be chosen."""
-        ...
 
 
 ErrorAction: TypeAlias = Literal["warn", "stop", "fall_back", "enrich"]
@@ -333,29 +267,6 @@ class ErrorEstimator(Protocol):
         ...
 
 
-@runtime_checkable
-class EstimatesErrors(Protocol):
-    """A reducer whose runs can be accompanied by an estimate of their error."""
-
-    @property
-    def error_limit(self) -> ErrorLimit: ...
-    def error_estimator(self, problem: ReducedProblem, solver: StepSolver) -> ErrorEstimator | None:
-        """Estimator for runs of `solver`, which this reducer prepared for `problem`; None where
-        none is requested."""
-        ...
-
-
-@runtime_checkable
-class RestartsSteps(Protocol):
-    """A reducer whose step solvers can begin a step at a state that they did not compute, as
-    adaptive time stepping requires; their memory satisfies `Restarts`."""
-
-    def restart_refusal(self) -> str:
-        """Reason why the options of this reducer exclude adaptive time stepping, "" if they do
-        not."""
-        ...
-
-
 @dataclass(frozen=True, slots=True)
 class BlockBudget:
     """Limits of sampled rows and active atoms (trial vectors) for one block; None: decided by the
@@ -369,49 +280,100 @@ class BlockBudget:
     atoms: int | None = None
 
 
-@runtime_checkable
-class SharesOptions(Protocol):
-    """A reducer class with options that have the same meaning in other reducers."""
+class BlockBases(NamedTuple):
+    """Trial bases of the blocks of unknowns: `shared`, and others by block-name pattern."""
+
+    shared: Basis
+    others: Mapping[str, Basis]
+
+
+class Reducer(Plugin):
+    """Model reduction method: `prepare` makes a solver for the time steps of the reduced model."""
+
+    shared_options: ClassVar[tuple[str, ...]] = ()
+    """Names of options that have the same meaning in other reducers; a change of the reducer's name
+    keeps their values."""
+
+    @abstractmethod
+    def prepare(self, problem: ReducedProblem) -> StepSolver:
+        """Step solver of the reduced model. Raises InputError for an unsuitable model, SolveFailed
+        for singular matrices."""
+
+    def check(self, model: AssembledModel) -> Sequence[Fault]:
+        """Errors that follow from numbers of rows and unknowns, before any training run; keys are
+        relative to the reducer (`budgets.*.elastic.rows`)."""
+        return ()
+
+    def trial_bases(self) -> BlockBases | None:
+        """Trial bases; None for a reducer that keeps all unknowns. A training run is made if any of
+        them needs snapshots."""
+        return None
+
+    def force_bases_used(self) -> Sequence[Basis]:
+        """Bases of forces, interpolated as in DEIM, in addition to the trial bases."""
+        return ()
 
     @property
-    def shared_options(self) -> tuple[str, ...]:
-        """Names of these options, a class attribute; a change of the reducer's name keeps their
-        values."""
-        ...
-
-
-@runtime_checkable
-class SamplesRows(Protocol):
-    """A reducer that selects rows of the equations by a sampler, its option `sampler`."""
+    def full_order(self) -> bool:
+        """True if the number of unknowns is not reduced."""
+        return self.trial_bases() is None
 
     @property
-    def sampler(self) -> Sampler: ...
+    def snapshot_copies(self) -> int | None:
+        """Number of arrays of the size of a block's snapshots in memory at once, during
+        preparation; None: as many as bases need."""
+        return None
 
+    def restart_refusal(self) -> str:
+        """Reason why step solvers cannot begin a step at a state that they did not compute, as
+        adaptive time stepping requires; "" if they can, and their memory satisfies `Restarts`."""
+        return (f"adaptive steps begin at states that the reducer did not compute, which "
+                f"{type(self).__module__}.{type(self).__qualname__} cannot: it has no "
+                "`restart_refusal`")
 
-@runtime_checkable
-class BudgetsFields(Protocol):
-    """A reducer with limits of sampled rows and active atoms (trial vectors) per field, which
-    parameter studies vary."""
+    @property
+    def error_limit(self) -> ErrorLimit:
+        """Largest permitted estimate of the error of a run."""
+        return ErrorLimit()
+
+    def error_estimator(self, problem: ReducedProblem, solver: StepSolver) -> ErrorEstimator | None:
+        """Estimator for runs of `solver`, which this reducer prepared for `problem`; None where
+        none is requested."""
+        return None
 
     def field_budget(self, field: str) -> BlockBudget | None:
-        """Limits of rows and atoms for a field; None if nothing is limited."""
-        ...
+        """Limits of sampled rows and active atoms (trial vectors) for a field, which parameter
+        studies vary; None if nothing is limited."""
+        return None
 
-    def with_rows(self, rows: Mapping[str, int]) -> Self:
-        """Copy of the reducer with new numbers of sampled rows, by field."""
-        ...
+    def with_rows(self, rows: Mapping[str, int]) -> Self | None:
+        """Copy of the reducer with new numbers of sampled rows, by field; None without budgets."""
+        return None
 
-    def with_atoms(self, atoms: Mapping[str, int]) -> Self:
+    def with_atoms(self, atoms: Mapping[str, int]) -> Self | None:
         """Copy of the reducer with new numbers of active atoms, by field; a basis with an option
-        for its number of atoms gets the same number, so that all its atoms are active."""
-        ...
+        for its number of atoms gets the same number, so that all its atoms are active. None without
+        budgets."""
+        return None
 
+    @property
+    def chooses(self) -> bool:
+        """True for a reducer that is replaced by another one before a run."""
+        return False
 
-def shared_options(reducer: type) -> tuple[str, ...]:
-    """Names of the options of a reducer class that other reducers share."""
-    return reducer.shared_options if isinstance(reducer, SharesOptions) else ()
+    def left_out(self, problem: ReducedProblem) -> tuple[str, ...]:
+        """Names of the blocks that the scene does not need: fields that are constant in the
+        training run, of which the problem has the model and the snapshots."""
+        return ()
 
+    def choose(
+        self, problem: ReducedProblem,
+        unstable: Callable[[Mapping[str, object], StepSolver, Sequence[State]], str],
+    ) -> Choice:
+        """Reducer that replaces this one, for a training run as in `left_out`.
 
-def is_full_order(reducer: object) -> bool:
-    """True if a reducer does not reduce the number of unknowns."""
-    return not isinstance(reducer, UsesBases)
+        unstable: options of a reducer, its step solver, and states of a run of it that are close to
+        the training run, none if there was no such run -> reason why it must not be chosen, "" for
+        a stable one. Raises InputError where none can be chosen.
+        """
+        raise NotImplementedError

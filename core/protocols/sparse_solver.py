@@ -1,16 +1,20 @@
-"""Interfaces of sparse recovery: sparse least-squares problems, and solvers of these.
+"""Contract of sparse recovery: sparse least-squares problems, and solvers of these.
 
 The support is the set of active atoms (trial vectors with nonzero coefficients). A solver treats
 two kinds of problems. `solve`: a nonlinear residual of several groups of columns, such as the rows
 of all bodies and joints of a step (Liang et al. 2026, Eq. 25). `prepare`: a linear residual of one
 group with a constant matrix, such as the sampled rows of one body while the other unknowns of the
 step are held; its factors are computed once, and each step selects a support for another residual.
+By default `prepare` selects what `solve` selects for the linear problem.
 """
 
+from abc import abstractmethod
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Protocol
 
 from sparsemor.core.arrays import BoolArray, FloatArray
+from sparsemor.core.errors import InputError
+from sparsemor.core.protocols.plugin import Plugin
 from sparsemor.core.status import Status
 
 
@@ -107,17 +111,6 @@ class Recovery(Protocol):
         ...
 
 
-class SparseSolver(Protocol):
-    """Solver of sparse least-squares problems, warm-started from the support of an earlier step."""
-
-    def solve(self, problem: SparseProblem, start: SparseStart) -> SparseOutcome: ...
-
-    def prepare(self, columns: Columns, budget: int) -> Recovery:
-        """Recovery for a constant matrix J (m, k) = columns.A. budget: largest number of active
-        columns; a column of zeros cannot be active."""
-        ...
-
-
 PROBLEM_FEATURES = {
     "nonlinear": "a residual that is not linear in the coefficients",
     "unpenalised": "columns that are always active (groups without a budget)",
@@ -127,19 +120,75 @@ PROBLEM_FEATURES = {
 """Feature of a sparse problem -> its meaning in words."""
 
 
-@runtime_checkable
-class LimitsProblems(Protocol):
-    """A sparse solver that accepts only problems with certain features of `PROBLEM_FEATURES`."""
+class SparseSolver(Plugin):
+    """Solver of sparse least-squares problems, warm-started from the support of an earlier step."""
 
     @property
     def capabilities(self) -> frozenset[str]:
-        """Names of the accepted features."""
-        ...
+        """Features of the problems that it accepts, names from `PROBLEM_FEATURES`."""
+        return frozenset(PROBLEM_FEATURES)
+
+    @abstractmethod
+    def solve(self, problem: SparseProblem, start: SparseStart) -> SparseOutcome:
+        """Coefficients c (k,), their support and a status. Raises InputError for a problem with a
+        feature that it does not accept."""
+
+    def prepare(self, columns: Columns, budget: int) -> Recovery:
+        """Recovery for a constant matrix J (m, k) = columns.A. budget: largest number of active
+        columns; a column of zeros cannot be active. Raises InputError for a shape that it does not
+        accept."""
+        refused = solver_refusal("this problem", self, shape_features(columns.A))
+        if refused:
+            raise InputError(refused)
+        return _SolvedRecovery(self, columns.A, budget)
+
+
+def shape_features(J: FloatArray) -> frozenset[str]:
+    """Features of a linear problem that follow from the shape of its matrix J (m, k)."""
+    m, k = J.shape
+    return frozenset({"overdetermined"} if m > k else {"underdetermined"} if m < k else ())
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _LinearProblem:
+    """Linear problem of one group: |J c - b|, with at most `budget` active columns."""
+
+    J: FloatArray
+    b: FloatArray
+    budget: int
+
+    @property
+    def needs(self) -> frozenset[str]:
+        return shape_features(self.J)
+
+    @property
+    def groups(self) -> tuple[Group, ...]:
+        return (Group("", 0, self.J.shape[1], self.budget),)
+
+    def residual(self, c: FloatArray) -> FloatArray:
+        return self.J @ c - self.b
+
+    def jacobian(self, c: FloatArray) -> FloatArray:
+        return self.J
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _SolvedRecovery:
+    """Recovery by the nonlinear solve of a sparse solver, for constant columns J (m, k)."""
+
+    solver: SparseSolver
+    J: FloatArray
+    budget: int
+
+    def select(self, r: FloatArray, c: FloatArray, support: BoolArray) -> Selection:
+        found = self.solver.solve(
+            _LinearProblem(self.J, self.J @ c - r, self.budget), SparseStart(c, support))
+        return Selection(found.support if found.status.ok else support, found.status)
 
 
 def missing(solver: SparseSolver, needs: frozenset[str]) -> tuple[str, ...]:
-    """Features among `needs` that a solver does not accept; a solver without limits accepts all."""
-    return tuple(sorted(needs - solver.capabilities)) if isinstance(solver, LimitsProblems) else ()
+    """Features among `needs` that a solver does not accept."""
+    return tuple(sorted(needs - solver.capabilities))
 
 
 def solver_refusal(name: str, solver: SparseSolver, needs: frozenset[str]) -> str:

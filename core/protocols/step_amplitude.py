@@ -2,12 +2,8 @@
 
 An integrator evaluates a load once in a step, at its end. Summed up over the steps this is a
 quadrature of the load in time, which misses a jump by up to a whole step. A function of time
-therefore declares its jumps: by a method
-
-    jumps(start, end) -> increasing times in [start, end] at which its value or slope jumps,
-                         or None if it never does
-
-which any function may have. With the mean m_n of f over step n, the load of that step is then
+therefore declares its jumps (`TimeFunction.jumps`). With the mean m_n of f over step n, the load of
+that step is then
 
     g_n = (1 + theta) m_n - theta m_(n-1),      m_0 = f(0).
 
@@ -28,7 +24,6 @@ from typing import Any, TypeVar
 import numpy as np
 
 from sparsemor.core.protocols.integrator import (
-    HasCurvature,
     Integrator,
     TimeFunction,
     differences,
@@ -39,16 +34,6 @@ from sparsemor.core.protocols.separable import Amplitude
 _POINTS, _WEIGHTS = (a.tolist() for a in np.polynomial.legendre.leggauss(3))
 _STEPS = 200
 T = TypeVar("T")
-
-
-def jumps_of(function: object, start: float, end: float) -> Sequence[float] | None:
-    """Times between start and end, s, at which a function of time declares a jump of its value or
-    slope; None for a function that declares none at any time."""
-    declared: Any = getattr(function, "jumps", None)
-    if declared is None:
-        return None
-    found: Sequence[float] | None = declared(start, end)
-    return found
 
 
 def before(function: TimeFunction, t: float, jumps: Sequence[float]) -> float:
@@ -173,7 +158,7 @@ class StepAmplitude:
         h = min(self.h if own is None else own.h, t)
         start = t - h if t - h > near else 0.0
         earlier = max(start - h, 0.0) if self.theta else start
-        jumps = jumps_of(f, earlier - near, t + near) if h > near else None
+        jumps = f.jumps(earlier - near, t + near) if h > near else None
         if jumps is None or (self.theta and not len(jumps)):
             return f.value(t)
         mean = _mean(f, start, t, jumps)
@@ -190,12 +175,12 @@ class StepAmplitude:
     def derivatives(self, t: float, h: float) -> tuple[float, float]:
         """Derivatives of the function from the right (`Differentiable`)."""
         f = self.function
-        return f.rate(t), f.curvature(t) if isinstance(f, HasCurvature) else (
-            (f.rate(t + 1e-2 * h) - f.rate(t)) / (1e-2 * h))
+        bend = f.curvature(t)
+        return f.rate(t), (f.rate(t + 1e-2 * h) - f.rate(t)) / (1e-2 * h) if bend is None else bend
 
 
 @dataclass(frozen=True, slots=True)
-class StepFunction:
+class StepFunction(TimeFunction):
     """Prescribed value of an unknown of first order, with the rate that the integrator's formula
     gives it: differences of values, so that heat which neighbours take up is that of the change,
     however fast. h: step, s; earlier: number of earlier values in the formula."""
@@ -224,4 +209,4 @@ class StepFunction:
         return (1.5 * change - 0.5 * past) / h
 
     def jumps(self, start: float, end: float) -> Sequence[float] | None:
-        return jumps_of(self.function, start, end)
+        return self.function.jumps(start, end)

@@ -22,11 +22,12 @@ from typing import Any, get_type_hints
 
 import numpy as np
 from scipy.sparse import csr_array
-from typing_extensions import get_protocol_members, is_protocol
+from typing_extensions import is_protocol
 
 from sparsemor.core.errors import InputError, PluginError
-from sparsemor.core.registry.contracts import CONTRACTS, abilities_of
-from sparsemor.core.registry.plugin import OWN, PREFIX
+from sparsemor.core.protocols.capabilities import CAPABILITIES
+from sparsemor.core.protocols.plugin import OWN, PREFIX
+from sparsemor.core.registry.contracts import CONTRACTS, PARTS, members
 from sparsemor.core.registry.value_checks import CHECKS, EVERY_STEP, NAN_ALLOWED
 from sparsemor.core.registry.value_types import NOT_FINITE, is_data, required, unfit
 from sparsemor.core.status import SolveFailed
@@ -38,25 +39,27 @@ _PLUGIN_FOLDERS = tuple(f"sparsemor.{f}." for f in ("bodies", "reducers", "plugi
 
 
 def admit(kind: str, cls: type) -> None:
-    """Guards a class of plugins by the protocols of its kind that it implements."""
+    """Guards a class of plugins by the contract of its kind."""
     if kind in CONTRACTS:
-        for protocol in (CONTRACTS[kind], *abilities_of(kind, cls)):
-            guard(protocol, cls)
+        for contract in (CONTRACTS[kind], *CAPABILITIES.get(kind, ())):
+            guard(contract, cls)
 
 
-def guard(protocol: type, cls: type, members: Iterable[str] | None = None) -> None:
-    """Puts the checked form of each member of a protocol into a class, once. What a member returns
-    by another protocol is guarded when it is returned. members: those of a base class."""
-    for name in get_protocol_members(protocol) if members is None else members:
+def guard(contract: type, cls: type, names: Iterable[str] | None = None) -> None:
+    """Puts the checked form of each member of a contract that a class has written into it, once.
+    What a member returns by another contract is guarded when it is returned. names: of some
+    members."""
+    for name, wanted in members(contract).items():
         found = inspect.getattr_static(cls, name, None)
-        wanted = inspect.getattr_static(protocol, name)
+        if found is wanted or (names is not None and name not in names):
+            continue  # a default needs no check
         if isinstance(found, FunctionType) and isinstance(wanted, FunctionType):
             if not hasattr(found, _MARK):
-                _put(cls, name, _checked(found, protocol, wanted))
+                _put(cls, name, _checked(found, contract, wanted))
         elif isinstance(found, property) and isinstance(wanted, property):
             get = found.fget
             if isinstance(get, FunctionType) and not hasattr(get, _MARK) and wanted.fget:
-                _put(cls, name, found.getter(_checked(get, protocol, wanted.fget)))
+                _put(cls, name, found.getter(_checked(get, contract, wanted.fget)))
 
 
 def _hints_of(function: Any) -> dict[str, Any]:
@@ -79,7 +82,7 @@ def _checked(function: FunctionType, protocol: type, wanted: Any) -> FunctionTyp
     finite = (protocol.__name__, name) not in NAN_ALLOWED
     names = list(inspect.signature(wanted).parameters)[1:]
     takes_data = any(h not in (float, int, str) for h in hints.values())
-    built = hint if is_protocol(hint) else None
+    built = hint if is_protocol(hint) or hint in PARTS.values() else None
     admitted = set[type]()
     lean = EVERY_STEP.get((protocol.__name__, name))
 

@@ -8,15 +8,17 @@ An observer is any object with methods marked by `hookimpl`; each takes the argu
             print(step, t)
 """
 
+from abc import abstractmethod
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
 import pluggy
 
 from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.protocols import StepOutcome
+from sparsemor.core.protocols.plugin import Plugin
 from sparsemor.core.status import Status
 
 _PROJECT = "sparsemor"
@@ -77,20 +79,13 @@ class Events:
         `on_start`."""
 
 
-class ObserverPlugin(Protocol):
+class Observer(Plugin):
     """Options of an observer, from which `observer` makes an object with methods marked by
     `hookimpl`."""
 
+    @abstractmethod
     def observer(self) -> object:
         """New observer for one run and its training run."""
-        ...
-
-
-@runtime_checkable
-class Closes(Protocol):
-    """An observer with a resource, such as the terminal, to release after its last event."""
-
-    def close(self) -> None: ...
 
 
 class Manager(pluggy.PluginManager):

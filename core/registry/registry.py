@@ -11,9 +11,9 @@ from typing import Any
 from stevedore.driver import DriverManager
 
 from sparsemor.core.errors import InputError
+from sparsemor.core.protocols.plugin import OWN, PREFIX, Plugin
 from sparsemor.core.registry.boundary import admit
 from sparsemor.core.registry.contracts import refusal
-from sparsemor.core.registry.plugin import OWN, PREFIX, Plugin
 
 _UNNAMED = "an unnamed distribution"
 
@@ -78,7 +78,7 @@ class Registry:
         """Plugin class of this kind and name, imported.
 
         Raises `InputError` if the name is unknown or ambiguous, the import fails, or the class is
-        not a `sparsemor.core.registry.plugin.Plugin` or violates the protocol of its kind.
+        not a `sparsemor.core.protocols.plugin.Plugin` or violates the protocol of its kind.
         """
         if (kind, name) not in self._classes:
             self._classes[kind, name] = self._checked(kind, name)
@@ -90,7 +90,7 @@ class Registry:
         blame = f"report it to the authors of that package (its entry point is {one.value})"
         if not (isinstance(loaded, type) and issubclass(loaded, Plugin)):
             raise InputError(f"{kind} plugin {one.name!r} of {_origin(one)} is no "
-                             f"sparsemor.core.registry.plugin.Plugin class: {blame}")
+                             f"sparsemor.core.protocols.plugin.Plugin class: {blame}")
         broken = refusal(kind, loaded)
         if broken:
             raise InputError(f"{kind} plugin {one.name!r} of {_origin(one)} {broken}: {blame}")

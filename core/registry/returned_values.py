@@ -7,6 +7,7 @@ the method and the returned value.
 from typing import TypeVar
 
 import numpy as np
+from typing_extensions import is_protocol
 
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.errors import InputError
@@ -40,8 +41,11 @@ def complete(
     value: object, protocol: type, plugin: object, call: str, key: str = "",
     abilities: tuple[type, ...] = (),
 ) -> None:
-    """Raises InputError if the object that a plugin method returned lacks a member of `protocol`,
-    or implements an optional protocol wrongly or under a misspelt name."""
+    """Raises InputError if the object that a plugin method returned does not satisfy `protocol`, or
+    has a member in another form or under a misspelt name."""
+    if not is_protocol(protocol) and not isinstance(value, protocol):
+        raise _wrong(plugin, call, f"{type(value).__name__}, which does not derive from it",
+                     f"a {protocol.__name__}", key)
     lacks = absent_members(protocol, value)
     if lacks:
         raise _wrong(plugin, call, f"{type(value).__name__}, which lacks {', '.join(lacks)}",

@@ -148,13 +148,13 @@ def _fields(value: Any, _: Any, given: Mapping[str, Any]) -> str:
 CHECKS: Mapping[tuple[str, str], Check] = {
     ("Basis", "build"): _dictionary, ("Sampler", "sample"): _rows,
     ("Preconditioner", "build"): _square, ("NormalLaw", "pressure"): _like("depth"),
-    ("FrictionLaw", "ratio"): _like("slip"), ("TimeFunction", "value"): _scalar,
-    ("TimeFunction", "rate"): _scalar, ("Integrator", "start"): _state,
+    ("FrictionLaw", "ratio"): _like("slip"), ("Function", "value"): _scalar,
+    ("Function", "rate"): _scalar, ("Integrator", "start"): _state,
     ("Integrator", "rules"): _rules, ("MeshPlugin", "build"): _mesh,
     ("SparseSolver", "solve"): _columns, ("Recovery", "select"): _support,
     ("Factorized", "solve"): _solution, ("Factorized", "outcome"): _solution,
     ("StepSolver", "start"): _start, ("Body", "initial"): _initial,
-    ("ObserverPlugin", "observer"): _observer, ("Check", "before_steps"): _fields,
+    ("Observer", "observer"): _observer, ("Check", "before_steps"): _fields,
     ("Check", "after_run"): _fields,
 }
 """Protocol and member -> check of what it returns."""

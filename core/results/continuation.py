@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from sparsemor.core.protocols.reducer import is_full_order
 from sparsemor.core.results.archive import write_archive
 from sparsemor.core.results.metadata import RunHeader
 from sparsemor.core.results.stage_arrays import TIME as STAGE_TIME
@@ -52,7 +51,7 @@ def refusal(attributes: Mapping[str, Any], scene: Scene) -> str:
                 f"which ends with the run; {ELSEWHERE}")
     trained = kept["training"]["end"]
     trained = before if trained is None else float(trained)
-    if scene.training_end != trained and not is_full_order(scene.reducer):
+    if scene.training_end != trained and not scene.reducer.full_order:
         return (f"its model was trained to {trained} s, and with a later time.end the training "
                 f"ends later, too: add --set training.end={trained} to keep the model, or "
                 f"{ELSEWHERE}")

@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 
 from sparsemor.core.errors import InputError
 from sparsemor.core.protocols.layout import FieldKind
-from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core.protocols.plugin import Plugin
 from sparsemor.core.scene.overrides import split
 from sparsemor.core.scene.parameters import BoxTraining
 

@@ -8,7 +8,6 @@ from typing import Any
 
 from sparsemor.core.errors import InputError
 from sparsemor.core.notes import Note, information
-from sparsemor.core.protocols.reducer import shared_options
 from sparsemor.core.registry.registry import Registry
 from sparsemor.core.scene.defaults import SAMPLED
 from sparsemor.core.scene.yaml_reader import KeyPath
@@ -33,7 +32,7 @@ def named(tree: Mapping[str, Any], name: str, registry: Registry) -> object:
     if mine is theirs:
         return old
     fields, own, shared = theirs.model_fields, mine.model_fields, (
-        {*shared_options(mine)} & {*shared_options(theirs)})
+        {*mine.shared_options} & {*theirs.shared_options})
     kept = {key: value for key, value in options.items() if key in fields and key in own and (
         key in shared or (fields[key].annotation == own[key].annotation
                           and fields[key].default == own[key].default))}
@@ -61,7 +60,7 @@ def sampled(
     mine, other = _class(tree.get("reducer"), registry), _class(SAMPLED, registry)
     if mine is None or other is None or option in mine.model_fields or (
             option not in other.model_fields) or not (
-            {*shared_options(mine)} & {*shared_options(other)}):
+            {*mine.shared_options} & {*other.shared_options}):
         return None
     old = registry.name_of("reducer", mine)
     return named(tree, SAMPLED, registry), (Note(

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 from pydantic import BaseModel
 
 from sparsemor.core.linalg.threads import threads
-from sparsemor.core.protocols import ReadsFiles
+from sparsemor.core.protocols.plugin import Plugin
 
 if TYPE_CHECKING:
     from sparsemor.core.scene.scene import Scene
@@ -215,5 +215,5 @@ def _hashed(file: Path, *_version: int) -> str:
 
 
 def _files(parts: Sequence[object], base: Path) -> dict[str, str]:
-    named = [f for part in parts if isinstance(part, ReadsFiles) for f in part.files(base)]
+    named = [f for part in parts if isinstance(part, Plugin) for f in part.files(base)]
     return {Path(os.path.relpath(f, base)).as_posix(): _file_digest(f) for f in named}

@@ -29,7 +29,7 @@ from sparsemor.core.protocols import (
 )
 from sparsemor.core.protocols.body import immobile
 from sparsemor.core.protocols.layout import FieldKind, declared_kinds
-from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core.protocols.plugin import Plugin
 from sparsemor.core.registry.registry import Registry
 from sparsemor.core.registry.slot import Slot, name_default_slots, slot_default
 from sparsemor.core.registry.validation_errors import custom, shown, with_advice

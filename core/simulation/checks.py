@@ -14,9 +14,9 @@ from sparsemor.core.errors import InputError
 from sparsemor.core.model.model import Model
 from sparsemor.core.notes import Note
 from sparsemor.core.protocols import HasNotes, OfflineProducts, State
+from sparsemor.core.protocols.plugin import Plugin
 from sparsemor.core.registry.boundary import guard
 from sparsemor.core.registry.hooks import hookspec
-from sparsemor.core.registry.plugin import Plugin
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.prepared_run import PreparedRun

@@ -12,14 +12,10 @@ from sparsemor.core.model.initial_state import start_notes
 from sparsemor.core.model.model import Model
 from sparsemor.core.model.resolved_start import resolved_start
 from sparsemor.core.protocols import (
-    ChecksLayout,
-    EstimatesErrors,
     HasForceLaw,
     ReducedProblem,
     StepFactors,
     StepSolver,
-    UsesBases,
-    UsesForceBasis,
 )
 from sparsemor.core.registry.hooks import Manager
 from sparsemor.core.registry.returned_values import complete
@@ -92,26 +88,23 @@ def _model(scene: Scene, products: Products, manager: Manager, body_cache: BodyC
 def train(scene: Scene, model: Model, offline: Offline) -> None:
     """Makes the training runs, if a basis that the cache does not have needs them and they are not
     in the cache. Raises SolveFailed if one stops early."""
-    reducer: object = scene.reducer
-    if not isinstance(reducer, UsesBases) or offline.has_training():
+    if scene.reducer.full_order or offline.has_training():
         return
     step = _factors(scene)
     if any(basis.needs_snapshots and not offline.has_dictionary(name, basis, step)
-           for name, basis in fitted_bases(model, reducer).bases.items()) or (
-            isinstance(reducer, UsesForceBasis) and reducer.force_basis.needs_snapshots):
+           for name, basis in fitted_bases(model, scene.reducer).bases.items()) or any(
+            basis.needs_snapshots for basis in scene.reducer.force_bases_used()):
         offline.train()
 
 
 def build_bases(scene: Scene, model: Model, offline: Offline) -> None:
     """Builds the trial bases of all reducible blocks, or reads them from the cache. Raises
     InputError, with the block, for a basis that cannot be computed."""
-    reducer: object = scene.reducer
-    if isinstance(reducer, UsesBases):
-        for name, basis in fitted_bases(model, reducer).bases.items():
-            try:
-                offline.dictionary(name, basis, _factors(scene))
-            except InputError as error:
-                raise InputError(f"{name}: {error}", "reducer.basis") from None
+    for name, basis in fitted_bases(model, scene.reducer).bases.items():
+        try:
+            offline.dictionary(name, basis, _factors(scene))
+        except InputError as error:
+            raise InputError(f"{name}: {error}", "reducer.basis") from None
 
 
 def _factors(scene: Scene) -> StepFactors:
@@ -127,14 +120,13 @@ def reduced(scene: Scene, model: Model, offline: Offline) -> PreparedRun:
     solver: StepSolver = reducer.prepare(problem)
     complete(solver, StepSolver, reducer, "prepare", "reducer")
     start = resolved_start(model, integrator, h)
-    estimator = reducer.error_estimator(problem, solver) if isinstance(
-        reducer, EstimatesErrors) else None
+    estimator = reducer.error_estimator(problem, solver)
     # rates of BDF1 are differences of positions, so that joints hold at the end of a step only
     differences = scene.initial is not None and integrator.order == 1
     notes = (
         *(() if differences else start_notes(model)),
         *initial_notes(scene, model, solver.dictionaries), *start.notes(h),
-        *(integrator.notes(model.layout) if isinstance(integrator, ChecksLayout) else ()))
+        *integrator.notes(model.layout))
     return PreparedRun(
         scene, solver, start.state, header_of(
             scene, model, solver, step_count(scene), () if estimator is None else estimator.blocks),

@@ -28,7 +28,6 @@ from sparsemor.core.scene.independent_of_physics import physics_of
 from sparsemor.core.scene.options import Control
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.blow_up import Extents
-from sparsemor.core.simulation.error_control.notes import error_limit
 from sparsemor.core.simulation.offline import Offline, step_count
 from sparsemor.core.simulation.step_control import Judged, judged, step_of
 from sparsemor.core.simulation.time_stepping import FixedStep, full_state, iterate, started
@@ -109,7 +108,7 @@ class PreparedRun:
     @property
     def error_limit(self) -> ErrorLimit:
         """Tolerance of its estimated error, and what follows beyond it."""
-        return error_limit(self.scene.reducer)
+        return self.scene.reducer.error_limit
 
     def full_order(self, state: State) -> State:
         """A state of its step solver in full-order unknowns, without the integrator's memory."""

@@ -34,7 +34,7 @@ from sparsemor.core.results.solver_report import solvers_summary
 from sparsemor.core.results.store import ChunkOfSteps, ResultWriter
 from sparsemor.core.results.stored_arrays import read_header
 from sparsemor.core.simulation.admission import admit
-from sparsemor.core.simulation.error_control.notes import enrichment_notes, error_limit
+from sparsemor.core.simulation.error_control.notes import enrichment_notes
 from sparsemor.core.simulation.error_control.record import ErrorMark, ErrorRecord
 from sparsemor.core.simulation.memory.use import MemoryUse
 from sparsemor.core.simulation.offline_cache import Products
@@ -285,7 +285,7 @@ class Recorder:
                           *_unused(tally, atoms),
                           *enrichment_notes(self.run.header.enriched, tally.full_steps))),
             "error_estimate": self._estimated(),
-            "error_tolerance": error_limit(self.scene.reducer).tolerance,
+            "error_tolerance": self.scene.reducer.error_limit.tolerance,
             "fall_back": {**self.fall_back, "steps": tally.full_steps,
                           "seconds": tally.full_seconds} if self.fall_back else {},
             "enriched": {"times": times, "steps": tally.full_steps, "seconds": tally.full_seconds}

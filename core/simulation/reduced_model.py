@@ -23,10 +23,9 @@ from sparsemor.core.protocols import (
     LeavesMesh,
     State,
     StepMemory,
-    StoresObjects,
     TimeFunction,
-    UsesBases,
 )
+from sparsemor.core.protocols.plugin import Plugin
 from sparsemor.core.registry.boundary import naming_plugins
 from sparsemor.core.registry.hooks import new_manager
 from sparsemor.core.registry.registry import Registry
@@ -90,7 +89,7 @@ def reduce(
     with progress_bar(progress) as bar:
         manager = new_manager((*observers, *bar))
         scene = explicit(scene, cache, manager, bodies)
-        if not isinstance(scene.reducer, UsesBases):
+        if scene.reducer.full_order:
             raise InputError(f"{scene.reducer_name} reduces nothing: name a reducer that has a "
                              "trial basis", "reducer")
         # not a model of the trial runs, whose loads are objects of another scene
@@ -464,8 +463,7 @@ def _without_estimate(run: PreparedRun) -> tuple[Note, ...]:
 def _table(scene: Scene) -> Table:
     """Classes and functions of which a model of this scene may be made."""
     found = [*CLASSES, *(c for check in scene.source.registry.every(KIND)
-                         for c in getattr(check, "stored_classes", ()))]
-    for _, plugin in nested(dict(scene), BaseModel):
-        if isinstance(plugin, StoresObjects):
-            found += plugin.stored_classes
+                         for c in check().stored_classes)]
+    for _, plugin in nested(dict(scene), Plugin):
+        found += plugin.stored_classes
     return table_of(found)

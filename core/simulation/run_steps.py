@@ -27,7 +27,6 @@ from sparsemor.core.simulation.error_control.continuation import (
     fall_back,
     with_more_atoms,
 )
-from sparsemor.core.simulation.error_control.notes import error_limit
 from sparsemor.core.simulation.error_control.record import ErrorRecord
 from sparsemor.core.simulation.interrupt import Interrupt
 from sparsemor.core.simulation.offline import step_count
@@ -309,7 +308,7 @@ def _watch(
 
     Raises InputError where a run should act and has no estimate.
     """
-    limit = error_limit(run.scene.reducer)
+    limit = run.scene.reducer.error_limit
     if limit.action == "warn":
         return None
     if errors is None or run.model is None:

@@ -37,7 +37,7 @@ from sparsemor.core.protocols import (
 )
 from sparsemor.core.protocols.integrator import next_time, same_time, settled, step_formula
 from sparsemor.core.protocols.layout import Block
-from sparsemor.core.protocols.step_amplitude import Substep, after, before, jumps_of, substep
+from sparsemor.core.protocols.step_amplitude import Substep, after, before, substep
 from sparsemor.core.protocols.step_solver import (
     AroundSteps,
     ResultantSource,
@@ -256,7 +256,7 @@ class ControlledSteps(AroundSteps[StepSolver]):
         near = same_time(end)
         found: dict[float, bool] = {}
         for f in self.functions:
-            for s in jumps_of(f, t + 2.0 * near, end + near) or ():
+            for s in f.jumps(t + 2.0 * near, end + near) or ():
                 at = next((s0 for s0 in found if abs(s0 - s) <= near), s)
                 at = end if abs(at - end) <= near else at
                 old, new = before(f, s, (s,)), after(f, s)

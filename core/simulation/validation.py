@@ -8,14 +8,11 @@ from sparsemor.core.errors import Fault, Gather, InputError
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.block_patterns import unmatched_patterns
 from sparsemor.core.model.body_cache import BodyCache
-from sparsemor.core.model.features import CONTROLLED_STEPS
 from sparsemor.core.model.model import Model
 from sparsemor.core.model.prescribed_motion import NOTHING, AtStart
-from sparsemor.core.protocols import ChecksBlock, ChecksModel, RestartsSteps
 from sparsemor.core.registry.boundary import naming_plugins
 from sparsemor.core.registry.registry import suggestions
 from sparsemor.core.scene.scene import Scene
-from sparsemor.core.simulation.error_control.notes import error_limit
 from sparsemor.core.simulation.initial_from_result import started_from_result
 from sparsemor.core.simulation.memory.estimate import chosen_bases, grid_refusal
 from sparsemor.core.simulation.memory.precheck import check_memory
@@ -33,7 +30,7 @@ def checked_model(scene: Scene, body_cache: BodyCache | None = None) -> Model:
     InputError with every fault that can be found without a time step. body_cache: keeps the bodies
     for the run that follows.
 
-    Reducers that check models (`ChecksModel`) add their own faults.
+    The checks of the reducer add their own faults.
     """
     gather, body_cache = Gather(), body_cache or BodyCache()
     gather.faults += endless(scene)
@@ -60,7 +57,7 @@ def checked_model(scene: Scene, body_cache: BodyCache | None = None) -> Model:
     gather.faults += control_faults(scene)
     if model is not None and scene.rigid_stage is None:  # else the loads are not known yet
         gather.faults += basis_faults(scene, model)
-    if model is not None and isinstance(scene.reducer, ChecksModel):
+    if model is not None:
         gather.faults += InputError(list(scene.reducer.check(model))).under("reducer").faults
     gather.check()
     assert model is not None
@@ -78,13 +75,8 @@ def unknown_fields(scene: Scene, model: Model) -> list[Fault]:
 def control_faults(scene: Scene) -> list[Fault]:
     """Fault of error-controlled steps with a reducer that cannot return to the state before a
     step."""
-    feature, reducer = CONTROLLED_STEPS, scene.reducer
-    if scene.time.control is None:
-        return []
-    if not isinstance(reducer, RestartsSteps):
-        return list(feature.refusal(reducer, feature.option).faults)
-    why = reducer.restart_refusal()
-    return [Fault(feature.option, why)] if why else []
+    why = "" if scene.time.control is None else scene.reducer.restart_refusal()
+    return [Fault("time.control", why)] if why else []
 
 
 def basis_faults(scene: Scene, model: Model) -> list[Fault]:
@@ -92,10 +84,9 @@ def basis_faults(scene: Scene, model: Model) -> list[Fault]:
     are."""
     faults: list[Fault] = []
     for name, basis in chosen_bases(scene, model.reducible(), model).items():
-        if isinstance(basis, ChecksBlock):
-            count = _snapshots(scene) if basis.needs_snapshots else 0
-            why = basis.unfit(model.block_data(name), count)
-            faults += [Fault("reducer.basis", f"{name}: {why}")] if why else []
+        count = _snapshots(scene) if basis.needs_snapshots else 0
+        why = basis.unfit(model.block_data(name), count)
+        faults += [Fault("reducer.basis", f"{name}: {why}")] if why else []
     return faults
 
 
@@ -156,7 +147,7 @@ def time_faults(scene: Scene) -> list[Fault]:
     store only its initial state, and of error estimates that would begin after the run."""
     faults = [] if _whole(scene.time.end, scene.time.step) else [
         _not_whole("time.end", scene.time.end, scene.time.step)]
-    steps, every = step_count(scene), error_limit(scene.reducer).every
+    steps, every = step_count(scene), scene.reducer.error_limit.every
     if every > steps:
         faults.append(Fault(ESTIMATE, f"the run has {steps} steps, so no error would be "
                             f"estimated: take at most {steps} (got {every})"))

@@ -11,6 +11,7 @@ from sparsemor.core.testing.random_inputs import (
     DISPLACEMENTS,
     TEMPERATURES,
     copied,
+    keeps_contract,
     law,
     random_block,
     random_heat,
@@ -29,6 +30,7 @@ def check_basis(basis: Basis, seed: int = 0, trials: int = 20) -> None:
     non-finite ones. If `info` gives an "energy", the atoms must recover that share of the
     snapshots.
     """
+    keeps_contract("basis", basis)
     for trial in range(trials):
         rng = np.random.default_rng([seed, trial])
         kind = (ANY, DISPLACEMENTS, TEMPERATURES)[trial % 3]

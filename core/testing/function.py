@@ -4,22 +4,24 @@ from collections.abc import Callable
 
 import numpy as np
 
-from sparsemor.core.protocols import HasCurvature, TimeFunction
-from sparsemor.core.testing.random_inputs import law
+from sparsemor.core.protocols import Function
+from sparsemor.core.testing.random_inputs import keeps_contract, law
 
 STEP = 1e-6
 KINKS = 0.05
 """Share of random times that may fall next to a kink or a jump."""
 
 
-def check_function(function: TimeFunction, seed: int = 0, span: float = 10.0) -> None:
+def check_function(function: Function, seed: int = 0, span: float = 10.0) -> None:
     """Laws of a function of time: finite values, equal ones when evaluated again, and `rate` is the
     slope of `value` at nearly all of 200 random times between -span and span (s), because kinks and
     jumps are allowed. A `curvature`, if there is one, is the slope of the rate."""
+    keeps_contract("function", function)
     times = np.random.default_rng(seed).uniform(-span, span, 200).tolist()
     _slope("value", function.value, "rate", function.rate, times, seed)
-    if isinstance(function, HasCurvature):
-        _slope("rate", function.rate, "curvature", function.curvature, times, seed)
+    if function.curvature(0.0) is not None:
+        _slope("rate", function.rate, "curvature", lambda t: function.curvature(t) or 0.0, times,
+               seed)
 
 
 def _slope(

@@ -1,7 +1,7 @@
 """Installed plugins of a kind, third-party ones included."""
 
 from sparsemor.core.errors import InputError
-from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core.protocols.plugin import Plugin
 from sparsemor.core.registry.registry import Registry
 
 

@@ -15,6 +15,7 @@ from sparsemor.core.testing.random_inputs import (
     FORCES,
     TEMPERATURES,
     copied,
+    keeps_contract,
     law,
     unchanged,
 )
@@ -38,6 +39,7 @@ def check_integrator(integrator: Integrator, seed: int = 0) -> None:
     """Laws of an integrator: its rules are those of an implicit method, `start` changes nothing but
     the memory, a state of rest persists, and the stated order is observed on damped oscillators (x
     and v) and exponential decays."""
+    keeps_contract("integrator", integrator)
     _rules_are_implicit(integrator, seed)
     _rest_stays_rest(integrator)
     coarse, fine = (integrate(integrator, steps).errors for steps in (320, 640))

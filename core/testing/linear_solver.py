@@ -9,7 +9,7 @@ from sparsemor.core.arrays import Csr, FloatArray
 from sparsemor.core.linalg.factorized import relative_residuals
 from sparsemor.core.protocols import DofLocations, Factorized, LinearOutcome, LinearSolver
 from sparsemor.core.status import Status
-from sparsemor.core.testing.random_inputs import law, refused
+from sparsemor.core.testing.random_inputs import keeps_contract, law, refused
 
 
 def check_linear_solver(solver: LinearSolver, seed: int = 0, trials: int = 5) -> None:
@@ -21,6 +21,7 @@ def check_linear_solver(solver: LinearSolver, seed: int = 0, trials: int = 5) ->
     not be reported as solved, an indefinite one only with a correct solution; one that is not
     square or not symmetric raises InputError.
     """
+    keeps_contract("linear_solver", solver)
     for trial in range(trials):
         rng = np.random.default_rng([seed, trial])
         for make in (random_heat, random_lattice):

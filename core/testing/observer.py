@@ -6,7 +6,7 @@ import numpy as np
 
 from sparsemor.core.protocols import StepOutcome
 from sparsemor.core.protocols.layout import Block, Layout
-from sparsemor.core.registry.hooks import Closes, RunStart, new_manager
+from sparsemor.core.registry.hooks import RunStart, new_manager
 from sparsemor.core.status import Status
 from sparsemor.core.testing.random_inputs import TEMPERATURES, law
 
@@ -40,5 +40,3 @@ def check_observer(make: Callable[[], object], seed: int = 0) -> None:
             if fails:
                 hook.on_failure(status=Status.DIVERGED, t=0.3, block=name, detail="")
             hook.on_finish(summary={"phase": phase, "steps": 2})
-        if isinstance(observer, Closes):
-            observer.close()

@@ -5,7 +5,7 @@ import numpy as np
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.protocols import Preconditioner
-from sparsemor.core.testing.random_inputs import law
+from sparsemor.core.testing.random_inputs import keeps_contract, law
 
 SHAPES = ((1, 1), (1, 4), (5, 5), (6, 9), (10, 40), (20, 30), (12, 5))
 
@@ -17,6 +17,7 @@ def check_preconditioner(preconditioner: Preconditioner, seed: int = 0, trials: 
     If `check` gives a reason against a shape, `build` raises an InputError; at least one shape must
     be accepted. Matrices with dependent or zero rows raise InputError or satisfy these laws.
     """
+    keeps_contract("preconditioner", preconditioner)
     tried = 0
     for m, k in SHAPES:
         reason = preconditioner.check(m, k)

@@ -13,6 +13,13 @@ from sparsemor.core.model.moving_loads import path_rows, ring
 from sparsemor.core.protocols import BlockData, Dictionary
 from sparsemor.core.protocols.layout import FieldKind, Quantity
 from sparsemor.core.protocols.load_tables import LoadTable, Table
+from sparsemor.core.registry.contracts import refusal
+
+
+def keeps_contract(kind: str, plugin: object) -> None:
+    """Law of every plugin: its class has what the contract of its kind requires, and no public name
+    that is nearly one of it."""
+    law(not (wrong := refusal(kind, type(plugin))), wrong)
 
 
 def law(holds: object, message: str) -> None:

@@ -18,7 +18,6 @@ from sparsemor.core.notes import Note
 from sparsemor.core.protocols import (
     ReducedProblem,
     Restarts,
-    RestartsSteps,
     State,
     StepFormula,
     StepMemory,
@@ -32,7 +31,7 @@ from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.simulation.time_stepping import FixedStep, Step, iterate, started
 from sparsemor.core.simulation.training import train
-from sparsemor.core.testing.random_inputs import law
+from sparsemor.core.testing.random_inputs import keeps_contract, law
 
 Run = Callable[[], FloatArray]
 AHEAD = 2
@@ -48,11 +47,12 @@ def check_reducer(scene: Scene, seed: int = 0, steps: int = 6) -> None:
 
     The training run of the scene is a full-order run, so the scene should be short.
     """
+    keeps_contract("reducer", scene.reducer)
     model = assemble(scene)
     snapshots = {n: s.T for n, s in train(scene.for_training(), new_manager()).items()}
     solver = _prepared(scene, model, snapshots, seed)
     _solver(solver, model)
-    if isinstance(scene.reducer, RestartsSteps) and not scene.reducer.restart_refusal():
+    if not scene.reducer.restart_refusal():
         memory = solver.start(consistent_state(model))[1]
         law(isinstance(memory, Restarts),
             "the reducer has `restart_refusal`, and its memory no moved(x)")

@@ -5,14 +5,12 @@ import numpy as np
 from sparsemor.core.arrays import IntArray
 from sparsemor.core.protocols import (
     BlockData,
-    ChoosesRowsKept,
     Dictionary,
-    RowsKept,
     Sampler,
-    SamplesNodes,
 )
 from sparsemor.core.testing.random_inputs import (
     copied,
+    keeps_contract,
     law,
     random_block,
     random_dictionary,
@@ -29,14 +27,15 @@ def check_sampler(sampler: Sampler, seed: int = 0, trials: int = 30) -> None:
     `required = "ring"` also keeps the rows around the path of moving loads; one with `unit =
     "node"` returns whole nodes, except for the last one. More rows than unknowns raise InputError.
     """
-    forces = _kept(sampler) != "none"
+    keeps_contract("sampler", sampler)
+    forces = sampler.keeps != "none"
     for trial in range(trials):
         rng = np.random.default_rng([seed, trial])
         block = random_block(rng)
         n = block.size
         required = np.sort(rng.choice(n, int(rng.integers(0, n // 3)), replace=False))
         given = required = required.astype(np.int64)
-        if _kept(sampler) == "ring":  # these rows are kept, too
+        if sampler.keeps == "ring":  # these rows are kept, too
             required = np.union1d(required, block.ring)
         left = n - required.size if forces else n
         m = left if trial == 0 else int(rng.integers(0 if forces else 1, left + 1))
@@ -49,7 +48,7 @@ def check_sampler(sampler: Sampler, seed: int = 0, trials: int = 30) -> None:
             law(missing.size == 0, f"required rows {missing[:5]} are missing {where}")
         wanted = m + (required.size if forces else 0)
         law(rows.size == wanted, f"{rows.size} rows instead of {wanted} {where}")
-        if isinstance(sampler, SamplesNodes) and sampler.unit == "node":
+        if getattr(sampler, "unit", "dof") == "node":
             _whole_nodes(block, rows, required if forces else required[:0], where)
     _refuses_too_many(sampler, random_block(np.random.default_rng(seed)))
 
@@ -92,8 +91,3 @@ def _refuses_too_many(sampler: Sampler, block: BlockData) -> None:
     dictionary = random_dictionary(n, n, rng)
     refused(f"m = n + 1 = {n + 1} rows of {n}", lambda: sampler.sample(
         block, n + 1, dictionary, rng, np.zeros(0, dtype=np.int64)))
-
-
-def _kept(sampler: Sampler) -> RowsKept:
-    """Rows that a sample contains in addition to those drawn: "none", "required" or "ring"."""
-    return sampler.keeps if isinstance(sampler, ChoosesRowsKept) else "required"

@@ -8,7 +8,6 @@ from sparsemor.core.arrays import BoolArray, FloatArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.linalg.column_subsets import ColumnSubsets
 from sparsemor.core.protocols import (
-    LimitsProblems,
     Recovery,
     SparseOutcome,
     SparseProblem,
@@ -26,7 +25,7 @@ from sparsemor.core.testing.problems import (
     one_group,
     tall,
 )
-from sparsemor.core.testing.random_inputs import copied, law, unchanged
+from sparsemor.core.testing.random_inputs import copied, keeps_contract, law, unchanged
 
 RANK = 1e-12
 """Reciprocal condition number below which columns of the tests count as linearly dependent."""
@@ -41,6 +40,7 @@ def check_sparse_solver(solver: SparseSolver, seed: int = 0, trials: int = 20) -
     refused, naming the capability, by the check and by the solver. What `prepare` returns obeys the
     same laws for linear problems with one group (`check_recovery`).
     """
+    keeps_contract("sparse_solver", solver)
     _declares(solver)
     check_recovery(solver, seed, trials)
     for trial in range(trials):
@@ -75,7 +75,7 @@ def _solves(
 def _declares(solver: SparseSolver) -> None:
     """Checks that the solver declares known capabilities only, and that a problem that needs
     another one is refused in words."""
-    has = solver.capabilities if isinstance(solver, LimitsProblems) else PROBLEM_FEATURES.keys()
+    has = solver.capabilities
     unknown = sorted(set(has) - set(PROBLEM_FEATURES))
     law(not unknown, f"unknown capabilities {unknown}; there are {sorted(PROBLEM_FEATURES)}")
     for name in PROBLEM_FEATURES:

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import BaseModel
 from ruamel.yaml import YAML
 
 from sparsemor.core.arrays import Arrays
@@ -22,15 +21,15 @@ from sparsemor.core.model.resolved_start import resolved_start
 from sparsemor.core.notes import Note, information
 from sparsemor.core.protocols import (
     Choice,
-    ChoosesReducer,
-    ReadsFiles,
     ReducedProblem,
+    Reducer,
     SelectsFields,
     State,
     StepSolver,
     TrialRun,
 )
 from sparsemor.core.protocols.layout import Quantity
+from sparsemor.core.protocols.plugin import Plugin
 from sparsemor.core.registry.hooks import Manager, new_manager
 from sparsemor.core.results.atomic_files import replace_file
 from sparsemor.core.results.tables import text_table
@@ -88,7 +87,7 @@ class Advice:
         files would lead elsewhere."""
         target, folder = Path(path), self.scene.file_folder
         reads = any(list(plugin.files(self.scene.folder)) for _, plugin in nested(
-            dict(self.scene), BaseModel) if isinstance(plugin, ReadsFiles))
+            dict(self.scene), Plugin))
         if reads and folder is not None and target.absolute().parent != folder:
             raise InputError(f"the scene reads files next to it: write it to the folder {folder}",
                              "out")
@@ -141,7 +140,7 @@ def advise(
     scene's own reducer, if that chooses; progress: show it on standard error. Raises InputError for
     bad input, SolveFailed if the training run fails.
     """
-    if not isinstance(scene.reducer, ChoosesReducer):
+    if not scene.reducer.chooses:
         scene = scene.using({"reducer": CHOOSER})
     if tolerance is not None:
         scene = scene.using({"reducer.tolerance": tolerance}, label="tolerance")
@@ -159,8 +158,7 @@ def with_reducer(scene: Scene, cache: Cache, manager: Manager, body_cache: BodyC
 @np.errstate(all="ignore")  # overflow ends in a status, not in a warning
 def _advice(scene: Scene, cache: Cache, manager: Manager, body_cache: BodyCache) -> Advice:
     begun = time.perf_counter()
-    chooser: object = scene.reducer
-    assert isinstance(chooser, ChoosesReducer)
+    chooser = scene.reducer
     training = _training(scene)
     model, offline = prepared(training, cache, manager, body_cache)
     if not model.reducible():
@@ -187,7 +185,7 @@ def _advice(scene: Scene, cache: Cache, manager: Manager, body_cache: BodyCache)
 
 
 def _asked(
-    scene: Scene, chooser: ChoosesReducer, model: Model, offline: Offline,
+    scene: Scene, chooser: Reducer, model: Model, offline: Offline,
     tools: tuple[Cache, Manager, BodyCache],
 ) -> tuple[tuple[str, ...], Choice | None]:
     """Blocks that are left out, and the chosen reducer; None where no block remains."""

@@ -2,7 +2,6 @@
 runs, by `training.parameters.choice: greedy`."""
 
 from sparsemor.core.model.body_cache import BodyCache
-from sparsemor.core.protocols import ChoosesReducer
 from sparsemor.core.registry.hooks import Manager
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.cache import Cache
@@ -10,7 +9,7 @@ from sparsemor.core.simulation.cache import Cache
 
 def reducer(scene: Scene, cache: Cache, manager: Manager, body_cache: BodyCache) -> Scene:
     """Fields and reducer, by trial runs, where the reducer is `auto`."""
-    if not isinstance(scene.reducer, ChoosesReducer):
+    if not scene.reducer.chooses:
         return scene
     from sparsemor.plugins.advice.advice import with_reducer
 

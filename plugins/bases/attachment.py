@@ -11,7 +11,6 @@ from sparsemor.core import (
     Dictionary,
     FloatArray,
     InputError,
-    Plugin,
     Slot,
     distinct_names,
     oriented_unit_columns,
@@ -28,7 +27,7 @@ from sparsemor.plugins.bases.response_compression import largest_directions, lik
 from sparsemor.plugins.bases.static_response import StaticSolver, factorize
 
 
-class Attachment(Plugin):
+class Attachment(Basis):
     """Attachment modes of moving loads: K^-1 f for unit loads f along their path.
 
     With `thermal`, also the thermoelastic displacements K^-1 K_fT T for basis vectors T of the

@@ -3,14 +3,19 @@
 import numpy as np
 from pydantic import Field
 
-from sparsemor.core import BlockData, Dictionary, Plugin, oriented_unit_columns
+from sparsemor.core import (
+    Basis,
+    BlockData,
+    Dictionary,
+    oriented_unit_columns,
+)
 from sparsemor.plugins.bases.eigenmodes import lowest_modes
 from sparsemor.plugins.bases.modal import joint_columns, load_names, mode_info, no_interface
 from sparsemor.plugins.bases.orthogonalise import independent
 from sparsemor.plugins.bases.static_response import StaticSolver
 
 
-class CraigBampton(Plugin):
+class CraigBampton(Basis):
     """Craig-Bampton basis: fixed-interface modes and static constraint modes of the joints' points.
 
     A joint constrains the mean displacement s = P^T u of a set of points, such as a rim, not each

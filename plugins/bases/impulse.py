@@ -6,11 +6,11 @@ import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from sparsemor.core import (
+    Basis,
     BlockData,
     Dictionary,
     FloatArray,
     InputError,
-    Plugin,
     distinct_names,
     oriented_unit_columns,
 )
@@ -30,7 +30,7 @@ REST = 1e-7
 value."""
 
 
-class Impulse(Plugin):
+class Impulse(Basis):
     """Thermal impulse responses: (B^-1 c1 C)^p B^-1 g, p steps after unit heat g on a path point.
 
     B = K_T + c1 C is the operator of an implicit time step, with conductivity K_T and capacity C.

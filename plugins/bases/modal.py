@@ -7,11 +7,11 @@ import numpy as np
 from pydantic import Field
 
 from sparsemor.core import (
+    Basis,
     BlockData,
     Dictionary,
     FloatArray,
     InputError,
-    Plugin,
     oriented_unit_columns,
 )
 from sparsemor.plugins.bases.eigenmodes import Modes, lowest_modes
@@ -24,7 +24,7 @@ REST = 1e-7
 which it is not added."""
 
 
-class Modal(Plugin):
+class Modal(Basis):
     """Modal basis: the lowest eigenmodes of (K, M), or of (K_T, C) for heat, of unit length.
 
     No training run is needed. Modes alone converge slowly for surface heat and joint forces:

@@ -7,11 +7,11 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from sparsemor.core import (
+    Basis,
     BlockData,
     Dictionary,
     FloatArray,
     InputError,
-    Plugin,
     column_chunks,
     needs_chunks,
 )
@@ -25,7 +25,7 @@ from sparsemor.plugins.bases.snapshot_svd import (
 )
 
 
-class Pod(Plugin):
+class Pod(Basis):
     """Proper orthogonal decomposition: left singular vectors of the snapshots up to their rank.
 
     Snapshots beyond 256 MB are read by column chunks and decomposed by randomized subspace

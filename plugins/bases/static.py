@@ -11,7 +11,6 @@ from sparsemor.core import (
     Dictionary,
     FloatArray,
     InputError,
-    Plugin,
     Slot,
     oriented_unit_columns,
 )
@@ -20,7 +19,7 @@ from sparsemor.plugins.bases.orthogonalise import independent
 from sparsemor.plugins.bases.static_response import StaticSolver, factorize, is_thermal
 
 
-class Static(Plugin):
+class Static(Basis):
     """Static modes: K^-1 f for each load, weight, inertia and joint force f, K^-1 K_fT T for heat.
 
     Quasi-static displacements are combinations of these; T are basis vectors of the temperatures.

@@ -9,10 +9,8 @@ from pydantic import Field
 from sparsemor.core import (
     Basis,
     BlockData,
-    ChecksBlock,
     Dictionary,
     FloatArray,
-    Plugin,
     Slot,
     coherence,
     distinct_names,
@@ -21,7 +19,7 @@ from sparsemor.core import (
 from sparsemor.plugins.bases.orthogonalise import independent, merge
 
 
-class Overcomplete(Plugin):
+class Overcomplete(Basis):
     """Overcomplete dictionary: the atoms of all `bases` in their order, near-duplicates merged.
 
     An offset that all bases share is kept; otherwise each offset becomes an atom ("pod offset"), so
@@ -48,13 +46,12 @@ class Overcomplete(Plugin):
 
     def unfit(self, data: BlockData, snapshots: int) -> str:
         """Reason of the first of the bases that cannot be built for a block; "" if all can."""
-        reasons = (b.unfit(data, snapshots) for b in self.bases if isinstance(b, ChecksBlock))
+        reasons = (b.unfit(data, snapshots) for b in self.bases)
         return next((why for why in reasons if why), "")
 
     def fitting(self, data: BlockData, snapshots: int) -> "Overcomplete | None":
         """This dictionary of the bases that can be built for a block; None if there are none."""
-        kept = [b for b in self.bases
-                if not (isinstance(b, ChecksBlock) and b.unfit(data, snapshots))]
+        kept = [b for b in self.bases if not b.unfit(data, snapshots)]
         return self.model_copy(update={"bases": kept}) if kept else None
 
     def build(self, data: BlockData) -> Dictionary:

@@ -7,7 +7,6 @@ from sparsemor.core import (
     PreparedRun,
     Scene,
     StepSolver,
-    UsesBases,
     information,
     matched_option,
 )
@@ -45,10 +44,11 @@ def of_solver(scene: Scene, solver: StepSolver) -> tuple[Note, ...]:
 def _asked(scene: Scene, block: str) -> int:
     """Number of atoms that the options of a reducer and of its basis ask for in a block, 0 if they
     do not limit it."""
-    reducer: object = scene.reducer
-    if not isinstance(reducer, UsesBases):
+    reducer = scene.reducer
+    chosen = reducer.trial_bases()
+    if chosen is None:
         return 0
-    count = getattr(matched_option(block, reducer.bases, reducer.basis), "count", None)
+    count = getattr(matched_option(block, chosen.others, chosen.shared), "count", None)
     budget = matched_option(block, getattr(reducer, "budgets", {}), None)
     limits = (count, getattr(budget, "atoms", None))
     return max((n for n in limits if isinstance(n, int)), default=0)

@@ -12,7 +12,6 @@ from sparsemor.core import (
     Note,
     Scene,
     TimeFunction,
-    UsesBases,
     functions_of_time,
     step_count,
     trains,
@@ -126,7 +125,7 @@ def short_training(scene: Scene, model: Model) -> Iterator[Note]:
 
 def outside_ranges(scene: Scene) -> Iterator[Note]:
     """Warnings of a reduced run about parameters outside the range that the scene declares."""
-    if isinstance(scene.reducer, UsesBases):
+    if not scene.reducer.full_order:
         for name, value in scene.outside_ranges.items():
             yield Note(f"parameter {name} is {value:g}, outside its range "
                        f"{scene.parameters[name].range}: the reduced model was made for this "

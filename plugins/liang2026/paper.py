@@ -6,7 +6,7 @@ from typing import Any, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
-from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core.protocols.plugin import Plugin
 from sparsemor.core.registry.registry import Registry
 from sparsemor.core.scene.expressions import Expression
 from sparsemor.core.scene.source import Source

@@ -17,7 +17,7 @@ from typing import Any, ClassVar, Literal, TypeAlias, get_type_hints
 from pydantic import create_model
 
 from sparsemor.core.errors import InputError
-from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core.protocols.plugin import Plugin
 from sparsemor.core.results.error_norms import measure_errors
 from sparsemor.core.results.run_result import RunResult, open_result
 

@@ -11,7 +11,7 @@ from sparsemor.core import (
     GIGABYTE,
     Csr,
     DofLocations,
-    Plugin,
+    LinearSolver,
     Solved,
     factor_entries,
     is_vector_field,
@@ -30,7 +30,7 @@ PATIENCE = 300
 """Iterations of conjugate gradients that are accepted if the factors do not fit in memory."""
 
 
-class Auto(Plugin):
+class Auto(LinearSolver):
     """Automatic choice: sparse direct if the factors fit in memory and pay off, else iterative.
 
     The size of the factors is that of nested dissection, computed before the factorization.

@@ -7,7 +7,7 @@ from scipy.sparse import csc_matrix
 from sparsemor.core import (
     Csr,
     DofLocations,
-    Plugin,
+    LinearSolver,
     Solved,
     Status,
     factor_entries,
@@ -18,7 +18,7 @@ from sparsemor.core import (
 )
 
 
-class Cholmod(Plugin):
+class Cholmod(LinearSolver):
     """Supernodal Cholesky factorization by CHOLMOD: the fastest direct solves.
 
     Needs the extra `cholmod`: scikit-sparse, built against SuiteSparse (libsuitesparse-dev). Chen,

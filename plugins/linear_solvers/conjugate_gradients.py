@@ -6,13 +6,20 @@ import numpy as np
 from pydantic import Field
 from scipy.linalg.blas import daxpy
 
-from sparsemor.core import Csr, DofLocations, FloatArray, Plugin, Solved, unsuitable_matrix
+from sparsemor.core import (
+    Csr,
+    DofLocations,
+    FloatArray,
+    LinearSolver,
+    Solved,
+    unsuitable_matrix,
+)
 
 Precondition = Callable[[FloatArray], FloatArray]
 RESTARTS = 3
 
 
-class ConjugateGradients(Plugin):
+class ConjugateGradients(LinearSolver):
     """Conjugate gradients with Jacobi (diagonal) preconditioning, without a factorization.
 
     For implicit heat conduction, K_T + C / h with capacity C and step h, whose condition number

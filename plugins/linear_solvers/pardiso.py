@@ -11,7 +11,7 @@ from sparsemor.core import (
     Csr,
     DofLocations,
     FloatArray,
-    Plugin,
+    LinearSolver,
     Solved,
     Status,
     factor_entries,
@@ -26,7 +26,7 @@ POSITIVE_DEFINITE = 2
 """PARDISO's matrix type for real, symmetric positive definite matrices."""
 
 
-class Pardiso(Plugin):
+class Pardiso(LinearSolver):
     """Multi-threaded supernodal Cholesky factorization by Intel MKL Pardiso: fast to factorize.
 
     Needs the extra `pardiso`, about 1 GB of Intel's libraries. The environment variable

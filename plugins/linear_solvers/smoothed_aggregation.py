@@ -11,7 +11,7 @@ from sparsemor.core import (
     DofLocations,
     FloatArray,
     IntArray,
-    Plugin,
+    LinearSolver,
     Solved,
     is_vector_field,
     require,
@@ -24,7 +24,7 @@ WORKING = 10
 """Peak memory of the multigrid setup in multiples of the matrix's memory."""
 
 
-class SmoothedAggregation(Plugin):
+class SmoothedAggregation(LinearSolver):
     """Conjugate gradients preconditioned by one smoothed-aggregation multigrid cycle.
 
     For matrices whose factors do not fit in memory. Given the positions of the unknowns, the

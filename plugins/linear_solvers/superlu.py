@@ -13,7 +13,7 @@ from sparsemor.core import (
     FloatArray,
     InputError,
     IntArray,
-    Plugin,
+    LinearSolver,
     Solved,
     Status,
     dissect,
@@ -36,7 +36,7 @@ WORTH = 5000
 """Number of unknowns from which nested dissection is used in 3-D."""
 
 
-class Splu(Plugin):
+class Splu(LinearSolver):
     """Sparse LU factorization by SuperLU (scipy): needs no extra package.
 
     Demmel, Eisenstat, Gilbert, Li and Liu 1999, doi 10.1137/S0895479895291765.

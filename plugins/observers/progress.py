@@ -5,14 +5,18 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import Field
 
-from sparsemor.core import Plugin, RunStart, hookimpl
+from sparsemor.core import (
+    Observer,
+    RunStart,
+    hookimpl,
+)
 
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.progress import Progress, ProgressColumn, TaskID
 
 
-class ProgressBar(Plugin):
+class ProgressBar(Observer):
     """Progress bar of a run on standard error."""
 
     refresh: float = Field(default=4.0, gt=0)

@@ -2,10 +2,13 @@
 
 import numpy as np
 
-from sparsemor.core import FloatArray, Plugin
+from sparsemor.core import (
+    FloatArray,
+    Preconditioner,
+)
 
 
-class NoPreconditioner(Plugin):
+class NoPreconditioner(Preconditioner):
     """No preconditioning: P = I, the sampled equations are used as they are."""
 
     def check(self, rows: int, atoms: int) -> str:

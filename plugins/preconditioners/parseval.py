@@ -2,10 +2,15 @@
 
 import numpy as np
 
-from sparsemor.core import FloatArray, InputError, Plugin, svd
+from sparsemor.core import (
+    FloatArray,
+    InputError,
+    Preconditioner,
+    svd,
+)
 
 
-class Parseval(Plugin):
+class Parseval(Preconditioner):
     """Parseval frame: P = (A A^T)^(-1/2), so that the rows of P A are orthonormal.
 
     A (m, k) are the sampled rows of the linear equations for k coefficients; the rows of P A are

@@ -2,10 +2,13 @@
 
 import numpy as np
 
-from sparsemor.core import FloatArray, Plugin
+from sparsemor.core import (
+    FloatArray,
+    Preconditioner,
+)
 
 
-class RowScaling(Plugin):
+class RowScaling(Preconditioner):
     """Row scaling: P = diag(1 / |row|), so that all sampled equations have equal weight.
 
     Then the condition number of P A is at most sqrt(m) times the least over all diagonal P, A (m,

@@ -4,10 +4,16 @@ import numpy as np
 from pydantic import Field
 from scipy import linalg
 
-from sparsemor.core import FloatArray, InputError, Plugin, condition_number, unit_columns
+from sparsemor.core import (
+    FloatArray,
+    InputError,
+    Preconditioner,
+    condition_number,
+    unit_columns,
+)
 
 
-class UnitNormTightFrame(Plugin):
+class UnitNormTightFrame(Preconditioner):
     """Unit-norm tight frame: P that makes P B nearly such a frame, of low mutual coherence.
 
     B (m, k) are the sampled rows of the linear equations for k coefficients. P is nonsingular, so P

@@ -4,11 +4,17 @@ from abc import abstractmethod
 
 import numpy as np
 
-from sparsemor.core import BlockData, Dictionary, IntArray, Plugin, RowsKept
+from sparsemor.core import (
+    BlockData,
+    Dictionary,
+    IntArray,
+    RowsKept,
+    Sampler,
+)
 from sparsemor.plugins.samplers.row_pool import Required, Unit, kept_rows
 
 
-class RowSampler(Plugin):
+class RowSampler(Sampler):
     """Base class of samplers, which select the rows (equations) of a block that a reduced model
     evaluates; a subclass defines `rows_beside`."""
 

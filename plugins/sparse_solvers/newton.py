@@ -15,11 +15,11 @@ from sparsemor.core import (
     FloatArray,
     Group,
     InputError,
-    Plugin,
     Recovery,
     Selection,
     SparseOutcome,
     SparseProblem,
+    SparseSolver,
     SparseStart,
     Status,
     solver_refusal,
@@ -75,7 +75,7 @@ change; returns the least-squares fit on the support of the next iterate, or the
 failure."""
 
 
-class SupportNewton(Plugin):
+class SupportNewton(SparseSolver):
     """Newton's method in which every step may change the support (set of active columns).
 
     It ends when neither the support nor the coefficients change. A support that returns after it

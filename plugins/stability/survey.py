@@ -13,8 +13,7 @@ from sparsemor.core.errors import InputError
 from sparsemor.core.linalg.threads import fixed_threads
 from sparsemor.core.model.model import Model
 from sparsemor.core.model.resolved_start import resolved_start
-from sparsemor.core.protocols import ChecksModel, ReducedProblem, State, StepSolver
-from sparsemor.core.protocols.reducer import is_full_order
+from sparsemor.core.protocols import ReducedProblem, State, StepSolver
 from sparsemor.core.registry.hooks import new_manager
 from sparsemor.core.results.tables import number, text_table
 from sparsemor.core.scene.scene import Scene
@@ -202,11 +201,10 @@ def survey(
 
 def _refuse(v: Variant, model: Model, plan: Plan) -> None:
     faults = time_faults(v.scene)
-    if isinstance(v.scene.reducer, ChecksModel):
-        faults += InputError(list(v.scene.reducer.check(model))).under("reducer").faults
+    faults += InputError(list(v.scene.reducer.check(model))).under("reducer").faults
     if faults:  # at the options that make the variant
         raise LocatedError(faults, v.scene.locate(InputError(faults)))
-    if is_full_order(v.scene.reducer):
+    if v.scene.reducer.full_order:
         raise InputError("full order is what reduced models are judged by: name another one",
                          "reducer")
     times_checked(plan.at or (), v.scene.time.step, v.scene.time.end)

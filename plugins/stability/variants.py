@@ -7,8 +7,8 @@ from itertools import product
 from typing import Any
 
 from sparsemor.core.errors import InputError
-from sparsemor.core.protocols import BlockBudget, BudgetsFields, DrawsRequired, Sampler, SamplesRows
-from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core.protocols import BlockBudget, Reducer, Sampler
+from sparsemor.core.protocols.plugin import Plugin
 from sparsemor.core.scene.scene import Scene
 
 Counts = tuple[int, ...]
@@ -80,10 +80,9 @@ def settings(scene: Scene) -> dict[str, str]:
     name = options.pop("use")
     words = ", ".join(f"{k} {v:g}" if isinstance(v, float) else f"{k} {v}"
                      for k, v in options.items())
-    sampler = reducer.sampler if isinstance(reducer, SamplesRows) else None
-    required = sampler.required if isinstance(sampler, DrawsRequired) else None
-    budgets = [reducer.field_budget(field) for field in reduced_fields(scene)] if isinstance(
-        reducer, BudgetsFields) else []
+    sampler: Sampler | None = getattr(reducer, "sampler", None)
+    required = getattr(sampler, "required", None)
+    budgets = [reducer.field_budget(field) for field in reduced_fields(scene)]
 
     def joined(counts: Sequence[int | None]) -> str:
         limited = any(b is not None for b in budgets)
@@ -100,19 +99,18 @@ def settings(scene: Scene) -> dict[str, str]:
 def _sampler(scene: Scene, name: str | None, required: bool | None) -> Sampler:
     """Sampler of a variant: the scene's own with its options, or another one with default
     options."""
-    if not isinstance(scene.reducer, SamplesRows):
+    own: Sampler | None = getattr(scene.reducer, "sampler", None)
+    if own is None:
         raise InputError(f"reducer {scene.reducer_name} takes no rows", "samplers")
-    own, registry = scene.reducer.sampler, scene.source.registry
+    registry = scene.source.registry
     use = _name(scene, own) if name is None else name
     try:
         chosen: Any = own if use == _name(scene, own) else registry.get(
             "sampler", use).model_validate({}, context={"registry": registry})
     except InputError as error:
         raise error.under("samplers") from None
-    may_draw = isinstance(chosen, DrawsRequired)
-    if may_draw:
-        inherited = own.required if isinstance(own, DrawsRequired) else True
-        kept = inherited if required is None else required
+    if "required" in type(chosen).model_fields:
+        kept = getattr(own, "required", True) if required is None else required
         chosen = chosen.model_copy(update={"required": kept})
     elif required is False:
         raise InputError(f"sampler {use} keeps the required rows in any case", "required")
@@ -125,13 +123,16 @@ def _name(scene: Scene, sampler: Sampler) -> str:
 
 
 def _with_budgets(
-    name: str, reducer: Any, fields: Sequence[str], rows: Counts | None, atoms: Counts | None
-) -> Any:
-    if not isinstance(reducer, BudgetsFields):
-        raise InputError(f"reducer {name} has no budgets", "atoms" if rows is None else "rows")
+    name: str, reducer: Reducer, fields: Sequence[str], rows: Counts | None, atoms: Counts | None
+) -> Reducer:
+    found: Reducer | None = reducer
     if rows is not None:
-        reducer = reducer.with_rows(_by_field("rows", fields, rows))
-    return reducer if atoms is None else reducer.with_atoms(_by_field("atoms", fields, atoms))
+        found = reducer.with_rows(_by_field("rows", fields, rows))
+    if found is not None and atoms is not None:
+        found = found.with_atoms(_by_field("atoms", fields, atoms))
+    if found is None:
+        raise InputError(f"reducer {name} has no budgets", "atoms" if rows is None else "rows")
+    return found
 
 
 def _by_field(option: str, fields: Sequence[str], counts: Counts) -> dict[str, int]:

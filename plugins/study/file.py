@@ -8,7 +8,7 @@ from typing import Any, Literal
 from pydantic import Field, ModelWrapValidatorHandler, ValidationError, model_validator
 
 from sparsemor.core.errors import Fault
-from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core.protocols.plugin import Plugin
 from sparsemor.core.registry.registry import Registry, suggestions
 from sparsemor.core.registry.validation_errors import custom, dotted, with_advice
 from sparsemor.core.scene.defaults import FULL_ORDER

@@ -22,7 +22,6 @@ from sparsemor.core.linalg.threads import fixed_threads
 from sparsemor.core.model.body_cache import BodyCache
 from sparsemor.core.model.model import Model
 from sparsemor.core.protocols import ReducedProblem
-from sparsemor.core.protocols.reducer import is_full_order
 from sparsemor.core.registry.hooks import new_manager
 from sparsemor.core.registry.registry import Registry
 from sparsemor.core.results.checkpoint import checkpoint_file
@@ -168,7 +167,7 @@ def _continued(scene: Scene, folder: Path, offered: bool) -> RunResult:
         if error.status is Status.INTERRUPTED or not isinstance(error.result, RunResult):
             raise
         kept = error.result
-    if offered and kept.status.ok and is_full_order(scene.reducer):
+    if offered and kept.status.ok and scene.reducer.full_order:
         keep_reference(scene, folder)
     return kept
 

@@ -8,9 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from sparsemor.core.errors import Fault, InputError
-from sparsemor.core.protocols import FieldKind, UsesBases
+from sparsemor.core.protocols import FieldKind
 from sparsemor.core.protocols.layout import ordered
-from sparsemor.core.protocols.reducer import is_full_order
 from sparsemor.core.registry.registry import Registry, suggestions
 from sparsemor.core.scene.digest import digest
 from sparsemor.core.scene.independent_of_physics import NOT_PHYSICS, training_physics
@@ -181,14 +180,15 @@ class _Maker:
         training = self._once("training", physics, lambda: _training_key(scene))
         reducer = scene.reducer
         bases, learns, model = [], False, ""
-        if isinstance(reducer, UsesBases):
-            bases = [reducer.basis, dict(reducer.bases)]
-            learns = any(b.needs_snapshots for b in (reducer.basis, *reducer.bases.values()))
+        chosen = reducer.trial_bases()
+        if chosen is not None:
+            bases = [chosen.shared, dict(chosen.others)]
+            learns = any(b.needs_snapshots for b in (chosen.shared, *chosen.others.values()))
             boxed = learns and scene.training.parameters is not None
             model = digest(kept_options(scene, boxed), training if learns else "")
         else:
             training = ""
-        own = bool(key) and is_full_order(reducer) and (
+        own = bool(key) and reducer.full_order and (
             _compared(dump) == _compared(reference_dump))
         return Run(number, settings, scene.reducer_name, scene.seed, SceneData.of(scene), key,
                    own, training, digest(training, bases) if training else "", model, learns)

@@ -9,7 +9,7 @@ from pydantic import model_validator
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.protocols.layout import Quantity as Kind
-from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core.protocols.plugin import Plugin
 from sparsemor.core.registry.registry import suggestions
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.results.stress import FIELDS, Derived

@@ -3,13 +3,14 @@ training run."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field
 
 from sparsemor.core import (
     Basis,
+    BlockBases,
     Choice,
     FloatArray,
     ReducedProblem,
@@ -76,7 +77,13 @@ class Auto(ReducedStepOptions):
     """Largest number of atoms of a block."""
     basis: Annotated[Basis, Slot("basis")] = slot_default("pod")
     """Basis of blocks over which no load moves; its number of atoms is chosen."""
-    bases: ClassVar[Mapping[str, Basis]] = {}
+
+    def trial_bases(self) -> BlockBases:
+        return BlockBases(self.basis, {})
+
+    @property
+    def chooses(self) -> bool:
+        return True
 
     def left_out(self, problem: ReducedProblem) -> tuple[str, ...]:
         """Temperatures that do not change, and displacements below 1e-9 of the size of the

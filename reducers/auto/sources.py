@@ -4,8 +4,8 @@ atoms."""
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from sparsemor.core import Basis, BlockData, InputError, Plugin, Registry
-from sparsemor.reducers.field_options import CountsAtoms
+from sparsemor.core import Basis, BlockData, InputError, Registry
+from sparsemor.reducers.field_options import counts_atoms
 
 Source = Callable[[int], dict[str, Any]]
 """Number of atoms -> options of a basis, as in a scene."""
@@ -16,7 +16,7 @@ CONSTANT: Mapping[str, Any] = {"use": "modal", "count": 1}
 def learned(basis: Basis) -> Source:
     """The basis of the option `basis`, with another number of atoms. Raises InputError for one
     without such an option."""
-    if not (isinstance(basis, CountsAtoms) and isinstance(basis, Plugin)):
+    if not counts_atoms(basis):
         raise InputError("auto needs a basis with an option for its number of atoms, `count`",
                          "basis")
     use = Registry().name_of("basis", type(basis))

@@ -17,6 +17,7 @@ import numpy as np
 from sparsemor.core import (
     AssembledModel,
     Basis,
+    BlockBases,
     Dictionary,
     Fault,
     HeatBody,
@@ -103,6 +104,9 @@ class ProjectionReducer(ReducedStepOptions, ABC):
         """Faults of the options found by counting, before any training; keys relative to the
         reducer."""
         return pattern_faults(model, "bases", self.bases)
+
+    def trial_bases(self) -> BlockBases:
+        return BlockBases(self.basis, self.bases)
 
     def restart_refusal(self) -> str:
         return ""

@@ -10,7 +10,6 @@ from pydantic import Field
 from sparsemor.core import (
     AssembledModel,
     Basis,
-    CentresSnapshots,
     Fault,
     FloatArray,
     IntArray,
@@ -65,7 +64,7 @@ class Interpolating(ProjectionReducer):
                   *pattern_faults(model, "force_bases", self.force_bases)]
         for name in model.reducible():
             basis = matched_option(name, self.force_bases, self.force_basis)
-            if isinstance(basis, CentresSnapshots) and basis.centred:
+            if getattr(basis, "centred", False):
                 faults.append(Fault("force_basis", f"forces of {name}: {FROM_ZERO}"))
             points, size = matched_option(name, self.points, 0), block_size(model, name)
             modes = self._modes_asked(name, size)
@@ -82,6 +81,9 @@ class Interpolating(ProjectionReducer):
         """Number of force modes that the options set for a block of `size` unknowns; 0 where they
         set none."""
         return bound_of_atoms(matched_option(name, self.force_bases, self.force_basis), size) or 0
+
+    def force_bases_used(self) -> Sequence[Basis]:
+        return self.force_basis, *self.force_bases.values()
 
     def basis_of_force(self, block: Reducible) -> Basis:
         """The basis (POD by default) of this block's forces."""

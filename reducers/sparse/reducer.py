@@ -7,6 +7,7 @@ from typing import ClassVar
 
 from sparsemor.core import (
     AssembledModel,
+    BlockBases,
     BlockBudget,
     Dictionary,
     Fault,
@@ -82,6 +83,9 @@ class Sparse(SparseOptions):
         scene."""
         return {f"*.{field}": (of_field(field, self.budgets) or Budget()).model_copy(
             update={option: n}) for field, n in counts.items()}
+
+    def trial_bases(self) -> BlockBases:
+        return BlockBases(self.basis, self.bases)
 
     def restart_refusal(self) -> str:
         return "" if self.resample is None else (

@@ -17,7 +17,7 @@ import numpy as np
 from modules import report
 
 from sparsemor.core import ReducedProblem
-from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core.protocols.plugin import Plugin
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "third_party" / "sparsemor-sample"))
 from sparsemor_sample import Oblique

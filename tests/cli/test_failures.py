@@ -25,15 +25,13 @@ STOPS = {"not_converged", "not_finite", "diverged"}
 TWINS = '''
 import numpy as np
 
-from sparsemor.core.registry.plugin import Plugin
-from sparsemor.core.protocols import Dictionary
+from sparsemor.core.protocols import Basis, Dictionary
 
 
-class Twins(Plugin):
+class Twins(Basis):
     """A basis with two atoms that differ in one unknown."""
 
-    needs_snapshots: bool = False
-    """It needs none."""
+    needs_snapshots = False
 
     def build(self, data):
         atoms = np.ones((data.size, 2))

@@ -24,7 +24,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core.protocols.plugin import Plugin
 
 
 class Lethal(Plugin):

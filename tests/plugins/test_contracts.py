@@ -7,6 +7,8 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
+from contract_base import with_base
+from sparsemor.core import Plugin
 from sparsemor.core.cli import app
 from sparsemor.core.errors import InputError
 from sparsemor.core.registry.contracts import CONTRACTS, breaches
@@ -19,9 +21,9 @@ TINY = Path(__file__).parents[1] / "scenes" / "tiny.yaml"
 SAMPLED = {"reducer": "sparse", "reducer.budgets": {"*": {"rows": 12, "atoms": 2}}}
 HEAD = """
 import numpy as np
-from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core import BASE
 
-class Own(Plugin):
+class Own(BASE):
     'A plugin.'
     BODY
 """
@@ -40,33 +42,27 @@ CASES = {
     "another order": (
         "sampler", "def sample(self, block, dictionary, m, rng, required): ...",
         "has m and dictionary at other positions than sample(block, m, dictionary, rng, required)"),
-    "a value for a method": ("preconditioner", "check: str = ''; build: int = 3",
+    "a value for a method": ("preconditioner", "build = property(lambda self: 3)",
                              "build must be a method build(A)"),
     "a method for a property": (
         "basis", "def needs_snapshots(self): return False\n    def build(self, data): ...",
         "needs_snapshots must be a property or a value, and is a method"),
     "an optional argument left out": ("linear_solver", "def factorize(self, A): ...",
                                       "cannot be called as factorize(A, places=None)"),
-    "near to an ability": (
-        "basis", "needs_snapshots: bool = False\n    def build(self, data): ...\n"
+    "near to a default": (
+        "basis", "needs_snapshots = False\n    def build(self, data): ...\n"
         "    def most_atom(self, size): ...",
         "most_atom is not looked for: did you mean most_atoms?"),
     "no solve": ("sparse_solver", "def prepare(self, columns, budget): ...",
                  "lacks solve(problem, start)"),
-    "no recovery": ("sparse_solver", "def solve(self, problem, start): ...",
-                    "lacks prepare(columns, budget)"),
-    "no rules": ("integrator", "order: int = 1\n    def start(self, layout, state): ...",
-                 "lacks rules(h)"),
+    "no rules": ("integrator", "order = property(lambda self: 1)", "lacks rules(h)"),
     "no prepare": ("reducer", "", "lacks prepare(problem)"),
     "no value": ("function", "def rate(self, t): ...", "lacks value(t)"),
     "no build of a mesh": ("mesh", "", "lacks build(base)"),
     "a build of a body": ("body", "def build(self): ...", "cannot be called as build(name, base)"),
     "a build of a joint": ("joint", "def build(self, name): ...", "build(name, parts)"),
-    "half an ability": (
-        "reducer", "basis: str = 'pod'\n    def prepare(self, problem): ...",
-        "lacks bases (UsesBases)"),
-    "an ability with other arguments": (
-        "basis", "needs_snapshots: bool = False\n    def build(self, data): ...\n"
+    "a default with other arguments": (
+        "basis", "needs_snapshots = False\n    def build(self, data): ...\n"
         "    def most_atoms(self): ...",
         "most_atoms() cannot be called as most_atoms(size)"),
     "no such effect": (
@@ -84,27 +80,43 @@ CASES = {
     "another version": (
         "sampler", "sparsemor_api = 1\n"
         "    def sample(self, block, m, dictionary, rng, required): ...",
-        "it was written for version 1 of the extension API, and this is version 2"),
+        "it was written for version 1 of the extension API, and this is version 3 "
+        "(docs/developers/version-3.md)"),
+    "version 2": (
+        "sampler", "sparsemor_api = 2\n"
+        "    def sample(self, block, m, dictionary, rng, required): ...",
+        "it was written for version 2 of the extension API, and this is version 3 "
+        "(docs/developers/version-3.md)"),
     "no observer": ("observer", "", "lacks observer()"),
     "a build of a load": ("load", "", "lacks build(name, parts)"),
 }
 
 
+@pytest.mark.parametrize("kind", [k for k, c in CONTRACTS.items() if issubclass(c, Plugin)])
+def test_a_plugin_that_does_not_derive_is_sent_to_the_page(distribute, kind):
+    distribute("old-pkg", {kind: {"old": "old_mod:Own"}},
+               old_mod=HEAD.replace("BODY", "").replace("BASE", "Plugin"))
+    name = CONTRACTS[kind].__name__
+    with pytest.raises(InputError, match=rf"does not derive from sparsemor.core.{name}, as plugins "
+                       r"do since version 3 of the extension API \(docs/developers/version-3.md\)"):
+        Registry().get(kind, "old")
+
+
 @pytest.mark.parametrize("kind, body, message", CASES.values(), ids=list(CASES))
 def test_a_broken_class_is_refused_by_name(distribute, kind, body, message):
     distribute("half-pkg", {kind: {"half": "half_mod:Own"}}, version="0.2",
-               half_mod=HEAD.replace("BODY", body))
+               half_mod=with_base(kind, HEAD.replace("BODY", body)))
     with pytest.raises(InputError) as caught:
         Registry().get(kind, "half")
     assert message in str(caught.value)
-    assert f"{kind} plugin 'half' of half-pkg 0.2 breaks the protocol" in str(caught.value)
+    assert f"{kind} plugin 'half' of half-pkg 0.2 breaks the contract" in str(caught.value)
 
 
 def test_more_options_and_other_names_of_arguments_are_fine(distribute):
     body = ("def sample(self, block, m, _dictionary, rng, required, seed=3, *more, **options):\n"
             "        return required")
     distribute("fine-pkg", {"sampler": {"fine": "fine_mod:Own"}},
-               fine_mod=HEAD.replace("BODY", body))
+               fine_mod=with_base("sampler", HEAD.replace("BODY", body)))
     block = SimpleNamespace(size=3)
     assert Registry().get("sampler", "fine")().sample(block, 1, None, None, [2]) == [2]
 
@@ -120,7 +132,7 @@ def test_every_plugin_of_ours_keeps_its_contract():
 
 def test_a_scene_says_where_the_broken_class_is_chosen(distribute, here):
     distribute("half-pkg", {"sampler": {"half": "half_where:Own"}},
-               half_where=HEAD.replace("BODY", ""))
+               half_where=with_base("sampler", HEAD.replace("BODY", "")))
     scene = Path("scene.yaml")
     scene.write_text(TINY.read_text().partition("reducer:")[0] + "reducer:\n  use: sparse\n"
                      "  budgets: {'*': {rows: 12, atoms: 2}}\n  sampler: half\n")
@@ -139,7 +151,7 @@ RETURNS: dict[str, tuple[dict[str, Any], str, str, str]] = {
                 "def check(self, rows, atoms): return ''\n    def build(self, A): return A[:1]",
                 "Own.build returned an array of shape (1, "),
     "dictionary": ({"reducer": "galerkin", "reducer.basis": "odd"}, "basis",
-                   "needs_snapshots: bool = False\n    def build(self, data): return data.loads",
+                   "needs_snapshots = False\n    def build(self, data): return data.loads",
                    "Own.build returned an array of float64"),
     "step solver": ({"reducer": "odd"}, "reducer",
                     "def prepare(self, problem): return None",
@@ -159,7 +171,7 @@ def test_what_a_method_returns_is_checked_where_it_arrives(
     distribute, here, changes, kind, body, message
 ):
     distribute("odd-pkg", {kind: {"odd": "odd_returns:Own"}},
-               odd_returns=HEAD.replace("BODY", body))
+               odd_returns=with_base(kind, HEAD.replace("BODY", body)))
     scene = load(TINY, {"time.end": 0.002, "training.end": 0.002, **changes})
     with pytest.raises(InputError) as caught:
         checked_model(scene) if kind in ("body", "load", "mesh") else simulate(scene)
@@ -189,15 +201,15 @@ PARTS = {
 }
 VALIDATED = {
     "sampler": ("reducer.sampler",
-                "reducer.sampler: sampler plugin 'half' of half-pkg 0.2 breaks the protocol "
+                "reducer.sampler: sampler plugin 'half' of half-pkg 0.2 breaks the contract "
                 "Sampler: lacks sample(block, m, dictionary, rng, required)",
                 HEAD.replace("BODY", "")),
     "sparse_solver": ("reducer.solver", "sparse_solver plugin 'half' of half-pkg 0.2 breaks the "
-                      "protocol SparseSolver: solve(problem) cannot be called as "
+                      "contract SparseSolver: solve(problem) cannot be called as "
                       "solve(problem, start)",
                       HEAD.replace("BODY", "def solve(self, problem): ...\n"
                                    "    def prepare(self, columns, budget): ...")),
-    "load": ("loads.wind", "loads.wind: load plugin 'half' of half-pkg 0.2 breaks the protocol "
+    "load": ("loads.wind", "loads.wind: load plugin 'half' of half-pkg 0.2 breaks the contract "
              "LoadPlugin: acts_on must be 'motion' or 'temperature' (got 'heat')",
              HEAD.replace("BODY", "acts_on = 'heat'\n    def build(self, name, parts): ...")),
 }
@@ -215,7 +227,8 @@ def test_a_built_load_is_checked_by_validate(distribute, here, body, message):
 @pytest.mark.parametrize("kind", VALIDATED)
 def test_validate_refuses_a_broken_plugin_in_one_located_line(distribute, here, kind):
     key, message, source = VALIDATED[kind]
-    distribute("half-pkg", {kind: {"half": "half_valid:Own"}}, version="0.2", half_valid=source)
+    distribute("half-pkg", {kind: {"half": "half_valid:Own"}}, version="0.2",
+               half_valid=with_base(kind, source))
     sampled = () if kind == "load" else (
         "--set", "reducer={use: sparse, budgets: {'*': {rows: 12, atoms: 2}}}")
     assert message in refused(*sampled, "--set", f"{key}=half")

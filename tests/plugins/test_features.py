@@ -16,12 +16,12 @@ LACKING = '''
 import numpy as np
 from own_rod import Rod
 
-from sparsemor.core import Block, BodyDefaults, FieldKind, Plugin, SurfaceLoads
+from sparsemor.core import Block, BodyDefaults, FieldKind, Plugin, Reducer, SurfaceLoads
 
 FORCE = FieldKind("force", order=0, unit="N")
 
 
-class Plain(Plugin):
+class Plain(Reducer):
     """A reducer."""
 
     def prepare(self, problem):
@@ -100,8 +100,6 @@ time: {end: 1.0, step: 0.5}
 """
 STIFF = {"use": "stiff_rod", "cells": 4, "capacity": 1.0, "conductance": 1.0}
 CASES = {
-    "RestartsSteps": ({"time.control": {"tolerance": 0.1}, "reducer": "plain"},
-                      "time.control", "Plain"),
     "HasProbes": ({"probes": {"tip": {"body": "rod", "at": "end"}}}, "probes.tip.body", "BuiltRod"),
     "FollowsMotion": ({"rigid_stage": {}, "bodies.rod": STIFF}, "bodies.rod", "Stiff"),
     "PrescribesReactions": ({"rigid_stage": {}, "joints": {"glue": {"use": "glue"}}},
@@ -146,6 +144,11 @@ def test_what_a_feature_needs_is_asked_before_a_run(scene, feature) -> None:
         assert f"{lacking} cannot: it lacks " in fault.message
         assert fault.message.endswith(f"({feature.ability.__name__})")
     assert not phases.begun
+
+
+def test_a_reducer_says_whether_adaptive_steps_may_return(scene) -> None:
+    with pytest.raises(InputError, match="time.control: adaptive steps begin at .*Plain cannot"):
+        checked_model(load(scene, {"time.control": {"tolerance": 0.1}, "reducer": "plain"}))
 
 
 def test_each_plugin_of_these_is_fine_by_itself(scene) -> None:

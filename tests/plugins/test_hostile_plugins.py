@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from contract_base import with_base
 from small_scenes import SCENES, tiny
 from sparsemor import InputError, SolveFailed, load, simulate
 from sparsemor.core.cli import app
@@ -27,10 +28,10 @@ from dataclasses import fields
 from typing import Any
 import numpy as np
 from sparsemor.core import (
-    Dictionary, LinearOutcome, Mesh, Plugin, Selection, State, Status, StepOutcome, UpdateRule,
+    BASE, Dictionary, LinearOutcome, Mesh, Selection, State, Status, StepOutcome, UpdateRule,
     UpdateRules)
 
-class Own(Plugin):
+class Own(BASE):
     'A plugin.'
 """
 SAMPLED = {"use": "sparse", "budgets": {"*": {"rows": 12, "atoms": 2}}}
@@ -67,7 +68,7 @@ KINDS: dict[str, Kind] = {
     "basis": Kind({"reducer": {"use": "galerkin", "basis": "odd"}}, "build(self, data)", {
         f: f"Dictionary({atoms}, np.zeros(data.size), ('a', 'b'))" for f, atoms in {
             **of_array("(data.size, 2)"), "short": "np.ones((2, 2))"}.items()},
-        "needs_snapshots: bool = False"),
+        "needs_snapshots = False"),
     "body": Kind({"bodies.bar": "odd", "joints": {}, "loads": {}}, "build(self, name, base)",
                  of_object("self")),
     "contact": Kind({"contacts": {"pad": "odd"}}, "build(self, name, parts)", of_object("self")),
@@ -80,7 +81,7 @@ KINDS: dict[str, Kind] = {
     "integrator": Kind({"integrator": "odd"}, "rules(self, h)", {
         "nan": RULES.format("np.nan", 3), "complex": RULES.format("1j", 3),
         "shape": RULES.format("1.0", 2)},
-        "order: int = 1\n    def start(self, layout, state): return state"),
+        "order = property(lambda self: 1)\n    def start(self, layout, state): return state"),
     "joint": Kind({"joints": {"pin": "odd"}}, "build(self, name, parts)", of_object("self")),
     "linear_solver": Kind({"linear_solver": "odd", "reducer": "full"},
                           "factorize(self, A, places=None)", of_object("self")),
@@ -116,12 +117,13 @@ FAST = {("basis", "nan"), ("sampler", "raises"), ("function", "complex"), ("mesh
         ("material", "shape"), ("body", "exits")}
 
 
-def text_of(kind: Kind, how: str) -> str:
+def text_of(name: str, how: str) -> str:
     """Module of a plugin that misbehaves in its one method."""
+    kind = KINDS[name]
     does = {"raises": "raise ZeroDivisionError('no good')", "exits": "raise SystemExit(0)",
             "none": "return None"}.get(how) or f"return {kind.values[how]}"
-    return (f"{HEAD}    {kind.before}\n    def {kind.method}:\n        {does}\n    {kind.after}\n"
-            ).replace("@property\n\n", "@property\n")
+    text = f"{HEAD}    {kind.before}\n    def {kind.method}:\n        {does}\n    {kind.after}\n"
+    return with_base(name, text.replace("@property\n\n", "@property\n"))
 
 
 def run(kind: str) -> None:
@@ -140,7 +142,7 @@ def run(kind: str) -> None:
 def test_a_plugin_that_misbehaves_is_named_in_one_line(
     distribute: Any, kind: str, how: str
 ) -> None:
-    text = text_of(KINDS[kind], how)
+    text = text_of(kind, how)
     distribute("odd-pkg", {kind: {"odd": "odd_plugin:Own"}}, odd_plugin=text)
     with pytest.raises((InputError, SolveFailed)) as caught:
         run(kind)
@@ -222,6 +224,7 @@ WITHIN: dict[str, tuple[str, dict[str, Any], str, str]] = {
 def test_what_a_plugin_has_built_misbehaves(distribute: Any, name: str, does: str) -> None:
     kind, changes, body, method = WITHIN[name]
     text = HEAD.replace("UpdateRules)", "UpdateRules, Registry)") + body.replace("VALUE", does)
+    text = with_base(kind, text)
     distribute("odd-pkg", {kind: {"odd": "odd_within:Own"}}, odd_within=text)
     ends = {"time.end": 0.002, "training.end": 0.002}
     with pytest.raises((InputError, SolveFailed)) as caught:
@@ -232,7 +235,7 @@ def test_what_a_plugin_has_built_misbehaves(distribute: Any, name: str, does: st
 
 
 SCRIBBLES = """
-    needs_snapshots: bool = True
+    needs_snapshots = True
 
     def build(self, data):
         data.snapshots[:] *= 1e6
@@ -240,7 +243,8 @@ SCRIBBLES = """
 
 
 def test_arrays_are_handed_over_read_only(distribute: Any) -> None:
-    distribute("odd-pkg", {"basis": {"odd": "odd_writes:Own"}}, odd_writes=HEAD + SCRIBBLES)
+    distribute("odd-pkg", {"basis": {"odd": "odd_writes:Own"}},
+               odd_writes=with_base("basis", HEAD + SCRIBBLES))
     with pytest.raises(InputError, match=r"Own.build raised ValueError: .*read-only \(.*"
                                          r"odd_writes.py:15\)"):
         run("basis")
@@ -265,7 +269,7 @@ class Late:
         if step == 3:
             raise ZeroDivisionError("in the third step")
 
-class Own(Plugin):
+class Own(BASE):
     'An observer that fails later.'
     def observer(self): return Late()
 """
@@ -273,7 +277,7 @@ class Own(Plugin):
 
 def test_a_run_keeps_what_it_had_before_a_plugin_failed(distribute: Any, tmp_path: Path) -> None:
     distribute("odd-pkg", {"observer": {"odd": "odd_late:Own"}},
-               odd_late=HEAD.partition("class Own")[0] + LATE)
+               odd_late=with_base("observer", HEAD.partition("class Own")[0] + LATE))
     plugin: Any = Registry().get("observer", "odd")()
     with pytest.raises(SolveFailed) as caught:
         simulate(tiny(), out=tmp_path / "run", observers=[plugin.observer()])
@@ -287,7 +291,7 @@ PRINTS = """
 import os
 print("printed by an import")
 
-class Own(Plugin):
+class Own(BASE):
     'A function of time that prints.'
     def value(self, t):
         print("printed by a method")
@@ -303,7 +307,7 @@ def test_what_plugins_print_is_not_in_the_json(
     distribute: Any, tmp_path: Path, command: str
 ) -> None:
     distribute("odd-pkg", {"function": {"odd": "odd_prints:Own"}},
-               odd_prints=HEAD.partition("class Own")[0] + PRINTS)
+               odd_prints=with_base("function", HEAD.partition("class Own")[0] + PRINTS))
     scene = [] if command == "schema" else [
         str(SCENES / "tiny.yaml"), "--set", "loads.heating.flux=odd", "--json"]
     end = ["--set", "time.end=0.002", "--out", str(tmp_path / "out")] if command == "run" else []
@@ -320,7 +324,7 @@ def test_what_plugins_print_is_not_in_the_json(
 
 def test_a_command_ends_with_the_line(distribute: Any) -> None:
     distribute("odd-pkg", {"mesh": {"odd": "odd_mesh:Own"}},
-               odd_mesh=text_of(KINDS["mesh"], "raises"))
+               odd_mesh=text_of("mesh", "raises"))
     done = CliRunner().invoke(app, [
         "validate", str(SCENES / "tiny.yaml"), "--set", "bodies.bar.mesh=odd", "--json"])
     assert done.exit_code == 2

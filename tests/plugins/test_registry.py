@@ -8,7 +8,7 @@ import pytest
 from sparsemor.core.errors import InputError
 from sparsemor.core.registry.registry import Registry
 
-GOOD = "from sparsemor.core.registry.plugin import Plugin\nclass Good(Plugin):\n    size: int = 1\n"
+GOOD = "from sparsemor.core import Plugin\nclass Good(Plugin):\n    size: int = 1\n"
 
 
 def test_listing_names_imports_nothing(distribute):
@@ -64,7 +64,7 @@ def test_an_unknown_name_suggests_the_nearest(distribute):
 
 def test_a_class_that_is_no_plugin_is_refused(distribute):
     distribute("pkg-a", {"toy": {"odd": "mod_f:Odd"}}, mod_f="class Odd: ...")
-    with pytest.raises(InputError, match="pkg-a 1.0 is no sparsemor.core.registry.plugin.Plugin"):
+    with pytest.raises(InputError, match="pkg-a 1.0 is no sparsemor.core.protocols.plugin.Plugin"):
         Registry().get("toy", "odd")
 
 

@@ -16,10 +16,10 @@ from sparsemor.core.simulation.validation import checked_model
 
 TINY = Path(__file__).parents[1] / "scenes" / "tiny.yaml"
 OTHER = """
-from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core import Sampler
 
 
-class Other(Plugin):
+class Other(Sampler):
     'Rows of another package.'
 
     def sample(self, block, m, dictionary, rng, required):

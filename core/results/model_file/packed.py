@@ -1,9 +1,9 @@
 """Objects as plain data and arrays, and back: the form in which a reduced model is kept and copied.
 
 A file determines values, never code: a class or function is named by a word, which must be in the
-table of those that the program and the plugins of the scene declare (`StoresObjects`). An object is
-made by its own constructor. Plugins of the scene, such as functions of time, are named by their key
-there, so that a copy with other functions is the same data read with another scene.
+table of those that the program and the plugins of the scene declare (`Plugin.stored_classes`). An
+object is made by its own constructor. Plugins of the scene, such as functions of time, are named by
+their key there, so that a copy with other functions is the same data read with another scene.
 """
 
 import hashlib

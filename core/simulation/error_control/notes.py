@@ -3,12 +3,6 @@
 from collections.abc import Sequence
 
 from sparsemor.core.notes import Note, information
-from sparsemor.core.protocols import ErrorLimit, EstimatesErrors
-
-
-def error_limit(reducer: object) -> ErrorLimit:
-    """Tolerance of the estimated error of runs with this reducer, and what follows beyond it."""
-    return reducer.error_limit if isinstance(reducer, EstimatesErrors) else ErrorLimit()
 
 
 def enrichment_notes(times: Sequence[float], steps: int) -> tuple[Note, ...]:

@@ -1,4 +1,4 @@
-"""Classes of core of which kept reduced models are made (`StoresObjects`)."""
+"""Classes of core of which kept reduced models are made (`Plugin.stored_classes`)."""
 
 from collections.abc import Sequence
 

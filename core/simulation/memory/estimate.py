@@ -17,14 +17,8 @@ from sparsemor.core.model.fitting_bases import fitted_bases
 from sparsemor.core.model.model import Model
 from sparsemor.core.protocols import (
     Basis,
-    BoundsAtoms,
-    EstimatesMemory,
     HasPoints,
-    HoldsSnapshots,
-    UsesBases,
-    UsesForceBasis,
 )
-from sparsemor.core.protocols.reducer import is_full_order
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.memory.limits import LIMIT, ceiling, gb, resident
 from sparsemor.core.simulation.offline import Offline, snapshot_count
@@ -92,7 +86,7 @@ def fitting(scene: Scene, model: Model, offline: Offline) -> Estimate:
 
 def estimate(scene: Scene, model: Model, offline: Offline, exact: bool) -> Estimate:
     blocks = block_sizes(model)
-    trained, own = trains(scene, blocks, model), is_full_order(scene.reducer)
+    trained, own = trains(scene, blocks, model), scene.reducer.full_order
     start = _start(model)
     phases = {"steps": (*_full(model, exact), start) if own else (
         *reduced(scene, blocks), *_points(scene, model, blocks))}
@@ -109,9 +103,8 @@ def estimate(scene: Scene, model: Model, offline: Offline, exact: bool) -> Estim
 
 def trains(scene: Scene, blocks: Mapping[str, int], model: Model | None = None) -> bool:
     """True if any basis of the reducer, of unknowns or of forces, needs snapshots."""
-    reducer = scene.reducer
-    return any(b.needs_snapshots for b in chosen_bases(scene, blocks, model).values()) or (
-        isinstance(reducer, UsesForceBasis) and reducer.force_basis.needs_snapshots)
+    used = (*chosen_bases(scene, blocks, model).values(), *scene.reducer.force_bases_used())
+    return any(b.needs_snapshots for b in used)
 
 
 def block_sizes(model: Model) -> dict[str, int]:
@@ -124,12 +117,11 @@ def chosen_bases(
 ) -> Mapping[str, Basis]:
     """The basis of each block, {} for a reducer without bases; without the assembled model a shared
     basis counts as one that fits every block."""
-    reducer = scene.reducer
-    if not isinstance(reducer, UsesBases):
-        return {}
     if model is not None:
-        return fitted_bases(model, reducer).bases
-    return {name: matched_option(name, reducer.bases, reducer.basis) for name in blocks}
+        return fitted_bases(model, scene.reducer).bases
+    chosen = scene.reducer.trial_bases()
+    return {} if chosen is None else {
+        name: matched_option(name, chosen.others, chosen.shared) for name in blocks}
 
 
 def _operators(model: Model) -> Iterator[tuple[str, Csr]]:
@@ -146,9 +138,8 @@ def _full(model: Model, exact: bool) -> list[Item]:
     for name, A in _operators(model):
         solver = model.solvers.of(name)
         n = A.shape[0]
-        size = (solver.expected(A, model.places(name))
-                if exact and isinstance(solver, EstimatesMemory)
-                else 2 * ENTRY * min(n * (n + 1) / 2, 2 * n**1.6))
+        known = solver.expected(A, model.places(name)) if exact else None
+        size = 2 * ENTRY * min(n * (n + 1) / 2, 2 * n**1.6) if known is None else known
         found.append(Item(
             f"the linear solver of {name}", size + 2 * ENTRY * A.nnz,
             f'linear_solvers: {{"{name}": amg}} (or cg for heat), which hold no factors'))
@@ -194,8 +185,7 @@ def bases(scene: Scene, blocks: Mapping[str, int]) -> list[Item]:
     block."""
     largest: list[Item] = []
     M = snapshot_count(scene)
-    reducer = scene.reducer
-    copies = reducer.snapshot_copies if isinstance(reducer, HoldsSnapshots) else COPIES
+    copies = scene.reducer.snapshot_copies or COPIES
     for name, basis in chosen_bases(scene, blocks).items():
         n, k = blocks[name], most_atoms(basis, blocks[name])
         whole = 8 * n * M
@@ -239,7 +229,7 @@ def duration(steps: float) -> str:
 
 
 def most_atoms(basis: Basis, size: int) -> int:
-    bound = basis.most_atoms(size) if isinstance(basis, BoundsAtoms) else None
+    bound = basis.most_atoms(size)
     return min(size, UNKNOWN_ATOMS if bound is None else bound)
 
 

@@ -9,9 +9,8 @@ from math import log2
 
 from sparsemor.core.errors import Gather, InputError
 from sparsemor.core.model.block_patterns import matched_option
-from sparsemor.core.protocols import EstimatesSize, StatesFillIn
+from sparsemor.core.protocols import EstimatesSize
 from sparsemor.core.protocols.mesh import BodySize
-from sparsemor.core.protocols.reducer import is_full_order
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.memory.estimate import (
     ENTRY,
@@ -55,7 +54,7 @@ def precheck_memory(scene: Scene) -> Estimate | None:
     assembled = [item for name, size in bodies.items() for item in _assembled(name, size)]
     start = [Item("all operators once more, at the start", START * ENTRY * sum(
         b.vector_entries for b in bodies.values()), "a coarser mesh")]
-    if is_full_order(scene.reducer):
+    if scene.reducer.full_order:
         factors = [i for name, size in bodies.items() for i in _factors(scene, name, size)]
         phases = {"steps": [*assembled, states(sum(blocks.values())), *factors, *start]}
     else:
@@ -86,7 +85,7 @@ def _factors(scene: Scene, name: str, size: BodySize) -> list[Item]:
     for field, n in size.unknowns.items():
         block = f"{name}.{field}"
         solver = matched_option(block, scene.linear_solvers, scene.linear_solver)
-        if not (isinstance(solver, StatesFillIn) and solver.direct):
+        if not solver.direct:
             continue
         fill = n * log2(n + 1) if size.mesh.dimension == 2 else n ** (4 / 3)
         found.append(Item(f"the factors of {block}, at least", 2 * ENTRY * fill,

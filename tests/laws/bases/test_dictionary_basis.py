@@ -8,8 +8,7 @@ from pydantic import ValidationError
 
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.model.assembly import assemble
-from sparsemor.core.protocols import BlockData, Dictionary
-from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core.protocols import Basis, BlockData, Dictionary
 from sparsemor.core.scene.scene import load
 from sparsemor.core.simulation.offline import Offline, largest_coefficient
 from sparsemor.core.testing import check_basis
@@ -20,7 +19,7 @@ from sparsemor.plugins.bases.static import Static
 from sparsemor.plugins.bases.union import Overcomplete
 
 
-class Given(Plugin):
+class Given(Basis):
     """A basis of given columns."""
 
     columns: tuple[tuple[float, ...], ...]

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from sparsemor import load
-from sparsemor.core import UsesBases, fitted_bases
+from sparsemor.core import fitted_bases
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.model import Model
 
@@ -24,9 +24,7 @@ def model() -> Model:
 def fitted(**options: Any) -> tuple[dict[str, str], tuple[str, ...]]:
     """Class of the basis of each block, and the notes."""
     scene = load(TINY, {"reducer": {"use": "galerkin", **options}})
-    reducer = scene.reducer
-    assert isinstance(reducer, UsesBases)
-    found = fitted_bases(model(), reducer)
+    found = fitted_bases(model(), scene.reducer)
     assert all(n.kind == "basis_by_field" for n in found.notes)
     return ({n: type(b).__name__ for n, b in found.bases.items()},
             tuple(n.text for n in found.notes))

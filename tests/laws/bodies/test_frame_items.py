@@ -22,8 +22,8 @@ from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.prescribed_motion import AtStart, Followed
 from sparsemor.core.protocols import Part
 from sparsemor.core.protocols.contributions import Equations
+from sparsemor.core.protocols.plugin import Plugin
 from sparsemor.core.protocols.prescribed_motion import FrameHistory, Stage
-from sparsemor.core.registry.plugin import Plugin
 from sparsemor.core.testing.in_memory_run import march, scene_of
 
 FORCE = np.array([0.0, 50.0, -200.0])

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from sparsemor.core.protocols import HasCurvature, TimeFunction
+from sparsemor.core.protocols import TimeFunction
 from sparsemor.core.protocols.prescribed_quantities import Held, Prescribed, time_derivatives
 from sparsemor.plugins.functions import (
     Constant,
@@ -22,7 +22,7 @@ from sparsemor.plugins.functions import (
     parse,
 )
 
-ALL: list[HasCurvature] = [
+ALL: list[TimeFunction] = [
     Constant(level=3.0),
     Table(times=(0.0, 1.0, 3.0), values=(2.0, 4.0, -2.0)),
     Table(times=(0.0, 1.0, 3.0), values=(2.0, 4.0, -2.0), outside="zero"),
@@ -52,7 +52,7 @@ def test_at_a_kink_the_rate_is_the_one_to_the_right(function: TimeFunction) -> N
 
 
 @pytest.mark.parametrize("function", ALL, ids=repr)
-def test_the_curvature_is_the_slope_of_the_rate_between_kinks(function: HasCurvature) -> None:
+def test_the_curvature_is_the_slope_of_the_rate_between_kinks(function: TimeFunction) -> None:
     for t in np.arange(-0.75, 4.0, 0.16):
         slope = (function.rate(t + 1e-6) - function.rate(t - 1e-6)) / 2e-6
         assert function.curvature(t) == pytest.approx(slope, abs=1e-7)

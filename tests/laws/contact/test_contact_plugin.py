@@ -19,7 +19,7 @@ from typing import Any, Literal
 import numpy as np
 from scipy.sparse import csr_array
 
-from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core.protocols.plugin import Plugin
 from sparsemor.core.protocols.prescribed_motion import SurfaceLoads
 
 

@@ -12,8 +12,7 @@ from small_scenes import everything
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.model.equations import system_residual
-from sparsemor.core.protocols import BlockData, Dictionary
-from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core.protocols import Basis, BlockData, Dictionary
 from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.status import SolveFailed, Status
@@ -86,7 +85,7 @@ def blocks(name: str) -> dict[str, Reducible]:
         scene.integrator, h, rng) for n, source in sources.items()}
 
 
-class Doubled(Plugin):
+class Doubled(Basis):
     """The first four POD atoms; `again`: the first of them twice."""
 
     again: bool = True

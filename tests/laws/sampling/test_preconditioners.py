@@ -7,7 +7,7 @@ import pytest
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.linalg.coherence import coherence, condition_number, unit_columns
-from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core.protocols import Preconditioner
 from sparsemor.core.testing import check_preconditioner
 from sparsemor.plugins.preconditioners.none import NoPreconditioner
 from sparsemor.plugins.preconditioners.parseval import Parseval
@@ -118,7 +118,7 @@ def test_fewer_atoms_than_rows_are_refused_in_words() -> None:
 
 
 @pytest.mark.parametrize("preconditioner", [UnitNormTightFrame(), Parseval()])
-def test_more_rows_than_atoms_are_compressed_without_loss(preconditioner: Plugin) -> None:
+def test_more_rows_than_atoms_are_compressed_without_loss(preconditioner: Preconditioner) -> None:
     """With P (k, m) on B (m, k): one solution with all atoms, as without P."""
     rng = np.random.default_rng(4)
     B, b = rng.standard_normal((30, 8)), rng.standard_normal(30)
@@ -197,7 +197,7 @@ def test_measures_on_known_matrices() -> None:
     assert condition_number(np.ones((2, 2))) == np.inf
 
 
-class Broken(Plugin):
+class Broken(Preconditioner):
     fault: str
 
     def check(self, rows: int, atoms: int) -> str:

@@ -11,13 +11,12 @@ from sparsemor.core.status import SolveFailed, Status
 TINY = Path(__file__).parents[2] / "scenes" / "tiny.yaml"
 TWINS = """
 import numpy as np
-from sparsemor.core.registry.plugin import Plugin
-from sparsemor.core.protocols import Dictionary
+from sparsemor.core.protocols import Basis, Dictionary
 
 
-class Twins(Plugin):
+class Twins(Basis):
     'Two atoms that differ in one row, which is not sampled.'
-    needs_snapshots: bool = False
+    needs_snapshots = False
 
     def build(self, data):
         atoms = np.full((data.size, 2), data.size ** -0.5)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from sparsemor.core.registry.plugin import Plugin
+from sparsemor.core.protocols.plugin import Plugin
 from sparsemor.core.scene.digest import digest
 from sparsemor.core.simulation.cache import Cache, cache_folder
 

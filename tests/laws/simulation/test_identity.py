@@ -30,14 +30,13 @@ Distribute = Callable[..., None]
 BASIS = '''
 import numpy as np
 
-from sparsemor.core.registry.plugin import Plugin
-from sparsemor.core.protocols import BlockData, Dictionary
+from sparsemor.core.protocols import Basis, BlockData, Dictionary
 
 
-class Leading(Plugin):
+class Leading(Basis):
     """The first unit vectors."""
 
-    needs_snapshots: bool = False
+    needs_snapshots = False
 
     def build(self, data: BlockData) -> Dictionary:
         n = data.stiffness.shape[0]

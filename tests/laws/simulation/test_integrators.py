@@ -19,7 +19,6 @@ from sparsemor.core.protocols import (
 from sparsemor.core.protocols.integrator import step_formula
 from sparsemor.core.protocols.layout import Block, Layout
 from sparsemor.core.protocols.step_solver import advanced
-from sparsemor.core.registry.plugin import Plugin
 from sparsemor.core.status import Status
 from sparsemor.core.testing import check_integrator
 from sparsemor.core.testing.in_memory_run import scene_of
@@ -196,7 +195,7 @@ def test_a_radius_outside_0_1_is_refused() -> None:
             GeneralizedAlpha(rho_inf=rho)
 
 
-class Broken(Plugin):
+class Broken(Integrator):
     fault: str
 
     @property

@@ -10,8 +10,8 @@ from sparsemor.bodies.contact.part import ContactPart
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.protocols.mesh import Mesh
+from sparsemor.core.protocols.plugin import Plugin
 from sparsemor.core.protocols.prescribed_motion import FrameHistory
-from sparsemor.core.registry.plugin import Plugin
 from sparsemor.core.testing.in_memory_run import scene_of
 
 K, WIDTH = 1e9, 0.02

@@ -12,8 +12,8 @@ from sparsemor.bodies.frames import rotation as rot
 from sparsemor.bodies.mesh.generators.block import Block
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.protocols.mesh import Mesh
+from sparsemor.core.protocols.plugin import Plugin
 from sparsemor.core.protocols.prescribed_motion import FrameHistory
-from sparsemor.core.registry.plugin import Plugin
 from sparsemor.core.testing.in_memory_run import scene_of
 
 K = 1e9

@@ -1,7 +1,6 @@
 """Methods in a package of their own: a sampler, an integrator, a contact law, a sparse solver and a
 reducer, by public names of sparsemor alone."""
 
-from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
@@ -11,21 +10,19 @@ from sparsemor.core import (
     Basis,
     BlockData,
     BoolArray,
-    Columns,
     Dictionary,
     FloatArray,
     Group,
     InputError,
     IntArray,
-    Layout,
+    Integrator,
     Plugin,
-    Recovery,
-    Selection,
+    Sampler,
     Slot,
     SparseOutcome,
     SparseProblem,
+    SparseSolver,
     SparseStart,
-    State,
     Status,
     UpdateRule,
     UpdateRules,
@@ -34,7 +31,7 @@ from sparsemor.core import (
 from sparsemor.reducers import Maps, ProjectionReducer, Reducible, TestMap
 
 
-class EveryNth(Plugin):
+class EveryNth(Sampler):
     """Rows at equal distances in the order of the unknowns."""
 
     start: int = Field(default=0, ge=0)
@@ -51,7 +48,7 @@ class EveryNth(Plugin):
         return np.union1d(required, free[picked])
 
 
-class Trapezoidal(Plugin):
+class Trapezoidal(Integrator):
     """Trapezoidal rule, second order without damping: x = x0 + h (v0 + v) / 2, likewise v.
 
     Rates of algebraic unknowns are zero.
@@ -60,9 +57,6 @@ class Trapezoidal(Plugin):
     @property
     def order(self) -> int:
         return 2
-
-    def start(self, layout: Layout, state: State) -> State:
-        return replace(state, memory=np.zeros((state.x.size, 0)))
 
     def rules(self, h: float) -> UpdateRules:
         x, v, a = np.eye(3)
@@ -92,7 +86,7 @@ class PowerLaw(Plugin):
         return K * depth**n, K * n * depth ** (n - 1.0), 0.0 * rate
 
 
-class HardThresholding(Plugin):
+class HardThresholding(SparseSolver):
     """Hard thresholding pursuit: gradient step, largest entries of each group, least squares.
 
     Foucart 2011, doi 10.1137/100806278; a nonlinear residual is linearised in every iteration.
@@ -135,36 +129,6 @@ class HardThresholding(Plugin):
             if count > 1 and np.linalg.norm(z - old) <= self.tolerance * np.linalg.norm(z):
                 return _ended(c, active, Status.DONE, count, problem.residual(c))
         return _ended(c, active, Status.NOT_CONVERGED, self.iterations, problem.residual(c))
-
-    def prepare(self, columns: Columns, budget: int) -> Recovery:
-        return Pursuit(columns, (Group("", 0, columns.A.shape[1], budget),), self.iterations)
-
-
-@dataclass(frozen=True)
-class Pursuit:
-    """Hard thresholding pursuit for a linear residual with constant columns, from c itself."""
-
-    columns: Columns
-    groups: tuple[Group, ...]
-    iterations: int
-
-    @np.errstate(over="ignore", invalid="ignore")
-    def select(self, r: FloatArray, c: FloatArray, support: BoolArray) -> Selection:
-        A = self.columns.A
-        b = A @ c - r
-        if not np.isfinite(b).all():
-            return Selection(support, Status.NOT_FINITE)
-        x, tried = c, dict[bytes, tuple[float, BoolArray]]()
-        for _ in range(self.iterations):
-            active = _largest(self.groups, np.abs(x - A.T @ (A @ x - b)))
-            if active.tobytes() in tried:  # it repeats itself, or a circle of supports
-                return Selection(min(tried.values(), key=lambda fit: fit[0])[1])
-            found = self.columns.solution(active, b)
-            if found is None:
-                return Selection(support, Status.RANK_DEFICIENT)
-            x = found
-            tried[active.tobytes()] = float(np.linalg.norm(A @ x - b)), active
-        return Selection(support, Status.NOT_CONVERGED)
 
 
 def _largest(groups: tuple[Group, ...], sizes: FloatArray) -> BoolArray:
