@@ -58,7 +58,7 @@ def test_the_curvature_is_the_slope_of_the_rate_between_kinks(function: TimeFunc
         assert function.curvature(t) == pytest.approx(slope, abs=1e-7)
 
 
-class RateOnly:
+class RateOnly(TimeFunction):
     """A sine from another package that knows its rate alone."""
 
     def __init__(self, w: float) -> None:

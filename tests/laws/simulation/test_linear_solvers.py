@@ -273,11 +273,10 @@ def test_multigrid_neither_reads_nor_moves_the_global_generator() -> None:
     assert np.array_equal(*solutions)
 
 
-class Broken:
+class Broken(LinearSolver):
     """A solver with one fault."""
 
-    def __init__(self, fault: str) -> None:
-        self.fault = fault
+    fault: str
 
     def factorize(self, A: Csr, places: DofLocations | None = None) -> Any:
         fault = self.fault
@@ -316,6 +315,6 @@ class Broken:
 ])
 def test_a_broken_linear_solver_fails_its_law(fault: str, words: str) -> None:
     with pytest.raises((AssertionError, InputError), match=words):
-        check_linear_solver(Broken(fault), trials=2)
+        check_linear_solver(Broken(fault=fault), trials=2)
 
 
