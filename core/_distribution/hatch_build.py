@@ -25,7 +25,10 @@ class LinkTree(BuildHookInterface):
         package = root / ".editable" / "sparsemor"
         package.mkdir(parents=True, exist_ok=True)
         for entry in package.iterdir():  # removes links, never what they point to
-            entry.rmdir() if entry.is_dir() and not entry.is_symlink() else entry.unlink()
+            if entry.name == "__pycache__":  # of __init__.py
+                shutil.rmtree(entry)
+            else:
+                entry.rmdir() if entry.is_dir() and not entry.is_symlink() else entry.unlink()
         if os.name == "nt":  # junctions need no administrator rights
             from _winapi import CreateJunction
 
