@@ -16,6 +16,7 @@ from sparsemor.bodies.body import Body
 from sparsemor.bodies.fem.elasticity import Model, elastic_stiffness, law, thermoelastic_coupling
 from sparsemor.bodies.fem.fields import Elasticity, Heat
 from sparsemor.bodies.fem.quadratic import with_midpoints
+from sparsemor.bodies.fem.stress import StressRecovery
 from sparsemor.bodies.fem.volume import capacity, conductivity, lumped, scalar_mass
 from sparsemor.bodies.frames.moments import MassProperties
 from sparsemor.bodies.material import Region, constants_at, curves, regions_of, require, summed
@@ -147,6 +148,14 @@ class Flexible(Plugin):
         mesh = self.mesh.expected()
         return body_size(mesh.quadratic() if self._quadratic else mesh,
                          ELASTIC.name in self.fields, THERMAL.name in self.fields)
+
+    @classmethod
+    def stress_recovery(
+        cls, points: FloatArray, cells: IntArray, constants: FloatArray, region: IntArray,
+        nonlinear: bool,
+    ) -> StressRecovery:
+        """Strain and stress of a body from its stored displacements and temperatures."""
+        return StressRecovery(points, cells, constants, region, nonlinear)
 
     def build(self, name: str, base: Path) -> Body:
         gather = Gather()

@@ -5,7 +5,6 @@ from sparsemor.bodies.fem.elasticity import (
     Model,
     elastic_stiffness,
     law,
-    stress,
     thermoelastic_coupling,
 )
 from sparsemor.bodies.fem.surface import (
@@ -20,6 +19,6 @@ from sparsemor.bodies.fem.volume import capacity, conductivity, scalar_mass
 
 __all__ = [
     "Law", "Model", "boundary_facets", "capacity", "conductivity", "elastic_stiffness",
-    "facet_measures", "facet_normals", "law", "scalar_mass", "stress",
-    "surface_load", "surface_mass", "surface_normal_load", "thermoelastic_coupling",
+    "facet_measures", "facet_normals", "law", "scalar_mass", "surface_load", "surface_mass",
+    "surface_normal_load", "thermoelastic_coupling",
 ]

@@ -6,11 +6,8 @@ sigma = lam tr(eps) I + 2 mu eps - beta dT I, with constants that depend on the 
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
-import numpy as np
-
 from sparsemor.bodies.material import require
-from sparsemor.bodies.mesh.simplices import at_centroids
-from sparsemor.core import Csr, FloatArray, InputError, IntArray, Material, Mesh
+from sparsemor.core import Csr, InputError, IntArray, Material, Mesh
 
 Model: TypeAlias = Literal["plane_stress", "plane_strain", "solid"]
 
@@ -77,28 +74,6 @@ def thermoelastic_coupling(
     _check_model(mesh, model)
     weight = thickness * law(material, model).beta
     return forms.matrix(forms.expansion, mesh, 1, rows=True, cells=cells, weight=weight)
-
-
-def stress(
-    mesh: Mesh, material: Material, model: Model, u: FloatArray, dT: FloatArray
-) -> FloatArray:
-    """(E, 3, 3) Cauchy stress at each cell's centroid, Pa, including the out-of-plane components.
-
-    u (d N,): displacements, m. dT (N,): temperatures above the stress-free one, K.
-    """
-    _check_model(mesh, model)
-    s, d = law(material, model), mesh.dimension
-    values, slopes = at_centroids(mesh)
-    grad_u = np.einsum("ecj,eci->eij", slopes, u.reshape(-1, d)[mesh.nodes])
-    strain = (grad_u + grad_u.transpose(0, 2, 1)) / 2
-    spread = np.trace(strain, axis1=1, axis2=2)
-    warm = dT[mesh.nodes] @ values
-    sigma = np.zeros((len(mesh.cells), 3, 3))
-    sigma[:, :d, :d] = 2 * s.mu * strain
-    sigma[:, range(d), range(d)] += (s.lam * spread - s.beta * warm)[:, None]
-    if d == 2:
-        sigma[:, 2, 2] = s.lam_out * spread - s.beta_out * warm
-    return sigma
 
 
 def _check_model(mesh: Mesh, model: Model) -> None:

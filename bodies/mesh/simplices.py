@@ -34,20 +34,6 @@ def gradients(mesh: Mesh) -> FloatArray:
     return np.concatenate([-inner.sum(axis=1, keepdims=True), inner], axis=1)
 
 
-def at_centroids(mesh: Mesh) -> tuple[FloatArray, FloatArray]:
-    """Shape functions (p,) of the p nodes of a cell at its centroid, and their gradients (E, p, d),
-    1/m."""
-    slopes, share = gradients(mesh), 1.0 / (mesh.dimension + 1)
-    corners = np.full(mesh.dimension + 1, share)
-    if mesh.order == 1:
-        return corners, slopes
-    # N_i = L_i (2 L_i - 1) at corners, 4 L_i L_j at midpoints, in barycentric coordinates L
-    i, j = EDGES[:, : mesh.midpoints.shape[1]]
-    values = np.concatenate([corners * (2 * share - 1), np.full(len(i), 4 * share**2)])
-    return values, np.concatenate(
-        [(4 * share - 1) * slopes, 4 * share * (slopes[:, i] + slopes[:, j])], axis=1)
-
-
 def rows_among(rows: IntArray, others: IntArray) -> BoolArray:
     """(R,) True for the rows of an integer array (R, 2 to 4), entries >= 0, whose numbers are those
     of one of the rows of another, in any order."""

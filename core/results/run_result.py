@@ -20,6 +20,8 @@ from sparsemor.core.protocols.poses import (
     vectors_in_space,
 )
 from sparsemor.core.protocols.prescribed_motion import Stage
+from sparsemor.core.registry.registry import Registry
+from sparsemor.core.results.fields import Derived, Field, StressRecovery
 from sparsemor.core.results.files.own import STORE
 from sparsemor.core.results.files.temporary import TemporaryFolder
 from sparsemor.core.results.metadata import Probe, load_layout
@@ -33,7 +35,6 @@ from sparsemor.core.results.stored_arrays import (
     dataset,
     refuse_older,
 )
-from sparsemor.core.results.stress import Derived, Field, StressRecovery, equivalent
 from sparsemor.core.scene.html import html_table
 from sparsemor.core.status import Status
 
@@ -315,11 +316,13 @@ class RunResult:
 
     def von_mises(self, body: str, step: int) -> FloatArray:
         """(P,) von Mises stress of the nodal stress, Pa, at stored step `step`."""
-        return equivalent(self.stress(body, step), 1.5)
+        return self._recovery(body).von_mises(
+            self.nodal_displacement(body, step), self._heating(body, step))
 
     def equivalent_strain(self, body: str, step: int) -> FloatArray:
         """(P,) equivalent strain sqrt(2/3 e : e), e the deviator of the nodal strain."""
-        return equivalent(self.strain(body, step), 2.0 / 3.0)
+        return self._recovery(body).equivalent_strain(
+            self.nodal_displacement(body, step), self._heating(body, step))
 
     def stress_mesh(self, body: str) -> tuple[IntArray, IntArray]:
         """Nodes (P,) of the values of stress and strain, and their numbers (E, q) in each cell.
@@ -342,7 +345,9 @@ class RunResult:
                 f"{body} has no stress in this result: its displacements were not solved for, its "
                 "material depends on temperature, or an older version stored it", key="body")
         if body not in self._recoveries:
-            self._recoveries[body] = StressRecovery(
+            # the law of the stress is that of the body's plugin; the result has its constants
+            plugin: Any = Registry().get("body", self.scene["bodies"][body]["use"])
+            self._recoveries[body] = plugin.stress_recovery(
                 self.points(body), self.cells(body), self._array(f"{body}.stress_constants"),
                 self._array(f"{body}.stress_region"),
                 "strains" in self._data.arrays[f"{body}.stress_constants"]["attributes"])

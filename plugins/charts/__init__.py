@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
 from sparsemor.core.errors import InputError
-from sparsemor.core.results.stress import Field
+from sparsemor.core.results.fields import Field
 from sparsemor.plugins.charts.active_atoms import active_atoms_figure
 from sparsemor.plugins.charts.comparison import error_over_time_of, work_precision_of
 from sparsemor.plugins.charts.error_over_time import error_over_time_figure

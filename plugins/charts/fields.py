@@ -9,8 +9,8 @@ import numpy as np
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.model.facets import cell_facets, facet_numbers, subdivided
 from sparsemor.core.protocols.layout import Quantity
+from sparsemor.core.results.fields import Derived, Field
 from sparsemor.core.results.run_result import RunResult
-from sparsemor.core.results.stress import Derived, Field
 from sparsemor.plugins.charts.units import unit
 
 MAPS: Mapping[Field, str] = {

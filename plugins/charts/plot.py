@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 from sparsemor.core.analysis.compare import Comparison
 from sparsemor.core.errors import InputError
 from sparsemor.core.registry.registry import suggestions
+from sparsemor.core.results.fields import Field
 from sparsemor.core.results.run_result import RunResult
-from sparsemor.core.results.stress import Field
 from sparsemor.plugins.charts import (
     NAMES,
     active_atoms_figure,

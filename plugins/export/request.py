@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from sparsemor.core.arrays import IntArray
 from sparsemor.core.errors import Gather, InputError
 from sparsemor.core.registry.registry import suggestions
+from sparsemor.core.results.fields import FIELDS
 from sparsemor.core.results.run_result import RunResult
-from sparsemor.core.results.stress import FIELDS
 
 FORMATS = ("vtu", "xdmf")
 DEFAULT = ("displacement", "temperature")

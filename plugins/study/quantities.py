@@ -11,8 +11,8 @@ from sparsemor.core.errors import InputError
 from sparsemor.core.protocols.layout import Quantity as Kind
 from sparsemor.core.protocols.plugin import Plugin
 from sparsemor.core.registry.registry import suggestions
+from sparsemor.core.results.fields import FIELDS, Derived
 from sparsemor.core.results.run_result import RunResult
-from sparsemor.core.results.stress import FIELDS, Derived
 
 Take = Literal["max", "min", "largest", "final", "mean", "integral", "time_of_max"]
 FORMS = ("probe", "joint", "contact", "field")

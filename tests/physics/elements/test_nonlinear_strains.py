@@ -10,9 +10,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from sparsemor import load_model, reduce, simulate
+from sparsemor.bodies.fem.stress import StressRecovery
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.results.run_result import RunResult
-from sparsemor.core.results.stress import StressRecovery
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.status import SolveFailed
 from sparsemor.core.testing.in_memory_run import scene_of

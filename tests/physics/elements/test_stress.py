@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from sparsemor import export, simulate
+from sparsemor.bodies.fem.stress import StressRecovery
 from sparsemor.core.errors import InputError
+from sparsemor.core.results.fields import FIELDS, Derived
 from sparsemor.core.results.run_result import RunResult
-from sparsemor.core.results.stress import FIELDS, Derived, StressRecovery
 from sparsemor.core.testing.in_memory_run import scene_of
 from sparsemor.plugins.charts import write_run_charts
 from sparsemor.plugins.charts.animation import animate

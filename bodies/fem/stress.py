@@ -9,28 +9,12 @@ weights, separately for each material: a node between two of them has a value of
 stress along their boundary jumps.
 """
 
-from enum import Enum
 from functools import cached_property
 from itertools import combinations
-from typing import TypeAlias
 
 import numpy as np
 
-from sparsemor.core.arrays import FloatArray, IntArray
-from sparsemor.core.protocols.layout import Quantity
-
-
-class Derived(Enum):
-    """Field that is computed from unknowns: von Mises `stress`, Pa, and equivalent `strain`."""
-
-    STRESS = "stress"
-    STRAIN = "strain"
-
-
-Field: TypeAlias = Quantity | Derived
-FIELDS: dict[str, Field] = {
-    f.value: f for f in (Quantity.DISPLACEMENT, Quantity.TEMPERATURE, *Derived)}
-"""Name of a field in files, options and charts -> field."""
+from sparsemor.core import FloatArray, IntArray
 
 
 class StressRecovery:
@@ -83,6 +67,18 @@ class StressRecovery:
     def stress(self, u: FloatArray, heating: FloatArray) -> FloatArray:
         """(P, 3, 3) Cauchy stress, Pa, for displacements u (N, d), m, and temperatures above the
         stress-free ones (N,), K."""
+        return self._averaged(self.stress_in_cells(u, heating))
+
+    def von_mises(self, u: FloatArray, heating: FloatArray) -> FloatArray:
+        """(P,) von Mises stress sqrt(3/2 s : s), Pa, s the deviator of the stress."""
+        return _of_deviators(self.stress(u, heating), 1.5)
+
+    def equivalent_strain(self, u: FloatArray, heating: FloatArray) -> FloatArray:
+        """(P,) equivalent strain sqrt(2/3 e : e), e the deviator of the strain."""
+        return _of_deviators(self.strain(u, heating), 2.0 / 3.0)
+
+    def stress_in_cells(self, u: FloatArray, heating: FloatArray) -> FloatArray:
+        """(E, q, 3, 3) Cauchy stress, Pa, at the nodes of each cell."""
         gradient, d = self._gradient(u), self.points.shape[1]
         eps = self._strain(gradient)
         lam, mu, beta, lam_out, beta_out = self.constants.T[:, :, None]
@@ -98,7 +94,7 @@ class StressRecovery:
             F[...] += np.eye(3)
             F[..., 2, 2] *= np.sqrt(np.maximum(1.0 + 2.0 * self._across(eps, heating), 0.0))
             found = F @ found @ F.swapaxes(2, 3) / np.linalg.det(F)[..., None, None]
-        return self._averaged(found)
+        return np.asarray(found)
 
     def _gradient(self, u: FloatArray) -> FloatArray:
         """(E, q, d, d) displacement gradient at the nodes of each cell."""
@@ -144,7 +140,7 @@ def _by_material(cells: IntArray, region: IntArray) -> tuple[IntArray, IntArray]
     return np.concatenate([np.arange(count), node[further]]), number[of].reshape(cells.shape)
 
 
-def equivalent(tensors: FloatArray, factor: float) -> FloatArray:
+def _of_deviators(tensors: FloatArray, factor: float) -> FloatArray:
     """(N,) sqrt(factor s : s) of the deviators s of tensors (N, 3, 3)."""
     s = tensors - np.trace(tensors, axis1=1, axis2=2)[:, None, None] * np.eye(3) / 3.0
     return np.asarray(np.sqrt(factor * np.einsum("nij,nij->n", s, s)))
