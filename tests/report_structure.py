@@ -17,6 +17,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 PRODUCT = ("core", "bodies", "integrators", "reducers", "plugins")
+BENCHMARKS = "tests/benchmarks"
+"""Scripts that measure; counted apart from tests."""
 LONG_FILE, MANY_FILES, LONG_PAGE = 400, 25, 1500
 """Sizes above which a file, a folder and a page are named (lines, files, words)."""
 INSTEAD = {
@@ -117,13 +119,15 @@ def files(*folders: str) -> list[Path]:
 
 
 def sizes() -> None:
-    print(f"{'folder':<14}{'files':>7}{'lines':>9}{'code':>9}")
+    print(f"{'folder':<18}{'files':>7}{'lines':>9}{'code':>9}")
     total = Counter[str]()
     long: list[str] = []
     riddles = 0
-    for folder in (*PRODUCT, "tests"):
+    for folder in (*PRODUCT, "tests", BENCHMARKS):
         count = Counter[str]()
         for path in files(folder):
+            if folder == "tests" and path.is_relative_to(ROOT / BENCHMARKS):
+                continue
             text = path.read_text(encoding="utf-8")
             tree = ast.parse(text)
             lines = len(text.splitlines())
@@ -133,10 +137,10 @@ def sizes() -> None:
             if folder in PRODUCT:
                 riddles += sum(bool(re.match(r"(What|Where|Which|How|Whether|Who|When)\b",
                                              str(s.value))) for s in docstrings(tree))
-        print(f"{folder:<14}{count['files']:>7}{count['lines']:>9}{count['code']:>9}")
+        print(f"{folder:<18}{count['files']:>7}{count['lines']:>9}{count['code']:>9}")
         if folder in PRODUCT:
             total += count
-    print(f"{'product':<14}{total['files']:>7}{total['lines']:>9}{total['code']:>9}")
+    print(f"{'product':<18}{total['files']:>7}{total['lines']:>9}{total['code']:>9}")
     print(f"\nfiles of more than {LONG_FILE} lines: {', '.join(long) or 'none'}")
     crowds = Counter(p.parent.relative_to(ROOT) for p in files(*PRODUCT, "tests"))
     print(f"folders of more than {MANY_FILES} files: " + (", ".join(

@@ -11,7 +11,6 @@ from contact_blocks import CASES, KINDS, NORMAL, PLANE, SPACE, World, on_a_rigid
 from sparsemor.bodies.contact.laws.coulomb import Coulomb
 from sparsemor.bodies.contact.laws.elastic_foundation import ElasticFoundation
 from sparsemor.bodies.contact.quadrature import enough_points
-from sparsemor.bodies.contact.term import ContactTerm
 from sparsemor.core.errors import InputError
 from sparsemor.core.testing import check_parts, check_term
 
@@ -98,13 +97,6 @@ def test_what_friction_takes_from_the_motion_enters_as_heat(world: World, case: 
     block = m.layout["block.thermal"]
     mine = (term.rows >= block.start) & (term.rows < block.stop)
     assert -r[mine].sum() == pytest.approx(0.37 * taken, rel=1e-11)
-
-
-@both
-def test_a_term_knows_its_name(world: World) -> None:
-    m = world.model("flat")
-    (found,) = [t for t in m.terms if isinstance(t, ContactTerm)]
-    assert found.source == "sole" and replace(found, source="x").source == "x"
 
 
 @both

@@ -201,15 +201,6 @@ def test_skins_at_chosen_times(run: RunResult) -> None:
 
 
 @pytest.mark.full
-def test_many_times_make_more_rows(run: RunResult) -> None:
-    figure = surface_figures(run, [0.0, 0.005, 0.01, 0.015, 0.02], by_matplotlib)["temperature_bar"]
-    shown = [a for a in figure.axes[:-1] if a.get_visible()]
-    assert len(figure.axes) == 13 and len(shown) == 10
-    assert [a.get_title(loc="left") for a in shown if a.get_title(loc="left")] == [
-        f"t = {t} ms" for t in (0, 5, 10, 15, 20)]
-
-
-@pytest.mark.full
 def test_images_take_their_panels_in_order(run: RunResult) -> None:
     asked: list[Surface] = []
 

@@ -4,7 +4,6 @@ from dataclasses import replace
 from functools import cache
 from typing import Any
 
-import numpy as np
 import pytest
 
 from sparsemor.bodies.terms.field_kinds import BODY_KINDS
@@ -97,16 +96,6 @@ def test_runs_that_never_stepped_are_named_too() -> None:
     assert figure is not None
     note = figure.get_supxlabel().replace("\n", " ")
     assert "sparse 5 atoms (rank deficient), and 3 more" in note
-
-
-def test_an_error_of_zero_has_a_place() -> None:
-    exact = replace(point("sparse", 5), errors={"thermal": 0.0})
-    figure = work_precision_figure([point("galerkin", 5), exact], FULL, BODY_KINDS)
-    assert figure is not None
-    axes = panels(figure)["temperature"]
-    low = axes.get_ylim()[0]
-    assert any(list(line.get_ydata()) == [low] for line in axes.lines)
-    assert np.isfinite(axes.get_ylim()).all()
 
 
 def test_nothing_to_draw() -> None:
