@@ -111,6 +111,7 @@ def test_steps_that_need_the_exact_jacobian_are_counted(settings: dict[str, Any]
     assert_all_finite(open_result("out"))
 
 
+@pytest.mark.full
 def test_a_start_that_overflows_leaves_no_result() -> None:
     done = run(SWING, reducer="full", loads__weight__g=[0.0, -1e300])
     assert (done.code, done.shown["status"]) == (1, "not_finite")
@@ -119,6 +120,7 @@ def test_a_start_that_overflows_leaves_no_result() -> None:
     assert not Path("out").exists()
 
 
+@pytest.mark.full
 def test_in_the_training_run() -> None:
     """Nothing was computed of the run itself, so there is no result."""
     done = run(SWING, loads__sun__flux=1e308)
@@ -168,6 +170,7 @@ def test_unstable_samples_of_the_packaged_scene() -> None:
     assert 1 <= failed <= 9
 
 
+@pytest.mark.full
 def test_redundant_joints_have_no_unique_forces() -> None:
     again = {"use": "revolute", "between": ["ground", "arm:left"]}
     done = run(SWING, joints__again=again)
@@ -251,6 +254,7 @@ def test_compare_shows_a_run_that_failed() -> None:
     assert Path("out/errors.csv").is_file()
 
 
+@pytest.mark.full
 def test_in_python(tmp_path: Path) -> None:
     scene = load(SWING, {"reducer": "full", "loads.sun.flux": 1e308})
     with pytest.raises(SolveFailed) as caught:

@@ -150,6 +150,7 @@ def balance(run: Any) -> Any:
     return run.summary["heat_balance"]["b.thermal"]
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("integrator", ["bdf1", "bdf2", ALPHA], ids=["bdf1", "bdf2", "alpha"])
 def test_the_balance_of_heat_is_part_of_the_result(integrator: Any) -> None:
     """24 kJ = flux, area and time. BDF2 is half a step behind, which is no loss."""
@@ -183,6 +184,7 @@ GREY = {"use": "radiation", "on": ["b:right"], "emissivity": 0.8, "surroundings"
 SINE = {"use": "sine", "amplitude": 5e4, "frequency": 0.02}
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("reducer", [
     "full", "galerkin", pytest.param("ecsw", marks=pytest.mark.full),
     pytest.param("sparse", marks=pytest.mark.full)])

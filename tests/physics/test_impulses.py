@@ -87,6 +87,7 @@ def test_runs_with_pulses_and_tables(integrator: Any, grid: bool, control: Any) 
         assert abs(got - exact) <= 1e-11 * size, function
 
 
+@pytest.mark.full
 def test_a_pulse_between_controlled_steps() -> None:
     """cases/physics/pulsecontrol: velocity = impulse/mass, -3.4 % before."""
     pulse = {"use": "pulse", "start": 0.101, "duration": 0.088, "level": 1.0}

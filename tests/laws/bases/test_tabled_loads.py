@@ -103,6 +103,7 @@ def test_longer_steps_between_delays_lose_little(disk) -> None:
     assert left_out(longer.atoms, T) < 1.5 * left_out(exact.atoms, T) + 1e-4
 
 
+@pytest.mark.full
 def test_displacements_follow_from_shapes_and_temperatures(disk) -> None:
     data, u = disk[0], disk[2]
     heat = Impulse(tabled=30, count=40)

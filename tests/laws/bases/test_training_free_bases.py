@@ -25,6 +25,7 @@ from sparsemor.plugins.bases.static import Static
 from sparsemor.reducers.checks import most_atoms
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(
     "basis",
     [

@@ -93,6 +93,7 @@ def test_heat_flows_from_the_warm_bar_into_the_cold_one(textbook: March) -> None
     assert abs(sum(heat)) < 1e-9 * abs(heat[0])  # what leaves one enters the other
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("use", quick(REDUCERS, "galerkin", "sparse"))
 def test_a_reduced_step_is_as_short_as_without_it(use: str, textbook: March) -> None:
     reduced = run(REDUCERS[use], textbook)
@@ -108,6 +109,7 @@ def test_a_choice_of_atoms_is_refused_where_it_cannot_be_made(textbook: March) -
         run(chosen, textbook)
 
 
+@pytest.mark.full
 def test_atoms_of_displacements_are_selected_next_to_a_coupling(textbook: March) -> None:
     """Temperatures are those of all atoms; thermal blocks that are coupled select nothing."""
     chosen = {**REDUCERS["sparse"], "budgets": {"*.elastic": {"rows": 30, "atoms": 6}}}

@@ -194,6 +194,7 @@ def test_the_term_keeps_the_laws_and_its_block_holds_it(case) -> None:
     assert s.other == () and s.elastic_local == (term,)
 
 
+@pytest.mark.full
 def test_full_order_is_the_textbook_newton_and_the_springs_matter(case) -> None:
     scene, on, k, truth = case
     fast = run(scene, "full", on, k)

@@ -30,6 +30,7 @@ def differ(one: March, other: March) -> float:
     return float(np.abs(x - y).max() / np.abs(y).max())
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("make, size", [(bar, 4), (plane_bar, 3)])
 @pytest.mark.parametrize("E, spin", [
     pytest.param(*at, marks=[pytest.mark.full] * (at == (5e5, 60.0))) for at in TURNING])
@@ -90,6 +91,7 @@ def test_a_body_at_rest_is_one_product_and_one_that_turns_a_few() -> None:
         assert set(march(tree).iterations) == {1}
 
 
+@pytest.mark.full
 def test_what_a_step_reads_does_not_grow_with_the_mesh_nor_by_rows_for_the_rigid_ones() -> None:
     read = []
     for divisions in ((3, 1, 1), (8, 3, 2)):
@@ -139,6 +141,7 @@ def decoded(run: March, name: str) -> np.ndarray:
     return np.asarray(d.offset + run.block(name) @ d.atoms.T)
 
 
+@pytest.mark.full
 def test_coordinates_change_nothing_in_the_span(full, monkeypatch) -> None:
     turned = reduced(full, POD)
     assert isinstance(turned.solver, Stepper)
@@ -222,6 +225,7 @@ def test_full_order_corrected_in_soft_modes_is_that_of_newton(E, spin) -> None:
     assert differ(fast, march(scene, model=turning(scene, spin, 4))) < 1e-9
 
 
+@pytest.mark.full
 def test_soft_modes_save_full_order_a_solve(monkeypatch) -> None:
     scene = bar(5e9, (8, 3, 2))
     corrected = march(scene, model=turning(scene, 60.0, 4))

@@ -20,6 +20,7 @@ def joint(result: RunResult, name: str) -> tuple[list[str], str]:
     return list(attributes["components"]), str(attributes["units"])
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("options, names, units", [
     ({"use": "revolute", "between": ["ground", "bar:left"]}, ["force x", "force y"], "N, N"),
     ({"use": "fixed", "between": ["ground", "bar:left"]}, ["force x", "force y", "moment"],

@@ -145,6 +145,7 @@ def test_constant_matrices_have_the_properties_at_the_reference_temperature() ->
     assert curved.parts["bar"].temperature_limits == {"material.k": (293.15, 600.0)}
 
 
+@pytest.mark.full
 def test_a_run_outside_the_range_of_a_property_has_a_warning(tmp_path: Path) -> None:
     bar = {"use": "flexible", "thickness": 0.01, "fields": ["thermal"], "frame": "fixed",
            "mesh": {"use": "rectangle", "size": [0.2, 0.1], "divisions": [2, 1]},

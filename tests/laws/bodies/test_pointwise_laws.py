@@ -222,6 +222,7 @@ def test_contributions_add_up_and_weights_scale_them(d: int) -> None:
                                    rtol=0, atol=1e-10 * size.max())
 
 
+@pytest.mark.full
 def test_a_reduced_term_holds_no_more_than_its_points() -> None:
     """Rows of two nodes: the elements around them, whatever the mesh."""
     sizes = []

@@ -142,6 +142,7 @@ def test_few_facets_radiate_for_all_and_no_more_on_a_finer_mesh() -> None:
     assert kept[1] < 960 / 7 and abs(kept[1] - kept[0]) <= 15
 
 
+@pytest.mark.full
 def test_without_local_terms_it_is_galerkin_and_says_so() -> None:
     """Only facets that radiate are weighted; without them the runs of both agree to round-off."""
     scene = radiating([20, 2]).using({"time.end": 20.0})

@@ -224,6 +224,7 @@ def test_only_elements_at_the_points_are_visited(method: str) -> None:
     assert fewer >= 2
 
 
+@pytest.mark.full
 def test_lspg_visits_all_elements() -> None:
     run, whole = repeated("everything", "lspg"), repeated("everything", "galerkin")
     assert run.solver.elements_touched == whole.solver.elements_touched

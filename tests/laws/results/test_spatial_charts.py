@@ -242,6 +242,7 @@ def test_speed_is_that_of_the_parabola(run: RunResult) -> None:
     np.testing.assert_allclose(rate_of(t, 5.0 * t**2), 10.0 * t, atol=1e-13)
 
 
+@pytest.mark.full
 def test_angle_and_speed_have_a_panel_each(run: RunResult) -> None:
     figure = angles_figure(run, {"again": run}, "full")
     assert figure is not None

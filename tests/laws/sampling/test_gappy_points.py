@@ -67,6 +67,7 @@ def test_each_row_is_the_best_by_definition(make: Columns, k: int) -> None:
     assert rows.left == 0
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("make", [random, moving])
 def test_values_stay_those_of_an_svd_over_many_rows(make: Columns) -> None:
     k = SMALL + 16
@@ -81,6 +82,7 @@ def test_values_stay_those_of_an_svd_over_many_rows(make: Columns) -> None:
         assert np.linalg.norm(U[:at] @ found.vector) == pytest.approx(s[-1], rel=1e-8)
 
 
+@pytest.mark.full
 def test_an_svd_a_row_is_not_taken(monkeypatch: pytest.MonkeyPatch) -> None:
     taken = 0
     whole = RowFactor.singular

@@ -147,6 +147,7 @@ def test_default_takes_rows_of_the_error_where_operators_are_constant() -> None:
     assert not [n for n in auto.solver.notes if n.kind == "plain_rows"]
 
 
+@pytest.mark.full
 def test_default_keeps_plain_rows_where_a_row_would_read_every_element_and_says_so() -> None:
     model = everything_assembled()
     inverted = inverted_blocks(model, Sparse())

@@ -29,6 +29,7 @@ def test_our_own_samplers_are_installed() -> None:
     assert OURS.items() <= installed("sampler").items()
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("kind", [LatinHypercube, Uniform])
 @pytest.mark.parametrize("required", [True, False])
 def test_options_keep_the_laws(kind: type[RowSampler], required: bool) -> None:

@@ -74,6 +74,7 @@ def atoms(run: March) -> list[FloatArray]:
     return [d.atoms for d in run.solver.dictionaries.values()]
 
 
+@pytest.mark.full
 def test_joint_forces_are_known_by_their_kind() -> None:
     data = [assemble(scene(n)).block_data(f"{n['body']}.elastic") for n in (PLAIN, *OTHERS)]
     for other in data:

@@ -72,6 +72,7 @@ def heated(power: float) -> Any:
         "time": {"end": 50.0, "step": 1.0}, "integrator": "bdf2"})
 
 
+@pytest.mark.full
 def test_temperatures_beyond_any_material_diverge() -> None:
     """1e10 W/m2 on 0.1 m of 1e6 J/(m3 K): 1e5 K/s in the mean, 1e6 K within 10 s; a thousandth of
     it is hot, and done."""

@@ -62,6 +62,7 @@ def test_a_run_that_does_not_fit_is_refused_before_it_starts(
     assert not out.exists() and not cache.exists()
 
 
+@pytest.mark.full
 def test_the_largest_part_decides_what_is_advised(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -143,6 +144,7 @@ def test_results_say_what_was_held(tmp_path: Path) -> None:
     assert "disk.elastic: splu" in facts.linear_solvers
 
 
+@pytest.mark.full
 def test_snapshots_must_fit_on_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     import shutil
 

@@ -31,6 +31,7 @@ def alpha(rho: float) -> dict[str, Any]:
     return {"use": "generalized_alpha", "rho_inf": rho}
 
 
+@pytest.mark.full
 def test_undamped_forces_are_noted_before_the_run_and_measured_after_it(tmp_path: Path) -> None:
     run = links(tmp_path, alpha(1.0))
     assert run.summary["note_kinds"] == ["undamped_forces", "alternating_forces"]

@@ -165,6 +165,7 @@ def test_storage_and_work_grow_with_the_number_of_bodies(kind: str) -> None:
         assert max(widths) <= 1.2 * min(widths)
 
 
+@pytest.mark.full
 def test_storage_follows_the_structure() -> None:
     """Dense matrices for a few unknowns, bands for chains, columns where bands are wide."""
     rng = np.random.default_rng(0)

@@ -136,6 +136,7 @@ def test_with_every_integrator(integrator: Any) -> None:
     law(case, 20)
 
 
+@pytest.mark.full
 def test_on_a_fixed_support_of_sampled_rows() -> None:
     case = Case(heated().scene.using({"reducer": SPARSE}), heated().model, heated().snapshots)
     law(case, 20)

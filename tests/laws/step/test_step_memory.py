@@ -130,6 +130,7 @@ def runs(scene: Scene, model: Model, solver: Any) -> tuple[Run, Run]:
     return two_runs(step_of(solver, scene.integrator, scene.time.step), *begin, COUNT // 4)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("kind", quick(KINDS, *THREADS))
 def test_one_solver_serves_two_threads(kind: str) -> None:
     """Threads that are some steps apart, and change at the calls of functions."""

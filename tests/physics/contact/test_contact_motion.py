@@ -224,6 +224,7 @@ def test_the_leading_edge_of_the_slider_carries_the_largest_pressure() -> None:
     assert np.abs(push.sum() - 15.625) < 0.01
 
 
+@pytest.mark.full
 def test_an_elastic_column_on_another_sinks_by_all_three_springs() -> None:
     """Both surfaces deform: p / K + p H / E for each column; without Poisson's ratio exactly."""
     pressure, K, E, side = 1e6, 1e11, 1e9, 0.1

@@ -70,6 +70,7 @@ def test_frequencies_in_the_chord_frame(link: Chord) -> None:
     assert [round(float(f)) for f in hertz] == [730, 1652, 2450]
 
 
+@pytest.mark.full
 def test_highest_temperature(rises: dict[float, FloatArray]) -> None:
     highest = [START + float(rises[t].max()) for t in (1.0, 2.332, 3.73, 4.0)]
     assert highest == pytest.approx([535.45, 666.14, 765.89, 782.81], abs=0.01)

@@ -73,6 +73,7 @@ def test_an_odd_number_of_segments_has_no_node_in_the_middle() -> None:
     assert "top_center" in built(**options, refine=1).point_sets
 
 
+@pytest.mark.full
 def test_the_same_mesh_each_time_and_another_for_another_seed() -> None:
     check_mesh_plugin(Unstructured(**SLIDER))
     one, other = built(**SLIDER), built(**SLIDER | {"seed": 1})

@@ -173,6 +173,7 @@ def two_plates(sets: dict[str, Any], at: float) -> Any:
         "time": {"end": 0.1, "step": 0.01}})
 
 
+@pytest.mark.full
 def test_joints_and_probes_are_at_a_given_centre() -> None:
     """The plates meet only where the centre is named; the probe is there too."""
     scene = two_plates({"right": {"centre": [0.4, 0.07]}}, 0.02)

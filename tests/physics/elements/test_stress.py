@@ -109,6 +109,7 @@ BIMETAL = {
     "fields": ["elastic"], "initial_temperature": 393.15}
 
 
+@pytest.mark.full
 def test_stress_jumps_between_two_materials(tmp_path: Path) -> None:
     """A strip of steel and copper, 100 K warmer than stress-free: 67.3 MPa below the interface and
     -41.7 MPa above it (Timoshenko 1925, bi-metal thermostats); their mean, 12.8 MPa, is nowhere."""
@@ -138,6 +139,7 @@ def test_stress_jumps_between_two_materials(tmp_path: Path) -> None:
     assert len(meshio.read(next((tmp_path / "u" / "bar").glob("*.vtu"))).points) == count
 
 
+@pytest.mark.full
 def test_regions_of_equal_stiffness_have_one_stress(tmp_path: Path) -> None:
     same = {**BIMETAL["material"], "rho": 8000.0}  # type: ignore[dict-item]
     run = bar(tmp_path, {**BIMETAL, "materials": {"up": same}}, integrator="bdf1")

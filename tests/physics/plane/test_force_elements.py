@@ -64,6 +64,7 @@ def test_an_actuator_force_pulls_two_free_bodies_together() -> None:
     assert at[3:5] + at[:2] == pytest.approx([3.0, 4.0], rel=1e-12)  # momentum
 
 
+@pytest.mark.full
 def test_a_motor_with_a_spring_turns_to_its_angle() -> None:
     """I phi'' + c phi' + k (phi - a) = T between two disks: reduced inertia I / 2."""
     pins = {f"pin_{n}": {"use": "revolute", "between": ["ground", f"{n}:hub"]}
@@ -109,6 +110,7 @@ def test_the_multiplier_of_a_flexible_side_is_the_force_of_the_spring() -> None:
     assert np.hypot(*got.block("spring.multiplier")[-1, :2]) == pytest.approx(force, rel=1e-9)
 
 
+@pytest.mark.full
 def test_a_torsional_pendulum_in_space_swings_about_its_axis() -> None:
     axis = np.array([1.0, 2.0, -2.0]) / 3.0
     ball = {**BALL, "inertia": [0.25, 0.25, 0.25], "center": [0.0, 0.0, 0.0],

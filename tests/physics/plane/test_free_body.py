@@ -85,6 +85,7 @@ def test_momentum_is_kept_to_second_order() -> None:
     assert np.log2(np.max(drifts[0]) / np.max(drifts[1])) > 1.8
 
 
+@pytest.mark.full
 def test_centre_of_mass_flies_straight() -> None:
     run = flight(5e-4)
     plate = the(run, "plate")

@@ -39,6 +39,7 @@ def film(on: str, h: float, temperature: float) -> dict[str, Any]:
     return {"use": "convection", "on": [on], "film": h, "temperature": temperature}
 
 
+@pytest.mark.full
 def test_flux_into_a_slab_follows_the_series() -> None:
     """V4 with the data of the second scene: rises at the heated surface and at the back."""
     run = slab({"heat": {"use": "heat_flux", "on": ["slab:right"], "flux": 1e6}}, 3.75e-3, 3.75e-6,

@@ -73,6 +73,7 @@ def noted(run: RunResult) -> list[str]:
     return [text for text in texts if "its temperature falls to" in text]
 
 
+@pytest.mark.full
 def test_a_run_says_how_far_it_undershoots(here: Path) -> None:
     run = simulate(bar("consistent"))
     lowest = float(run.block("bar.thermal").min())

@@ -93,6 +93,7 @@ def energy(got: March) -> FloatArray:
     return total
 
 
+@pytest.mark.full
 def test_on_a_turning_guide_energy_is_kept_to_the_order_of_the_integrator() -> None:
     drifts = []
     for h in (4e-3, 2e-3):
@@ -151,6 +152,7 @@ def rail(E: float, **more: Any) -> dict[str, Any]:
         "loads": {"pull": {"use": "gravity", "g": [20.0, -3.0]}}, **more}
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("g,want", [([20.0, 0.0], [20.0, 0.0]), ([0.0, -3.0], [0.0, 0.3])])
 def test_between_two_flexible_bodies_weight_goes_into_the_guide(
     g: list[float], want: list[float]
@@ -168,6 +170,7 @@ def test_between_two_flexible_bodies_weight_goes_into_the_guide(
     assert names[:2] == (("force across the axis", "N"), ("moment", "N m"))
 
 
+@pytest.mark.full
 def test_stiff_sides_are_rigid_ones() -> None:
     """Where the block goes and what its guide carries, at 1e13 Pa."""
     time: Any = {"time": {"end": 0.1, "step": 2e-3}, "integrator": "bdf1"}

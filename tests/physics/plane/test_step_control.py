@@ -80,6 +80,7 @@ def test_the_first_order_rule_meets_a_looser_one() -> None:
     assert swing_error(run) < 0.01 < swing_error(plain)
 
 
+@pytest.mark.full
 def test_what_is_counted() -> None:
     run = simulate(rod("bdf2", 0.02, {"tolerance": 0.5}))
     told = run.summary["control"]

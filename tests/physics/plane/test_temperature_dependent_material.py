@@ -114,6 +114,7 @@ def test_enthalpy_rises_by_the_heat_that_enters(integrator: str) -> None:
     assert max(gaps) < 1e-4, gaps
 
 
+@pytest.mark.full
 def test_a_lumped_capacity_stores_the_heat_at_the_nodes() -> None:
     """Sum of the rows: sum of C_i (H(T_i) - H(T_i before)) / c_0 = h q A."""
     run = slab(20, 40.0, 2.0, material=STORING, loads=HEATED, capacity="lumped")

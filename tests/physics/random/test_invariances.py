@@ -77,6 +77,7 @@ def test_direction(seed: int) -> None:
         assert np.abs(other.block(name)[:, 2] - pose[:, 2] - angle).max() < 1e-8
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("seed", SEEDS)
 def test_units(seed: int) -> None:
     L, M, T = (float(10.0**p) for p in np.random.default_rng(300 + seed).uniform(-3, 3, 3))
@@ -88,6 +89,7 @@ def test_units(seed: int) -> None:
                  or {"rigid": 0.0}, 1e-7)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("seed", SEEDS)
 def test_order_of_parts(seed: int) -> None:
     other = march(scene(reordered(tree(seed))))

@@ -237,6 +237,7 @@ def test_a_spin_about_a_principal_axis_is_cheap_and_as_wide_as_statics_say() -> 
 # --------------------------------------------------------------------------- ties and heat
 
 
+@pytest.mark.full
 def test_held_components_are_the_ties_that_a_body_needs() -> None:
     """`hold` of the chord's own components is the chord; a plane body has two."""
     chord = flight(1e-3, end=0.01)

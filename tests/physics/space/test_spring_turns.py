@@ -59,6 +59,7 @@ def test_a_spring_turns_by_more_than_pi(axis: str, two: bool, method: str) -> No
     assert result.summary["notes"] == []
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("two", [False, pytest.param(True, marks=pytest.mark.full)])
 def test_spinning_frames_count_all_turns(two: bool) -> None:
     """60 rad/s: up to 9.49 rad."""
