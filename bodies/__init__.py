@@ -7,7 +7,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from sparsemor.bodies.body import Body as Body
+    from sparsemor.bodies.body import FloatingBody as FloatingBody
     from sparsemor.bodies.fem.pointwise_law import TEMPERATURE as TEMPERATURE
     from sparsemor.bodies.fem.pointwise_law import TEMPERATURE_RATE as TEMPERATURE_RATE
     from sparsemor.bodies.fem.pointwise_law import HasLawArrays as HasLawArrays
@@ -52,7 +52,7 @@ if TYPE_CHECKING:
     from sparsemor.bodies.terms.law_functions import numbers_of as numbers_of
 
 _HOMES = {
-    "body": ("Body",),
+    "body": ("FloatingBody",),
     "fem.pointwise_law": (
         "HasLawArrays", "PointwiseLaw", "Response", "TEMPERATURE", "TEMPERATURE_RATE",
         "Variable", "displacement_gradient", "temperature_gradient"),

@@ -4,7 +4,7 @@ joints, loads and contacts."""
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 
@@ -14,13 +14,14 @@ from sparsemor.bodies.fem.fields import Elasticity, Heat
 from sparsemor.bodies.fem.pointwise_law import PointwiseLaw
 from sparsemor.bodies.fem.stress_stiffness import stress_stiffness
 from sparsemor.bodies.frames import nodal
+from sparsemor.bodies.frames.floating import (
+    FieldInertia,
+    inertia_matrices,
+    write_frame,
+    write_weight,
+)
 from sparsemor.bodies.frames.force_items import BodyForce, SpaceForce
-from sparsemor.bodies.frames.frame import SpatialFrame
-from sparsemor.bodies.frames.inertia import Inertia
-from sparsemor.bodies.frames.items import UnitLength
-from sparsemor.bodies.frames.joint_items import Attachment
-from sparsemor.bodies.frames.moments import MassProperties, moments_of
-from sparsemor.bodies.frames.plane import PlanarFrame
+from sparsemor.bodies.frames.moments import MassProperties
 from sparsemor.bodies.frames.rotation import torque
 from sparsemor.bodies.mesh.centres import Centre, centre_of_set
 from sparsemor.bodies.mesh.sets import PointSet
@@ -31,32 +32,28 @@ from sparsemor.bodies.terms.body_terms import (
     write_law,
 )
 from sparsemor.bodies.terms.field_kinds import ELASTIC, MULTIPLIER, RIGID, THERMAL
-from sparsemor.bodies.terms.inertia import directions, generator
+from sparsemor.bodies.terms.inertia import about, generator
 from sparsemor.bodies.terms.surface_loads import write_surface_loads
 from sparsemor.core import (
-    FREE_POSE,
-    PLANAR_POSE,
     Amplitude,
     Block,
-    BodyFrame,
+    Body,
     BodyShape,
     Csr,
     Equations,
     FloatArray,
     FrameHistory,
-    FrameItem,
     InputError,
     IntArray,
     Layout,
+    MeanTemperature,
     Mesh,
     Note,
     ProbePlace,
     StressStiffness,
     SurfaceLoads,
     TimeFunction,
-    points_in_space,
     suggestions,
-    vectors_in_space,
 )
 
 NO_NUMBERS = np.zeros(0, np.int64)
@@ -64,7 +61,7 @@ KINDS = {2: "plane: give two", 3: "spatial: give three"}
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Body:
+class FloatingBody(Body):
     """One body in d dimensions.
 
     X (N, d): reference points, m (body frame). pose: initial rigid coordinates, and velocity their
@@ -77,7 +74,7 @@ class Body:
     T_ref (N,): initial and stress-free temperature, K; thickness, m, of a planar body.
     temperature_limits: property -> temperatures, K, between which it is defined. mesh_notes:
     warnings about its mesh and sets. without_fields: True for a rigid copy of a body that has
-    fields. kernel: class that evaluates its frame equations.
+    fields.
     """
 
     name: str
@@ -101,21 +98,12 @@ class Body:
     mesh_notes: tuple[Note, ...] = ()
     without_fields: bool = False
     _found: dict[str, tuple[Note, ...]] = field(init=False, default_factory=dict)
-    kernel: type[PlanarFrame] | type[SpatialFrame] = field(init=False)
-
-    def __post_init__(self) -> None:
-        plane = len(self.pose) == PLANAR_POSE
-        object.__setattr__(self, "kernel", PlanarFrame if plane else SpatialFrame)
+    _centres: dict[str, Centre] = field(init=False, default_factory=dict)
 
     @property
     def d(self) -> int:
         """Dimension: 2 or 3."""
         return int(self.X.shape[1])
-
-    @property
-    def turns_freely(self) -> bool:
-        """True if its attitude is a quaternion, not an angle."""
-        return len(self.pose) == FREE_POSE
 
     @property
     def notes(self) -> tuple[Note, ...]:
@@ -178,55 +166,32 @@ class Body:
 
     def _contribute(self, equations: Equations) -> None:
         mesh = self.mesh is not None
-        equations.body(
-            self.frame_of, self.pose, moves=self.moves, guide=self.guide,
+        write_frame(
+            equations, self, self.inertia, self._field_inertia(),
             elastic_integrals=partial(elastic_integrals, self) if mesh else None,
             heat_integrals=partial(heat_integrals, self) if mesh else None,
             stress_stiffness=None if self.elasticity is None or not mesh else StressStiffness(
                 partial(stress_stiffness, self), self.elasticity.nonlinear))
-        if self.moves or self.elasticity is not None:
-            self._write_inertia(equations)
-        if self.moves and self.turns_freely:
-            self.frame_item(equations, UnitLength(), None,
-                            multipliers=f"{self.name}.multiplier", C=np.eye(1))
         if self.elasticity is not None:
             write_elasticity(self, equations, self.elasticity)
         if self.heat is not None:
             write_conduction(self, equations, self.heat)
 
-    def _write_inertia(self, equations: Equations) -> None:
-        """Adds the inertia of the rigid and elastic unknowns; nothing for a massless frame."""
-        if self.inertia is None:
-            return
-        moments = moments_of(len(self.pose))
-        item = Inertia.of(self.inertia, moments)
-        if self.elasticity is None or self.mass_matrix is None:
-            self.frame_item(equations, item, None)
-            return
-        m, F = self.mass_matrix, self.elasticity.free
-        self.frame_item(equations, item, directions(m, self.X, moments.B), generators=[
-            generator(m, B)[F][:, F] for B in moments.B])
+    def _field_inertia(self) -> FieldInertia | None:
+        """Inertia of the free displacements; None without them, or without mass."""
+        if self.elasticity is None or self.mass_matrix is None or self.inertia is None:
+            return None
+        m, F, B = self.mass_matrix, self.elasticity.free, inertia_matrices(self.pose)
+        return FieldInertia(nodal.along(self._nodal_masses(), self.d)[F],
+                            about(m, self.X, B)[F], [generator(m, b)[F][:, F] for b in B])
 
-    def frame_of(self, items: Sequence[Any]) -> BodyFrame:
-        """Frame equations as the sum of the given items."""
-        return self.kernel(tuple(items), self.elasticity is not None, len(self.pose))
+    def _nodal_masses(self) -> FloatArray:
+        assert self.mass_matrix is not None
+        return np.asarray(self.mass_matrix.sum(axis=1)).ravel()
 
-    def frame_item(
-        self, equations: Equations, item: FrameItem, vectors: FloatArray | None, *,
-        multipliers: str = "", C: FloatArray | None = None, reads: str = "",
-        generators: Sequence[Csr] = (),
-    ) -> None:
-        """Adds one item of the frame equations with its functionals of the displacements `vectors`
-        (d N, directions).
-
-        multipliers, C (l, forces): the constraint rows of that block are C @ the item's rows;
-        reads: rigid block of the other body whose coordinates the item uses; generators: matrices
-        of the elastic inertia.
-        """
-        e = self.elasticity
-        equations.frame(
-            self.name, item, None if e is None or vectors is None else vectors[e.free],
-            multipliers=multipliers, C=C, reads=reads, generators=generators)
+    def _functionals(self, vectors: FloatArray) -> FloatArray | None:
+        """Rows of the free displacements, of functionals (d N, p) of all of them."""
+        return None if self.elasticity is None else vectors[self.elasticity.free]
 
     # ------------------------------------------------------------------ loads and joints
 
@@ -235,25 +200,20 @@ class Body:
     ) -> None:
         """Adds nodal weights (N,) times one force (d,) (N per unit weight) in space axes."""
         item = SpaceForce(float(weights.sum()), weights @ self.X, force, amplitude)
-        self.frame_item(equations, item, nodal.along(weights, self.d))
+        equations.frame(self.name, item, self._functionals(nodal.along(weights, self.d)))
 
     def gravity(self, equations: Equations, g: FloatArray, amplitude: Amplitude) -> None:
         """Adds the weight of the deformed body: nodal masses times g (d,), m/s^2."""
         if self.inertia is None:
             return
-        item = SpaceForce(self.inertia.mass, self.inertia.moment, g, amplitude)
-        m = self.mass_matrix
-        self.frame_item(equations, item, None if m is None else nodal.along(
-            np.asarray(m.sum(axis=1)).ravel(), self.d))
+        write_weight(equations, self, self.inertia, g, amplitude, (
+            None if self.mass_matrix is None else self._functionals(
+                nodal.along(self._nodal_masses(), self.d))))
 
     def body_force(self, equations: Equations, forces: FloatArray, amplitude: Amplitude) -> None:
         """Adds nodal forces (N, d), N, that rotate with the body frame."""
         item = BodyForce(forces.sum(axis=0), torque(self.X, forces).sum(axis=0), amplitude)
-        self.frame_item(equations, item, nodal.with_torques(forces))
-
-    def attachment(self, weights: FloatArray) -> tuple[Attachment, FloatArray]:
-        """Attachment at the mean point of the weighted nodes, with its functionals (d N, d)."""
-        return Attachment(weights @ self.X), nodal.along(weights, self.d)
+        equations.frame(self.name, item, self._functionals(nodal.with_torques(forces)))
 
     def heat_load(
         self, equations: Equations, vector: FloatArray, amplitude: Amplitude,
@@ -272,12 +232,11 @@ class Body:
         their numbers, all of them if neither is given."""
         write_law(self, equations, equations.over_steps(law), facets, cells)
 
-    def surface_loads(
-        self, equations: Equations, loads: SurfaceLoads, times: FloatArray
-    ) -> None:
+    def surface_loads(self, equations: Equations, loads: SurfaceLoads, times: FloatArray) -> bool:
         """Adds loads that move over its surface, at times (T,), s, as tables on each of its fields.
         """
         write_surface_loads(self, equations, loads, times)
+        return True
 
     def geometry(self) -> Mapping[str, tuple[FloatArray, IntArray]]:
         """Elastic and thermal block name -> node coordinates (n, d), m, and component (n,) of each
@@ -304,13 +263,55 @@ class Body:
 
     # ------------------------------------------------------------------ positions, sets and probes
 
-    def start_rotation(self) -> FloatArray:
-        """(d, d) initial rotation matrix from body axes to space axes."""
-        return np.stack([vectors_in_space(self.pose[None], e)[0] for e in np.eye(self.d)], axis=1)
+    @property
+    def extent(self) -> float:
+        return float(np.ptp(self.X, axis=0).max()) if len(self.X) else 0.0
 
-    def start_position(self, weights: FloatArray) -> FloatArray:
-        """(d,) initial position of the weighted mean point, m (space axes)."""
-        return np.asarray(points_in_space(self.pose[None], (weights @ self.X)[None])[0])
+    def point_of(self, which: str, key: str) -> FloatArray:
+        return np.asarray(self.centre_of(which, self.named(which, key)).weights @ self.X)
+
+    def point_in_words(self, which: str) -> str:
+        if self.mesh is None:
+            return ""
+        centre = self.centre_of(which, self.points[which])
+        return f"{centre.how}, is {centre.shift:.3g} m from the mean of its facets"
+
+    def displacement_of(self, which: str) -> FloatArray | None:
+        if self.elasticity is None:
+            return None
+        weights = self.centre_of(which, self.points[which]).weights
+        return nodal.along(weights, self.d)[self.elasticity.free]
+
+    def rotation_of(self, which: str, key: str) -> FloatArray | None:
+        """Mean rotation of the set, by least squares."""
+        if self.elasticity is None:
+            return None
+        nodes = self.points[which]
+        if len(nodes) < 2 and self.d == 2:
+            raise InputError(f"'{self.name}:{which}' is a single point of a flexible body and has "
+                             "no angle: attach to a set of two or more points", key)
+        try:
+            turns = nodal.mean_turn(self.centre_of(which, nodes).even, self.X)
+        except np.linalg.LinAlgError:
+            where, what = ("are at one place", "two or more places") if self.d == 2 else (
+                "lie on one line (or are one point)", "a set that spans a plane")
+            raise InputError(
+                f"the points of '{self.name}:{which}' {where}, so their mean rotation is "
+                f"undefined: attach to {what}", key) from None
+        found = turns[self.elasticity.free, : 2 * self.d - 3]
+        return found if found.any() else None
+
+    def deforms_at(self, which: str) -> bool:
+        e = self.elasticity
+        return e is not None and bool(np.isin(self.points[which], e.free // self.d).any())
+
+    def temperature_of(self, which: str) -> MeanTemperature | None:
+        """Mean over the facets of the set."""
+        if self.heat is None:
+            return None
+        weights = self.centre_of(which, self.points[which]).even
+        return MeanTemperature(weights[self.heat.free], tuple(
+            (float(weights[nodes].sum()), f) for nodes, f in self.heat.prescribed))
 
     def named(self, which: str, key: str) -> IntArray:
         """Points of a named set; InputError under `key` with the names of the existing sets."""
@@ -321,9 +322,10 @@ class Body:
 
     def centre_of(self, which: str, nodes: IntArray) -> Centre:
         """Centre of the set `which`, whose points are `nodes`."""
-        if self.mesh is None:
-            return Centre.of_points(self.X, nodes)
-        return centre_of_set(self.mesh, nodes, self.centres.get(which), which)
+        if which not in self._centres:
+            self._centres[which] = Centre.of_points(self.X, nodes) if self.mesh is None else (
+                centre_of_set(self.mesh, nodes, self.centres.get(which), which))
+        return self._centres[which]
 
     def probe(self, name: str, at: str | Sequence[float]) -> ProbePlace:
         """Probe at a material point: the centre of a named set, or the node nearest to body

@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field
 from scipy.sparse import csr_array
 
-from sparsemor.bodies.body import Body
+from sparsemor.bodies.body import FloatingBody
 from sparsemor.bodies.fem.elasticity import Model, elastic_stiffness, law, thermoelastic_coupling
 from sparsemor.bodies.fem.fields import Elasticity, Heat
 from sparsemor.bodies.fem.quadratic import with_midpoints
@@ -30,8 +30,8 @@ from sparsemor.bodies.terms.field_kinds import BODY_KINDS, ELASTIC, THERMAL
 from sparsemor.bodies.terms.inertia import generator
 from sparsemor.bodies.terms.material_laws import heat_laws, stress_laws
 from sparsemor.core import (
+    BodyPlugin,
     BodySize,
-    EstimatesMeshSize,
     Fault,
     FieldKind,
     FloatArray,
@@ -79,7 +79,7 @@ def body_size(mesh: MeshSize, elastic: bool, thermal: bool) -> BodySize:
                     mesh.pairs * (1 + 2 * thermal))
 
 
-class Flexible(Plugin):
+class Flexible(BodyPlugin):
     """Flexible body in a floating frame of reference, with displacement and temperature fields."""
 
     field_kinds: ClassVar[tuple[FieldKind, ...]] = BODY_KINDS
@@ -134,6 +134,11 @@ class Flexible(Plugin):
         return self.frame == "fixed" and ELASTIC.name not in self.fields
 
     @property
+    def selected_fields(self) -> Sequence[str]:
+        """Names of the fields of the body."""
+        return self.fields
+
+    @property
     def stored_classes(self) -> Sequence[object]:
         """Classes of the frames and terms of a kept model."""
         from sparsemor.bodies.stored_classes import CLASSES
@@ -143,10 +148,8 @@ class Flexible(Plugin):
     def expected(self) -> BodySize | None:
         """Estimated size of the body before it is meshed; None where the mesh plugin cannot
         estimate it."""
-        if not isinstance(self.mesh, EstimatesMeshSize):
-            return None
         mesh = self.mesh.expected()
-        return body_size(mesh.quadratic() if self._quadratic else mesh,
+        return None if mesh is None else body_size(mesh.quadratic() if self._quadratic else mesh,
                          ELASTIC.name in self.fields, THERMAL.name in self.fields)
 
     @classmethod
@@ -157,7 +160,7 @@ class Flexible(Plugin):
         """Strain and stress of a body from its stored displacements and temperatures."""
         return StressRecovery(points, cells, constants, region, nonlinear)
 
-    def build(self, name: str, base: Path) -> Body:
+    def build(self, name: str, base: Path) -> FloatingBody:
         gather = Gather()
         self._check_options(gather)
         mesh = gather("", self._mesh, base)
@@ -174,7 +177,7 @@ class Flexible(Plugin):
         d, thickness, heats = mesh.dimension, self._thickness(mesh), THERMAL.name in self.fields
         m = summed(regions, lambda r: scalar_mass(mesh, r.constants.rho * thickness, r.cells))
         pose, velocity = self.pose.start(d, self.frame == "spinning")
-        return Body(
+        return FloatingBody(
             name=name, X=mesh.points, inertia=MassProperties.of_mesh(m, mesh.points), pose=pose,
             velocity=velocity, moves=self.frame != "fixed", points=mesh.point_sets,
             centres=centres, declared=self.sets, mesh=mesh, thickness=thickness, mass_matrix=m,

@@ -7,16 +7,16 @@ from typing import ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from sparsemor.bodies.body import Body
+from sparsemor.bodies.body import FloatingBody
 from sparsemor.bodies.frames.moments import MassProperties
 from sparsemor.bodies.pose import Pose, Vector
 from sparsemor.bodies.terms.field_kinds import BODY_KINDS
-from sparsemor.core import Fault, FieldKind, FloatArray, InputError, Plugin
+from sparsemor.core import BodyPlugin, Fault, FieldKind, FloatArray, InputError
 
 Row = tuple[float, float, float]
 
 
-class Rigid(Plugin):
+class Rigid(BodyPlugin):
     """Rigid body: Newton-Euler equations about the frame origin (equations.md, 1, without u).
 
     Its inertia determines the dimension: one number makes a planar body, a tensor one in space.
@@ -46,7 +46,7 @@ class Rigid(Plugin):
 
         return CLASSES
 
-    def build(self, name: str, base: Path) -> Body:
+    def build(self, name: str, base: Path) -> FloatingBody:
         J = np.array(self.inertia, dtype=np.float64)
         d, spins = (3 if J.ndim else 2), self.frame == "spinning"
         if d == 2 and spins:
@@ -57,7 +57,7 @@ class Rigid(Plugin):
         _check_inertia(J)
         center = np.array(self.center if len(self.center) == d else d * (0.0,))
         pose, velocity = self.pose.start(d, spins)
-        return Body(
+        return FloatingBody(
             name=name, X=np.array(list(self.points.values()), dtype=np.float64).reshape(-1, d),
             inertia=MassProperties.rigid(self.mass, center, J), pose=pose, velocity=velocity,
             moves=True, points={p: np.array([i]) for i, p in enumerate(self.points)})

@@ -6,12 +6,12 @@ from functools import cached_property
 
 import numpy as np
 
-from sparsemor.bodies.body import Body
+from sparsemor.bodies.body import FloatingBody
 from sparsemor.bodies.fem.surface import boundary_facets
-from sparsemor.bodies.frames import nodal
 from sparsemor.bodies.mesh.centres import Centre
 from sparsemor.bodies.mesh.patches import cut_measures
 from sparsemor.core import (
+    Body,
     FloatArray,
     Gather,
     InputError,
@@ -28,44 +28,53 @@ CUT = 0.01
 
 
 @dataclass(frozen=True, eq=False)
-class Target:
-    """A named set of points of one body."""
+class Place:
+    """A named set of points of one body, of whatever class, where joints and forces act.
+
+    point (d,): reference position of its centre, m (body frame); displacement (n, d): derivatives
+    of the displacement of the centre by the unknown displacements, None on a rigid body.
+    """
 
     body: Body
+    which: str
+    text: str
+    point: FloatArray
+
+    @cached_property
+    def displacement(self) -> FloatArray | None:
+        return self.body.displacement_of(self.which)
+
+    @property
+    def flexible(self) -> bool:
+        """True if displacements can move its points: False where reference conditions fix all of
+        them."""
+        return self.body.deforms_at(self.which)
+
+    def turning(self, key: str) -> FloatArray | None:
+        """(n, d) derivatives of the rotation of the set by the unknown displacements, in the plane
+        followed by zeros, because functionals come in pairs there; None on a rigid body, or where
+        all its points are fixed. InputError where it is undefined."""
+        found = self.body.rotation_of(self.which, key) if self.flexible else None
+        return None if found is None else np.pad(
+            found, ((0, 0), (0, self.body.d - found.shape[1])))
+
+
+@dataclass(frozen=True, eq=False)
+class Target:
+    """A named set of nodes of a body with a mesh or points, for loads on its fields and surface."""
+
+    body: FloatingBody
     nodes: IntArray
     text: str
 
     @cached_property
     def centre(self) -> Centre:
-        """Centre of the set, where joints, forces and probes act."""
+        """Centre of the set."""
         return self.body.centre_of(self.text.partition(":")[2], self.nodes)
 
     def mean(self) -> FloatArray:
         """(N,) weights of the displacement and position of the set's centre."""
         return self.centre.weights
-
-    @property
-    def flexible(self) -> bool:
-        """True if displacements can move its nodes: False where reference conditions fix all of
-        them."""
-        e = self.body.elasticity
-        return e is not None and bool(np.isin(self.nodes, e.free // self.body.d).any())
-
-    def turning(self, key: str) -> FloatArray | None:
-        """(d N, d) functionals of the displacements for the mean rotation of the set; None on a
-        rigid body, or where all its nodes are fixed. InputError where it is undefined."""
-        body = self.body
-        if not self.flexible or body.elasticity is None:
-            return None
-        try:
-            vectors = nodal.mean_turn(self.centre.even, body.X)
-        except np.linalg.LinAlgError:
-            where, what = ("are at one place", "two or more places") if body.d == 2 else (
-                "lie on one line (or are one point)", "a set that spans a plane")
-            raise InputError(
-                f"the points of {self.text!r} {where}, so their mean rotation is undefined: "
-                f"attach to {what}", key) from None
-        return vectors if np.any(vectors[body.elasticity.free]) else None
 
     def facets(self, key: str) -> IntArray:
         """(F, d) boundary facets of the set; InputError for a body without a mesh."""
@@ -79,7 +88,7 @@ class Target:
 
 
 def all_bodies(parts: Mapping[str, Part]) -> list[Body]:
-    """Bodies of class `Body`; bodies of other classes have loads of their own."""
+    """Bodies of a scene."""
     return [p for p in parts.values() if isinstance(p, Body)]
 
 
@@ -92,24 +101,38 @@ def find_body(parts: Mapping[str, Part], name: str, key: str) -> Body:
     return bodies[name]
 
 
-def find_target(parts: Mapping[str, Part], text: str, key: str) -> Target:
+def find_place(parts: Mapping[str, Part], text: str, key: str) -> Place:
     """The set given as `body:set`; InputError with the names of the existing bodies or sets."""
+    body, which = _split(parts, text, key)
+    return Place(body, which, text, body.point_of(which, key))
+
+
+def find_target(parts: Mapping[str, Part], text: str, key: str) -> Target:
+    """The nodes of the set given as `body:set`; InputError with the names of the existing bodies or
+    sets, or for a body without nodes."""
+    body, which = _split(parts, text, key)
+    if not isinstance(body, FloatingBody):
+        raise InputError(f"{text!r}: body {body.name!r} ({type(body).__name__}) has no nodes of a "
+                         "mesh or points that this could act on", key)
+    return Target(body, body.named(which, key), text)
+
+
+def _split(parts: Mapping[str, Part], text: str, key: str) -> tuple[Body, str]:
     name, colon, which = text.partition(":")
     if not colon or not which:
         raise InputError(f"give it as body:set, such as link1:top (got {text!r})", key)
-    body = find_body(parts, name, key)
-    return Target(body, body.named(which, key), text)
+    return find_body(parts, name, key), which
 
 
 def find_surfaces(
     parts: Mapping[str, Part], texts: Sequence[str], field: str
-) -> list[tuple[Body, Mesh, IntArray]]:
+) -> list[tuple[FloatingBody, Mesh, IntArray]]:
     """Body, mesh and boundary facets (F, d) of each surface in a load's option `on`; field: the one
     on which the load acts.
 
     InputError with every fault, under `on.0`, `on.1`, ...
     """
-    def find(text: str, key: str) -> tuple[Body, Mesh, IntArray]:
+    def find(text: str, key: str) -> tuple[FloatingBody, Mesh, IntArray]:
         target = find_target(parts, text, key)
         need_field(target, field, key)
         facets = target.facets(key)
@@ -150,25 +173,31 @@ def surface_notes(parts: Mapping[str, Part], load: str, texts: Sequence[str]) ->
 
 
 def joined_surfaces(
-    surfaces: Sequence[tuple[Body, Mesh, IntArray]]
-) -> list[tuple[Body, IntArray]]:
+    surfaces: Sequence[tuple[FloatingBody, Mesh, IntArray]]
+) -> list[tuple[FloatingBody, IntArray]]:
     """Bodies with their boundary facets (F, d) in all surfaces, one entry for each body."""
-    found: dict[str, tuple[Body, IntArray]] = {}
+    found: dict[str, tuple[FloatingBody, IntArray]] = {}
     for body, _, facets in surfaces:
         before = found[body.name][1] if body.name in found else facets[:0]
         found[body.name] = body, np.concatenate([before, facets])
     return list(found.values())
 
 
+def need_motion(body: Body, key: str) -> None:
+    """InputError when a force on the body has no effect."""
+    if body.immobile:
+        raise InputError(f"body {body.name!r} neither moves nor deforms, so a force on it does "
+                         "nothing: add `elastic` to its fields, or drop this load", key)
+
+
 def need_field(target: Target, field: str, key: str) -> None:
     """InputError when the body does not have the field on which a load acts."""
     body = target.body
+    if field == "mechanical":
+        need_motion(body, key)
     if field == "thermal" and body.mesh is None:
         raise InputError(f"body {body.name!r} is rigid and has no temperature: make it flexible "
                          "with `fields: [thermal]`, or drop this load", key)
     if field == "thermal" and body.heat is None:
         raise InputError(f"body {body.name!r} has no thermal field: add `thermal` to its fields, "
                          "or drop this load", key)
-    if field == "mechanical" and body.immobile:
-        raise InputError(f"body {body.name!r} neither moves nor deforms, so a force on it does "
-                         "nothing: add `elastic` to its fields, or drop this load", key)

@@ -6,7 +6,7 @@ from typing import NamedTuple, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from sparsemor.core import FloatArray, InputError, Plugin
+from sparsemor.core import FloatArray, InputError, Plugin, TemperatureProperty
 
 
 class Segments(NamedTuple):
@@ -19,7 +19,7 @@ class Segments(NamedTuple):
     slopes: FloatArray
 
 
-class TemperatureCurve(Plugin):
+class TemperatureCurve(Plugin, TemperatureProperty):
     """A material property as a function of temperature, by a table or a polynomial. The specific
     heat may also be the slope of a table of the heat content, with latent heat as steep pieces.
 
@@ -93,7 +93,7 @@ class TemperatureCurve(Plugin):
 
     @cached_property
     def numbers(self) -> FloatArray:
-        """The curve by numbers (`HasNumbers`)."""
+        """The curve by numbers (`TemperatureProperty.numbers`)."""
         if self.polynomial is None:
             found = self._segments
             return np.concatenate([[0.0, len(found.nodes)], *found])

@@ -1,12 +1,13 @@
 """Writes contracts.md from core/protocols: `python docs/make_contracts.py`."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from inspect import getdoc
 from pathlib import Path
 
 from sparsemor.core.cli.plugins import first_sentence
 from sparsemor.core.model.features import FEATURES
-from sparsemor.core.protocols.capabilities import BUILT, CAPABILITIES, OTHERS
+from sparsemor.core.protocols import Part
+from sparsemor.core.protocols.capabilities import OTHERS
 from sparsemor.core.protocols.plugin import Plugin
 from sparsemor.core.registry.contracts import CONTRACTS, PARTS, members, required, shape, shapes
 
@@ -25,14 +26,13 @@ How a plugin is written: [how to write a plugin](how-to-write-a-plugin.md).
 def page() -> str:
     """The whole text of contracts.md."""
     parts = [HEAD, "## Required\n", *_table((kind, (p,)) for kind, p in CONTRACTS.items()),
-             "## Defaults\n", *_defaults(),
+             "## Defaults\n", *_defaults(CONTRACTS, Plugin),
              "## Required of what `build` returns\n",
              *_table((kind, (p,)) for kind, p in PARTS.items()),
-             "## Optional abilities of plugins\n", *_table(CAPABILITIES.items()),
-             "## Optional abilities of what `build` returns\n", *_table(BUILT.items()),
+             "## Defaults of what `build` returns\n", *_defaults(PARTS, Part),
              "## Optional abilities of what is passed between parts\n", *_table(OTHERS.items()),
-             "## Features that need an ability\n",
-             "`validate` refuses a scene where a plugin lacks what a feature of the scene needs.\n",
+             "## Features that need a method\n",
+             "`validate` refuses a scene where a plugin keeps the default of such a method.\n",
              *_features()]
     return "\n".join(parts)
 
@@ -43,11 +43,11 @@ def _table(rows: Iterable[tuple[str, tuple[type, ...]]]) -> list[str]:
     return ["| kind | contract | members | meaning |", "|---|---|---|---|", *made, ""]
 
 
-def _defaults() -> list[str]:
-    """Members with a default, those of every plugin first."""
-    every = members(Plugin)
-    rows = [("any", n, m) for n, m in every.items()]
-    rows += [(kind, n, m) for kind, c in CONTRACTS.items() if issubclass(c, Plugin)
+def _defaults(contracts: Mapping[str, type], base: type) -> list[str]:
+    """Members with a default, those of every one of the contracts first."""
+    every = members(base)
+    rows = [("any", n, m) for n, m in every.items() if n not in required(base)]
+    rows += [(kind, n, m) for kind, c in contracts.items() if issubclass(c, base)
              for n, m in members(c).items() if n not in required(c) and n not in every]
     return ["| kind | member | meaning |", "|---|---|---|",
             *(f"| {kind} | `{shape(n, m)}` | {first_sentence(getdoc(m) or '')} |"
@@ -55,9 +55,8 @@ def _defaults() -> list[str]:
 
 
 def _features() -> list[str]:
-    made = [f"| {f.name} | `{f.option}` | {f.kind}"
-            + f" | `{f.ability.__name__}` | {f.need} |" for f in FEATURES]
-    return ["| feature | option | needed of | protocol | it has to |", "|---|---|---|---|---|",
+    made = [f"| {f.name} | `{f.option}` | {f.kind} | `{f.method}` | {f.need} |" for f in FEATURES]
+    return ["| feature | option | needed of | method | it has to |", "|---|---|---|---|---|",
             *made, ""]
 
 

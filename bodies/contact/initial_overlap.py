@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sparsemor.bodies.body import Body
+from sparsemor.bodies.body import FloatingBody
 from sparsemor.bodies.contact.projection import nearest
 from sparsemor.bodies.contact.surface import Surface
 from sparsemor.core import BoolArray, FloatArray, InputError, outer_facets
@@ -45,12 +45,12 @@ def _deepest(one: Surface, other: Surface, allowed: float) -> tuple[FloatArray, 
     return z[worst], float(depth[worst])
 
 
-def placed(body: Body, X: FloatArray) -> FloatArray:
+def placed(body: FloatingBody, X: FloatArray) -> FloatArray:
     """(n, d) initial positions in space of reference points X (n, d), m."""
     return np.asarray(body.pose[: X.shape[1]] + X @ body.start_rotation().T)
 
 
-def _in_box(body: Body, z: FloatArray) -> BoolArray:
+def _in_box(body: FloatingBody, z: FloatArray) -> BoolArray:
     """(n,) True for points z (n, d) in space that are inside the body's bounding box, aligned with
     the body axes."""
     X = body.X
@@ -58,7 +58,7 @@ def _in_box(body: Body, z: FloatArray) -> BoolArray:
     return np.asarray(((own > X.min(axis=0)) & (own < X.max(axis=0))).all(axis=1))
 
 
-def within(body: Body, z: FloatArray) -> BoolArray:
+def within(body: FloatingBody, z: FloatArray) -> BoolArray:
     """(n,) True for points z (n, d) in space inside the undeformed body in its initial pose: its
     boundary subtends the full (solid) angle there."""
     assert body.mesh is not None

@@ -1,7 +1,7 @@
 """Contact of a scene: its term in the equations of a time step, and its loads and resultants along
 a prescribed motion."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,7 +25,7 @@ from sparsemor.bodies.contact.side import Side
 from sparsemor.bodies.contact.surface import Surface
 from sparsemor.bodies.contact.term import ContactTerm
 from sparsemor.bodies.contact.tractions import Interface, Loads, nodal
-from sparsemor.core import Block, Equations, FloatArray, IntArray, SurfaceLoads
+from sparsemor.core import Contact, Equations, FloatArray, IntArray, SurfaceLoads
 
 FLAT = 1e-3
 """Fraction of a surface's extent below which it counts as flat in a direction."""
@@ -34,7 +34,7 @@ PASSAGE = 5.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ContactPart:
+class ContactPart(Contact):
     """Contact of two surfaces, in the plane or in space.
 
     reach: largest admissible penetration, m; deforms: surfaces move with the displacements; heats:
@@ -51,9 +51,6 @@ class ContactPart:
     heats: bool
     localized: bool = True
     moving: bool = True
-
-    def blocks(self) -> Sequence[Block]:
-        return ()
 
     # ------------------------------------------------------------------ inside the step
 

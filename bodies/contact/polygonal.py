@@ -1,12 +1,12 @@
 """Polygonal contact: two surfaces made of facets, pressure and friction per area between them."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
 
-from sparsemor.bodies.body import Body
+from sparsemor.bodies.body import FloatingBody
 from sparsemor.bodies.contact.broad_phase import BroadPhase
 from sparsemor.bodies.contact.initial_overlap import check_start
 from sparsemor.bodies.contact.part import ContactPart
@@ -15,6 +15,7 @@ from sparsemor.bodies.contact.surface import Surface
 from sparsemor.bodies.contact.tractions import Interface
 from sparsemor.bodies.targets import find_target
 from sparsemor.core import (
+    ContactPlugin,
     Fault,
     FloatArray,
     FrictionLaw,
@@ -38,7 +39,7 @@ class SurfaceHeat(Plugin):
     """Thermal contact conductance where the surfaces touch, W/(m2 K)."""
 
 
-class Polygonal(Plugin):
+class Polygonal(ContactPlugin):
     """Polygonal contact: pressure, friction and frictional heat per area of overlapping facets.
 
     Integration is over the first surface. Penetration and slip are relative to the nearest facet of
@@ -61,6 +62,16 @@ class Polygonal(Plugin):
     """Relative quadrature error of the resultants; Gauss points are added until doubling them
     changes less."""
 
+    @property
+    def deforms(self) -> bool:
+        """True if contact is evaluated with deformed surfaces."""
+        return self.surfaces == "deformed"
+
+    @property
+    def sides(self) -> Sequence[str]:
+        """The two surfaces `body:set`."""
+        return self.between
+
     def build(self, name: str, parts: Mapping[str, Part]) -> ContactPart:
         bodies = self._bodies(parts)
         (one, _), (other, _) = bodies
@@ -76,10 +87,10 @@ class Polygonal(Plugin):
         # half a facet: farther in, the nearest facet is not the one that was crossed
         reach = 0.5 * float(min(first.sizes.min(), second.sizes.min()))
         return ContactPart(name, first, second, face, BroadPhase.of(first, second, reach), reach,
-                           self.surfaces == "deformed", self.heat is not None)
+                           self.deforms, self.heat is not None)
 
     def _face(
-        self, first: Body, second: Body, points: tuple[FloatArray, FloatArray]
+        self, first: FloatingBody, second: FloatingBody, points: tuple[FloatArray, FloatArray]
     ) -> Interface:
         width = min(first.thickness, second.thickness)
         conductance = 0.0 if self.heat is None else self.heat.conductance
@@ -88,9 +99,9 @@ class Polygonal(Plugin):
 
     def _bodies(
         self, parts: Mapping[str, Part]
-    ) -> tuple[tuple[Body, IntArray], tuple[Body, IntArray]]:
+    ) -> tuple[tuple[FloatingBody, IntArray], tuple[FloatingBody, IntArray]]:
         """Both bodies, each with the facets of its contact surface."""
-        def find(text: str, key: str) -> tuple[Body, IntArray]:
+        def find(text: str, key: str) -> tuple[FloatingBody, IntArray]:
             target = find_target(parts, text, key)
             body = target.body
             if body.mesh is None:
@@ -109,7 +120,7 @@ class Polygonal(Plugin):
         first, second = (f for f in found if f is not None)
         return first, second
 
-    def _check_motion(self, first: Body, second: Body) -> None:
+    def _check_motion(self, first: FloatingBody, second: FloatingBody) -> None:
         bodies = (first, second)
         if self.surfaces == "deformed" and all(b.elasticity is None for b in bodies):
             raise InputError("neither body has an elastic field, so no surface deforms: take "
@@ -130,7 +141,7 @@ class Polygonal(Plugin):
         if faults:
             raise InputError(faults)
 
-    def _share(self, first: Body, second: Body) -> float:
+    def _share(self, first: FloatingBody, second: FloatingBody) -> float:
         if self.heat is None:
             return 0.0
         if self.heat.share != "effusivity":
@@ -141,7 +152,7 @@ class Polygonal(Plugin):
         return a / (a + b)
 
 
-def _dimension(first: Body, second: Body) -> int:
+def _dimension(first: FloatingBody, second: FloatingBody) -> int:
     """Common dimension of two bodies, 2 or 3; InputError where one is in the plane and the other in
     space."""
     d = [b.d for b in (first, second)]
@@ -153,7 +164,7 @@ def _dimension(first: Body, second: Body) -> int:
     return int(d[0])
 
 
-def effusivity(body: Body) -> float:
+def effusivity(body: FloatingBody) -> float:
     """Thermal effusivity sqrt(k rho c), W s^(1/2) / (m2 K), at the reference temperature;
     InputError for a body of several materials."""
     assert body.heat is not None

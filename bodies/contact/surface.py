@@ -8,7 +8,7 @@ from typing import Any, Self
 import numpy as np
 from scipy.spatial import cKDTree
 
-from sparsemor.bodies.body import Body
+from sparsemor.bodies.body import FloatingBody
 from sparsemor.bodies.contact.cells import Cells, cells_of
 from sparsemor.bodies.contact.planes import Planes
 from sparsemor.core import FloatArray, IntArray
@@ -24,14 +24,14 @@ class Surface:
     with a part of the facets.
     """
 
-    body: Body
+    body: FloatingBody
     nodes: IntArray
     facets: IntArray
     cells: Cells
     radius: float
 
     @classmethod
-    def of(cls, body: Body, facets: IntArray) -> Self:
+    def of(cls, body: FloatingBody, facets: IntArray) -> Self:
         """Surface of facets (F, d), node numbers of the body, ordered for outward normals."""
         nodes = np.unique(facets)
         at = np.searchsorted(nodes, facets)

@@ -7,11 +7,11 @@ from typing import Self
 
 import numpy as np
 
-from sparsemor.bodies.body import Body
+from sparsemor.bodies.body import FloatingBody
 from sparsemor.core import Amplitude, FloatArray, IntArray, Layout
 
 
-def elastic_numbers(body: Body, layout: Layout, nodes: IntArray) -> IntArray:
+def elastic_numbers(body: FloatingBody, layout: Layout, nodes: IntArray) -> IntArray:
     """(n, d) global numbers of the displacements of `nodes` (n,); -1 for fixed ones."""
     d = body.d
     numbers = np.full(d * len(body.X), -1)
@@ -20,7 +20,7 @@ def elastic_numbers(body: Body, layout: Layout, nodes: IntArray) -> IntArray:
     return numbers.reshape(-1, d)[nodes]
 
 
-def thermal_numbers(body: Body, layout: Layout, nodes: IntArray) -> IntArray:
+def thermal_numbers(body: FloatingBody, layout: Layout, nodes: IntArray) -> IntArray:
     """(n,) global numbers of the temperatures of `nodes` (n,); -1 for prescribed ones."""
     numbers = np.full(len(body.X), -1)
     if body.heat is not None:
@@ -58,7 +58,7 @@ class PrescribedTemperatures:
     prescribed: Sequence[tuple[IntArray, Amplitude]] = ()
 
     @classmethod
-    def of(cls, body: Body, nodes: IntArray) -> Self:
+    def of(cls, body: FloatingBody, nodes: IntArray) -> Self:
         """Temperatures that the body prescribes at its `nodes` (n,), sorted."""
         if body.heat is None:
             return cls()

@@ -14,13 +14,13 @@ from sparsemor.bodies.frames.many_times import MotionAtTimes, Pushes
 from sparsemor.bodies.frames.moments import moments_of
 from sparsemor.bodies.frames.motion import Motion, Sums
 from sparsemor.bodies.frames.space_arrays import space_arrays
-from sparsemor.core import FloatArray, FrameArrays, FrameWork
+from sparsemor.core import BodyFrame, FloatArray, FrameArrays, FrameWork
 
 AnyItem = TypeVar("AnyItem", bound=Item)
 
 
 @dataclass(frozen=True, eq=False)
-class ItemFrame(Generic[AnyItem]):
+class ItemFrame(BodyFrame, Generic[AnyItem]):
     """Equations of a body frame as a sum over items.
 
     Unknowns: own rigid coordinates (`size`: in the plane position and angle 3; in space position

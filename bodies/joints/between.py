@@ -10,10 +10,10 @@ from pydantic import Field
 from sparsemor.bodies.joints.conditions import Conditions, conditions_between
 from sparsemor.bodies.joints.heat import heat_exchange
 from sparsemor.bodies.joints.part import JointPart
-from sparsemor.core import Part, Plugin
+from sparsemor.core import JointPlugin, Part
 
 
-class Between(Plugin):
+class Between(JointPlugin):
     """Base class of joints between two of `body:set` and `ground`.
 
     dimensions: dimensions in which the joint exists, 2 in the plane and 3 in space; relative:

@@ -19,11 +19,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from sparsemor.bodies.body import Body
-from sparsemor.bodies.frames import nodal
+from sparsemor.bodies.body import FloatingBody
 from sparsemor.bodies.frames.attitude import velocity_at
 from sparsemor.bodies.frames.constraints import Facing, Slide
-from sparsemor.bodies.frames.joint_items import Rotation
+from sparsemor.bodies.frames.joint_items import Attachment, Rotation
 from sparsemor.bodies.joints.part import JointPart
 from sparsemor.bodies.joints.side import (
     NEAR,
@@ -34,8 +33,8 @@ from sparsemor.bodies.joints.side import (
     sides_of,
     size_of,
 )
-from sparsemor.bodies.targets import Target
-from sparsemor.core import Amplitude, FloatArray, FrameItem, Held, InputError, Part
+from sparsemor.bodies.targets import Place
+from sparsemor.core import Amplitude, Body, FloatArray, FrameItem, Held, InputError, Part
 
 
 def constant(value: float) -> Amplitude:
@@ -109,8 +108,7 @@ class Conditions:
             assert side.body is not None
             position, angle = C[:, : self.d], C[:, self.d :]
             if position.any():
-                item, vectors = side.body.attachment(side.mean())
-                self._add(side.body, item, vectors, position)
+                self._add(side.body, Attachment(side.point), side.displacement, position)
             if angle.any():
                 self._check_angle(side)
                 turning = side.turning
@@ -204,11 +202,10 @@ class Conditions:
             raise InputError(
                 "the second point does not lie on the line through the first along the axis: they "
                 f"are {gap:.3g} m apart across it; correct a pose or the axis", "between")
-        weights = side.mean()
-        item = Slide(weights @ side.body.X, np.array(lines) @ far.axes,
+        item = Slide(side.point, np.array(lines) @ far.axes,
                      (place - far.pose[: self.d]) @ far.axes,
                      len(far.pose) if far.reads else 0, far.pose)
-        self._of_both(item, nodal.along(weights, self.d), np.eye(len(lines)))
+        self._of_both(item, side.displacement, np.eye(len(lines)))
 
     def _of_both(self, item: FrameItem, vectors: FloatArray | None, C: FloatArray) -> None:
         """Adds constraints evaluated with the own side that read the coordinates of the other."""
@@ -251,11 +248,10 @@ class Conditions:
 
     @staticmethod
     def _check_angle(side: Side) -> None:
-        target, body = side.target, side.body
-        if target is not None and body is not None and (
-                body.elasticity is not None and len(target.nodes) < 2):
-            raise InputError(f"{target.text!r} is a single point of a flexible body and has no "
-                             "angle: attach to a set of two or more points", side.key)
+        """InputError where the rotation of the side is undefined, also if all its points are
+        fixed."""
+        if side.target is not None:
+            side.target.body.rotation_of(side.target.which, side.key)
 
 
 def conditions_between(
@@ -291,14 +287,15 @@ def massless_frame(name: str, side: Side, turns: bool = True) -> Side:
     with `turns`, its axes; else with an angle that is zero at the start."""
     body, d = side.body, side.d
     assert body is not None
-    pose, velocity = body.pose.copy(), body.velocity.copy()
+    pose, rate = body.initial().get(f"{body.name}.rigid", (body.pose, 0.0 * body.pose))
+    pose, velocity = pose.copy(), rate.copy()
     if not turns:
         pose, velocity = np.zeros(d + 1), np.zeros(d + 1)
     pose[:d] = side.place()
-    velocity[:d] = velocity_at(body.pose, body.velocity, side.mean() @ body.X)
-    frame = Body(name=name, X=np.zeros((1, d)), inertia=None, pose=pose, velocity=velocity,
+    velocity[:d] = velocity_at(body.pose, rate, side.point)
+    frame = FloatingBody(name=name, X=np.zeros((1, d)), inertia=None, pose=pose, velocity=velocity,
                  moves=True, points={"origin": np.array([0])})
-    return Side(Target(frame, np.array([0]), name), d)
+    return Side(Place(frame, "origin", name, np.zeros(d)), d)
 
 
 def _about_z(

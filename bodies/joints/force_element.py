@@ -12,7 +12,6 @@ from typing import ClassVar
 
 import numpy as np
 
-from sparsemor.bodies.body import Body
 from sparsemor.bodies.frames.springs import SpatialRotationalSpring, SpringItem
 from sparsemor.bodies.joints.conditions import Conditions, constant, massless_frame
 from sparsemor.bodies.joints.part import JointPart, write_reactions
@@ -21,12 +20,14 @@ from sparsemor.core import (
     FREE_POSE,
     Amplitude,
     Block,
+    Body,
     Equations,
     FloatArray,
-    FrameHistory,
     InputError,
+    Joint,
+    JointPlugin,
     Part,
-    Plugin,
+    RecordedForce,
     Table,
     TimeFunction,
 )
@@ -88,7 +89,7 @@ class ItemForce:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ForceElementPart:
+class ForceElementPart(Joint):
     """Force element of a scene: an item of the frame of the first of its two `sides`, which reads
     the coordinates of the other one. law, recorded: force that is recorded, its name and unit;
     held: constraints of massless frames, None for rigid sides; adjusted: these frames; prescribed:
@@ -106,10 +107,12 @@ class ForceElementPart:
     localized: bool = True
 
     @property
-    def moved_by(self) -> tuple[str | FrameHistory, str | FrameHistory]:
+    def force(self) -> RecordedForce:
+        """The force that is recorded."""
         one, two = self.sides
-        return (f"{one.reads}.rigid" if one.reads else one.motion,
-                f"{two.reads}.rigid" if two.reads else two.motion)
+        return RecordedForce(self.law, self.recorded, (
+            f"{one.reads}.rigid" if one.reads else one.motion,
+            f"{two.reads}.rigid" if two.reads else two.motion))
 
     @property
     def components(self) -> tuple[tuple[str, str], ...]:
@@ -127,8 +130,8 @@ class ForceElementPart:
             self.held.contribute(equations)
         own, other = self.sides
         assert own.body is not None
-        own.body.frame_item(equations, self.item, None,
-                            reads=f"{other.reads}.rigid" if other.reads else "")
+        equations.frame(own.body.name, self.item,
+                        reads=f"{other.reads}.rigid" if other.reads else "")
 
     def _reactions(self, equations: Equations) -> Table:
         """Forces and moments on both sides along their prescribed motion, with the functions of
@@ -140,7 +143,7 @@ class ForceElementPart:
         return Table(times, np.hstack([wrench, -wrench]))
 
 
-class ForceElement(Plugin):
+class ForceElement(JointPlugin):
     """Base class of force elements between two of `body:set` and `ground`.
 
     dimensions: dimensions in which it exists; turns: True if it acts on rotations, False if on

@@ -8,10 +8,9 @@ from dataclasses import dataclass
 
 from scipy.sparse import csr_array
 
-from sparsemor.bodies.body import Body
 from sparsemor.bodies.joints.side import Side
 from sparsemor.bodies.targets import find_body
-from sparsemor.core import Equations, InputError, Note, Part, information
+from sparsemor.core import Equations, InputError, MeanTemperature, Note, Part, information
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -25,25 +24,26 @@ class HeatExchange:
 
     def contribute(self, equations: Equations) -> None:
         """Adds the heat flow to the temperatures of both bodies."""
-        one, two = ((self._now(side), side.mean_of_facets) for side in self.sides)
-        for (own, w), (far, v) in ((one, two), (two, one)):
-            assert own.heat is not None
-            block, column = f"{own.name}.thermal", csr_array(w[own.heat.free, None])
+        one, two = map(self._mean, self.sides)
+        for (own, T), (far, T_far) in ((one, two), (two, one)):
+            block, column = f"{own}.thermal", csr_array(T.weights[:, None])
             if not equations.size(block):
                 continue
-            for body, weights, G in ((own, w, self.conductance), (far, v, -self.conductance)):
-                assert body.heat is not None
-                other = f"{body.name}.thermal"
+            for body, mean, G in ((own, T, self.conductance), (far, T_far, -self.conductance)):
+                other = f"{body}.thermal"
                 if equations.size(other):
                     equations.matrix(block, other, A=csr_array(
-                        column @ csr_array(G * weights[None, body.heat.free])))
-                for nodes, function in body.heat.prescribed:
-                    equations.vector(block, -G * weights[nodes].sum() * w[own.heat.free],
-                                     function.value, "prescribed")
+                        column @ csr_array(G * mean.weights[None, :])))
+                for weight, function in mean.given:
+                    equations.vector(block, -G * weight * T.weights, function.value, "prescribed")
 
-    def _now(self, side: Side) -> Body:
-        assert side.body is not None
-        return find_body(self.parts, side.body.name, side.key)
+    def _mean(self, side: Side) -> tuple[str, MeanTemperature]:
+        """Name of the body and mean temperature of a side."""
+        assert side.target is not None
+        body = find_body(self.parts, side.target.body.name, side.key)
+        mean = body.temperature_of(side.target.which)
+        assert mean is not None
+        return body.name, mean
 
 
 def heat_exchange(
@@ -54,7 +54,8 @@ def heat_exchange(
 
     InputError for a conductance above 0 of a joint whose sides do not both have temperatures.
     """
-    heats = [side.body is not None and side.body.heat is not None for side in ends]
+    heats = [side.target is not None and (
+        side.target.body.temperature_of(side.target.which) is not None) for side in ends]
     if conductance is None:
         one, two = (side.body.name if side.body is not None else "" for side in ends)
         return None, (information(

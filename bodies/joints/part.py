@@ -5,18 +5,16 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from sparsemor.bodies.body import Body
-from sparsemor.bodies.frames import nodal
 from sparsemor.bodies.frames.joint_items import Attachment, Holding, Reaction
 from sparsemor.bodies.joints.heat import HeatExchange
 from sparsemor.bodies.joints.side import Condition, Side
 from sparsemor.bodies.joints.wrench import holding, size, wrenches
 from sparsemor.bodies.terms.field_kinds import MULTIPLIER
-from sparsemor.core import Amplitude, Block, Equations, FloatArray, Note, Table
+from sparsemor.core import Amplitude, Block, Body, Equations, FloatArray, Joint, Note, Table
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class JointPart:
+class JointPart(Joint):
     """Joint: constraint equations sum of conditions - targets(t) = 0, with a multiplier each:
     forces on the first side (N, space axes), moments (N m), or forces perpendicular to a line (N).
 
@@ -46,7 +44,7 @@ class JointPart:
     def inert(self) -> bool:
         """True if the joint has no unknowns: a joint of bodies that do not move in a rigid
         pre-simulation. The flexible run then has it as a constraint."""
-        return not any(b.moves or b.elasticity is not None for b in self.bodies)
+        return not any(b.moves or b.flexible for b in self.bodies)
 
     @property
     def components(self) -> tuple[tuple[str, str], ...]:
@@ -78,8 +76,8 @@ class JointPart:
             return
         block = f"{self.name}.multiplier"
         for c in self.conditions:
-            c.body.frame_item(equations, c.item, c.vectors, multipliers=block, C=c.C,
-                              reads=f"{c.other}.rigid" if c.other else "")
+            equations.frame(c.body.name, c.item, c.vectors, multipliers=block, C=c.C,
+                            reads=f"{c.other}.rigid" if c.other else "")
         equations.constraint(block, self.targets)
 
     # ------------------------------------------------------------------ two stages
@@ -114,8 +112,7 @@ def write_reactions(
         if not side.flexible or side.body is None:
             continue
         mine = reactions.columns(size(side) * number + np.arange(size(side)))
-        vectors = nodal.along(side.mean(), side.d)
         turning = side.turning if turns else None
-        if turning is not None:
-            vectors = np.concatenate([vectors, turning], axis=1)
-        side.body.frame_item(equations, Reaction(mine, turning is not None), vectors)
+        vectors = [v for v in (side.displacement, turning) if v is not None]
+        equations.frame(side.body.name, Reaction(mine, turning is not None),
+                        np.concatenate(vectors, axis=1))

@@ -9,10 +9,10 @@ from sparsemor.bodies.joints.conditions import conditions_on
 from sparsemor.bodies.joints.part import JointPart
 from sparsemor.bodies.joints.side import unit
 from sparsemor.bodies.loads.amplitude import NumberOrFunction
-from sparsemor.core import InputError, Part, Plugin, Prescribed
+from sparsemor.core import InputError, JointPlugin, Part, Prescribed
 
 
-class PrescribedMotion(Plugin):
+class PrescribedMotion(JointPlugin):
     """Prescribed motion: displacement from the initial position along space axes, and rotation, as
     functions of time.
 

@@ -6,10 +6,18 @@ from functools import cached_property
 
 import numpy as np
 
-from sparsemor.bodies.body import Body
 from sparsemor.bodies.frames.constraints import GROUND as AT_ORIGIN
-from sparsemor.bodies.targets import GROUND, Target, find_target
-from sparsemor.core import FloatArray, FrameHistory, FrameItem, Gather, InputError, Part
+from sparsemor.bodies.targets import GROUND, Place, find_place
+from sparsemor.core import (
+    Body,
+    FloatArray,
+    FrameHistory,
+    FrameItem,
+    Gather,
+    InputError,
+    Part,
+    points_in_space,
+)
 
 NEAR = 1e-8
 """Largest relative initial gap between sides that must coincide."""
@@ -34,10 +42,10 @@ class Condition:
 
 @dataclass(frozen=True, eq=False)
 class Side:
-    """One side of a joint in d dimensions: a set of nodes of a body, or the ground (target None).
+    """One side of a joint in d dimensions: a set of points of a body, or the ground (target None).
     key: its key in the scene."""
 
-    target: Target | None
+    target: Place | None
     d: int
     key: str = "between"
 
@@ -52,7 +60,7 @@ class Side:
 
     @cached_property
     def turning(self) -> FloatArray | None:
-        """Functionals of the mean rotation of the set (`Target.turning`)."""
+        """Derivatives of the mean rotation of the set (`Place.turning`)."""
         return None if self.target is None else self.target.turning(self.key)
 
     @property
@@ -83,20 +91,20 @@ class Side:
         """Name of the body if its rigid coordinates are unknowns, else ""."""
         return self.body.name if self.body is not None and self.body.moves else ""
 
-    def mean(self) -> FloatArray:
+    @property
+    def point(self) -> FloatArray:
+        """(d,) reference position of the side's centre, m, in the frame of its body."""
         assert self.target is not None
-        return self.target.mean()
+        return self.target.point
 
     @property
-    def mean_of_facets(self) -> FloatArray:
-        """(N,) weights of the mean over the set's facets, none of which is moved by its centre."""
-        assert self.target is not None
-        return self.target.centre.even
+    def displacement(self) -> FloatArray | None:
+        """(n, d) derivatives of the displacement of the side's centre by the unknown ones."""
+        return None if self.target is None else self.target.displacement
 
     def place(self) -> FloatArray:
         """(d,) initial position of the side's centre, m, space axes."""
-        assert self.body is not None
-        return self.body.start_position(self.mean())
+        return np.asarray(points_in_space(self.pose[None], self.point[None])[0])
 
 
 def sides_of(
@@ -133,8 +141,8 @@ def side_of(parts: Mapping[str, Part], text: str, dimensions: Sequence[int], key
     return Side(target, target.body.d, key)
 
 
-def _target(parts: Mapping[str, Part], text: str, key: str) -> Target:
-    target = find_target(parts, text, key)
+def _target(parts: Mapping[str, Part], text: str, key: str) -> Place:
+    target = find_place(parts, text, key)
     if target.body.immobile:
         raise InputError(f"{text!r} cannot move: body {target.body.name!r} is fixed in space and "
                          "has no elastic field", key)
@@ -176,18 +184,15 @@ def check_meet(a: Side, b: Side) -> None:
 
 def _from_means(*sides: Side) -> str:
     """Distance of each side's centre from the mean of its facets, in words."""
-    found = [f"that of {t.text}, {t.centre.how}, is {t.centre.shift:.3g} m from the mean of its "
-             "facets; " for t in (s.target for s in sides)
-             if t is not None and t.body.mesh is not None]
-    return "".join(found)
+    return "".join(f"that of {t.text}, {words}; " for s in sides if (t := s.target) is not None
+                   and (words := t.body.point_in_words(t.which)))
 
 
 def size_of(*sides: Side) -> float:
     """Length to which an initial gap is compared, m: extent of the bodies and distance from the
     origin."""
     bodies = [s for s in sides if s.body is not None]
-    extents = [float(np.ptp(s.body.X, axis=0).max()) for s in bodies
-               if s.body is not None and len(s.body.X)]
+    extents = [s.body.extent for s in bodies if s.body is not None]
     return max(*extents, *(float(np.linalg.norm(s.place())) for s in bodies), 1e-12)
 
 

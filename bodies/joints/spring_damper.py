@@ -41,7 +41,6 @@ class SpringDamper(ForceElement):
         return self
 
     def item(self, own: Side, other: Side, first: bool) -> Spring:
-        assert own.body is not None
         base, place = self._base(other), self._place(other)
         start = float(np.linalg.norm(own.place() - place))
         if not start > 1e-12 * size_of(own, other):
@@ -49,7 +48,7 @@ class SpringDamper(ForceElement):
                              "no direction: move a body or choose other points", "between")
         drive = Drive.of(self.stiffness, self.damping, start if self.length is None else 0.0,
                       self.length, self.force)
-        return Spring(own.mean() @ own.body.X, base, self.stiffness, self.damping, drive,
+        return Spring(own.point, base, self.stiffness, self.damping, drive,
                       len(other.pose) if other.reads else 0, other.pose)
 
     def _base(self, other: Side) -> FloatArray:
@@ -57,7 +56,7 @@ class SpringDamper(ForceElement):
         if other.body is not None:
             if self.ground is not None:
                 raise InputError("no side is `ground`: drop it", "ground")
-            return np.asarray(other.mean() @ other.body.X)
+            return other.point
         given = (0.0,) * other.d if self.ground is None else self.ground
         if len(given) != other.d:
             raise InputError(f"give {other.d} components (got {list(given)})", "ground")

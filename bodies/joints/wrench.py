@@ -65,6 +65,4 @@ def holding(item: FrameItem) -> Holding:
 
 def _mean_point(side: Side, pose: FloatArray) -> FloatArray:
     """(T or 1, d) position of a side's mean point, m, space axes."""
-    assert side.body is not None
-    mean = side.mean() @ side.body.X
-    return points_in_space(pose, np.broadcast_to(mean, (len(pose), side.d)))
+    return points_in_space(pose, np.broadcast_to(side.point, (len(pose), side.d)))

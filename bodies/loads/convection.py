@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 from pydantic import Field
 
-from sparsemor.bodies.body import Body
+from sparsemor.bodies.body import FloatingBody
 from sparsemor.bodies.fem.pointwise_law import TEMPERATURE, Response, Variable
 from sparsemor.bodies.fem.surface import surface_load, surface_mass
 from sparsemor.bodies.loads.amplitude import NumberOrFunction
@@ -16,7 +16,7 @@ from sparsemor.bodies.material import Positive
 from sparsemor.bodies.targets import find_surfaces, surface_notes
 from sparsemor.bodies.temperature_curve import TemperatureCurve
 from sparsemor.bodies.terms.law_functions import curve_at
-from sparsemor.core import Amplitude, Effect, Equations, FloatArray, LawArrays, Part, Plugin
+from sparsemor.core import Amplitude, Effect, Equations, FloatArray, LawArrays, LoadPlugin, Part
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,7 +57,7 @@ def film(
             slopes[0, n] = slope * rise + h - numbers[0]
 
 
-class Convection(Plugin):
+class Convection(LoadPlugin):
     """Convection: heat flux q = h (T_fluid - T) over the boundary facets of each set."""
 
     acts_on: ClassVar[Effect] = "temperature"
@@ -87,7 +87,7 @@ class Convection(Plugin):
         return LoadPart(name, write, surroundings=self.temperature.value,
                         notes=surface_notes(parts, name, self.on))
 
-    def _constant(self, body: Body) -> float:
+    def _constant(self, body: FloatingBody) -> float:
         """Film coefficient at the reference temperature of the body."""
         if isinstance(self.film, TemperatureCurve):
             assert body.T_ref is not None

@@ -2,15 +2,14 @@
 
 from collections.abc import Mapping
 
-from sparsemor.bodies.body import Body
 from sparsemor.bodies.loads.amplitude import NumberOrFunction, amplitude
 from sparsemor.bodies.loads.part import LoadPart
 from sparsemor.bodies.loads.vectors import Vector, components
 from sparsemor.bodies.targets import all_bodies, find_body
-from sparsemor.core import Equations, FloatArray, Part, Plugin
+from sparsemor.core import Body, Equations, FloatArray, LoadPlugin, Part
 
 
-class Gravity(Plugin):
+class Gravity(LoadPlugin):
     """Gravity: nodal forces M (1 x A^T g) and the torque of the deformed body (equations.md, 1)."""
 
     g: Vector | None = None
@@ -25,7 +24,7 @@ class Gravity(Plugin):
         chosen = [find_body(parts, b, "bodies") for b in self.bodies] if self.bodies else (
             all_bodies(parts))
         f = amplitude(self.factor)
-        heavy = {b.name: self._g(b) for b in chosen if b.moves or b.elasticity is not None}
+        heavy = {b.name: self._g(b) for b in chosen if b.moves or b.flexible}
 
         def write(equations: Equations) -> None:
             for b, g in heavy.items():

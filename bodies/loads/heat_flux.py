@@ -9,10 +9,10 @@ from sparsemor.bodies.fem.surface import surface_load
 from sparsemor.bodies.loads.amplitude import NumberOrFunction
 from sparsemor.bodies.loads.part import LoadPart
 from sparsemor.bodies.targets import find_surfaces, surface_notes
-from sparsemor.core import Effect, Equations, Part, Plugin
+from sparsemor.core import Effect, Equations, LoadPlugin, Part
 
 
-class HeatFlux(Plugin):
+class HeatFlux(LoadPlugin):
     """Heat flux: prescribed q into the body over the boundary facets of each set."""
 
     acts_on: ClassVar[Effect] = "temperature"

@@ -1,13 +1,13 @@
 """Load of a scene: a name and a function that adds its contributions to the equations."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
-from sparsemor.core import Amplitude, Block, Equations, Note, Part
+from sparsemor.core import Amplitude, Body, Equations, Load, Note
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class LoadPart:
+class LoadPart(Load):
     """Load of a scene; `write(equations)` adds it to the equations.
 
     localized: hyper-reduction keeps its rows; surroundings: temperature (K) of a heat exchange, or
@@ -20,10 +20,7 @@ class LoadPart:
     localized: bool = True
     surroundings: Amplitude | None = None
     notes: tuple[Note, ...] = ()
-    adjusted: Mapping[str, Part] = field(default_factory=dict)
-
-    def blocks(self) -> Sequence[Block]:
-        return ()
+    adjusted: Mapping[str, Body] = field(default_factory=dict)
 
     def contribute(self, equations: Equations) -> None:
         self.write(equations)

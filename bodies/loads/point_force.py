@@ -3,16 +3,19 @@
 from collections.abc import Mapping
 from typing import Literal
 
-import numpy as np
-
+from sparsemor.bodies.frames import nodal
+from sparsemor.bodies.frames.force_items import BodyForce, SpaceForce
+from sparsemor.bodies.frames.rotation import torque
 from sparsemor.bodies.loads.amplitude import NumberOrFunction, amplitude
 from sparsemor.bodies.loads.part import LoadPart
 from sparsemor.bodies.loads.vectors import Vector, components
-from sparsemor.bodies.targets import find_target, need_field
-from sparsemor.core import Equations, Part, Plugin
+from sparsemor.bodies.targets import Place, find_place, need_motion
+from sparsemor.core import Amplitude, Equations, FloatArray, FrameItem, LoadPlugin, Part
+
+Axes = Literal["body", "space"]
 
 
-class PointForce(Plugin):
+class PointForce(LoadPlugin):
     """Point force at the centre of a set, distributed over its facets, with axes of the body or of
     space."""
 
@@ -20,21 +23,33 @@ class PointForce(Plugin):
     """Point or set `body:set`."""
     force: Vector
     """Force, N: two components in the plane, three in space."""
-    axes: Literal["body", "space"] = "space"
+    axes: Axes = "space"
     """Axes of the force: `body` turns with the frame, `space` does not."""
     factor: NumberOrFunction | None = None
     """Function of time that multiplies the load; 1 by default."""
 
     def build(self, name: str, parts: Mapping[str, Part]) -> LoadPart:
-        target = find_target(parts, self.on, "on")
-        need_field(target, "mechanical", "on")
-        body, w, f = target.body, target.mean(), amplitude(self.factor)
-        F = components(body, self.force, "force")
+        place = find_place(parts, self.on, "on")
+        need_motion(place.body, "on")
+        f = amplitude(self.factor)
+        F = components(place.body, self.force, "force")
 
         def write(equations: Equations) -> None:
-            if self.axes == "space":
-                body.space_force(equations, w, F, f)
-            else:
-                body.body_force(equations, np.outer(w, F), f)
+            write_point_force(equations, place, F, f, self.axes)
 
         return LoadPart(name, write)
+
+
+def write_point_force(
+    equations: Equations, place: Place, force: FloatArray, factor: Amplitude, axes: Axes = "space"
+) -> None:
+    """Adds a force (d,), N, times a function of time at the centre of a set, with axes of space or
+    of the body."""
+    moved = place.displacement
+    if axes == "space":
+        item: FrameItem = SpaceForce(1.0, place.point, force, factor)
+        vectors = moved
+    else:
+        item = BodyForce(force, torque(place.point[None], force[None])[0], factor)
+        vectors = None if moved is None else moved @ nodal.with_torques(force[None])
+    equations.frame(place.body.name, item, vectors)

@@ -1,19 +1,39 @@
 """Prescribed temperature: the nodes of a set follow a function of time and are no unknowns."""
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 
-from sparsemor.bodies.body import Body
+from sparsemor.bodies.body import FloatingBody
 from sparsemor.bodies.loads.amplitude import NumberOrFunction
-from sparsemor.bodies.loads.part import LoadPart
 from sparsemor.bodies.targets import find_target, need_field
-from sparsemor.core import Effect, Equations, InputError, Part, Plugin
+from sparsemor.core import (
+    Amplitude,
+    Body,
+    Effect,
+    Equations,
+    InputError,
+    Joint,
+    JointPlugin,
+    Part,
+)
 
 
-class PrescribedTemperature(Plugin):
+@dataclass(frozen=True, slots=True, eq=False)
+class HeldTemperature(Joint):
+    """Prescribed temperature: adds nothing itself; the bodies that it replaces add its effect."""
+
+    name: str
+    adjusted: Mapping[str, Body]
+    surroundings: Amplitude
+
+    def contribute(self, equations: Equations) -> None:
+        """No contribution: the bodies add the effect of their prescribed temperatures."""
+
+
+class PrescribedTemperature(JointPlugin):
     """Prescribed temperature T(t) on sets of nodes, imposed by elimination of these unknowns."""
 
     acts_on: ClassVar[Effect] = "temperature"
@@ -23,8 +43,8 @@ class PrescribedTemperature(Plugin):
     temperature: NumberOrFunction
     """Temperature, K, a number or a function of time."""
 
-    def build(self, name: str, parts: Mapping[str, Part]) -> LoadPart:
-        bodies: dict[str, Body] = {}
+    def build(self, name: str, parts: Mapping[str, Part]) -> HeldTemperature:
+        bodies: dict[str, FloatingBody] = {}
         for i, text in enumerate(self.on):
             target = find_target({**parts, **bodies}, text, f"on.{i}")
             need_field(target, "thermal", f"on.{i}")
@@ -41,8 +61,4 @@ class PrescribedTemperature(Plugin):
                                  "solve for: prescribe fewer nodes, or refine the mesh", f"on.{i}")
             bodies[target.body.name] = replace(target.body, heat=replace(
                 heat, free=free, prescribed=(*heat.prescribed, (target.nodes, self.temperature))))
-        return LoadPart(name, _nothing, adjusted=bodies, surroundings=self.temperature.value)
-
-
-def _nothing(equations: Equations) -> None:
-    """No contribution: the bodies add the effect of their prescribed temperatures."""
+        return HeldTemperature(name, bodies, self.temperature.value)

@@ -9,10 +9,10 @@ from sparsemor.bodies.fem.surface import facet_measures, surface_normal_load
 from sparsemor.bodies.loads.amplitude import NumberOrFunction
 from sparsemor.bodies.loads.part import LoadPart
 from sparsemor.bodies.targets import find_surfaces, surface_notes
-from sparsemor.core import Equations, InputError, Part, Plugin
+from sparsemor.core import Equations, InputError, LoadPlugin, Part
 
 
-class Pressure(Plugin):
+class Pressure(LoadPlugin):
     """Pressure: force per area -p n over the boundary facets of each set, positive inwards.
 
     Give either the pressure or the total force.

@@ -12,7 +12,7 @@ from sparsemor.bodies.loads.amplitude import NumberOrFunction
 from sparsemor.bodies.loads.part import LoadPart
 from sparsemor.bodies.mesh.plausibility import celsius_notes
 from sparsemor.bodies.targets import find_surfaces, joined_surfaces, surface_notes
-from sparsemor.core import Amplitude, Effect, Equations, FloatArray, LawArrays, Part, Plugin
+from sparsemor.core import Amplitude, Effect, Equations, FloatArray, LawArrays, LoadPlugin, Part
 
 STEFAN_BOLTZMANN = 5.670374419e-8
 """Stefan-Boltzmann constant, W/(m^2 K^4), CODATA 2018 (exact since the SI of 2019)."""
@@ -56,7 +56,7 @@ def grey_body(
             slopes[0, n] = 4.0 * factor * square * z[0, n]
 
 
-class Radiation(Plugin):
+class Radiation(LoadPlugin):
     """Radiation: heat loss q = eps sigma (T^4 - T_inf^4) from the boundary facets (T in K)."""
 
     acts_on: ClassVar[Effect] = "temperature"

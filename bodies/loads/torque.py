@@ -8,11 +8,11 @@ import numpy as np
 from sparsemor.bodies.frames.force_items import Moment
 from sparsemor.bodies.loads.amplitude import NumberOrFunction, amplitude
 from sparsemor.bodies.loads.part import LoadPart
-from sparsemor.bodies.targets import find_target, need_field
-from sparsemor.core import Equations, InputError, Part, Plugin
+from sparsemor.bodies.targets import find_place, need_motion
+from sparsemor.core import Equations, InputError, LoadPlugin, Part
 
 
-class Torque(Plugin):
+class Torque(LoadPlugin):
     """Torque: a moment on the mean rotation of a set, with axes of the body or of space.
 
     On a rigid body the set does not matter. On a flexible one it is a distribution of nodal forces
@@ -29,19 +29,19 @@ class Torque(Plugin):
     """Function of time that multiplies the load; 1 by default."""
 
     def build(self, name: str, parts: Mapping[str, Part]) -> LoadPart:
-        target = find_target(parts, self.on, "on")
-        need_field(target, "mechanical", "on")
-        body = target.body
+        place = find_place(parts, self.on, "on")
+        body = place.body
+        need_motion(body, "on")
         moment = np.atleast_1d(np.array(self.torque, dtype=np.float64))
         if len(moment) != 2 * body.d - 3:
             need = "one number" if body.d == 2 else "three components"
             raise InputError(f"body {body.name!r} is {'plane' if body.d == 2 else 'in space'}: "
                              f"give {need} (got {self.torque})", "torque")
-        turning = target.turning("on")
+        turning = place.turning("on")
         item = Moment(moment, amplitude(self.factor), turning is not None,
                       body.d == 3 and self.axes == "space")
 
         def write(equations: Equations) -> None:
-            body.frame_item(equations, item, turning)
+            equations.frame(body.name, item, turning)
 
         return LoadPart(name, write)

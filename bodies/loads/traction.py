@@ -11,10 +11,10 @@ from sparsemor.bodies.loads.amplitude import NumberOrFunction, amplitude
 from sparsemor.bodies.loads.part import LoadPart
 from sparsemor.bodies.loads.vectors import Vector, components
 from sparsemor.bodies.targets import find_surfaces, surface_notes
-from sparsemor.core import Equations, Part, Plugin
+from sparsemor.core import Equations, LoadPlugin, Part
 
 
-class Traction(Plugin):
+class Traction(LoadPlugin):
     """Traction: a force per area over the boundary facets of each set."""
 
     on: Annotated[list[str], Field(min_length=1)]

@@ -4,8 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sparsemor.bodies.body import Body
-from sparsemor.core import FloatArray, InputError
+from sparsemor.core import Body, FloatArray, InputError
 
 Vector = tuple[float, float] | tuple[float, float, float]
 

@@ -18,8 +18,8 @@ from sparsemor.core import (
     InputError,
     IntArray,
     Mesh,
+    MeshPlugin,
     Note,
-    Plugin,
     bounded_address_space,
     cell_facets,
     facet_numbers,
@@ -43,7 +43,7 @@ _MOST_LETTERS = 200
 """Number of characters of a reader's error message that is repeated."""
 
 
-class MeshFile(Plugin):
+class MeshFile(MeshPlugin):
     """Mesh file of triangles or tetrahedra.
 
     Gmsh (msh), Abaqus (inp), VTK (vtk, vtu), Nastran (bdf, fem, nas), Medit (mesh, meshb) or Salome

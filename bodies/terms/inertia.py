@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from scipy.sparse import csr_array, kron
 
-from sparsemor.bodies.frames import nodal
 from sparsemor.core import Csr, FloatArray
 
 
@@ -15,8 +14,6 @@ def generator(m: Csr, B: FloatArray) -> Csr:
     return csr_array(kron(m, csr_array(B), format="csr"))
 
 
-def directions(m: Csr, X: FloatArray, matrices: FloatArray) -> FloatArray:
-    """(d N, d + g) functionals of the inertia: m e_i, then M_g X for the g matrices (g, d, d)."""
-    shape = [(m @ X @ B.T).ravel() for B in matrices]
-    first = nodal.along(np.asarray(m.sum(axis=1)).ravel(), X.shape[1])
-    return np.concatenate([first, np.stack(shape, axis=1)], axis=1)
+def about(m: Csr, X: FloatArray, matrices: FloatArray) -> FloatArray:
+    """(d N, g) functionals M_g X of the g matrices (g, d, d)."""
+    return np.stack([(m @ X @ B.T).ravel() for B in matrices], axis=1)

@@ -1,14 +1,14 @@
 """Laws of materials as functions on arrays (`LawFunction`), which numba compiles: the equations of
 material_laws.py at N points.
 
-A property is a run of numbers (`HasNumbers`): a table (0, n, its n temperatures, then the first
-temperature, value and slope of each of its n + 1 segments), or a polynomial (1, n, T_0, least and
-greatest temperature, n coefficients in powers of T - T_0).
+A property is a run of numbers (`TemperatureProperty.numbers`): a table (0, n, its n temperatures,
+then the first temperature, value and slope of each of its n + 1 segments), or a polynomial (1, n,
+T_0, least and greatest temperature, n coefficients in powers of T - T_0).
 """
 
 import numpy as np
 
-from sparsemor.core import FloatArray, HasNumbers, TemperatureProperty
+from sparsemor.core import FloatArray, TemperatureProperty
 
 TABLE, POLYNOMIAL = 0.0, 1.0
 
@@ -17,7 +17,7 @@ def numbers_of(of: TemperatureProperty | float) -> FloatArray | None:
     """Numbers of a property or of a constant; None where a property has none."""
     if isinstance(of, int | float):
         return np.array([POLYNOMIAL, 1.0, 0.0, 0.0, 0.0, of])
-    return of.numbers if isinstance(of, HasNumbers) else None
+    return of.numbers
 
 
 def curve_at(numbers: FloatArray, first: int, T: float) -> tuple[float, float]:

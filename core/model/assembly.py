@@ -12,38 +12,33 @@ from sparsemor.core.errors import Gather, InputError
 from sparsemor.core.model.block_operators import close
 from sparsemor.core.model.body_cache import BodyCache
 from sparsemor.core.model.factorizations import BlockSolvers
-from sparsemor.core.model.features import PROBES
+from sparsemor.core.model.features import PROBES, SURFACE_LOADS
 from sparsemor.core.model.general_terms import Touched, general_terms, touched
 from sparsemor.core.model.model import Model
 from sparsemor.core.model.prescribed_motion import (
     NOTHING,
     PrescribedQuantities,
-    carrying,
     following,
-    prescribable,
+    with_reactions,
 )
 from sparsemor.core.protocols import (
     Body,
     BodyPlugin,
-    ChangesBodies,
-    ConductsHeat,
+    Connector,
+    ConnectorPlugin,
     Contact,
-    ContactPlugin,
-    HasProbes,
-    JointPlugin,
-    LoadPlugin,
-    LocalizesRows,
+    Joint,
     Part,
     ProbePlace,
     Term,
 )
-from sparsemor.core.protocols.capabilities import BUILT
 from sparsemor.core.protocols.contributions import Equations, Origin, Records
 from sparsemor.core.protocols.layout import Layout
 from sparsemor.core.protocols.plugin import Plugin
 from sparsemor.core.protocols.prescribed_motion import FrameHistory
 from sparsemor.core.protocols.step_amplitude import Stepping
 from sparsemor.core.registry.boundary import guard
+from sparsemor.core.registry.contracts import PARTS
 from sparsemor.core.registry.returned_values import complete
 from sparsemor.core.scene.digest import digest
 from sparsemor.core.scene.options import Probe
@@ -51,7 +46,6 @@ from sparsemor.core.scene.scene import Scene
 
 _PARTS = ("bodies", "joints", "contacts", "loads", "probes")
 """Sections of the input that the assembled model depends on."""
-Connector = JointPlugin | ContactPlugin | LoadPlugin
 
 
 def assemble(
@@ -88,7 +82,7 @@ def _assembled(scene: Scene, prescribed: PrescribedQuantities, body_cache: BodyC
             equations = Equations(layout, Origin(group, name), records, stepping)
             if motion is None or group != "contacts":
                 part.contribute(equations)
-            else:
+            elif isinstance(part, Contact):
                 _along(equations, bodies, name, part, prescribed, motion)
     for local in records.local:
         guard(Term, type(local.term))
@@ -111,7 +105,7 @@ def _stepping(scene: Scene) -> Stepping:
 
 def _build(
     scene: Scene, prescribed: PrescribedQuantities, body_cache: BodyCache
-) -> tuple[dict[str, Body], dict[str, dict[str, Part]], tuple[ProbePlace, ...]]:
+) -> tuple[dict[str, Body], dict[str, dict[str, Connector]], tuple[ProbePlace, ...]]:
     """All bodies; joints, contacts and loads by group; probes. Joints, contacts and loads on a body
     that failed to build are skipped, since their faults would only repeat those of the body."""
     gather = Gather()
@@ -122,19 +116,18 @@ def _build(
         if body is not None:
             bodies[name] = body
     failed = set(scene.bodies) - set(bodies)
-    groups: dict[str, Mapping[str, Connector]] = {
+    groups: dict[str, Mapping[str, ConnectorPlugin]] = {
         "joints": scene.joints, "contacts": scene.contacts, "loads": scene.loads}
-    connectors: dict[str, dict[str, Part]] = {group: {} for group in groups}
+    connectors: dict[str, dict[str, Connector]] = {group: {} for group in groups}
     for group, built in connectors.items():  # loads see what joints made of the bodies
         for name, connector in groups[group].items():
             if mentioned(connector, failed):
                 continue
-            own = prescribed if group == "joints" else NOTHING
-            part = gather(f"{group}.{name}", _connector, connector, name, bodies, own,
-                          BUILT[group.removesuffix("s")])
+            part = gather(f"{group}.{name}", _connector, connector, name, bodies, prescribed,
+                          PARTS[group.removesuffix("s")])
             if part is not None:
                 built[name] = part
-                bodies.update(part.adjusted if isinstance(part, ChangesBodies) else {})
+                bodies.update(part.adjusted)
     probes = [gather(f"probes.{name}", _probe, bodies[probe.body], name, probe)
               for name, probe in scene.probes.items() if probe.body in bodies]
     gather.check()
@@ -142,9 +135,10 @@ def _build(
 
 
 def _probe(body: Body, name: str, probe: Probe) -> ProbePlace:
-    if not isinstance(body, HasProbes):
+    made = body.probe(name, probe.at)
+    if made is None:
         raise PROBES.refusal(body, "body")
-    return body.probe(name, probe.at)
+    return made
 
 
 def _body(
@@ -153,21 +147,22 @@ def _body(
 ) -> Body:
     """One built body; its frame follows a prescribed motion if there is one."""
     body = body_cache.body(plugin, name, base)
-    complete(body, Body, plugin, "build", abilities=BUILT["body"])
+    complete(body, Body, plugin, "build")
     motion = prescribed.frame(name, body)
-    return body if motion is None else following(body).with_motion(motion)
+    return body if motion is None else following(body, motion)
 
 
 def _connector(
-    plugin: Connector, name: str, bodies: Mapping[str, Body], prescribed: PrescribedQuantities,
-    abilities: tuple[type, ...],
-) -> Part:
+    plugin: ConnectorPlugin, name: str, bodies: Mapping[str, Body],
+    prescribed: PrescribedQuantities, contract: type,
+) -> Connector:
     """One built joint, contact or load; a joint has no multipliers if its reactions are
     prescribed."""
     part = plugin.build(name, bodies)
-    complete(part, Part, plugin, "build", abilities=abilities)
-    forces = prescribed.reactions(name, part)
-    return part if forces is None else prescribable(part).known(forces)
+    complete(part, contract, plugin, "build")
+    if not isinstance(part, Joint) or (forces := prescribed.reactions(name, part)) is None:
+        return part
+    return with_reactions(part, forces)
 
 
 def _along(
@@ -175,13 +170,12 @@ def _along(
     prescribed: PrescribedQuantities, motion: Mapping[str, FrameHistory],
 ) -> None:
     """Adds a contact evaluated along a prescribed motion to the equations: time-tabulated loads
-    on each surface, and heat conduction if the contact has a method `conduction(equations,
-    motion)`."""
+    on each surface, and heat conduction."""
     times = next(iter(motion.values())).times
     for body, resultant_sources in prescribed.surface_loads(name, contact, motion).items():
-        carrying(bodies[body]).surface_loads(equations, resultant_sources, times)
-    if isinstance(contact, ConductsHeat):
-        contact.conduction(equations, motion)
+        if not bodies[body].surface_loads(equations, resultant_sources, times):
+            raise SURFACE_LOADS.refusal(bodies[body], f"bodies.{body}")
+    contact.conduction(equations, motion)
 
 
 def mentioned(plugin: object, bodies: Iterable[str]) -> set[str]:
@@ -209,7 +203,7 @@ def _start(layout: Layout, bodies: Mapping[str, Body]) -> tuple[FloatArray, Floa
 
 
 def _required(
-    layout: Layout, connectors: Mapping[str, Part], acts: Touched
+    layout: Layout, connectors: Mapping[str, Connector], acts: Touched
 ) -> tuple[dict[str, IntArray], dict[str, dict[str, IntArray]]]:
     """Row numbers of each elastic or thermal block that joints and localized loads act on: all
     together, and by joint or load."""
@@ -218,8 +212,7 @@ def _required(
         if b.kind.reducible:
             loaded[b.name] = {
                 name: acts[name][b.name] for name, part in connectors.items()
-                if not (isinstance(part, LocalizesRows) and not part.localized)
-                and b.name in acts.get(name, {})}
+                if part.localized and b.name in acts.get(name, {})}
     required = {
         name: np.unique(np.concatenate([*found.values(), np.zeros(0, np.int64)])).astype(np.int64)
         for name, found in loaded.items()

@@ -6,8 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sparsemor.core.protocols import Body, BodyPlugin, CopiesRigidly, SelectsFields
-from sparsemor.core.protocols.plugin import Plugin
+from sparsemor.core.protocols import Body, BodyPlugin
 
 if TYPE_CHECKING:
     from sparsemor.core.model.model import Model
@@ -27,7 +26,7 @@ class BodyCache:
 
     Meshing and element integrals dominate the cost of assembly and do not depend on a prescribed
     motion. A rigid copy of a body, as the rigid-body pre-simulation uses, is made from the cached
-    flexible body if that has a method `rigid_copy()`.
+    flexible body if that has one (`Body.rigid_copy`).
     """
 
     _bodies: list[_Built] = field(default_factory=list)
@@ -41,7 +40,7 @@ class BodyCache:
             if b.plugin == plugin:
                 return b.body
         whole = next((b.body for b in mine if without_fields(b.plugin) == plugin), None)
-        body = whole.rigid_copy() if isinstance(whole, CopiesRigidly) else plugin.build(name, base)
+        body = (None if whole is None else whole.rigid_copy()) or plugin.build(name, base)
         self._bodies.append(_Built(name, plugin, base, body))
         return body
 
@@ -59,6 +58,6 @@ class BodyCache:
 def without_fields(plugin: BodyPlugin) -> BodyPlugin | None:
     """Options of the same body without elastic and thermal fields (`fields: []`); None for a body
     without this option, or without fields."""
-    if not (isinstance(plugin, Plugin) and isinstance(plugin, SelectsFields) and plugin.fields):
+    if not plugin.selected_fields:
         return None
     return plugin.model_copy(update={"fields": []})

@@ -11,11 +11,13 @@ from sparsemor.core.model.factorizations import BlockSolvers
 from sparsemor.core.model.moving_loads import path_rows, ring
 from sparsemor.core.protocols import (
     BlockData,
+    Body,
     BodyShape,
+    Connector,
+    Contact,
     DofLocations,
     Factorized,
-    HasShape,
-    MovesOverBody,
+    Joint,
     Part,
     ProbePlace,
     State,
@@ -67,8 +69,25 @@ class Model:
 
     def shapes(self) -> dict[str, BodyShape]:
         """Mesh and field data of each body that has a mesh."""
-        return {n: shape for n, p in self.parts.items()
-                if isinstance(p, HasShape) and (shape := p.shape()) is not None}
+        return {n: shape for n, body in self.bodies.items()
+                if (shape := body.shape()) is not None}
+
+    @property
+    def bodies(self) -> dict[str, Body]:
+        return {n: part for n, part in self.parts.items() if isinstance(part, Body)}
+
+    @property
+    def connectors(self) -> dict[str, Connector]:
+        """Joints, contacts and loads."""
+        return {n: part for n, part in self.parts.items() if isinstance(part, Connector)}
+
+    @property
+    def joints(self) -> dict[str, Joint]:
+        return {n: part for n, part in self.parts.items() if isinstance(part, Joint)}
+
+    @property
+    def contacts(self) -> dict[str, Contact]:
+        return {n: part for n, part in self.parts.items() if isinstance(part, Contact)}
 
     def reducible(self) -> tuple[str, ...]:
         return tuple(b.name for b in self.layout if b.kind.reducible)
@@ -137,8 +156,8 @@ class Model:
     def ring(self, name: str) -> IntArray:
         """Sorted rows of a block that belong to elements along the path of moving loads and
         contacts; a load or contact moves over the body if its `moving` is True."""
-        found = [rows for part, rows in self.loaded[name].items()
-                 if isinstance(one := self.parts[part], MovesOverBody) and one.moving]
+        connectors = self.connectors
+        found = [rows for part, rows in self.loaded[name].items() if connectors[part].moving]
         path = np.concatenate([path_rows(self.moving(name)), *found]).astype(np.int64)
         source = self._operators(name)
         if source is None or not len(path):

@@ -8,19 +8,8 @@ from sparsemor.core.model.features import (
     CONTACT_ALONG_MOTION,
     PRESCRIBED_MOTION,
     PRESCRIBED_REACTIONS,
-    SURFACE_LOADS,
 )
-from sparsemor.core.protocols import (
-    Body,
-    CarriesSurfaceLoads,
-    Contact,
-    FollowsMotion,
-    HasPose,
-    ImportsMotion,
-    Joint,
-    PassesReactionsOn,
-    PrescribesReactions,
-)
+from sparsemor.core.protocols import Body, Contact, Joint
 from sparsemor.core.protocols.load_tables import Table
 from sparsemor.core.protocols.prescribed_motion import FrameHistory, Stage, SurfaceLoads
 
@@ -39,7 +28,7 @@ class PrescribedQuantities:
 
     def reactions(self, name: str, joint: Joint) -> Table | None:
         """Prescribed reaction forces and moments of a joint over time, N and N m, in the columns
-        that `PrescribesReactions.known` takes."""
+        that `Joint.known` takes."""
         return None
 
     def motion(self, bodies: Mapping[str, Body]) -> Mapping[str, FrameHistory] | None:
@@ -50,7 +39,7 @@ class PrescribedQuantities:
         self, name: str, contact: Contact, motion: Mapping[str, FrameHistory]
     ) -> Mapping[str, SurfaceLoads]:
         """Surface loads of a contact along the prescribed motion, by body."""
-        return importing(contact, name).imported(motion)
+        return loads_along(contact, motion)
 
 
 NOTHING = PrescribedQuantities()
@@ -61,8 +50,7 @@ class Immobile(PrescribedQuantities):
     are accepted."""
 
     def frame(self, name: str, body: Body) -> FrameHistory | None:
-        able = following(body)
-        return FrameHistory.standing(able.pose) if able.immobile else None
+        return FrameHistory.standing(body.pose) if body.immobile else None
 
 
 class AtStart(PrescribedQuantities):
@@ -70,20 +58,17 @@ class AtStart(PrescribedQuantities):
     rigid-body pre-simulation."""
 
     def frame(self, name: str, body: Body) -> FrameHistory | None:
-        able = following(body)
-        return FrameHistory.standing(able.pose) if able.moves else None
+        motion = FrameHistory.standing(body.pose)
+        following(body, motion)  # one that cannot is refused here
+        return motion if body.moves else None
 
     def reactions(self, name: str, joint: Joint) -> Table | None:
-        size = sum(block.size for block in joint.blocks())
-        if not size:
+        if not sum(block.size for block in joint.blocks()):
             return None
-        prescribable(joint)
-        columns = joint.reaction_count if isinstance(joint, PassesReactionsOn) else size
-        return Table(np.zeros(1), np.zeros((1, columns)))
+        return Table(np.zeros(1), np.zeros((1, joint.reaction_count)))
 
     def motion(self, bodies: Mapping[str, Body]) -> Mapping[str, FrameHistory] | None:
-        return {n: FrameHistory.standing(b.pose) for n, b in bodies.items()
-                if isinstance(b, HasPose)}
+        return {n: FrameHistory.standing(b.pose) for n, b in bodies.items()}
 
 
 class Followed(PrescribedQuantities):
@@ -104,30 +89,28 @@ class Followed(PrescribedQuantities):
         return self.stage.frames
 
 
-def following(body: Body) -> FollowsMotion:
-    """The body as one whose motion can be prescribed; InputError if it cannot."""
-    if isinstance(body, FollowsMotion):
-        return body
-    raise PRESCRIBED_MOTION.refusal(body)
+def following(body: Body, motion: FrameHistory) -> Body:
+    """The body with a prescribed motion of its frame; InputError if it cannot follow one."""
+    made = body.with_motion(motion)
+    if made is None:
+        raise PRESCRIBED_MOTION.refusal(body)
+    return made
 
 
-def prescribable(joint: Joint) -> PrescribesReactions:
-    """The joint as one whose reactions can be prescribed; InputError if they cannot."""
-    if isinstance(joint, PrescribesReactions):
-        return joint
-    raise PRESCRIBED_REACTIONS.refusal(joint)
+def with_reactions(joint: Joint, reactions: Table) -> Joint:
+    """The joint with prescribed reactions; InputError if it cannot take them."""
+    made = joint.known(reactions)
+    if made is None:
+        raise PRESCRIBED_REACTIONS.refusal(joint)
+    return made
 
 
-def importing(contact: Contact, name: str) -> ImportsMotion:
-    """The contact `name` as one that can be evaluated along a prescribed motion; InputError if it
-    cannot."""
-    if isinstance(contact, ImportsMotion):
-        return contact
-    raise CONTACT_ALONG_MOTION.refusal(contact, f"contacts.{name}")
-
-
-def carrying(body: Body) -> CarriesSurfaceLoads:
-    """The body as one that accepts time-tabulated surface loads; InputError if it does not."""
-    if isinstance(body, CarriesSurfaceLoads):
-        return body
-    raise SURFACE_LOADS.refusal(body, f"bodies.{body.name}")
+def loads_along(
+    contact: Contact, motion: Mapping[str, FrameHistory]
+) -> Mapping[str, SurfaceLoads]:
+    """Surface loads of a contact along a prescribed motion, by body; InputError if it cannot be
+    evaluated so."""
+    made = contact.imported(motion)
+    if made is None:
+        raise CONTACT_ALONG_MOTION.refusal(contact, f"contacts.{contact.name}")
+    return made

@@ -13,49 +13,33 @@ from sparsemor.core.protocols.basis import (
 from sparsemor.core.protocols.block_data import BlockData, Dictionary
 from sparsemor.core.protocols.body import (
     Body,
-    BodyDefaults,
     BodyPlugin,
     BodyShape,
-    CarriesSurfaceLoads,
-    ChangesBodies,
-    CopiesRigidly,
-    EstimatesSize,
-    FollowsMotion,
-    HasMesh,
-    HasNumbers,
-    HasPose,
-    HasProbes,
-    HasShape,
-    LimitsTemperature,
     Material,
+    MeanTemperature,
     ProbePlace,
-    SelectsFields,
     StressConstants,
     TemperatureProperty,
 )
 from sparsemor.core.protocols.body_frame import (
     BodyFrame,
-    EvaluatesManyTimes,
     Frame,
     FrameArrays,
     FrameItem,
     FrameWork,
-    HasArrays,
 )
-from sparsemor.core.protocols.capabilities import CAPABILITIES
+from sparsemor.core.protocols.connector import (
+    Connector,
+    ConnectorPlugin,
+    Effect,
+    Load,
+    LoadPlugin,
+)
 from sparsemor.core.protocols.contact import (
-    ConductsHeat,
     Contact,
     ContactPlugin,
-    DeclaresSurfaces,
     FrictionLaw,
-    ImportsMotion,
-    NamesSides,
     NormalLaw,
-    ReportsChatter,
-    ReportsNoContact,
-    ReportsPassage,
-    Surfaces,
 )
 from sparsemor.core.protocols.contributions import (
     BodyRecord,
@@ -86,14 +70,11 @@ from sparsemor.core.protocols.integrator import (
 )
 from sparsemor.core.protocols.joint import (
     ForceLaw,
-    HasForceLaw,
     Joint,
     JointPlugin,
-    NamesMultipliers,
-    PassesReactionsOn,
-    PrescribesReactions,
+    RecordedForce,
 )
-from sparsemor.core.protocols.layout import Block, DeclaresFields, FieldKind, Layout, Quantity
+from sparsemor.core.protocols.layout import Block, FieldKind, Layout, Quantity
 from sparsemor.core.protocols.linear_solver import (
     DofLocations,
     Factorized,
@@ -101,18 +82,8 @@ from sparsemor.core.protocols.linear_solver import (
     LinearSolver,
 )
 from sparsemor.core.protocols.load_tables import LoadTable, Table, Tabled, TabledAlong
-from sparsemor.core.protocols.mesh import BodySize, EstimatesMeshSize, Mesh, MeshPlugin, MeshSize
-from sparsemor.core.protocols.part import (
-    DeclaresEffect,
-    Effect,
-    HasNotes,
-    HasSurroundings,
-    Load,
-    LoadPlugin,
-    LocalizesRows,
-    MovesOverBody,
-    Part,
-)
+from sparsemor.core.protocols.mesh import BodySize, Mesh, MeshPlugin, MeshSize
+from sparsemor.core.protocols.part import Part
 from sparsemor.core.protocols.plugin import Plugin
 from sparsemor.core.protocols.prescribed_motion import FrameHistory, Stage, SurfaceLoads
 from sparsemor.core.protocols.prescribed_quantities import Differentiable, Held, Prescribed
@@ -199,32 +170,27 @@ from sparsemor.core.protocols.term import (
 
 __all__ = [
     "Amplitude", "AroundSteps", "AssembledModel", "Basis", "Block", "BlockBases", "BlockBudget",
-    "BlockData", "BlockLinearSolvers", "Body", "BodyDefaults", "BodyFrame", "BodyPlugin",
-    "BodyRecord", "BodyShape", "BodySize", "CAPABILITIES", "CarriesSurfaceLoads", "ChangesBodies",
-    "ChecksStep", "Choice", "Columns", "ConductsHeat", "ConstraintRecord",
-    "Contact", "ContactPlugin", "CopiesRigidly", "CountsLinearIterations", "DeclaresEffect",
-    "DeclaresFields", "DeclaresSurfaces", "Dictionary", "Differentiable", "DofLocations", "Effect",
-    "ElasticIntegrals", "ElasticLocal", "ElasticOperators", "Equations", "ErrorAction",
-    "ErrorEstimator", "ErrorLimit", "EstimatesMeshSize", "EstimatesSize", "EvaluatesManyTimes",
-    "Factorized", "FieldKind", "FollowsMotion", "ForceLaw", "Frame", "FrameArrays", "FrameHistory",
-    "FrameItem", "FrameRecord", "FrameWork", "FreezesSupport", "FrictionLaw", "Function", "Group",
-    "HasArrays", "HasConstantMatrices", "HasForceLaw", "HasMesh", "HasNotes", "HasNumbers",
-    "HasPointArrays", "HasPoints", "HasPose", "HasProbes", "HasShape", "HasSurroundings",
-    "HeatBody", "HeatCoupling", "HeatIntegrals", "Held", "ImportsMotion", "Integrals", "Integrator",
-    "Joint", "JointPlugin", "LawArrays", "Layout", "LeavesMesh", "LimitsTemperature", "Linearizes",
-    "LinearOutcome", "LinearSolver", "Load", "LoadColumn", "LoadPlugin", "LoadTable", "LocalCopy",
-    "LocalizesRows", "LocalRecord", "ManySteps", "Material", "MatrixRecord", "Mesh", "MeshPlugin",
-    "MeshSize", "MovesOverBody", "MovingBody", "NamesMultipliers", "NamesSides", "NamesSource",
-    "NormalLaw", "OfflineProducts", "Origin", "Part", "PassesReactionsOn", "Plugin", "PointArrays",
-    "Preconditioner", "Prescribed", "PrescribesReactions", "ProbePlace", "PROBLEM_FEATURES",
-    "Quantity", "Recording", "Records", "Recovery", "RedrawsRows", "ReducedProblem", "ReducedTerm",
-    "Reducer", "RelocatesNear", "ReportsChatter", "ReportsNoContact", "ReportsPassage",
+    "BlockData", "BlockLinearSolvers", "Body", "BodyFrame", "BodyPlugin", "BodyRecord",
+    "BodyShape", "BodySize", "ChecksStep", "Choice", "Columns", "Connector", "ConnectorPlugin",
+    "ConstraintRecord", "Contact", "ContactPlugin", "CountsLinearIterations", "Dictionary",
+    "Differentiable", "DofLocations", "Effect", "ElasticIntegrals", "ElasticLocal",
+    "ElasticOperators", "Equations", "ErrorAction", "ErrorEstimator", "ErrorLimit", "Factorized",
+    "FieldKind", "ForceLaw", "Frame", "FrameArrays", "FrameHistory", "FrameItem", "FrameRecord",
+    "FrameWork", "FreezesSupport", "FrictionLaw", "Function", "Group", "HasConstantMatrices",
+    "HasPointArrays", "HasPoints", "HeatBody", "HeatCoupling", "HeatIntegrals", "Held",
+    "Integrals", "Integrator", "Joint", "JointPlugin", "LawArrays", "Layout", "LeavesMesh",
+    "Linearizes", "LinearOutcome", "LinearSolver", "Load", "LoadColumn", "LoadPlugin",
+    "LoadTable", "LocalCopy", "LocalRecord", "ManySteps", "Material", "MatrixRecord",
+    "MeanTemperature", "Mesh", "MeshPlugin", "MeshSize", "MovingBody", "NamesSource", "NormalLaw",
+    "OfflineProducts", "Origin", "Part", "Plugin", "PointArrays", "Preconditioner", "Prescribed",
+    "ProbePlace", "PROBLEM_FEATURES", "Quantity", "RecordedForce", "Recording", "Records",
+    "Recovery", "RedrawsRows", "ReducedProblem", "ReducedTerm", "Reducer", "RelocatesNear",
     "ReportsResultants", "ReportsTerms", "RespondsByBlock", "RespondsExactly", "Restarts",
-    "ResultantSource", "RowsKept", "Sampler", "Selection", "SelectsFields", "Separated",
-    "SolvesManySteps", "SparseOutcome", "SparseProblem", "SparseSolver", "SparseStart", "Stage",
-    "State", "StepAmplitude", "StepBlock", "StepFactors", "StepFormula", "StepFunction",
-    "StepMemory", "StepOutcome", "Stepping", "StepSolver", "StressConstants", "StressStiffness",
-    "Substep", "SurfaceLoads", "Surfaces", "Table", "Tabled", "TabledAlong", "TableRecord",
-    "TemperatureProperty", "Term", "TimeDependent", "TimeFunction", "Trial", "TrialRun",
-    "UpdateRule", "UpdateRules", "VectorRecord", "WeighsElements", "WrapsTerm",
+    "ResultantSource", "RowsKept", "Sampler", "Selection", "Separated", "SolvesManySteps",
+    "SparseOutcome", "SparseProblem", "SparseSolver", "SparseStart", "Stage", "State",
+    "StepAmplitude", "StepBlock", "StepFactors", "StepFormula", "StepFunction", "StepMemory",
+    "StepOutcome", "Stepping", "StepSolver", "StressConstants", "StressStiffness", "Substep",
+    "SurfaceLoads", "Table", "Tabled", "TabledAlong", "TableRecord", "TemperatureProperty",
+    "Term", "TimeDependent", "TimeFunction", "Trial", "TrialRun", "UpdateRule", "UpdateRules",
+    "VectorRecord", "WeighsElements", "WrapsTerm",
 ]

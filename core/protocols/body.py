@@ -1,51 +1,56 @@
-"""Interfaces of bodies: options of a body, the built body, and optional methods of both."""
+"""Contracts of bodies: options of a body, and the built body; materials."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol, runtime_checkable
+from typing import ClassVar, Protocol
 
 import numpy as np
 
 from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core.errors import InputError
 from sparsemor.core.protocols.contributions import Equations
 from sparsemor.core.protocols.integrator import TimeFunction
+from sparsemor.core.protocols.layout import FieldKind, Quantity
 from sparsemor.core.protocols.mesh import BodySize, Mesh
 from sparsemor.core.protocols.part import Part
+from sparsemor.core.protocols.plugin import Plugin
+from sparsemor.core.protocols.poses import FREE_POSE, PLANAR_POSE, vectors_in_space
 from sparsemor.core.protocols.prescribed_motion import FrameHistory, SurfaceLoads
+from sparsemor.core.protocols.separable import Amplitude
 
 
-@runtime_checkable
-class TemperatureProperty(Protocol):
+class TemperatureProperty(ABC):
     """A material property as a function of temperature.
 
     limits: temperatures, K, between which it is defined; constant outside. degree: polynomial
     degree, or that of its pieces, for the choice of quadrature points.
     """
 
+    __slots__ = ()
+
     @property
+    @abstractmethod
     def limits(self) -> tuple[float, float]: ...
     @property
+    @abstractmethod
     def degree(self) -> int: ...
+    @abstractmethod
     def at(self, T: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Values and derivatives by temperature, of the shape of the temperatures T, K."""
-        ...
-
-
-@runtime_checkable
-class HasNumbers(TemperatureProperty, Protocol):
-    """A property that is also given by numbers; steps with laws of other properties are not
-    compiled.
-
-    numbers: a table (0, n, its n temperatures, then the first temperature, value and slope of each
-    of its n + 1 segments), or a polynomial (1, n, T_0, least and greatest temperature, n
-    coefficients in powers of T - T_0).
-    """
 
     @property
-    def numbers(self) -> FloatArray: ...
+    def numbers(self) -> FloatArray | None:
+        """The property by numbers; steps with laws of properties without them are not compiled.
+
+        A table (0, n, its n temperatures, then the first temperature, value and slope of each of
+        its n + 1 segments), or a polynomial (1, n, T_0, least and greatest temperature, n
+        coefficients in powers of T - T_0).
+        """
+        return None
 
 
 class Material(Protocol):
@@ -147,155 +152,180 @@ class BodyShape:
         return which
 
 
-class BodyPlugin(Protocol):
+@dataclass(frozen=True, slots=True, eq=False)
+class MeanTemperature:
+    """Mean temperature of a set of points, K: weights (n,) times the unknown temperatures, plus
+    each weight times a prescribed temperature in `given`."""
+
+    weights: FloatArray
+    given: tuple[tuple[float, TimeFunction], ...] = ()
+
+
+class BodyPlugin(Plugin):
     """Options of a body, from which `build` makes the body. base: folder of the input file, for
-    relative paths."""
+    relative paths.
 
-    def build(self, name: str, base: Path) -> Body: ...
-
-
-def immobile(plugin: object) -> bool:
-    """True if a body plugin says, by its attribute `immobile`, that its body has no unknowns of
-    motion, as one with heat alone in a fixed frame. A plugin that does not say may move."""
-    return bool(getattr(plugin, "immobile", False))
-
-
-class Body(Part, Protocol):
-    """A built body, as read by the assembly of a model.
-
-    initial: block of unknowns -> initial values and rates (x, v); geometry: elastic or thermal
-    block -> node coordinates (n, d), m, and component (n,) of its unknowns. `BodyDefaults`
-    implements both for a rigid body with zero initial values.
+    field_kinds: kinds of fields that its bodies may have; result tables of parameter studies have
+    columns for them.
     """
 
-    def initial(self) -> Mapping[str, tuple[FloatArray, FloatArray]]: ...
-    def geometry(self) -> Mapping[str, tuple[FloatArray, IntArray]]: ...
+    field_kinds: ClassVar[tuple[FieldKind, ...]] = ()
+
+    @abstractmethod
+    def build(self, name: str, base: Path) -> Body: ...
+
+    @property
+    def immobile(self) -> bool:
+        """True if its body has no unknowns of motion, as one with heat alone in a fixed frame."""
+        return False
+
+    @property
+    def selected_fields(self) -> Sequence[str] | None:
+        """Names of the fields of the body in addition to its rigid motion, if the option `fields`
+        selects them: a rigid-body pre-simulation then builds it with `fields: []`. None without
+        this option."""
+        return None
+
+    def expected(self) -> BodySize | None:
+        """Numbers of unknowns and matrix entries before meshing, so that a run that does not fit in
+        memory is refused early; None if the options do not determine them."""
+        return None
 
 
-class BodyDefaults:
-    """Mix-in for bodies with zero initial values and without elastic or thermal fields."""
+class Body(Part):
+    """A built body, as read by the assembly of a model and by joints and loads.
+
+    pose: initial rigid coordinates of its frame: (3,) planar, (4,) spinning about one axis, (7,)
+    spatial (see `poses`). A body follows a prescribed motion, as after a rigid-body pre-simulation,
+    if `with_motion` returns one that does.
+    """
+
+    __slots__ = ()
+    pose: FloatArray
 
     def initial(self) -> Mapping[str, tuple[FloatArray, FloatArray]]:
+        """Block of unknowns -> initial values and rates (x, v); zero for blocks without."""
         return {}
 
     def geometry(self) -> Mapping[str, tuple[FloatArray, IntArray]]:
+        """Reducible block -> node coordinates (n, d), m, and component (n,) of its unknowns."""
         return {}
 
-
-@runtime_checkable
-class EstimatesSize(Protocol):
-    """A body plugin that reports its numbers of unknowns and matrix entries before meshing, so that
-    a run that does not fit in memory is refused early."""
-
-    def expected(self) -> BodySize | None:
-        """Expected numbers of unknowns and matrix entries; None if the options do not determine
-        them."""
-        ...
-
-
-@runtime_checkable
-class SelectsFields(Protocol):
-    """A body plugin with an option `fields` (elastic, thermal); a rigid-body pre-simulation builds
-    it with `fields: []`."""
+    # ------------------------------------------------------------------ motion of its frame
 
     @property
-    def fields(self) -> Sequence[str]:
-        """Names of the fields of the body in addition to its rigid motion."""
-        ...
-
-
-@runtime_checkable
-class HasProbes(Protocol):
-    """A built body with material points whose motion can be recorded. at: name of a point set, or
-    coordinates in the body frame, m."""
-
-    def probe(self, name: str, at: str | Sequence[float]) -> ProbePlace: ...
-
-
-@runtime_checkable
-class HasMesh(Protocol):
-    """A built body with a mesh, which is part of the cache key of offline results."""
+    def moves(self) -> bool:
+        """True if the rigid coordinates of its frame are unknowns."""
+        return any(b.size and b.kind.quantity is Quantity.POSE for b in self.blocks())
 
     @property
-    def mesh(self) -> Mesh | None: ...
+    def guide(self) -> FrameHistory | None:
+        """Prescribed motion of its frame, None if there is none."""
+        return None
 
+    @property
+    def flexible(self) -> bool:
+        """True if it has displacements that are unknowns."""
+        return any(b.size and b.kind.quantity is Quantity.DISPLACEMENT for b in self.blocks())
 
-@runtime_checkable
-class HasShape(Protocol):
-    """A built body with a mesh and pose that can be drawn."""
+    @property
+    def immobile(self) -> bool:
+        """True if a force on the body has no effect: it neither moves nor deforms."""
+        return not self.moves and not self.flexible and self.guide is None
+
+    def with_motion(self, motion: FrameHistory) -> Body | None:
+        """Copy of the body whose frame follows the prescribed motion and has no unknowns; None if
+        it cannot."""
+        return None
+
+    def rigid_copy(self) -> Body | None:
+        """Rigid body with the same mass properties and geometry, without elastic and thermal
+        fields, made without meshing again; None if it is built anew for that."""
+        return None
+
+    @property
+    def without_fields(self) -> bool:
+        """True for a rigid copy of a body that has fields."""
+        return False
+
+    # ------------------------------------------------------------------ points for joints and loads
+
+    @property
+    def d(self) -> int:
+        """Dimension: 2 or 3."""
+        return 2 if len(self.pose) == PLANAR_POSE else 3
+
+    @property
+    def turns_freely(self) -> bool:
+        """True if the attitude of its frame is a quaternion, not an angle."""
+        return len(self.pose) == FREE_POSE
+
+    def start_rotation(self) -> FloatArray:
+        """(d, d) initial rotation matrix from body axes to space axes."""
+        return np.stack([vectors_in_space(self.pose[None], e)[0] for e in np.eye(self.d)], axis=1)
+
+    @property
+    def extent(self) -> float:
+        """Length, m, to which gaps between the sides of a joint are compared."""
+        return 0.0
+
+    def point_of(self, which: str, key: str) -> FloatArray:
+        """(d,) reference position, in the body frame, m, of the centre of a named set of points,
+        where joints and forces act. InputError under `key` with the names of the existing sets."""
+        raise InputError(f"body {self.name!r} has no sets of points", key)
+
+    def point_in_words(self, which: str) -> str:
+        """How the centre of a set is determined, for messages; "" if there is nothing to say."""
+        return ""
+
+    def displacement_of(self, which: str) -> FloatArray | None:
+        """(n, d) derivatives of the displacement of the centre of a set, body axes, by the n
+        unknown displacements; None on a rigid body."""
+        return None
+
+    def rotation_of(self, which: str, key: str) -> FloatArray | None:
+        """(n, 1 or 3) derivatives of the rotation of a set relative to the body frame, rad, by the
+        n unknown displacements; None if they do not turn it. InputError under `key` where the
+        rotation is undefined."""
+        return None
+
+    def deforms_at(self, which: str) -> bool:
+        """True if unknown displacements move points of a set."""
+        moved = self.displacement_of(which)
+        return moved is not None and bool(moved.any())
+
+    def temperature_of(self, which: str) -> MeanTemperature | None:
+        """Mean temperature of a set; None on a body without temperatures."""
+        return None
+
+    # ------------------------------------------------------------------ loads
+
+    def gravity(self, equations: Equations, g: FloatArray, amplitude: Amplitude) -> None:
+        """Adds the weight of the body, with the acceleration g (d,), m/s2, times an amplitude; by
+        default nothing, for a body without mass."""
+
+    def surface_loads(self, equations: Equations, loads: SurfaceLoads, times: FloatArray) -> bool:
+        """Adds nodal forces and heat at times (T,), s, on the surface of the body, such as contact
+        forces of a rigid-body pre-simulation; False if it does not accept such loads."""
+        return False
+
+    # ------------------------------------------------------------------ results and checks
+
+    def probe(self, name: str, at: str | Sequence[float]) -> ProbePlace | None:
+        """Material point whose motion is recorded, given by a point set, or by coordinates in the
+        body frame, m; None if the body has no such points."""
+        return None
+
+    @property
+    def mesh(self) -> Mesh | None:
+        """Its mesh, which is part of the cache key of offline results; None without one."""
+        return None
 
     def shape(self) -> BodyShape | None:
-        """Mesh and pose as stored with the results; None for a body without a mesh."""
-        ...
-
-
-@runtime_checkable
-class CopiesRigidly(Protocol):
-    """A built flexible body that makes a rigid copy of itself without meshing again."""
-
-    def rigid_copy(self) -> Body:
-        """Rigid body with the same mass properties and geometry, without elastic and thermal
-        fields."""
-        ...
-
-
-@runtime_checkable
-class HasPose(Protocol):
-    """A built body with a body frame."""
-
-    @property
-    def pose(self) -> FloatArray:
-        """Initial rigid coordinates of the frame: (3,) planar, (4,) spinning about one axis, (7,)
-        spatial (see `poses`)."""
-        ...
-
-
-@runtime_checkable
-class FollowsMotion(HasPose, Protocol):
-    """A built body whose frame can follow a prescribed motion, as after a rigid-body
-    pre-simulation.
-
-    moves: True if its frame has unknowns; immobile: True if a force on it has no effect.
-    """
-
-    @property
-    def moves(self) -> bool: ...
-    @property
-    def immobile(self) -> bool: ...
-    def with_motion(self, motion: FrameHistory) -> Body:
-        """Copy of the body whose frame follows the prescribed motion and has no unknowns."""
-        ...
-
-
-@runtime_checkable
-class LimitsTemperature(Protocol):
-    """A built body with material properties that are defined in a range of temperatures."""
+        """Mesh and pose for pictures, stored with the results; None for a body without a mesh."""
+        return None
 
     @property
     def temperature_limits(self) -> Mapping[str, tuple[float, float]]:
-        """Name of each property -> lowest and highest temperature, K."""
-        ...
-
-
-@runtime_checkable
-class CarriesSurfaceLoads(Protocol):
-    """A built body that accepts time-tabulated loads on its surface, such as contact forces of a
-    rigid-body pre-simulation."""
-
-    def surface_loads(
-        self, equations: Equations, loads: SurfaceLoads, times: FloatArray
-    ) -> None:
-        """Adds nodal forces and heat at times (T,), s, on the surface of the body to the
-        equations."""
-        ...
-
-
-@runtime_checkable
-class ChangesBodies(Protocol):
-    """A built joint or load that replaces bodies by modified ones, such as bodies with prescribed
-    temperatures."""
-
-    @property
-    def adjusted(self) -> Mapping[str, Body]:
-        """Body name -> modified body; {} if none changes."""
-        ...
+        """Name of each material property -> lowest and highest temperature, K, of its range."""
+        return {}

@@ -6,8 +6,9 @@ the motion, which multiply constant vectors and matrices (docs/equations.md, sec
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol, TypeAlias, runtime_checkable
+from typing import Protocol, TypeAlias
 
+import numpy as np
 from numpy import zeros
 
 from sparsemor.core.arrays import FloatArray, IntArray
@@ -38,6 +39,39 @@ class FrameWork:
         self.coefficients = zeros(2 * g + 1)
         self.coefficients[-1] = 1.0
         self.kappa_y, self.mu_y, self.quad = zeros((b, g)), zeros((b, g)), zeros((b, 3, g))
+
+
+FrameFunction: TypeAlias = Callable[
+    [IntArray, FloatArray, IntArray, FloatArray, FloatArray, FloatArray, FloatArray, float, float,
+     FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray], None]
+"""`Frame.evaluate` on arrays:
+
+    function(kinds, numbers, starts, gains, y, v, a, c1, c2, s, forms, sigma, tau, border,
+             coefficients, sums)
+
+with the arrays of `FrameArrays`, the present values `gains` (i,) of its amplitudes, the inputs of
+`Frame.evaluate` and the arrays of `FrameWork`, which it fills; `sums` (320,) is for its own use.
+All arrays are those of the model's largest body, with zeros where this body has fewer border
+unknowns b or directions p.
+"""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FrameArrays:
+    """A frame as a function of numbers.
+
+    kinds (i,), numbers (i, j), starts (i, 3): of each contribution its kind, constants, and first
+    functional, coordinate of another body, and multiplier; amplitudes (i,): None for those without.
+    function: uses numbers and arrays only, and creates no array, so that numba can compile it;
+    calls: the functions that it calls, each after those that it calls itself.
+    """
+
+    kinds: IntArray
+    numbers: FloatArray
+    starts: IntArray
+    amplitudes: tuple[Callable[[float], float] | None, ...]
+    function: FrameFunction
+    calls: tuple[Callable[..., object], ...]
 
 
 class Frame(Protocol):
@@ -76,6 +110,23 @@ class Frame(Protocol):
         motion; these do not depend on displacements. y, v, a (b,): inputs as in `evaluate`; t:
         s."""
         ...
+
+    def drive_along(
+        self, y: FloatArray, v: FloatArray, a: FloatArray, times: FloatArray
+    ) -> FloatArray:
+        """Coefficients kappa, mu and last row of sigma, side by side, (T, 2 g + p), for inputs,
+        rates and second derivatives (T, b) at times (T,), s; by default `drive` at each time."""
+        work = FrameWork(self.p, self.border, self.generators)
+        made = np.empty((len(times), len(work.coefficients) - 1 + self.p))
+        for row, *now, t in zip(made, y, v, a, times.tolist(), strict=True):
+            self.drive(now[0], now[1], now[2], t, work)
+            row[:] = np.concatenate((work.coefficients[:-1], work.sigma[-1]))
+        return made
+
+    def arrays(self) -> FrameArrays | None:
+        """The equations as a function on arrays with its numbers; None without one, and then steps
+        of the model are not compiled."""
+        return None
 
     def exact(
         self, v: FloatArray, a: FloatArray, c1: float, c2: float, work: FrameWork
@@ -120,8 +171,8 @@ class BodyFrame(Frame, Protocol):
     """A floating frame whose equations are a sum of contributions (inertia, forces,
     attachments)."""
 
-    @property
-    def items(self) -> Sequence[FrameItem]: ...
+    items: Sequence[FrameItem]
+
     @property
     def without_push(self) -> Sequence[FrameItem]:
         """Contributions that act on displacements but that `drive` cannot evaluate for a prescribed
@@ -129,59 +180,3 @@ class BodyFrame(Frame, Protocol):
         ...
     def shifted(self, s: FloatArray, quadratic: FloatArray) -> "BodyFrame": ...
     def time_derivative(self, order: int, t: float, h: float) -> "BodyFrame | None": ...
-
-
-@runtime_checkable
-class EvaluatesManyTimes(Frame, Protocol):
-    """A floating frame that evaluates `drive` at many times in one call; for other frames `drive`
-    is called once per time."""
-
-    def drive_along(
-        self, y: FloatArray, v: FloatArray, a: FloatArray, times: FloatArray
-    ) -> FloatArray:
-        """Coefficients kappa, mu and last row of sigma, side by side, (T, 2 g + p), for inputs,
-        rates and second derivatives (T, b) at times (T,), s."""
-        ...
-
-
-FrameFunction: TypeAlias = Callable[
-    [IntArray, FloatArray, IntArray, FloatArray, FloatArray, FloatArray, FloatArray, float, float,
-     FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray], None]
-"""`Frame.evaluate` on arrays:
-
-    function(kinds, numbers, starts, gains, y, v, a, c1, c2, s, forms, sigma, tau, border,
-             coefficients, sums)
-
-with the arrays of `FrameArrays`, the present values `gains` (i,) of its amplitudes, the inputs of
-`Frame.evaluate` and the arrays of `FrameWork`, which it fills; `sums` (320,) is for its own use.
-All arrays are those of the model's largest body, with zeros where this body has fewer border
-unknowns b or directions p.
-"""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class FrameArrays:
-    """A frame as a function of numbers.
-
-    kinds (i,), numbers (i, j), starts (i, 3): of each contribution its kind, constants, and first
-    functional, coordinate of another body, and multiplier; amplitudes (i,): None for those without.
-    function: uses numbers and arrays only, and creates no array, so that numba can compile it;
-    calls: the functions that it calls, each after those that it calls itself.
-    """
-
-    kinds: IntArray
-    numbers: FloatArray
-    starts: IntArray
-    amplitudes: tuple[Callable[[float], float] | None, ...]
-    function: FrameFunction
-    calls: tuple[Callable[..., object], ...]
-
-
-@runtime_checkable
-class HasArrays(Frame, Protocol):
-    """A frame whose equations are also a function on arrays; steps of models with other frames are
-    not compiled."""
-
-    def arrays(self) -> FrameArrays | None:
-        """The function with its numbers, None where a contribution has none."""
-        ...

@@ -1,102 +1,71 @@
-"""Interfaces of contacts, of contact pressure and friction laws, and optional methods of
-contacts."""
+"""Contracts of contacts, and of contact pressure and friction laws."""
 
+from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import Literal, Protocol, runtime_checkable
+from typing import Protocol
 
 from sparsemor.core.arrays import FloatArray
+from sparsemor.core.protocols.connector import Connector, ConnectorPlugin
 from sparsemor.core.protocols.contributions import Equations
 from sparsemor.core.protocols.part import Part
 from sparsemor.core.protocols.prescribed_motion import FrameHistory, SurfaceLoads
 
-Surfaces = Literal["rigid", "deformed"]
-"""Surfaces used for contact: moved with the rigid-body motion only, or deformed by the
-displacements."""
 
-
-class ContactPlugin(Protocol):
-    """Options of a contact, from which `build` makes the contact once the bodies are built. parts:
-    bodies by name. InputError keys are relative to the contact's own input entry (`between`)."""
-
-    def build(self, name: str, parts: Mapping[str, Part]) -> "Contact": ...
-
-
-class Contact(Part, Protocol):
+class Contact(Connector):
     """A built contact: forces between bodies, evaluated surface element by surface element within
-    each step; it has no unknowns, `blocks` is empty."""
+    each step; it has no unknowns, `blocks` is empty.
 
+    Along the motion of a rigid-body pre-simulation it is evaluated in advance. motion: body ->
+    motion over all steps.
+    """
 
-@runtime_checkable
-class DeclaresSurfaces(Protocol):
-    """A contact plugin that states whether it uses rigid or deformed surfaces; without it,
-    "rigid"."""
+    __slots__ = ()
 
-    @property
-    def surfaces(self) -> Surfaces: ...
-
-
-@runtime_checkable
-class NamesSides(Protocol):
-    """A contact plugin that names its two surfaces, so that elastic bodies in contact are known in
-    advance."""
-
-    @property
-    def between(self) -> Sequence[str]:
-        """Body and point set of each surface, as `body:set`."""
-        ...
-
-
-@runtime_checkable
-class ImportsMotion(Protocol):
-    """A built contact that can be evaluated along a prescribed motion, as after a rigid-body
-    pre-simulation."""
-
-    def imported(self, motion: Mapping[str, FrameHistory]) -> Mapping[str, SurfaceLoads]:
-        """Surface loads by body: nodal forces in body axes (N) and nodal heat (W) at the times of
-        the motion."""
-        ...
+    def imported(self, motion: Mapping[str, FrameHistory]) -> Mapping[str, SurfaceLoads] | None:
+        """Surface loads by body along a prescribed motion: nodal forces in body axes (N) and nodal
+        heat (W) at the times of the motion; None if it cannot be evaluated so."""
+        return None
 
     def history(self, motion: Mapping[str, FrameHistory]) -> Mapping[str, FloatArray]:
         """Contact resultants by name ("normal" force, say), values (T,) at the times of the
         motion."""
-        ...
-
-
-@runtime_checkable
-class ConductsHeat(Protocol):
-    """A built contact that conducts heat between surfaces whose motion is prescribed."""
+        return {}
 
     def conduction(self, equations: Equations, motion: Mapping[str, FrameHistory]) -> None:
         """Adds the heat conduction along the prescribed motion of the bodies to the equations."""
-        ...
-
-
-@runtime_checkable
-class ReportsNoContact(Protocol):
-    """A built contact that warns if its surfaces never touched."""
 
     def missed(self, motion: Mapping[str, FrameHistory]) -> str:
-        """Warning, "" if there is none; motion: body -> motion over all steps."""
-        ...
-
-
-@runtime_checkable
-class ReportsChatter(Protocol):
-    """A built contact that warns if its forces oscillate from step to step (chatter)."""
+        """Warning if its surfaces never touched, "" if there is none."""
+        return ""
 
     def chatter_warning(self, history: Mapping[str, FloatArray]) -> str:
-        """Warning, "" if there is none; history: name of a contact resultant -> values (T,) at all
-        steps."""
-        ...
-
-
-@runtime_checkable
-class ReportsPassage(Protocol):
-    """A built contact that warns if its surfaces pass each other within too few time steps."""
+        """Warning if its forces oscillate from step to step (chatter), "" if there is none;
+        history: name of a contact resultant -> values (T,) at all steps."""
+        return ""
 
     def passage(self, motion: Mapping[str, FrameHistory]) -> str:
-        """Warning, "" if there is none; motion: body -> motion over all steps."""
-        ...
+        """Warning if its surfaces pass each other within too few time steps, "" if there is
+        none."""
+        return ""
+
+
+class ContactPlugin(ConnectorPlugin):
+    """Options of a contact, from which `build` makes the contact once the bodies are built."""
+
+    @abstractmethod
+    def build(self, name: str, parts: Mapping[str, Part]) -> Contact: ...
+
+    @property
+    def deforms(self) -> bool:
+        """True if its surfaces are deformed by the displacements, False if they move with the
+        rigid-body motion only."""
+        return False
+
+    @property
+    def sides(self) -> Sequence[str]:
+        """Body and point set of each surface, as `body:set`, so that elastic bodies in contact are
+        known in advance."""
+        return ()
 
 
 class NormalLaw(Protocol):

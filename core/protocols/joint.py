@@ -1,34 +1,15 @@
-"""Interfaces of joints: options of a joint, the built joint, and optional methods."""
+"""Contracts of joints: options of a joint, and the built joint."""
 
+from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import Protocol, runtime_checkable
+from dataclasses import dataclass
+from typing import Protocol
 
 from sparsemor.core.arrays import FloatArray
+from sparsemor.core.protocols.connector import Connector, ConnectorPlugin
 from sparsemor.core.protocols.load_tables import Table
 from sparsemor.core.protocols.part import Part
 from sparsemor.core.protocols.prescribed_motion import FrameHistory
-
-
-class JointPlugin(Protocol):
-    """Options of a joint, from which `build` makes the joint once the bodies are built. parts:
-    bodies by name. InputError keys are relative to the joint's own input entry (`between`)."""
-
-    def build(self, name: str, parts: Mapping[str, Part]) -> "Joint": ...
-
-
-class Joint(Part, Protocol):
-    """A built joint: constraint equations with one Lagrange multiplier each, in a block of unknowns
-    `name.multiplier`; or a force element, such as a spring, without constraints."""
-
-
-@runtime_checkable
-class NamesMultipliers(Protocol):
-    """A built joint with a name and unit for each of its Lagrange multipliers."""
-
-    @property
-    def components(self) -> tuple[tuple[str, str], ...]:
-        """Name and unit of each multiplier, such as ("force x", "N")."""
-        ...
 
 
 class ForceLaw(Protocol):
@@ -49,47 +30,54 @@ class ForceLaw(Protocol):
         ...
 
 
-@runtime_checkable
-class HasForceLaw(Protocol):
-    """A built joint whose force is no multiplier but follows from the motion of its sides. It is
-    recorded with the results."""
+@dataclass(frozen=True, slots=True, eq=False)
+class RecordedForce:
+    """Force of a force element, recorded with the results: its law, its name and unit, such as
+    ("tension", "N"), and for each side the block of its rigid coordinates, or its motion where it
+    is no unknown."""
+
+    law: ForceLaw
+    component: tuple[str, str]
+    moved_by: tuple[str | FrameHistory, str | FrameHistory]
+
+
+class Joint(Connector):
+    """A built joint: constraint equations with one Lagrange multiplier each, in a block of unknowns
+    `name.multiplier`; or a force element, such as a spring, without constraints."""
+
+    __slots__ = ()
 
     @property
-    def law(self) -> ForceLaw: ...
-    @property
-    def recorded(self) -> tuple[str, str]:
-        """Name and unit of the force, such as ("tension", "N")."""
-        ...
+    def components(self) -> tuple[tuple[str, str], ...]:
+        """Name and unit of each multiplier, such as ("force x", "N"); () if they are not named."""
+        return ()
 
     @property
-    def moved_by(self) -> tuple[str | FrameHistory, str | FrameHistory]:
-        """Block of rigid coordinates of each side, or its motion where it is no unknown."""
-        ...
+    def force(self) -> RecordedForce | None:
+        """Force that is no multiplier but follows from the motion of its sides; None if there is
+        none to record."""
+        return None
 
-
-@runtime_checkable
-class PrescribesReactions(Protocol):
-    """A built joint that can be replaced by its reaction forces, as after a rigid-body
-    pre-simulation."""
-
-    def known(self, reactions: Table) -> Part:
-        """Joint replaced by prescribed reactions (T, l), N and N m, without unknowns."""
-        ...
-
-
-@runtime_checkable
-class PassesReactionsOn(Protocol):
-    """A built joint whose prescribed reactions differ from its multipliers and are computed from
-    them."""
+    def known(self, reactions: Table) -> "Joint | None":
+        """The joint replaced by prescribed reactions (T, reaction_count), N and N m, without
+        unknowns, as after a rigid-body pre-simulation; None if it cannot be."""
+        return None
 
     @property
     def reaction_count(self) -> int:
-        """Number of reaction components that `PrescribesReactions.known` takes."""
-        ...
+        """Number of reaction components that `known` takes; by default one for each multiplier."""
+        return sum(block.size for block in self.blocks())
 
     def reactions_passed_on(
         self, times: FloatArray, multipliers: FloatArray, poses: Mapping[str, FloatArray]
     ) -> FloatArray:
-        """Reactions (T, reaction_count) for `PrescribesReactions.known`, from multipliers (T, l)
-        and the bodies' poses (T, n) at times (T,), s."""
-        ...
+        """Reactions (T, reaction_count) for `known`, from multipliers (T, l) and the bodies' poses
+        (T, n) at times (T,), s; by default the multipliers."""
+        return multipliers
+
+
+class JointPlugin(ConnectorPlugin):
+    """Options of a joint, from which `build` makes the joint once the bodies are built."""
+
+    @abstractmethod
+    def build(self, name: str, parts: Mapping[str, Part]) -> Joint: ...

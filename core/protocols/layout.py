@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from enum import Enum
-from typing import Any, Literal, Protocol, runtime_checkable
+from typing import Any, Literal
 
 import numpy as np
 
@@ -79,20 +79,6 @@ def ordered(kinds: Iterable[FieldKind]) -> tuple[FieldKind, ...]:
     """Distinct kinds of fields by decreasing order in time; among equal orders, irreducible kinds
     first."""
     return tuple(sorted(dict.fromkeys(kinds), key=lambda k: (-k.order, k.reducible)))
-
-
-@runtime_checkable
-class DeclaresFields(Protocol):
-    """A body plugin that declares which kinds of fields its bodies may have, before a body is
-    built; result tables of parameter studies have columns for them."""
-
-    @property
-    def field_kinds(self) -> tuple[FieldKind, ...]: ...
-
-
-def declared_kinds(plugins: Iterable[object]) -> tuple[FieldKind, ...]:
-    """Distinct kinds of fields that these body plugins declare, in the order of `ordered`."""
-    return ordered(k for p in plugins if isinstance(p, DeclaresFields) for k in p.field_kinds)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,14 +1,16 @@
 """Meshes of simplices with named point sets; interface of mesh plugins; mesh sizes."""
 
+from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal, Protocol, runtime_checkable
+from typing import Literal
 
 import numpy as np
 
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.notes import Note
+from sparsemor.core.protocols.plugin import Plugin
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -99,15 +101,13 @@ class BodySize:
     scalar_entries: int
 
 
-class MeshPlugin(Protocol):
+class MeshPlugin(Plugin):
     """Options of a mesh, from which `build` makes the mesh. base: folder of the input file, for
     relative paths."""
 
+    @abstractmethod
     def build(self, base: Path) -> Mesh: ...
 
-
-@runtime_checkable
-class EstimatesMeshSize(Protocol):
-    """A mesh plugin that reports the size of the mesh before it is built."""
-
-    def expected(self) -> MeshSize: ...
+    def expected(self) -> MeshSize | None:
+        """Size of the mesh before it is built; None if the options do not determine it."""
+        return None

@@ -25,7 +25,6 @@ from scipy.sparse import csr_array
 from typing_extensions import is_protocol
 
 from sparsemor.core.errors import InputError, PluginError
-from sparsemor.core.protocols.capabilities import CAPABILITIES
 from sparsemor.core.protocols.plugin import OWN, PREFIX
 from sparsemor.core.registry.contracts import CONTRACTS, PARTS, members
 from sparsemor.core.registry.value_checks import CHECKS, EVERY_STEP, NAN_ALLOWED
@@ -41,8 +40,7 @@ _PLUGIN_FOLDERS = tuple(f"sparsemor.{f}." for f in ("bodies", "reducers", "plugi
 def admit(kind: str, cls: type) -> None:
     """Guards a class of plugins by the contract of its kind."""
     if kind in CONTRACTS:
-        for contract in (CONTRACTS[kind], *CAPABILITIES.get(kind, ())):
-            guard(contract, cls)
+        guard(CONTRACTS[kind], cls)
 
 
 def guard(contract: type, cls: type, names: Iterable[str] | None = None) -> None:

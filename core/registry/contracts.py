@@ -38,7 +38,6 @@ from sparsemor.core.protocols import (
     Sampler,
     SparseSolver,
 )
-from sparsemor.core.protocols.capabilities import BUILT, CAPABILITIES
 from sparsemor.core.protocols.plugin import API, Plugin
 from sparsemor.core.registry.hooks import Observer
 
@@ -84,12 +83,6 @@ def required(contract: type) -> list[str]:
         n for n, m in given.items() if m is None or getattr(m, "__isabstractmethod__", False)]
 
 
-def _expected(kind: str) -> dict[str, object]:
-    """Members of the contract of a kind, and those of optional protocols."""
-    return members(CONTRACTS[kind]) | {
-        n: m for p in CAPABILITIES.get(kind, ()) for n, m in members(p).items()}
-
-
 @cache
 def breaches(kind: str, cls: type) -> tuple[str, ...]:
     """Violations by a class of the contract of this kind of plugin, in words; () if there are
@@ -104,10 +97,10 @@ def breaches(kind: str, cls: type) -> tuple[str, ...]:
     if not is_protocol(contract) and not issubclass(cls, contract):
         return (f"it does not derive from sparsemor.core.{contract.__name__}, as plugins do since "
                 f"version {API} of the extension API ({PAGE})",)
-    looked_for, public = _expected(kind), _public(cls, contract)
+    looked_for, public = members(contract), _public(cls, contract)
     lacking = [m for m in required(contract) if _absent(cls, contract, m)]
     near = {m: difflib.get_close_matches(m, public, n=1, cutoff=CLOSE) for m in lacking}
-    of_built = {n for p in (PARTS.get(kind), *BUILT.get(kind, ())) if p for n in members(p)}
+    of_built = members(PARTS[kind]) if kind in PARTS else {}
     hints = {m: f" ({found[0]} is near to it)" if found else "" for m, found in near.items()}
     return (*(f"lacks {shape(m, looked_for[m])}{hints[m]}" for m in lacking),
             *_unfit(cls, looked_for),
@@ -118,9 +111,9 @@ def breaches(kind: str, cls: type) -> tuple[str, ...]:
               and isinstance(inspect.getattr_static(cls, n), str | bool)))
 
 
-def part_breaches(contract: type, abilities: tuple[type, ...], cls: type) -> list[str]:
+def part_breaches(contract: type, cls: type) -> list[str]:
     """Violations of a contract by the class of a built object, except missing members."""
-    looked_for = members(contract) | {n: m for p in abilities for n, m in members(p).items()}
+    looked_for = members(contract)
     return [*_unfit(cls, looked_for),
             *_misspelt(cls, _public(cls, contract), looked_for, looked_for)]
 
@@ -142,7 +135,7 @@ def chosen(kind: str, cls: type) -> dict[str, object]:
     if kind not in CONTRACTS:
         return {}
     needed = required(CONTRACTS[kind])
-    return {n: m for n, m in _expected(kind).items()
+    return {n: m for n, m in members(CONTRACTS[kind]).items()
             if n not in needed and inspect.getattr_static(cls, n, m) is not m}
 
 

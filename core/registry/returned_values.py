@@ -37,10 +37,7 @@ def checked_return(
     raise _wrong(plugin, call, type(value).__name__, f"a {expected.__name__}", key)
 
 
-def complete(
-    value: object, protocol: type, plugin: object, call: str, key: str = "",
-    abilities: tuple[type, ...] = (),
-) -> None:
+def complete(value: object, protocol: type, plugin: object, call: str, key: str = "") -> None:
     """Raises InputError if the object that a plugin method returned does not satisfy `protocol`, or
     has a member in another form or under a misspelt name."""
     if not is_protocol(protocol) and not isinstance(value, protocol):
@@ -50,12 +47,11 @@ def complete(
     if lacks:
         raise _wrong(plugin, call, f"{type(value).__name__}, which lacks {', '.join(lacks)}",
                      f"a {protocol.__name__}", key)
-    wrong = part_breaches(protocol, abilities, type(value))
+    wrong = part_breaches(protocol, type(value))
     if wrong:
         raise _wrong(plugin, call, f"{type(value).__name__}, of which {'; '.join(wrong)}",
                      f"a {protocol.__name__}", key)
-    for one in (protocol, *abilities):
-        guard(one, type(value))
+    guard(protocol, type(value))
 
 
 def sampled_rows(

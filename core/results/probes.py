@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.protocols import Dictionary, ForceLaw, HasForceLaw, ProbePlace, State
+from sparsemor.core.protocols import Dictionary, ForceLaw, ProbePlace, RecordedForce, State
 from sparsemor.core.protocols.layout import Layout, Quantity
 from sparsemor.core.protocols.poses import points_in_space
 from sparsemor.core.protocols.prescribed_motion import FrameHistory
@@ -130,9 +130,9 @@ class ForceReader:
     ends: tuple[slice | FrameHistory, slice | FrameHistory]
 
     @classmethod
-    def of(cls, name: str, part: HasForceLaw, layout: Layout) -> "ForceReader":
-        one, two = (layout[e] if isinstance(e, str) else e for e in part.moved_by)
-        return cls(name, part.recorded, part.law, (one, two))
+    def of(cls, name: str, force: RecordedForce, layout: Layout) -> "ForceReader":
+        one, two = (layout[e] if isinstance(e, str) else e for e in force.moved_by)
+        return cls(name, force.component, force.law, (one, two))
 
     def __call__(
         self, times: FloatArray, x: FloatArray, rates: Mapping[int, FloatArray]

@@ -27,8 +27,7 @@ from sparsemor.core.protocols import (
     LoadPlugin,
     Reducer,
 )
-from sparsemor.core.protocols.body import immobile
-from sparsemor.core.protocols.layout import FieldKind, declared_kinds
+from sparsemor.core.protocols.layout import FieldKind, ordered
 from sparsemor.core.protocols.plugin import Plugin
 from sparsemor.core.registry.registry import Registry
 from sparsemor.core.registry.slot import Slot, name_default_slots, slot_default
@@ -131,7 +130,7 @@ class Scene(Plugin):
         lines, named = name_faults(data), name_default_slots(cls, data)
         try:
             scene = validate(named)
-            if "integrator" not in data and all(map(immobile, scene.bodies.values())):
+            if "integrator" not in data and all(body.immobile for body in scene.bodies.values()):
                 scene = validate({**named, "integrator": HEAT})
         except ValidationError as error:
             lines = with_advice(cls, error) + lines
@@ -214,7 +213,7 @@ class Scene(Plugin):
     def field_kinds(self) -> tuple[FieldKind, ...]:
         """Kinds of field (such as elastic, thermal) that the bodies may have, in the order of
         blocks and tables."""
-        return declared_kinds(self.bodies.values())
+        return ordered(k for body in self.bodies.values() for k in body.field_kinds)
 
     def using(self, overrides: Mapping[str, Any], *, label: str = "--set") -> "Scene":
         """Scene with changes, validated again: `{"reducer.sampler.use": "random"}`.

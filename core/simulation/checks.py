@@ -13,7 +13,7 @@ from sparsemor.core.arrays import BoolArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.model.model import Model
 from sparsemor.core.notes import Note
-from sparsemor.core.protocols import HasNotes, OfflineProducts, State
+from sparsemor.core.protocols import OfflineProducts, State
 from sparsemor.core.protocols.plugin import Plugin
 from sparsemor.core.registry.boundary import guard
 from sparsemor.core.registry.hooks import hookspec
@@ -139,7 +139,7 @@ class Checks(pluggy.PluginManager):
     def of_model(self, scene: Scene, model: Model | None) -> tuple[Note, ...]:
         """Notes that need no step solver: those of the scene, of its parts and of the checks."""
         parts = () if model is None else model.parts.values()
-        return (*scene.notes, *(n for p in parts if isinstance(p, HasNotes) for n in p.notes),
+        return (*scene.notes, *(n for p in parts for n in p.notes),
                 *chain(*self.hook.on_model(scene=scene, model=model)))
 
     def again(self, scene: Scene, model: Model | None) -> tuple[Note, ...]:

@@ -10,7 +10,6 @@ from pathlib import Path
 from sparsemor.core.arrays import Arrays
 from sparsemor.core.model.factorizations import Factored
 from sparsemor.core.model.model import Model
-from sparsemor.core.protocols import HasMesh
 from sparsemor.core.results.files.temporary import TemporaryFolder
 from sparsemor.core.simulation.cache import SPENT, Cache
 
@@ -166,7 +165,5 @@ class Products:
 
 def mesh_content(model: Model) -> list[object]:
     """Points, cells and sets of every mesh of a model, for cache keys."""
-    meshes = [m for p in model.parts.values() if isinstance(p, HasMesh)
-              and (m := p.mesh) is not None]
     return [[m.points, m.cells, dict(m.point_sets), dict(m.facet_sets), dict(m.cell_sets)]
-            for m in meshes]
+            for body in model.bodies.values() if (m := body.mesh) is not None]

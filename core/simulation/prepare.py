@@ -12,7 +12,6 @@ from sparsemor.core.model.initial_state import start_notes
 from sparsemor.core.model.model import Model
 from sparsemor.core.model.resolved_start import resolved_start
 from sparsemor.core.protocols import (
-    HasForceLaw,
     ReducedProblem,
     StepFactors,
     StepSolver,
@@ -133,8 +132,8 @@ def reduced(scene: Scene, model: Model, offline: Offline) -> PreparedRun:
         tuple(ProbeReader.of(p, solver.layout, solver.dictionaries) for p in model.probes),
         {n: shape for n, shape in model.shapes().items() if shape.given}, notes,
         scene.training_end if offline.trained else None, model, estimator, offline, forces=tuple(
-            ForceReader.of(name, part, solver.layout) for name, part in model.parts.items()
-            if isinstance(part, HasForceLaw)))
+            ForceReader.of(name, joint.force, solver.layout)
+            for name, joint in model.joints.items() if joint.force is not None))
 
 
 @np.errstate(all="ignore")

@@ -19,7 +19,6 @@ from sparsemor.core.model.body_cache import BodyCache
 from sparsemor.core.model.initial_state import START
 from sparsemor.core.notes import Note
 from sparsemor.core.protocols import (
-    DeclaresEffect,
     LeavesMesh,
     State,
     StepMemory,
@@ -362,9 +361,8 @@ class ReducedModel:
     def _why_fixed(self, key: str) -> str:
         """Reason why the function of time at `key` cannot change, "" if it can."""
         function, name = self._functions[key], str(split(key)[1])
-        load: object = self.scene.loads[name]
-        effect = load.acts_on if isinstance(load, DeclaresEffect) else "motion"
-        if self.scene.rigid_stage is not None and effect == "motion":
+        load = self.scene.loads[name]
+        if self.scene.rigid_stage is not None and load.acts_on == "motion":
             return "it acts on the rigid-body pre-simulation, which the model follows"
         if any(f is function for s in self._run.given.values() for _, f in s.given) or any(
                 f is function for p in self._run.probes for _, f in p.place.given):

@@ -17,18 +17,10 @@ from sparsemor.core.errors import Fault, InputError
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.body_cache import BodyCache
 from sparsemor.core.model.model import Model
-from sparsemor.core.model.prescribed_motion import Followed, Immobile, importing
+from sparsemor.core.model.prescribed_motion import Followed, Immobile, loads_along
 from sparsemor.core.model.resolved_start import resolved_start
-from sparsemor.core.protocols import (
-    Contact,
-    DeclaresEffect,
-    DeclaresSurfaces,
-    HasPose,
-    NamesSides,
-    PassesReactionsOn,
-    SelectsFields,
-)
-from sparsemor.core.protocols.layout import Quantity, declared_kinds
+from sparsemor.core.protocols import BodyPlugin, Contact
+from sparsemor.core.protocols.layout import Quantity
 from sparsemor.core.protocols.prescribed_motion import FrameHistory, Stage, SurfaceLoads
 from sparsemor.core.registry.hooks import Manager
 from sparsemor.core.scene.defaults import FULL_ORDER
@@ -52,27 +44,22 @@ _OWN_STEPS = ("the stage follows how bodies swing on their contacts: raise time.
 def rigid_scene(scene: Scene) -> Scene:
     """Scene of the rigid-body pre-simulation: full order, no elastic and thermal fields.
 
-    Loads and joints that act on temperatures alone are left out (`DeclaresEffect`). Options that do
+    Loads and joints that act on temperatures alone are left out. Options that do
     not affect the motion are reset, so that all runs with this motion find the same cached
     pre-simulation.
     """
     assert scene.rigid_stage is not None
     tree = scene.source.tree
     kept: dict[str, Any] = {
-        group: {n: tree[group][n] for n, plugin in plugins.items() if acts_on_motion(plugin)}
+        group: {n: tree[group][n] for n, plugin in plugins.items() if plugin.acts_on == "motion"}
         for group, plugins in (("joints", scene.joints), ("loads", scene.loads))
         if tree.get(group)}
     rigid_copy: dict[str, Any] = {f"bodies.{n}.fields": [] for n, body in scene.bodies.items()
-                            if isinstance(body, SelectsFields)}
+                            if body.selected_fields is not None}
     plain = scene.using({
         **kept, **rigid_copy, **IRRELEVANT, "reducer": {"use": FULL_ORDER}, "training": {},
         "rigid_stage": None, "linear_solver": "auto", "linear_solvers": {}}, label="rigid_stage")
     return plain.using(scene.rigid_stage.overrides, label=_LABEL)
-
-
-def acts_on_motion(plugin: object) -> bool:
-    """True if the motion depends on a load or joint, False if that acts on temperatures alone."""
-    return not isinstance(plugin, DeclaresEffect) or plugin.acts_on == "motion"
 
 
 def stage_faults(scene: Scene) -> list[Fault]:
@@ -81,14 +68,12 @@ def stage_faults(scene: Scene) -> list[Fault]:
     faults = []
     elastic = {n for n, body in scene.bodies.items() if _deforms(body)}
     for name, contact in scene.contacts.items():
-        surfaces = contact.surfaces if isinstance(contact, DeclaresSurfaces) else "rigid"
         key = f"contacts.{name}.surfaces"
-        if scene.rigid_stage is not None and surfaces == "deformed":
+        if scene.rigid_stage is not None and contact.deforms:
             faults.append(Fault(key, "a rigid stage knows no deformed surfaces: take `rigid`, or "
                                 "drop rigid_stage to evaluate this contact inside the step"))
-        sides = contact.between if isinstance(contact, NamesSides) else ()
-        touched = elastic & {side.partition(":")[0] for side in sides}
-        if scene.rigid_stage is None and surfaces == "rigid" and touched:
+        touched = elastic & {side.partition(":")[0] for side in contact.sides}
+        if scene.rigid_stage is None and not contact.deforms and touched:
             faults.append(Fault(
                 key, f"{', '.join(sorted(touched))}: contact of rigid surfaces inside the step "
                 "would not deform this body: add `rigid_stage: {}` to the scene, or "
@@ -105,10 +90,10 @@ def stage_faults(scene: Scene) -> list[Fault]:
     return faults
 
 
-def _deforms(body: object) -> bool:
+def _deforms(body: BodyPlugin) -> bool:
     """True if the option `fields` of a body selects a displacement field."""
-    kinds = {k.name for k in declared_kinds([body]) if k.quantity is Quantity.DISPLACEMENT}
-    return isinstance(body, SelectsFields) and not kinds.isdisjoint(body.fields)
+    kinds = {k.name for k in body.field_kinds if k.quantity is Quantity.DISPLACEMENT}
+    return not kinds.isdisjoint(body.selected_fields or ())
 
 
 def rigid_model(scene: Scene, body_cache: BodyCache) -> Model:
@@ -145,10 +130,10 @@ class _Imported(Followed):
         self, name: str, contact: Contact, motion: Mapping[str, FrameHistory]
     ) -> Mapping[str, SurfaceLoads]:
         def make() -> Arrays:
-            able = importing(contact, name)
+            pressed = loads_along(contact, motion)
             made: dict[str, FloatArray | IntArray] = {
-                f"history.{n}": np.asarray(h) for n, h in able.history(motion).items()}
-            for body, loads in able.imported(motion).items():
+                f"history.{n}": np.asarray(h) for n, h in contact.history(motion).items()}
+            for body, loads in pressed.items():
                 made |= {f"nodes.{body}": loads.nodes, f"force.{body}": loads.force,
                          f"heat.{body}": loads.heat}
             return made
@@ -180,21 +165,20 @@ def _run(scene: Scene, model: Model, manager: Manager) -> Arrays:
     made: dict[str, Any] = {
         "times": times, "moves": np.array(sorted(frames)),
         "dropped": np.array(resolved_start(model, scene.integrator, scene.time.step).dropped)}
-    for name in scene.bodies:
-        body = model.parts[name]
-        if name not in frames and isinstance(body, HasPose):
+    for name, body in model.bodies.items():
+        if name not in frames:
             pose = body.pose
             frames[name] = np.stack([pose, 0 * pose, 0 * pose])[None].repeat(len(times), axis=0)
     made |= {f"frame.{name}": values for name, values in frames.items()}
     poses = {name: values[:, 0] for name, values in frames.items()}
+    joints = model.joints
     for b in layout:
         if b.kind.order == 0 and b.owner in scene.joints:
             made[f"reaction.{b.owner}"] = reactions = np.stack([s.x[layout[b.name]] for s in kept])
-            joint = model.parts[b.owner]
             if b.name in components:
                 made[f"components.{b.owner}"] = np.array(components[b.name])
-            if isinstance(joint, PassesReactionsOn):
-                made[f"handed.{b.owner}"] = joint.reactions_passed_on(times, reactions, poses)
+            made[f"handed.{b.owner}"] = joints[b.owner].reactions_passed_on(
+                times, reactions, poses)
     return made
 
 

@@ -5,7 +5,7 @@ from importlib.metadata import version
 
 from sparsemor.core.linalg.threads import described
 from sparsemor.core.model.model import Model, distinct_names
-from sparsemor.core.protocols import HasForceLaw, NamesMultipliers, StepSolver
+from sparsemor.core.protocols import StepSolver
 from sparsemor.core.protocols.step_solver import resultant_sources_of
 from sparsemor.core.results.metadata import RunHeader
 from sparsemor.core.results.probes import ProbeReader
@@ -15,12 +15,12 @@ from sparsemor.core.scene.scene import Scene
 
 def multiplier_components(model: Model) -> dict[str, tuple[tuple[str, str], ...]]:
     """Multiplier block of a joint -> name and unit of each Lagrange multiplier, for joints that
-    name them (`NamesMultipliers`)."""
+    name them."""
     found = {}
-    for name, part in model.parts.items():
+    for name, joint in model.joints.items():
         block = model.layout.multipliers(name)
-        if block is not None and isinstance(part, NamesMultipliers):
-            names, units = zip(*part.components, strict=True)
+        if block is not None and joint.components:
+            names, units = zip(*joint.components, strict=True)
             found[block.name] = tuple(zip(distinct_names(list(names)), units, strict=True))
     return found
 
@@ -54,5 +54,6 @@ def header_of(
         contacts={a.name: a.term.histories for a in resultant_sources_of(solver, None)}
         if model.stage is None else {},
         multipliers=multiplier_components(model), estimates=estimates,
-        forces={n: p.recorded for n, p in model.parts.items() if isinstance(p, HasForceLaw)},
+        forces={n: joint.force.component for n, joint in model.joints.items()
+                if joint.force is not None},
     )

@@ -9,11 +9,10 @@ from sparsemor.core.model.assembly import assemble
 from sparsemor.core.protocols import (
     Body,
     BodyPlugin,
-    CopiesRigidly,
-    FollowsMotion,
     FrameHistory,
     Quantity,
 )
+from sparsemor.core.protocols.poses import KNOWN
 from sparsemor.core.testing.assembled import derivative, runs, small_scene
 from sparsemor.core.testing.parts import check_parts
 from sparsemor.core.testing.random_inputs import law
@@ -67,12 +66,14 @@ def _blocks(body: Body) -> None:
 
 
 def _follows(body: Body) -> None:
-    if isinstance(body, FollowsMotion):
-        with_motion = body.with_motion(FrameHistory.standing(body.pose))
+    law(len(body.pose) in KNOWN, f"its pose has {len(body.pose)} coordinates, not 3, 4 or 7")
+    with_motion = body.with_motion(FrameHistory.standing(body.pose))
+    if with_motion is not None:
         held = [b.name for b in with_motion.blocks() if b.kind.quantity is Quantity.POSE and b.size]
         law(not held, f"its frame follows a motion and still has the unknowns {held}")
-    if isinstance(body, CopiesRigidly):
-        left = [b.name for b in body.rigid_copy().blocks() if b.kind.reducible and b.size]
+    rigid = body.rigid_copy()
+    if rigid is not None:
+        left = [b.name for b in rigid.blocks() if b.kind.reducible and b.size]
         law(not left, f"its rigid copy still has the fields {left}")
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from sparsemor.core.model.assembly import assemble
-from sparsemor.core.protocols import DeclaresEffect, HasSurroundings, LoadPlugin
+from sparsemor.core.protocols import Load, LoadPlugin
 from sparsemor.core.testing.assembled import (
     Entries,
     refuses_absent_bodies,
@@ -33,9 +33,9 @@ def check_load(plugin: LoadPlugin, bodies: Entries, seed: int = 0) -> None:
     rows = np.concatenate([t.rows for t in terms_of(model, NAME)] or [np.zeros(0, np.int64)])
     law(rows.size > 0, "it acts on none of the bodies")
     law(bool((rows < layout.algebraic.start).all()), "it acts on rows of multipliers")
-    if isinstance(plugin, DeclaresEffect) and plugin.acts_on == "temperature":
+    if plugin.acts_on == "temperature":
         law(bool((rows >= layout.first.start).all()),
             "it states that it acts on temperatures, and acts on motion too")
-    if isinstance(part, HasSurroundings) and part.surroundings is not None:
+    if isinstance(part, Load) and part.surroundings is not None:
         law(np.isfinite(part.surroundings(0.0)), "its surroundings have no finite temperature")
     runs(scene)

@@ -23,7 +23,6 @@ from sparsemor.core.protocols import (
     Choice,
     ReducedProblem,
     Reducer,
-    SelectsFields,
     State,
     StepSolver,
     TrialRun,
@@ -42,7 +41,6 @@ from sparsemor.core.simulation.offline import Offline, step_count
 from sparsemor.core.simulation.offline_cache import Products
 from sparsemor.core.simulation.prepare import prepared
 from sparsemor.core.simulation.progress import progress_bar
-from sparsemor.core.simulation.rigid_stage import acts_on_motion
 from sparsemor.core.status import SolveFailed
 from sparsemor.plugins.stability.check import check_run
 
@@ -249,12 +247,12 @@ def _without(scene: Scene, model: Model, gone: Sequence[str]) -> Scene:
         if b.name in gone:
             dropped.setdefault(b.owner, set()).add(b.field)
     overrides: dict[str, Any] = {
-        f"bodies.{n}.fields": [f for f in body.fields if f not in dropped[n]]
-        for n, body in scene.bodies.items() if n in dropped and isinstance(body, SelectsFields)}
+        f"bodies.{n}.fields": [f for f in body.selected_fields if f not in dropped[n]]
+        for n, body in scene.bodies.items() if n in dropped and body.selected_fields is not None}
     if not any(b.kind.quantity is Quantity.TEMPERATURE for b in blocks if b.name not in gone):
         overrides |= {f"{group}.{n}": None for group, plugins in (
             ("joints", scene.joints), ("loads", scene.loads))
-            for n, plugin in plugins.items() if not acts_on_motion(plugin)}
+            for n, plugin in plugins.items() if plugin.acts_on == "temperature"}
     return scene.using(overrides, label=CHOSEN)
 
 

@@ -14,9 +14,6 @@ from sparsemor.core import (
     Note,
     PreparedRun,
     Quantity,
-    ReportsChatter,
-    ReportsNoContact,
-    ReportsPassage,
     RunResult,
 )
 from sparsemor.plugins.checks import place
@@ -59,10 +56,10 @@ def _warnings(
     model: Model, motion: Mapping[str, FrameHistory],
     contacts: Mapping[str, Mapping[str, FloatArray]] | None,
 ) -> tuple[Note, ...]:
-    parts = model.parts.values()
-    texts = [part.missed(motion) for part in parts if isinstance(part, ReportsNoContact)]
+    parts = model.contacts
+    texts = [part.missed(motion) for part in parts.values()]
     if contacts is not None:
-        texts += [part.chatter_warning(history) for name, history in contacts.items()
-                  if isinstance(part := model.parts[name], ReportsChatter)]
-        texts += [part.passage(motion) for part in parts if isinstance(part, ReportsPassage)]
+        texts += [parts[name].chatter_warning(history) for name, history in contacts.items()
+                  if name in parts]
+        texts += [part.passage(motion) for part in parts.values()]
     return tuple(Note(text, "contact") for text in texts if text)

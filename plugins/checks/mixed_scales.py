@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from sparsemor.core import Check, HasNotes, HasSurroundings, Level, Model, Note, Quantity, Scene
+from sparsemor.core import Check, Level, Model, Note, Quantity, Scene
 from sparsemor.plugins.checks import place
 
 OFFSET = 273.15
@@ -31,8 +31,7 @@ def mixed_scales(model: Model) -> Iterator[Note]:
     """Notes on initial, stress-free, prescribed, fluid and ambient temperatures, at the start, that
     are below `COLD` although another is that of a room: 20 or 60 next to 293.15 K. None where a
     load has such a note."""
-    if any(n.kind == "celsius" for part in model.parts.values() if isinstance(part, HasNotes)
-           for n in part.notes):
+    if any(n.kind == "celsius" for part in model.parts.values() for n in part.notes):
         return
     found = dict(_temperatures(model))
     room = [(what, T) for what, T in found.items() if ROOM[0] <= T <= ROOM[1]]
@@ -58,8 +57,8 @@ def _temperatures(model: Model) -> Iterator[tuple[str, float]]:
             if shape.eliminated_temperature is not None:
                 yield (f"the initial temperature of {name}",
                        float(shape.eliminated_temperature.min()))
-    for name, part in model.parts.items():
-        if isinstance(part, HasSurroundings) and part.surroundings is not None:
+    for name, part in model.connectors.items():
+        if part.surroundings is not None:
             T = float(part.surroundings(0.0))
             if np.isfinite(T):
                 yield f"the temperature of {name}", T

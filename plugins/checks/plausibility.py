@@ -5,13 +5,12 @@ from collections.abc import Iterator
 import numpy as np
 
 from sparsemor.core import (
+    Body,
     Check,
     Findings,
     FloatArray,
-    LimitsTemperature,
     Model,
     Note,
-    Part,
     PreparedRun,
     Quantity,
     RunResult,
@@ -61,7 +60,7 @@ def after_run(model: Model, result: RunResult) -> tuple[Note, ...]:
             T = result.block(heated.name, checked_steps(result, heated.name))
             absolute = bool((np.abs(model.x0[model.layout[heated.name]]) > COLDEST).any())
             found += temperature_notes(f"temperatures of {name}", T, 0.0 if absolute else 1.0)
-            found += property_notes(model.parts[name], T)
+            found += property_notes(model.bodies[name], T)
         if moved is not None:
             largest = max(float(np.linalg.norm(result.nodal_displacement(name, int(i)), axis=1)
                                 .max()) for i in checked_steps(result, moved.name))
@@ -75,12 +74,11 @@ def after_run(model: Model, result: RunResult) -> tuple[Note, ...]:
     return tuple(found)
 
 
-def property_notes(body: Part, T: FloatArray) -> Iterator[Note]:
+def property_notes(body: Body, T: FloatArray) -> Iterator[Note]:
     """Warnings about temperatures T (K) outside the range in which a material property of the body
     is defined."""
-    limits = body.temperature_limits if isinstance(body, LimitsTemperature) else {}
     values = T[np.isfinite(T)]
-    for key, (low, high) in limits.items() if values.size else ():
+    for key, (low, high) in body.temperature_limits.items() if values.size else ():
         coldest, hottest = float(values.min()), float(values.max())
         worst = hottest if hottest - high > low - coldest else coldest
         if coldest < low - ROUND or hottest > high + ROUND:

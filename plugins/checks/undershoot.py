@@ -7,9 +7,9 @@ import numpy as np
 
 from sparsemor.core import (
     Check,
+    Connector,
     Findings,
     FloatArray,
-    HasSurroundings,
     HeatBody,
     IntArray,
     Model,
@@ -89,8 +89,8 @@ def _floor(model: Model, times: FloatArray) -> float:
     """Lowest initial, prescribed or surrounding temperature of the model, K."""
     found = [float(model.x0[model.layout[b.thermal]].min(initial=np.inf))
              for b in model.separated.heat]
-    for part in model.parts.values():
-        if isinstance(part, HasSurroundings) and part.surroundings is not None:
+    for part in model.connectors.values():
+        if part.surroundings is not None:
             found.append(float(amplitudes_along((part.surroundings,), times).min()))
     return min(found)
 
@@ -105,7 +105,7 @@ def _cooled(parts: Mapping[str, Part], b: HeatBody, times: FloatArray) -> bool:
     amounts = amplitudes_along(b.amplitudes, times)
     for i, column in enumerate(b.columns):
         part = parts.get(column.name)
-        tied = isinstance(part, HasSurroundings) and part.surroundings is not None
+        tied = isinstance(part, Connector) and part.surroundings is not None
         if not (tied or column.prescribed) and np.outer(
                 (b.loads[:, i].min(), b.loads[:, i].max()), amounts[:, i]).min() < 0.0:
             return True
@@ -116,6 +116,6 @@ def _may_cool(parts: Mapping[str, Part], b: HeatBody, term: object) -> bool:
     """True unless a local term belongs to the body itself, such as its conductivity, or to a load
     that ties it to an ambient temperature."""
     part = parts.get(term.source) if isinstance(term, NamesSource) else None
-    if isinstance(part, HasSurroundings):
+    if isinstance(part, Connector):
         return part.surroundings is None
     return part is None or part.name != b.name

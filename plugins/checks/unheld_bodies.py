@@ -4,7 +4,6 @@ import numpy as np
 
 from sparsemor.core import (
     Check,
-    DeclaresEffect,
     Model,
     Note,
     Plugin,
@@ -39,7 +38,7 @@ def unheld_bodies(scene: Scene, model: Model) -> tuple[Note, ...]:
     group = {name: name for name in bodies} | {GROUND: GROUND}
     connectors = [*scene.joints.values(), *scene.contacts.values()]
     for connector in connectors:
-        if isinstance(connector, DeclaresEffect) and connector.acts_on == "temperature":
+        if connector.acts_on == "temperature":
             continue
         named = mentioned(connector, scene.bodies)
         ends = {name if name in frames else GROUND for name in named}
@@ -59,7 +58,7 @@ def unheld_bodies(scene: Scene, model: Model) -> tuple[Note, ...]:
     moves = any(np.any(v[model.layout[frames[n].name]]) for n in free)
     pushed = any(mentioned(load, scene.bodies) or not _names_bodies(load)
                  for load in scene.loads.values()
-                 if not (isinstance(load, DeclaresEffect) and load.acts_on == "temperature"))
+                 if load.acts_on == "motion")
     if connectors or moves or not pushed:
         return ()
     return (information(

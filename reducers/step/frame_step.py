@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sparsemor.core import EvaluatesManyTimes, FloatArray, Frame, FrameHistory, FrameWork
+from sparsemor.core import FloatArray, Frame, FrameHistory, FrameWork
 from sparsemor.reducers.linalg.active_columns import few
 from sparsemor.reducers.step.blocks.elastic_block import ElasticBlock
 from sparsemor.reducers.step.blocks.prescribed_frame_block import PrescribedBlock
@@ -109,9 +109,9 @@ class PrescribedFactors:
 
     def __call__(self, times: FloatArray) -> FloatArray:
         frame = self.body.frame
-        if len(times) == 1 or not isinstance(frame, EvaluatesManyTimes):
+        if len(times) == 1:
             work, = buffers([frame])
-            return np.array([self._at(t, work) for t in times.tolist()])
+            return self._at(float(times[0]), work)[None]
         return frame.drive_along(*self.body.border_motion_along(times), times)
 
     def _at(self, t: float, work: FrameWork) -> FloatArray:

@@ -21,7 +21,7 @@ import numpy as np
 from modules import report
 from scipy import sparse
 
-from sparsemor.bodies.body import Body
+from sparsemor.bodies.body import FloatingBody
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.testing.in_memory_run import March
 
@@ -85,7 +85,7 @@ def exudyn_tip(start: March, h: float, end: float) -> FloatArray:
                 bodyNumber=of, meshNodeNumbers=np.flatnonzero(weights).tolist(),
                 weightingFactors=weights[weights != 0].tolist()))
 
-        def end_of(name: str, body: Body = body) -> FloatArray:
+        def end_of(name: str, body: FloatingBody = body) -> FloatArray:
             at = nodes_of(body, name)
             return np.bincount(at, minlength=len(body.X)) / len(at)
 
@@ -104,7 +104,7 @@ def exudyn_tip(start: March, h: float, end: float) -> FloatArray:
     return found
 
 
-def in_space(body: Body) -> tuple[Any, Any]:
+def in_space(body: FloatingBody) -> tuple[Any, Any]:
     """Mass and stiffness (3 N, 3 N) with a third displacement that nothing excites."""
     assert body.mass_matrix is not None and body.elasticity is not None
     K = sparse.coo_matrix(body.elasticity.stiffness)

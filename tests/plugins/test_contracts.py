@@ -180,16 +180,15 @@ def test_what_a_method_returns_is_checked_where_it_arrives(
 
 PART = """
 from dataclasses import dataclass
-from sparsemor.core import Plugin
+from sparsemor.core import Load, LoadPlugin
 
 @dataclass(frozen=True)
-class Built:
+class Built(Load):
     name: str
     BODY
-    def blocks(self): return ()
     def contribute(self, equations): pass
 
-class Own(Plugin):
+class Own(LoadPlugin):
     'A load.'
     def build(self, name, parts): return Built(name)
 """
@@ -248,14 +247,14 @@ RIGID = {"rigid_stage": {}, "reducer": "full"}
 
 def test_a_body_that_cannot_follow_a_motion_is_refused_with_a_rigid_stage(distribute, here):
     distribute("still-pkg", {"body": {"still": "still_body:Own"}}, still_body="""
-from sparsemor.core import Block, BodyDefaults, Plugin
+import numpy as np
+from sparsemor.core import Body, BodyPlugin
 
-class Still(BodyDefaults):
-    def __init__(self, name): self.name = name
-    def blocks(self): return ()
+class Still(Body):
+    def __init__(self, name): self.name, self.pose = name, np.zeros(3)
     def contribute(self, equations): pass
 
-class Own(Plugin):
+class Own(BodyPlugin):
     'A body.'
     def build(self, name, base): return Still(name)
 """)
@@ -263,6 +262,4 @@ class Own(Plugin):
     with pytest.raises(InputError) as caught:
         checked_model(scene)
     assert ("bodies.other: with rigid_stage, it has to follow a prescribed motion, which "
-            "still_body.Still cannot: it lacks immobile, moves, pose, with_motion(motion) "
-            "(FollowsMotion)"
-            ) in str(caught.value)
+            "still_body.Still cannot: it has no with_motion(motion)") in str(caught.value)

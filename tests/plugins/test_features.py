@@ -16,7 +16,8 @@ LACKING = '''
 import numpy as np
 from own_rod import Rod
 
-from sparsemor.core import Block, BodyDefaults, FieldKind, Plugin, Reducer, SurfaceLoads
+from sparsemor.core import (
+    Block, Body, Contact, ContactPlugin, FieldKind, Joint, JointPlugin, Reducer, SurfaceLoads)
 
 FORCE = FieldKind("force", order=0, unit="N")
 
@@ -35,45 +36,51 @@ class StiffRod(Rod):
         return Stiff(super().build(name, base))
 
 
-class Stiff(BodyDefaults):
+class Stiff(Body):
     def __init__(self, rod):
-        self.name, self.blocks, self.contribute = rod.name, rod.blocks, rod.contribute
-
-    def blocks(self): ...
-    def contribute(self, equations): ...
-
-
-class Part:
-    def __init__(self, name):
-        self.name = name
+        self.name, self.pose, self.rod = rod.name, rod.pose, rod
 
     def blocks(self):
-        return []
+        return self.rod.blocks()
+
+    def contribute(self, equations):
+        self.rod.contribute(equations)
+
+
+class Part(Contact):
+    def __init__(self, name):
+        self.name = name
 
     def contribute(self, equations):
         pass
 
 
-class Glue(Plugin):
+class Glue(JointPlugin):
     """A joint."""
 
     def build(self, name, parts):
         return Glued(name)
 
 
-class Glued(Part):
+class Glued(Joint):
+    def __init__(self, name):
+        self.name = name
+
     def blocks(self):
         return [Block(self.name, FORCE, 1)]
 
+    def contribute(self, equations):
+        pass
 
-class Near(Plugin):
+
+class Near(ContactPlugin):
     """A contact."""
 
     def build(self, name, parts):
         return Part(name)
 
 
-class Pad(Plugin):
+class Pad(ContactPlugin):
     """A contact that makes surface loads."""
 
     def build(self, name, parts):
@@ -100,16 +107,17 @@ time: {end: 1.0, step: 0.5}
 """
 STIFF = {"use": "stiff_rod", "cells": 4, "capacity": 1.0, "conductance": 1.0}
 CASES = {
-    "HasProbes": ({"probes": {"tip": {"body": "rod", "at": "end"}}}, "probes.tip.body", "BuiltRod"),
-    "FollowsMotion": ({"rigid_stage": {}, "bodies.rod": STIFF}, "bodies.rod", "Stiff"),
-    "PrescribesReactions": ({"rigid_stage": {}, "joints": {"glue": {"use": "glue"}}},
-                            "joints.glue", "Glued"),
-    "ImportsMotion": ({"rigid_stage": {}, "contacts": {"near": {"use": "near"}}},
-                      "contacts.near", "Part"),
-    "CarriesSurfaceLoads": ({"rigid_stage": {}, "contacts": {"pad": {"use": "pad"}}},
-                            "bodies.rod", "BuiltRod"),
+    "probe(name, at)": ({"probes": {"tip": {"body": "rod", "at": "end"}}}, "probes.tip.body",
+                        "BuiltRod"),
+    "with_motion(motion)": ({"rigid_stage": {}, "bodies.rod": STIFF}, "bodies.rod", "Stiff"),
+    "known(reactions)": ({"rigid_stage": {}, "joints": {"glue": {"use": "glue"}}},
+                         "joints.glue", "Glued"),
+    "imported(motion)": ({"rigid_stage": {}, "contacts": {"near": {"use": "near"}}},
+                         "contacts.near", "Part"),
+    "surface_loads(equations, loads, times)": (
+        {"rigid_stage": {}, "contacts": {"pad": {"use": "pad"}}}, "bodies.rod", "BuiltRod"),
 }
-"""Ability -> changes to the scene, where they are refused, the class that lacks it."""
+"""Method -> changes to the scene, where they are refused, the class that lacks it."""
 
 
 class Phases:
@@ -130,9 +138,9 @@ def scene(distribute, here) -> Path:
     return path
 
 
-@pytest.mark.parametrize("feature", FEATURES, ids=lambda f: f.ability.__name__)
+@pytest.mark.parametrize("feature", FEATURES, ids=lambda f: f.method)
 def test_what_a_feature_needs_is_asked_before_a_run(scene, feature) -> None:
-    changes, key, lacking = CASES[feature.ability.__name__]
+    changes, key, lacking = CASES[feature.method]
     assert any(option.startswith(feature.option) for option in changes)
     loaded, phases = load(scene, changes), Phases()
     for refuse in (checked_model, lambda s: simulate(s, observers=[phases])):
@@ -141,8 +149,7 @@ def test_what_a_feature_needs_is_asked_before_a_run(scene, feature) -> None:
         (fault,) = caught.value.faults
         assert fault.key == key
         assert fault.message.startswith(f"with {feature.option}, it has to {feature.need}, which ")
-        assert f"{lacking} cannot: it lacks " in fault.message
-        assert fault.message.endswith(f"({feature.ability.__name__})")
+        assert fault.message.endswith(f"{lacking} cannot: it has no {feature.method}")
     assert not phases.begun
 
 

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from sparsemor.bodies.body import Body
+from sparsemor.bodies.body import FloatingBody
 from sparsemor.core import FloatArray, IntArray
 from sparsemor.core.testing.in_memory_run import March, march, scene_of
 
@@ -49,16 +49,16 @@ def swing(links: int, E: float, h: float, end: float, interval: float) -> March:
         "integrator": {"use": "generalized_alpha", "rho_inf": 1.0}}), every=round(interval / h))
 
 
-def bodies_of(run: March) -> list[Body]:
-    return [part for part in run.model.parts.values() if isinstance(part, Body)]
+def bodies_of(run: March) -> list[FloatingBody]:
+    return [part for part in run.model.parts.values() if isinstance(part, FloatingBody)]
 
 
-def nodes_of(body: Body, name: str) -> IntArray:
+def nodes_of(body: FloatingBody, name: str) -> IntArray:
     """The points of a set."""
     return body.named(name, name)
 
 
-def displacements(run: March, body: Body) -> FloatArray:
+def displacements(run: March, body: FloatingBody) -> FloatArray:
     """Nodal displacements (M, N, 2) in the body frame, m."""
     assert body.elasticity is not None
     u = np.zeros((len(run.t), 2 * len(body.X)))
@@ -66,7 +66,7 @@ def displacements(run: March, body: Body) -> FloatArray:
     return u.reshape(len(run.t), -1, 2)
 
 
-def positions(run: March, body: Body) -> FloatArray:
+def positions(run: March, body: FloatingBody) -> FloatArray:
     """Nodal positions (M, N, 2) in space, m."""
     q, z = run.block(f"{body.name}.rigid"), body.X + displacements(run, body)
     c, s = np.cos(q[:, 2]), np.sin(q[:, 2])

@@ -3,11 +3,11 @@
     c dT_i/dt = k (T_(i-1) - 2 T_i + T_(i+1)) + q_i
 
 It is written with the public names of `sparsemor.core` alone, to the protocols `BodyPlugin`,
-`Body`, `SelectsFields` and `FollowsMotion`.
+`Body`.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
@@ -17,14 +17,14 @@ from scipy.sparse import csr_array
 
 from sparsemor.core import (
     Block,
-    BodyDefaults,
+    Body,
+    BodyPlugin,
     Csr,
     Equations,
     FieldKind,
     FloatArray,
     FrameHistory,
     IntArray,
-    Plugin,
     Quantity,
 )
 
@@ -32,7 +32,7 @@ WARMTH = FieldKind("warmth", order=1, unit="K", quantity=Quantity.TEMPERATURE, r
 """Kind of its unknowns: temperatures of cells."""
 
 
-class Rod(Plugin):
+class Rod(BodyPlugin):
     """Insulated rod of equal cells, heated in the first one."""
 
     cells: int = Field(ge=2)
@@ -46,6 +46,10 @@ class Rod(Plugin):
     fields: list[Literal["warmth"]] = ["warmth"]
     """A rod without its field has no unknowns."""
 
+    @property
+    def selected_fields(self) -> Sequence[str]:
+        return self.fields
+
     def build(self, name: str, base: Path) -> "BuiltRod":
         n = self.cells if self.fields else 0
         C = csr_array(self.capacity * np.eye(n))
@@ -56,19 +60,14 @@ class Rod(Plugin):
 
 
 @dataclass(frozen=True)
-class BuiltRod(BodyDefaults):
+class BuiltRod(Body):
     """The built body: a thermal block in a frame at rest."""
 
     name: str
     C: Csr
     K: Csr
     q: FloatArray
-    moves: bool = False
-    immobile: bool = True
-
-    @property
-    def pose(self) -> FloatArray:
-        return np.zeros(3)
+    pose: FloatArray = field(default_factory=lambda: np.zeros(3))
 
     def with_motion(self, motion: FrameHistory) -> "BuiltRod":
         return self

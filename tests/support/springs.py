@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csr_array
 
-from sparsemor.bodies.body import Body
+from sparsemor.bodies.body import FloatingBody
 from sparsemor.core.arrays import Csr, FloatArray, IntArray
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.compressed_local import CompressedLocal
@@ -40,7 +40,7 @@ class Springs:
 
     @classmethod
     def between(
-        cls, layout: Layout, first: Body, second: Body,
+        cls, layout: Layout, first: FloatingBody, second: FloatingBody,
         nodes: tuple[IntArray, IntArray],
         stiffness: tuple[float, float] = (2e3, 5e5), damping: float = 3.0,
         film: tuple[float, float] = (5.0, 0.02),
@@ -162,7 +162,7 @@ def coupled(scene: Scene) -> Model:
     """Three springs and heat links between the facing ends' lower, middle and upper points."""
     model = assemble(scene)
     one, two = model.parts["one"], model.parts["two"]
-    assert isinstance(one, Body) and isinstance(two, Body)
+    assert isinstance(one, FloatingBody) and isinstance(two, FloatingBody)
     right, left = one.points["right"], two.points["left"]
     some = np.linspace(0, len(right) - 1, 3).astype(int)
     term = Springs.between(model.layout, one, two, (right[some], left[some]))

@@ -8,14 +8,14 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from sparsemor.core import IntArray, Mesh, MeshSize, Plugin
+from sparsemor.core import IntArray, Mesh, MeshPlugin, MeshSize
 
 Positive = Annotated[float, Field(gt=0)]
 Count = Annotated[int, Field(ge=1)]
 SIDES = (("left", "right"), ("front", "back"), ("bottom", "top"))
 
 
-class Block(Plugin):
+class Block(MeshPlugin):
     """Block: structured mesh of 6 nx ny nz tetrahedra, six around a diagonal of each cell (Kuhn).
 
     Sets: left, right (x), front, back (y), bottom, top (z), and the corners left_front_bottom to

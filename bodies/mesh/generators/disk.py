@@ -8,14 +8,14 @@ from pydantic import Field, model_validator
 
 from sparsemor.bodies.mesh.generators.extrude import extrude, extruded
 from sparsemor.bodies.mesh.generators.outline import interior_points, plan_mesh
-from sparsemor.core import FloatArray, InputError, IntArray, Mesh, MeshSize, Plugin
+from sparsemor.core import FloatArray, InputError, IntArray, Mesh, MeshPlugin, MeshSize
 
 Positive = Annotated[float, Field(gt=0)]
 ANGLES = (0, 90, 180, 270)
 """Angles of the probe points on each circle, degrees."""
 
 
-class Disk(Plugin):
+class Disk(MeshPlugin):
     """Disk: a cylinder about the z axis from z = 0 up, a plane triangulation extruded in layers.
 
     With the default options: 10 344 tetrahedra and 2715 points. `refine` divides all edge lengths

@@ -7,7 +7,7 @@ import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from sparsemor.bodies.mesh.generators.quads import grid_quads, shorter_diagonal, split_quads
-from sparsemor.core import FloatArray, InputError, IntArray, Mesh, MeshSize, Plugin
+from sparsemor.core import FloatArray, InputError, IntArray, Mesh, MeshPlugin, MeshSize
 
 REGULAR = 1280
 AROUND, RADIAL, ALONG = 8, 5, 40
@@ -19,7 +19,7 @@ COARSE_QUADS = 4, 3, 16
 a bore's edge."""
 
 
-class Link(Plugin):
+class Link(MeshPlugin):
     """Link: a bar with a round bore near each of its square ends, meshed by triangles.
 
     The origin is the centre of bore A. Each square end is a ring of quads around its bore, the part

@@ -7,7 +7,7 @@ from pydantic import Field, model_validator
 
 from sparsemor.bodies.mesh.generators.extrude import extrude, extruded
 from sparsemor.bodies.mesh.generators.outline import interior_points, plan_mesh
-from sparsemor.core import FloatArray, Mesh, MeshSize, Plugin
+from sparsemor.core import FloatArray, Mesh, MeshPlugin, MeshSize
 
 OUTER = np.array([[0.0, 0.135], [0.02, 0.135], [0.05, 0.13], [0.04, 0.105]])
 INNER = np.array([[0.04, 0.105], [0.03, 0.08], [0.035, 0.09], [0.0, 0.09]])
@@ -16,7 +16,7 @@ OUTER_WEIGHTS, INNER_WEIGHTS = np.array([1.0, 1.0, 2.5, 1.0]), np.ones(4)
 pad of COMSOL's "Heat Generation in a Disc Brake"."""
 
 
-class Pad(Plugin):
+class Pad(MeshPlugin):
     """Brake pad: an outline of two rational cubic Bezier curves and their mirror images in x.
 
     With the default options: 900 tetrahedra and 279 points. Sets: bottom (the friction face),

@@ -7,13 +7,13 @@ import numpy as np
 from pydantic import Field
 
 from sparsemor.bodies.mesh.generators.quads import checkerboard, grid_quads, split_quads
-from sparsemor.core import BoolArray, IntArray, Mesh, MeshSize, Plugin
+from sparsemor.core import BoolArray, IntArray, Mesh, MeshPlugin, MeshSize
 
 Positive = Annotated[float, Field(gt=0)]
 Count = Annotated[int, Field(ge=1)]
 
 
-class Rectangle(Plugin):
+class Rectangle(MeshPlugin):
     """Rectangle: structured mesh of 2 nx ny triangles.
 
     Sets: left, right, bottom, top, and the corners bottom_left, bottom_right, top_left, top_right.

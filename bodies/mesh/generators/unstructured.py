@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 from scipy.spatial import Delaunay, QhullError
 
 from sparsemor.bodies.mesh.simplices import signed_measures
-from sparsemor.core import FloatArray, InputError, IntArray, Mesh, MeshSize, Plugin
+from sparsemor.core import FloatArray, InputError, IntArray, Mesh, MeshPlugin, MeshSize
 
 Positive = Annotated[float, Field(gt=0)]
 Count = Annotated[int, Field(ge=1)]
@@ -22,7 +22,7 @@ STARTS = 4
 _NOTHING = np.zeros((0, 2)), np.zeros((0, 3), np.int64)
 
 
-class Unstructured(Plugin):
+class Unstructured(MeshPlugin):
     """Unstructured rectangle: triangles of similar size that are not aligned with the sides.
 
     A triangulation of N points, B of them on the outline, has 2 N - 2 - B triangles, so the number

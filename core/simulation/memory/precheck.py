@@ -9,7 +9,6 @@ from math import log2
 
 from sparsemor.core.errors import Gather, InputError
 from sparsemor.core.model.block_patterns import matched_option
-from sparsemor.core.protocols import EstimatesSize
 from sparsemor.core.protocols.mesh import BodySize
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.memory.estimate import (
@@ -46,7 +45,7 @@ def check_memory(scene: Scene) -> None:
 def precheck_memory(scene: Scene) -> Estimate | None:
     """Memory estimate from mesh sizes alone; None if no body knows its size in advance."""
     bodies = {name: size for name, plugin in scene.bodies.items()
-              if (size := _size(plugin)) is not None}
+              if (size := plugin.expected()) is not None}
     if not bodies:
         return None
     blocks = {f"{name}.{field}": n for name, size in bodies.items()
@@ -62,10 +61,6 @@ def precheck_memory(scene: Scene) -> Estimate | None:
     if trains(scene, blocks):  # an impossible training run is reported elsewhere
         phases["bases"] = [*assembled, *(Gather()("", bases, scene, blocks) or [])]
     return Estimate(resident(), {name: tuple(items) for name, items in phases.items()}, False)
-
-
-def _size(plugin: object) -> BodySize | None:
-    return plugin.expected() if isinstance(plugin, EstimatesSize) else None
 
 
 def _assembled(name: str, size: BodySize) -> list[Item]:

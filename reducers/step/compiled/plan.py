@@ -9,7 +9,6 @@ from sparsemor.core import (
     Amplitude,
     FloatArray,
     FrameArrays,
-    HasArrays,
     Held,
     IntArray,
     Layout,
@@ -100,7 +99,7 @@ def plan(s: Stepper) -> Plan:
 
 
 def _frame(b: BodyStep) -> FrameArrays:
-    made = b.frame.arrays() if isinstance(b.frame, HasArrays) else None
+    made = b.frame.arrays()
     if made is None:
         raise NotCompiled(f"the frame of body {b.name} is not given as arrays")
     return made

@@ -1,7 +1,7 @@
 """Local terms of elastic blocks: springs on a mesh whose stiffness depends on displacement and
 temperature are iterated inside the step, at full order and reduced."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -10,16 +10,15 @@ import pytest
 from scipy.sparse import csr_array
 
 from sparsemor.core import (
-    Block,
     CompressedLocal,
     Csr,
     Equations,
     FloatArray,
-    HasProbes,
     InputError,
     IntArray,
+    Load,
+    LoadPlugin,
     Part,
-    Plugin,
     Trial,
 )
 from sparsemor.core.model.assembly import assemble
@@ -97,7 +96,7 @@ class Springs:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Bed:
+class Bed(Load):
     """Springs on all displacements of a set, each with the temperature of its node."""
 
     name: str
@@ -105,9 +104,6 @@ class Bed:
     dofs: IntArray
     warmth: IntArray
     stiffness: tuple[float, float]
-
-    def blocks(self) -> Sequence[Block]:
-        return ()
 
     def contribute(self, equations: Equations) -> None:
         elastic, thermal = f"{self.body}.elastic", f"{self.body}.thermal"
@@ -119,7 +115,7 @@ class Bed:
             np.searchsorted(rows, u), self.stiffness))
 
 
-class SpringBed(Plugin):
+class SpringBed(LoadPlugin):
     """Nonlinear springs under a set of a body."""
 
     on: str
@@ -130,7 +126,6 @@ class SpringBed(Plugin):
     def build(self, name: str, parts: Mapping[str, Part]) -> Bed:
         body, _, which = self.on.partition(":")
         part: Any = parts[body]
-        assert isinstance(part, HasProbes)
         place = part.probe(name, which)
         (X, component), (hot, _) = (part.geometry()[f"{body}.{f}"] for f in ("elastic", "thermal"))
         nodes = np.flatnonzero(place.temperature)

@@ -20,9 +20,8 @@ from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.prescribed_motion import AtStart, Followed
-from sparsemor.core.protocols import Part
+from sparsemor.core.protocols import JointPlugin, LoadPlugin, Part
 from sparsemor.core.protocols.contributions import Equations
-from sparsemor.core.protocols.plugin import Plugin
 from sparsemor.core.protocols.prescribed_motion import FrameHistory, Stage
 from sparsemor.core.testing.in_memory_run import march, scene_of
 
@@ -56,7 +55,7 @@ class Delegate(Silent):
         self.force.push(m, j, out)
 
 
-class Push(Plugin):
+class Push(LoadPlugin):
     """A force on the end of the bar through an item of its own class."""
 
     kind: str
@@ -70,7 +69,7 @@ class Push(Plugin):
             item: Any = BodyForce(FORCE, target.mean() @ np.cross(body.X, FORCE), lambda t: 1.0)
             if self.kind != "own":
                 item = (Delegate if self.kind == "delegate" else Silent)(item)
-            body.frame_item(equations, item, nodal.with_torques(force))
+            equations.frame(body.name, item, nodal.with_torques(force)[body.elasticity.free])
 
         return LoadPart(name, write)
 
@@ -130,7 +129,7 @@ class Plain:
         self.item.evaluate(m, j, o, k, out)
 
 
-class Ball(Plugin):
+class Ball(JointPlugin):
     """A spherical joint to the ground through an item of its own class."""
 
     of: str

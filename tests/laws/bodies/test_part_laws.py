@@ -1,7 +1,7 @@
 """The laws of bodies, joints, loads and contacts hold for ours and fail for broken ones."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -11,7 +11,18 @@ from scipy.sparse import csr_array
 
 from small_scenes import SCENES, everything
 from sparsemor.bodies import MULTIPLIER, RIGID, DenseTerm, LoadPart
-from sparsemor.core import Block, BodyDefaults, Equations, FloatArray, InputError, Part, Plugin
+from sparsemor.core import (
+    Block,
+    Body,
+    BodyPlugin,
+    ConnectorPlugin,
+    Effect,
+    Equations,
+    FloatArray,
+    InputError,
+    Joint,
+    Part,
+)
 from sparsemor.core.scene.scene import load
 from sparsemor.core.testing import check_body, check_contact, check_joint, check_load
 
@@ -20,12 +31,13 @@ PAIR = {"one": POINT, "two": {**POINT, "pose": {"position": [0.15, 0.0]}}}
 
 
 @dataclass(frozen=True, eq=False)
-class Lump(BodyDefaults):
+class Lump(Body):
     """A body with a mass matrix (3, 3) of a test."""
 
     name: str
     M: FloatArray
     owner: str = ""
+    pose: FloatArray = field(default_factory=lambda: np.zeros(3))
 
     def blocks(self) -> Sequence[Block]:
         return [Block(self.owner or self.name, RIGID, 3)]
@@ -37,7 +49,7 @@ class Lump(BodyDefaults):
         return {f"{self.name}.rigid": (np.zeros(3), np.zeros(3))}
 
 
-class OwnBody(Plugin):
+class OwnBody(BodyPlugin):
     """A body of a test."""
 
     made: Callable[[str], Any]
@@ -46,7 +58,7 @@ class OwnBody(Plugin):
         return self.made(name)
 
 
-class OwnPart(Plugin):
+class OwnPart(ConnectorPlugin):
     """A joint, load or contact of a test."""
 
     made: Callable[[str, Mapping[str, Part]], Any]
@@ -67,11 +79,11 @@ class Careless(OwnPart):
 class Warm(OwnPart):
     """A load that says it acts on temperatures."""
 
-    acts_on: ClassVar[str] = "temperature"
+    acts_on: ClassVar[Effect] = "temperature"
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
+class Rows(Joint):
     """A joint between poses: G x = G x0, reaction R multipliers."""
 
     name: str

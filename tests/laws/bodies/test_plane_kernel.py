@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from scipy.sparse import coo_array, csr_array
 
-from sparsemor.bodies import BODY_KINDS, Body, Conditions, JointPart, MassProperties
+from sparsemor.bodies import BODY_KINDS, Conditions, FloatingBody, JointPart, MassProperties
 from sparsemor.bodies.frames.frame import SpatialFrame
 from sparsemor.bodies.frames.plane import PlanarFrame
 from sparsemor.bodies.joints.conditions import conditions_between, conditions_on
-from sparsemor.core import FieldKind, FloatArray, Part, Plugin
+from sparsemor.core import BodyPlugin, FieldKind, FloatArray, JointPlugin, Part
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.equations import system_jacobian, system_residual
 from sparsemor.core.model.model import Model
@@ -28,27 +28,27 @@ ROD = {"use": "rigid", "mass": 2.0, "inertia": 0.05, "center": [0.3, 0.1],
        "points": {"left": [0.0, 0.0], "right": [0.5, 0.1]}}
 
 
-class Lifted(Plugin):
+class Lifted(BodyPlugin):
     """A planar body as it is, or in space with every z zero and a frame of `size` coordinates."""
 
     field_kinds: ClassVar[tuple[FieldKind, ...]] = BODY_KINDS
     flat: dict[str, Any]
     size: int
 
-    def build(self, name: str, base: Path) -> Body:
+    def build(self, name: str, base: Path) -> FloatingBody:
         made = assemble(scene_of({"bodies": {name: self.flat}, "time": {"end": 1.0, "step": 1.0}}))
         body: Any = made.parts[name]
         flat = replace(body, mesh=None)  # sets are points on both
         return flat if self.size == 3 else in_space(flat, self.size)
 
 
-def in_space(body: Body, size: int) -> Body:
+def in_space(body: FloatingBody, size: int) -> FloatingBody:
     """d = 3: displacements along z are held, T_ref and temperatures as they are."""
     n, e, m = len(body.X), body.elasticity, body.inertia
     assert m is not None
     dofs = (3 * np.arange(n)[:, None] + [0, 1]).ravel()
     S = csr_array(coo_array((np.ones(2 * n), (dofs, np.arange(2 * n))), shape=(3 * n, 2 * n)))
-    return Body(
+    return FloatingBody(
         name=body.name, X=np.pad(body.X, ((0, 0), (0, 1))), moves=body.moves, points=body.points,
         inertia=MassProperties(m.mass, np.pad(m.moment, (0, 1)), np.pad(m.second, (0, 1))),
         pose=lifted(body.pose, size), velocity=0.0 * lifted(body.pose, size),
@@ -65,7 +65,7 @@ def lifted(pose: FloatArray, size: int) -> FloatArray:
     return np.array([x, y, 0.0, *turn])
 
 
-class Tie(Plugin):
+class Tie(JointPlugin):
     """Joints with as many rows in the plane as in space, x, y and lines in the plane."""
 
     def build(self, name: str, parts: Mapping[str, Part]) -> JointPart:
@@ -75,7 +75,7 @@ class Tie(Plugin):
         return sides.joint()
 
 
-class Rail(Plugin):
+class Rail(JointPlugin):
     """The mean point of a set stays on a line of another body, or of the ground."""
 
     between: tuple[str, str]

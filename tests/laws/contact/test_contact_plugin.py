@@ -14,12 +14,12 @@ FEET = '''
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from scipy.sparse import csr_array
 
-from sparsemor.core.protocols.plugin import Plugin
+from sparsemor.core.protocols import Contact, ContactPlugin
 from sparsemor.core.protocols.prescribed_motion import SurfaceLoads
 
 
@@ -65,15 +65,12 @@ class Compressed:
 
 
 @dataclass(frozen=True)
-class Feet:
+class Feet(Contact):
     name: str
     body: Any
     nodes: Any
     k: float
     level: float
-
-    def blocks(self):
-        return ()
 
     def contribute(self, equations):
         block = f"{self.body.name}.rigid"
@@ -92,7 +89,7 @@ class Feet:
         return {"normal": self.k * (self.level - pose[:, 1])}
 
 
-class SpringFeet(Plugin):
+class SpringFeet(ContactPlugin):
     """Springs under a set of points."""
 
     on: str
@@ -101,8 +98,6 @@ class SpringFeet(Plugin):
     """N/m."""
     level: float = 0.0
     """Height at which the springs are at rest, m."""
-    surfaces: Literal["rigid"] = "rigid"
-    """Where the points are."""
 
     def build(self, name: str, parts: Mapping[str, Any]) -> Feet:
         body, _, points = self.on.partition(":")

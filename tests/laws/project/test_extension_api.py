@@ -63,8 +63,9 @@ def test_each_name_is_there(name: str) -> None:
 
 
 BODIES = {
-    "BODY_KINDS", "Between", "Body", "Conditions", "DenseTerm", "Drive",
-    "ELASTIC", "ForceElement", "HasLawArrays", "Isotropic", "JointPart", "LoadPart", "MULTIPLIER",
+    "BODY_KINDS", "Between", "Conditions", "DenseTerm", "Drive",
+    "ELASTIC", "FloatingBody", "ForceElement", "HasLawArrays", "Isotropic", "JointPart",
+    "LoadPart", "MULTIPLIER",
     "MassProperties", "NumberOrFunction", "PlanePart", "PointwiseLaw", "Pose", "RIGID",
     "Response", "RigidItem", "Side", "SpringItem", "TEMPERATURE", "TEMPERATURE_RATE", "THERMAL",
     "Target", "Variable", "amplitude", "components", "conditions_between", "conditions_on",

@@ -11,7 +11,7 @@ from sparsemor.bodies.frames import rotation as rot
 from sparsemor.bodies.mesh.generators.block import Block
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.prescribed_motion import Followed
-from sparsemor.core.protocols import PassesReactionsOn
+from sparsemor.core.protocols import Joint
 from sparsemor.core.protocols.poses import points_in_space, vectors_in_space
 from sparsemor.core.protocols.prescribed_motion import FrameHistory, Stage
 from sparsemor.core.scene.scene import Scene
@@ -66,7 +66,7 @@ def stage_of(run: March) -> Stage:
     poses = {n: h.pose for n, h in frames.items()}
     joints: dict[str, Any] = dict(run.model.parts)
     passed_on = {n: joints[n].reactions_passed_on(t, m, poses) for n, m in multipliers.items()
-                 if isinstance(joints.get(n), PassesReactionsOn)}
+                 if isinstance(joints.get(n), Joint)}
     return Stage(t, frames, frozenset(frames), multipliers, {}, passed_on)
 
 

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sparsemor.bodies.body import Body
+from sparsemor.bodies.body import FloatingBody
 from sparsemor.core import ReducedProblem
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.model.assembly import assemble
@@ -221,7 +221,7 @@ def test_small_steps_of_a_flexible_pendulum(h: float) -> None:
 def tip(run: March) -> complex:
     """Where the middle of the bar's free end is at the end."""
     body = run.model.parts["bar"]
-    assert isinstance(body, Body) and body.elasticity is not None
+    assert isinstance(body, FloatingBody) and body.elasticity is not None
     y, c = run.block("bar.rigid")[-1], run.block("bar.elastic")[-1]
     d = run.solver.dictionaries.get("bar.elastic")
     u = np.zeros(2 * len(body.X))

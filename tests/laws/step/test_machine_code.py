@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from small_scenes import SCENES, tiny
-from sparsemor.core import FrameWork, HasArrays, hookimpl
+from sparsemor.core import FrameWork, hookimpl
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.simulation.simulate import simulate
@@ -90,7 +90,7 @@ def test_equations_of_frames_in_space_as_machine_code() -> None:
     rng, names, compiled = np.random.default_rng(4), dict[str, Any](), None
     for moving in model.separated.moving:
         f = moving.frame
-        made = f.arrays() if isinstance(f, HasArrays) else None
+        made = f.arrays()
         assert made is not None
         if compiled is None:
             for g in (*made.calls, made.function):

@@ -9,15 +9,15 @@ import pytest
 from sparsemor.bodies.contact.part import ContactPart
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.model.assembly import assemble
+from sparsemor.core.protocols import MeshPlugin
 from sparsemor.core.protocols.mesh import Mesh
-from sparsemor.core.protocols.plugin import Plugin
 from sparsemor.core.protocols.prescribed_motion import FrameHistory
 from sparsemor.core.testing.in_memory_run import scene_of
 
 K, WIDTH = 1e9, 0.02
 
 
-class Polygon(Plugin):
+class Polygon(MeshPlugin):
     """A regular polygon inscribed in a circle about the origin; set `rim`."""
 
     radius: float

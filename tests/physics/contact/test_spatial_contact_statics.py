@@ -11,8 +11,8 @@ from sparsemor.bodies.contact.part import ContactPart
 from sparsemor.bodies.frames import rotation as rot
 from sparsemor.bodies.mesh.generators.block import Block
 from sparsemor.core.model.assembly import assemble
+from sparsemor.core.protocols import MeshPlugin
 from sparsemor.core.protocols.mesh import Mesh
-from sparsemor.core.protocols.plugin import Plugin
 from sparsemor.core.protocols.prescribed_motion import FrameHistory
 from sparsemor.core.testing.in_memory_run import scene_of
 
@@ -21,7 +21,7 @@ SIDE, WIDTH = 0.1, 0.06
 COULOMB = {"use": "coulomb", "coefficient": 0.4, "critical_velocity": 0.05}
 
 
-class Ball(Plugin):
+class Ball(MeshPlugin):
     """An octahedron's faces split `times` times, blown up to a sphere of `radius` (m); set skin."""
 
     radius: float

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sparsemor.bodies.body import Body
+from sparsemor.bodies.body import FloatingBody
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.testing.in_memory_run import March, march, scene_of
 
@@ -43,7 +43,7 @@ def energies(run: March) -> tuple[FloatArray, FloatArray, FloatArray]:
     """
     kinetic, elastic, potential = (np.zeros(len(run.t)) for _ in range(3))
     for body in run.model.parts.values():
-        if not isinstance(body, Body) or body.mass_matrix is None:
+        if not isinstance(body, FloatingBody) or body.mass_matrix is None:
             continue
         y, dy = run.block(f"{body.name}.rigid"), run.v[:, run.model.layout[f"{body.name}.rigid"]]
         u, du = (displacements(run, body, x) for x in (run.x, run.v))
@@ -59,7 +59,7 @@ def energies(run: March) -> tuple[FloatArray, FloatArray, FloatArray]:
     return kinetic, elastic, potential
 
 
-def displacements(run: March, body: Body, values: FloatArray) -> Any:
+def displacements(run: March, body: FloatingBody, values: FloatArray) -> Any:
     """(M, N) complex nodal displacements, or their rates, from the states' rows."""
     found = np.zeros((len(run.t), 2 * len(body.X)))
     if body.elasticity is not None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial import Delaunay
 
-from sparsemor.bodies.body import Body
+from sparsemor.bodies.body import FloatingBody
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.testing.in_memory_run import March, march, scene_of
 
@@ -21,7 +21,7 @@ PLATE = {
 }
 
 
-def nodal(run: March, body: Body, at: int) -> tuple[Any, Any, Any]:
+def nodal(run: March, body: FloatingBody, at: int) -> tuple[Any, Any, Any]:
     """Complex positions, velocities and accelerations (N,) of the nodes in space axes."""
     fields = []
     for values in (run.x, run.v, run.a):
@@ -35,22 +35,22 @@ def nodal(run: March, body: Body, at: int) -> tuple[Any, Any, Any]:
             ddy[0] + 1j * ddy[1] + e * ((1j * al - w**2) * z + 2j * w * u1 + u2))
 
 
-def moments(body: Body, place: Any, vector: Any) -> FloatArray:
+def moments(body: FloatingBody, place: Any, vector: Any) -> FloatArray:
     """sum m vector, x and y, and sum place x m vector."""
     assert body.mass_matrix is not None
     p = body.mass_matrix @ vector
     return np.array([p.sum().real, p.sum().imag, np.vdot(place, p).imag])
 
 
-def center(body: Body) -> complex:
+def center(body: FloatingBody) -> complex:
     """Centre of mass, m (body axes)."""
     assert body.inertia is not None
     return complex(*body.inertia.moment) / body.inertia.mass
 
 
-def the(run: March, name: str) -> Body:
+def the(run: March, name: str) -> FloatingBody:
     body = run.model.parts[name]
-    assert isinstance(body, Body)
+    assert isinstance(body, FloatingBody)
     return body
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from sparsemor import InputError, compare, export, load, open_result, simulate
-from sparsemor.bodies.body import Body
+from sparsemor.bodies.body import FloatingBody
 from sparsemor.bodies.fem.quadratic import with_midpoints
 from sparsemor.bodies.mesh.file import MeshFile
 from sparsemor.bodies.mesh.generators.block import Block
@@ -51,9 +51,9 @@ def in_space(**more: Any) -> Scene:
         "loads": LOADS, "time": {"end": 0.004, "step": 1e-3}, **more})
 
 
-def the(run: March, name: str) -> Body:
+def the(run: March, name: str) -> FloatingBody:
     body = run.model.parts[name]
-    assert isinstance(body, Body)
+    assert isinstance(body, FloatingBody)
     return body
 
 
@@ -159,7 +159,7 @@ def test_radiation_of_a_quadratic_temperature_is_exact(kind: str) -> None:
         "loads": {"glow": GLOW}, "time": {"end": 1e-3, "step": 1e-3}})
     model = assemble(scene)
     body, (term,) = model.parts["bar"], model.by_part["glow"]
-    assert isinstance(body, Body)
+    assert isinstance(body, FloatingBody)
     x, low, L = body.X[:, 0], body.X[:, 0].min(), float(np.ptp(body.X[:, 0]))
     across = 0.02 if kind == "plane" else 0.1
     end = 0.02 * 0.1 if kind == "plane" else 0.1 * 0.06
@@ -331,7 +331,7 @@ def test_a_rigid_body_of_a_mesh_has_no_order() -> None:
     one, two = (assemble(scene_of({
         "bodies": {"bar": {**SPACE, "fields": [], "reference": None, "order": order}},
         "time": {"end": 1e-3, "step": 1e-3}})).parts["bar"] for order in (1, 2))
-    assert isinstance(one, Body) and isinstance(two, Body)
+    assert isinstance(one, FloatingBody) and isinstance(two, FloatingBody)
     np.testing.assert_array_equal(one.X, two.X)
 
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sparsemor.bodies.body import Body
+from sparsemor.bodies.body import FloatingBody
 from sparsemor.bodies.frames import rotation as rot
 from sparsemor.bodies.mesh.generators.block import Block
 from sparsemor.core.arrays import FloatArray
@@ -23,9 +23,9 @@ BAR: dict[str, Any] = {
              "velocity": [1.0, 2.0, 0.5], "spin": [6.0, -9.0, 20.0]}}
 
 
-def the(got: March, name: str) -> Body:
+def the(got: March, name: str) -> FloatingBody:
     body = got.model.parts[name]
-    assert isinstance(body, Body)
+    assert isinstance(body, FloatingBody)
     return body
 
 
@@ -45,7 +45,7 @@ def nodal(got: March, name: str, at: int) -> tuple[FloatArray, FloatArray, Float
     return y[:3] + z @ A.T, dy[:3] + speed @ A.T, ddy[:3] + push @ A.T
 
 
-def moments(body: Body, place: FloatArray, vector: FloatArray) -> FloatArray:
+def moments(body: FloatingBody, place: FloatArray, vector: FloatArray) -> FloatArray:
     """(6,): sum m vector and sum place x m vector."""
     assert body.mass_matrix is not None
     p = body.mass_matrix @ vector

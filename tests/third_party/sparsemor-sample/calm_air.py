@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sparsemor.bodies import TEMPERATURE, LoadPart, Response, find_surfaces
-from sparsemor.core import Equations, FloatArray, Part, Plugin
+from sparsemor.core import Equations, FloatArray, LoadPlugin, Part
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,7 @@ class NaturalConvection:
         return Response([self.C * root * (z[0] - self.T_air)], {(0, 0): 1.25 * self.C * root})
 
 
-class CalmAir(Plugin):
+class CalmAir(LoadPlugin):
     """Natural convection of hot surfaces in calm air."""
 
     on: list[str]

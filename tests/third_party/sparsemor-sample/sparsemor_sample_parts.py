@@ -10,25 +10,26 @@ from pydantic import Field
 from sparsemor.bodies import (
     BODY_KINDS,
     Between,
-    Body,
     Conditions,
     DenseTerm,
+    FloatingBody,
     LoadPart,
     MassProperties,
     Pose,
 )
 from sparsemor.core import (
+    Body,
+    BodyPlugin,
     Equations,
     FieldKind,
     FloatArray,
-    HasProbes,
     InputError,
+    LoadPlugin,
     Part,
-    Plugin,
 )
 
 
-class Ring(Plugin):
+class Ring(BodyPlugin):
     """Thin rigid ring in the plane. Points: centre, rim."""
 
     field_kinds: ClassVar[tuple[FieldKind, ...]] = BODY_KINDS
@@ -40,9 +41,9 @@ class Ring(Plugin):
     pose: Pose = Pose()
     """Centre, rotation and their rates at the start."""
 
-    def build(self, name: str, base: Path) -> Body:
+    def build(self, name: str, base: Path) -> FloatingBody:
         pose, velocity = self.pose.in_plane()
-        return Body(
+        return FloatingBody(
             name=name, X=np.array([[0.0, 0.0], [self.radius, 0.0]]), pose=pose, velocity=velocity,
             inertia=MassProperties.rigid(self.mass, np.zeros(2), self.mass * self.radius**2),
             moves=True, points={"centre": np.array([0]), "rim": np.array([1])})
@@ -60,7 +61,7 @@ class Gear(Between):
         sides.couple_rotations(self.ratio)
 
 
-class Spring(Plugin):
+class Spring(LoadPlugin):
     """Linear spring without length at rest, from a point of a planar body to a point in space."""
 
     on: str
@@ -73,9 +74,9 @@ class Spring(Plugin):
     def build(self, name: str, parts: Mapping[str, Part]) -> LoadPart:
         body, _, which = self.on.partition(":")
         part = parts.get(body)
-        if not isinstance(part, HasProbes):
+        probe = part.probe(name, which) if isinstance(part, Body) else None
+        if probe is None:
             raise InputError(f"no body with material points is called {body!r}", "on")
-        probe = part.probe(name, which)
         if len(probe.point) != 2:
             raise InputError(f"body {body!r} is in space, this spring is plane", "on")
         W = np.zeros((0, 2)) if probe.displacement is None else probe.displacement

@@ -1,26 +1,17 @@
 """Thermal contact resistance between two bodies: a load in a package of its own."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
 from pydantic import Field
 from scipy.sparse import csr_array
 
-from sparsemor.core import (
-    Block,
-    Effect,
-    Equations,
-    FloatArray,
-    HasProbes,
-    InputError,
-    Part,
-    Plugin,
-)
+from sparsemor.core import Body, Effect, Equations, FloatArray, InputError, Load, LoadPlugin, Part
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Gap:
+class Gap(Load):
     """Heat conductance (T_1 - T_2), W, out of the first of two bodies into the second.
 
     sides: thermal block of each body, and the weights (n,) of its mean temperature T_i.
@@ -30,9 +21,6 @@ class Gap:
     sides: tuple[tuple[str, FloatArray], tuple[str, FloatArray]]
     conductance: float
 
-    def blocks(self) -> Sequence[Block]:
-        return ()
-
     def contribute(self, equations: Equations) -> None:
         for i, (rows, w) in enumerate(self.sides):
             for j, (columns, u) in enumerate(self.sides):
@@ -41,7 +29,7 @@ class Gap:
                 equations.matrix(rows, columns, A=sign * self.conductance * outer)
 
 
-class ContactResistance(Plugin):
+class ContactResistance(LoadPlugin):
     """A thermal contact resistance between sets of two bodies, by their mean temperatures."""
 
     acts_on: ClassVar[Effect] = "temperature"
@@ -62,9 +50,10 @@ class ContactResistance(Plugin):
 def _side(name: str, parts: Mapping[str, Part], text: str, key: str) -> tuple[str, FloatArray]:
     body, _, which = text.partition(":")
     part = parts.get(body)
-    if not isinstance(part, HasProbes):
+    probe = part.probe(name, which) if isinstance(part, Body) else None
+    if probe is None:
         raise InputError(f"no body with material points is called {body!r}", key)
-    weights = part.probe(name, which).temperature
+    weights = probe.temperature
     if weights is None:
         raise InputError(f"body {body!r} has no temperatures", key)
     return f"{body}.thermal", weights
