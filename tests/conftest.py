@@ -28,11 +28,11 @@ from typing import Annotated, Any, ClassVar
 from pydantic import Field
 
 from sparsemor.bodies.terms.field_kinds import BODY_KINDS
-from sparsemor.core import Integrator, Plugin, Reducer
+from sparsemor.core import BodyPlugin, Integrator, LoadPlugin, Plugin, Reducer
 from sparsemor.core.registry.slot import Slot, slot_default
 
 
-class Ball(Plugin):
+class Ball(BodyPlugin):
     """A body."""
 
     field_kinds: ClassVar[Any] = BODY_KINDS
@@ -44,7 +44,7 @@ class Ball(Plugin):
         raise NotImplementedError
 
 
-class Push(Plugin):
+class Push(LoadPlugin):
     """A load."""
 
     force: float = 1.0
