@@ -5,25 +5,25 @@ from collections.abc import Sequence
 from sparsemor.reducers.step import (
     frame_step,
     operators,
-    reduced_residual,
+    reduced,
+    reduced_mechanics,
     relocalised,
     time_tables,
 )
 from sparsemor.reducers.step.acceptance import Tolerances
 from sparsemor.reducers.step.blocks import compressed_prescribed, elastic_local, thermal_groups
-from sparsemor.reducers.step.blocks.compressed_elastic import CompressedElastic
 from sparsemor.reducers.step.blocks.thermal_block import CompressedHeat
 from sparsemor.reducers.step.condensed_newton import Mechanics
-from sparsemor.reducers.step.newton.fallback import Assembled, FullNewton
 from sparsemor.reducers.step.prescribed_frames import PrescribedFrames
 from sparsemor.reducers.step.solver import Stepper
 
 CLASSES: Sequence[object] = (
-    Assembled, CompressedElastic, CompressedHeat, FullNewton, Mechanics, PrescribedFrames, Stepper,
+    CompressedHeat, Mechanics, PrescribedFrames, Stepper,
     Tolerances, compressed_prescribed.CompressedPrescribed, compressed_prescribed.Decided,
     elastic_local.ReducedLocal, frame_step.BodyStep, frame_step.PrescribedFactors,
     operators.TestedElastic, operators.TestedHeat, operators.TestedLocal, operators.TestMap,
-    reduced_residual.Dense, reduced_residual.DenseBody, reduced_residual.DenseHeat,
+    reduced.Reduced, reduced.ReducedBody, reduced.ReducedHeat,
+    reduced_mechanics.ReducedMechanics,
     relocalised.Coupled, thermal_groups.GroupLocal, time_tables.LoadsInTime,
     time_tables.TabulatedLoads, time_tables.TimeTable,
 )

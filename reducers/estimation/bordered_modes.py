@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from sparsemor.core import FloatArray, IntArray
-from sparsemor.reducers.step.newton.memory import Factor
-from sparsemor.reducers.step.reduced_residual import Dense
+from sparsemor.reducers.step.factors import Factor
+from sparsemor.reducers.step.reduced import Reduced
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,7 +41,7 @@ class BorderedModes:
 
     @classmethod
     def of(
-        cls, equations: Dense, x: FloatArray, v: FloatArray, a: FloatArray, t: float,
+        cls, equations: Reduced, x: FloatArray, v: FloatArray, a: FloatArray, t: float,
         c1: float, c2: float, c1_first: float
     ) -> "BorderedModes":
         """The Jacobian at unknowns x with rates v and a (n,) at t, s, with dv = c1 dx, da = c2 dx
@@ -50,19 +50,17 @@ class BorderedModes:
         number = np.zeros(equations.layout.size, dtype=np.int64)
         number[border] = np.arange(len(border))
         S, bodies = np.zeros((len(border), len(border))), []
-        for body, w in zip(equations.bodies, equations.work, strict=True):
-            corner, column, row = body.border_blocks(x, v, a, t, c1, c2, w)
-            at = np.ix_(number[body.at], number[body.at])
-            S[at] += corner
+        for made in equations.border_blocks(x, v, a, t, c1, c2):
+            body, at = made.body, np.ix_(number[made.at], number[made.at])
+            S[at] += made.corner
             if (b := body.tested) is None:
                 continue
-            kappa, mu = w.coefficients[:-1].reshape(2, -1)
             diagonal = (np.diagonal(b.stiffness) + c1 * np.diagonal(b.damping)
-                        + c2 * np.diagonal(b.mass)
-                        + (kappa + c1 * mu) @ np.diagonal(b.generators, axis1=1, axis2=2))
-            S[at] -= row @ (column / diagonal[:, None])
-            bodies.append(BodyModes(body.step.elastic, body.step.thermal, body.at, diagonal,
-                                    b.coupling, column, row))
+                        + c2 * np.diagonal(b.mass) + made.turning[: len(b.generators)]
+                        @ np.diagonal(b.generators, axis1=1, axis2=2))
+            S[at] -= made.row @ (made.column / diagonal[:, None])
+            bodies.append(BodyModes(body.step.elastic, body.step.thermal, made.at, diagonal,
+                                    b.coupling, made.column, made.row))
         heat = tuple((h.at, np.diagonal(h.tested.conductivity)
                       + c1_first * np.diagonal(h.tested.capacity)) for h in equations.heat)
         return cls(heat, tuple(bodies), border, equations.factorize(S))

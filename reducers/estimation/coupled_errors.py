@@ -39,8 +39,8 @@ from sparsemor.core import (
 from sparsemor.reducers.estimation.bordered_modes import BorderedModes
 from sparsemor.reducers.estimation.error_space import ErrorSpace
 from sparsemor.reducers.estimation.reduced_states import StateMap, ranges
-from sparsemor.reducers.step.newton.memory import Factor
-from sparsemor.reducers.step.reduced_residual import Dense
+from sparsemor.reducers.step.factors import Factor
+from sparsemor.reducers.step.reduced import Reduced
 
 ITERATIONS = 5
 """Largest number of iterations with one Jacobian at an estimate."""
@@ -83,7 +83,7 @@ class CoupledErrors:
     every: int
     h: float
     spaces: tuple[ReducedBlock, ...]
-    equations: Dense
+    equations: Reduced
     full: Layout
     reduced: Layout
     integrator: Integrator
@@ -171,7 +171,7 @@ class CoupledErrors:
 
     def working(self) -> "CoupledErrors":
         """The same estimator with new working arrays, of one call or one thread."""
-        return replace(self, equations=self.equations.with_work())
+        return replace(self, equations=self.equations.working())
 
     def _advanced(
         self, run: Sequence[tuple[Motion, FloatArray]], memory: dict[str, FloatArray],
@@ -225,11 +225,11 @@ class CoupledErrors:
         if not equations.coupled:
             return BorderedModes.of(equations, at.x, at.v, at.a, at.t, *rates)
         c1, c2 = rate_factors(equations.layout, *rates)
-        return equations.factorize(equations.jacobian(at.x, at.v, at.a, at.t, c1, c2))
+        return equations.factorize(equations.slope(at.x, at.v, at.a, at.t, c1, c2))
 
     def residual(self, at: Motion) -> FloatArray:
         """Residual (n,) of the full-order equations on the error spaces."""
-        return self.equations.residual(
+        return self.equations.residual_at(
             at.x, at.v, at.a, at.t, self.equations.prescribed(at.t))
 
     def lifted(self, state: State) -> Motion:

@@ -6,6 +6,7 @@ reused while convergence is fast. Factorized in every iteration it is the textbo
 the reference for the block-wise solution.
 """
 
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,24 +17,27 @@ from sparsemor.core import (
     AssembledModel,
     Csr,
     FloatArray,
-    FrameWork,
     HasConstantMatrices,
     IntArray,
     Layout,
+    StepFormula,
     Term,
+    rate_factors,
     system_jacobian,
     system_residual,
 )
 from sparsemor.reducers.linalg.superlu import factorize
-from sparsemor.reducers.step.newton.memory import Factor, NewtonMemory
+from sparsemor.reducers.step.factors import Factor
+from sparsemor.reducers.step.loop import Linearisation
+from sparsemor.reducers.step.memory import RunMemory
 from sparsemor.reducers.step.rejection import Checked, checked
 from sparsemor.reducers.touched_blocks import coupling
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(eq=False)
 class Summed:
     """Equations of a model summed over its terms: linear terms as K x + C v + M a + prescribed(t)
-    with (n, n) csr matrices, the other terms one by one. price: see `newton.Equations`."""
+    with (n, n) csr matrices, the other terms one by one. price: see `loop.Equations`."""
 
     layout: Layout
     K: Csr
@@ -65,33 +69,40 @@ class Summed:
     def terms(self) -> tuple[tuple[Term, IntArray], ...]:
         return tuple((t, t.columns) for t in (*self.linear, *self.others))
 
-    def buffers(self) -> tuple[FrameWork, ...]:
-        """Empty: these terms need no working arrays."""
-        return ()
+    @property
+    def solved(self) -> slice:
+        return slice(None)
 
-    def of_run(self, memory: NewtonMemory) -> "Summed":
-        return self
+    def working(self, memory: RunMemory | None = None) -> "Summed":
+        """These equations in the steps of one run."""
+        return copy(self)
 
-    def prescribed(self, t: float) -> FloatArray:
+    def begin(self, step: StepFormula, d: FloatArray) -> None:
         zero = np.zeros(self.layout.size)
-        return system_residual(self.layout, self.linear, zero, zero, zero, t)
+        self.step = step
+        self.prescribed = system_residual(self.layout, self.linear, zero, zero, zero, step.t)
 
-    def residual(
-        self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, prescribed: FloatArray
-    ) -> FloatArray:
-        r = system_residual(self.layout, self.others, x, v, a, t)
-        r += self.K @ x + self.C @ v + prescribed
+    def residual(self, d: FloatArray) -> FloatArray:
+        x, v, a = self.step.at(d)
+        r = system_residual(self.layout, self.others, x, v, a, self.step.t)
+        r += self.K @ x + self.C @ v + self.prescribed
         if self.M.nnz:
             r += self.M @ a
         return r
 
-    def jacobian(
+    def slope(
         self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
     ) -> Csr:
+        """Jacobian (n, n) at a state, for dv = c1 dx and da = c2 dx; c1, c2 (n,)."""
         J = self.K + self.C * c1[None, :] + self.M * c2[None, :]
         if self.others:
             J = J + system_jacobian(self.layout, self.others, x, v, a, t, c1, c2).tocsr()
         return csc_array(J)
+
+    def jacobian(self, at: Linearisation) -> Csr:
+        c1, c2 = rate_factors(self.layout, *at.c[:3])
+        c2[self.layout.first] = at.c[3]
+        return self.slope(at.x, at.v, at.a, at.t, c1, c2)
 
     def factorize(self, J: Csr) -> Factor:
         # pivots off the diagonal where it is small

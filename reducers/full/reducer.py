@@ -13,9 +13,9 @@ from sparsemor.reducers.step.blocks.thermal_block import FullHeat, HeatBlock, Lo
 from sparsemor.reducers.step.blocks.thermal_groups import full_group, group_name
 from sparsemor.reducers.step.compiled.stepper import compilable
 from sparsemor.reducers.step.coupled_reduced import ProjectedModel, reduced_general
-from sparsemor.reducers.step.newton.fallback import FullNewton
-from sparsemor.reducers.step.newton.stepper import NewtonStepper
+from sparsemor.reducers.step.loop import Loop
 from sparsemor.reducers.step.prepare import constants, stepper
+from sparsemor.reducers.step.whole_step import TextbookNewton, WholeStepper
 from sparsemor.reducers.step_options import StepOptions
 from sparsemor.reducers.touched_blocks import coupling, elements
 
@@ -73,12 +73,12 @@ class Full(StepOptions):
         made = compilable(made, self.compiled)
         if made.iterating:  # chosen where a factor is too large
             return made
-        return replace(made, newton=FullNewton(lambda: Summed.of(model, price=0), tol))
+        return replace(made, newton=TextbookNewton(lambda: Summed.of(model, price=0), tol))
 
-    def _whole(self, model: AssembledModel, price: int, why: str) -> NewtonStepper:
+    def _whole(self, model: AssembledModel, price: int, why: str) -> WholeStepper:
         """Newton solver for all unknowns together; price: see `Equations`; why: the reason, for
         notes."""
-        return NewtonStepper(
-            Summed.of(model, price), elements(model, model.terms, [t.rows for t in model.terms]),
-            self.tolerances, self.predictor,
+        return WholeStepper(
+            Summed.of(model, price), Loop(model.layout, self.tolerances),
+            elements(model, model.terms, [t.rows for t in model.terms]), self.predictor,
             notes=whole_step_notes(model, why))

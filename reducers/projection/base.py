@@ -36,7 +36,6 @@ from sparsemor.reducers.linalg.left_inverse import left_inverse
 from sparsemor.reducers.notes import shadowed_basis
 from sparsemor.reducers.projection.maps import Approximation, Linear, Maps, Reducible
 from sparsemor.reducers.step.acceptance import Tolerances
-from sparsemor.reducers.step.blocks.compressed_elastic import CompressedElastic
 from sparsemor.reducers.step.blocks.compressed_prescribed import CompressedPrescribed
 from sparsemor.reducers.step.blocks.thermal_block import CompressedHeat
 from sparsemor.reducers.step.blocks.thermal_groups import heat_groups
@@ -47,8 +46,6 @@ from sparsemor.reducers.step.coupled_reduced import (
     ReducedGeneral,
     reduced_general,
 )
-from sparsemor.reducers.step.newton.equations import Equations
-from sparsemor.reducers.step.newton.fallback import Assembled, FullNewton
 from sparsemor.reducers.step.operators import TestedElastic, TestedHeat
 from sparsemor.reducers.step.prepare import constants, stepper
 from sparsemor.reducers.step.solver import Facts, Stepper
@@ -225,18 +222,14 @@ def fast(
         local = local_terms(model, b, projected.dictionaries[n], projected.wide(n)) if (
             b.local) else []
         heat[n] = CompressedHeat.of(p.tested, p.left, None, c1_first, local)
-    kind = CompressedElastic if model.separated.border_size else CompressedPrescribed
-    elastic = {n: kind.of(p.tested, p.left, None, c1, c2) for n, p in projected.elastic.items()}
+    prescribed = not model.separated.border_size
+    elastic = {n: CompressedPrescribed.of(p.tested, p.left, None, c1, c2)
+               for n, p in projected.elastic.items()} if prescribed else {}
     wide = {c.rows: projected.wide(c.rows) for c in model.separated.couplings}
     made = stepper(
         model, projected.layout, projected.dictionaries, projected.rows,
         heat_groups(model, heat, projected.dictionaries, wide, c1_first), elastic, tolerances,
-        points, len(heat) + len(elastic), True, limits, notes,
+        points, len(heat) + len(projected.elastic), True, limits, notes,
         {n: p.tested for n, p in projected.elastic.items()}, facts,
         {n: block.elements for n, block in heat.items()})
-    iterated = any(b.local is not None for b in elastic.values())
-    if elastic and not model.separated.border_size and not iterated:
-        return made  # frames follow a prescribed motion
-    # made here, so that what steps does not hold the model
-    whole: Equations = reduced_general(projected, tolerances, points).equations
-    return replace(made, newton=FullNewton(Assembled(whole), tolerances))
+    return made.with_equations(reduced_general(projected, tolerances, points).equations)

@@ -1,7 +1,7 @@
 """Assembly of a step solver from the sampled rows of each block, for the reducer `sparse`."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from sparsemor.core import (
     AssembledModel,
@@ -43,7 +43,6 @@ from sparsemor.reducers.step.coupled_reduced import (
     ReducedGeneral,
     reduced_general,
 )
-from sparsemor.reducers.step.newton.fallback import Assembled, FullNewton
 from sparsemor.reducers.step.operators import TestedElastic, TestedHeat, TestMap
 from sparsemor.reducers.step.prepare import stepper
 from sparsemor.reducers.step.solver import Facts, Stepper
@@ -218,7 +217,10 @@ class Build:
     ) -> Stepper | SparseStepper:
         """Step solver; blocks in which no atoms are selected are condensed here, once."""
         fixed_heat = {n: h.prepared(None) for n, h in heat.items() if not h.block.selects}
-        fixed_elastic = {n: e.prepared(None) for n, e in elastic.items() if not e.block.selects}
+        fixed = not any(s.block.selects for s in (*heat.values(), *elastic.values()))
+        together = fixed and bool(self.model.separated.border_size)
+        fixed_elastic = {} if together else {
+            n: e.prepared(None) for n, e in elastic.items() if not e.block.selects}
         # D^-1 brings every load to every row
         plain = {n: r for n, r in rows.items() if n not in self.inverted}
         wide = {c.rows: self._wide(heat[c.rows], maps[c.rows])
@@ -227,18 +229,17 @@ class Build:
         groups = fixed_heat if not wide else heat_groups(
             self.model, fixed_heat, self.dictionaries, wide, self.step.c1_first)
         o, sizes = self.options, {n: d.atoms.shape[1] for n, d in self.dictionaries.items()}
-        fixed = len(fixed_heat) == len(heat) and len(fixed_elastic) == len(elastic)
         base = stepper(
             self.model, self.model.layout.resized(sizes), self.dictionaries, rows, groups,
-            fixed_elastic, o.tolerances, o.predictor, len(fixed_heat) + len(fixed_elastic),
+            fixed_elastic, o.tolerances, o.predictor,
+            len(fixed_heat) + (len(elastic) if fixed else len(fixed_elastic)),
             fixed and self.offline is not None, self.limits,
             (*unsampled_loads(self.model, plain), *notes),
             {n: e.tested for n, e in elastic.items()}, facts, visited)
         if fixed:
-            if any(b.local is not None for b in fixed_elastic.values()):
-                projected = self._projected(rows, maps, heat, elastic)
-                base = replace(base, newton=FullNewton(Assembled(reduced_general(
-                    projected, o.tolerances, o.predictor).equations), o.tolerances))
+            projected = self._projected(rows, maps, heat, elastic)
+            base = base.with_equations(reduced_general(
+                projected, o.tolerances, o.predictor).equations)
             return compilable(base, o.compiled)
         require_numba(o.compiled)
         # all elastic blocks take part in the joint problem

@@ -30,6 +30,7 @@ from sparsemor.reducers.step.blocks.elastic_local import GROWN
 from sparsemor.reducers.step.border.sparse import bordered_system
 from sparsemor.reducers.step.frame_step import BodyStep
 from sparsemor.reducers.step.iteration_state import Loop, Workspace, rounded_off
+from sparsemor.reducers.step.memory import Memory
 from sparsemor.reducers.step.step_unknowns import StepUnknowns
 
 
@@ -80,11 +81,20 @@ class Mechanics:
         other.local = _local(other.bodies)
         return other
 
+    def alone(self) -> Mapping[str, FloatArray]:
+        """Reduced elastic block -> (k, 2 k): response of its coefficients to changes of their r1
+        and r2 with all other unknowns fixed, where these equations have the blocks."""
+        return {}
+
+    def remember(self, x: FloatArray, d: FloatArray, step: StepFormula, memory: Memory) -> None:
+        """Takes the magnitudes of an accepted step into account; these were, by `solve`."""
+
     def solve(
-        self, step: StepFormula, now: StepUnknowns, memory: Scales, work: Workspace
+        self, step: StepFormula, now: StepUnknowns, run: Memory
     ) -> tuple[Status, int, str, str]:
         """Solves a step by iteration, in place from the prediction `now`; returns status, number of
         iterations, block of a failure, and details."""
+        memory, work = run.scales, run.work
         loop = self._begin(step, now, memory)
         work.loop = loop
         last, change, slow = inf, inf, None

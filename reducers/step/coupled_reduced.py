@@ -35,13 +35,12 @@ from sparsemor.core import (
 from sparsemor.reducers.step.acceptance import Tolerances
 from sparsemor.reducers.step.border.least_norm import least
 from sparsemor.reducers.step.frame_step import BodyStep
-from sparsemor.reducers.step.newton.memory import NewtonMemory
-from sparsemor.reducers.step.newton.response import linear_response
-from sparsemor.reducers.step.newton.stepper import NewtonStepper
+from sparsemor.reducers.step.loop import Loop
 from sparsemor.reducers.step.operators import TestedElastic, TestedHeat, TestMap
-from sparsemor.reducers.step.reduced_residual import Dense, DenseBody, DenseHeat
+from sparsemor.reducers.step.reduced import Reduced, ReducedBody, ReducedHeat
 from sparsemor.reducers.step.relocalised import Coupled
 from sparsemor.reducers.step.solver import Facts, reduce_state
+from sparsemor.reducers.step.whole_step import WholeMemory, WholeStepper, linear_response
 from sparsemor.reducers.touched_blocks import coupling, elements
 
 T = TypeVar("T", TestedElastic, TestedHeat)
@@ -90,16 +89,16 @@ class ProjectedModel:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ReducedGeneral(NewtonStepper):
-    """Newton step solver of a reduced model with dense equations for all unknowns together."""
+class ReducedGeneral(WholeStepper):
+    """Step solver of a reduced model with dense equations for all unknowns together."""
 
-    equations: Dense
+    equations: Reduced
 
-    def start(self, state: State) -> tuple[State, NewtonMemory]:
+    def start(self, state: State) -> tuple[State, WholeMemory]:
         if self.dictionaries:
-            state = with_rates(self.equations.with_work(), reduce_state(
+            state = with_rates(self.equations.working(), reduce_state(
                 state, self.layout, self.dictionaries))
-        return NewtonStepper.start(self, state)
+        return WholeStepper.start(self, state)
 
     def alone(self) -> Mapping[str, FloatArray]:
         """Reduced elastic block -> (k, 2 k): response of its coefficients to changes of their r1
@@ -129,20 +128,20 @@ def reduced_general(
         f"{names} couples blocks inside the step: all unknowns are solved together, and each "
         f"evaluation visits {count} elements", "coupled"),) if dictionaries else ()
     reports = (*notes, *reports, *unavailable_resultants(c.term for c in coupled))
-    return ReducedGeneral(equations, visited, tolerances, points, dictionaries, projected.rows,
-                          limits or {}, reports, facts or {})
+    return ReducedGeneral(equations, Loop(equations.layout, tolerances), visited, points,
+                          dictionaries, projected.rows, limits or {}, reports, facts or {})
 
 
-def dense_equations(projected: ProjectedModel, by_elements: bool = False) -> Dense:
+def dense_equations(projected: ProjectedModel, by_elements: bool = False) -> Reduced:
     """Equations of a whole step of a reduced model. by_elements: local terms are evaluated with
     their sparse derivatives at each element, which for many atoms costs less than projected points;
     they must be left out of the elastic operators in `projected`."""
     model, layout = projected.model, projected.layout
     couple = _Couple(model, layout, projected.dictionaries,
                      {n: projected.wide(n) for n in projected.dictionaries}, by_elements)
-    return Dense(
+    return Reduced(
         layout,
-        [DenseHeat(layout[n], b.solved) for n, b in projected.heat.items()],
+        [ReducedHeat(layout[n], b.solved) for n, b in projected.heat.items()],
         _bodies(projected), [couple(t) for t in coupling_terms(model)],
         model.separated.border_targets, border_positions(layout), model.separated.step,
         coupling(model))
@@ -154,9 +153,9 @@ def coupling_terms(model: AssembledModel) -> list[Term]:
     return [*(t for b in s.heat for t in b.local), *s.elastic_local, *s.between]
 
 
-def _bodies(projected: ProjectedModel) -> list[DenseBody]:
+def _bodies(projected: ProjectedModel) -> list[ReducedBody]:
     layout = projected.layout
-    none, border, found = slice(0, 0), border_positions(layout), []
+    none, found = slice(0, 0), []
     for m in projected.model.separated.moving:
         block = projected.elastic.get(m.elastic)
         tested = None if block is None else block.solved
@@ -164,7 +163,7 @@ def _bodies(projected: ProjectedModel) -> list[DenseBody]:
             m.name, m.frame if tested is None else tested.frame, m.to_border, m.origin, None,
             layout[m.elastic] if m.elastic else none,
             layout[m.thermal] if m.thermal in layout else none, m.elastic, m.guide)
-        found.append(DenseBody(step, tested, border))
+        found.append(ReducedBody(step, tested))
     return found
 
 
@@ -231,21 +230,21 @@ class _Couple:
         return np.vstack(tall), np.concatenate(numbers)
 
 
-def with_rates(equations: Dense, state: State) -> State:
+def with_rates(equations: Reduced, state: State) -> State:
     """The state with accelerations, rates of temperature and multipliers that satisfy the reduced
     equations: of least norm where these are not determined (initial.py)."""
     layout, t, x, a = equations.layout, state.t, state.x.copy(), np.zeros(len(state.x))
     second, first, algebraic = layout.second, layout.first, layout.algebraic
     v, zero, one = state.v.copy(), np.zeros(layout.size), np.ones(layout.size)
     v[first] = 0.0
-    K = equations.jacobian(x, v, a, t, zero, zero)
-    c1, c2 = 1.0 / equations.step, 1.0 / equations.step**2  # mass is not lost against stiffness
-    C = (equations.jacobian(x, v, a, t, c1 * one, zero) - K) / c1
-    M = (equations.jacobian(x, v, a, t, zero, c2 * one) - K) / c2
+    K = equations.slope(x, v, a, t, zero, zero)
+    c1, c2 = 1.0 / equations.h, 1.0 / equations.h**2  # mass is not lost against stiffness
+    C = (equations.slope(x, v, a, t, c1 * one, zero) - K) / c1
+    M = (equations.slope(x, v, a, t, zero, c2 * one) - K) / c2
     A = np.hstack([M[:, second], C[:, first], K[:, algebraic]])
     A[algebraic] = 0.0
     A[algebraic, second] = K[algebraic, second]
-    r = equations.residual(x, v, a, t, equations.prescribed(t))
+    r = equations.residual_at(x, v, a, t, equations.prescribed(t))
     r[algebraic] = _curvature(equations, x, v, t)
     z = -_eliminated(A, r, equations.border)
     a[second], v[first] = z[second], z[first]
@@ -266,19 +265,19 @@ def _eliminated(A: FloatArray, r: FloatArray, border: IntArray) -> FloatArray:
     return z
 
 
-def _curvature(equations: Dense, x: FloatArray, v: FloatArray, t: float) -> FloatArray:
+def _curvature(equations: Reduced, x: FloatArray, v: FloatArray, t: float) -> FloatArray:
     """Second time derivative of the constraints at zero accelerations: the terms quadratic in
     velocities, and derivatives of prescribed motion (core/model/constraint_rates.py)."""
-    layout, zero, h = equations.layout, np.zeros(len(x)), equations.step
+    layout, zero, h = equations.layout, np.zeros(len(x)), equations.h
     rows, moving = layout.algebraic, np.zeros(len(x))
     moving[layout.second] = v[layout.second]
 
-    def rate(e: Dense, s: float, time: float) -> FloatArray:
-        J = e.jacobian(x + s * moving, zero, zero, time, zero, zero)
+    def rate(e: Reduced, s: float, time: float) -> FloatArray:
+        J = e.slope(x + s * moving, zero, zero, time, zero, zero)
         return np.asarray(J[rows] @ moving)
 
-    def value(e: Dense, time: float) -> FloatArray:
-        return e.residual(x, zero, zero, time, zero)[rows]
+    def value(e: Reduced, time: float) -> FloatArray:
+        return e.residual_at(x, zero, zero, time, zero)[rows]
 
     found = derivative_along_motion(lambda s: rate(equations, s, t), motion_step(layout, moving, h))
     once, twice = (equations.time_derivative(n, t) for n in (1, 2))
@@ -286,7 +285,7 @@ def _curvature(equations: Dense, x: FloatArray, v: FloatArray, t: float) -> Floa
     for i, f in equations.targets:
         found[equations.border[i] - rows.start] -= time_derivatives(f, t, h)[1]
     if equations.coupled:
-        other = replace(equations, heat=(), bodies=(), targets=(), work=())
+        other = equations.terms_alone()
         found = found + derivative_from_right(lambda s: value(other, s), 2, t, h)
         found = found + 2.0 * derivative_from_right(lambda s: rate(other, 0.0, s), 1, t, h)
     return found

@@ -11,6 +11,7 @@ from sparsemor.reducers.step.blocks.elastic_block import History
 from sparsemor.reducers.step.blocks.thermal_block import HeatJacobian
 from sparsemor.reducers.step.border.system import BodyMatrices, BorderedSystem
 from sparsemor.reducers.step.frame_step import BodyStep, buffers
+from sparsemor.reducers.step.reduced import Reduced
 
 
 class Loop:
@@ -50,11 +51,16 @@ class Workspace:
     """Working arrays of the mechanical steps of one run: frame quantities of each body, border
     matrices H of all bodies, and the final iteration state of the last step. Each solve
     overwrites them; they contain no state of the run, nor do the kept Jacobians of thermal blocks,
-    `heat`, which can be computed again. Each thread needs its own."""
+    `heat`, which can be computed again. equations: those of a reduced model. Each thread needs its
+    own."""
 
-    __slots__ = ("H", "frames", "heat", "loop", "of", "system")
+    __slots__ = ("H", "equations", "frames", "heat", "loop", "of", "system")
 
-    def __init__(self, frames: Sequence[Frame], system: BorderedSystem | None) -> None:
+    def __init__(
+        self, frames: Sequence[Frame], system: BorderedSystem | None,
+        equations: Reduced | None = None,
+    ) -> None:
+        self.equations = equations
         self.of, self.frames, self.system = tuple(frames), buffers(frames), system
         self.H = BodyMatrices(np.zeros(0), []) if system is None else system.matrices()
         self.loop: Loop | None = None
@@ -62,7 +68,7 @@ class Workspace:
 
     def separate(self) -> "Workspace":
         """New arrays of the same sizes."""
-        return Workspace(self.of, self.system)
+        return Workspace(self.of, self.system, self.equations and self.equations.working())
 
     def linear_iterations(self, bodies: Sequence[BodyStep]) -> dict[str, int]:
         """Elastic block -> iterations of its linear solver in the last step; blocks without are

@@ -1,12 +1,12 @@
 """State between steps of a step solver (step memory)."""
 
 from dataclasses import dataclass, field, replace
-from typing import Self
+from typing import Any, Self
 
 from sparsemor.core import BoolArray, FloatArray
 from sparsemor.reducers.step.acceptance import Scales
 from sparsemor.reducers.step.blocks.thermal_block import HeatJacobian
-from sparsemor.reducers.step.iteration_state import Workspace
+from sparsemor.reducers.step.loop import Kept
 from sparsemor.reducers.step.predictor import Past
 
 
@@ -44,8 +44,9 @@ class RunMemory:
 
 @dataclass(eq=False, kw_only=True)
 class Memory(RunMemory):
-    """State between steps of the block-wise solver: adds reference magnitudes and working arrays of
-    the bordered Newton iteration, and counts of the steps that it did not solve.
+    """State between steps of the block-wise solver: adds reference magnitudes, working arrays
+    (`Workspace`) and the kept Jacobian of the mechanical iteration, and counts of the steps that it
+    did not solve.
 
     full_newton_steps: number of steps solved by Newton's method with the exact Jacobian;
     full_newton_next: number of coming steps that use it from the beginning; linear: block ->
@@ -53,7 +54,8 @@ class Memory(RunMemory):
     Jacobian was evaluated (`HeatJacobian`).
     """
 
-    work: Workspace
+    work: Any
+    kept: Kept = field(default_factory=lambda: Kept.of(0))
     scales: Scales = field(default_factory=Scales)
     full_newton_steps: int = 0
     full_newton_next: int = 0
@@ -65,7 +67,8 @@ class Memory(RunMemory):
 
     def copy(self) -> Self:
         return replace(super().copy(), scales=self.scales.copy(), work=self.work.separate(),
-                       linear=dict(self.linear), linearized=dict(self.linearized))
+                       kept=self.kept.copy(), linear=dict(self.linear),
+                       linearized=dict(self.linearized))
 
     def moved(self, x: FloatArray) -> None:
         super().moved(x)

@@ -53,6 +53,8 @@ def stepper(
     elements = {name: 0 for name in model.reducible()}
     elements |= visited or {name: block.elements for name, block in heat.items()}
     elements |= {n: b.local.elements for n, b in elastic.items() if b.local is not None}
+    elements |= {n: sum(part.term.elements for part in t.local)
+                 for n, t in (tested or {}).items() if n not in elastic and t.local}
     # unknowns over their limits; those without one are scaled to be caught when not finite only
     sanity = np.full(layout.size, 1e-150)
     for name, limit in (limits or {}).items():

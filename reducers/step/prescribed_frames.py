@@ -25,7 +25,8 @@ from sparsemor.reducers.step.blocks.elastic_local import GROWN
 from sparsemor.reducers.step.blocks.prescribed_frame_block import Past, PrescribedBlock
 from sparsemor.reducers.step.condensed_newton import SLOW, Mechanics
 from sparsemor.reducers.step.frame_step import BodyStep
-from sparsemor.reducers.step.iteration_state import Loop, Workspace
+from sparsemor.reducers.step.iteration_state import Loop
+from sparsemor.reducers.step.memory import Memory
 from sparsemor.reducers.step.step_unknowns import StepUnknowns
 
 NONE = np.zeros(0)
@@ -35,10 +36,11 @@ class PrescribedFrames(Mechanics):
     """Mechanical equations with prescribed frames, solved one body after the other."""
 
     def solve(
-        self, step: StepFormula, now: StepUnknowns, memory: Scales, work: Workspace
+        self, step: StepFormula, now: StepUnknowns, run: Memory
     ) -> tuple[Status, int, str, str]:
         """Solves a step in place from the prediction `now`; returns status, number of iterations,
         block of a failure, and details."""
+        memory, work = run.scales, run.work
         work.loop = loop = Loop()
         loop.history, loop.dy = [None] * len(self.bodies), NONE
         loop.predicted = loop.d = NONE

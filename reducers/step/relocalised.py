@@ -16,7 +16,14 @@ from sparsemor.core import (
     RelocatesNear,
     WrapsTerm,
 )
-from sparsemor.reducers.step.newton.memory import NewtonMemory
+
+
+class CopyMemory(Protocol):
+    """Step memory with local copies of terms. near: number of a term -> its copy, or the state at
+    which it was made; searches: number of copies made so far."""
+
+    near: dict[int, LocalCopy | FloatArray]
+    searches: int
 
 
 @runtime_checkable
@@ -44,7 +51,7 @@ class Coupled:
         return cls(term, rows, columns, term if isinstance(term, ChecksStep) else None,
                    term if isinstance(term, Relocatable) else None)
 
-    def by_copies(self, number: int, memory: NewtonMemory) -> "Coupled":
+    def by_copies(self, number: int, memory: CopyMemory) -> "Coupled":
         """The same, evaluated by local copies in `memory` if the term offers any."""
         if self.relocates is None:
             return self
@@ -58,7 +65,7 @@ class Relocalised:
 
     term: Relocatable
     number: int
-    memory: NewtonMemory
+    memory: CopyMemory
 
     @property
     def elements(self) -> int:
@@ -100,3 +107,9 @@ class Relocalised:
     def resultants(self, x: FloatArray, v: FloatArray, t: float) -> Mapping[str, float]:
         copy = self.at(x)
         return {} if copy is None else copy.resultants(x, v, t)
+
+
+def state_of(kept: LocalCopy | FloatArray) -> FloatArray:
+    """State (k,) at which a local copy of a term was made; in a stored memory the entry is that
+    state."""
+    return kept if isinstance(kept, np.ndarray) else kept.at

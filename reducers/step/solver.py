@@ -31,14 +31,20 @@ from sparsemor.reducers.step.condensed_newton import Mechanics
 from sparsemor.reducers.step.frame_step import BodyStep
 from sparsemor.reducers.step.initial import StartTimes, consistent_start, constraint_errors
 from sparsemor.reducers.step.iteration_state import Workspace
+from sparsemor.reducers.step.loop import Kept
 from sparsemor.reducers.step.memory import Memory
-from sparsemor.reducers.step.newton.fallback import STEPS, FullNewton
 from sparsemor.reducers.step.operators import TestedElastic
 from sparsemor.reducers.step.predictor import Past, block_starts
 from sparsemor.reducers.step.prescribed_frames import PrescribedFrames
+from sparsemor.reducers.step.reduced import Reduced
+from sparsemor.reducers.step.reduced_mechanics import ReducedMechanics
 from sparsemor.reducers.step.step_unknowns import StepUnknowns
 from sparsemor.reducers.step.time_tables import TimeTable
+from sparsemor.reducers.step.whole_step import TextbookNewton, linear_response
 
+STEPS = 10
+"""Number of steps after one that needed the exact Jacobian before the cheaper iteration is tried
+again."""
 Facts = Mapping[str, Mapping[str, float | int | str]]
 """Block name -> numbers to report."""
 
@@ -76,8 +82,10 @@ class Stepper:
     """Name and unknowns of each thermal block, or of several that are solved together."""
     meshless: bool = False
     """True if `start` takes a state in the reduced unknowns."""
-    newton: FullNewton | None = None
+    newton: TextbookNewton | None = None
     """Newton's method with the exact Jacobian, for steps whose mechanics do not converge."""
+    whole: Reduced | None = None
+    """Equations of the whole step of a reduced model, for its linear response."""
 
     def workspace(self) -> Workspace:
         """Working arrays for one run."""
@@ -89,6 +97,14 @@ class Stepper:
         return kind(
             bodies(self), n_rigid, self.layout.algebraic, self.separated.border_targets,
             self.tolerances)
+
+    def with_equations(self, whole: Reduced) -> "Stepper":
+        """This step solver of a reduced model with all its bodies solved for together, where any
+        rigid coordinate or joint force is unknown."""
+        if self.mechanics is None or not self.separated.border_size:
+            return replace(self, whole=whole)
+        return replace(self, whole=whole, mechanics=ReducedMechanics(
+            *self.mechanics.parts(), whole))
 
     def with_blocks(
         self, heat: Mapping[str, HeatBlock], elastic: Mapping[str, ElasticBlock | PrescribedBlock]
@@ -104,7 +120,7 @@ class Stepper:
         reduced = self.reduced(state)
         return reduced, Memory(
             past=Past(self.points, reduced.x, block_starts(self.layout)), work=self.workspace(),
-            factorizations=self.factorizations)
+            kept=Kept.of(len(list(self.layout))), factorizations=self.factorizations)
 
     def projection(self, state: State) -> State:
         """A full-order state in the unknowns of this model."""
@@ -174,8 +190,7 @@ class Stepper:
             iterations = max(iterations, n)
         if self.mechanics is not None and self.mechanics.bodies:
             scales = memory.scales.copy() if self.mechanics.local else None
-            status, iterations, block, detail = self.mechanics.solve(
-                step, now, memory.scales, memory.work)
+            status, iterations, block, detail = self.mechanics.solve(step, now, memory)
             if self.iterating:
                 for name, count in memory.work.linear_iterations(
                         self.mechanics.bodies).items():
@@ -225,7 +240,7 @@ class Stepper:
         return replace(outcome, iterations=spent)
 
     def _full_newton(
-        self, newton: FullNewton, step: StepFormula, memory: Memory
+        self, newton: TextbookNewton, step: StepFormula, memory: Memory
     ) -> StepOutcome:
         outcome = newton.solve(step, memory.past)
         if outcome.status.ok:
@@ -240,7 +255,10 @@ class Stepper:
         bad = self._insane(outcome.x)
         if bad is None:
             x, rates = outcome.x, outcome.rates
-            memory.past.push(x, x - step.free if rates is None else step.departure(x, *rates))
+            d = x - step.free if rates is None else step.departure(x, *rates)
+            memory.past.push(x, d)
+            if self.mechanics is not None:
+                self.mechanics.remember(x, d, step, memory)
         return bad or outcome
 
     def _insane(self, x: FloatArray) -> StepOutcome | None:
@@ -268,7 +286,7 @@ class Stepper:
         """Reduced elastic block -> (s, 2 s): response of its active coefficients to changes of
         their r1 and r2 with all other unknowns fixed: [-D^-1 D_m, -D^-1 M] projected, with the
         damping D_m."""
-        found = {}
+        found = {} if self.mechanics is None else dict(self.mechanics.alone())
         for name, block in self.elastic.items():
             at = self.layout[name]
             rates = block.rates(at.stop - at.start)
@@ -279,10 +297,8 @@ class Stepper:
 
     def response(self, step: StepFormula, x: FloatArray) -> FloatArray | None:
         """Linear response (n, 2 n) of the solution x of a step to changes of [r1; r2]; None where
-        no equations of the whole step are at hand, or these are not reduced."""
-        if self.newton is None or not self.dictionaries:
-            return None
-        return self.newton.response(step, x)
+        no equations of the whole step are at hand."""
+        return None if self.whole is None else linear_response(self.whole, step, x)
 
     def supports(self, memory: Memory) -> Mapping[str, BoolArray]:
         return memory.supports

@@ -1,6 +1,6 @@
 """Arrays of a model for compiled steps, made from its step solver."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import comb
 
 import numpy as np
@@ -16,6 +16,7 @@ from sparsemor.core import (
 )
 from sparsemor.reducers.step.blocks.compressed_elastic import CompressedElastic
 from sparsemor.reducers.step.blocks.compressed_prescribed import CompressedPrescribed
+from sparsemor.reducers.step.blocks.elastic_block import ElasticBlock
 from sparsemor.reducers.step.blocks.elastic_local import LocalForces, ReducedLocal
 from sparsemor.reducers.step.blocks.thermal_block import CompressedHeat, HeatBlock
 from sparsemor.reducers.step.compiled.arrays import (
@@ -30,9 +31,11 @@ from sparsemor.reducers.step.compiled.local import NO_LOCAL, LocalArrays
 from sparsemor.reducers.step.compiled.local_plan import local_arrays, points_of
 from sparsemor.reducers.step.compiled.stacked import NO_BODY, array, by_four, number, stacked
 from sparsemor.reducers.step.compiled.timed import NotCompiled, Timed
+from sparsemor.reducers.step.condensed_newton import Mechanics
 from sparsemor.reducers.step.frame_step import BodyStep
 from sparsemor.reducers.step.predictor import block_starts
 from sparsemor.reducers.step.prescribed_frames import PrescribedFrames
+from sparsemor.reducers.step.reduced_mechanics import ReducedMechanics
 from sparsemor.reducers.step.solver import Stepper
 
 LARGEST_BORDER = 150
@@ -47,7 +50,7 @@ class Plan:
     all bodies with unknown motion, and their local terms; prescribed: each with prescribed motion;
     frame: function of the frames of the former; laws: functions of the laws of local terms; timed:
     functions of time; targets: numbers of border unknowns with the functions that prescribe them;
-    border: number of border unknowns."""
+    border: number of border unknowns; mechanics: the equations that the arrays are made from."""
 
     hot: tuple[str, ...]
     heat: tuple[HeatArrays, ...]
@@ -59,6 +62,7 @@ class Plan:
     timed: Timed
     targets: tuple[tuple[int, Amplitude], ...]
     border: int
+    mechanics: Mechanics
 
     @property
     def functions(self) -> Functions:
@@ -74,9 +78,9 @@ class Plan:
         return found
 
 
-def plan(s: Stepper) -> Plan:
-    """Arrays for the steps of `s`. Raises NotCompiled, with the reason, where its model contains
-    what compiled steps do not."""
+def plan(s: Stepper, c1: float = 1.0, c2: float = 1.0) -> Plan:
+    """Arrays for the steps of `s` with these factors. Raises NotCompiled, with the reason, where
+    its model contains what compiled steps do not."""
     mechanics, timed, laws = s.mechanics, Timed(), list[Called]()
     if mechanics is None:
         raise NotCompiled("the model has no step of its own blocks")
@@ -85,17 +89,28 @@ def plan(s: Stepper) -> Plan:
     if isinstance(mechanics, PrescribedFrames):
         moved = tuple(_prescribed(i, b, timed, laws) for i, b in enumerate(mechanics.bodies)
                       if b.prescribed is not None)
-        return Plan(hot, heat, stacked(()), (), moved, None, tuple(laws), timed, (), 0)
+        return Plan(hot, heat, stacked(()), (), moved, None, tuple(laws), timed, (), 0,
+                    mechanics)
     if mechanics.size > LARGEST_BORDER:
         raise NotCompiled(f"{mechanics.size} rigid coordinates and joint forces")
     frames = [_frame(b) for b in mechanics.bodies]
     if len({f.function for f in frames}) > 1:
         raise NotCompiled("frames with different functions")
     terms: list[BodyTerms] = []
-    bodies = [_body(i, b, f, timed, laws, terms)
+    bodies = [_body(i, replace(b, block=_condensed(s, b, c1, c2)), f, timed, laws, terms)
               for i, (b, f) in enumerate(zip(mechanics.bodies, frames, strict=True))]
     return Plan(hot, heat, stacked(bodies), tuple(terms), (), frames[0], tuple(laws), timed,
-                mechanics.targets, mechanics.size)
+                mechanics.targets, mechanics.size, mechanics)
+
+
+def _condensed(s: Stepper, b: BodyStep, c1: float, c2: float) -> ElasticBlock | None:
+    """The elastic block of a body with D^-1 applied to all matrices."""
+    if not isinstance(s.mechanics, ReducedMechanics):
+        return b.block
+    tested = next(t.tested for t in s.mechanics.whole.bodies if t.step.name == b.name)
+    if tested is None:
+        return None
+    return CompressedElastic.of(tested, np.eye(len(tested.mass)), None, c1, c2)
 
 
 def _frame(b: BodyStep) -> FrameArrays:

@@ -19,6 +19,7 @@ from sparsemor.core import (
     next_time,
     require,
 )
+from sparsemor.reducers.step.acceptance import EPS, Scales
 from sparsemor.reducers.step.blocks.thermal_block import HeatJacobian
 from sparsemor.reducers.step.compiled.arrays import (
     NO_HEAT,
@@ -35,6 +36,7 @@ from sparsemor.reducers.step.compiled.plan import Plan, model_arrays, plan
 from sparsemor.reducers.step.compiled.stacked import work_of
 from sparsemor.reducers.step.compiled.timed import NotCompiled
 from sparsemor.reducers.step.memory import Memory
+from sparsemor.reducers.step.reduced_mechanics import ReducedMechanics
 from sparsemor.reducers.step.solver import Stepper
 
 Compiled: TypeAlias = Literal["auto", "on", "off"]
@@ -63,7 +65,7 @@ class CompiledStepper(Stepper):
 def compiled_steps(s: Stepper, rules: UpdateRules, h: float) -> "CompiledSteps | None":
     """Compiled steps of `s`, of size h, s; None where its model is not covered."""
     try:
-        return CompiledSteps(plan(s), model_arrays(s, rules, h), h)
+        return CompiledSteps(plan(s, *rules.factors[:2]), model_arrays(s, rules, h), h)
     except NotCompiled:
         return None
 
@@ -127,6 +129,9 @@ class CompiledSteps:
     def advance(self, state: State, memory: Memory, count: int) -> StepBlock:
         """Solves up to `count` steps; none at the start, where reference magnitudes are unknown,
         and while full Newton steps are due."""
+        mechanics = self.plan.mechanics
+        if isinstance(mechanics, ReducedMechanics) and memory.kept.top.any():
+            _magnitudes(mechanics, state, memory.scales)
         known = memory.scales.floor or not (len(self.plan.bodies.k) or self.plan.prescribed)
         if not known or memory.full_newton_next:
             return StepBlock()
@@ -187,6 +192,26 @@ def _compiled(plan: Plan) -> tuple[Callable[..., int], Callable[[Sequence[Any], 
         return made
 
     return compiled_advance(plan.functions), listed
+
+
+def _magnitudes(mechanics: ReducedMechanics, state: State, scales: Scales) -> None:
+    """Reference magnitudes of the iteration of compiled steps, where the last step was not one of
+    them."""
+    if not scales.floor:
+        n = len(mechanics.bodies)
+        scales.elastic, scales.bending, scales.floor = [0.0] * n, [0.0] * n, [0.0] * n
+        at = state.x, state.v, state.a, state.t
+        columns = {b.body.step.name: b.column[:, b.at < mechanics.n_rigid]
+                   for b in mechanics.equations.working().border_blocks(*at, 1.0, 1.0)}
+        for i, b in enumerate(mechanics.bodies):
+            if b.free:  # of rounding positions of size 1
+                scales.floor[i] = (4 * EPS) ** 2 * float(np.sum(columns[b.name] ** 2))
+    for i, b in enumerate(mechanics.bodies):
+        u, a = state.x[b.elastic], state.a[b.elastic]
+        scales.elastic[i] = max(scales.elastic[i], float(u.dot(u)))
+        scales.bending[i] = max(scales.bending[i], float(a.dot(a)))
+    a = state.a[: mechanics.n_rigid]
+    scales.acceleration = max(scales.acceleration, float(np.sqrt(a.dot(a))))
 
 
 def _run_arrays(state: State, memory: Memory) -> RunArrays:

@@ -67,9 +67,9 @@ def trained(s: Scene, reducer: Any, end: float | None = None) -> Case:
 
 
 def in_python(case: Case, solver: Stepper) -> CompiledSteps:
-    made = plan(solver)
     h = case.scene.time.step
     rules = case.scene.integrator.rules(h)
+    made = plan(solver, *rules.factors[:2])
     return CompiledSteps(made, model_arrays(solver, rules, h), h, bound(
         made.functions, lambda function: function))
 

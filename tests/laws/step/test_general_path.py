@@ -24,7 +24,7 @@ from sparsemor.core.testing.in_memory_run import March, march
 from sparsemor.core.testing.term import check_term
 from sparsemor.plugins.stability.step_map import step_map
 from sparsemor.reducers.step.coupled_reduced import ReducedGeneral
-from sparsemor.reducers.step.newton.stepper import NewtonStepper
+from sparsemor.reducers.step.whole_step import WholeStepper
 from springs import bars, coupled, with_other
 
 pytestmark = pytest.mark.full
@@ -140,7 +140,7 @@ def test_a_kept_factor_changes_no_step() -> None:
     model = coupled(scene)
     chord, textbook = (march(scene.using({"reducer": {"use": "full", "method": m}}), model=model)
                        for m in ("bordered", "newton"))
-    assert isinstance(chord.solver, NewtonStepper)
+    assert isinstance(chord.solver, WholeStepper)
     assert max(errors(chord, textbook).values()) < 1e-9
     assert np.abs(chord.block("one.elastic")).max() > 1e-6  # the springs do bend the bars
 

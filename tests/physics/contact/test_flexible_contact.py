@@ -17,7 +17,7 @@ from sparsemor.core.scene.scene import Scene
 from sparsemor.core.status import SolveFailed, Status
 from sparsemor.core.testing.in_memory_run import march
 from sparsemor.reducers.full.monolithic import Summed
-from sparsemor.reducers.step.newton.stepper import NewtonStepper
+from sparsemor.reducers.step.whole_step import WholeStepper
 
 pytestmark = pytest.mark.full
 
@@ -26,7 +26,7 @@ pytestmark = pytest.mark.full
 
 def test_the_contact_carries_the_load_and_drags() -> None:
     run = full()
-    assert isinstance(run.solver, NewtonStepper)
+    assert isinstance(run.solver, WholeStepper)
     x, y, _ = forces(run)[run.model.layout["slider.rigid"]]
     assert abs(y - LOAD) < 2e-4 * LOAD
     # along the deformed surface, which is all but level

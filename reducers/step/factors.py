@@ -1,12 +1,22 @@
 """LU factorizations of the Jacobians of reduced models, with scaled rows and columns."""
 
+from typing import Protocol, TypeAlias
+
 import numpy as np
 from scipy.linalg import lapack
 from scipy.sparse import csc_array
 from scipy.sparse.linalg import splu
 
-from sparsemor.core import FloatArray
-from sparsemor.reducers.step.newton.memory import Factor
+from sparsemor.core import Csr, FloatArray
+
+Matrix: TypeAlias = FloatArray | Csr
+
+
+class Factor(Protocol):
+    """A factorized Jacobian."""
+
+    def solve(self, r: FloatArray) -> FloatArray: ...
+
 
 MANY, FILLED = 300, 0.1
 """Number of unknowns, and largest share of entries that are not zero, from which and up to which a
@@ -15,9 +25,27 @@ Jacobian is factorized as a sparse one: that of a chain of many bodies."""
 
 def factorized(J: FloatArray) -> Factor:
     """LU factorization of J (n, n). Raises RuntimeError where it is singular."""
-    if len(J) >= MANY and np.count_nonzero(J) <= FILLED * J.size:
-        return SparseLu(J)
-    return Lu(J)
+    if len(J) < MANY:
+        return Inverse(J)
+    return SparseLu(J) if np.count_nonzero(J) <= FILLED * J.size else Lu(J)
+
+
+class Inverse:
+    """Inverse of a small matrix: one product takes an eighth of the time of two triangular solves.
+    Raises RuntimeError where the matrix is singular."""
+
+    __slots__ = ("inverse",)
+
+    def __init__(self, J: FloatArray) -> None:
+        scaled, rows, columns = _scaled(J)
+        lu, pivots, info = lapack.dgetrf(scaled, overwrite_a=1)
+        _check(info == 0, np.abs(np.diag(lu)))
+        inverse = lapack.dgetri(lu, pivots, overwrite_lu=1)[0] if len(J) else lu
+        self.inverse = np.ascontiguousarray(columns[:, None] * inverse * rows)
+
+    def solve(self, r: FloatArray) -> FloatArray:
+        """Solution for a right-hand side r (n,) or (n, k)."""
+        return np.asarray(self.inverse.dot(r))
 
 
 class Lu:

@@ -1,0 +1,432 @@
+"""Iteration of a step: Newton's method with a kept Jacobian, for every reducer.
+
+The unknown is the departure d (n,) from the free motion of the step (core/protocols/integrator.py):
+x = free + d, x' = free_rate + c1 d, x'' = c2 d. An iteration is one residual and one solve,
+
+    d <- d - J^-1 F(d),
+
+with the Jacobian J of an earlier iterate or an earlier step (chord method; Deuflhard 2011, doi
+10.1007/978-3-642-23899-4, Sec. 2.1). J is renewed where it contracts too slowly, or when the
+iterations that it has cost in excess of its best step reach its price. The iteration ends when the
+error estimated from two changes of this step is below the tolerance (acceptance.py), relative to
+the largest values of each block so far. Full steps are taken even where they increase the residual
+for a moment, as at the kinks of a contact force; only if that persists is a line search used.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from math import inf
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from sparsemor.core import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    Layout,
+    Quantity,
+    Status,
+    StepFormula,
+)
+from sparsemor.reducers.step.acceptance import (
+    ACCELERATION_ERROR,
+    EPS,
+    MARGIN,
+    STALLED,
+    Tolerances,
+    estimated_error,
+    rounding,
+)
+from sparsemor.reducers.step.factors import Factor, Matrix
+
+CYCLE = 1e-9
+"""Relative change below which the test for a cycle of two iterates is not made."""
+PATIENCE = 6
+"""Number of full steps that may fail to halve the smallest change before the line search begins."""
+SHORTEST = 2.0**-14
+"""Smallest step length of the line search, relative to a full step."""
+WANDERING = 1e-2
+"""Relative change above which an iteration that takes long counts as lost."""
+SLOW = 0.5
+"""Ratio of consecutive changes from which the Jacobian is renewed at once."""
+UNKNOWN = 10**6
+
+
+class Linearisation(NamedTuple):
+    """State at which a Jacobian was evaluated, x (n,) with rates v, a at t (s), and the factors of
+    its step: c1, c2, c1 of first-order unknowns and c2 of these."""
+
+    x: FloatArray
+    v: FloatArray
+    a: FloatArray
+    t: float
+    c: tuple[float, float, float, float]
+
+
+class Equations(Protocol):
+    """Equations F(d) = 0 of one step of a model of n unknowns.
+
+    price: cost of a new Jacobian in iterations with the old one; 0: a new one in each iteration.
+    solved: unknowns for which J is not the identity. named: terms that couple blocks: name in the
+    scene, and the coupled blocks.
+    """
+
+    @property
+    def layout(self) -> Layout: ...
+    @property
+    def price(self) -> int: ...
+    @property
+    def solved(self) -> IntArray | slice: ...
+    @property
+    def named(self) -> Sequence[tuple[str, frozenset[str]]]: ...
+    def begin(self, step: StepFormula, d: FloatArray) -> None:
+        """Takes over the constants of a step; d: the first guess of its departure."""
+        ...
+
+    def residual(self, d: FloatArray) -> FloatArray:
+        """Residual (n,) at the departure d (n,)."""
+        ...
+
+    def jacobian(self, at: Linearisation) -> Matrix:
+        """Jacobian of the unknowns `solved`, dense or csc."""
+        ...
+
+    def factorize(self, J: Matrix) -> Factor:
+        """Factorization of a Jacobian. Raises RuntimeError where it is singular."""
+        ...
+
+
+@dataclass(eq=False)
+class Kept:
+    """What an iteration keeps from step to step.
+
+    point: state at which the kept Jacobian was evaluated; J, factor, noise: it, its factorization,
+    and the changes (blocks,) that are due to rounding, which are computed there again after a
+    restart, so that a resumed run repeats every digit. least: smallest number of iterations of a
+    step with it; debt: iterations beyond that. top, rate (blocks,): largest value of each block so
+    far, and of its highest rates. factorizations: number of Jacobians.
+    """
+
+    top: FloatArray
+    rate: FloatArray
+    point: Linearisation | None = None
+    least: int = UNKNOWN
+    debt: int = 0
+    factorizations: int = 0
+    J: Matrix | None = None
+    factor: Factor | None = None
+    noise: FloatArray = field(default_factory=lambda: np.zeros(0))
+
+    @classmethod
+    def of(cls, blocks: int) -> "Kept":
+        return cls(np.zeros(blocks), np.zeros(blocks))
+
+    def __getstate__(self) -> dict[str, object]:
+        return {"top": self.top, "rate": self.rate, "least": self.least, "debt": self.debt,
+                "factorizations": self.factorizations, "point": self.point and tuple(self.point)}
+
+    def __setstate__(self, state: dict[str, object]) -> None:
+        point = state["point"]
+        vars(self).update(
+            state, point=Linearisation(*point) if isinstance(point, tuple) else None,
+            J=None, factor=None, noise=np.zeros(0))
+
+    def copy(self) -> "Kept":
+        """Independent copy; the factorization is immutable and shared."""
+        return replace(self, top=self.top.copy(), rate=self.rate.copy())
+
+    def forget(self) -> None:
+        """The next iteration has a new Jacobian."""
+        self.point, self.factor, self.J = None, None, None
+
+
+class Ended(NamedTuple):
+    """How an iteration ended; remaining: estimated relative error; block, detail: of a failure."""
+
+    d: FloatArray
+    status: Status
+    iterations: int
+    remaining: float = 0.0
+    block: str = ""
+    detail: str = ""
+
+
+class _Iterate:
+    """Departure d (n,) with its residual r, and after `_turn` its Newton change.
+
+    moved (blocks,): size of the change relative to that of each block; change: the largest of
+    these; share: step length, relative to a full step, that led here; fresh: True if the Jacobian
+    is its own.
+    """
+
+    __slots__ = ("absolute", "change", "d", "dx", "fresh", "moved", "r", "share")
+
+    def __init__(self, d: FloatArray, r: FloatArray, share: float = 1.0) -> None:
+        self.d, self.r, self.share, self.fresh, self.change = d, r, share, False, inf
+
+    dx: FloatArray
+    absolute: FloatArray
+    moved: list[float]
+
+
+class Loop:
+    """The iteration for models with one layout. Immutable: a step changes `Kept` only."""
+
+    def __init__(self, layout: Layout, tolerances: Tolerances) -> None:
+        self.tol, blocks = tolerances, list(layout)
+        self.names = [b.name for b in blocks]
+        self.starts: IntArray = np.array([layout[n].start for n in self.names], dtype=np.int64)
+        self.counts = np.diff(np.append(self.starts, layout.size))
+        self.judged: BoolArray = np.array([b.kind.order > 0 for b in blocks], dtype=np.bool_)
+        self.second: BoolArray = np.array([b.kind.order == 2 for b in blocks], dtype=np.bool_)
+        self.mixed: BoolArray = np.array(
+            [b.kind.quantity is Quantity.POSE for b in blocks], dtype=np.bool_)
+
+    def largest(self, x: FloatArray) -> FloatArray:
+        """Largest magnitude (blocks,) in each block of x (n,)."""
+        return np.maximum.reduceat(np.abs(x), self.starts)
+
+    def solve(
+        self, eq: Equations, step: StepFormula, d: FloatArray, kept: Kept, newest: FloatArray
+    ) -> Ended:
+        """Solves a step from the guess d (n,) of its departure, or from the last state `newest`
+        where the equations cannot be evaluated there."""
+        if not len(self.names):
+            return Ended(d, Status.DONE, 1)
+        search = _Search(self, eq, step, kept)
+        try:
+            ended = search.run(d, newest)
+        except RuntimeError:
+            kept.forget()
+            return search.failed(d, Status.SINGULAR, "the Jacobian of the step is singular")
+        if ended.status.ok and eq.price:
+            kept.least = min(kept.least, ended.iterations)
+            kept.debt += ended.iterations - kept.least
+            if kept.debt >= eq.price:
+                kept.forget()
+        return ended
+
+    def remember(self, x: FloatArray, d: FloatArray, step: StepFormula, kept: Kept) -> None:
+        """Takes the magnitudes of an accepted step into account."""
+        np.maximum(kept.top, self.largest(x), out=kept.top)
+        np.maximum(kept.rate, self.largest(d) * step.c2, out=kept.rate)
+
+
+class _Search:
+    """The iteration of one step."""
+
+    def __init__(self, loop: Loop, eq: Equations, step: StepFormula, kept: Kept) -> None:
+        self.loop, self.eq, self.step, self.kept = loop, eq, step, kept
+        self.c = step.c1, step.c2, step.c1_first, step.c2_first
+        self.scale: FloatArray | None = None
+        self.iterations, self.stall, self.least, self.cycles = 0, 0, inf, False
+        self.size = self._size(kept.top, kept.rate)
+
+    def run(self, d: FloatArray, newest: FloatArray) -> Ended:
+        at = _Iterate(d, self.eq.residual(d))
+        if not np.isfinite(at.r).all():  # the extrapolation led astray
+            d = newest - self.step.free
+            at = _Iterate(d, self.eq.residual(d))
+        if not np.isfinite(at.r).all():
+            return self.failed(d, Status.NOT_FINITE, at=at)
+        tol, always = self.loop.tol, self.eq.price == 0
+        self._count(at)
+        while True:
+            if at.change == inf:
+                return self.failed(at.d, Status.NOT_FINITE, at=at)
+            if at.change <= tol.remaining:
+                return self._done(at.d - at.dx, at.change)
+            if self.iterations >= tol.max_iterations:
+                return self._unfinished(at)
+            new = self._next(at)
+            if new is None:
+                return self._unfinished(at)
+            if not np.isfinite(new.r).all():
+                return self.failed(new.d, Status.NOT_FINITE, at=new)
+            # the textbook method, a check, trusts no ratio: it goes on until nothing changes
+            if not always and new.share == 1.0:  # a shortened change says nothing of the next
+                left = max(map(estimated_error, new.moved, at.moved))
+                if left <= tol.remaining:
+                    return self._done(new.d - new.dx, left)
+            stalled = new.change >= STALLED * at.change
+            if (at.fresh or always) and stalled and self._rounded(new):
+                return self._done(new.d, new.change)
+            if not (always or new.fresh) and self._slow(new.change, new.change / at.change):
+                if new.change >= at.change and not at.fresh:
+                    new = at  # an old Jacobian led astray
+                self._turn(new, renew=True)
+            self._watch(new, at)
+            at = new
+
+    def _next(self, at: _Iterate) -> _Iterate | None:
+        """Next iterate with its own change: after a full step, or after a line search where full
+        steps do not converge; None where no step length decreases the residual."""
+        # wanders, if not in circles
+        lost = self.iterations > 2 * PATIENCE and at.change > WANDERING
+        around = self.cycles and at.change > CYCLE  # a full step would lead back into the cycle
+        if self.stall <= PATIENCE and not (lost or around):
+            d = at.d - at.dx
+            new = _Iterate(d, self.eq.residual(d))
+            if np.isfinite(new.r).all():
+                self._count(new)
+                return new
+            return self._shorter(at) or new
+        return self._shorter(at)
+
+    def _count(self, at: _Iterate) -> None:
+        """Newton change of an iterate, with the kept Jacobian where it has this step's factors."""
+        point = self.kept.point
+        self._turn(at, self.eq.price == 0 or point is None or point.c != self.c)
+        self.iterations += 1
+
+    def _turn(self, at: _Iterate, renew: bool) -> None:
+        """Newton change at an iterate; renew: True for its own Jacobian, False for the kept one."""
+        kept = self.kept
+        if renew:
+            kept.point, kept.factor = Linearisation(*self.step.at(at.d), self.step.t, self.c), None
+            kept.least, kept.debt, kept.factorizations = UNKNOWN, 0, kept.factorizations + 1
+        if kept.factor is None:
+            self._factorize()
+        at.fresh, at.dx = renew, self._solution(at.r)
+        at.absolute = self.loop.largest(at.dx)
+        at.moved = self._moved(at.absolute)
+        at.change = max(at.moved)
+        if 1.0 < at.change < inf:  # larger than all that is known: of a block's first motion
+            kept, d = self.kept, at.d - at.dx
+            self.size = np.maximum(self.size, self._size(
+                np.maximum(kept.top, self.loop.largest(self.step.free + d)),
+                np.maximum(kept.rate, self.step.c2 * self.loop.largest(d))))
+            at.moved = self._moved(at.absolute)
+            at.change = max(at.moved)
+        if not at.change < inf:
+            at.change = inf
+
+    def _moved(self, absolute: FloatArray) -> list[float]:
+        moved = absolute / self.size
+        if self.eq.price:
+            moved *= ~(absolute <= self.kept.noise)  # a change that is not a number counts
+        found: list[float] = moved.tolist()
+        return found
+
+    def _solution(self, r: FloatArray) -> FloatArray:
+        """J^-1 r; J is the identity but for the unknowns `solved`."""
+        factor, at = self.kept.factor, self.eq.solved
+        assert factor is not None
+        if isinstance(at, slice):
+            return factor.solve(r)
+        dx = r.copy()
+        dx[at] = factor.solve(r[at])
+        return dx
+
+    def _factorize(self) -> None:
+        """The Jacobian at the kept point, and the effect of rounding the terms of the equations,
+        J^-1 (eps |J| |x|) with random signs. Constraints subtract positions of size 1 from each
+        other, which |J| |x| may underestimate."""
+        kept, eq, loop = self.kept, self.eq, self.loop
+        assert kept.point is not None
+        kept.J = eq.jacobian(kept.point)
+        kept.factor = eq.factorize(kept.J)
+        if not eq.price:
+            return
+        terms = self._terms(kept.point.x)
+        terms = np.where(loop.judged.repeat(loop.counts), terms, np.maximum(terms, 1.0))
+        kept.noise = loop.largest(self._solution(rounding(len(terms)) * terms))
+
+    def _terms(self, x: FloatArray) -> FloatArray:
+        """Magnitude (n,) of the terms of the equations, |J| |x|."""
+        terms, at = np.abs(x), self.eq.solved
+        terms[at] = abs(self.kept.J) @ terms[at]
+        return terms
+
+    def _size(self, top: FloatArray, rate: FloatArray) -> FloatArray:
+        """Magnitudes (blocks,) to which changes are relative: the largest value so far, less where
+        an error of the tolerance times that would dominate the accelerations (acceptance.py);
+        infinite for multipliers, which follow from the other unknowns."""
+        tol = self.loop.tol.remaining
+        bent = rate / max(self.step.c2, 1e-300)
+        least = np.maximum(ACCELERATION_ERROR * bent, 4 * EPS / tol * top)
+        size = np.where(self.loop.second, np.minimum(top, least), top)
+        return np.where(self.loop.judged, np.maximum(size, 1e-300), inf)
+
+    def _slow(self, change: float, ratio: float) -> bool:
+        """True if a new Jacobian is due: iterating with the old one would cost more."""
+        return ratio >= SLOW or change * ratio**self.eq.price > self.loop.tol.remaining
+
+    def _rounded(self, at: _Iterate) -> bool:
+        """True if the change is not above the effect of rounding, in each block that has not
+        converged."""
+        if not self.eq.price:
+            self.kept.noise = self.loop.largest(self._solution(
+                rounding(len(at.d)) * self._terms(self.step.free + at.d)))
+        small = at.absolute <= MARGIN * self.kept.noise
+        return bool((small | (np.array(at.moved) <= self.loop.tol.remaining)).all())
+
+    # ------------------------------------------------------------------ kinks
+
+    def _watch(self, at: _Iterate, before: _Iterate) -> None:
+        """Counts the iterations since the smallest change was last halved."""
+        if at.change < 0.5 * self.least:
+            self.least, self.stall = at.change, 0
+            return
+        self.stall += 1
+        if at.change > CYCLE:
+            back = self.loop.largest(at.d - at.dx - before.d) <= 1e-2 * at.absolute
+            if back[self.loop.judged].all():
+                self.cycles, self.stall = True, PATIENCE + 1
+
+    def _shorter(self, at: _Iterate) -> _Iterate | None:
+        """Line search: an iterate along the change with a smaller residual, with its own change."""
+        if not at.fresh:
+            self._turn(at, renew=True)
+        if self.scale is None:  # one for the whole step: under two, each way may seem to descend
+            self.scale = self._scales(self.step.free + at.d)
+        merit, share = self._merit(at.r), 1.0
+        self.iterations += 1
+        while share >= SHORTEST:
+            d = at.d - share * at.dx
+            new = _Iterate(d, self.eq.residual(d), share)
+            if self._merit(new.r) <= (1.0 - 0.1 * share) * merit:
+                self._turn(new, renew=True)
+                return new
+            share *= 0.5
+        return None
+
+    def _scales(self, x: FloatArray) -> FloatArray:
+        """Reference magnitude (n,) of each row: the largest terms of its block; for rigid
+        coordinates the row's own terms, because forces and torques are not comparable."""
+        terms, loop = self._terms(x), self.loop
+        of_block = loop.largest(terms).repeat(loop.counts)
+        return np.maximum(np.where(loop.mixed.repeat(loop.counts), terms, of_block), 1e-300)
+
+    def _merit(self, r: FloatArray) -> float:
+        assert self.scale is not None
+        value = float(np.abs(r / self.scale).max())
+        return value if value == value else inf
+
+    # ------------------------------------------------------------------ how it ends
+
+    def _done(self, d: FloatArray, remaining: float) -> Ended:
+        return Ended(d, Status.DONE, self.iterations, remaining)
+
+    def failed(
+        self, d: FloatArray, status: Status, detail: str = "", at: _Iterate | None = None
+    ) -> Ended:
+        broken = np.zeros(1) if at is None else ~np.isfinite(self.loop.largest(at.r))
+        block = self.loop.names[int(np.argmax(broken))] if broken.any() else ""
+        return Ended(d, status, self.iterations, inf, block, self._with_names(detail, block))
+
+    def _unfinished(self, at: _Iterate) -> Ended:
+        block = self.loop.names[int(np.argmax(at.absolute / self.size))]
+        how = ("the iteration goes back and forth between two states" if self.cycles else
+               f"last relative change {at.change:.1e} after {self.iterations} iterations")
+        return Ended(at.d, Status.NOT_CONVERGED, self.iterations, at.change, block,
+                     self._with_names(how, block))
+
+    def _with_names(self, detail: str, block: str) -> str:
+        """The detail, extended by the names of the terms that couple this block to others."""
+        names = [n for n, blocks in self.eq.named if n and (not block or block in blocks)]
+        if not names:
+            return detail
+        reason = f"{', '.join(names)} changes too much in one step"
+        return f"{detail}: {reason}" if detail else reason

@@ -1,0 +1,230 @@
+"""Step solver that solves for all unknowns of a model together."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, Protocol, Self
+
+import numpy as np
+
+from sparsemor.core import (
+    BoolArray,
+    Dictionary,
+    FloatArray,
+    IntArray,
+    Layout,
+    LocalCopy,
+    Note,
+    ReducedTerm,
+    ResultantSource,
+    State,
+    Status,
+    StepFormula,
+    StepOutcome,
+    Term,
+    rate_factors,
+    resultant_sources,
+)
+from sparsemor.reducers.step import loop
+from sparsemor.reducers.step.acceptance import Tolerances
+from sparsemor.reducers.step.factors import Matrix
+from sparsemor.reducers.step.loop import Ended, Kept, Loop
+from sparsemor.reducers.step.memory import RunMemory
+from sparsemor.reducers.step.predictor import Past, block_starts
+from sparsemor.reducers.step.rejection import Checked, rejected_step
+from sparsemor.reducers.step.relocalised import state_of
+
+EXTRAPOLATION_ERROR = 1e-2
+"""Relative error above which an extrapolation is no better a guess than the last state."""
+
+
+class Equations(loop.Equations, Protocol):
+    """Equations of a whole step."""
+
+    @property
+    def terms(self) -> list[tuple[Term | ReducedTerm, IntArray]]:
+        """Terms that are evaluated in each iteration, each with the numbers of its unknowns."""
+        ...
+
+    @property
+    def checks(self) -> list[Checked]:
+        """Terms that can reject a converged step, each with the numbers of its unknowns."""
+        ...
+
+    def working(self, memory: RunMemory | None = None) -> Self:
+        """These equations with working arrays, and local copies of terms, of one run or thread."""
+        ...
+
+    def slope(
+        self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
+    ) -> Matrix:
+        """Jacobian (n, n) at a state, dense or csc, for dv = c1 dx and da = c2 dx; c1, c2 (n,)."""
+        ...
+
+
+@dataclass(eq=False, kw_only=True)
+class WholeMemory(RunMemory):
+    """State between steps of the whole-step solver.
+
+    order: order of the extrapolation with the least error in the last step. near: number of a term
+    -> its local copy (relocalised.py), stored as the state at which it was made; searches: number
+    of such copies so far. equations: those of this run, with their working arrays.
+    """
+
+    kept: Kept
+    order: int = 1
+    near: dict[int, LocalCopy | FloatArray] = field(default_factory=dict)
+    searches: int = 0
+    equations: Any = None
+
+    def __getstate__(self) -> dict[str, object]:
+        state = {**vars(self), "near": {i: state_of(kept) for i, kept in self.near.items()}}
+        del state["equations"]
+        return state
+
+    def copy(self) -> Self:
+        """Independent copy; local copies of terms are immutable and shared."""
+        return replace(super().copy(), kept=self.kept.copy(), near=dict(self.near),
+                       equations=None)
+
+    def at_newest(self) -> "WholeMemory":
+        """Independent memory with the same local copies of terms, for an evaluation at the last
+        state."""
+        past = Past(1, self.newest, self.past.starts)
+        return WholeMemory(past=past, kept=Kept.of(len(past.starts)), near=dict(self.near))
+
+    def moved(self, x: FloatArray) -> None:
+        super().moved(x)
+        self.order = 1
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WholeStepper:
+    """Step solver for the equations of a whole step. limits: largest permitted |coefficient| of a
+    block, beyond which a run counts as divergent."""
+
+    equations: Equations
+    loop: Loop
+    elements_touched: Mapping[str, int]
+    points: int
+    dictionaries: Mapping[str, Dictionary] = field(default_factory=dict)
+    rows: Mapping[str, IntArray] = field(default_factory=dict)
+    limits: Mapping[str, float] = field(default_factory=dict)
+    notes: tuple[Note, ...] = ()
+    facts: Mapping[str, Mapping[str, float | int | str]] = field(default_factory=dict)
+
+    @property
+    def layout(self) -> Layout:
+        return self.equations.layout
+
+    def start(self, state: State) -> tuple[State, WholeMemory]:
+        starts = block_starts(self.layout)
+        return state, WholeMemory(
+            past=Past(self.points, state.x, starts), kept=Kept.of(len(starts)))
+
+    def solve(self, step: StepFormula, memory: WholeMemory) -> tuple[StepOutcome, WholeMemory]:
+        if memory.equations is None:
+            memory.equations = self.equations.working(memory)
+        equations, past = memory.equations, memory.past
+        guess = past.ring.predict(memory.order)[: past.n]
+        d = step.steer(guess - step.free)
+        equations.begin(step, d)
+        ended = self.loop.solve(equations, step, d, memory.kept, past.newest)
+        memory.factorizations = memory.kept.factorizations
+        if ended.status.ok:
+            self._remember(ended.d, step, memory)
+        outcome = rejected_step(outcome_of(ended, step), equations.checks, step)
+        return (self._sane(outcome) if outcome.status.ok else outcome), memory
+
+    def _remember(self, d: FloatArray, step: StepFormula, memory: WholeMemory) -> None:
+        past, x, starts = memory.past, step.free + d, self.loop.starts
+        self.loop.remember(x, d, step, memory.kept)
+        guesses = past.ring.guesses()[:, : past.n]
+        off = np.maximum.reduceat(np.abs(guesses - x), starts, axis=1)
+        missed = (off / np.maximum(memory.kept.top, 1e-300))[:, self.loop.judged].max(
+            axis=1, initial=0.0)
+        past.push(x, d)
+        # a motion that no order came close to is not extrapolated
+        memory.order = int(missed.argmin()) + 1 if missed.min() <= EXTRAPOLATION_ERROR else 1
+
+    def _sane(self, outcome: StepOutcome) -> StepOutcome:
+        for name, limit in self.limits.items():
+            top = float(np.abs(outcome.x[self.layout[name]]).max(initial=0.0))
+            if not top <= limit:
+                return replace(
+                    outcome, status=Status.DIVERGED, block=name,
+                    detail=f"largest coefficient {top:.3g}, {limit:.3g} allowed")
+        return outcome
+
+    def resultant_sources(self, memory: WholeMemory | None) -> tuple[ResultantSource, ...]:
+        if memory is None:
+            return resultant_sources(self.equations.terms)
+        # what is reported must not change how the run goes on
+        return resultant_sources(self.equations.working(memory.at_newest()).terms)
+
+    def supports(self, memory: WholeMemory) -> Mapping[str, BoolArray]:
+        return memory.supports
+
+    def counters(self, memory: WholeMemory) -> Mapping[str, int]:
+        return {"factorizations": memory.factorizations,
+                "support_changes": memory.support_changes, "searches": memory.searches}
+
+
+def outcome_of(ended: Ended, step: StepFormula) -> StepOutcome:
+    """The end of an iteration as the outcome of the step."""
+    x, v, a = step.at(ended.d)
+    if not ended.status.ok:
+        return StepOutcome(x, ended.status, ended.iterations, ended.block, ended.detail)
+    return StepOutcome(x, ended.status, ended.iterations, rates=(v, a), remaining=ended.remaining)
+
+
+def linear_response(equations: Equations, step: StepFormula, x: FloatArray) -> FloatArray:
+    """Linear response (n, 2 n) of the solution x of a step to changes of its history terms, by the
+    exact Jacobian; dense. Raises RuntimeError where that is singular.
+
+    With v = c1 x + r1 and a = c2 x + r2 a step solves R(x, v, a, t) = 0, so that
+    dx = -J^-1 (C dr1 + M dr2), with C = dR/dv, M = dR/da and J = dR/dx + c1 C + c2 M.
+    """
+    layout, t = equations.layout, step.t
+    here = equations.working()
+    c1, c2 = rate_factors(layout, step.c1, step.c2, step.c1_first)
+    at = x, c1 * x + step.r1, c2 * x + step.r2, t
+    zero, one = np.zeros(layout.size), np.ones(layout.size)
+    K = here.slope(*at, zero, zero)
+    C, M = here.slope(*at, one, zero) - K, here.slope(*at, zero, one) - K
+    factor = here.factorize(here.slope(*at, c1, c2))
+    return np.asarray(-factor.solve(np.hstack([C, M])))
+
+
+@dataclass(frozen=True, eq=False)
+class TextbookNewton:
+    """Newton's method with the exact Jacobian for a whole step at full order, where the cheaper
+    iteration with constant operators fails, as for the large displacements of a soft body. make:
+    function that assembles the equations when they are first needed."""
+
+    make: Callable[[], Equations]
+    tolerances: Tolerances
+
+    @cached_property
+    def equations(self) -> Equations:
+        return self.make()
+
+    @cached_property
+    def loop(self) -> Loop:
+        return Loop(self.equations.layout, self.tolerances)
+
+    def solve(self, step: StepFormula, past: Past) -> StepOutcome:
+        """Solves a step from the extrapolation of past states, and if that fails from the newest
+        one."""
+        outcome = self._solved(step, past.guess(step), past)
+        if outcome.status.ok:
+            return outcome
+        second = self._solved(step, past.newest - step.free, past)
+        return replace(second, iterations=outcome.iterations + second.iterations)
+
+    def _solved(self, step: StepFormula, d: FloatArray, past: Past) -> StepOutcome:
+        equations, kept = self.equations.working(), Kept.of(len(past.starts))
+        sizes = np.abs(past.ring.rows[:, : past.n]).max(axis=0)
+        kept.top = self.loop.largest(sizes)
+        equations.begin(step, d)
+        return outcome_of(self.loop.solve(equations, step, d, kept, past.newest), step)
