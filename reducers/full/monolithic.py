@@ -29,8 +29,8 @@ from sparsemor.core import (
 from sparsemor.reducers.linalg.superlu import factorize
 from sparsemor.reducers.step.factors import Factor
 from sparsemor.reducers.step.loop import Linearisation
-from sparsemor.reducers.step.memory import RunMemory
 from sparsemor.reducers.step.rejection import Checked, checked
+from sparsemor.reducers.step.relocalised import CopyMemory
 from sparsemor.reducers.touched_blocks import coupling
 
 
@@ -73,7 +73,7 @@ class Summed:
     def solved(self) -> slice:
         return slice(None)
 
-    def working(self, memory: RunMemory | None = None) -> "Summed":
+    def working(self, memory: CopyMemory | None = None) -> "Summed":
         """These equations in the steps of one run."""
         return copy(self)
 

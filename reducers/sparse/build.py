@@ -217,7 +217,7 @@ class Build:
     ) -> Stepper | SparseStepper:
         """Step solver; blocks in which no atoms are selected are condensed here, once."""
         fixed_heat = {n: h.prepared(None) for n, h in heat.items() if not h.block.selects}
-        fixed = not any(s.block.selects for s in (*heat.values(), *elastic.values()))
+        fixed = not any(block.selects for block in _blocks(heat, elastic).values())
         together = fixed and bool(self.model.separated.border_size)
         fixed_elastic = {} if together else {
             n: e.prepared(None) for n, e in elastic.items() if not e.block.selects}

@@ -320,33 +320,38 @@ class _Search:
         return dx
 
     def _factorize(self) -> None:
-        """The Jacobian at the kept point, and the effect of rounding the terms of the equations,
-        J^-1 (eps |J| |x|) with random signs. Constraints subtract positions of size 1 from each
-        other, which |J| |x| may underestimate."""
-        kept, eq, loop = self.kept, self.eq, self.loop
+        """The Jacobian at the kept point, and the changes that are due to rounding there."""
+        kept = self.kept
         assert kept.point is not None
-        kept.J = eq.jacobian(kept.point)
-        kept.factor = eq.factorize(kept.J)
-        if not eq.price:
-            return
-        terms = self._terms(kept.point.x)
+        kept.J = self.eq.jacobian(kept.point)
+        kept.factor = self.eq.factorize(kept.J)
+        if self.eq.price:
+            kept.noise = self._noise(kept.point.x)
+
+    def _noise(self, x: FloatArray) -> FloatArray:
+        """Effect (blocks,) of rounding the terms of the equations, J^-1 (eps |J| |x|) with random
+        signs. Constraints subtract positions of size 1 from each other, which |J| |x| may
+        underestimate."""
+        terms, loop = self._terms(x), self.loop
         terms = np.where(loop.judged.repeat(loop.counts), terms, np.maximum(terms, 1.0))
-        kept.noise = loop.largest(self._solution(rounding(len(terms)) * terms))
+        return loop.largest(self._solution(rounding(len(terms)) * terms))
 
     def _terms(self, x: FloatArray) -> FloatArray:
         """Magnitude (n,) of the terms of the equations, |J| |x|."""
-        terms, at = np.abs(x), self.eq.solved
-        terms[at] = abs(self.kept.J) @ terms[at]
+        terms, at, J = np.abs(x), self.eq.solved, self.kept.J
+        assert J is not None
+        terms[at] = abs(J) @ terms[at]
         return terms
 
     def _size(self, top: FloatArray, rate: FloatArray) -> FloatArray:
         """Magnitudes (blocks,) to which changes are relative: the largest value so far, less where
         an error of the tolerance times that would dominate the accelerations (acceptance.py);
-        infinite for multipliers, which follow from the other unknowns."""
+        infinite for multipliers, which follow from the other unknowns. The textbook method knows
+        no round-off, and is judged by the unknowns alone."""
         tol = self.loop.tol.remaining
         bent = rate / max(self.step.c2, 1e-300)
         least = np.maximum(ACCELERATION_ERROR * bent, 4 * EPS / tol * top)
-        size = np.where(self.loop.second, np.minimum(top, least), top)
+        size = np.where(self.loop.second, np.minimum(top, least), top) if self.eq.price else top
         return np.where(self.loop.judged, np.maximum(size, 1e-300), inf)
 
     def _slow(self, change: float, ratio: float) -> bool:
@@ -356,10 +361,8 @@ class _Search:
     def _rounded(self, at: _Iterate) -> bool:
         """True if the change is not above the effect of rounding, in each block that has not
         converged."""
-        if not self.eq.price:
-            self.kept.noise = self.loop.largest(self._solution(
-                rounding(len(at.d)) * self._terms(self.step.free + at.d)))
-        small = at.absolute <= MARGIN * self.kept.noise
+        noise = self.kept.noise if self.eq.price else self._noise(self.step.free + at.d)
+        small = at.absolute <= MARGIN * noise
         return bool((small | (np.array(at.moved) <= self.loop.tol.remaining)).all())
 
     # ------------------------------------------------------------------ kinks
@@ -412,8 +415,12 @@ class _Search:
     def failed(
         self, d: FloatArray, status: Status, detail: str = "", at: _Iterate | None = None
     ) -> Ended:
-        broken = np.zeros(1) if at is None else ~np.isfinite(self.loop.largest(at.r))
-        block = self.loop.names[int(np.argmax(broken))] if broken.any() else ""
+        block = ""
+        if at is not None:
+            broken = ~np.isfinite(self.loop.largest(at.r))
+            if not broken.any():
+                broken = ~(at.absolute / self.size < inf)
+            block = self.loop.names[int(np.argmax(broken))]
         return Ended(d, status, self.iterations, inf, block, self._with_names(detail, block))
 
     def _unfinished(self, at: _Iterate) -> Ended:

@@ -34,10 +34,9 @@ from sparsemor.reducers.linalg.modal_coordinates import carried, times
 from sparsemor.reducers.step.factors import Factor, factorized
 from sparsemor.reducers.step.frame_step import BodyStep
 from sparsemor.reducers.step.loop import Linearisation
-from sparsemor.reducers.step.memory import RunMemory
 from sparsemor.reducers.step.operators import TestedElastic, TestedHeat
 from sparsemor.reducers.step.rejection import Checked
-from sparsemor.reducers.step.relocalised import Coupled
+from sparsemor.reducers.step.relocalised import CopyMemory, Coupled
 from sparsemor.reducers.step.time_tables import plus_loads
 
 TOGETHER = 64
@@ -254,7 +253,7 @@ class Reduced:
     def of_parts(cls, *parts: Any) -> "Reduced":
         return cls(*parts)
 
-    def working(self, memory: RunMemory | None = None) -> "Reduced":
+    def working(self, memory: CopyMemory | None = None) -> "Reduced":
         """These equations with new working arrays, and the local copies of terms in `memory`."""
         own = copy(self)
         own.stacks = [copy(s) for s in self.stacks]
@@ -412,8 +411,8 @@ class Reduced:
                 J[e, e] += np.tensordot(b.turning[:g], b.body.tested.generators, 1)
         for c in self.coupled:
             j = c.columns
-            A = c.term.jacobian(x[j], v[j], a[j], t, c1[j], c2[j])
-            J[np.ix_(c.rows, j)] += A.toarray() if issparse(A) else A
+            part: Any = c.term.jacobian(x[j], v[j], a[j], t, c1[j], c2[j])
+            J[np.ix_(c.rows, j)] += part.toarray() if issparse(part) else part
         return J
 
     def time_derivative(self, order: int, t: float) -> "Reduced":

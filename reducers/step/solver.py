@@ -103,8 +103,9 @@ class Stepper:
         rigid coordinate or joint force is unknown."""
         if self.mechanics is None or not self.separated.border_size:
             return replace(self, whole=whole)
+        m = self.mechanics
         return replace(self, whole=whole, mechanics=ReducedMechanics(
-            *self.mechanics.parts(), whole))
+            m.bodies, m.n_rigid, m.algebraic, m.targets, m.tol, whole))
 
     def with_blocks(
         self, heat: Mapping[str, HeatBlock], elastic: Mapping[str, ElasticBlock | PrescribedBlock]

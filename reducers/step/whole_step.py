@@ -1,6 +1,6 @@
 """Step solver that solves for all unknowns of a model together."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Protocol, Self
@@ -32,7 +32,7 @@ from sparsemor.reducers.step.loop import Ended, Kept, Loop
 from sparsemor.reducers.step.memory import RunMemory
 from sparsemor.reducers.step.predictor import Past, block_starts
 from sparsemor.reducers.step.rejection import Checked, rejected_step
-from sparsemor.reducers.step.relocalised import state_of
+from sparsemor.reducers.step.relocalised import CopyMemory, state_of
 
 EXTRAPOLATION_ERROR = 1e-2
 """Relative error above which an extrapolation is no better a guess than the last state."""
@@ -42,16 +42,16 @@ class Equations(loop.Equations, Protocol):
     """Equations of a whole step."""
 
     @property
-    def terms(self) -> list[tuple[Term | ReducedTerm, IntArray]]:
+    def terms(self) -> Sequence[tuple[Term | ReducedTerm, IntArray]]:
         """Terms that are evaluated in each iteration, each with the numbers of its unknowns."""
         ...
 
     @property
-    def checks(self) -> list[Checked]:
+    def checks(self) -> Sequence[Checked]:
         """Terms that can reject a converged step, each with the numbers of its unknowns."""
         ...
 
-    def working(self, memory: RunMemory | None = None) -> Self:
+    def working(self, memory: CopyMemory | None = None) -> Self:
         """These equations with working arrays, and local copies of terms, of one run or thread."""
         ...
 

@@ -135,7 +135,7 @@ def test_observers_hear_of_new_rows(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 def test_nothing_of_the_mesh_is_kept_where_sets_come_back() -> None:
     solver = prepared(reduced(resample=2, row_sets=3))
     assert isinstance(solver, Resampled) and solver.fresh is None and solver.draw is None
-    sizes = {len(s.elastic["bar.elastic"].H) for s in solver.sets}
+    sizes = {len(s.mechanics.whole.bodies[0].tested.mass) for s in solver.sets}
     assert len(solver.sets) == 3 and len(sizes) == 1
     for s in solver.sets:
         tested = s.tested["bar.elastic"]
