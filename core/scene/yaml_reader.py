@@ -84,9 +84,6 @@ def parse(text: str, name: str, kind: str = "scene") -> Document:
 def parse_value(text: str, key: str) -> Any:
     """Value of a YAML scalar or flow collection (`[1, 2]`, `{use: pod}`), by the same rules as in a
     file."""
-    if len(text) > MOST_BYTES:
-        raise InputError(f"a value of {len(text)} characters, and at most {MOST_BYTES} are read",
-                         key)
     reader = _reader()
     try:
         root = reader.compose(text)
