@@ -18,7 +18,7 @@ from textwrap import wrap
 
 from sparsemor.core.registry.registry import Registry
 from sparsemor.plugins.liang2026.page import text_of
-from sparsemor.plugins.liang2026.paper import GRADES, MISSED, Item, PaperFile
+from sparsemor.plugins.liang2026.paper import GRADES, MISSED, PaperFile, PaperItem
 from sparsemor.plugins.liang2026.parts import Value
 
 HERE = Path(__file__).parent
@@ -79,7 +79,7 @@ def counted(grades: Sequence[str]) -> str:
     return ", ".join(f"{counts[g]} `{g}`" for g in sorted(counts, key=[*GRADES, MISSED].index))
 
 
-def compared(item: Item, values: Values) -> str:
+def compared(item: PaperItem, values: Values) -> str:
     """The first two published numbers that are no data of the scene, with ours."""
     shown = [n for n, v in item.values.items() if v.paper is not None][:2]
     return ", ".join(f"{text_of(values[f'paper_{n}'])} → {text_of(values[n])}"

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from sparsemor.reducers.projection.force_snapshots import interpolation as interpolation
     from sparsemor.reducers.projection.interpolation import Interpolating as Interpolating
     from sparsemor.reducers.projection.maps import Approximation as Approximation
-    from sparsemor.reducers.projection.maps import Linear as Linear
+    from sparsemor.reducers.projection.maps import LinearOperators as LinearOperators
     from sparsemor.reducers.projection.maps import Maps as Maps
     from sparsemor.reducers.projection.maps import Reducible as Reducible
     from sparsemor.reducers.projection.projected_error import projection_notes as projection_notes
@@ -35,7 +35,7 @@ _HOMES = {
     "estimation.build": ("error_model",),
     "estimation.estimator": ("ErrorModel",),
     "projection.base": ("Projection", "ProjectionReducer"),
-    "projection.maps": ("Approximation", "Linear", "Maps", "Reducible"),
+    "projection.maps": ("Approximation", "LinearOperators", "Maps", "Reducible"),
     "projection.force_snapshots": (
         "choose_points", "force_modes", "force_snapshots", "interpolation"),
     "projection.projected_error": ("projection_notes",),

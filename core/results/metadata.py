@@ -18,7 +18,7 @@ CONTACT_UNITS = {"normal": "N", "friction": "N", "power": "W", "length": "m", "a
 
 
 @dataclass(frozen=True, slots=True)
-class Probe:
+class ProbeHeader:
     """Material point that is recorded at each stored step; `position` (d,) in the body frame, m.
 
     `components` and `units`: names and units of the recorded columns: d coordinates in space and,
@@ -73,7 +73,7 @@ class RunHeader:
     dictionaries: Mapping[str, Dictionary] = field(default_factory=dict)
     rows: Mapping[str, IntArray] = field(default_factory=dict)
     bodies: Mapping[str, BodyShape] = field(default_factory=dict)
-    probes: tuple[Probe, ...] = ()
+    probes: tuple[ProbeHeader, ...] = ()
     stage: Stage | None = None
     identity: Mapping[str, Any] = field(default_factory=dict)
     platform: Mapping[str, Any] = field(default_factory=dict)

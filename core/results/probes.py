@@ -12,11 +12,11 @@ from sparsemor.core.protocols import Dictionary, ForceLaw, ProbePlace, RecordedF
 from sparsemor.core.protocols.layout import Layout, Quantity
 from sparsemor.core.protocols.poses import points_in_space
 from sparsemor.core.protocols.prescribed_motion import FrameHistory
-from sparsemor.core.results.metadata import Probe
+from sparsemor.core.results.metadata import ProbeHeader
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Linear:
+class AffineOutput:
     """Affine output of one block: value (j,) = base (j,) + weights.T @ x[at].
 
     weights (k, j): on the k solver unknowns x[at] of the block (coefficients of a reduced block).
@@ -29,7 +29,7 @@ class Linear:
     @classmethod
     def of(
         cls, name: str, weights: FloatArray, layout: Layout, maps: Mapping[str, Dictionary]
-    ) -> "Linear":
+    ) -> "AffineOutput":
         if name not in maps:
             return cls(layout[name], weights, np.zeros(weights.shape[1]))
         d = maps[name]
@@ -51,8 +51,8 @@ class ProbeReader:
 
     place: ProbePlace
     rigid: slice | None
-    displacement: Linear | None
-    temperature: Linear | None
+    displacement: AffineOutput | None
+    temperature: AffineOutput | None
 
     @classmethod
     def of(
@@ -63,15 +63,15 @@ class ProbeReader:
         u, T = place.displacement, place.temperature
         return cls(
             place, None if frame is None else layout[frame.name],
-            None if u is None or moved is None else Linear.of(moved.name, u, layout, maps),
+            None if u is None or moved is None else AffineOutput.of(moved.name, u, layout, maps),
             None if T is None or heated is None
-            else Linear.of(heated.name, T[:, None], layout, maps))
+            else AffineOutput.of(heated.name, T[:, None], layout, maps))
 
     @property
     def name(self) -> str:
         return self.place.name
 
-    def header(self) -> Probe:
+    def header(self) -> ProbeHeader:
         axes = ["x", "y", "z"][: len(self.place.point)]
         names, units = axes[:], ["m"] * len(axes)
         if self.displacement is not None:
@@ -79,7 +79,7 @@ class ProbeReader:
         if self.temperature is not None:
             names, units = [*names, "temperature"], [*units, "K"]
         point = tuple(float(c) for c in self.place.point)
-        return Probe(self.name, self.place.body, point, tuple(names), tuple(units))
+        return ProbeHeader(self.name, self.place.body, point, tuple(names), tuple(units))
 
     def __call__(self, t: FloatArray, x: FloatArray) -> FloatArray:
         """(j, components) values of the probe at times t (j,), s, for solver states x (j, n)."""

@@ -24,7 +24,7 @@ from sparsemor.core.registry.registry import Registry
 from sparsemor.core.results.fields import Derived, Field, StressRecovery
 from sparsemor.core.results.files.own import STORE
 from sparsemor.core.results.files.temporary import TemporaryFolder
-from sparsemor.core.results.metadata import Probe, load_layout
+from sparsemor.core.results.metadata import ProbeHeader, load_layout
 from sparsemor.core.results.output_directory import OutputDirectory
 from sparsemor.core.results.stage_arrays import read_stage
 from sparsemor.core.results.stored_arrays import (
@@ -262,11 +262,11 @@ class RunResult:
             raise InputError(f"no probe {name!r} in this result; it has {have}", key="probe")
         return self._array(f"probe.{name}")
 
-    def probe_header(self, name: str) -> Probe:
+    def probe_header(self, name: str) -> ProbeHeader:
         """Position, and names and units of the recorded components, of a probe."""
         self.probe(name)  # says which there are
         a = self._data.arrays[f"probe.{name}"]["attributes"]
-        return Probe(name, a["body"], tuple(a["position"]), tuple(a["components"]),
+        return ProbeHeader(name, a["body"], tuple(a["position"]), tuple(a["components"]),
                      tuple(a["units"].split(", ")))
 
     def points(self, body: str) -> FloatArray:

@@ -15,7 +15,7 @@ from sparsemor.core.simulation.cache import SPENT, Cache
 
 
 @dataclass(slots=True)
-class Product:
+class OfflineProduct:
     """Offline product (snapshots, basis, ..) while it is computed or read.
 
     name: kind and key; place: directory of its cache entry, if any; hit: True if it was in the
@@ -41,7 +41,7 @@ class OfflineCost:
         self.seconds: dict[str, float] = {}
         self.waited = 0.0
         self._costs: dict[str, Mapping[str, float]] = {}
-        self._open: list[Product] = []
+        self._open: list[OfflineProduct] = []
 
     @property
     def total(self) -> float:
@@ -60,9 +60,9 @@ class OfflineCost:
                 self._open[-1].inside |= self._costs.get(name, {})
 
     @contextmanager
-    def product(self, name: str, place: Path | None) -> Iterator[Product]:
+    def product(self, name: str, place: Path | None) -> Iterator[OfflineProduct]:
         """Context around computing or reading a product; the caller sets `hit`."""
-        one = Product(name, place)
+        one = OfflineProduct(name, place)
         self._open.append(one)
         start = time.perf_counter()
         try:

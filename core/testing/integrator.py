@@ -27,7 +27,7 @@ multiplier is x[0]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Run:
+class RunEnd:
     """Last state of a run and its errors in x of second order, v of second order, x of first
     order."""
 
@@ -50,7 +50,7 @@ def check_integrator(integrator: Integrator, seed: int = 0) -> None:
             f"order {integrator.order} is stated, {order:.2f} observed for {name}")
 
 
-def integrate(integrator: Integrator, steps: int, end: float = 2.0) -> Run:
+def integrate(integrator: Integrator, steps: int, end: float = 2.0) -> RunEnd:
     """Solves the test equations above from t = 0 to `end` (s) in `steps` steps."""
     h = end / steps
     rules, (x, v, a) = integrator.rules(h), exact(0.0)
@@ -65,7 +65,7 @@ def integrate(integrator: Integrator, steps: int, end: float = 2.0) -> Run:
         state = _advanced(rules, state, f, new)
     x, v, _ = exact(state.t)
     errors = [state.x[:2] - x[:2], state.v[:2] - v[:2], state.x[2:4] - x[2:4]]
-    return Run(state, np.array([np.linalg.norm(e) for e in errors]))
+    return RunEnd(state, np.array([np.linalg.norm(e) for e in errors]))
 
 
 def exact(t: float) -> tuple[FloatArray, FloatArray, FloatArray]:

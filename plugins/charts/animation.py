@@ -24,7 +24,7 @@ from sparsemor.plugins.charts.fields import (
 )
 from sparsemor.plugins.charts.style import NORMAL, SMALL, new_figure, tidy
 from sparsemor.plugins.charts.units import unit
-from sparsemor.plugins.charts.view import VIEWS, Surface, paint
+from sparsemor.plugins.charts.view import VIEWS, BodySurface, paint
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -192,7 +192,7 @@ class _Stage:
             shown.append(np.full(triangles.shape, self.limits[0]) if values is None
                          else values[triangles] * self.scale)
         if corners:
-            paint(axes, Surface(np.concatenate(corners), np.concatenate(shown), *self.limits,
+            paint(axes, BodySurface(np.concatenate(corners), np.concatenate(shown), *self.limits,
                                 MAPS[self.field], np.ones(2)))
 
 

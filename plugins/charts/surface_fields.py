@@ -27,7 +27,7 @@ from sparsemor.plugins.charts.fields import (
 from sparsemor.plugins.charts.style import NORMAL, PAGE, SMALL, new_figure, plain
 from sparsemor.plugins.charts.surface_pyvista import rendered
 from sparsemor.plugins.charts.units import unit
-from sparsemor.plugins.charts.view import VIEWS, Surface, View, half_of, middle, paint
+from sparsemor.plugins.charts.view import VIEWS, BodySurface, View, half_of, middle, paint
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -39,7 +39,7 @@ NAMES: Mapping[Field, str] = {
 """First part of the name of a chart."""
 DEFAULT_FIELDS: tuple[Field, ...] = (Quantity.DISPLACEMENT, Quantity.TEMPERATURE)
 _ACROSS = 3
-Render = Callable[[Sequence[Surface]], list[NDArray[np.uint8]] | None]
+Render = Callable[[Sequence[BodySurface]], list[NDArray[np.uint8]] | None]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,7 +53,7 @@ class _Skin:
     steps: list[int]
     factor: float
     label: str
-    rows: list[tuple[str, View, list[Surface | None]]]
+    rows: list[tuple[str, View, list[BodySurface | None]]]
 
 
 def solid_bodies(run: RunResult) -> list[str]:
@@ -97,7 +97,7 @@ def _skin_of(
     limits = shades(np.concatenate(
         [scale * field[triangles] for field in fields if field is not None]), quantity)
     half: FloatArray | None = None
-    rows: list[tuple[str, View, list[Surface | None]]] = []
+    rows: list[tuple[str, View, list[BodySurface | None]]] = []
     sides = [(view.name, view, run) for view in VIEWS] if not others else [
         (title, VIEWS[0], r) for title, r in {name: run, **others}.items()]
     for title, view, shown in sides:
@@ -106,10 +106,10 @@ def _skin_of(
                    for s in at]
         if half is None or not others:
             half = half_of([p for p in rotated if p is not None])
-        row: list[Surface | None] = []
+        row: list[BodySurface | None] = []
         for s, points in zip(at, rotated, strict=True):
             values = None if s is None else values_of(shown, body, s, quantity)
-            row.append(None if points is None or values is None else Surface(
+            row.append(None if points is None or values is None else BodySurface(
                 (points - middle(points))[triangles], scale * values[triangles], *limits,
                 MAPS[quantity], half))
         rows.append((title, view, row))
@@ -154,7 +154,7 @@ def _figure(skin: _Skin, images: Iterator[NDArray[np.uint8] | None]) -> "Figure"
     return figure
 
 
-def _panel(axes: "Axes", surface: Surface, image: NDArray[np.uint8] | None) -> None:
+def _panel(axes: "Axes", surface: BodySurface, image: NDArray[np.uint8] | None) -> None:
     w, h = surface.half
     axes.set_visible(True)
     if image is None:
@@ -166,7 +166,7 @@ def _panel(axes: "Axes", surface: Surface, image: NDArray[np.uint8] | None) -> N
         spine.set_visible(False)
 
 
-def _directions(axes: "Axes", view: View, surface: Surface) -> None:
+def _directions(axes: "Axes", view: View, surface: BodySurface) -> None:
     """Draws the directions of the x, y and z axes in a corner on the left."""
     size = 0.16 * float(surface.half.min())
     corner = (surface.half - 1.5 * size) * (-1.0, _emptier(surface, -1.0))
@@ -177,7 +177,7 @@ def _directions(axes: "Axes", view: View, surface: Surface) -> None:
         axes.text(x, y, name, fontsize=SMALL, ha="center", va="center")
 
 
-def _length(axes: "Axes", surface: Surface) -> None:
+def _length(axes: "Axes", surface: BodySurface) -> None:
     """Draws a scale bar of round length in a corner on the right."""
     half = surface.half
     length = round_below(0.5 * float(half[0]))
@@ -189,7 +189,7 @@ def _length(axes: "Axes", surface: Surface) -> None:
               fontsize=SMALL, ha="center", va="bottom")
 
 
-def _emptier(surface: Surface, side: float) -> float:
+def _emptier(surface: BodySurface, side: float) -> float:
     """Corner on the left (side -1) or right (1) that contains less of the body: -1.0 for the lower,
     1.0 for the upper one."""
     x, y = (surface.corners.reshape(-1, 3)[:, :2] / surface.half).T

@@ -16,13 +16,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsemor.plugins.charts.view import Surface
+from sparsemor.plugins.charts.view import BodySurface
 
 _SECONDS = 300.0
 _WORKER = "sparsemor.plugins.charts.surface_pyvista_worker"
 
 
-def rendered(surfaces: Sequence[Surface]) -> list[NDArray[np.uint8]] | None:
+def rendered(surfaces: Sequence[BodySurface]) -> list[NDArray[np.uint8]] | None:
     """Image (h, w, 3) of each surface, which fills its panel; None if pyvista is absent or
     fails."""
     if not surfaces or find_spec("pyvista") is None:

@@ -39,7 +39,7 @@ VIEWS = (View.of("from above", -50.0, 40.0), View.of("from below", -50.0, -40.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Surface:
+class BodySurface:
     """Surface of a body in one panel, with the values that colour it.
 
     corners (b, 3, 3): corners of the triangles in view axes, relative to the centre of the panel,
@@ -75,7 +75,7 @@ def front_facing(corners: FloatArray) -> IntArray:
     return front[np.argsort((a + b + c)[front, 2], kind="stable")]
 
 
-def paint(axes: "Axes", surface: Surface) -> None:
+def paint(axes: "Axes", surface: BodySurface) -> None:
     """Draws a surface by matplotlib into axes with coordinates in metres in the view plane: nearer
     triangles over farther ones."""
     front = front_facing(surface.corners)

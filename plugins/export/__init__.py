@@ -14,7 +14,7 @@ from sparsemor.core.results.files.own import own_files, remove
 from sparsemor.core.results.output_directory import OutputDirectory
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.plugins.export.request import FORMATS, ExportPlan, plan_export
-from sparsemor.plugins.export.snapshot import Frame, exported_mesh, frame_at
+from sparsemor.plugins.export.snapshot import BodySnapshot, exported_mesh, frame_at
 from sparsemor.plugins.export.vtu import VtuSeries
 from sparsemor.plugins.export.xdmf import XdmfSeries
 
@@ -27,7 +27,7 @@ class Series(Protocol):
 
     file: Path
 
-    def write(self, step: int, time: float, frame: Frame) -> None: ...
+    def write(self, step: int, time: float, frame: BodySnapshot) -> None: ...
     def close(self) -> None: ...
 
 

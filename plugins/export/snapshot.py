@@ -11,7 +11,7 @@ from sparsemor.core.results.run_result import RunResult
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Frame:
+class BodySnapshot:
     """Snapshot of one body. points (P, 3): current positions, m; fields: name -> (P,), (P, 3) or
     (P, 9) values there."""
 
@@ -19,7 +19,7 @@ class Frame:
     fields: Mapping[str, FloatArray]
 
 
-def frame_at(run: RunResult, body: str, step: int, fields: Sequence[str]) -> Frame:
+def frame_at(run: RunResult, body: str, step: int, fields: Sequence[str]) -> BodySnapshot:
     """Snapshot of a body: nodes at R + A (X + u), displacement A u in space axes, temperature.
 
     Warping the points by the displacement field magnifies the deformation. Planar bodies lie in z =
@@ -38,7 +38,7 @@ def frame_at(run: RunResult, body: str, step: int, fields: Sequence[str]) -> Fra
     if "strain" in fields:
         values["strain"] = run.equivalent_strain(body, step)
         values["strain_tensor"] = _turned(run, body, step, run.strain(body, step))
-    return Frame(_in_three(run.in_space(body, step, run.points(body) + u))[nodes], values)
+    return BodySnapshot(_in_three(run.in_space(body, step, run.points(body) + u))[nodes], values)
 
 
 def exported_mesh(run: RunResult, body: str, fields: Sequence[str]) -> tuple[IntArray, IntArray]:

@@ -4,7 +4,7 @@ from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
 from sparsemor.core.arrays import IntArray
-from sparsemor.plugins.export.snapshot import Frame
+from sparsemor.plugins.export.snapshot import BodySnapshot
 
 _NAMES = {3: "triangle", 4: "tetra", 6: "triangle6", 10: "tetra10"}
 
@@ -19,7 +19,7 @@ class VtuSeries:
         self._cells = [(_NAMES[cells.shape[1]], cells.astype("int32"))]
         self._lines: list[str] = []
 
-    def write(self, step: int, time: float, frame: Frame) -> None:
+    def write(self, step: int, time: float, frame: BodySnapshot) -> None:
         from meshio import Mesh
         from meshio.vtu import write
 

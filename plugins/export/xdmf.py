@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsemor.core.arrays import IntArray
-from sparsemor.plugins.export.snapshot import Frame
+from sparsemor.plugins.export.snapshot import BodySnapshot
 
 _KINDS = {1: "Scalar", 3: "Vector", 9: "Tensor"}
 _TOPOLOGY = {3: "Triangle", 4: "Tetrahedron", 6: "Triangle_6", 10: "Tetrahedron_10"}
@@ -29,7 +29,7 @@ class XdmfSeries:
             f"{self._item('cells', cells.astype('<i4'))}</Topology>")
         self._grids: list[str] = []
 
-    def write(self, step: int, time: float, frame: Frame) -> None:
+    def write(self, step: int, time: float, frame: BodySnapshot) -> None:
         points = self._item(f"points_{step:06d}", frame.points)
         attributes = [
             f'<Attribute Name="{name}" AttributeType="{_KINDS[v[0].size]}" '

@@ -7,7 +7,7 @@ from html import escape
 from pathlib import Path
 
 from sparsemor.core.results.files.listing import write_listed
-from sparsemor.plugins.liang2026.paper import BROKEN, MISSED, Item, PaperFile
+from sparsemor.plugins.liang2026.paper import BROKEN, MISSED, PaperFile, PaperItem
 from sparsemor.plugins.liang2026.parts import Value
 from sparsemor.plugins.liang2026.verdicts import Number, Verdict
 
@@ -74,7 +74,7 @@ def _grade(grade: str) -> str:
     return f'<span class="grade" style="background:{_COLOURS[grade]}">{grade}</span>'
 
 
-def _row(item: Item, verdict: Verdict, command: str) -> str:
+def _row(item: PaperItem, verdict: Verdict, command: str) -> str:
     target = f"{item.scene}.html#{item.id}"
     small = "".join(f'<a href="{target}"><img class="small" src="pictures/{escape(p)}" alt="" '
                     f'loading="lazy"></a>' for p in verdict.pictures[:1])
@@ -91,7 +91,7 @@ def _compared(numbers: Sequence[Number]) -> str:
                f"{text_of(n.here)} {n.unit}") for n in shown)
 
 
-def _section(item: Item, verdict: Verdict, commands: Sequence[str], folder: Path) -> str:
+def _section(item: PaperItem, verdict: Verdict, commands: Sequence[str], folder: Path) -> str:
     pictures = "".join(
         f'<img src="pictures/{escape(p)}" alt="{escape(f"{item.name}: {item.title}")}" '
         f'width="{_width(folder / "pictures" / p)}" loading="lazy">' for p in verdict.pictures)

@@ -19,7 +19,7 @@ MISSED, BROKEN = "not reproduced", "not computed"
 Grade = Literal["better", "reproduced", "in part"]
 
 
-class Entry(Plugin):
+class PaperEntry(Plugin):
     """A run or study that one or more items need."""
 
     quick: dict[str, Any] = {}
@@ -29,7 +29,7 @@ class Entry(Plugin):
     """Run that must have ended first, because it leaves its snapshots in the cache."""
 
 
-class RunEntry(Entry):
+class RunEntry(PaperEntry):
     """A run of a scene."""
 
     scene: str
@@ -41,7 +41,7 @@ class RunEntry(Entry):
     time."""
 
 
-class StudyEntry(Entry):
+class StudyEntry(PaperEntry):
     """A study."""
 
     study: str
@@ -61,7 +61,7 @@ class Value(Plugin):
     """The quantity that is computed."""
 
 
-class Item(Plugin):
+class PaperItem(Plugin):
     """One figure or table: what it shows, what is computed, and the rule of its verdict."""
 
     id: str = Field(pattern=r"^(fig|table)_\d+$")
@@ -90,7 +90,7 @@ class Item(Plugin):
         return f"{'Fig.' if kind == 'fig' else 'Table'} {number}"
 
     @model_validator(mode="after")
-    def _rules_use_known_names(self) -> "Item":
+    def _rules_use_known_names(self) -> "PaperItem":
         for grade, text in self.verdict.items():
             unknown = {*rule(text).names} - {*self.values, *(f"paper_{n}" for n in self.values)}
             if unknown:
@@ -134,7 +134,7 @@ class PaperFile(Plugin):
     """Runs by name."""
     studies: dict[str, StudyEntry] = {}
     """Studies by name."""
-    items: list[Item] = Field(min_length=1)
+    items: list[PaperItem] = Field(min_length=1)
     """Figures and tables."""
 
     @classmethod

@@ -69,7 +69,7 @@ class Results:
         return self.folder / kind / name
 
 
-class Part(Plugin):
+class PaperPart(Plugin):
     """Base class of the parts: the options of one function."""
 
     function: ClassVar[Callable[..., Any]]
@@ -95,7 +95,7 @@ class Part(Plugin):
             **{n: given[n] for n in signature(type(self).function).parameters})
 
 
-def part_of(function: Callable[..., Any], key: str) -> type[Part]:
+def part_of(function: Callable[..., Any], key: str) -> type[PaperPart]:
     """Class of the options of a function; key: option that holds its name."""
     hints = get_type_hints(function, include_extras=True)
     options: dict[str, Any] = {key: (Literal[function.__name__], ...)}
@@ -104,7 +104,7 @@ def part_of(function: Callable[..., Any], key: str) -> type[Part]:
         if name != "known":
             empty = "" if default is None and kind in _WRITTEN else default
             options[name] = (_WRITTEN.get(kind, kind), ... if default is Parameter.empty else empty)
-    made = create_model(function.__name__, __base__=Part, __doc__=function.__doc__, **options)
+    made = create_model(function.__name__, __base__=PaperPart, __doc__=function.__doc__, **options)
     made.function = staticmethod(function)
     made.kinds = {n: hints[n] for n in options if hints.get(n) in _WRITTEN}
     return made

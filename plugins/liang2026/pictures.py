@@ -12,7 +12,7 @@ from sparsemor.core.results.error_norms import LIMIT
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.plugins import charts
 from sparsemor.plugins.charts.time_histories import moving_bodies
-from sparsemor.plugins.liang2026.parts import Part, errors_of, part_of
+from sparsemor.plugins.liang2026.parts import PaperPart, errors_of, part_of
 from sparsemor.plugins.liang2026.quantities import FIELDS, FieldName
 from sparsemor.plugins.liang2026.sketches import flow_figure, geometry_figure
 
@@ -90,7 +90,7 @@ def flow(
 
 
 if TYPE_CHECKING:
-    Picture: TypeAlias = Part
+    Picture: TypeAlias = PaperPart
 else:
     Picture = Annotated[reduce(or_, (part_of(f, "draws") for f in (
         angles, errors, fields, probes, atoms, forces, positions, geometry, flow))),

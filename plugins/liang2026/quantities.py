@@ -18,7 +18,7 @@ from sparsemor.core.scene.expressions import Expression
 from sparsemor.core.scene.overrides import split as key_parts
 from sparsemor.plugins.charts.fields import values_of
 from sparsemor.plugins.charts.time_histories import rate_of
-from sparsemor.plugins.liang2026.parts import Known, Part, Rows, Value, errors_of, part_of
+from sparsemor.plugins.liang2026.parts import Known, PaperPart, Rows, Value, errors_of, part_of
 from sparsemor.plugins.liang2026.split import split_of
 from sparsemor.plugins.study.jobs import UNCOMPUTED
 
@@ -188,7 +188,7 @@ def study(
 
 
 if TYPE_CHECKING:
-    Quantity: TypeAlias = Part
+    Quantity: TypeAlias = PaperPart
 else:
     Quantity = Annotated[reduce(or_, (part_of(f, "use") for f in (
         formula, error, field, rotation, position, probe, contact, cost, split, status, summary,

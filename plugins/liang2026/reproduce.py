@@ -15,7 +15,7 @@ from sparsemor.core.results.output_directory import OutputDirectory
 from sparsemor.core.results.tables import csv_table
 from sparsemor.plugins.liang2026 import PAPER
 from sparsemor.plugins.liang2026.page import write_pages
-from sparsemor.plugins.liang2026.paper import BROKEN, Item, PaperFile
+from sparsemor.plugins.liang2026.paper import BROKEN, PaperFile, PaperItem
 from sparsemor.plugins.liang2026.parts import Results
 from sparsemor.plugins.liang2026.runs import Work, commands_of
 from sparsemor.plugins.liang2026.verdicts import Verdict, judged
@@ -81,7 +81,7 @@ def reproduce(
     return Reproduction(file, folder, tuple(verdicts), tuple(files))
 
 
-def chosen_items(file: PaperFile, scene: str = "", items: Sequence[str] = ()) -> list[Item]:
+def chosen_items(file: PaperFile, scene: str = "", items: Sequence[str] = ()) -> list[PaperItem]:
     """Items of a scene, or of the given names. Raises InputError for unknown names."""
     if scene and scene not in file.scenes:
         raise InputError(f"SCENE: {suggestions(scene, list(file.scenes), 'there are')}")
@@ -113,7 +113,7 @@ def _begin(folder: Path, file: PaperFile, quick: bool, force: bool) -> None:
 
 
 def _tables(
-    items: Sequence[Item], verdicts: Sequence[Verdict], commands: Mapping[str, Sequence[str]],
+    items: Sequence[PaperItem], verdicts: Sequence[Verdict], commands: Mapping[str, Sequence[str]],
     folder: Path,
 ) -> list[Path]:
     """Writes verdicts.csv and numbers.csv; returns their paths."""

@@ -19,14 +19,14 @@ from sparsemor.core.results.output_directory import OutputDirectory
 from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.scene.source import Source
 from sparsemor.core.status import SolveFailed, Status
-from sparsemor.plugins.liang2026.paper import Item, PaperFile, RunEntry, StudyEntry
+from sparsemor.plugins.liang2026.paper import PaperFile, PaperItem, RunEntry, StudyEntry
 from sparsemor.plugins.liang2026.quantities import split
 from sparsemor.plugins.liang2026.split import SPLIT, write_split
 from sparsemor.plugins.study.file import Study
 from sparsemor.plugins.study.jobs import UNCOMPUTED, completed
 from sparsemor.plugins.study.plan import Plan, Run, SceneData
 from sparsemor.plugins.study.run import run_plan, worker_pool
-from sparsemor.plugins.study.scheduler import Row, Schedule, State
+from sparsemor.plugins.study.scheduler import Row, Schedule, StudyProgress
 
 RUNS, STUDIES = "runs", "studies"
 
@@ -39,7 +39,7 @@ class Work:
     """
 
     file: PaperFile
-    items: Sequence[Item]
+    items: Sequence[PaperItem]
     folder: Path
     quick: bool
     watch: Callable[[str], None]
@@ -58,7 +58,7 @@ class Work:
             add_part(self.folder, f"{kind}/{name}")
         plan = self._plan(runs, count)
 
-        def watched(state: State, row: Row | None) -> None:
+        def watched(state: StudyProgress, row: Row | None) -> None:
             if row is not None:
                 name, status = plan.runs[row["run"] - 1].name, row["status"]
                 stored = OutputDirectory(self.folder / RUNS / name).is_result()
@@ -163,7 +163,7 @@ def plan_of(
     return Plan.of(str(changed)).only(rows)
 
 
-def commands_of(file: PaperFile, item: Item, quick: bool) -> list[str]:
+def commands_of(file: PaperFile, item: PaperItem, quick: bool) -> list[str]:
     """Commands that recompute an item: the first with its verdict, the others its runs and studies
     alone."""
     return [f"sparsemor reproduce --items {item.id}{' --quick' * quick}",

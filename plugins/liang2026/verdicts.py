@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from sparsemor.core.errors import InputError
 from sparsemor.plugins.charts.style import saved
-from sparsemor.plugins.liang2026.paper import BROKEN, GRADES, Item
+from sparsemor.plugins.liang2026.paper import BROKEN, GRADES, PaperItem
 from sparsemor.plugins.liang2026.parts import Results, Value
 from sparsemor.plugins.liang2026.sketches import numbers_figure
 
@@ -46,7 +46,7 @@ class Verdict:
         return self.grade in GRADES[:2]
 
 
-def judged(item: Item, results: Results, folder: Path) -> Verdict:
+def judged(item: PaperItem, results: Results, folder: Path) -> Verdict:
     """Verdict on an item, with its pictures drawn into a folder. Failures are part of the verdict,
     never raised."""
     known: dict[str, Value] = {}

@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 
 from sparsemor.core import FloatArray
-from sparsemor.plugins.samplers.row_pool import Rows
+from sparsemor.plugins.samplers.row_pool import GreedyRows
 from sparsemor.plugins.samplers.smallest_singular_pair import EPS, RowFactor, Smallest
 from sparsemor.plugins.samplers.subspace import SpanSampler
 
@@ -28,14 +28,14 @@ class Deim(SpanSampler):
     order; `greedy` takes one row per vector, where its interpolation by the vectors before it has
     the largest error."""
 
-    def choose(self, U: FloatArray, rows: Rows, rng: np.random.Generator) -> None:
+    def choose(self, U: FloatArray, rows: GreedyRows, rng: np.random.Generator) -> None:
         if self.method == "greedy":
             interpolation_points(U, rows)
         pivots(U, rows)
         raise_smallest(U, rows)
 
 
-def pivots(U: FloatArray, rows: Rows) -> None:
+def pivots(U: FloatArray, rows: GreedyRows) -> None:
     """Adds the rows of U (n, k) with the largest component outside the span of the rows taken.
 
     Ends when they span all columns. From an empty set, these are the pivots of LAPACK's
@@ -61,7 +61,7 @@ def pivots(U: FloatArray, rows: Rows) -> None:
                 found += 1
 
 
-def interpolation_points(U: FloatArray, rows: Rows) -> None:
+def interpolation_points(U: FloatArray, rows: GreedyRows) -> None:
     """Adds rows by DEIM's greedy rule on the columns of U (n, k) in their order.
 
     With p rows taken, the next one is where the fit of column p + 1 by the p columns before it has
@@ -79,7 +79,7 @@ def interpolation_points(U: FloatArray, rows: Rows) -> None:
         rows.take(np.abs(error))
 
 
-def raise_smallest(U: FloatArray, rows: Rows) -> None:
+def raise_smallest(U: FloatArray, rows: GreedyRows) -> None:
     """Adds rows by GappyPOD+E: those that most raise the smallest singular value of the sampled U
     (n, k).
 

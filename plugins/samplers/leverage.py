@@ -6,7 +6,7 @@ import numpy as np
 from scipy import linalg
 
 from sparsemor.core import FloatArray
-from sparsemor.plugins.samplers.row_pool import Rows
+from sparsemor.plugins.samplers.row_pool import GreedyRows
 from sparsemor.plugins.samplers.subspace import SpanSampler
 
 
@@ -23,7 +23,7 @@ class Leverage(SpanSampler):
     """`random` draws without replacement; `top` takes the m largest scores, which may cluster in
     one region and miss others."""
 
-    def choose(self, U: FloatArray, rows: Rows, rng: np.random.Generator) -> None:
+    def choose(self, U: FloatArray, rows: GreedyRows, rng: np.random.Generator) -> None:
         if rows.left == 0:
             return
         scores = leverage(U, U[rows.taken], rows.left)

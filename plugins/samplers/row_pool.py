@@ -83,7 +83,7 @@ def in_order(node: IntArray, order: IntArray, m: int) -> IntArray:
 
 
 @dataclass(slots=True, eq=False)
-class Rows:
+class GreedyRows:
     """Greedy selection of the rows of one block by scores, which may change after each selection.
 
     taken (n,): mask of the rows selected so far, initially the required ones; node (n,): rows with
@@ -95,7 +95,7 @@ class Rows:
     left: int
 
     @classmethod
-    def of(cls, coordinates: FloatArray, free: BoolArray, m: int, unit: Unit) -> "Rows":
+    def of(cls, coordinates: FloatArray, free: BoolArray, m: int, unit: Unit) -> "GreedyRows":
         node = np.arange(free.size) if unit == "dof" else node_numbers(coordinates)
         return cls(~free, node, m)
 

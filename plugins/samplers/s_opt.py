@@ -3,7 +3,7 @@
 import numpy as np
 
 from sparsemor.core import FloatArray
-from sparsemor.plugins.samplers.row_pool import Rows
+from sparsemor.plugins.samplers.row_pool import GreedyRows
 from sparsemor.plugins.samplers.smallest_singular_pair import LOST, RowFactor
 from sparsemor.plugins.samplers.subspace import SpanSampler
 
@@ -19,12 +19,12 @@ class SOpt(SpanSampler):
     al. 2024, doi 10.1137/22M1484018 (S-OPT). Deterministic: the seed has no effect.
     """
 
-    def choose(self, U: FloatArray, rows: Rows, rng: np.random.Generator) -> None:
+    def choose(self, U: FloatArray, rows: GreedyRows, rng: np.random.Generator) -> None:
         one_column_a_row(U, rows)
         all_columns(U, rows)
 
 
-def one_column_a_row(U: FloatArray, rows: Rows) -> None:
+def one_column_a_row(U: FloatArray, rows: GreedyRows) -> None:
     """Adds rows while there are fewer rows than columns: p rows are compared by the first p
     columns.
 
@@ -47,7 +47,7 @@ def one_column_a_row(U: FloatArray, rows: Rows) -> None:
         factor.add(U[rows.take(np.log(np.maximum(gain, TINY)) - cost)])
 
 
-def all_columns(U: FloatArray, rows: Rows) -> None:
+def all_columns(U: FloatArray, rows: GreedyRows) -> None:
     """Adds further rows by det(A^T A + u^T u) = det(A^T A) (1 + u (A^T A)^-1 u^T) for a row u.
 
     q = u (A^T A)^-1 u^T of all candidates is updated after each row by rank-one updates.

@@ -9,7 +9,7 @@ from pydantic import Field
 
 from sparsemor.core import BlockData, Dictionary, FloatArray, InputError, IntArray
 from sparsemor.plugins.samplers.base import RowSampler
-from sparsemor.plugins.samplers.row_pool import Rows, free_rows
+from sparsemor.plugins.samplers.row_pool import GreedyRows, free_rows
 from sparsemor.plugins.samplers.smallest_singular_pair import EPS
 
 Of = Literal["operator", "atoms"]
@@ -35,12 +35,12 @@ class SpanSampler(RowSampler):
         rng: np.random.Generator,
     ) -> IntArray:
         free = free_rows(block.size, m, kept, block.name)
-        rows = Rows.of(block.coordinates, free, m, self.unit)
+        rows = GreedyRows.of(block.coordinates, free, m, self.unit)
         self.choose(orthonormal(self._vectors(block, dictionary), block.name), rows, rng)
         return rows.numbers()
 
     @abstractmethod
-    def choose(self, U: FloatArray, rows: Rows, rng: np.random.Generator) -> None:
+    def choose(self, U: FloatArray, rows: GreedyRows, rng: np.random.Generator) -> None:
         """Takes rows until none is `left` to be taken. U (n, k): orthonormal columns."""
 
     def _vectors(self, block: BlockData, dictionary: Dictionary) -> FloatArray:

@@ -106,7 +106,7 @@ class Judgement:
             f"e^{LIMIT:g}); {ADVICE}")
 
 
-class Reference:
+class ReferenceModels:
     """Galerkin reference models on the active atoms of step solvers, each built when it is first
     needed."""
 
@@ -133,7 +133,7 @@ class Reference:
 
 def judge(
     solver: StepSolver, integrator: Integrator, h: float, steps: int, full: State,
-    reference: Reference,
+    reference: ReferenceModels,
 ) -> Judgement:
     """Stability of a step solver linearised about a full-order state, for `steps` steps of h, s.
     The Galerkin reference is computed only if the spectral radius exceeds the limit.
@@ -154,7 +154,7 @@ def judge(
 
 def judge_along(
     solver: StepSolver, integrator: Integrator, h: float, steps: int, states: Sequence[State],
-    reference: Reference,
+    reference: ReferenceModels,
 ) -> Judgement:
     """Worst of several linearisations, with the excess growth accumulated over the run
     (`over_the_run`)."""
@@ -248,7 +248,7 @@ def _judged_run(
     registry = scene.source.registry
     states = [full_state(solver, s) for s in known] if known and integrator.order == 1 else (
         states_along(model, integrator, h, solver, full, linearization_times(h, steps), registry))
-    return judge_along(solver, integrator, h, steps, states, Reference(model, registry))
+    return judge_along(solver, integrator, h, steps, states, ReferenceModels(model, registry))
 
 
 def _as_arrays(found: Judgement) -> Arrays:

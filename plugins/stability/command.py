@@ -32,7 +32,7 @@ from sparsemor.core.scene.yaml_reader import parse_value
 
 if TYPE_CHECKING:
     from sparsemor.plugins.stability.survey import Survey
-    from sparsemor.plugins.stability.variants import Plan
+    from sparsemor.plugins.stability.variants import SurveyPlan
 
 Out = Annotated[Path | None, out_option("only printed")]
 FILES = ("stability.csv", "seeds.csv", "stability_map.png", "stability_map.svg")
@@ -86,16 +86,16 @@ def stability(
 def plan_of(
     seeds: int, samplers: str | None, required: str | None, rows: str | None, atoms: str | None,
     step: str | None, integrators: str | None, at: str | None,
-) -> "Plan":
+) -> "SurveyPlan":
     """Plan of a stability survey from the text of the command's options. Raises InputError that
     names the option."""
-    from sparsemor.plugins.stability.variants import Plan
+    from sparsemor.plugins.stability.variants import SurveyPlan
 
     flags = {"true": [True], "false": [False], "both": [True, False], None: None}
     if required not in flags:
         raise InputError(f"must be true, false or both (got {required})", "required")
     numbers = "must be a number for each field, such as 60/40"
-    return Plan(
+    return SurveyPlan(
         samplers=items("samplers", samplers, str, "must be names of samplers"),
         required=flags[required], rows=items("rows", rows, _counts, numbers),
         atoms=items("atoms", atoms, _counts, numbers),

@@ -28,7 +28,7 @@ from sparsemor.core.status import SolveFailed
 from sparsemor.plugins.stability.check import (
     LIMIT,
     Judgement,
-    Reference,
+    ReferenceModels,
     failed,
     judged,
     over_the_run,
@@ -47,13 +47,13 @@ from sparsemor.plugins.stability.reference import (
     times_checked,
 )
 from sparsemor.plugins.stability.step_map import step_map
-from sparsemor.plugins.stability.variants import Plan, Variant, variants
+from sparsemor.plugins.stability.variants import SurveyPlan, Variant, variants
 
 UNKNOWN = EigenvalueErrors(None, {}, None)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Finding:
+class SeedStability:
     """Stability of one variant with one seed: the worst of its linearisations along the run.
 
     judgement: spectral radius and growth of the coupled time-step map; departure: eigenvalue
@@ -81,12 +81,12 @@ class Finding:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Entry:
+class VariantStability:
     """Stability of one variant for all seeds. settings: option -> value, as text; buckled: bodies
     with linear strains beyond their buckling load, for which no variant is stable."""
 
     settings: Mapping[str, str]
-    findings: Sequence[Finding]
+    findings: Sequence[SeedStability]
     buckled: tuple[str, ...] = ()
 
     @property
@@ -117,7 +117,7 @@ class Survey:
     """Stability of all variants; `str()` returns the table and the smallest numbers of sampled rows
     that are stable for all seeds."""
 
-    entries: Sequence[Entry]
+    entries: Sequence[VariantStability]
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -128,7 +128,7 @@ class Survey:
         """For each combination of the other settings: the smallest number of sampled rows such that
         it and all larger requested numbers are stable for all seeds; "none" if the largest is
         not."""
-        groups: dict[tuple[str, ...], list[Entry]] = {}
+        groups: dict[tuple[str, ...], list[VariantStability]] = {}
         for e in self.entries:
             groups.setdefault(tuple(v for k, v in e.settings.items() if k != "rows"), []).append(e)
         found = []
@@ -170,8 +170,8 @@ class Survey:
 
 @fixed_threads()
 def survey(
-    scene: Scene, plan: Plan, *, cache: Cache | None = None, observers: Sequence[object] = (),
-    done: Callable[[Entry], None] = lambda entry: None,
+    scene: Scene, plan: SurveyPlan, *, cache: Cache | None = None, observers: Sequence[object] = (),
+    done: Callable[[VariantStability], None] = lambda entry: None,
 ) -> Survey:
     """Linearises every variant of a scene with every seed.
 
@@ -191,7 +191,7 @@ def survey(
             key = v.scene.digest("integrator", "time")
             if key not in cases:
                 cases[key] = _Case.of(v.scene, *prepared(v.scene, cache or Cache(), manager), plan)
-            entry = Entry(v.settings, [
+            entry = VariantStability(v.settings, [
                 _finding(v.scene, cases[key], seed) for seed in range(1, plan.seeds + 1)],
                 cases[key].buckled)
             done(entry)
@@ -199,7 +199,7 @@ def survey(
     return Survey(entries)
 
 
-def _refuse(v: Variant, model: Model, plan: Plan) -> None:
+def _refuse(v: Variant, model: Model, plan: SurveyPlan) -> None:
     faults = time_faults(v.scene)
     faults += InputError(list(v.scene.reducer.check(model))).under("reducer").faults
     if faults:  # at the options that make the variant
@@ -223,15 +223,15 @@ class _Case:
     model: Model
     offline: Offline
     states: Sequence[State]
-    reference: Reference
+    reference: ReferenceModels
     exact: Mapping[str, Any]
     buckled: tuple[str, ...]
 
     @classmethod
-    def of(cls, scene: Scene, model: Model, offline: Offline, plan: Plan) -> "_Case":
+    def of(cls, scene: Scene, model: Model, offline: Offline, plan: SurveyPlan) -> "_Case":
         states = _states(scene, model, offline, plan.at)
         buckled = Checks.of(scene).of_training(scene, model, offline)
-        return cls(model, offline, states, Reference(model, scene.source.registry),
+        return cls(model, offline, states, ReferenceModels(model, scene.source.registry),
                    exact_values(model), buckled)
 
 
@@ -257,7 +257,7 @@ def _states(
     return along(reference, integrator, h, start, times)
 
 
-def _finding(scene: Scene, case: _Case, seed: int) -> Finding:
+def _finding(scene: Scene, case: _Case, seed: int) -> SeedStability:
     """The worst linearisation of one seed, with the growth summed over all linearisations."""
     h, integrator, steps = scene.time.step, scene.integrator, step_count(scene)
     fields = tuple(k.name for k in case.model.layout.kinds if k.reducible)
@@ -265,16 +265,16 @@ def _finding(scene: Scene, case: _Case, seed: int) -> Finding:
         solver: StepSolver = scene.reducer.prepare(ReducedProblem(
             case.model, integrator, h, case.offline, np.random.default_rng(seed)))
     except SolveFailed as failure:
-        return Finding(seed, failed(0.0, steps, failure), UNKNOWN, {}, 0, fields)
+        return SeedStability(seed, failed(0.0, steps, failure), UNKNOWN, {}, 0, fields)
     found = []
     for full in case.states:
         try:
             step = step_map(solver, integrator, h, *started(solver, integrator, full))
         except SolveFailed as failure:
-            return Finding(seed, failed(full.t, steps, failure), UNKNOWN, {},
+            return SeedStability(seed, failed(full.t, steps, failure), UNKNOWN, {},
                            unsampled(solver), fields)
         theirs = case.reference.step(step, integrator, h, full)
-        found.append(Finding(seed, judged(step, theirs, full.t, steps),
+        found.append(SeedStability(seed, judged(step, theirs, full.t, steps),
                              departure(step, theirs, case.exact), own_radii(step),
                              unsampled(solver), fields))
     worst = max(found, key=lambda f: f.judgement.excess)

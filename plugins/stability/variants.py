@@ -16,7 +16,7 @@ Counts = tuple[int, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class SurveyPlan:
     """Values of the options that a stability survey varies; None: the value of the scene.
 
     samplers: names; required: whether rows on which joints and localized loads act are always
@@ -44,7 +44,7 @@ class Variant:
     settings: Mapping[str, str]
 
 
-def variants(scene: Scene, plan: Plan) -> Iterator[Variant]:
+def variants(scene: Scene, plan: SurveyPlan) -> Iterator[Variant]:
     """Scenes of every combination of the options; numbers of rows vary fastest, then basis vectors.
     Raises InputError."""
     fields = reduced_fields(scene)

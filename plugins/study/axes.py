@@ -14,13 +14,13 @@ from sparsemor.core.registry.validation_errors import dotted
 from sparsemor.core.scene.overrides import split
 from sparsemor.core.scene.yaml_reader import KeyPath
 from sparsemor.plugins.study.columns import RESERVED
-from sparsemor.plugins.study.file import Finding, RandomSubset, Study, StudyFile
+from sparsemor.plugins.study.file import RandomSubset, Study, StudyFault, StudyFile
 
 LABEL, SEED = "label", "seed"
 
 
 @dataclass(frozen=True, slots=True)
-class Choice:
+class AxisValue:
     """One value of an axis of a study.
 
     columns: column -> value in the table; changes: key of the scene -> value; owners: key of the
@@ -39,7 +39,7 @@ class Choice:
 class Point:
     """One combination of axis values, which defines a run."""
 
-    choices: tuple[Choice, ...]
+    choices: tuple[AxisValue, ...]
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -58,7 +58,7 @@ class Point:
         return tuple(c.place for c in self.choices)
 
 
-Axis = Sequence[Choice]
+Axis = Sequence[AxisValue]
 
 
 def points_of(study: Study) -> list[Point]:
@@ -68,14 +68,14 @@ def points_of(study: Study) -> list[Point]:
     if file.seeds:
         where: KeyPath = ("seeds",)
         findings += _repeated(file.seeds, where)
-        findings += [Finding((*where, i), f"a seed is at least 0 (got {s})")
+        findings += [StudyFault((*where, i), f"a seed is at least 0 (got {s})")
                      for i, s in enumerate(file.seeds) if s < 0]
-        findings += [Finding(where, f"the seed is also changed at {dotted(owner)}")
+        findings += [StudyFault(where, f"the seed is also changed at {dotted(owner)}")
                      for axis in axes for choice in axis
                      for key, owner in choice.owners.items() if key == SEED][:1]
     count = prod(len(axis) for axis in axes)
     if file.random is not None and file.random.count > count:
-        findings.append(Finding(
+        findings.append(StudyFault(
             ("random", "count"), f"the axes have {count} combinations: take at most that many "
             f"(got {file.random.count})"))
     study.check(findings)
@@ -114,12 +114,12 @@ def chart_columns(file: StudyFile, points: Sequence[Point]) -> list[str]:
     return several or names
 
 
-def _axes(file: StudyFile) -> tuple[list[Axis], list[Finding]]:
+def _axes(file: StudyFile) -> tuple[list[Axis], list[StudyFault]]:
     if file.listed is not None:
         return _list_axis(file.listed)
     where, written = _written(file)
     axes: list[Axis] = []
-    findings: list[Finding] = []
+    findings: list[StudyFault] = []
     owned: dict[tuple[str | int, ...], str] = {}
     for name, values in written.items():
         faults = _axis_faults(name, values, (*where, name))
@@ -130,7 +130,7 @@ def _axes(file: StudyFile) -> tuple[list[Axis], list[Finding]]:
         for key in dict.fromkeys(k for c in axis for k in c.changes):
             other = owned.setdefault(split(key), name)
             if other != name:
-                findings.append(Finding(
+                findings.append(StudyFault(
                     (*where, name), f"{key} is also changed by the axis {other}: no two axes "
                     "change the same key"))
         axes.append(axis)
@@ -144,14 +144,14 @@ def _written(file: StudyFile) -> tuple[KeyPath, Mapping[str, Any]]:
     return ("random", "axes"), file.random.axes if file.random else {}
 
 
-def _list_axis(items: Sequence[Mapping[str, Any]]) -> tuple[list[Axis], list[Finding]]:
+def _list_axis(items: Sequence[Mapping[str, Any]]) -> tuple[list[Axis], list[StudyFault]]:
     axis, findings = [], []
     for i, item in enumerate(items):
         changes = {k: v for k, v in item.items() if k != LABEL}
         owners: dict[str, KeyPath] = {k: ("list", i, k) for k in changes}
-        axis.append(Choice(dict(item), changes, owners, ("list", i)))
+        axis.append(AxisValue(dict(item), changes, owners, ("list", i)))
         if isinstance(item.get(LABEL, ""), dict | list):
-            findings.append(Finding(("list", i, LABEL), "a label is a text or a number"))
+            findings.append(StudyFault(("list", i, LABEL), "a label is a text or a number"))
     findings += _repeated(items, ("list",))
     return [axis], findings
 
@@ -163,12 +163,12 @@ def _axis(name: str, values: Any, where: KeyPath) -> Axis:
             for label, changes in values.items()]
 
 
-def _plain(name: str, value: Any, place: KeyPath) -> Choice:
-    return Choice({name: value}, {name: value}, {name: place}, place)
+def _plain(name: str, value: Any, place: KeyPath) -> AxisValue:
+    return AxisValue({name: value}, {name: value}, {name: place}, place)
 
 
-def _named(name: str, label: str, changes: dict[str, Any], place: KeyPath) -> Choice:
-    return Choice({name: _number(label)}, changes, {k: (*place, k) for k in changes}, place,
+def _named(name: str, label: str, changes: dict[str, Any], place: KeyPath) -> AxisValue:
+    return AxisValue({name: _number(label)}, changes, {k: (*place, k) for k in changes}, place,
                   {f"set.{k}": v for k, v in changes.items()})
 
 
@@ -182,41 +182,41 @@ def _number(label: str) -> Any:
     return label
 
 
-def _axis_faults(name: str, values: Any, where: KeyPath) -> list[Finding]:
+def _axis_faults(name: str, values: Any, where: KeyPath) -> list[StudyFault]:
     if isinstance(values, list) and values:
         return _repeated(values, where)
     if not isinstance(values, dict) or not values:
-        return [Finding(where, "an axis is a list of values of that key, or named alternatives "
+        return [StudyFault(where, "an axis is a list of values of that key, or named alternatives "
                         "{label: {key: value}}, at least one")]
-    findings = [Finding((*where, label), "an alternative is a mapping {key: value}")
+    findings = [StudyFault((*where, label), "an alternative is a mapping {key: value}")
                 for label, changes in values.items() if not isinstance(changes, dict | None)]
     if name in RESERVED:
         findings.append(_taken(name, where))
     return findings
 
 
-def taken_names(file: StudyFile, columns: Iterable[str]) -> list[Finding]:
+def taken_names(file: StudyFile, columns: Iterable[str]) -> list[StudyFault]:
     """Faults of axes with named alternatives whose names equal one of these result columns."""
     where, written = _written(file)
     return [_taken(name, (*where, name)) for name, values in written.items()
             if isinstance(values, dict) and name in set(columns)]
 
 
-def _taken(name: str, where: KeyPath) -> Finding:
-    return Finding(where, f"{name} is a column of the results: choose another name")
+def _taken(name: str, where: KeyPath) -> StudyFault:
+    return StudyFault(where, f"{name} is a column of the results: choose another name")
 
 
-def _repeated(values: Sequence[Any], where: KeyPath) -> list[Finding]:
+def _repeated(values: Sequence[Any], where: KeyPath) -> list[StudyFault]:
     first_of: dict[str, int] = {}
     findings = []
     for i, value in enumerate(values):
         first = first_of.setdefault(json.dumps(value, sort_keys=True), i)
         if first != i:
-            findings.append(Finding((*where, i), f"the same as item {first}: remove one"))
+            findings.append(StudyFault((*where, i), f"the same as item {first}: remove one"))
     return findings
 
 
-def _combinations(axes: Sequence[Axis], some: RandomSubset | None) -> list[tuple[Choice, ...]]:
+def _combinations(axes: Sequence[Axis], some: RandomSubset | None) -> list[tuple[AxisValue, ...]]:
     if some is None:
         return list(product(*axes))
     shape = tuple(len(axis) for axis in axes)
@@ -226,7 +226,7 @@ def _combinations(axes: Sequence[Axis], some: RandomSubset | None) -> list[tuple
             for n in chosen]
 
 
-def _of_chart(file: StudyFile, points: Sequence[Point]) -> list[Finding]:
+def _of_chart(file: StudyFile, points: Sequence[Point]) -> list[StudyFault]:
     names = setting_columns(points)
     lines = [file.method] if isinstance(file.method, str) else file.method
     named: list[tuple[KeyPath, str]] = [
@@ -234,5 +234,6 @@ def _of_chart(file: StudyFile, points: Sequence[Point]) -> list[Finding]:
         for i, name in enumerate(lines)]
     if file.budget:
         named.append((("budget",), file.budget))
-    return [Finding(path, f"nothing of that name varies: {suggestions(name, names, 'there are')}")
-            for path, name in named if name not in names]
+    return [
+        StudyFault(path, f"nothing of that name varies: {suggestions(name, names, 'there are')}")
+        for path, name in named if name not in names]

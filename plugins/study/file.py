@@ -21,7 +21,7 @@ FULL = {"reducer": FULL_ORDER}
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class StudyFault:
     """Fault at a position of the study file."""
 
     path: KeyPath
@@ -96,15 +96,17 @@ class StudyFile(Plugin):
 
     def quantity_faults(
         self, scene: Mapping[str, Any], taken: Collection[str]
-    ) -> list[Finding]:
+    ) -> list[StudyFault]:
         """Faults of quantities that have the name of a column, or name what the scene has not."""
-        found = [Finding(("quantities", name), f"{name} is a column of the results: choose another "
-                         "name") for name in self.quantities if name in taken]
+        found = [
+            StudyFault(("quantities", name),
+                       f"{name} is a column of the results: choose another name")
+            for name in self.quantities if name in taken]
         for name, quantity in self.quantities.items():
             for table, needed in quantity.names.items():
                 known = list(scene.get(table) or ())
                 if needed not in known:
-                    found.append(Finding(("quantities", name), f"the scene has no {needed!r}: "
+                    found.append(StudyFault(("quantities", name), f"the scene has no {needed!r}: "
                                          f"{suggestions(needed, known, table)}"))
         return found
 
@@ -155,12 +157,12 @@ class Study:
         read.check(_without_effect(read.file))
         return read
 
-    def check(self, findings: Sequence[Finding]) -> None:
+    def check(self, findings: Sequence[StudyFault]) -> None:
         """Raises `LocatedError` with all faults, in the order of the file, if there are any."""
         if findings:
             raise self.locate(findings)
 
-    def locate(self, findings: Iterable[Finding]) -> LocatedError:
+    def locate(self, findings: Iterable[StudyFault]) -> LocatedError:
         place = self.source.document.place
         ordered = sorted(set(findings), key=lambda f: (place(f.path), dotted(f.path), f.message))
         name = self.source.document.name
@@ -170,17 +172,17 @@ class Study:
              f"{dotted(f.path)}: {f.message}" for f in ordered])
 
 
-def _of_fixed(reference: dict[str, Any]) -> list[Finding]:
+def _of_fixed(reference: dict[str, Any]) -> list[StudyFault]:
     if not isinstance(reference["fixed"], dict | None):
-        return [Finding(("reference", "fixed"), "give changes to the scene, {key: value}")]
+        return [StudyFault(("reference", "fixed"), "give changes to the scene, {key: value}")]
     others = [key for key in reference if key != "fixed"]
-    return [Finding(("reference", key), "move it under `fixed`, the only key allowed here")
+    return [StudyFault(("reference", key), "move it under `fixed`, the only key allowed here")
             for key in others]
 
 
-def _without_effect(file: StudyFile) -> list[Finding]:
+def _without_effect(file: StudyFile) -> list[StudyFault]:
     """Keys about errors in a study without errors."""
     keys = {"errors_from": file.errors_from > 0.0, "over_time": file.over_time}
-    return [Finding((key,), "has no effect with reference: none, which leaves out the errors: "
+    return [StudyFault((key,), "has no effect with reference: none, which leaves out the errors: "
                     "remove one of the two")
             for key, used in keys.items() if used and not file.compared]

@@ -28,7 +28,7 @@ from sparsemor.plugins.study.axes import (
     taken_names,
 )
 from sparsemor.plugins.study.columns import OUTCOME, RESERVED, columns_of, error_columns
-from sparsemor.plugins.study.file import Finding, Study
+from sparsemor.plugins.study.file import Study, StudyFault
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -150,7 +150,7 @@ class _Maker:
     study: Study
     base: Source
     references: dict[str, SceneData] = field(default_factory=dict)
-    blamed: dict[int, list[Finding]] = field(default_factory=dict)
+    blamed: dict[int, list[StudyFault]] = field(default_factory=dict)
     scene_lines: dict[int, list[str]] = field(default_factory=dict)
     identities: dict[str, Any] = field(default_factory=dict)
     fields: list[FieldKind] = field(default_factory=list)
@@ -249,12 +249,12 @@ class _Maker:
                 self.scene_lines.setdefault(number, []).extend(source.lines(InputError([fault])))
                 continue
             prefix = "" if path[-1] == fault.key else inner
-            self.blamed.setdefault(number, []).append(Finding(path, prefix + fault.message))
+            self.blamed.setdefault(number, []).append(StudyFault(path, prefix + fault.message))
         return "; ".join(words)
 
-    def never_valid(self, points: list[Point]) -> list[Finding]:
+    def never_valid(self, points: list[Point]) -> list[StudyFault]:
         """Faults of axis values that are invalid in every run that uses them."""
-        found: dict[KeyPath, list[Finding]] = {}
+        found: dict[KeyPath, list[StudyFault]] = {}
         for n, findings in self.blamed.items():
             for f in findings:
                 choice = next((p for p in points[n - 1].places if f.path[:len(p)] == p), ())
@@ -300,13 +300,13 @@ def _scene_of(study: Study, registry: Registry) -> Source:
         try:
             registry.load("scene", named)
         except InputError as error:  # two packages offer it
-            raise study.locate([Finding(("scene",), str(error))]) from None
+            raise study.locate([StudyFault(("scene",), str(error))]) from None
     elif not neighbour.is_file():
-        raise study.locate([Finding(
+        raise study.locate([StudyFault(
             ("scene",), f"there is no such file next to the study, and no packaged scene is "
             f"called {named!r}: {suggestions(named, packaged(registry, 'scene'), 'packaged')}")])
     source = Source.read(named if registry.has("scene", named) else neighbour, registry)
     try:
         return source.changed(study.file.changes, "set")
     except InputError as error:
-        raise study.locate([Finding(("set", f.key), f.message) for f in error.faults]) from None
+        raise study.locate([StudyFault(("set", f.key), f.message) for f in error.faults]) from None

@@ -8,9 +8,9 @@ from typing import Any
 from sparsemor.plugins.observers.progress import terminal_bar
 from sparsemor.plugins.study.columns import cell
 from sparsemor.plugins.study.plan import Plan
-from sparsemor.plugins.study.scheduler import Row, State
+from sparsemor.plugins.study.scheduler import Row, StudyProgress
 
-Watch = Callable[[State, Row | None], None]
+Watch = Callable[[StudyProgress, Row | None], None]
 """Callback for progress: called after each run with its row, and repeatedly with None while jobs
 run."""
 
@@ -27,7 +27,7 @@ def shown(plan: Plan, quiet: bool) -> Iterator[Watch]:
         yield lambda state, row: _line(plan, state, row)
 
 
-def in_words(state: State) -> str:
+def in_words(state: StudyProgress) -> str:
     """Progress as text, such as `12/216 done, 2 running, 1 failed, 3 min left`."""
     parts = [f"{state.done}/{state.total} done", f"{state.running} running",
              f"{state.failed} failed"]
@@ -43,7 +43,7 @@ def duration(seconds: float) -> str:
     return f"{seconds / 60:.0f} min" if seconds < 5970 else f"{seconds / 3600:.1f} h"
 
 
-def _line(plan: Plan, state: State, row: Row | None) -> None:
+def _line(plan: Plan, state: StudyProgress, row: Row | None) -> None:
     if row is None:
         return
     settings = " ".join(f"{n}={cell(row[n])}" for n in plan.axes if row.get(n) is not None)
@@ -58,7 +58,7 @@ def _bar() -> Iterator[Watch]:
     with terminal_bar(BarColumn(), TextColumn("{task.description}")) as bar:
         task: Any = bar.add_task("starting", total=None)
 
-        def watch(state: State, row: Row | None) -> None:
+        def watch(state: StudyProgress, row: Row | None) -> None:
             bar.update(task, total=state.total, completed=state.done, description=in_words(state))
 
         yield watch

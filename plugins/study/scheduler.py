@@ -23,7 +23,7 @@ Answer = dict[str, Any]
 
 
 @dataclass(frozen=True, slots=True)
-class State:
+class StudyProgress:
     """Progress of a study: numbers of runs. seconds_left: estimated remaining time, None while it
     cannot be estimated."""
 
@@ -80,12 +80,15 @@ class Schedule:
         self._failed = sum(row["status"] != Status.DONE.value for row in earlier)
 
     @property
-    def state(self) -> State:
+    def state(self) -> StudyProgress:
         spent = time.monotonic() - self._begun
         seconds = spent / self._ended * self._runs_left if self._ended else None
-        return State(len(self._plan.runs), self._done, self._failed, len(self._flying), seconds)
+        return StudyProgress(
+            len(self._plan.runs), self._done, self._failed, len(self._flying), seconds)
 
-    def go(self, commit: Callable[[Row], None], watch: Callable[[State, Row | None], None]) -> None:
+    def go(
+        self, commit: Callable[[Row], None], watch: Callable[[StudyProgress, Row | None], None]
+    ) -> None:
         """Executes jobs until every run has its row. `commit`: called with each row; `watch`:
         called with the progress after each row, and repeatedly while jobs run."""
         self._commit, self._watch = commit, watch

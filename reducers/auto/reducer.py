@@ -22,7 +22,7 @@ from sparsemor.core import (
     slot_default,
 )
 from sparsemor.reducers.auto.sources import CONSTANT, Source, learned, responses
-from sparsemor.reducers.auto.trials import Reference
+from sparsemor.reducers.auto.trials import TrainingReference
 from sparsemor.reducers.projection.base import Projection, ProjectionReducer
 from sparsemor.reducers.projection.ecsw.reducer import Ecsw
 from sparsemor.reducers.projection.galerkin import Galerkin
@@ -88,7 +88,7 @@ class Auto(ReducedStepOptions):
     def left_out(self, problem: ReducedProblem) -> tuple[str, ...]:
         """Temperatures that do not change, and displacements below 1e-9 of the size of the
         body."""
-        ref = Reference.of(problem, self.learning)
+        ref = TrainingReference.of(problem, self.learning)
         found = []
         for name in problem.model.reducible():
             data = problem.model.block_data(name)
@@ -131,7 +131,7 @@ class Search:
 
     def __init__(self, auto: Auto, problem: ReducedProblem) -> None:
         self.auto, self.problem = auto, problem
-        self.ref = Reference.of(problem, auto.learning)
+        self.ref = TrainingReference.of(problem, auto.learning)
         self.trials: list[TrialRun] = []
         self.last: tuple[StepSolver, Sequence[State]] | None = None
         self.heat: dict[str, str] = {}

@@ -26,7 +26,7 @@ LINEARIZED = 5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Reference:
+class TrainingReference:
     """Snapshots of the training run by block, as states of equal distance in time.
 
     scales: block -> largest change, or the largest norm of a constant block, 1 if that is 0;
@@ -42,7 +42,7 @@ class Reference:
     first: int
 
     @classmethod
-    def of(cls, problem: ReducedProblem, learning: float) -> "Reference":
+    def of(cls, problem: ReducedProblem, learning: float) -> "TrainingReference":
         """Reference for bases that learn from the share `learning` of the snapshots."""
         model, taken = problem.model, problem.offline.recording
         count, scales, constant = 0, {}, set()
@@ -58,7 +58,7 @@ class Reference:
         found = cls(problem, scales, frozenset(constant), count, every, 0)
         return found.after(learning)
 
-    def after(self, learning: float) -> "Reference":
+    def after(self, learning: float) -> "TrainingReference":
         """The same for bases that learn from another share of the snapshots."""
         first = min(max(2, round(learning * self.count)), max(self.count - 1, 1))
         return replace(self, first=first)

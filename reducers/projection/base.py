@@ -34,7 +34,7 @@ from sparsemor.reducers.checks import pattern_faults
 from sparsemor.reducers.field_options import BASES
 from sparsemor.reducers.linalg.left_inverse import left_inverse
 from sparsemor.reducers.notes import shadowed_basis
-from sparsemor.reducers.projection.maps import Approximation, Linear, Maps, Reducible
+from sparsemor.reducers.projection.maps import Approximation, LinearOperators, Maps, Reducible
 from sparsemor.reducers.step.acceptance import Tolerances
 from sparsemor.reducers.step.blocks.compressed_prescribed import CompressedPrescribed
 from sparsemor.reducers.step.blocks.thermal_block import CompressedHeat
@@ -171,7 +171,7 @@ class Projection:
         heat, elastic = {}, {}
 
         def mapped(name: str, source: HeatBody | MovingBody) -> Maps:
-            linear = Linear.of(source, c1, c2, c1_first)
+            linear = LinearOperators.of(source, c1, c2, c1_first)
             maps[name] = reducer.maps(Reducible(
                 name, dictionaries[name], linear, model, offline, integrator, h,
                 deepcopy(self.generators[name])))

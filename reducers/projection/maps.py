@@ -22,7 +22,7 @@ from sparsemor.reducers.step.operators import TestMap
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Linear:
+class LinearOperators:
     """Linear operators of one block: stiffness x + damping v + mass a, (n, n) each.
 
     For heat, `stiffness` is the conductivity, `damping` the capacity, and there is no mass.
@@ -36,7 +36,9 @@ class Linear:
     operator: Csr
 
     @classmethod
-    def of(cls, source: HeatBody | MovingBody, c1: float, c2: float, c1_first: float) -> "Linear":
+    def of(
+        cls, source: HeatBody | MovingBody, c1: float, c2: float, c1_first: float
+    ) -> "LinearOperators":
         if isinstance(source, HeatBody):
             K, C = source.conductivity, source.capacity
             return cls(K, C, None, K + c1_first * C)
@@ -58,7 +60,7 @@ class Reducible:
 
     name: str
     dictionary: Dictionary
-    linear: Linear
+    linear: LinearOperators
     model: AssembledModel
     offline: OfflineProducts
     integrator: Integrator

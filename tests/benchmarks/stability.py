@@ -22,7 +22,7 @@ from modules import report
 from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.protocols import State, StepSolver
 from sparsemor.core.status import SolveFailed
-from sparsemor.plugins.stability.check import LIMIT, Judgement, Reference, failed, judge_along
+from sparsemor.plugins.stability.check import LIMIT, Judgement, ReferenceModels, failed, judge_along
 from sparsemor.plugins.stability.reference import linearization_times, states_along
 
 ERRS, TIMES = 1e-5, 10.0
@@ -78,7 +78,7 @@ def fill(out: report.Report, given: argparse.Namespace) -> None:
     confusion = out.table("Confusion")
     wrong = out.table("Every disagreement")
     samples = list(all_samples(given))
-    references = {id(s.case): Reference(s.case.model) for s in samples}
+    references = {id(s.case): ReferenceModels(s.case.model) for s in samples}
     until = time.monotonic() + 60.0 * given.minutes
     for seed in range(1, given.seeds + 1):
         for sample in samples:
@@ -128,7 +128,7 @@ def galerkin_limits(case: common.Case) -> dict[str, float]:
     return {name: max(ERRS, TIMES * e) for name, e in thinned(case, run).items()}
 
 
-def one(sample: Sample, seed: int, reference: Reference) -> list[dict[str, Any]]:
+def one(sample: Sample, seed: int, reference: ReferenceModels) -> list[dict[str, Any]]:
     """Prediction, then the run; nothing where the rows are those of the first seed."""
     scene, steps = sample.case.scene, sample.case.steps
     try:

@@ -10,7 +10,13 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from sparsemor.bodies.mesh.formats.abaqus_sets import MODEL, AbaqusSets, Entry, Placed, Scope
+from sparsemor.bodies.mesh.formats.abaqus_sets import (
+    MODEL,
+    AbaqusSets,
+    Placed,
+    Scope,
+    SetDefinition,
+)
 from sparsemor.bodies.mesh.formats.abaqus_statements import (
     data_words,
     integer,
@@ -184,7 +190,7 @@ class _Reader:
             self.here.labels.append(integer(words[0], at, word))
             self.here.coordinates.append((x, y, z))
         if "NSET" in options:
-            self._add(self.here.nsets, options["NSET"], Entry(
+            self._add(self.here.nsets, options["NSET"], SetDefinition(
                 word, "list", [(line, [str(n)]) for n in self.here.labels[first:]]))
 
     def _elements(self, line: int, word: str, options: dict[str, str],
@@ -222,7 +228,7 @@ class _Reader:
         if labels:
             self.here.blocks.append((kind, labels, nodes, f":{line}: {word} TYPE={name}"))
         if "ELSET" in options:
-            self._add(self.here.elsets, options["ELSET"], Entry(
+            self._add(self.here.elsets, options["ELSET"], SetDefinition(
                 word, "block", [(line, [str(len(self.here.blocks) - 1)])] if labels else []))
 
     def _nset(self, line: int, word: str, options: dict[str, str],
@@ -233,7 +239,7 @@ class _Reader:
                body: list[tuple[int, str]]) -> None:
         self._set(line, word, "ELSET", self.here.elsets, options, body)
 
-    def _set(self, line: int, word: str, kind: str, sets: dict[str, list[Entry]],
+    def _set(self, line: int, word: str, kind: str, sets: dict[str, list[SetDefinition]],
              options: dict[str, str], body: list[tuple[int, str]]) -> None:
         name = needed(options, kind, line, word)
         known = {kind, "GENERATE", "INSTANCE", "INTERNAL", "UNSORTED", *(
@@ -243,11 +249,11 @@ class _Reader:
                           "supported")
         instance = key_of(options.get("INSTANCE", ""))
         if kind == "NSET" and "ELSET" in options:
-            self._add(sets, name, Entry(
+            self._add(sets, name, SetDefinition(
                 word, "elements", [(line, [options["ELSET"]])], instance))
         how = "range" if "GENERATE" in options else "list"
         lines = [(at, words) for at, text in body if (words := data_words(text)[0])]
-        self._add(sets, name, Entry(word, how, lines, instance))
+        self._add(sets, name, SetDefinition(word, how, lines, instance))
 
     def _surface(self, line: int, word: str, options: dict[str, str],
                  body: list[tuple[int, str]]) -> None:
@@ -258,10 +264,10 @@ class _Reader:
             raise BadLine(line, word, f"only TYPE=ELEMENT and TYPE=NODE without further options "
                           f"are supported ({', '.join(options)})"[:200])
         lines = [(at, words) for at, text in body if (words := data_words(text)[0])]
-        self._add(self.here.surfaces, name, Entry(
+        self._add(self.here.surfaces, name, SetDefinition(
             word, how, lines, key_of(options.get("INSTANCE", ""))))
 
-    def _add(self, sets: dict[str, list[Entry]], name: str, entry: Entry) -> None:
+    def _add(self, sets: dict[str, list[SetDefinition]], name: str, entry: SetDefinition) -> None:
         self.spelled.setdefault(key_of(name), {})[shown(name)] = None
         sets.setdefault(key_of(name), []).append(entry)
 

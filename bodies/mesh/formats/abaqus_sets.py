@@ -32,13 +32,13 @@ class Scope:
     """Number of nodes before each *NODE, and its line."""
     blocks: list[tuple[str, list[int], list[list[int]], str]] = field(default_factory=list)
     """Type of cells, element labels, node labels, place."""
-    nsets: dict[str, list["Entry"]] = field(default_factory=dict)
-    elsets: dict[str, list["Entry"]] = field(default_factory=dict)
-    surfaces: dict[str, list["Entry"]] = field(default_factory=dict)
+    nsets: dict[str, list["SetDefinition"]] = field(default_factory=dict)
+    elsets: dict[str, list["SetDefinition"]] = field(default_factory=dict)
+    surfaces: dict[str, list["SetDefinition"]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Entry:
+class SetDefinition:
     """Data lines of a set: (line, words); how: list, range, elements (nodes of an element set) or,
     of a surface, ELEMENT or NODE; instance: to which its labels belong."""
 
@@ -126,7 +126,7 @@ class AbaqusSets:
             self.active.remove(at)
         return self.known[at]
 
-    def _entry(self, what: str, scope: str, entry: Entry) -> list[IntArray]:
+    def _entry(self, what: str, scope: str, entry: SetDefinition) -> list[IntArray]:
         where = self._scope(entry.instance or scope, entry)
         placed = self.placed[where]
         if entry.how == "block":
@@ -146,14 +146,14 @@ class AbaqusSets:
                       for w in words if w and not w.isdecimal()]
         return found
 
-    def _scope(self, name: str, entry: Entry) -> str:
+    def _scope(self, name: str, entry: SetDefinition) -> str:
         if name not in self.placed:
             line = next((n for n, _ in entry.lines), 0)
             raise BadLine(line, entry.keyword, f"there is no instance {name!r}")
         return name
 
     def _labelled(self, what: str, scope: str, words: Sequence[str], lines: int | Sequence[int],
-                  entry: Entry) -> IntArray:
+                  entry: SetDefinition) -> IntArray:
         """Nodes or elements by their labels, in the given line or lines."""
         placed = self.placed[scope]
         lines = [lines] * len(words) if isinstance(lines, int) else lines
@@ -165,8 +165,9 @@ class AbaqusSets:
             raise BadLine(lines[bad[0]], entry.keyword, f"there is no {what} {numbers[bad[0]]}")
         return rows + (placed.first_point if what == "node" else placed.first_element)
 
-    def _range(self, what: str, placed: Placed, words: Sequence[str], line: int, entry: Entry
-               ) -> IntArray:
+    def _range(
+        self, what: str, placed: Placed, words: Sequence[str], line: int, entry: SetDefinition
+    ) -> IntArray:
         numbers = [integer(w, line, entry.keyword) for w in words]
         first, last, step = [*numbers, 1][:3] if len(numbers) in (2, 3) else (0, 0, 0)
         if step < 1 or last < first:
@@ -181,7 +182,7 @@ class AbaqusSets:
         return numbering.rows(found) + (
             placed.first_point if what == "node" else placed.first_element)
 
-    def _named(self, what: str, scope: str, where: str, word: str, line: int, entry: Entry
+    def _named(self, what: str, scope: str, where: str, word: str, line: int, entry: SetDefinition
                ) -> IntArray:
         """Nodes or elements of `set`, `instance.set` or `instance.label`."""
         sets = "nsets" if what == "node" else "elsets"
@@ -203,7 +204,7 @@ class AbaqusSets:
         return np.concatenate([np.zeros(0, np.int64), *(
             self.blocks[b].nodes[rows].ravel() for b, rows in group.cells)])
 
-    def _surface(self, group: Group, scope: str, entry: Entry) -> None:
+    def _surface(self, group: Group, scope: str, entry: SetDefinition) -> None:
         where = self._scope(entry.instance or scope, entry)
         what = "node" if entry.how == "NODE" else "element"
         single: dict[str, tuple[list[int], list[str]]] = {}
@@ -220,7 +221,9 @@ class AbaqusSets:
             self._on(group, self._labelled(what, where, labels, lines, entry), face, lines[0],
                      entry)
 
-    def _on(self, group: Group, chosen: IntArray, face: str, line: int, entry: Entry) -> None:
+    def _on(
+        self, group: Group, chosen: IntArray, face: str, line: int, entry: SetDefinition
+    ) -> None:
         """Adds nodes, or the given face of elements, to the group of a surface."""
         if entry.how == "NODE":
             group.points.append(chosen)
@@ -230,8 +233,9 @@ class AbaqusSets:
         for b, rows in found.cells:
             self._faces(group, b, rows, face, line, entry)
 
-    def _faces(self, group: Group, b: int, rows: IntArray, face: str, line: int, entry: Entry
-               ) -> None:
+    def _faces(
+        self, group: Group, b: int, rows: IntArray, face: str, line: int, entry: SetDefinition
+    ) -> None:
         block, d = self.blocks[b], self.blocks[b].dimension
         if d == self.top - 1 and face in ("", "SPOS", "SNEG"):
             group.cells.append((b, rows))

@@ -11,13 +11,13 @@ from sparsemor.core.protocols.prescribed_motion import FrameHistory, Stage
 from sparsemor.core.protocols.prescribed_quantities import Held, Prescribed
 from sparsemor.core.protocols.separable import LoadColumn, MovingBody, Separated
 from sparsemor.core.protocols.step_amplitude import StepAmplitude, StepFunction
-from sparsemor.core.results.metadata import Probe, RunHeader
-from sparsemor.core.results.probes import ForceReader, Linear, ProbeReader
+from sparsemor.core.results.metadata import ProbeHeader, RunHeader
+from sparsemor.core.results.probes import AffineOutput, ForceReader, ProbeReader
 from sparsemor.core.simulation.blow_up import Extent, Extents
 
 CLASSES: Sequence[object] = (
-    Block, BodyShape, CompressedLocal, Dictionary, Extent, Extents, FieldKind, ForceReader,
-    FrameHistory, Held, Layout, Level, Linear, LoadColumn, MovingBody, Note, Prescribed, Probe,
-    ProbePlace, ProbeReader, Quantity, RunHeader, Separated, Stage, State, StepAmplitude,
-    StepFunction, StressConstants, Table,
+    AffineOutput, Block, BodyShape, CompressedLocal, Dictionary, Extent, Extents, FieldKind,
+    ForceReader, FrameHistory, Held, Layout, Level, LoadColumn, MovingBody, Note, Prescribed,
+    ProbeHeader, ProbePlace, ProbeReader, Quantity, RunHeader, Separated, Stage, State,
+    StepAmplitude, StepFunction, StressConstants, Table,
 )

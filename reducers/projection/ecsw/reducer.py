@@ -45,7 +45,7 @@ from sparsemor.reducers.projection.ecsw.training import (
     local_equations,
     train,
 )
-from sparsemor.reducers.projection.ecsw.training_matrix import Equations
+from sparsemor.reducers.projection.ecsw.training_matrix import WeightEquations
 
 Fact = dict[str, float | int | str]
 
@@ -203,7 +203,7 @@ class Training:
         """Numbers of the training states, evenly spread, at which local terms are evaluated."""
         return np.unique(np.linspace(0, M - 1, min(self.states, M)).round().astype(np.int64))
 
-    def _weights(self, name: str, kind: str, G: Equations) -> FloatArray:
+    def _weights(self, name: str, kind: str, G: WeightEquations) -> FloatArray:
         """Weights (E,) of the elements or facets of a block for the equations G w = G 1, cached for
         all blocks with equal equations; adds their number and residual to the block's facts."""
         def make() -> dict[str, Any]:

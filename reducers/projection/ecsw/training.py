@@ -5,7 +5,7 @@ the projected forces of all elements with weight 1: G w = G 1, with a row of G f
 vector) and snapshot (Farhat, Avery, Chapman, Cortial 2014, doi 10.1002/nme.4668, Eq. 15-19).
 Element forces are linear in the unknowns here, so the snapshots are first replaced by a few
 combinations with the same Gram matrix (a QR factorisation, exact), and where that leaves many rows
-these by random combinations (`Equations.combined`). Rows are scaled by their physical effect:
+these by random combinations (`WeightEquations.combined`). Rows are scaled by their physical effect:
 elastic forces by the displacement they cause through K, heat by the rate of temperature it causes
 through C. Without that scaling stiff atoms dominate the training, and the elastic error was ten
 times larger with as many elements.
@@ -28,7 +28,12 @@ from sparsemor.core import (
     column_chunks,
 )
 from sparsemor.reducers.projection.ecsw.nnls import Weights, nonnegative
-from sparsemor.reducers.projection.ecsw.training_matrix import BLOCK, Equations, Part, Rows
+from sparsemor.reducers.projection.ecsw.training_matrix import (
+    BLOCK,
+    EquationRows,
+    Part,
+    WeightEquations,
+)
 
 MET = 1.001
 """Residual up to which tau counts as attained, as a multiple of tau."""
@@ -98,7 +103,7 @@ class Trained:
 
 def elastic_equations(
     integrals: ElasticIntegrals, u: Trained, heat: Trained | None, flexibility: FloatArray
-) -> Equations:
+) -> WeightEquations:
     """Training matrix G (m, E) of an elastic block: static displacements due to the stiffness and
     thermal forces of each element, relative to |c|.
 
@@ -108,7 +113,7 @@ def elastic_equations(
     """
     count, size = integrals.stiffness.count, float(np.linalg.norm(u.c))
     if size == 0.0:
-        return Equations(count, (), ())
+        return WeightEquations(count, (), ())
     left = u.dictionary.atoms @ flexibility.T / size
     prescribed = _values_at(integrals.amplitudes, u.t)
     thermal, factors = [(integrals.given, np.eye(len(prescribed)))], [prescribed]
@@ -120,7 +125,7 @@ def elastic_equations(
         (left, thermal, np.concatenate(factors), None)])
 
 
-def heat_equations(integrals: HeatIntegrals, T: Trained, inertness: FloatArray) -> Equations:
+def heat_equations(integrals: HeatIntegrals, T: Trained, inertness: FloatArray) -> WeightEquations:
     """Training matrix G (m, E) of a thermal block: rates of temperature due to conduction and to
     stored heat of each element, each relative to its sum over all elements. inertness (k, k):
     inverse of the projected capacity."""
@@ -140,7 +145,7 @@ def heat_equations(integrals: HeatIntegrals, T: Trained, inertness: FloatArray) 
 
 def local_equations(
     term: WeighsElements, left: FloatArray, x: FloatArray, v: FloatArray, t: FloatArray
-) -> Equations:
+) -> WeightEquations:
     """Training matrix G (m, F) of a local term such as radiation or k(T): left (k, m) times the
     contribution of each element at states x (n, M) and rates v (n, M), at times t (M,), s.
 
@@ -167,8 +172,8 @@ def local_equations(
         sums[:, 1:] += G @ probes[part]
         size += float(np.abs(G).sum())
         sizes[0, part] = np.linalg.norm(G, axis=0)
-    parts = (Rows(rows, make, size),) if rows else ()
-    return Equations(count, parts, (sums, size), sums[:, 0].copy(), sizes)
+    parts = (EquationRows(rows, make, size),) if rows else ()
+    return WeightEquations(count, parts, (sums, size), sums[:, 0].copy(), sizes)
 
 
 def _values_at(amplitudes: Sequence[Callable[[float], float]], t: FloatArray) -> FloatArray:
@@ -180,18 +185,19 @@ def _values_at(amplitudes: Sequence[Callable[[float], float]], t: FloatArray) ->
 Shares = tuple[FloatArray, Sequence[tuple[Integrals, FloatArray]], FloatArray, float | None]
 """Factors of some rows of G: left (n, k); element integrals with the matrices they are multiplied
 by, side by side (m, z); the factors of these columns at the snapshots (z, M); and the reference
-magnitude of the sums (`Rows.against`)."""
+magnitude of the sums (`EquationRows.against`)."""
 
 
-def _equations(count: int, shares: Sequence[Shares]) -> Equations:
+def _equations(count: int, shares: Sequence[Shares]) -> WeightEquations:
     parts, content = [], list[object]()
     for left, pairs, factors, against in shares:
         # r <= z combinations in place of M columns
         few = np.asarray(np.linalg.qr(factors.T, mode="r")).T
-        parts.append(Rows(left.shape[1] * few.shape[1], partial(_made, left, pairs, few), against))
+        parts.append(EquationRows(
+            left.shape[1] * few.shape[1], partial(_made, left, pairs, few), against))
         content += [left, few, against]
         content += [a for g, right in pairs for a in (g.rows, g.columns, g.values, right)]
-    return Equations(count, tuple(parts), tuple(content))
+    return WeightEquations(count, tuple(parts), tuple(content))
 
 
 def _made(
@@ -202,7 +208,7 @@ def _made(
     return np.ascontiguousarray((tensor @ few).reshape(len(tensor), -1).T)
 
 
-def train(equations: Equations, tau: float, most_candidates: int = CANDIDATES) -> Weights:
+def train(equations: WeightEquations, tau: float, most_candidates: int = CANDIDATES) -> Weights:
     """Sparse weights w (E,) >= 0 with |G w - G 1| <= tau; all 1 where G has no rows.
 
     Of more than `most_candidates` elements as many, drawn at random by their share in the forces,
@@ -240,7 +246,7 @@ def train(equations: Equations, tau: float, most_candidates: int = CANDIDATES) -
         combinations *= 2
 
 
-def candidates(G: Equations, most: int) -> IntArray:
+def candidates(G: WeightEquations, most: int) -> IntArray:
     """Sorted numbers of the elements that may get a nonzero weight; the same in every call."""
     if G.count <= most:
         return np.arange(G.count)

@@ -25,7 +25,7 @@ Part: TypeAlias = slice | IntArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Rows:
+class EquationRows:
     """Some rows of G. make(elements) returns their columns (count, E') for a slice or numbers of
     elements.
 
@@ -40,22 +40,22 @@ class Rows:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Equations:
+class WeightEquations:
     """Linear equations G w = G 1 for the weights w of `count` elements. content: the arrays that
     determine G, for the key of the cache; sums (m,): G 1, and sizes (parts, E): norms of the
     columns of each part, where they have been computed."""
 
     count: int
-    parts: tuple[Rows, ...]
+    parts: tuple[EquationRows, ...]
     content: tuple[Any, ...]
     sums: FloatArray | None = None
     sizes: FloatArray | None = None
 
     @classmethod
-    def of(cls, G: FloatArray, against: float | None = None) -> "Equations":
-        """Equations with an explicit matrix G (m, E); against: see `Rows`."""
-        rows = (Rows(len(G), lambda part: np.asarray(G[:, part]), against),) if len(G) else ()
-        return cls(G.shape[1], rows, (G, against))
+    def of(cls, G: FloatArray, against: float | None = None) -> "WeightEquations":
+        """Equations with an explicit matrix G (m, E); against: see `EquationRows`."""
+        rows = EquationRows(len(G), lambda part: np.asarray(G[:, part]), against)
+        return cls(G.shape[1], (rows,) if len(G) else (), (G, against))
 
     @property
     def rows(self) -> int:
@@ -96,9 +96,9 @@ class Equations:
             sizes[:, part] = [np.linalg.norm(rows, axis=0) for rows in np.split(G, ends)]
         return sums, sizes
 
-    def scaled(self) -> "Equations":
-        """The equations with rows divided by the norm of their sums where `Rows.against` requires
-        it; rows whose sums are round-off are dropped."""
+    def scaled(self) -> "WeightEquations":
+        """The equations with rows divided by the norm of their sums where `EquationRows.against`
+        requires it; rows whose sums are round-off are dropped."""
         total, sizes = self._summed()
         kept, sums, edge, used = [], [np.zeros(0)], 0, list[int]()
         for number, p in enumerate(self.parts):

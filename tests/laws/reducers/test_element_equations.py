@@ -8,7 +8,7 @@ import pytest
 from sparsemor.reducers.projection.ecsw import training as element_weights
 from sparsemor.reducers.projection.ecsw import training_matrix as element_equations
 from sparsemor.reducers.projection.ecsw.training import train
-from sparsemor.reducers.projection.ecsw.training_matrix import Equations, Rows
+from sparsemor.reducers.projection.ecsw.training_matrix import EquationRows, WeightEquations
 
 
 def positive(seed: int, shape: tuple[int, int] = (12, 90)) -> np.ndarray[Any, Any]:
@@ -21,7 +21,7 @@ def test_sums_over_blocks_are_those_of_the_whole(
 ) -> None:
     G = positive(seed)
     monkeypatch.setattr(element_equations, "BLOCK", 12 * 7)
-    e = Equations.of(G)
+    e = WeightEquations.of(G)
     w = np.where(np.arange(90) % 3 == 0, 2.0, 0.0)
     np.testing.assert_allclose(e.total(), G.sum(axis=1), rtol=1e-13)
     np.testing.assert_allclose(e.applied(w), G @ w, rtol=1e-13)
@@ -43,25 +43,26 @@ def test_no_more_columns_are_made_at_a_time_than_a_block_holds(
         return found
 
     monkeypatch.setattr(element_equations, "BLOCK", 12 * 10)
-    w = train(Equations(90, (Rows(12, make),), ()), 1e-6)
+    w = train(WeightEquations(90, (EquationRows(12, make),), ()), 1e-6)
     assert w.residual < 1e-6 and max(asked) == 10
-    whole = train(Equations.of(G), 1e-6)
+    whole = train(WeightEquations.of(G), 1e-6)
     np.testing.assert_allclose(w.values, whole.values, atol=1e-6)
 
 
 def test_rows_are_shares_of_their_sums_and_round_off_is_left_out() -> None:
     G, zero = positive(2), 1e-14 * positive(3)
-    e = Equations(90, (Rows(12, lambda p: G[:, p], 1.0), Rows(12, lambda p: zero[:, p], 1.0),
-                       Rows(12, lambda p: G[:, p])), ()).scaled()
+    e = WeightEquations(90, (
+        EquationRows(12, lambda p: G[:, p], 1.0), EquationRows(12, lambda p: zero[:, p], 1.0),
+        EquationRows(12, lambda p: G[:, p])), ()).scaled()
     assert [p.count for p in e.parts] == [12, 12]
     assert np.linalg.norm(e.total()[:12]) == pytest.approx(1.0)
     np.testing.assert_allclose(e.total()[12:], G.sum(axis=1))
-    assert not Equations.of(zero, 1.0).scaled().parts
+    assert not WeightEquations.of(zero, 1.0).scaled().parts
 
 
 def test_many_rows_are_replaced_by_as_few_as_do() -> None:
     G = np.random.default_rng(5).standard_normal((400, 20))
-    few = Equations.of(G).combined(np.arange(20), 30)
+    few = WeightEquations.of(G).combined(np.arange(20), 30)
     assert few.exact and len(few.A) == 21
     w = np.random.default_rng(6).random(20)
     assert np.linalg.norm(few.A @ w - few.b) == pytest.approx(np.linalg.norm(G @ (w - 1.0)))
@@ -70,9 +71,9 @@ def test_many_rows_are_replaced_by_as_few_as_do() -> None:
 def test_weights_are_found_among_a_part_of_a_large_mesh() -> None:
     """The forces of all elements are repeated all the same, and the residual is that of all."""
     G = positive(11, (6, 4000)) / 4000
-    all_of_them = train(Equations.of(G), 1e-3)
-    few = train(Equations.of(G), 1e-3, 250)
-    among = element_weights.candidates(Equations.of(G), 250)
+    all_of_them = train(WeightEquations.of(G), 1e-3)
+    few = train(WeightEquations.of(G), 1e-3, 250)
+    among = element_weights.candidates(WeightEquations.of(G), 250)
     assert len(np.unique(among)) == 250 and np.isin(np.flatnonzero(few.values), among).all()
     for found in (few, all_of_them):
         b = G.sum(axis=1)
@@ -85,9 +86,9 @@ def test_elements_that_carry_the_forces_are_candidates() -> None:
     rng = np.random.default_rng(13)
     G, hot = 1e-9 * rng.random((100, 10_000)), rng.choice(10_000, 100, replace=False)
     G[np.arange(100), hot] += 1.0
-    found = train(Equations.of(G), 1e-6, 300)
+    found = train(WeightEquations.of(G), 1e-6, 300)
     assert found.residual <= 1e-6 and found.values[hot].all()
-    cold = train(Equations.of(G[:, :5000] * (rng.random(5000) < 0.01)), 1e-6, 300)
+    cold = train(WeightEquations.of(G[:, :5000] * (rng.random(5000) < 0.01)), 1e-6, 300)
     assert cold.residual <= 1e-6
 
 
@@ -100,7 +101,7 @@ def test_small_rows_that_large_weights_bring_out_count() -> None:
     small *= 0.9e-2 * tau / np.linalg.norm(small)
     G = np.vstack([1.0 + 0.1 * rng.random(E), small])
     G[0] /= G[0].sum()
-    found = train(Equations.of(G), tau)
+    found = train(WeightEquations.of(G), tau)
     assert found.residual <= 1.01 * tau
     # one element would do without it
     assert np.count_nonzero(found.values) == 2
@@ -111,10 +112,10 @@ def test_random_combinations_keep_lengths(monkeypatch: pytest.MonkeyPatch) -> No
     monkeypatch.setattr(element_equations, "BLOCK", 1000)
     rng, all_of_them = np.random.default_rng(0), np.arange(10)
     G = rng.standard_normal((3000, 10)) * np.logspace(0, -6, 3000)[:, None]
-    few = Equations.of(G).combined(all_of_them, 400)
+    few = WeightEquations.of(G).combined(all_of_them, 400)
     assert few.A.shape == (400, 10) and not few.exact
     np.testing.assert_allclose(few.b, few.A.sum(axis=1), atol=1e-12)
-    assert Equations.of(G[:400]).combined(all_of_them, 400).exact
+    assert WeightEquations.of(G[:400]).combined(all_of_them, 400).exact
     R = np.linalg.qr(G, mode="r")
     s = np.linalg.svd(np.linalg.solve(R.T, few.A.T).T, compute_uv=False)
     assert 0.6 < s[-1] <= s[0] < 1.4
@@ -133,7 +134,7 @@ def test_weights_found_with_combinations_repeat_all_equations(
     monkeypatch.setattr(element_equations, "BLOCK", 10_000)
     monkeypatch.setattr(element_weights, "COMBINATIONS", first)
     monkeypatch.setattr(element_weights, "MOST", 480)
-    found = train(Equations.of(G), tau)
+    found = train(WeightEquations.of(G), tau)
     assert found.residual == pytest.approx(float(np.linalg.norm(G @ (found.values - 1.0))))
     assert found.residual <= 1.01 * tau
     assert 0 < np.count_nonzero(found.values) < 100 and (found.values >= 0.0).all()
@@ -150,16 +151,16 @@ def test_training_holds_neither_all_rows_nor_all_elements(monkeypatch: pytest.Mo
         sizes.append(found.size)
         return found
 
-    combined = Equations.combined
+    combined = WeightEquations.combined
 
-    def seen(self: Equations, elements: Any, most: int) -> Any:
+    def seen(self: WeightEquations, elements: Any, most: int) -> Any:
         found = combined(self, elements, most)
         sizes.append(found.A.size)
         return found
 
-    monkeypatch.setattr(Equations, "combined", seen)
+    monkeypatch.setattr(WeightEquations, "combined", seen)
     monkeypatch.setattr(element_equations, "BLOCK", 30_000)
     monkeypatch.setattr(element_weights, "COMBINATIONS", 120)
-    found = train(Equations(4000, (Rows(3000, make),), ()), 1e-6, 250)
+    found = train(WeightEquations(4000, (EquationRows(3000, make),), ()), 1e-6, 250)
     assert found.residual <= 1.01e-6 and np.count_nonzero(found.values) <= 6
     assert max(sizes) == 120 * 250

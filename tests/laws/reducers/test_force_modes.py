@@ -28,7 +28,7 @@ from sparsemor.reducers.projection.force_snapshots import (
     replayed,
     states,
 )
-from sparsemor.reducers.projection.maps import Linear, Reducible
+from sparsemor.reducers.projection.maps import LinearOperators, Reducible
 from sparsemor.reducers.step.operators import TestMap as Map
 from sparsemor.reducers.step.prepare import constants
 
@@ -46,7 +46,7 @@ def block_of(scene: Scene, full: March, name: str) -> Reducible:
     model, X = full.model, full.block(name).T
     sources: dict[str, HeatBody | MovingBody] = {b.thermal: b for b in model.separated.heat}
     sources |= {m.elastic: m for m in model.separated.moving if m.operators is not None}
-    linear = Linear.of(sources[name], *constants(scene.integrator, scene.time.step))
+    linear = LinearOperators.of(sources[name], *constants(scene.integrator, scene.time.step))
     empty = Dictionary(np.zeros((len(X), 0)), np.zeros(len(X)), ())
     return Reducible(name, empty, linear, model, Offline.of(model, {name: X}), scene.integrator,
                      scene.time.step, np.random.default_rng(0))

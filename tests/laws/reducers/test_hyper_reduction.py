@@ -22,7 +22,7 @@ from sparsemor.reducers.projection.base import ProjectionReducer
 from sparsemor.reducers.projection.deim import Deim
 from sparsemor.reducers.projection.galerkin import Galerkin
 from sparsemor.reducers.projection.least_squares import Gnat
-from sparsemor.reducers.projection.maps import Linear, Reducible
+from sparsemor.reducers.projection.maps import LinearOperators, Reducible
 from sparsemor.reducers.step.prepare import constants
 
 METHODS: dict[str, dict[str, Any]] = {
@@ -81,7 +81,7 @@ def blocks(name: str) -> dict[str, Reducible]:
     offline, rng = Offline.of(model, snapshots), np.random.default_rng(0)
     basis = Galerkin.model_validate({}).basis
     return {n: Reducible(
-        n, offline.dictionary(n, basis)[0], Linear.of(source, *factors), model, offline,
+        n, offline.dictionary(n, basis)[0], LinearOperators.of(source, *factors), model, offline,
         scene.integrator, h, rng) for n, source in sources.items()}
 
 

@@ -6,7 +6,7 @@ from scipy.optimize import nnls
 
 from sparsemor.reducers.projection.ecsw.nnls import nonnegative
 from sparsemor.reducers.projection.ecsw.training import train
-from sparsemor.reducers.projection.ecsw.training_matrix import Equations
+from sparsemor.reducers.projection.ecsw.training_matrix import WeightEquations
 
 
 @pytest.mark.parametrize("seed", range(12))
@@ -61,4 +61,5 @@ def test_repeated_columns_are_not_taken_twice() -> None:
 
 
 def test_without_forces_every_element_counts_once() -> None:
-    np.testing.assert_array_equal(train(Equations.of(np.zeros((0, 7))), 1e-6).values, np.ones(7))
+    none = WeightEquations.of(np.zeros((0, 7)))
+    np.testing.assert_array_equal(train(none, 1e-6).values, np.ones(7))

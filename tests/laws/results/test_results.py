@@ -16,7 +16,7 @@ from sparsemor.core.errors import Damaged, InputError
 from sparsemor.core.protocols import Dictionary
 from sparsemor.core.protocols.layout import Block, Layout
 from sparsemor.core.results.checkpoint import checkpoint_file
-from sparsemor.core.results.metadata import Probe, RunHeader
+from sparsemor.core.results.metadata import ProbeHeader, RunHeader
 from sparsemor.core.results.run_result import RunResult, open_result
 from sparsemor.core.results.store import ChunkOfSteps, ResultWriter
 from sparsemor.core.status import Status
@@ -39,7 +39,7 @@ def header(reduced: bool) -> RunHeader:
         step=0.01, steps_planned=100,
         dictionaries={"arm.elastic": DICTIONARY} if reduced else {},
         rows={"arm.elastic": np.array([0, 2, 5])} if reduced else {}, bodies={"arm": SHAPE},
-        probes=(Probe("tip", "arm", (1.0, 0.0)),))
+        probes=(ProbeHeader("tip", "arm", (1.0, 0.0)),))
 
 
 def steps(layout: Layout, first: int, count: int) -> ChunkOfSteps:

@@ -28,7 +28,7 @@ from sparsemor.plugins.charts.time_histories import (
     rate_of,
     turning,
 )
-from sparsemor.plugins.charts.view import VIEWS, Surface, front_facing, paint
+from sparsemor.plugins.charts.view import VIEWS, BodySurface, front_facing, paint
 
 SCENE = """\
 format: 1
@@ -93,7 +93,7 @@ def test_three_sides_of_a_box_face_the_eye(view: Any) -> None:
     assert normals == {(1.0, 0, 0), (0, -1.0, 0), (0, 0, 1.0 if "above" in view.name else -1.0)}
 
 
-def colour_at(surface: Surface, where: tuple[float, float]) -> FloatArray:
+def colour_at(surface: BodySurface, where: tuple[float, float]) -> FloatArray:
     """(3,) what matplotlib paints at a place of the panel, 0 to 1."""
     figure = new_figure(2.0, 2.0)
     figure.set_layout_engine("none")
@@ -120,15 +120,15 @@ def test_the_nearer_triangle_hides_the_farther_one() -> None:
     from matplotlib import colormaps
 
     parts = [flat(0.3, 0.9), flat(-0.2, 0.1), flat(0.1, 0.5)]
-    surface = Surface(np.concatenate([p for p, _ in parts]), np.concatenate([v for _, v in parts]),
-                      0.0, 1.0, "viridis", np.ones(2))
+    corners, values = (np.concatenate(a) for a in zip(*parts, strict=True))
+    surface = BodySurface(corners, values, 0.0, 1.0, "viridis", np.ones(2))
     expected = np.array(colormaps["viridis"](0.9)[:3])
     np.testing.assert_allclose(colour_at(surface, (0.1, -0.2)), expected, atol=0.02)
-    away = Surface(surface.corners[:, ::-1], surface.values, 0.0, 1.0, "viridis", np.ones(2))
+    away = BodySurface(surface.corners[:, ::-1], surface.values, 0.0, 1.0, "viridis", np.ones(2))
     assert np.all(colour_at(away, (0.1, -0.2)) == 1.0)  # backs are not seen
 
 
-def ramp(triangles: int) -> Surface:
+def ramp(triangles: int) -> BodySurface:
     """A square of about so many triangles whose value is its height, 0 below and 1 above."""
     n = int(np.sqrt(triangles / 2))
     x, y = np.meshgrid(np.linspace(-1, 1, n + 1), np.linspace(-1, 1, n + 1))
@@ -137,7 +137,7 @@ def ramp(triangles: int) -> Surface:
     b = a + n + 1
     corners = points[np.concatenate([np.stack(t, axis=1) for t in ((a, a + 1, b + 1),
                                                                    (a, b + 1, b))])]
-    return Surface(corners, 0.5 + 0.5 * corners[..., 1], 0.0, 1.0, "viridis", 1.1 * np.ones(2))
+    return BodySurface(corners, 0.5 + 0.5 * corners[..., 1], 0.0, 1.0, "viridis", 1.1 * np.ones(2))
 
 
 @pytest.mark.full
@@ -202,7 +202,7 @@ def test_skins_at_chosen_times(run: RunResult) -> None:
 
 @pytest.mark.full
 def test_images_take_their_panels_in_order(run: RunResult) -> None:
-    asked: list[Surface] = []
+    asked: list[BodySurface] = []
 
     def numbered(surfaces: Any) -> list[Any]:
         asked.extend(surfaces)

@@ -29,7 +29,7 @@ from sparsemor.core.simulation.offline import Offline, step_count
 from sparsemor.core.simulation.training import train
 from sparsemor.core.status import SolveFailed, Status
 from sparsemor.core.testing import installed
-from sparsemor.plugins.stability.check import Reference, judge
+from sparsemor.plugins.stability.check import ReferenceModels, judge
 
 TINY = Path(__file__).parents[2] / "scenes" / "tiny.yaml"
 STEPS = 3
@@ -120,7 +120,7 @@ def outcome(basis: str, sampler: str, preconditioner: str, solver: str, integrat
         run(scene, given, stepper)
     except SolveFailed as failure:
         precheck_memory = judge(stepper, scene.integrator, scene.time.step, step_count(scene),
-                         given.start, Reference(given.model))
+                         given.start, ReferenceModels(given.model))
         if failure.status is not Status.DIVERGED or precheck_memory.stable:
             raise
         return precheck_memory.in_words()

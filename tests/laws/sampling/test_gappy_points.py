@@ -9,7 +9,7 @@ import pytest
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.plugins.samplers import smallest_singular_pair as smallest
 from sparsemor.plugins.samplers.deim import pivots, raise_smallest
-from sparsemor.plugins.samplers.row_pool import Rows
+from sparsemor.plugins.samplers.row_pool import GreedyRows
 from sparsemor.plugins.samplers.smallest_singular_pair import SMALL, RowFactor, Smallest, largest
 
 Columns = Callable[[int, int, int], FloatArray]
@@ -28,9 +28,9 @@ def moving(n: int, k: int, seed: int) -> FloatArray:
     return np.asarray(np.linalg.qr(np.column_stack([near, np.ones(n)]) + noise)[0])
 
 
-def rows_beside(U: FloatArray, taken: IntArray, m: int) -> Rows:
+def rows_beside(U: FloatArray, taken: IntArray, m: int) -> GreedyRows:
     free = ~np.isin(np.arange(len(U)), taken)
-    return Rows.of(np.arange(float(len(U)))[:, None], free, m, "dof")
+    return GreedyRows.of(np.arange(float(len(U)))[:, None], free, m, "dof")
 
 
 def best_by_definition(U: FloatArray, taken: list[int]) -> FloatArray:
@@ -43,7 +43,7 @@ def best_by_definition(U: FloatArray, taken: list[int]) -> FloatArray:
     return np.asarray(found)
 
 
-class Checked(Rows):
+class Checked(GreedyRows):
     """Asserts that each row taken is the best by the definition."""
 
     U: FloatArray
@@ -136,6 +136,6 @@ def test_largest_eigenpairs_where_all_others_are_alike() -> None:
 def test_a_row_of_a_node_that_says_nothing_new_takes_no_direction() -> None:
     """Both rows of each node are alike: of six nodes, six directions are spanned, not three."""
     U = np.linalg.qr(np.repeat(np.random.default_rng(0).standard_normal((30, 6)), 2, axis=0))[0]
-    rows = Rows.of(np.repeat(np.arange(30.0), 2)[:, None], np.ones(60, np.bool_), 12, "node")
+    rows = GreedyRows.of(np.repeat(np.arange(30.0), 2)[:, None], np.ones(60, np.bool_), 12, "node")
     pivots(U, rows)
     assert rows.left == 0 and np.linalg.matrix_rank(U[rows.numbers()]) == 6

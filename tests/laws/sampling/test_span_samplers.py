@@ -14,7 +14,7 @@ from sparsemor.core.testing import check_sampler
 from sparsemor.core.testing.random_inputs import random_block, random_dictionary
 from sparsemor.plugins.samplers.deim import Deim
 from sparsemor.plugins.samplers.leverage import Leverage, leverage
-from sparsemor.plugins.samplers.row_pool import Rows
+from sparsemor.plugins.samplers.row_pool import GreedyRows
 from sparsemor.plugins.samplers.s_opt import SOpt
 from sparsemor.plugins.samplers.subspace import SpanSampler, orthonormal
 from tiers import quick
@@ -238,7 +238,7 @@ def test_random_leverage_draws_in_proportion_to_the_scores() -> None:
     share, runs = (U**2).sum(axis=1) / 3, 4000
     hits, rng = np.zeros(12), np.random.default_rng(0)
     for _ in range(runs):
-        rows = Rows.of(np.arange(12.0)[:, None], np.ones(12, dtype=np.bool_), 1, "dof")
+        rows = GreedyRows.of(np.arange(12.0)[:, None], np.ones(12, dtype=np.bool_), 1, "dof")
         Leverage().choose(U, rows, rng)
         hits[rows.numbers()] += 1
     deviation = np.sqrt(runs * share * (1 - share))
@@ -250,7 +250,8 @@ def test_whole_nodes_of_leverage_are_drawn_by_their_sum() -> None:
     U[[2, 5], 0] = 0.6, 0.8
     counts, rng = np.zeros(4), np.random.default_rng(0)
     for _ in range(400):
-        rows = Rows.of(np.repeat(np.arange(4.0), 2)[:, None], np.ones(8, dtype=np.bool_), 2, "node")
+        rows = GreedyRows.of(
+            np.repeat(np.arange(4.0), 2)[:, None], np.ones(8, dtype=np.bool_), 2, "node")
         Leverage().choose(U, rows, rng)
         first, second = rows.numbers()
         assert first % 2 == 0 and second == first + 1

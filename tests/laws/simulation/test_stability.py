@@ -24,7 +24,7 @@ from sparsemor.core.simulation.time_stepping import started
 from sparsemor.core.simulation.training import offline_of
 from sparsemor.core.simulation.validation import checked_model
 from sparsemor.core.testing.installed import installed
-from sparsemor.plugins.stability.check import Judgement, Reference, judge, over_the_run
+from sparsemor.plugins.stability.check import Judgement, ReferenceModels, judge, over_the_run
 from sparsemor.plugins.stability.reference import linearization_times, states_along
 from sparsemor.plugins.stability.spectrum import eigenvalues, excess
 from sparsemor.plugins.stability.step_map import packed, step_map, unpacked
@@ -132,7 +132,7 @@ def test_a_selecting_model_is_linearised_on_the_support_that_it_takes() -> None:
         for field in ("elastic", "thermal"):
             assert step.supports[f"{link}.{field}"].sum() == sizes[f"{link}.{field}"]
     found = judge(solver, scene.integrator, scene.time.step, 100, consistent_state(model),
-                  Reference(model))
+                  ReferenceModels(model))
     assert np.isfinite(found.radius) and found.radius > 0.9
 
 

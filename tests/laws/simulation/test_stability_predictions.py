@@ -14,8 +14,8 @@ from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.simulation.simulate import simulate
 from sparsemor.core.status import SolveFailed
-from sparsemor.plugins.stability.survey import Entry, Finding, Survey, survey
-from sparsemor.plugins.stability.variants import Plan, variants
+from sparsemor.plugins.stability.survey import SeedStability, Survey, VariantStability, survey
+from sparsemor.plugins.stability.variants import SurveyPlan, variants
 
 pytestmark = pytest.mark.usefixtures("one_cache")
 
@@ -23,10 +23,10 @@ pytestmark = pytest.mark.usefixtures("one_cache")
 @cache
 def drawn() -> Survey:
     """Six seeds with as many rows as atoms, required ones kept and drawn."""
-    return survey(small(), Plan(required=[True, False], rows=[(15, 10)], seeds=6))
+    return survey(small(), SurveyPlan(required=[True, False], rows=[(15, 10)], seeds=6))
 
 
-def scene_of(entry: Entry, finding: Finding) -> Scene:
+def scene_of(entry: VariantStability, finding: SeedStability) -> Scene:
     rows = tuple(int(n) for n in entry.settings["rows"].split("/"))
     return small(entry.settings["required"] == "kept", (rows[0], rows[1]), seed=finding.seed)
 
@@ -104,9 +104,9 @@ def test_each_prediction_on_the_packaged_scene_is_what_the_run_does(
 ) -> None:
     """4000 steps with drawn rows: stable ones repeat full order, the others stop or err."""
     scene = load("double_pendulum", {"integrator": integrator, "reducer.residual": "plain"})
-    (variant,) = variants(scene, Plan(rows=[rows], required=[False]))
+    (variant,) = variants(scene, SurveyPlan(rows=[rows], required=[False]))
     full = simulate(scene.using({"reducer": "full"}))
-    (entry,) = survey(scene, Plan(rows=[rows], required=[False], seeds=seeds)).entries
+    (entry,) = survey(scene, SurveyPlan(rows=[rows], required=[False], seeds=seeds)).entries
     assert entry.stable == stable
     for f in entry.findings:
         run = ran(variant.scene.using({"seed": f.seed}))

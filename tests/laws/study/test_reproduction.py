@@ -24,8 +24,8 @@ from sparsemor.plugins.liang2026.paper import (
     BROKEN,
     GRADES,
     MISSED,
-    Item,
     PaperFile,
+    PaperItem,
     RunEntry,
     rule,
 )
@@ -98,7 +98,7 @@ def test_every_figure_and_table_is_an_item_of_its_scene() -> None:
 
 
 @pytest.mark.parametrize("item", PAPER.items, ids=lambda i: i.id)
-def test_every_item_has_a_rule_on_its_numbers_and_a_command(item: Item) -> None:
+def test_every_item_has_a_rule_on_its_numbers_and_a_command(item: PaperItem) -> None:
     first, *others = commands_of(PAPER, item, quick=False)
     assert first == f"sparsemor reproduce --items {item.id}" and others
     assert any({*rule(text).names} & {*item.values} for text in item.verdict.values())

@@ -18,7 +18,7 @@ from sparsemor.plugins.study.columns import RESERVED, TIMES, cell, columns_of
 from sparsemor.plugins.study.journal import Journal
 from sparsemor.plugins.study.plan import Plan
 from sparsemor.plugins.study.progress import duration, in_words
-from sparsemor.plugins.study.scheduler import Row, Schedule, State
+from sparsemor.plugins.study.scheduler import Row, Schedule, StudyProgress
 from toy_scene import TOY_SCENE
 from toy_study import GRID, HEAD, planned
 
@@ -126,7 +126,7 @@ class Fake:
 
 def conducted(plan: Plan, pool: Fake) -> list[Row]:
     rows: list[Row] = []
-    states: list[State] = []
+    states: list[StudyProgress] = []
     Schedule(plan, plan.runs, pool, (), None).go(
         rows.append, lambda state, row: states.append(state))
     assert states[-1].done == len(plan.runs) == len(rows) == len({r["run"] for r in rows})
@@ -182,8 +182,9 @@ def test_without_a_reference_there_is_nothing_to_measure() -> None:
 
 
 def test_progress_in_words() -> None:
-    assert in_words(State(216, 12, 1, 2, 200.0)) == "12/216 done, 2 running, 1 failed, 3 min left"
-    assert in_words(State(6, 0, 0, 1, None)) == "0/6 done, 1 running, 0 failed"
+    early = StudyProgress(216, 12, 1, 2, 200.0)
+    assert in_words(early) == "12/216 done, 2 running, 1 failed, 3 min left"
+    assert in_words(StudyProgress(6, 0, 0, 1, None)) == "0/6 done, 1 running, 0 failed"
     assert [duration(s) for s in (0.4, 99.0, 100.0, 5900.0, 6000.0)] == [
         "0 s", "99 s", "2 min", "98 min", "1.7 h"]
 

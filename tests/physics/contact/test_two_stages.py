@@ -15,7 +15,7 @@ from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.prepare import prepared
 from sparsemor.core.status import SolveFailed
 from sparsemor.plugins.stability.survey import survey
-from sparsemor.plugins.stability.variants import Plan
+from sparsemor.plugins.stability.variants import SurveyPlan
 
 pytestmark = pytest.mark.full
 
@@ -106,7 +106,7 @@ def test_comparison_and_survey_of_a_two_stage_scene(full, cache):
     scene: Scene = load(SLIDER, {"reducer": SPARSE | {"basis": {"use": "pod", "count": 12}}})
     shown = compare(reference=full, sparse=simulate(scene, cache=cache))
     assert "slider.elastic" in str(shown)
-    table = survey(scene, Plan(seeds=1, samplers=("deim",)), cache=cache)
+    table = survey(scene, SurveyPlan(seeds=1, samplers=("deim",)), cache=cache)
     (entry,) = table.entries
     assert entry.stable == 1
 

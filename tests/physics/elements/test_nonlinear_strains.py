@@ -17,7 +17,7 @@ from sparsemor.core.scene.scene import Scene
 from sparsemor.core.status import SolveFailed
 from sparsemor.core.testing.in_memory_run import scene_of
 from sparsemor.plugins.stability.survey import survey
-from sparsemor.plugins.stability.variants import Plan
+from sparsemor.plugins.stability.variants import SurveyPlan
 
 E, L, H, ALPHA = 7e10, 1.0, 0.02, 1.2e-5
 EULER = np.pi**2 * E * H**4 / 12.0
@@ -374,7 +374,7 @@ def test_the_limit_of_linear_strains_is_noted(strains: str, share: float, want: 
 def test_a_bar_beyond_its_buckling_load_is_not_called_stable(share: float, stable: int) -> None:
     scene = column("linear", share * EULER).using({
         "reducer": {"use": "galerkin", "basis": {"use": "pod", "count": 4}}})
-    found = survey(scene, Plan(seeds=1))
+    found = survey(scene, SurveyPlan(seeds=1))
     assert [e.stable for e in found.entries] == [stable]
     assert len(found.warnings) == 1 - stable
     assert all("2 times its buckling load" in text for text in found.warnings)

@@ -15,7 +15,7 @@ from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.simulation.time_stepping import started
 from sparsemor.core.simulation.training import train
 from sparsemor.core.testing.in_memory_run import scene_of
-from sparsemor.plugins.stability.check import Reference, judge
+from sparsemor.plugins.stability.check import ReferenceModels, judge
 from sparsemor.plugins.stability.eigenvalue_errors import exact_values, own_radii, own_values
 from sparsemor.plugins.stability.spectrum import eigenvalues, radius
 from sparsemor.plugins.stability.step_map import StepMap, step_map
@@ -179,7 +179,8 @@ def test_an_inverted_flexible_bar_grows_far_beyond_the_limit_and_is_no_false_ala
     scene = bar(sampled, angle=UP, E=7e11)
     step, solver = stepped(scene)
     model = assemble(scene)
-    found = judge(solver, scene.integrator, H, 4000, consistent_state(model), Reference(model))
+    found = judge(
+        solver, scene.integrator, H, 4000, consistent_state(model), ReferenceModels(model))
     rate = np.sqrt(G * 0.25 / (0.5**2 / 3.0 + 0.1**2 / 12.0))
     assert found.radius == pytest.approx(1.0 / (1.0 - rate * H), abs=2e-6)
     assert found.growth > 20.0
