@@ -215,7 +215,7 @@ def _frames(trace: TracebackType | None) -> list[_Frame]:
 
 def _third_party(trace: TracebackType | None) -> _Frame | None:
     """Innermost frame in the code of a distribution of plugins other than our own."""
-    known = _providers().keys() - {OWN}
+    known = {_root(e.module) for e in _entry_points()} - {OWN}
     return next((f for f in reversed(_frames(trace)) if _root(f.module) in known), None)
 
 

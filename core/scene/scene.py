@@ -32,7 +32,7 @@ from sparsemor.core.protocols.plugin import Plugin
 from sparsemor.core.registry.registry import Registry
 from sparsemor.core.registry.slot import Slot, name_default_slots, slot_default
 from sparsemor.core.registry.validation_errors import custom, shown, with_advice
-from sparsemor.core.scene.defaults import FULL_ORDER, HEAT, MOTION
+from sparsemor.core.scene.defaults import FULL_ORDER, HEAT, LARGEST_ERROR, MOTION
 from sparsemor.core.scene.html import html_table
 from sparsemor.core.scene.names import name_faults
 from sparsemor.core.scene.options import Initial, Output, Probe, RigidStage, Time, Training
@@ -247,7 +247,7 @@ class Scene(Plugin):
         It does not depend on the reducer, so its digest shows whether snapshots can be reused.
         """
         changes = {**self.training.overrides, **values_at(point or {}),
-                   "reducer": {"use": FULL_ORDER}}
+                   "reducer": {"use": FULL_ORDER, "remaining": LARGEST_ERROR}}
         changes.setdefault("time.end", self.training_end)
         tree = self.using(changes, label="training.overrides")
         return tree.using({"training": {"every": self.training.every}}, label="training")

@@ -36,6 +36,10 @@ TrainingRun = tuple[str, Callable[[], Mapping[str, FloatArray]]]
 """Cache key of a training run, and the function that makes it."""
 
 
+STATE = ("state_t", "state_x", "state_v", "state_a")
+"""Names of the arrays of whole states next to the snapshots of a training run."""
+
+
 class Offline:
     """Offline data from which reducers are prepared, cached in `products`.
 
@@ -125,6 +129,15 @@ class Offline:
 
     def snapshots(self, name: str) -> FloatArray:
         return self.train()[name].T
+
+    def states(self) -> Sequence[State]:
+        """A few states of the training run, in all unknowns of its full-order model, from its start
+        to its end; none of several runs."""
+        if len(self._runs) > 1:
+            return []
+        t, x, v, a = (self.train()[name] for name in STATE)
+        none = np.zeros((x.shape[1], 0))
+        return [State(float(t[i]), x[i], v[i], a[i], none) for i in range(len(t))]
 
     def _trained_at_once(self) -> int:
         """Number of training runs that other processes made, as they were not in the cache."""

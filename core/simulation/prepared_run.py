@@ -31,7 +31,7 @@ from sparsemor.core.simulation.blow_up import Extents
 from sparsemor.core.simulation.offline import Offline, step_count
 from sparsemor.core.simulation.step_control import Judged, judged, step_of
 from sparsemor.core.simulation.time_stepping import FixedStep, full_state, iterate, started
-from sparsemor.core.simulation.training import training_steps
+from sparsemor.core.simulation.training import in_training
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,9 +67,8 @@ class PreparedRun:
 
     @property
     def in_training(self) -> bool:
-        """True if the run at full order is the training run, or the first part of it."""
-        full = self.scene.using({"reducer": {"use": FULL_ORDER}}, label="full order")
-        return training_steps(full) >= step_count(full)
+        """True if the run at full order is the training run."""
+        return in_training(self.scene)
 
     @property
     def physics(self) -> str:

@@ -15,6 +15,7 @@ from sparsemor.core.model.model import Model
 from sparsemor.core.protocols import Recording, State
 from sparsemor.core.protocols.layout import Layout
 from sparsemor.core.registry.hooks import Manager
+from sparsemor.core.scene.defaults import FULL_ORDER, LARGEST_ERROR
 from sparsemor.core.scene.digest import digest
 from sparsemor.core.scene.independent_of_physics import physics_of, training_physics
 from sparsemor.core.scene.parameters import Point
@@ -22,7 +23,7 @@ from sparsemor.core.scene.run_identity import Identity, origin
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.initial_from_result import started_from_result
 from sparsemor.core.simulation.memory.estimate import trains
-from sparsemor.core.simulation.offline import Offline, TrainingRun, full_run, step_count
+from sparsemor.core.simulation.offline import STATE, Offline, TrainingRun, full_run, step_count
 from sparsemor.core.simulation.offline_cache import Products, mesh_content
 from sparsemor.core.simulation.rigid_stage import staged
 from sparsemor.core.simulation.workers.training_runs import train_at_once
@@ -31,12 +32,25 @@ TRAINING = "training run"
 """Prefix of messages about failures of the training run."""
 
 
+STATES, AHEAD = 5, 4000
+"""Number of whole states that a training run keeps, and the number of steps over which they are
+spread."""
+
+
+def state_steps(steps: int) -> list[int]:
+    """Steps of a run after which whole states are kept, evenly spread from its start to its end, or
+    over its first `AHEAD` steps."""
+    last = min(steps, AHEAD)
+    return sorted({round(i * last / (STATES - 1)) for i in range(STATES)})
+
+
 class SnapshotKeeper:
     """Recorder of the training snapshots of `scene` during a full-order run.
 
     Rows of each block's (M, n): the initial state, every `training.every`-th step and, for
     integrators of an order above 1, at last x + h^2 a of the initial state, because their first
-    step contains the initial accelerations. steps: those of the training run, which are the first
+    step contains the initial accelerations. Also a few whole states (`state_steps`): t (M,), x, v
+    and a (M, n), with the names of `STATE`. steps: those of the training run, which are the first
     of `whole` (all of them by default).
     """
 
@@ -51,11 +65,14 @@ class SnapshotKeeper:
         self._kept = {n: SnapshotWriter(n, count, layout[n].stop - layout[n].start, folder)
                       for n in blocks}
         self._first = np.zeros(0) if extra else None
+        self._due, self._states = frozenset(state_steps(steps)), list[State]()
 
     def take(self, step: int, state: State) -> None:
         """Records the state after `step` steps (0: initial state) if it is a snapshot."""
         if step == 0 and self._first is not None:
             self._first = state.x + self._h * self._h * state.a
+        if step in self._due:
+            self._states.append(state)
         if step % self.every == 0 and step <= self.steps:
             for name, rows in self._kept.items():
                 rows.append(state.x[self._layout[name]])
@@ -65,7 +82,10 @@ class SnapshotKeeper:
         for name, rows in self._kept.items():
             if self._first is not None:
                 rows.append(self._first[self._layout[name]])
-        return {name: rows.finished() for name, rows in self._kept.items()}
+        states = zip(STATE, zip(*((s.t, s.x, s.v, s.a) for s in self._states), strict=True),
+                     strict=True)
+        return {name: rows.finished() for name, rows in self._kept.items()} | {
+            name: np.array(values) for name, values in states}
 
     def close(self) -> None:
         """Closes scratch files, also after a run that failed."""
@@ -127,8 +147,17 @@ def training_steps(scene: Scene) -> int:
         if end > scene.time.end or scene.time.control is not None or scene.rigid_stage is not None:
             return 0
         settings["time.end"] = end
+    if scene.reducer_name == FULL_ORDER:  # steps of a smaller error are as good
+        remaining = scene.dump()["reducer"]["remaining"]
+        settings["reducer.remaining"] = max(remaining, LARGEST_ERROR)
     own = physics_of(scene.using(settings), "training")
     return step_count(training) if own.digest() == physics.digest() else 0
+
+
+def in_training(scene: Scene) -> bool:
+    """True if the run of a scene at full order is its training run."""
+    full = scene.using({"reducer": {"use": FULL_ORDER}}, label="full order")
+    return training_steps(full) == step_count(full)
 
 
 @np.errstate(all="ignore")  # overflow is a status of the step, not a warning

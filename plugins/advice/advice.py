@@ -41,6 +41,7 @@ from sparsemor.core.simulation.offline import Offline, step_count
 from sparsemor.core.simulation.offline_cache import Products
 from sparsemor.core.simulation.prepare import prepared
 from sparsemor.core.simulation.progress import progress_bar
+from sparsemor.core.simulation.time_stepping import full_state
 from sparsemor.core.status import SolveFailed
 from sparsemor.plugins.stability.check import check_run
 
@@ -201,7 +202,8 @@ def _asked(
             if tried.check_stability == "refuse":  # here it rejects a candidate
                 tried = tried.using({"check_stability": "warn"}, label=CHOSEN)
             return " ".join(n.text for n in check_run(
-                tried, model, solver, start, offline, states)[0])
+                tried, model, solver, start, offline,
+                [full_state(solver, s) for s in states])[0])
 
         return chooser.choose(_problem(training, model, offline), unstable)
 

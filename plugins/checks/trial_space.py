@@ -196,11 +196,11 @@ def _tested(
     Q, R = _orthogonal(d.atoms)
     none, response, response_error = np.zeros(0), "", 0.0
     error = change = 0.0
-    gram = np.zeros((0, 0))
+    coordinates: FloatArray | None = None
     if offline.trained:
         states = offline.snapshots(name)
         counted = _of_the_run(offline, states.shape[1])
-        error, change, gram = _projected(Q, d.offset, states, least, counted)
+        error, change, coordinates = _projected(Q, d.offset, states, least, counted)
     later = []
     try:
         if not offline.trained or first_steps is not None:
@@ -222,22 +222,12 @@ def _tested(
              "response": np.array(response),
              "response_error": np.array(response_error), "axes": np.zeros((0, R.shape[1])),
              "low": none, "high": none}
-    if change == 0.0 or not d.atoms.shape[1]:
+    if change == 0.0 or coordinates is None or not d.atoms.shape[1]:
         return found
-    states = offline.snapshots(name)
-    turn = np.eye(0)
-    if len(gram):
-        turn = np.linalg.eigh(gram)[1].T
-        found["axes"] = turn @ R
-    low, high = np.full(Q.shape[1], np.inf), np.full(Q.shape[1], -np.inf)
-    for columns, part in column_chunks(states):
-        part = part[:, counted[columns]]
-        if not part.size:
-            continue
-        y = Q.T @ (part - d.offset[:, None])
-        y = turn @ y if len(turn) else y
-        low, high = np.minimum(low, y.min(axis=1)), np.maximum(high, y.max(axis=1))
-    return found | {"low": low, "high": high}
+    if len(coordinates) <= _TURNED:
+        turn = np.linalg.eigh(coordinates @ coordinates.T)[1].T
+        found["axes"], coordinates = turn @ R, turn @ coordinates
+    return found | {"low": coordinates.min(axis=1), "high": coordinates.max(axis=1)}
 
 
 def _orthogonal(atoms: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -267,28 +257,32 @@ def _projected(
 ) -> tuple[float, float, FloatArray]:
     """Largest projection error of states (n, M), the first of which is the initial state, relative
     to their largest change; that change, 0 for a constant field (a relative change of at most
-    `least`); and the sum of y y^T over the coordinates y = Q^T (x - offset), (0, 0) for more than
-    `_TURNED` atoms. counted (M,): columns that are meant, all by default."""
+    `least`); and the coordinates y = Q^T (x - offset), (r, M). counted (M,): columns that are
+    meant, all by default."""
     n, r = Q.shape
-    gram = np.zeros((r, r)) if r <= _TURNED else np.zeros((0, 0))
     error = change = size = 0.0
-    start = states[:, :1]
+    start, found = states[:, :1], [np.zeros((r, 0))]
     for columns, part in column_chunks(states):
-        if counted is not None:
+        if counted is not None and not counted[columns].all():
             part = part[:, counted[columns]]
         if not part.size:
             continue
         x = part - offset[:, None]
         y = Q.T @ x
+        found.append(y)
         if r < n:
-            error = max(error, float(np.linalg.norm(x - Q @ y, axis=0).max()))
-        change = max(change, float(np.linalg.norm(part - start, axis=0).max()))
-        size = max(size, float(np.linalg.norm(part, axis=0).max()))
-        if len(gram):
-            gram += y @ y.T
+            x -= Q @ y
+            error = max(error, _longest(x))
+        change, size = max(change, _longest(part - start)), max(size, _longest(part))
+    coordinates = np.hstack(found)
     if change <= least * size:
-        return (error / size if size else 0.0), 0.0, gram
-    return error / change, change, gram
+        return (error / size if size else 0.0), 0.0, coordinates
+    return error / change, change, coordinates
+
+
+def _longest(columns: FloatArray) -> float:
+    """Largest 2-norm of a column, without a copy of them."""
+    return float(np.sqrt(np.einsum("ij,ij->j", columns, columns).max()))
 
 
 def _worst(Q: FloatArray, responses: FloatArray, names: Sequence[str]) -> tuple[str, float]:

@@ -27,7 +27,8 @@ from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.checks import Check, Findings
 from sparsemor.core.simulation.offline import Offline, step_count
 from sparsemor.core.simulation.prepared_run import PreparedRun
-from sparsemor.core.simulation.time_stepping import full_state, started
+from sparsemor.core.simulation.time_stepping import started
+from sparsemor.core.simulation.training import in_training
 from sparsemor.core.status import SolveFailed, Status
 from sparsemor.plugins.checks import place
 from sparsemor.plugins.stability.reference import (
@@ -220,8 +221,9 @@ def check_run(
     """Stability check of a run before its first step, about the full-order initial state `full`:
     warnings, and numbers to store. The result is cached with the offline products.
 
-    states: those of the solver in a run that is known to be accurate, in the order of their times;
-    without them the Galerkin model of the same atoms is run.
+    states: those of a full-order run, or of one that is known to be accurate, in the order of their
+    times; without them, those of the training run where this is the same run, or else of a run of
+    the Galerkin model of the same atoms.
 
     Full-order and Galerkin models are the reference and are not checked. Raises InputError (key
     `check_stability`) if the model is unstable and the scene's option is `refuse`.
@@ -232,7 +234,7 @@ def check_run(
     plain = {key: value for key, value in IRRELEVANT.items() if key not in ("seed", "parameters")}
     kept = offline.remember(
         "stability", (scene.using(plain).digest(), *([len(states)] if states else [])),
-        lambda: _as_arrays(_judged_run(scene, model, solver, full, states)))
+        lambda: _as_arrays(_judged_run(scene, model, solver, full, offline, states)))
     words, facts = str(kept["words"]), json.loads(str(kept["facts"]))
     if not words:
         return (), facts
@@ -242,12 +244,15 @@ def check_run(
 
 
 def _judged_run(
-    scene: Scene, model: Model, solver: StepSolver, full: State, known: Sequence[State]
+    scene: Scene, model: Model, solver: StepSolver, full: State, offline: Offline,
+    known: Sequence[State],
 ) -> Judgement:
     integrator, h, steps = scene.integrator, scene.time.step, step_count(scene)
     registry = scene.source.registry
-    states = [full_state(solver, s) for s in known] if known and integrator.order == 1 else (
-        states_along(model, integrator, h, solver, full, linearization_times(h, steps), registry))
+    if not known and integrator.order == 1 and offline.trained and in_training(scene):
+        known = offline.states()
+    states = states_along(
+        model, integrator, h, solver, full, linearization_times(h, steps), registry, known)
     return judge_along(solver, integrator, h, steps, states, ReferenceModels(model, registry))
 
 

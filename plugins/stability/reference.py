@@ -27,12 +27,9 @@ from sparsemor.core.scene.defaults import PROJECTION
 from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.simulation.offline_cache import Products
 from sparsemor.core.simulation.time_stepping import FixedStep, accepted_steps, full_state, started
+from sparsemor.core.simulation.training import state_steps
 from sparsemor.core.status import SolveFailed, Status
 
-STATES = 5
-"""Number of states along the run about which a model is linearised."""
-AHEAD = 4000
-"""Largest number of steps of the Galerkin model that are computed to obtain these states."""
 MANY = 400
 """Number of atoms above which the Galerkin model is too expensive to run: only the initial state is
 linearised."""
@@ -88,18 +85,17 @@ def along(
 
 
 def linearization_times(h: float, steps: int) -> tuple[float, ...]:
-    """Times of the linearisations, s, evenly spread over the run, or over its first `AHEAD`
-    steps."""
-    last = min(steps, AHEAD)
-    return tuple(h * n for n in sorted({round(i * last / (STATES - 1)) for i in range(STATES)}))
+    """Times of the linearisations, s."""
+    return tuple(h * n for n in state_steps(steps))
 
 
 def states_along(
     model: Model, integrator: Integrator, h: float, solver: StepSolver, start: State,
-    times: Sequence[float], registry: Registry | None = None,
+    times: Sequence[float], registry: Registry | None = None, known: Sequence[State] = (),
 ) -> list[State]:
-    """Full-order states at `times` (s) of a run of the Galerkin model with the solver's atoms; the
-    initial state alone if that model cannot be built, stops early, or has too many atoms.
+    """Full-order states at `times` (s): those that are known, else of a run of the Galerkin model
+    with the solver's atoms; the initial state alone if that model cannot be built, stops early, or
+    has too many atoms.
 
     Also for integrators of higher order only the initial state: they damp little, and oscillating
     frames then grow in each linearised map without growing in the run (docs/stability.md).
@@ -107,6 +103,8 @@ def states_along(
     many = sum(d.atoms.shape[1] for d in solver.dictionaries.values()) > MANY
     if many or integrator.order > 1 or not any(times):
         return [start]
+    if known:
+        return list(known)
     try:
         twin = projected(model, integrator, h, solver, {}, registry)
         return along(twin, integrator, h, start, times)
