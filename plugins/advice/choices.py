@@ -22,7 +22,7 @@ def training_points(scene: Scene, cache: Cache, manager: Manager, body_cache: Bo
     if box is None or box.points is not None or box.choice != "greedy":
         return scene
     trial = scene.reducer.trial_bases()
-    own = () if trial is None else (trial.basis, *trial.bases.values())
+    own = () if trial is None else (trial.shared, *trial.others.values())
     if not any(b.needs_snapshots for b in (*own, *scene.reducer.force_bases_used())):
         return scene
     from sparsemor.plugins.advice.greedy import with_points
