@@ -74,6 +74,7 @@ if TYPE_CHECKING:
     from sparsemor.core.notes import Note as Note
     from sparsemor.core.notes import information as information
     from sparsemor.core.protocols import *
+    from sparsemor.core.protocols.integrator import advanced as advanced
     from sparsemor.core.protocols.integrator import differences as differences
     from sparsemor.core.protocols.integrator import next_time as next_time
     from sparsemor.core.protocols.integrator import same_time as same_time
@@ -98,7 +99,6 @@ if TYPE_CHECKING:
     from sparsemor.core.protocols.sparse_solver import solver_refusal as solver_refusal
     from sparsemor.core.protocols.step_amplitude import present_step as present_step
     from sparsemor.core.protocols.step_amplitude import substep as substep
-    from sparsemor.core.protocols.step_solver import advanced as advanced
     from sparsemor.core.protocols.step_solver import resultant_sources as resultant_sources
     from sparsemor.core.protocols.step_solver import (
         unavailable_resultants as unavailable_resultants,
@@ -169,8 +169,8 @@ _HOMES = {
     "model.linearized_term": ("Linearized", "linearization"),
     "model.moving_loads": ("loaded_columns",),
     "notes": ("Level", "Note", "information"),
-    "protocols.integrator": ("differences", "next_time", "same_time", "second_difference",
-        "settled", "step_formula"),
+    "protocols.integrator": ("advanced", "differences", "next_time", "same_time",
+        "second_difference", "settled", "step_formula"),
     "protocols.layout": ("joints_with_forces",),
     "protocols.load_tables": ("projected_tables", "total_load", "total_load_along"),
     "protocols.poses": ("FREE_POSE", "PLANAR_POSE", "SPINNING_POSE", "points_in_space",
@@ -179,7 +179,7 @@ _HOMES = {
     "protocols.separable": ("amplitudes_along", "evaluate_amplitudes"),
     "protocols.sparse_solver": ("solver_refusal",),
     "protocols.step_amplitude": ("present_step", "substep"),
-    "protocols.step_solver": ("advanced", "resultant_sources", "unavailable_resultants"),
+    "protocols.step_solver": ("resultant_sources", "unavailable_resultants"),
     "protocols.turning": ("steered", "tangent"),
     "registry.hooks": ("Observer", "RunStart", "hookimpl"),
     "registry.optional_packages": ("require",),

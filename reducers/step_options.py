@@ -8,6 +8,7 @@ from sparsemor.core import (
     ErrorAction,
     ErrorEstimator,
     ErrorLimit,
+    InputError,
     Plugin,
     ReducedProblem,
     Reducer,
@@ -72,6 +73,9 @@ class ReducedStepOptions(StepOptions):
     def error_estimator(self, problem: ReducedProblem, solver: StepSolver) -> ErrorEstimator | None:
         """Estimator of the errors of runs of `solver`, None without the option."""
         every = self.error_limit.every
+        if every and not problem.integrator.one_solve:
+            raise InputError("the estimate needs an integrator with one solve a step",
+                             "error_estimate")
         return error_model(problem, solver, every, self.active_atoms) if every else None
 
     def active_atoms(self, name: str, atoms: int) -> int:

@@ -1,10 +1,11 @@
 """Time integration: states, step formulas of an integrator, and functions of time."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import ulp
+from typing import TypeAlias
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from sparsemor.core.notes import Note
 from sparsemor.core.protocols.layout import Layout
 from sparsemor.core.protocols.plugin import Plugin
 from sparsemor.core.protocols.turning import steered, tangent
+from sparsemor.core.status import Status
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -191,8 +193,10 @@ def differences(integrator: "Integrator") -> int:
     return min(fits, default=0)
 
 
-def step_formula(rules: UpdateRules, layout: Layout, state: State, h: float) -> StepFormula:
-    """Formula of the step of size h (s) from a state."""
+def step_formula(
+    rules: UpdateRules, layout: Layout, state: State, h: float, end: float | None = None
+) -> StepFormula:
+    """Formula of the step of size h (s) from a state. end: its end time, s, if not h later."""
     parts: list[FloatArray | None] = [state.x, state.v, state.a, *state.memory.T, None]
     free, rate = np.zeros(len(state.x)), np.zeros(len(state.x))
     for at, rule in ((layout.second, rules.second), (layout.first, rules.first)):
@@ -200,7 +204,8 @@ def step_formula(rules: UpdateRules, layout: Layout, state: State, h: float) -> 
             _add(rule.terms[0], parts, at, free)
             _add(rule.terms[1], parts, at, rate)
     free.flags.writeable = rate.flags.writeable = False
-    return StepFormula(next_time(state.t, h), *rules.factors, layout, free, rate, h, state.x)
+    end = next_time(state.t, h) if end is None else end
+    return StepFormula(end, *rules.factors, layout, free, rate, h, state.x)
 
 
 def new_state(
@@ -225,6 +230,39 @@ def new_state(
             at = slice(start, start + 4)
             tangent(x[at], v[at], a[at])
     return State(t, x, v, a, memory)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StepOutcome:
+    """Solution of one time step in the unknowns of the step solver (reduced ones for a reduced
+    model), and its status. block: name of the block in which the solution failed, if it did.
+
+    x (n,): unknowns; rates: their rates v and a, which a solver of increments knows to more digits
+    than the step formula gives for x (core/protocols/integrator.py); None: those of the formula;
+    remaining: estimated error that the iteration leaves, relative to the largest value of each part
+    of the unknowns, 0 for a direct solution.
+    """
+
+    x: FloatArray
+    status: Status
+    iterations: int
+    block: str = ""
+    detail: str = ""
+    rates: tuple[FloatArray, FloatArray] | None = None
+    remaining: float = 0.0
+
+
+def advanced(
+    rules: UpdateRules, layout: Layout, state: State, formula: StepFormula, outcome: StepOutcome, *,
+    linear: bool = False
+) -> State:
+    """State at the end of a step from `state`, solved by `outcome`; linear: as in
+    `new_state`."""
+    if outcome.rates is None:
+        v, a = formula.at(outcome.x - formula.free)[1:]
+    else:
+        v, a = outcome.rates
+    return new_state(rules, layout, state, formula.t, outcome.x, v, a, linear=linear)
 
 
 def settled(
@@ -265,9 +303,26 @@ def _add(
             into += part[at] if factor == 1.0 else factor * part[at]
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class NextStep:
+    """Step of size h (s) from a state, to be taken. rules: those of the integrator for this h; end:
+    end time, s."""
+
+    rules: UpdateRules
+    layout: Layout
+    state: State
+    h: float
+    end: float
+
+
+Solve: TypeAlias = Callable[[StepFormula], StepOutcome]
+"""Solution of the equations with a formula for the rates at its time."""
+
+
 class Integrator(Plugin):
-    """Implicit time integrator whose steps are linear in the old state and in the highest rates at
-    the new time."""
+    """Implicit time integrator. The formulas of its solves are linear in the highest rates at the
+    time of the solve; by default a step is one solve, with update rules that are linear in the old
+    state, too."""
 
     @property
     @abstractmethod
@@ -277,6 +332,24 @@ class Integrator(Plugin):
     @abstractmethod
     def rules(self, h: float) -> UpdateRules:
         """Update rules of a step of size h, s."""
+
+    def advance(self, solve: Solve, step: NextStep) -> tuple[StepOutcome, State]:
+        """Outcome of a step and the state at its end, that of its start after a failure.
+
+        An integrator with several stages calls `solve` several times, always with the factors of
+        `rules`, for which step solvers are prepared; its loads are those at the time of the solve.
+        """
+        rules, layout, state = step.rules, step.layout, step.state
+        formula = step_formula(rules, layout, state, step.h, step.end)
+        outcome = solve(formula)
+        return outcome, advanced(rules, layout, state, formula, outcome) if (
+            outcome.status.ok) else state
+
+    @property
+    def one_solve(self) -> bool:
+        """True for steps of one solve, to which compiled steps, the stability check and the error
+        estimate are limited."""
+        return type(self).advance is Integrator.advance
 
     def start(self, layout: Layout, state: State) -> State:
         """Initial state with the integrator's history `memory` filled; by default it has none."""

@@ -10,10 +10,9 @@ from typing_extensions import TypeVar
 from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
 from sparsemor.core.notes import Note, information
 from sparsemor.core.protocols.block_data import Dictionary
-from sparsemor.core.protocols.integrator import State, StepFormula, UpdateRules, new_state
+from sparsemor.core.protocols.integrator import State, StepFormula, StepOutcome, UpdateRules
 from sparsemor.core.protocols.layout import Layout
 from sparsemor.core.protocols.term import ReportsResultants, WrapsTerm
-from sparsemor.core.status import Status
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -24,39 +23,6 @@ class ResultantSource:
     name: str
     columns: IntArray
     term: ReportsResultants
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class StepOutcome:
-    """Solution of one time step in the unknowns of the step solver (reduced ones for a reduced
-    model), and its status. block: name of the block in which the solution failed, if it did.
-
-    x (n,): unknowns; rates: their rates v and a, which a solver of increments knows to more digits
-    than the step formula gives for x (core/protocols/integrator.py); None: those of the formula;
-    remaining: estimated error that the iteration leaves, relative to the largest value of each part
-    of the unknowns, 0 for a direct solution.
-    """
-
-    x: FloatArray
-    status: Status
-    iterations: int
-    block: str = ""
-    detail: str = ""
-    rates: tuple[FloatArray, FloatArray] | None = None
-    remaining: float = 0.0
-
-
-def advanced(
-    rules: UpdateRules, layout: Layout, state: State, formula: StepFormula, outcome: StepOutcome, *,
-    linear: bool = False
-) -> State:
-    """State at the end of a step from `state`, solved by `outcome`; linear: as in
-    `new_state`."""
-    if outcome.rates is None:
-        v, a = formula.at(outcome.x - formula.free)[1:]
-    else:
-        v, a = outcome.rates
-    return new_state(rules, layout, state, formula.t, outcome.x, v, a, linear=linear)
 
 
 @runtime_checkable

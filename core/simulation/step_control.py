@@ -26,6 +26,7 @@ from sparsemor.core.model.model import Model
 from sparsemor.core.protocols import (
     CountsLinearIterations,
     Integrator,
+    NextStep,
     OfflineProducts,
     ReducedProblem,
     Restarts,
@@ -35,20 +36,19 @@ from sparsemor.core.protocols import (
     StepSolver,
     TimeFunction,
 )
-from sparsemor.core.protocols.integrator import next_time, same_time, settled, step_formula
+from sparsemor.core.protocols.integrator import advanced, next_time, same_time, settled
 from sparsemor.core.protocols.layout import Block
 from sparsemor.core.protocols.step_amplitude import Substep, after, before, substep
 from sparsemor.core.protocols.step_solver import (
     AroundSteps,
     ResultantSource,
-    advanced,
     resultant_sources_of,
 )
 from sparsemor.core.registry.returned_values import complete
 from sparsemor.core.scene.nested import functions_of_time
 from sparsemor.core.scene.options import Control
 from sparsemor.core.scene.scene import Scene
-from sparsemor.core.simulation.time_stepping import FixedStep, Step
+from sparsemor.core.simulation.time_stepping import FixedStep, Step, loads_of
 from sparsemor.core.status import Status
 
 MOST_CUTS = 8
@@ -361,21 +361,30 @@ class ControlledSteps(AroundSteps[StepSolver]):
         if restart:  # a history of other steps, or before a jump: begin again from x, v, a
             state = settled(self.integrator, layout, state, memory.slope, h)
         rules, iterations, left, previous = self.integrator.rules(h), 0, 0.0, state
+        last: StepFormula | None = None
+
+        def solve(formula: StepFormula) -> StepOutcome:
+            nonlocal inner, last
+            with substep(own):
+                outcome, inner = solver.solve(formula, inner)
+            last = formula
+            return outcome
+
         for i in range(1, 2**level + 1):
-            step = step_formula(rules, layout, state, h)
-            if i == 2**level:
-                step = replace(step, t=part.end)
-            with substep(Substep(h, restart and i == 1)):
-                outcome, inner = solver.solve(step, inner)
+            own = loads_of(self.integrator, h, restart and i == 1)
+            end = part.end if i == 2**level else next_time(state.t, h)
+            outcome, new = self.integrator.advance(
+                solve, NextStep(rules, layout, state, h, end))
             iterations, left = iterations + outcome.iterations, max(left, outcome.remaining)
             if not outcome.status.ok:
                 break
-            previous, state = state, advanced(rules, layout, state, step, outcome)
+            previous, state = state, new
+        assert last is not None
         if part.whole:
             memory.levels[level] = inner
         memory.solved += 2**level
         outcome = replace(outcome, iterations=iterations, remaining=left)
-        return _Try(outcome, state, h, (solver, step, inner), previous)
+        return _Try(outcome, state, h, (solver, last, inner), previous)
 
     def _error(
         self, coarse: "_Try", fine: "_Try", state: State, memory: ControlMemory

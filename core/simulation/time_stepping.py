@@ -14,17 +14,18 @@ from sparsemor.core.linalg.least_squares import least_squares_coefficients
 from sparsemor.core.protocols import (
     Integrator,
     ManySteps,
+    NextStep,
     SolvesManySteps,
     State,
     StepBlock,
+    StepFormula,
     StepMemory,
     StepOutcome,
     StepSolver,
     UpdateRules,
 )
-from sparsemor.core.protocols.integrator import step_formula
+from sparsemor.core.protocols.integrator import next_time
 from sparsemor.core.protocols.step_amplitude import Substep, substep
-from sparsemor.core.protocols.step_solver import advanced
 from sparsemor.core.status import SolveFailed, Status
 
 UNRESOLVED = 100.0
@@ -53,24 +54,37 @@ Step: TypeAlias = Callable[[State, M], tuple[StepOutcome, State, M]]
 @dataclass(frozen=True, slots=True, eq=False)
 class FixedStep(Generic[M]):
     """Time step of size h (s): the integrator's rules express the unknowns by their highest rates,
-    then the solver determines these."""
+    then the solver determines these. loads: step over which loads are averaged."""
 
+    integrator: Integrator
     rules: UpdateRules
     solver: StepSolver[M]
     h: float
+    loads: Substep
 
     @classmethod
     def of(cls, integrator: Integrator, solver: StepSolver[M], h: float) -> "FixedStep[M]":
-        return cls(integrator.rules(h), solver, h)
+        return cls(integrator, integrator.rules(h), solver, h, loads_of(integrator, h))
 
     def __call__(self, state: State, memory: M) -> tuple[StepOutcome, State, M]:
-        layout = self.solver.layout
-        formula = step_formula(self.rules, layout, state, self.h)
-        with substep(Substep(self.h)):
-            outcome, memory = self.solver.solve(formula, memory)
-        if outcome.status.ok:
-            state = advanced(self.rules, layout, state, formula, outcome)
+        solver, own = self.solver, self.loads
+
+        def solve(formula: StepFormula) -> StepOutcome:
+            nonlocal memory
+            with substep(own):
+                outcome, memory = solver.solve(formula, memory)
+            return outcome
+
+        step = NextStep(
+            self.rules, solver.layout, state, self.h, next_time(state.t, self.h))
+        outcome, state = self.integrator.advance(solve, step)
         return outcome, state, memory
+
+
+def loads_of(integrator: Integrator, h: float, begins: bool = False) -> Substep:
+    """The step of h (s) over which loads are averaged; an integrator with several solves has them
+    at the time of each."""
+    return Substep(h, begins) if integrator.one_solve else Substep(0.0)
 
 
 def started(solver: StepSolver[M], integrator: Integrator, full: State) -> tuple[State, M]:
@@ -147,7 +161,7 @@ def many_steps(
     solver: StepSolver[M], integrator: Integrator, h: float, steps: int
 ) -> ManySteps[M] | None:
     """The solver's way to take several steps of size h, s, in one call; None where it has none."""
-    if not isinstance(solver, SolvesManySteps):
+    if not (isinstance(solver, SolvesManySteps) and integrator.one_solve):
         return None
     return solver.many(integrator.rules(h), h, steps)
 

@@ -5,10 +5,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.protocols import Integrator, State, StepFormula, StepOutcome, UpdateRules
-from sparsemor.core.protocols.integrator import step_formula
+from sparsemor.core.protocols import (
+    Integrator,
+    NextStep,
+    State,
+    StepFormula,
+    StepOutcome,
+    UpdateRules,
+)
+from sparsemor.core.protocols.integrator import advanced, next_time, step_formula
 from sparsemor.core.protocols.layout import Block, Layout
-from sparsemor.core.protocols.step_solver import advanced
 from sparsemor.core.status import Status
 from sparsemor.core.testing.random_inputs import (
     DISPLACEMENTS,
@@ -52,17 +58,21 @@ def check_integrator(integrator: Integrator, seed: int = 0) -> None:
 
 def integrate(integrator: Integrator, steps: int, end: float = 2.0) -> RunEnd:
     """Solves the test equations above from t = 0 to `end` (s) in `steps` steps."""
-    h = end / steps
-    rules, (x, v, a) = integrator.rules(h), exact(0.0)
-    state = integrator.start(LAYOUT, State(0.0, x, v, a, np.zeros((5, 0))))
-    for _ in range(steps):
-        f = step_formula(rules, LAYOUT, state, h)
+    def solve(f: StepFormula) -> StepOutcome:
         new = np.zeros(5)
         left = f.c2 + DAMPING * f.c1 + STIFFNESS
         new[:2] = -(f.r2[:2] + DAMPING * f.r1[:2]) / left
         new[2:4] = -f.r1[2:4] / (f.c1_first + DECAY)
         new[4] = new[0]
-        state = _advanced(rules, state, f, new)
+        return StepOutcome(new, Status.DONE, 1)
+
+    h = end / steps
+    rules, (x, v, a) = integrator.rules(h), exact(0.0)
+    state = integrator.start(LAYOUT, State(0.0, x, v, a, np.zeros((5, 0))))
+    for _ in range(steps):
+        outcome, state = integrator.advance(
+            solve, NextStep(rules, LAYOUT, state, h, next_time(state.t, h)))
+        law(outcome.status.ok, f"a step ended with {outcome.status.value}")
     x, v, _ = exact(state.t)
     errors = [state.x[:2] - x[:2], state.v[:2] - v[:2], state.x[2:4] - x[2:4]]
     return RunEnd(state, np.array([np.linalg.norm(e) for e in errors]))
@@ -123,7 +133,8 @@ def _rest_stays_rest(integrator: Integrator) -> None:
     x, zero = np.arange(1.0, 6.0), np.zeros(5)
     state = integrator.start(LAYOUT, State(0.0, x, zero, zero, np.zeros((5, 0))))
     for h in (1e-3, 0.1, 10.0):
-        rules = integrator.rules(h)
-        new = _advanced(rules, state, step_formula(rules, LAYOUT, state, h), x)
+        _, new = integrator.advance(
+            lambda f: StepOutcome(x, Status.DONE, 1),
+            NextStep(integrator.rules(h), LAYOUT, state, h, h))
         still = np.abs(new.v[:4]).max() * h + np.abs(new.a[:2]).max() * h * h
         law(still < 1e-12, f"a body at rest that stays where it is gets a speed (h = {h} s)")

@@ -17,7 +17,7 @@ import numpy as np
 from sparsemor.core.arrays import Arrays
 from sparsemor.core.errors import InputError
 from sparsemor.core.model.model import Model
-from sparsemor.core.notes import Note
+from sparsemor.core.notes import Note, information
 from sparsemor.core.protocols import Integrator, State, StepSolver
 from sparsemor.core.registry.registry import Registry
 from sparsemor.core.scene.defaults import PROJECTION
@@ -231,6 +231,9 @@ def check_run(
     projects = scene.reducer_name == PROJECTION
     if scene.check_stability == "off" or not solver.dictionaries or projects:
         return (), {}
+    if not scene.integrator.one_solve:
+        return (information("the stability check does not apply to an integrator with several "
+                            "solves a step", "stability_unchecked"),), {}
     plain = {key: value for key, value in IRRELEVANT.items() if key not in ("seed", "parameters")}
     kept = offline.remember(
         "stability", (scene.using(plain).digest(), *([len(states)] if states else [])),

@@ -33,9 +33,8 @@ from sparsemor.core.protocols import (
     StepOutcome,
     StepSolver,
 )
-from sparsemor.core.protocols.integrator import step_formula
+from sparsemor.core.protocols.integrator import advanced, step_formula
 from sparsemor.core.protocols.layout import Layout, Quantity
-from sparsemor.core.protocols.step_solver import advanced
 from sparsemor.core.status import SolveFailed, Status
 
 QUATERNION_CHANGE = 3e-4

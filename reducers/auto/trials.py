@@ -11,14 +11,16 @@ from sparsemor.core import (
     CONSTANT_CHANGE,
     Dictionary,
     FloatArray,
+    NextStep,
     ReducedProblem,
     State,
+    StepFormula,
+    StepOutcome,
     StepSolver,
     TrialRun,
-    advanced,
     column_chunks,
     consistent_state,
-    step_formula,
+    next_time,
 )
 
 LINEARIZED = 5
@@ -91,16 +93,21 @@ class TrainingReference:
         states: list[State] = []
         with np.errstate(all="ignore"):  # overflow ends in a status
             state, memory = solver.start(consistent_state(problem.model))
+
+            def solve(formula: StepFormula) -> StepOutcome:
+                nonlocal memory
+                outcome, memory = solver.solve(formula, memory)
+                return outcome
+
             state = problem.integrator.start(layout, state)
             begun = time.process_time()
             for n in range(steps + 1):
                 if n:
-                    formula = step_formula(rules, layout, state, h)
-                    outcome, memory = solver.solve(formula, memory)
+                    outcome, state = problem.integrator.advance(
+                        solve, NextStep(rules, layout, state, h, next_time(state.t, h)))
                     ok = outcome.status.ok
                     if not ok:
                         break
-                    state = advanced(rules, layout, state, formula, outcome)
                 if n in due:
                     states.append(state)
                 if n % self.every == 0:

@@ -85,7 +85,7 @@ def states(block: Reducible, X: FloatArray, taken: Recording) -> FloatArray:
 def replayable(block: Reducible, X: FloatArray, taken: Recording) -> bool:
     """True if the snapshots contain every step and begin at the initial state of this model, whose
     accelerations those of several runs need not share."""
-    if taken.runs > 1 and taken.integrator.order > 1:
+    if (taken.runs > 1 and taken.integrator.order > 1) or not taken.integrator.one_solve:
         return False
     start = block.model.x0[block.model.layout[block.name]]
     top = float(np.abs(start).max(initial=0.0))

@@ -27,5 +27,6 @@ def test_what_a_file_defines_is_exported(name: str) -> None:
 def test_nothing_else_is_exported() -> None:
     defined = {c for name in FILES
                for c in contracts(import_module(f"sparsemor.core.protocols.{name}"))}
-    values = {"Amplitude", "Effect", "ErrorAction", "PROBLEM_FEATURES", "RowsKept"}
+    values = {"Amplitude", "Effect", "ErrorAction", "PROBLEM_FEATURES", "RowsKept",
+              "Solve"}
     assert set(protocols.__all__) == defined | values

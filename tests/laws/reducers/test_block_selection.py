@@ -16,8 +16,7 @@ from sparsemor.core.errors import InputError
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.protocols import Selection
-from sparsemor.core.protocols.integrator import step_formula
-from sparsemor.core.protocols.step_solver import advanced
+from sparsemor.core.protocols.integrator import advanced, step_formula
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.status import Status

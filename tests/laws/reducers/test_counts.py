@@ -14,8 +14,7 @@ from sparsemor.core import ReducedProblem
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.model.model import Model
-from sparsemor.core.protocols.integrator import step_formula
-from sparsemor.core.protocols.step_solver import advanced
+from sparsemor.core.protocols.integrator import advanced, step_formula
 from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.testing.in_memory_run import march

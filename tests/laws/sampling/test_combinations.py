@@ -20,9 +20,8 @@ from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.model.model import Model
 from sparsemor.core.protocols import State, StepSolver
-from sparsemor.core.protocols.integrator import step_formula
+from sparsemor.core.protocols.integrator import advanced, step_formula
 from sparsemor.core.protocols.load_tables import LoadTable, Table
-from sparsemor.core.protocols.step_solver import advanced
 from sparsemor.core.registry.hooks import new_manager
 from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.simulation.offline import Offline, step_count

@@ -18,9 +18,8 @@ from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.model.model import Model, StepFactors
 from sparsemor.core.notes import Level
 from sparsemor.core.protocols import Dictionary
-from sparsemor.core.protocols.integrator import step_formula
+from sparsemor.core.protocols.integrator import advanced, step_formula
 from sparsemor.core.protocols.load_tables import LoadTable, Table
-from sparsemor.core.protocols.step_solver import advanced
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.simulation.offline_cache import Products

@@ -16,9 +16,8 @@ from sparsemor.core.protocols import (
     UpdateRule,
     UpdateRules,
 )
-from sparsemor.core.protocols.integrator import step_formula
+from sparsemor.core.protocols.integrator import advanced, step_formula
 from sparsemor.core.protocols.layout import Block, Layout
-from sparsemor.core.protocols.step_solver import advanced
 from sparsemor.core.status import Status
 from sparsemor.core.testing import check_integrator
 from sparsemor.core.testing.in_memory_run import scene_of

@@ -11,8 +11,7 @@ from small_pendulum import small
 from sparsemor.core import ReducedProblem
 from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.protocols import StepSolver
-from sparsemor.core.protocols.integrator import step_formula
-from sparsemor.core.protocols.step_solver import advanced
+from sparsemor.core.protocols.integrator import advanced, step_formula
 from sparsemor.core.registry.hooks import new_manager
 from sparsemor.core.results.saved_state import Saved
 from sparsemor.core.scene.scene import Scene, load

@@ -11,8 +11,7 @@ from sparsemor.core.arrays import FloatArray
 from sparsemor.core.model.equations import rate_factors
 from sparsemor.core.model.model import Model
 from sparsemor.core.protocols import StepFormula
-from sparsemor.core.protocols.integrator import step_formula
-from sparsemor.core.protocols.step_solver import advanced
+from sparsemor.core.protocols.integrator import advanced, step_formula
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.status import SolveFailed, Status
 from sparsemor.core.testing.in_memory_run import march

@@ -11,8 +11,7 @@ from pressed_slider import BOTH, LOAD, SIDE, STEP, full, scene, stored
 from reduced_runs import decoded, learnt
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.model.initial_state import consistent_state
-from sparsemor.core.protocols.integrator import step_formula
-from sparsemor.core.protocols.step_solver import advanced
+from sparsemor.core.protocols.integrator import advanced, step_formula
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.simulation.simulate import simulate
 from sparsemor.core.testing.in_memory_run import March, march

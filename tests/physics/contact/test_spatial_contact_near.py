@@ -13,8 +13,7 @@ from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.model.model import Model
 from sparsemor.core.protocols import Trial
-from sparsemor.core.protocols.integrator import step_formula
-from sparsemor.core.protocols.step_solver import advanced
+from sparsemor.core.protocols.integrator import advanced, step_formula
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.testing.in_memory_run import march, scene_of
 
