@@ -73,7 +73,7 @@ BODIES = {
     "need_field", "numbers_of", "temperature_gradient",
 }
 REDUCERS = {
-    "Approximation", "ErrorModel", "Interpolating", "Linear", "Maps", "Projection",
+    "Approximation", "ErrorModel", "Interpolating", "LinearOperators", "Maps", "Projection",
     "ProjectionReducer", "Reducible", "TestMap", "choose_points", "error_model", "force_modes",
     "force_snapshots", "projection_notes", "interpolation", "left_inverse", "modal_coordinates",
 }
