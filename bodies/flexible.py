@@ -16,7 +16,7 @@ from sparsemor.bodies.body import FloatingBody
 from sparsemor.bodies.fem.elasticity import Model, elastic_stiffness, law, thermoelastic_coupling
 from sparsemor.bodies.fem.fields import Elasticity, Heat
 from sparsemor.bodies.fem.quadratic import with_midpoints
-from sparsemor.bodies.fem.stress import StressRecovery
+from sparsemor.bodies.fem.stress import SimplexStress
 from sparsemor.bodies.fem.volume import capacity, conductivity, lumped, scalar_mass
 from sparsemor.bodies.frames.moments import MassProperties
 from sparsemor.bodies.material import Region, constants_at, curves, regions_of, require, summed
@@ -156,9 +156,9 @@ class Flexible(BodyPlugin):
     def stress_recovery(
         cls, points: FloatArray, cells: IntArray, constants: FloatArray, region: IntArray,
         nonlinear: bool,
-    ) -> StressRecovery:
+    ) -> SimplexStress:
         """Strain and stress of a body from its stored displacements and temperatures."""
-        return StressRecovery(points, cells, constants, region, nonlinear)
+        return SimplexStress(points, cells, constants, region, nonlinear)
 
     def build(self, name: str, base: Path) -> FloatingBody:
         gather = Gather()

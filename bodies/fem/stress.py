@@ -17,7 +17,7 @@ import numpy as np
 from sparsemor.core import FloatArray, IntArray
 
 
-class StressRecovery:
+class SimplexStress:
     """Strain and stress of one body at its nodes, once for each material of their cells.
 
     points (N, d); cells (E, 3, 4, 6 or 10); constants (R, 5): lam, mu, beta, and lam, beta of the

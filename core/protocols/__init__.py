@@ -19,6 +19,7 @@ from sparsemor.core.protocols.body import (
     MeanTemperature,
     ProbePlace,
     StressConstants,
+    StressRecovery,
     TemperatureProperty,
 )
 from sparsemor.core.protocols.body_frame import (
@@ -191,7 +192,8 @@ __all__ = [
     "Sampler", "Selection", "Separated", "Solve", "SolvesManySteps", "SparseOutcome",
     "SparseProblem", "SparseSolver", "SparseStart", "Stage", "State", "StepAmplitude", "StepBlock",
     "StepFactors", "StepFormula", "StepFunction", "StepMemory", "StepOutcome", "Stepping",
-    "StepSolver", "StressConstants", "StressStiffness", "Substep", "SurfaceLoads", "Table",
+    "StepSolver", "StressConstants", "StressRecovery", "StressStiffness", "Substep", "SurfaceLoads",
+    "Table",
     "Tabled", "TabledAlong", "TableRecord", "TemperatureProperty", "Term", "TimeDependent",
     "TimeFunction", "Trial", "TrialRun", "UpdateRule", "UpdateRules", "VectorRecord",
     "WeighsElements", "WrapsTerm",

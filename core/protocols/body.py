@@ -161,6 +161,33 @@ class MeanTemperature:
     given: tuple[tuple[float, TimeFunction], ...] = ()
 
 
+class StressRecovery(Protocol):
+    """Strain and stress of one body at P points from its displacements u (N, d), m, and
+    temperatures above the stress-free ones (N,), K; made by the plugin of the body.
+
+    nodes (P,): node of each point; own (E, q): points of each cell.
+    """
+
+    nodes: IntArray
+    own: IntArray
+
+    def strain(self, u: FloatArray, heating: FloatArray) -> FloatArray:
+        """(P, 3, 3) strain."""
+        ...
+
+    def stress(self, u: FloatArray, heating: FloatArray) -> FloatArray:
+        """(P, 3, 3) Cauchy stress, Pa."""
+        ...
+
+    def von_mises(self, u: FloatArray, heating: FloatArray) -> FloatArray:
+        """(P,) von Mises stress, Pa."""
+        ...
+
+    def equivalent_strain(self, u: FloatArray, heating: FloatArray) -> FloatArray:
+        """(P,) equivalent strain."""
+        ...
+
+
 class BodyPlugin(Plugin):
     """Options of a body, from which `build` makes the body. base: folder of the input file, for
     relative paths.
@@ -184,6 +211,15 @@ class BodyPlugin(Plugin):
         """Names of the fields of the body in addition to its rigid motion, if the option `fields`
         selects them: a rigid-body pre-simulation then builds it with `fields: []`. None without
         this option."""
+        return None
+
+    @classmethod
+    def stress_recovery(
+        cls, points: FloatArray, cells: IntArray, constants: FloatArray, region: IntArray,
+        nonlinear: bool,
+    ) -> StressRecovery | None:
+        """Strain and stress of a stored body: points (N, d), cells, and the constants and regions
+        of its `StressConstants`; None for bodies without stresses."""
         return None
 
     def expected(self) -> BodySize | None:

@@ -171,6 +171,7 @@ def _unfit(cls: type, looked_for: Mapping[str, object]) -> list[str]:
 
 
 def _misfit(name: str, has: object, wanted: object) -> str:
+    wanted = wanted.__func__ if isinstance(wanted, classmethod) else wanted
     function = has.__func__ if isinstance(has, staticmethod | classmethod) else has
     if not inspect.isfunction(wanted):
         if inspect.isfunction(function):

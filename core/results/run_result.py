@@ -3,13 +3,14 @@
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
 from sparsemor.core.errors import InputError
+from sparsemor.core.protocols.body import BodyPlugin, StressRecovery
 from sparsemor.core.protocols.layout import Layout, Quantity
 from sparsemor.core.protocols.load_tables import Table
 from sparsemor.core.protocols.poses import (
@@ -21,7 +22,7 @@ from sparsemor.core.protocols.poses import (
 )
 from sparsemor.core.protocols.prescribed_motion import Stage
 from sparsemor.core.registry.registry import Registry
-from sparsemor.core.results.fields import Derived, Field, StressRecovery
+from sparsemor.core.results.fields import Derived, Field
 from sparsemor.core.results.files.own import STORE
 from sparsemor.core.results.files.temporary import TemporaryFolder
 from sparsemor.core.results.metadata import ProbeHeader, load_layout
@@ -346,11 +347,15 @@ class RunResult:
                 "material depends on temperature, or an older version stored it", key="body")
         if body not in self._recoveries:
             # the law of the stress is that of the body's plugin; the result has its constants
-            plugin: Any = Registry().get("body", self.scene["bodies"][body]["use"])
-            self._recoveries[body] = plugin.stress_recovery(
+            use = self.scene["bodies"][body]["use"]
+            plugin = cast("type[BodyPlugin]", Registry().get("body", use))
+            made = plugin.stress_recovery(
                 self.points(body), self.cells(body), self._array(f"{body}.stress_constants"),
                 self._array(f"{body}.stress_region"),
                 "strains" in self._data.arrays[f"{body}.stress_constants"]["attributes"])
+            if made is None:
+                raise InputError(f"the plugin {use} recovers no stress of {body}", key="body")
+            self._recoveries[body] = made
         return self._recoveries[body]
 
     def positions(self, body: str, step: int, magnify: float = 1.0) -> FloatArray:
