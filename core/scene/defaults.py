@@ -5,7 +5,7 @@ MOTION, HEAT = "generalized_alpha", "bdf2"
 """Integrators of second order: of scenes in which something moves, and of heat alone."""
 FULL_ORDER = "full"
 """Reducer of reference solutions and rigid-body pre-simulations."""
-LARGEST_ERROR = 1e-10
+LARGEST_ERROR = 1e-11
 """Tolerance of a step of training runs (its option `remaining`): the second iteration of tighter
 ones proves what the first one has reached, and takes as long (decision 0044)."""
 PROJECTION = "galerkin"
