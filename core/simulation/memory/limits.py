@@ -6,6 +6,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import psutil
+
 from sparsemor.core.errors import InputError
 
 LIMIT = "SPARSEMOR_MEMORY"
@@ -26,18 +28,14 @@ def peak() -> int:
     try:
         import resource
     except ImportError:  # Windows
-        return 0
+        return int(getattr(psutil.Process().memory_info(), "peak_wset", 0))
     most = int(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
     return most if sys.platform == "darwin" else 1024 * most
 
 
 def resident() -> int:
-    """Resident memory of this process, bytes; its peak if the system does not report it."""
-    try:
-        pages = int(Path("/proc/self/statm").read_text().split()[1])
-    except (OSError, ValueError, IndexError):
-        return peak()
-    return pages * os.sysconf("SC_PAGE_SIZE")
+    """Resident memory of this process, bytes."""
+    return int(psutil.Process().memory_info().rss)
 
 
 @contextmanager
@@ -47,12 +45,11 @@ def bounded_address_space(extra: int) -> Iterator[None]:
     try:
         import resource
 
-        pages = int(Path("/proc/self/statm").read_text().split()[0])
+        size = int(psutil.Process().memory_info().vms)
         before = resource.getrlimit(resource.RLIMIT_AS)
-        limits = [pages * resource.getpagesize() + extra,
-                  *(v for v in before if v != resource.RLIM_INFINITY)]
+        limits = [size + extra, *(v for v in before if v != resource.RLIM_INFINITY)]
         resource.setrlimit(resource.RLIMIT_AS, (min(limits), before[1]))
-    except (ImportError, OSError, ValueError, IndexError):
+    except (ImportError, OSError, ValueError):
         yield
         return
     try:
@@ -64,29 +61,16 @@ def bounded_address_space(extra: int) -> Iterator[None]:
 def ceiling() -> int:
     """Memory limit of this process, bytes: resident memory plus the memory still available on the
     machine and in each enclosing control group; at most SPARSEMOR_MEMORY."""
-    spare = [_mentioned("/proc/meminfo", "MemAvailable", 1024)]
-    spare += [limit - used for limit, used in _groups()]
-    known = [s for s in spare if s is not None]
-    own = [] if (given := _given()) is None else [given]
-    if known:
-        own.append(resident() + max(min(known), 0))
-    return min(own, default=machine_memory())
+    spare = [int(psutil.virtual_memory().available), *(limit - used for limit, used in _groups())]
+    limit, given = resident() + max(min(spare), 0), _given()
+    return limit if given is None else min(limit, given)
 
 
 def machine_memory() -> int:
     """Total memory of the machine or of the control group, bytes, at most SPARSEMOR_MEMORY. Unlike
     `ceiling` it does not change from one moment to the next."""
-    found = [limit for limit, _ in _groups()]
-    given = _given()
-    if given is not None:
-        found.append(given)
-    try:
-        found.append(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
-    except (ValueError, OSError, AttributeError):
-        if not found:
-            raise InputError(f"the memory of this machine cannot be determined: set {LIMIT}, in "
-                             "GB") from None
-    return min(found)
+    total, given = int(psutil.virtual_memory().total), _given()
+    return min([total, *(limit for limit, _ in _groups()), *([] if given is None else [given])])
 
 
 def _given() -> int | None:
