@@ -39,7 +39,7 @@ from sparsemor.core.simulation.error_control.record import ErrorMark, ErrorRecor
 from sparsemor.core.simulation.memory.use import MemoryUse
 from sparsemor.core.simulation.offline_cache import Products
 from sparsemor.core.simulation.prepared_run import PreparedRun
-from sparsemor.core.simulation.step_statistics import Tally
+from sparsemor.core.simulation.step_statistics import StepStatistics
 from sparsemor.core.status import Status
 
 CHUNK, SECONDS = 1024, 2.0
@@ -74,13 +74,13 @@ class Recorder:
         self.errors: ErrorRecord | None = None
         self._every, self._saved = run.scene.output.every, time.perf_counter()
         self._on_disk = isinstance(writer, ResultWriter)
-        self.take_up(run)
+        self.set_run(run)
         self._rows: list[tuple[float, FloatArray, int, float, float, list[FloatArray]]] = []
         self._contacts: list[Mapping[str, float]] = []
         self._supports: list[Mapping[str, BoolArray]] = []
 
-    def take_up(self, run: PreparedRun) -> None:
-        """Records the steps of this run from now on."""
+    def set_run(self, run: PreparedRun) -> None:
+        """Records the steps of this run from now on: its step solver, forces and contacts."""
         self.run, self.solver = run, run.solver
         self._rates = rate_columns(run.forces)
         self._contact_names = frozenset(
@@ -90,12 +90,12 @@ class Recorder:
         self._reports = solver if self._contact_names and run.header.stage is None and isinstance(
             solver, ReportsTerms) else None
 
-    def go_on(self, run: PreparedRun, maps: Mapping[str, FloatArray]) -> None:
+    def switch_run(self, run: PreparedRun, maps: Mapping[str, FloatArray]) -> None:
         """Records the rest of a run in the unknowns of another step solver; the stored steps are
         converted (`ResultWriter.continued`)."""
         self.flush()
         self.writer = self.writer.continued(run.header, maps)
-        self.take_up(run)
+        self.set_run(run)
 
     @property
     def fall_back(self) -> Mapping[str, Any]:
@@ -106,12 +106,12 @@ class Recorder:
         """The present moment, to come back to."""
         return RecordMark(len(self._rows), None if self.errors is None else self.errors.mark())
 
-    def back_to(self, mark: "RecordMark") -> None:
+    def roll_back(self, mark: "RecordMark") -> None:
         """Drops what came after a moment, since which nothing was written."""
         for kept in (self._rows, self._contacts, self._supports):
             del kept[mark.rows:]
         if self.errors is not None and mark.errors is not None:
-            self.errors.back_to(mark.errors)
+            self.errors.roll_back(mark.errors)
 
     @classmethod
     def open(
@@ -130,8 +130,8 @@ class Recorder:
         return cls(run, ResultWriter.create(store, run.header), None, products)
 
     def restored(
-        self, state: State, memory: StepMemory, tally: Tally
-    ) -> tuple[State, StepMemory, Tally]:
+        self, state: State, memory: StepMemory, stats: StepStatistics
+    ) -> tuple[State, StepMemory, StepStatistics]:
         """State, step memory (solver data carried from step to step) and statistics at the last
         checkpoint.
 
@@ -139,15 +139,15 @@ class Recorder:
         InputError if the checkpoint has another structure.
         """
         assert self.checkpoint is not None
-        offline, arrays = tally.offline, self.checkpoint.arrays
+        offline, arrays = stats.offline, self.checkpoint.arrays
         own = {"x": state.x, "v": state.v, "a": state.a, "memory": state.memory}
         try:
             for name, array in own.items():
                 if arrays[name].shape != array.shape or arrays[name].dtype != array.dtype:
                     raise SavedError(f"{name} has shape {arrays[name].shape}, and {array.shape} "
                                      "in this program")
-            found = self.checkpoint.memory.into(self._carried(memory, tally), "state")
-            t, memory, tally = float(arrays["t"]), found["memory"], found["tally"]
+            found = self.checkpoint.memory.into(self._carried(memory, stats), "state")
+            t, memory, stats = float(arrays["t"]), found["memory"], found["stats"]
             if self.errors is not None:
                 self.errors.restart(found["errors"])
                 self.errors.changes.update(found["changes"])
@@ -155,47 +155,50 @@ class Recorder:
             raise InputError(
                 f"{self._out} cannot be resumed: its checkpoint does not fit ({error}); start "
                 "again, with --force or into another directory", "resume") from None
-        tally.offline += offline
-        return State(t, *(arrays[name] for name in own)), memory, tally
+        stats.offline += offline
+        return State(t, *(arrays[name] for name in own)), memory, stats
 
-    def _carried(self, memory: StepMemory, tally: Tally) -> dict[str, object]:
+    def _carried(self, memory: StepMemory, stats: StepStatistics) -> dict[str, object]:
         """Data in addition to the state from which a stopped run continues."""
         estimated = {} if self.errors is None else {
             "errors": self.errors.memory, "changes": self.errors.changes}
-        return {"memory": memory, "tally": tally, **estimated}
+        return {"memory": memory, "stats": stats, **estimated}
 
     def start(self, state: State, supports: Mapping[str, BoolArray], memory: StepMemory) -> None:
-        self._keep(state, Tally(), supports, memory)
+        self._keep(state, StepStatistics(), supports, memory)
 
     def take(
-        self, state: State, tally: Tally, supports: Mapping[str, BoolArray], memory: StepMemory
+        self, state: State, stats: StepStatistics, supports: Mapping[str, BoolArray],
+        memory: StepMemory,
     ) -> bool:
         """Buffers an accepted step if it is to be stored; True if it is time to commit and save a
         checkpoint."""
         if self.errors is not None:
-            self.errors.take(state, tally.done)
-        if tally.done % self._every and tally.done != self.steps:
+            self.errors.take(state, stats.done)
+        if stats.done % self._every and stats.done != self.steps:
             return False
-        self._keep(state, tally, supports, memory)
+        self._keep(state, stats, supports, memory)
         if len(self._rows) * state.x.nbytes >= BUFFER:
             return True
         return self._on_disk and (
             len(self._rows) >= CHUNK or time.perf_counter() - self._saved > SECONDS)
 
     def keep_last(
-        self, state: State, tally: Tally, supports: Mapping[str, BoolArray], memory: StepMemory
+        self, state: State, stats: StepStatistics, supports: Mapping[str, BoolArray],
+        memory: StepMemory,
     ) -> None:
         """Commits everything up to the last accepted step, which is stored even between two output
         steps."""
-        if tally.done % self._every:
-            self._keep(state, tally, supports, memory)
+        if stats.done % self._every:
+            self._keep(state, stats, supports, memory)
         self.flush()
 
     def _keep(
-        self, state: State, tally: Tally, supports: Mapping[str, BoolArray], memory: StepMemory
+        self, state: State, stats: StepStatistics, supports: Mapping[str, BoolArray],
+        memory: StepMemory,
     ) -> None:
         self._rows.append((
-            state.t, state.x, tally.last_iterations, tally.last_remaining, tally.last_seconds,
+            state.t, state.x, stats.last_iterations, stats.last_remaining, stats.last_seconds,
             [state.v[at].copy() for at in self._rates.values()]))
         self._supports.append(dict(supports))
         if self.errors is not None:
@@ -204,14 +207,14 @@ class Recorder:
             found = resultants(self._reports.resultant_sources(memory), state)
             self._contacts.append({n: v for n, v in found.items() if n in self._contact_names})
 
-    def save(self, state: State, memory: StepMemory, tally: Tally) -> None:
+    def save(self, state: State, memory: StepMemory, stats: StepStatistics) -> None:
         """Commit the buffered steps and a checkpoint. A last step between two output steps is not
         stored by a run that continues this one."""
         self.flush()
         arrays = {"t": np.array(state.t), "x": state.x, "v": state.v, "a": state.a,
                   "memory": state.memory}
-        last = tally.done == self.steps and tally.done % self._every != 0
-        self.writer.checkpoint(arrays, self._carried(memory, tally), int(last))
+        last = stats.done == self.steps and stats.done % self._every != 0
+        self.writer.checkpoint(arrays, self._carried(memory, stats), int(last))
         self._saved = time.perf_counter()
 
     def flush(self) -> None:
@@ -251,44 +254,44 @@ class Recorder:
         return result if self.folder is None else result.held_in(self.folder)
 
     def summary(
-        self, status: Status, tally: Tally, state: State, memory: StepMemory
+        self, status: Status, stats: StepStatistics, state: State, memory: StepMemory
     ) -> dict[str, Any]:
         """Summary of a run that ended at `state`: the JSON object that `sparsemor run --json`
         prints."""
         end, x = np.array([state.t]), state.x[None]
         solver, counters = self.solver, self.solver.counters(memory)
         atoms = {n: int(d.atoms.shape[1]) for n, d in solver.dictionaries.items()}
-        done = max(tally.done, 1)
+        done = max(stats.done, 1)
         return {
             "status": status.value,
             "scene": self.scene.name,
             "reducer": self.reducer,
-            "steps": tally.done,
-            "t_end": tally.done * self.scene.time.step,  # state.t is a long sum
-            "wall_s": {"offline": tally.offline, "online": tally.online},
-            "ms_per_step": tally.ms_per_step,
-            "ms_per_step_solver": tally.ms_per_step_solver,
-            "newton_iterations": tally.iterations / done,
+            "steps": stats.done,
+            "t_end": stats.done * self.scene.time.step,  # state.t is a long sum
+            "wall_s": {"offline": stats.offline, "online": stats.online},
+            "ms_per_step": stats.ms_per_step,
+            "ms_per_step_solver": stats.ms_per_step_solver,
+            "newton_iterations": stats.iterations / done,
             "factorizations": counters.get("factorizations", 0),
             "support_changes": counters.get("support_changes", 0),
             "resamplings": counters.get("resamplings", 0),
             "rows": {n: len(r) for n, r in solver.rows.items()},
             "atoms": atoms,
-            "atoms_active": {n: tally.active[n] / done if n in tally.active else float(k)
+            "atoms_active": {n: stats.active[n] / done if n in stats.active else float(k)
                              for n, k in atoms.items()},
             "elements_touched": dict(solver.elements_touched),
             "probes": {p.name: p.described(p(end, x)[0]) for p in self.run.probes},
             "cache": dict(self.products.used),
             "offline_s": dict(self.products.seconds),
-            "offline_whole_s": self.products.spent.whole(tally.offline),
+            "offline_whole_s": self.products.spent.whole(stats.offline),
             **in_summary((*self.run.notes, *self.notes, *_full_newton(counters, done),
-                          *_unused(tally, atoms),
-                          *enrichment_notes(self.run.header.enriched, tally.full_steps))),
+                          *_unused(stats, atoms),
+                          *enrichment_notes(self.run.header.enriched, stats.full_steps))),
             "error_estimate": self._estimated(),
             "error_tolerance": self.scene.reducer.error_limit.tolerance,
-            "fall_back": {**self.fall_back, "steps": tally.full_steps,
-                          "seconds": tally.full_seconds} if self.fall_back else {},
-            "enriched": {"times": times, "steps": tally.full_steps, "seconds": tally.full_seconds}
+            "fall_back": {**self.fall_back, "steps": stats.full_steps,
+                          "seconds": stats.full_seconds} if self.fall_back else {},
+            "enriched": {"times": times, "steps": stats.full_steps, "seconds": stats.full_seconds}
             if (times := list(self.run.header.enriched)) else {},
             **self.run.summary,
             "trained_to": self.run.trained_to,
@@ -319,11 +322,11 @@ def _full_newton(counters: Mapping[str, int], steps: int) -> tuple[Note, ...]:
         "are the usual cause", "full_newton"),)
 
 
-def _unused(tally: Tally, atoms: Mapping[str, int]) -> tuple[Note, ...]:
+def _unused(stats: StepStatistics, atoms: Mapping[str, int]) -> tuple[Note, ...]:
     """Notes on blocks none of whose atoms was active in any step, so that they did not change."""
     return tuple(information(
         f"none of the {atoms[n]} atoms of {n} was active in any step: it kept its initial values",
-        "unused_atoms") for n, active in tally.active.items() if atoms.get(n) and not active)
+        "unused_atoms") for n, active in stats.active.items() if atoms.get(n) and not active)
 
 
 def _iterations(solver: StepSolver, memory: StepMemory) -> Mapping[str, int]:

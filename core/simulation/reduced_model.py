@@ -62,7 +62,7 @@ from sparsemor.core.simulation.prepared_run import PreparedRun
 from sparsemor.core.simulation.progress import progress_bar
 from sparsemor.core.simulation.recorder import Recorder
 from sparsemor.core.simulation.run_steps import RunSteps
-from sparsemor.core.simulation.step_statistics import Tally
+from sparsemor.core.simulation.step_statistics import StepStatistics
 from sparsemor.core.simulation.time_stepping import started
 from sparsemor.core.simulation.validation import ESTIMATE, endless, time_faults
 from sparsemor.core.status import SolveFailed
@@ -259,7 +259,7 @@ class ReducedModel:
         with usable(self._file_name):
             run = self._changed(changed, initial or {})
         manager = new_manager(observers)
-        tally, begin = Tally(offline=time.perf_counter() - begun), None
+        stats, begin = StepStatistics(offline=time.perf_counter() - begun), None
         if run.solver is self._run.solver:
             with usable(self._file_name):
                 state, memory = self._begin
@@ -271,12 +271,12 @@ class ReducedModel:
                 writer = MemoryWriter(
                     run.header, self._fixed if own is None else fixed_in_memory(run.header))
                 recorder = Recorder(run, writer, None, products)
-                steps = RunSteps.begin(run, recorder, manager, tally, begin=begin)
+                steps = RunSteps.begin(run, recorder, manager, stats, begin=begin)
                 return steps.finish(steps.take())
         with owned(Path(out)):
             recorder = Recorder.open(run, Path(out), False, products)
             with kept(recorder.writer, new=True), usable(self._file_name):
-                steps = RunSteps.begin(run, recorder, manager, tally, begin=begin)
+                steps = RunSteps.begin(run, recorder, manager, stats, begin=begin)
                 return steps.finish(steps.take())
 
     def at(self, parameters: Mapping[str, float], atoms: int | None = None) -> "ReducedModel":

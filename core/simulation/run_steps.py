@@ -18,7 +18,7 @@ from sparsemor.core.simulation.blow_up import Extents, Growth, Large, diverged, 
 from sparsemor.core.simulation.checks import Checks, Findings
 from sparsemor.core.simulation.error_control.actions import (
     Accepted,
-    ErrorWatch,
+    ErrorMonitor,
     Exceeded,
     at_full_order,
 )
@@ -33,9 +33,9 @@ from sparsemor.core.simulation.offline import step_count
 from sparsemor.core.simulation.prepared_run import PreparedRun
 from sparsemor.core.simulation.recorder import Recorder, in_summary
 from sparsemor.core.simulation.step_control import ControlledSteps, ControlMemory, step_of
-from sparsemor.core.simulation.step_statistics import Tally
+from sparsemor.core.simulation.step_statistics import StepStatistics
 from sparsemor.core.simulation.time_stepping import iterate, many_steps, started
-from sparsemor.core.simulation.training import SnapshotKeeper
+from sparsemor.core.simulation.training import SnapshotCollector
 from sparsemor.core.status import SolveFailed, Status
 
 
@@ -44,26 +44,27 @@ class RunSteps:
 
     def __init__(
         self, run: PreparedRun, recorder: Recorder, manager: Manager,
-        state: State, memory: StepMemory, tally: Tally, keeper: SnapshotKeeper | None = None,
-        many: ManySteps | None = None, watch: ErrorWatch | None = None,
+        state: State, memory: StepMemory, stats: StepStatistics,
+        collector: SnapshotCollector | None = None, many: ManySteps | None = None,
+        monitor: ErrorMonitor | None = None,
     ) -> None:
         self.run, self.scene, self.solver = run, run.scene, run.solver
         self.recorder, self.manager = recorder, manager
-        self.state, self.memory, self.tally, self.many = state, memory, tally, many
+        self.state, self.memory, self.stats, self.many = state, memory, stats, many
         self.steps = step_count(run.scene)
-        self.keeper, self.watch, self.due = keeper, watch, False
+        self.collector, self.monitor, self.due = collector, monitor, False
         self.seen_changes, self.seen_draws = -1, self._resamplings()
         self.growth: Growth | None = Growth(Extents(()))
         self.checks = Checks.of(run.scene)
         # what checks see of steps is not in checkpoints
         self.on_step = self.checks.on_start(
-            run, state, tally.done == 0 and watch is None and not recorder.fall_back)
+            run, state, stats.done == 0 and monitor is None and not recorder.fall_back)
 
     @classmethod
     @np.errstate(all="ignore")  # overflow ends in a status, not in a warning
     def begin(
-        cls, run: PreparedRun, recorder: Recorder, manager: Manager, tally: Tally,
-        keeper: SnapshotKeeper | None = None, begin: tuple[State, StepMemory] | None = None,
+        cls, run: PreparedRun, recorder: Recorder, manager: Manager, stats: StepStatistics,
+        collector: SnapshotCollector | None = None, begin: tuple[State, StepMemory] | None = None,
     ) -> "RunSteps":
         """All steps of a prepared run, or those after its checkpoint. begin: the state and memory
         with which they begin (`started`), if they are known."""
@@ -73,19 +74,19 @@ class RunSteps:
         many = many_steps(solver, scene.integrator, scene.time.step, run.steps)
         if run.estimator is not None:
             recorder.errors = ErrorRecord(run.estimator, run.start, state, run.changes)
-        watch = _watch(run, state, recorder.errors)
+        monitor = _monitor(run, state, recorder.errors)
         if recorder.errors is not None and recorder.fall_back:  # a run that is resumed after it
-            recorder.errors.exact, watch = True, None
+            recorder.errors.exact, monitor = True, None
             run = at_full_order(run, Exceeded.of(recorder.fall_back))
-            recorder.take_up(run)
+            recorder.set_run(run)
             solver, many = run.solver, None
             state, memory = started(solver, scene.integrator, run.start)
         if recorder.checkpoint is not None:
-            state, memory, tally = recorder.restored(state, memory, tally)
+            state, memory, stats = recorder.restored(state, memory, stats)
         sampled = solver.rows_at(memory) if isinstance(solver, RedrawsRows) else solver.rows
         for block, rows in sampled.items():
             manager.hook.on_resample(block=block, rows=rows)
-        return cls(run, recorder, manager, state, memory, tally, keeper, many, watch)
+        return cls(run, recorder, manager, state, memory, stats, collector, many, monitor)
 
     def take(self) -> SolveFailed | None:
         """Takes and records the steps; returns None, or the error of a failed step or an
@@ -95,43 +96,43 @@ class RunSteps:
             with Interrupt() as interrupt:  # while the first checkpoint is written, too
                 hook.on_start(run=RunStart(
                     self.scene.title, recorder.reducer, self.state.t, self.scene.time.end,
-                    self.steps - self.tally.done))
+                    self.steps - self.stats.done))
                 if recorder.checkpoint is None:  # from here on a killed run can be resumed
                     recorder.start(self.state, self.solver.supports(self.memory), self.memory)
-                    recorder.save(self.state, self.memory, self.tally)
-                self._begun = time.perf_counter() - self.tally.online
-                if self.keeper is not None:
-                    self.keeper.take(self.tally.done, self.state)
+                    recorder.save(self.state, self.memory, self.stats)
+                self._begun = time.perf_counter() - self.stats.online
+                if self.collector is not None:
+                    self.collector.take(self.stats.done, self.state)
                 failure = self._steps(interrupt)
         finally:
-            if self.keeper is not None:
-                self.keeper.close()
-        self.tally.online = time.perf_counter() - self._begun
+            if self.collector is not None:
+                self.collector.close()
+        self.stats.online = time.perf_counter() - self._begun
         if failure is None or failure.status in (Status.INTERRUPTED, Status.INACCURATE):
-            recorder.save(self.state, self.memory, self.tally)
+            recorder.save(self.state, self.memory, self.stats)
         else:
             recorder.keep_last(
-                self.state, self.tally, self.solver.supports(self.memory), self.memory)
+                self.state, self.stats, self.solver.supports(self.memory), self.memory)
         if failure is not None and failure.status is not Status.INTERRUPTED:
             hook.on_failure(status=failure.status, t=failure.time, block=failure.block,
                             detail=failure.detail)
-        self.tally.online = time.perf_counter() - self._begun  # with what was written last
+        self.stats.online = time.perf_counter() - self._begun  # with what was written last
         return failure
 
     @np.errstate(all="ignore")
     def finish(self, failure: SolveFailed | None) -> RunResult:
         """The result, with its summary and what checks find in it. Raises the failure."""
         status = Status.DONE if failure is None else failure.status
-        summary = self.recorder.summary(status, self.tally, self.state, self.memory)
+        summary = self.recorder.summary(status, self.stats, self.state, self.memory)
         if isinstance(self.solver, ControlledSteps) and isinstance(self.memory, ControlMemory):
             summary["control"] = self.solver.summary(self.memory)
         if failure is not None:
             summary["message"] = str(failure)
         else:
             found = self._found_after()
-            failure, told = found.failure, in_summary(found.notes)
+            failure, entries = found.failure, in_summary(found.notes)
             summary = {**found.summary, **summary} | {
-                key: [*summary[key], *texts] for key, texts in told.items()}
+                key: [*summary[key], *texts] for key, texts in entries.items()}
             if failure is not None:
                 status = failure.status
                 summary |= {"status": status.value, "message": str(failure)}
@@ -167,15 +168,15 @@ class RunSteps:
         interruption. Where a run acts on its estimated error, what it does not accept is taken
         back: nothing is written between two estimates."""
         accepted = self._accepted()
-        while (left := self.steps - self.tally.done) > 0:
-            if self.watch is None:
+        while (left := self.steps - self.stats.done) > 0:
+            if self.monitor is None:
                 return self._portion(left, lambda: interrupt.wanted)
             if interrupt.wanted:
                 return SolveFailed(Status.INTERRUPTED, self.state.t)
-            every, action = self.watch.every, self.watch.limit.action
-            failure = self._portion(min(left, every - self.tally.done % every), lambda: False)
+            every, action = self.monitor.every, self.monitor.limit.action
+            failure = self._portion(min(left, every - self.stats.done % every), lambda: False)
             assert self.recorder.errors is not None
-            why = self.watch.exceeded(self.state, self.recorder.errors.present()) if (
+            why = self.monitor.exceeded(self.state, self.recorder.errors.present()) if (
                 failure is None) else Exceeded.failed(failure)
             if why is None:
                 if self.due:
@@ -185,35 +186,35 @@ class RunSteps:
                 return failure or SolveFailed(
                     Status.INACCURATE, self.state.t, why.block, why.reason)
             else:
-                self._take_back(accepted)
-                context = self.run, self.recorder, self.tally
+                self._roll_back(accepted)
+                context = self.run, self.recorder, self.stats
                 found = None if action == "fall_back" else with_more_atoms(
-                    *context, self.manager, self.state, self.watch, why, self.steps)
-                self._go_on(found or fall_back(
+                    *context, self.manager, self.state, self.monitor, why, self.steps)
+                self._switch(found or fall_back(
                     *context, self.state, replace(why, t=self.state.t)))
                 accepted = self._accepted()
         return None
 
     def _accepted(self) -> Accepted:
-        return Accepted(self.state, deepcopy(self.tally), self.recorder.mark())
+        return Accepted(self.state, deepcopy(self.stats), self.recorder.mark())
 
-    def _take_back(self, accepted: Accepted) -> None:
+    def _roll_back(self, accepted: Accepted) -> None:
         """Drops the steps after an accepted state."""
-        self.recorder.back_to(accepted.mark)
-        self.state, self.tally = accepted.state, accepted.tally
+        self.recorder.roll_back(accepted.mark)
+        self.state, self.stats = accepted.state, accepted.stats
         self.on_step = self.checks.on_start(self.run, self.state, False)
 
-    def _go_on(self, found: Continuation) -> None:
+    def _switch(self, found: Continuation) -> None:
         """Takes the remaining steps with another step solver."""
         self.run, self.solver = found.run, found.run.solver
         self.state, self.memory = found.state, found.memory
-        self.many, self.watch = found.many, found.watch
+        self.many, self.monitor = found.many, found.monitor
         self.on_step = self.checks.on_start(self.run, self.state, False)
         self._save()
 
     def _save(self) -> None:
-        self.tally.online, self.due = time.perf_counter() - self._begun, False
-        self.recorder.save(self.state, self.memory, self.tally)
+        self.stats.online, self.due = time.perf_counter() - self._begun, False
+        self.recorder.save(self.state, self.memory, self.stats)
 
     def _portion(self, count: int, stop: Callable[[], bool]) -> SolveFailed | None:
         """Takes `count` steps; returns None, or the error of a failed step, of a plugin, or of an
@@ -227,7 +228,7 @@ class RunSteps:
     def _taken(self, count: int, stop: Callable[[], bool]) -> SolveFailed | None:
         solver, h = self.solver, self.scene.time.step
         step = step_of(solver, self.scene.integrator, h)
-        watched, tally, end = self.manager.has_observers, self.tally, self.tally.done + count
+        watched, stats, end = self.manager.has_observers, self.stats, self.stats.done + count
         extents = self.run.extents if self.run.extents.blocks else Extents.of(
             self.run.model, solver.layout, solver.dictionaries)
         if self.growth is not None and not self.growth.last:
@@ -239,35 +240,35 @@ class RunSteps:
                 return SolveFailed(
                     outcome.status, self.state.t + h, outcome.block, outcome.detail,
                     sampled=bool(solver.rows))
-            tally.add(seconds, outcome)
+            stats.add(seconds, outcome)
             supports = solver.supports(self.memory)
             if large := extents.exceeded(self.state.x):
                 return self._diverged(large)
             for look in self.on_step:
-                if (found := look(tally.done, before, self.state, supports)) is not None:
+                if (found := look(stats.done, before, self.state, supports)) is not None:
                     return found
             if self.growth is not None and (large := self.growth.sudden(self.state.x)):
                 self.growth = None  # asked once
                 if (found := self._too_long(large)) is not None:
                     return found
             if self.run.header.fall_back:
-                tally.full_steps, tally.full_seconds = (
-                    tally.full_steps + 1, tally.full_seconds + seconds)
-            if self.keeper is not None:
-                self.keeper.take(tally.done, self.state)
+                stats.full_steps, stats.full_seconds = (
+                    stats.full_steps + 1, stats.full_seconds + seconds)
+            if self.collector is not None:
+                self.collector.take(stats.done, self.state)
             if supports:
-                tally.count_atoms(supports)
-            self.due = self.recorder.take(self.state, tally, supports, self.memory) or self.due
+                stats.count_atoms(supports)
+            self.due = self.recorder.take(self.state, stats, supports, self.memory) or self.due
             # in a block of steps the memory is that of its last one
-            if self.due and whole and self.watch is None:
+            if self.due and whole and self.monitor is None:
                 self._save()
             if watched:
                 self.seen_draws = self._report_rows(self.seen_draws)
                 self.manager.hook.on_step(
-                    step=tally.done, t=self.state.t, x=self.state.x, outcome=outcome)
+                    step=stats.done, t=self.state.t, x=self.state.x, outcome=outcome)
                 self.seen_changes = self._report_changes(
                     self.seen_changes, self.memory, self.state.t)
-        return SolveFailed(Status.INTERRUPTED, self.state.t) if tally.done < end else None
+        return SolveFailed(Status.INTERRUPTED, self.state.t) if stats.done < end else None
 
     def _too_long(self, large: Large) -> SolveFailed | None:
         """Failure of a run with displacements that half the step does not have."""
@@ -301,9 +302,9 @@ class RunSteps:
         return count
 
 
-def _watch(
+def _monitor(
     run: PreparedRun, start: State, errors: ErrorRecord | None
-) -> ErrorWatch | None:
+) -> ErrorMonitor | None:
     """Comparison of the estimated errors with their tolerance, where the run acts on it.
 
     Raises InputError where a run should act and has no estimate.
@@ -315,4 +316,4 @@ def _watch(
         raise InputError(f"action: {limit.action} needs the estimate and the assembled model, "
                          "which this reduced model does not have: take action: warn, or run its "
                          "scene", "reducer.error_estimate")
-    return ErrorWatch(limit, run, start, errors.changes)
+    return ErrorMonitor(limit, run, start, errors.changes)

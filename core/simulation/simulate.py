@@ -24,7 +24,7 @@ from sparsemor.core.simulation.prepare import build_bases, checked, prepared, re
 from sparsemor.core.simulation.progress import progress_bar
 from sparsemor.core.simulation.recorder import Recorder
 from sparsemor.core.simulation.run_steps import RunSteps
-from sparsemor.core.simulation.step_statistics import Tally
+from sparsemor.core.simulation.step_statistics import StepStatistics
 from sparsemor.core.simulation.training import snapshot_keeper
 
 
@@ -70,13 +70,13 @@ def _run(
     train(scene, model, offline)
     build_bases(scene, model, offline)
     run = checked(reduced(scene, model, offline))
-    tally = Tally(offline=time.perf_counter() - begun)
+    stats = StepStatistics(offline=time.perf_counter() - begun)
     recorder = Recorder.open(run, folder, resume, offline.products)
     recorder.folder, recorder.memory = temporary, MemoryUse(offline.expected, peak())
     # snapshots are those of a whole run: not of the rest of an interrupted one
     snapshots = snapshot_keeper(scene, model, offline) if keep_training and not resume else None
     with kept(recorder.writer, new=recorder.checkpoint is None):
-        steps = RunSteps.begin(run, recorder, manager, tally, snapshots)
+        steps = RunSteps.begin(run, recorder, manager, stats, snapshots)
         failure = steps.take()
         result = steps.finish(failure)
     if snapshots is not None:

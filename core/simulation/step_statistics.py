@@ -11,7 +11,7 @@ from sparsemor.core.protocols import StepOutcome
 
 
 @dataclass
-class Tally:
+class StepStatistics:
     """Statistics of a run, stored in its checkpoints; their size does not grow with the number of
     steps.
 

@@ -44,7 +44,7 @@ def state_steps(steps: int) -> list[int]:
     return sorted({round(i * last / (STATES - 1)) for i in range(STATES)})
 
 
-class SnapshotKeeper:
+class SnapshotCollector:
     """Recorder of the training snapshots of `scene` during a full-order run.
 
     Rows of each block's (M, n): the initial state, every `training.every`-th step and, for
@@ -126,12 +126,12 @@ def offline_of(
                    at_once if box is not None and box.workers > 1 else None)
 
 
-def snapshot_keeper(scene: Scene, model: Model, offline: Offline) -> SnapshotKeeper | None:
+def snapshot_keeper(scene: Scene, model: Model, offline: Offline) -> SnapshotCollector | None:
     """Recorder of training snapshots, if this run begins with a training run whose snapshots are
     not in the cache; else None."""
     if not model.reducible() or not (count := training_steps(scene)) or offline.has_training():
         return None
-    return SnapshotKeeper(scene, count, model.layout, model.reducible(),
+    return SnapshotCollector(scene, count, model.layout, model.reducible(),
                           offline.products.scratch, step_count(scene))
 
 
@@ -175,13 +175,13 @@ def train(
     else:
         model = staged(scene, products or Products(None), manager, body_cache or BodyCache())
     products = products or Products(None)
-    keeper = SnapshotKeeper(
+    collector = SnapshotCollector(
         scene, step_count(scene), model.layout, model.reducible(), products.scratch)
     try:
         for n, state in enumerate(
                 full_run(scene, model, Offline.of(model, {}), manager, TRAINING)):
-            keeper.take(n, state)
-        return dict(keeper.finished())
+            collector.take(n, state)
+        return dict(collector.finished())
     finally:
-        keeper.close()
+        collector.close()
         products.factorizations += factorizations_in(TRAINING, model.solvers.log)

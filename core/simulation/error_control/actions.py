@@ -20,7 +20,7 @@ from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.simulation.prepared_run import PreparedRun
 from sparsemor.core.simulation.recorder import RecordMark
 from sparsemor.core.simulation.step_control import controlled
-from sparsemor.core.simulation.step_statistics import Tally
+from sparsemor.core.simulation.step_statistics import StepStatistics
 from sparsemor.core.status import SolveFailed
 
 
@@ -55,11 +55,11 @@ class Accepted:
     the record up to there."""
 
     state: State
-    tally: Tally
+    stats: StepStatistics
     mark: RecordMark
 
 
-class ErrorWatch:
+class ErrorMonitor:
     """Comparison of the estimated errors of a run with their tolerance. changes:
     `ErrorRecord.changes`, which it brings up to date."""
 

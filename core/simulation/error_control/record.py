@@ -30,8 +30,8 @@ class ErrorRecord:
 
     memory: state of the estimate (`ErrorEstimator.start`) at the last evaluated step; changes:
     block -> largest change of its unknowns since the start (2-norm), in training (the argument) or
-    in the run so far (`ErrorWatch`); a checkpoint contains both. exact: True where the steps are of
-    full order and add nothing to the error.
+    in the run so far (`ErrorMonitor`); a checkpoint contains both. exact: True where the steps are
+    of full order and add nothing to the error.
     """
 
     def __init__(
@@ -86,7 +86,7 @@ class ErrorRecord:
         self._evaluate()
         return ErrorMark(dict(self.memory), self._count, len(self._stored))
 
-    def back_to(self, mark: ErrorMark) -> None:
+    def roll_back(self, mark: ErrorMark) -> None:
         """Drops what came after a moment, since which nothing was written."""
         self.memory, self._count = dict(mark.memory), mark.values
         self._path, self._pending = [], []

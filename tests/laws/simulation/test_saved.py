@@ -17,7 +17,7 @@ from sparsemor.core.results.checkpoint import checkpoint_file
 from sparsemor.core.results.saved_state import MAGIC, Saved, SavedError
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.scene.scene import load as load_scene
-from sparsemor.core.simulation.step_statistics import Tally
+from sparsemor.core.simulation.step_statistics import StepStatistics
 from sparsemor.core.status import Status
 from sparsemor.core.testing import check_reducer
 
@@ -182,13 +182,13 @@ def test_the_kit_stores_a_memory_and_reads_it_again(reducer: dict[str, Any]) -> 
 
 
 def test_sums_of_a_run_do_not_grow_with_it() -> None:
-    tally, rng = Tally(), np.random.default_rng(0)
+    stats, rng = StepStatistics(), np.random.default_rng(0)
     times = 1e-4 * (1.0 + rng.random(20_000))
     for seconds in times:
-        tally.add(float(seconds), StepOutcome(np.zeros(1), Status.DONE, 2))
-    assert len(Saved.of(tally).dump()) < 20_000
-    assert (tally.done, tally.iterations) == (20_000, 40_000)
-    assert tally.ms_per_step_solver == pytest.approx(1e3 * np.median(times), rel=0.01)
+        stats.add(float(seconds), StepOutcome(np.zeros(1), Status.DONE, 2))
+    assert len(Saved.of(stats).dump()) < 20_000
+    assert (stats.done, stats.iterations) == (20_000, 40_000)
+    assert stats.ms_per_step_solver == pytest.approx(1e3 * np.median(times), rel=0.01)
 
 
 def test_ms_per_step_counts_all_that_a_step_takes(tmp_path: Path) -> None:
