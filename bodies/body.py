@@ -46,15 +46,14 @@ from sparsemor.core import (
     InputError,
     IntArray,
     Layout,
-    MeanTemperature,
     Mesh,
     Note,
     ProbePlace,
-    StressStiffness,
     SurfaceLoads,
     TimeFunction,
     suggestions,
 )
+from sparsemor.core.protocols import MeanTemperature, StressStiffness
 
 NO_NUMBERS = np.zeros(0, np.int64)
 KINDS = {2: "plane: give two", 3: "spatial: give three"}

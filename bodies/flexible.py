@@ -31,7 +31,6 @@ from sparsemor.bodies.terms.inertia import generator
 from sparsemor.bodies.terms.material_laws import heat_laws, stress_laws
 from sparsemor.core import (
     BodyPlugin,
-    BodySize,
     Fault,
     FieldKind,
     FloatArray,
@@ -44,9 +43,10 @@ from sparsemor.core import (
     MeshSize,
     Plugin,
     Slot,
-    checked_return,
     slot_default,
 )
+from sparsemor.core.protocols import BodySize
+from sparsemor.core.registry.returned_values import checked_return
 
 
 def _isotropic(materials: Any) -> Any:

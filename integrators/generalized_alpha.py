@@ -7,16 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from pydantic import Field
 
-from sparsemor.core import (
-    FloatArray,
-    Integrator,
-    Layout,
-    Note,
-    State,
-    UpdateRule,
-    UpdateRules,
-    joints_with_forces,
-)
+from sparsemor.core import FloatArray, Integrator, Layout, Note, State, UpdateRule, UpdateRules
+from sparsemor.core.protocols.layout import joints_with_forces
 
 UNDAMPED = 0.95
 """Largest rho_inf for which errors of joint forces decay within some hundred steps."""

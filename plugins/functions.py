@@ -13,12 +13,8 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from sparsemor.core import (
-    Function,
-    Slot,
-    TimeFunction,
-    same_time,
-)
+from sparsemor.core import Function, Slot, TimeFunction
+from sparsemor.core.protocols.integrator import same_time
 
 
 def parse(amplitude: float | TimeFunction) -> TimeFunction:

@@ -14,8 +14,8 @@ from sparsemor.core import (
     Registry,
     Slot,
     information,
-    matched_option,
 )
+from sparsemor.core.model.block_patterns import matched_option
 
 NO_EFFECT = "no_effect"
 """Kind of the notes on options without effect."""

@@ -7,8 +7,8 @@ from sparsemor.core import (
     OfflineProducts,
     SolveFailed,
     StepFactors,
-    expected_states,
 )
+from sparsemor.core.model.expected_states import expected_states
 
 
 def states_to_test(

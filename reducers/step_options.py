@@ -5,7 +5,6 @@ from typing import Annotated
 from pydantic import Field
 
 from sparsemor.core import (
-    ErrorAction,
     ErrorEstimator,
     ErrorLimit,
     InputError,
@@ -14,6 +13,7 @@ from sparsemor.core import (
     Reducer,
     StepSolver,
 )
+from sparsemor.core.protocols import ErrorAction
 from sparsemor.reducers.estimation.build import error_model
 from sparsemor.reducers.step.acceptance import Tolerances
 from sparsemor.reducers.step.compiled.stepper import Compiled

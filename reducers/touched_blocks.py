@@ -2,7 +2,8 @@
 
 from collections.abc import Sequence
 
-from sparsemor.core import AssembledModel, IntArray, Layout, NamesSource, ReducedTerm, Term
+from sparsemor.core import AssembledModel, IntArray, Layout, ReducedTerm, Term
+from sparsemor.core.protocols import NamesSource
 
 
 def touched(layout: Layout, rows: IntArray) -> frozenset[str]:

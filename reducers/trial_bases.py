@@ -11,7 +11,6 @@ from sparsemor.core import (
     AssembledModel,
     Dictionary,
     FloatArray,
-    HeatBody,
     InputError,
     Note,
     OfflineProducts,
@@ -19,11 +18,12 @@ from sparsemor.core import (
     Reducer,
     StepFactors,
     Trial,
-    fitted_bases,
     information,
-    orthonormal,
-    svd,
 )
+from sparsemor.core.linalg.least_squares import orthonormal
+from sparsemor.core.linalg.svd import svd
+from sparsemor.core.model.fitting_bases import fitted_bases
+from sparsemor.core.protocols import HeatBody
 
 DEPENDENT = 1e-7
 """Smallest singular value of a block's atoms relative to the largest one, above which they are

@@ -5,7 +5,8 @@ import numpy as np
 from sparsemor.bodies.body import FloatingBody
 from sparsemor.bodies.contact.projection import nearest
 from sparsemor.bodies.contact.surface import Surface
-from sparsemor.core import BoolArray, FloatArray, InputError, outer_facets
+from sparsemor.core import BoolArray, FloatArray, InputError
+from sparsemor.core.model.facets import outer_facets
 
 OVERLAP = 0.1
 """Largest admissible initial penetration, as a fraction of the smallest facet of both surfaces."""

@@ -22,7 +22,8 @@ from sparsemor.bodies.contact.tangent import Tangent, summed
 from sparsemor.bodies.contact.tractions import Interface, Loads, nodal
 from sparsemor.bodies.contact.unknowns import found_in, picked, renumbered
 from sparsemor.bodies.contact.verlet_list import FollowedContact
-from sparsemor.core import BoolArray, CompressedLocal, Csr, FloatArray, IntArray, Trial
+from sparsemor.core import BoolArray, Csr, FloatArray, IntArray, Trial
+from sparsemor.core.model.compressed_local import CompressedLocal
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -17,7 +17,8 @@ from scipy.spatial import cKDTree
 
 from sparsemor.bodies.contact.broad_phase import BroadPhase
 from sparsemor.bodies.contact.motion_bound import MotionBound, Mover
-from sparsemor.core import CompressedLocal, FloatArray, IntArray
+from sparsemor.core import FloatArray, IntArray
+from sparsemor.core.model.compressed_local import CompressedLocal
 
 MARGIN = 0.1
 """Margin of the list as a fraction of the smaller surface's extent, a length that does not shrink

@@ -7,15 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from sparsemor.bodies.fem.fields import HasFields, Heat
-from sparsemor.core import (
-    Amplitude,
-    ElasticIntegrals,
-    FloatArray,
-    HeatIntegrals,
-    IntArray,
-    Integrals,
-    Mesh,
-)
+from sparsemor.core import Amplitude, FloatArray, IntArray, Mesh
+from sparsemor.core.protocols import ElasticIntegrals, HeatIntegrals, Integrals
 
 
 def elastic_integrals(body: HasFields) -> ElasticIntegrals:

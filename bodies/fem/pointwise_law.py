@@ -16,7 +16,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple, Protocol, runtime_checkable
 
-from sparsemor.core import FloatArray, LawArrays, Quantity
+from sparsemor.core import FloatArray, Quantity
+from sparsemor.core.protocols import LawArrays
 
 
 @dataclass(frozen=True, slots=True)

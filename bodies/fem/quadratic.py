@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from sparsemor.core import BoolArray, IntArray, Mesh, outer_facets
+from sparsemor.core import BoolArray, IntArray, Mesh
+from sparsemor.core.model.facets import outer_facets
 
 
 def with_midpoints(mesh: Mesh) -> Mesh:

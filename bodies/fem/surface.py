@@ -6,15 +6,8 @@ A facet is a row of d corner numbers, ordered for an outward normal.
 import numpy as np
 
 from sparsemor.bodies.mesh.simplices import rows_among
-from sparsemor.core import (
-    Csr,
-    FloatArray,
-    InputError,
-    IntArray,
-    Mesh,
-    cell_facets,
-    facet_numbers,
-)
+from sparsemor.core import Csr, FloatArray, InputError, IntArray, Mesh
+from sparsemor.core.model.facets import cell_facets, facet_numbers
 
 
 def boundary_facets(mesh: Mesh, nodes: IntArray, name: str = "") -> IntArray:

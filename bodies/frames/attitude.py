@@ -11,7 +11,8 @@ from typing import TypeAlias
 import numpy as np
 
 from sparsemor.bodies.frames import rotation as rot
-from sparsemor.core import FREE_POSE, FloatArray, vectors_in_space
+from sparsemor.core import FloatArray
+from sparsemor.core.protocols.poses import FREE_POSE, vectors_in_space
 
 Rates: TypeAlias = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 """Angular velocity w and acceleration alpha (3,) in body axes, 1/s and 1/s^2, and their derivatives

@@ -18,13 +18,9 @@ from sparsemor.bodies.frames.attitude import Attitude, attitude
 from sparsemor.bodies.frames.items import AXES
 from sparsemor.bodies.frames.joint_items import Wrench
 from sparsemor.bodies.frames.motion import Motion, Sums
-from sparsemor.core import (
-    Amplitude,
-    FloatArray,
-    points_in_space,
-    time_derivatives,
-    vectors_in_space,
-)
+from sparsemor.core import Amplitude, FloatArray
+from sparsemor.core.protocols.poses import points_in_space, vectors_in_space
+from sparsemor.core.protocols.prescribed_quantities import time_derivatives
 
 GROUND = {2: np.zeros(3), 3: np.array([0.0, 0, 0, 1, 0, 0, 0])}
 """Dimension -> rigid coordinates of the ground."""

@@ -21,18 +21,9 @@ from sparsemor.bodies.frames.inertia import Inertia
 from sparsemor.bodies.frames.items import UnitLength
 from sparsemor.bodies.frames.moments import MassProperties, moments_of
 from sparsemor.bodies.frames.plane import PlanarFrame
-from sparsemor.core import (
-    PLANAR_POSE,
-    Amplitude,
-    Body,
-    BodyFrame,
-    Csr,
-    ElasticIntegrals,
-    Equations,
-    FloatArray,
-    HeatIntegrals,
-    StressStiffness,
-)
+from sparsemor.core import Amplitude, Body, Csr, Equations, FloatArray
+from sparsemor.core.protocols import BodyFrame, ElasticIntegrals, HeatIntegrals, StressStiffness
+from sparsemor.core.protocols.poses import PLANAR_POSE
 
 
 @dataclass(frozen=True, slots=True, eq=False)

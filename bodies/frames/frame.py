@@ -14,7 +14,8 @@ from sparsemor.bodies.frames.many_times import MotionAtTimes, Pushes
 from sparsemor.bodies.frames.moments import moments_of
 from sparsemor.bodies.frames.motion import Motion, Sums
 from sparsemor.bodies.frames.space_arrays import space_arrays
-from sparsemor.core import BodyFrame, FloatArray, FrameArrays, FrameWork
+from sparsemor.core import FloatArray
+from sparsemor.core.protocols import BodyFrame, FrameArrays, FrameWork
 
 AnyItem = TypeVar("AnyItem", bound=Item)
 

@@ -9,7 +9,8 @@ import numpy as np
 from sparsemor.bodies.frames import rotation as rot
 from sparsemor.bodies.frames.attitude import Free
 from sparsemor.bodies.frames.motion import Motion, Sums
-from sparsemor.core import Amplitude, FloatArray, Table, amplitudes_along
+from sparsemor.core import Amplitude, FloatArray, Table
+from sparsemor.core.protocols.separable import amplitudes_along
 
 
 class MotionAtTimes:

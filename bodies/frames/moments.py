@@ -12,7 +12,8 @@ from typing import Self
 import numpy as np
 
 from sparsemor.bodies.frames.rotation import GENERATORS, LEVI_CIVITA
-from sparsemor.core import FREE_POSE, PLANAR_POSE, SPINNING_POSE, Csr, FloatArray
+from sparsemor.core import Csr, FloatArray
+from sparsemor.core.protocols.poses import FREE_POSE, PLANAR_POSE, SPINNING_POSE
 
 Rates = Callable[[FloatArray, FloatArray], FloatArray]
 

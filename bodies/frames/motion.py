@@ -7,7 +7,8 @@ step formula of the time integration: dv = c1 dx, da = c2 dx.
 import numpy as np
 
 from sparsemor.bodies.frames.attitude import attitude
-from sparsemor.core import Amplitude, FloatArray, FrameWork, Table
+from sparsemor.core import Amplitude, FloatArray, Table
+from sparsemor.core.protocols import FrameWork
 
 
 class Motion:

@@ -15,7 +15,8 @@ from sparsemor.bodies.frames.frame import ItemFrame
 from sparsemor.bodies.frames.items import PlanarItem
 from sparsemor.bodies.frames.plane_items import FUNCTIONS, NUMBERS, PlaneFunction, evaluate_parts
 from sparsemor.bodies.frames.plane_motion import SUMS, Motion, Views, views, write
-from sparsemor.core import Amplitude, FloatArray, FrameArrays, FrameWork
+from sparsemor.core import Amplitude, FloatArray
+from sparsemor.core.protocols import FrameArrays, FrameWork
 
 _Evaluated: TypeAlias = tuple[
     PlaneFunction, tuple[float, ...], Amplitude | None, int, int, int]

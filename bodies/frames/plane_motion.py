@@ -13,7 +13,8 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsemor.core import FloatArray, FrameWork
+from sparsemor.core import FloatArray
+from sparsemor.core.protocols import FrameWork
 
 ComplexArray = NDArray[np.complex128]
 Numbers: TypeAlias = Sequence[float] | FloatArray

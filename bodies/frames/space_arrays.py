@@ -30,7 +30,8 @@ from sparsemor.bodies.frames.space_springs import (
     space_rotational_spring,
     space_spring,
 )
-from sparsemor.core import FloatArray, FrameArrays, IntArray
+from sparsemor.core import FloatArray, IntArray
+from sparsemor.core.protocols import FrameArrays
 
 FUNCTIONS: tuple[SpaceFunction, ...] = (
     space_inertia, unit_length, space_force, body_force, moment, constraint, space_spring,

@@ -22,7 +22,8 @@ from sparsemor.bodies.frames.space_motion import (
     times,
     vector,
 )
-from sparsemor.core import FREE_POSE, SPINNING_POSE, FloatArray
+from sparsemor.core import FloatArray
+from sparsemor.core.protocols.poses import FREE_POSE, SPINNING_POSE
 
 
 def _dual(size: int) -> FloatArray:

@@ -18,13 +18,9 @@ from sparsemor.bodies.frames.attitude import Attitude, Free, attitude, vector_ra
 from sparsemor.bodies.frames.items import EYE, Item, RigidItem
 from sparsemor.bodies.frames.motion import Motion, Sums
 from sparsemor.bodies.frames.space_springs import space_rotational_spring, space_spring
-from sparsemor.core import (
-    Amplitude,
-    FloatArray,
-    amplitudes_along,
-    points_in_space,
-    vectors_in_space,
-)
+from sparsemor.core import Amplitude, FloatArray
+from sparsemor.core.protocols.poses import points_in_space, vectors_in_space
+from sparsemor.core.protocols.separable import amplitudes_along
 
 Along: TypeAlias = tuple[FloatArray, FloatArray]
 """Rigid coordinates of a body at T times and their rates (T, n)."""

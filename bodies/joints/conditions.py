@@ -34,7 +34,8 @@ from sparsemor.bodies.joints.side import (
     size_of,
 )
 from sparsemor.bodies.targets import Place
-from sparsemor.core import Amplitude, Body, FloatArray, FrameItem, Held, InputError, Part
+from sparsemor.core import Amplitude, Body, FloatArray, InputError, Part
+from sparsemor.core.protocols import FrameItem, Held
 
 
 def constant(value: float) -> Amplitude:

@@ -17,7 +17,6 @@ from sparsemor.bodies.joints.conditions import Conditions, constant, massless_fr
 from sparsemor.bodies.joints.part import JointPart, write_reactions
 from sparsemor.bodies.joints.side import Side, sides_of
 from sparsemor.core import (
-    FREE_POSE,
     Amplitude,
     Block,
     Body,
@@ -27,10 +26,11 @@ from sparsemor.core import (
     Joint,
     JointPlugin,
     Part,
-    RecordedForce,
     Table,
     TimeFunction,
 )
+from sparsemor.core.protocols import RecordedForce
+from sparsemor.core.protocols.poses import FREE_POSE
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -10,7 +10,8 @@ from scipy.sparse import csr_array
 
 from sparsemor.bodies.joints.side import Side
 from sparsemor.bodies.targets import find_body
-from sparsemor.core import Equations, InputError, MeanTemperature, Note, Part, information
+from sparsemor.core import Equations, InputError, Note, Part, information
+from sparsemor.core.protocols import MeanTemperature
 
 
 @dataclass(frozen=True, slots=True, eq=False)

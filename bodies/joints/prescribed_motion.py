@@ -9,7 +9,8 @@ from sparsemor.bodies.joints.conditions import conditions_on
 from sparsemor.bodies.joints.part import JointPart
 from sparsemor.bodies.joints.side import unit
 from sparsemor.bodies.loads.amplitude import NumberOrFunction
-from sparsemor.core import InputError, JointPlugin, Part, Prescribed
+from sparsemor.core import InputError, JointPlugin, Part
+from sparsemor.core.protocols import Prescribed
 
 
 class PrescribedMotion(JointPlugin):

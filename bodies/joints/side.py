@@ -8,16 +8,9 @@ import numpy as np
 
 from sparsemor.bodies.frames.constraints import GROUND as AT_ORIGIN
 from sparsemor.bodies.targets import GROUND, Place, find_place
-from sparsemor.core import (
-    Body,
-    FloatArray,
-    FrameHistory,
-    FrameItem,
-    Gather,
-    InputError,
-    Part,
-    points_in_space,
-)
+from sparsemor.core import Body, FloatArray, FrameHistory, Gather, InputError, Part
+from sparsemor.core.protocols import FrameItem
+from sparsemor.core.protocols.poses import points_in_space
 
 NEAR = 1e-8
 """Largest relative initial gap between sides that must coincide."""

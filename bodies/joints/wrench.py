@@ -14,7 +14,9 @@ import numpy as np
 from sparsemor.bodies.frames.joint_items import Holding
 from sparsemor.bodies.frames.rotation import torque
 from sparsemor.bodies.joints.side import Condition, Side
-from sparsemor.core import FloatArray, FrameItem, InputError, points_in_space
+from sparsemor.core import FloatArray, InputError
+from sparsemor.core.protocols import FrameItem
+from sparsemor.core.protocols.poses import points_in_space
 
 
 def size(side: Side) -> int:

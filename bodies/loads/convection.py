@@ -16,7 +16,8 @@ from sparsemor.bodies.material import Positive
 from sparsemor.bodies.targets import find_surfaces, surface_notes
 from sparsemor.bodies.temperature_curve import TemperatureCurve
 from sparsemor.bodies.terms.law_functions import curve_at
-from sparsemor.core import Amplitude, Effect, Equations, FloatArray, LawArrays, LoadPlugin, Part
+from sparsemor.core import Amplitude, Effect, Equations, FloatArray, LoadPlugin, Part
+from sparsemor.core.protocols import LawArrays
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -10,7 +10,8 @@ from sparsemor.bodies.loads.amplitude import NumberOrFunction, amplitude
 from sparsemor.bodies.loads.part import LoadPart
 from sparsemor.bodies.loads.vectors import Vector, components
 from sparsemor.bodies.targets import Place, find_place, need_motion
-from sparsemor.core import Amplitude, Equations, FloatArray, FrameItem, LoadPlugin, Part
+from sparsemor.core import Amplitude, Equations, FloatArray, LoadPlugin, Part
+from sparsemor.core.protocols import FrameItem
 
 Axes = Literal["body", "space"]
 

@@ -12,7 +12,8 @@ from sparsemor.bodies.loads.amplitude import NumberOrFunction
 from sparsemor.bodies.loads.part import LoadPart
 from sparsemor.bodies.mesh.plausibility import celsius_notes
 from sparsemor.bodies.targets import find_surfaces, joined_surfaces, surface_notes
-from sparsemor.core import Amplitude, Effect, Equations, FloatArray, LawArrays, LoadPlugin, Part
+from sparsemor.core import Amplitude, Effect, Equations, FloatArray, LoadPlugin, Part
+from sparsemor.core.protocols import LawArrays
 
 STEFAN_BOLTZMANN = 5.670374419e-8
 """Stefan-Boltzmann constant, W/(m^2 K^4), CODATA 2018 (exact since the SI of 2019)."""

@@ -26,7 +26,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from sparsemor.bodies.mesh.simplices import EDGES
-from sparsemor.core import FloatArray, InputError, IntArray, Mesh, cell_facets, outer_facets
+from sparsemor.core import FloatArray, InputError, IntArray, Mesh
+from sparsemor.core.model.facets import cell_facets, outer_facets
 
 ROUND = 1e-3
 """Largest distance of a point from a fitted circle or cylinder, relative to its radius."""

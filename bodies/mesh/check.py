@@ -5,15 +5,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from sparsemor.bodies.mesh.simplices import longest_edges, signed_measures
-from sparsemor.core import (
-    Fault,
-    FloatArray,
-    InputError,
-    IntArray,
-    Mesh,
-    facet_numbers,
-    group_equal_rows,
-)
+from sparsemor.core import Fault, FloatArray, InputError, IntArray, Mesh
+from sparsemor.core.model.facets import facet_numbers, group_equal_rows
 
 SHOWN = 5
 FLAT = 1e-12

@@ -6,7 +6,8 @@ from typing import Annotated, Any, TypeAlias
 import numpy as np
 from pydantic import AfterValidator
 
-from sparsemor.core import BoolArray, Expression, FloatArray, InputError
+from sparsemor.core import BoolArray, FloatArray, InputError
+from sparsemor.core.scene.expressions import Expression
 
 COORDINATES = ("x", "y", "z")
 

@@ -13,18 +13,9 @@ from sparsemor.bodies.mesh.formats.content import QUADRATIC, SIMPLEX, BadLine, C
 from sparsemor.bodies.mesh.formats.counts import difference
 from sparsemor.bodies.mesh.groups import Sets, sets_of
 from sparsemor.bodies.mesh.simplices import EDGES, rows_among, signed_measures
-from sparsemor.core import (
-    FloatArray,
-    InputError,
-    IntArray,
-    Mesh,
-    MeshPlugin,
-    Note,
-    bounded_address_space,
-    cell_facets,
-    facet_numbers,
-    information,
-)
+from sparsemor.core import FloatArray, InputError, IntArray, Mesh, MeshPlugin, Note, information
+from sparsemor.core.model.facets import cell_facets, facet_numbers
+from sparsemor.core.simulation.memory.limits import bounded_address_space
 
 FORMATS = {
     ".msh": "gmsh", ".inp": "abaqus", ".vtk": "vtk", ".vtu": "vtu", ".bdf": "nastran",

@@ -3,7 +3,8 @@
 import numpy as np
 
 from sparsemor.bodies.mesh.sets import PointSet
-from sparsemor.core import FloatArray, InputError, IntArray, Mesh, outer_facets
+from sparsemor.core import FloatArray, InputError, IntArray, Mesh
+from sparsemor.core.model.facets import outer_facets
 
 SAMPLES = {2: 64, 3: 8}
 """Parts of an edge (in space: of each side of a triangle) at whose centres a condition is

@@ -4,7 +4,8 @@ from math import factorial
 
 import numpy as np
 
-from sparsemor.core import BoolArray, FloatArray, IntArray, Mesh, group_equal_rows
+from sparsemor.core import BoolArray, FloatArray, IntArray, Mesh
+from sparsemor.core.model.facets import group_equal_rows
 
 EDGES = np.array([[0, 1, 0, 0, 1, 2], [1, 2, 2, 3, 3, 3]])
 """Local corners of the edges of a simplex, in the order of midpoints; a triangle has the first

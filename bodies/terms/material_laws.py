@@ -45,13 +45,9 @@ from sparsemor.bodies.terms.law_functions import (
     with_integrals,
 )
 from sparsemor.bodies.terms.nonlinear_strains import NonlinearStrains
-from sparsemor.core import (
-    FloatArray,
-    LawArrays,
-    Stepping,
-    TemperatureProperty,
-    present_step,
-)
+from sparsemor.core import FloatArray, TemperatureProperty
+from sparsemor.core.protocols import LawArrays, Stepping
+from sparsemor.core.protocols.step_amplitude import present_step
 
 STEEP = 2.0
 """Ratio of greatest to least specific heat above which a step may jump over a peak."""

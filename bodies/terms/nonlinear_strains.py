@@ -27,7 +27,8 @@ from sparsemor.bodies.fem.pointwise_law import (
     displacement_gradient,
 )
 from sparsemor.bodies.terms.law_functions import curve_at, numbers_of
-from sparsemor.core import FloatArray, LawArrays, TemperatureProperty
+from sparsemor.core import FloatArray, TemperatureProperty
+from sparsemor.core.protocols import LawArrays
 
 Property = TemperatureProperty | float
 

@@ -18,7 +18,9 @@ from typing import NamedTuple
 import numpy as np
 
 from sparsemor.bodies.fem.pointwise_law import HasLawArrays, PointwiseLaw, Response, Variable
-from sparsemor.core import FloatArray, PointArrays, TimeFunction, present_step
+from sparsemor.core import FloatArray, TimeFunction
+from sparsemor.core.protocols import PointArrays
+from sparsemor.core.protocols.step_amplitude import present_step
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,8 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from sparsemor.bodies.fem.fields import HasFields
-from sparsemor.core import Equations, FloatArray, IntArray, LoadTable, SurfaceLoads, Table
+from sparsemor.core import Equations, FloatArray, IntArray, SurfaceLoads, Table
+from sparsemor.core.protocols import LoadTable
 
 
 def write_surface_loads(

@@ -5,17 +5,9 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, model_validator
 
-from sparsemor.core import (
-    Basis,
-    BlockData,
-    Dictionary,
-    FloatArray,
-    InputError,
-    Slot,
-    distinct_names,
-    oriented_unit_columns,
-    unit_columns,
-)
+from sparsemor.core import Basis, BlockData, Dictionary, FloatArray, InputError, Slot
+from sparsemor.core.linalg.coherence import oriented_unit_columns, unit_columns
+from sparsemor.core.model.model import distinct_names
 from sparsemor.plugins.bases.load_patterns import (
     known_step,
     moving_loads,

@@ -3,12 +3,8 @@
 import numpy as np
 from pydantic import Field
 
-from sparsemor.core import (
-    Basis,
-    BlockData,
-    Dictionary,
-    oriented_unit_columns,
-)
+from sparsemor.core import Basis, BlockData, Dictionary
+from sparsemor.core.linalg.coherence import oriented_unit_columns
 from sparsemor.plugins.bases.eigenmodes import lowest_modes
 from sparsemor.plugins.bases.modal import joint_columns, load_names, mode_info, no_interface
 from sparsemor.plugins.bases.orthogonalise import independent

@@ -5,15 +5,9 @@ from collections.abc import Iterator
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 
-from sparsemor.core import (
-    Basis,
-    BlockData,
-    Dictionary,
-    FloatArray,
-    InputError,
-    distinct_names,
-    oriented_unit_columns,
-)
+from sparsemor.core import Basis, BlockData, Dictionary, FloatArray, InputError
+from sparsemor.core.linalg.coherence import oriented_unit_columns
+from sparsemor.core.model.model import distinct_names
 from sparsemor.plugins.bases.load_patterns import (
     known_step,
     moving_loads,

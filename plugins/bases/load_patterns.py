@@ -4,15 +4,9 @@ singular vectors of the load tables."""
 import numpy as np
 from scipy.sparse import csr_array
 
-from sparsemor.core import (
-    BlockData,
-    Csr,
-    FloatArray,
-    InputError,
-    IntArray,
-    distinct_names,
-    loaded_columns,
-)
+from sparsemor.core import BlockData, Csr, FloatArray, InputError, IntArray
+from sparsemor.core.model.model import distinct_names
+from sparsemor.core.model.moving_loads import loaded_columns
 
 AXES = "xyz"
 

@@ -6,14 +6,8 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
-from sparsemor.core import (
-    Basis,
-    BlockData,
-    Dictionary,
-    FloatArray,
-    InputError,
-    oriented_unit_columns,
-)
+from sparsemor.core import Basis, BlockData, Dictionary, FloatArray, InputError
+from sparsemor.core.linalg.coherence import oriented_unit_columns
 from sparsemor.plugins.bases.eigenmodes import Modes, lowest_modes
 from sparsemor.plugins.bases.orthogonalise import independent
 from sparsemor.plugins.bases.static_response import StaticSolver, is_thermal

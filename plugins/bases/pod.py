@@ -6,15 +6,8 @@ from typing import Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from sparsemor.core import (
-    Basis,
-    BlockData,
-    Dictionary,
-    FloatArray,
-    InputError,
-    column_chunks,
-    needs_chunks,
-)
+from sparsemor.core import Basis, BlockData, Dictionary, FloatArray, InputError
+from sparsemor.core.linalg.snapshots import column_chunks, needs_chunks
 from sparsemor.plugins.bases.snapshot_svd import (
     LeadingVectors,
     ScaledSnapshots,

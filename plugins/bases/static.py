@@ -5,15 +5,8 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from sparsemor.core import (
-    Basis,
-    BlockData,
-    Dictionary,
-    FloatArray,
-    InputError,
-    Slot,
-    oriented_unit_columns,
-)
+from sparsemor.core import Basis, BlockData, Dictionary, FloatArray, InputError, Slot
+from sparsemor.core.linalg.coherence import oriented_unit_columns
 from sparsemor.plugins.bases.modal import load_names
 from sparsemor.plugins.bases.orthogonalise import independent
 from sparsemor.plugins.bases.static_response import StaticSolver, factorize, is_thermal

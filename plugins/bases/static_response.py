@@ -5,17 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import csr_array
 
-from sparsemor.core import (
-    BlockData,
-    BlockSolvers,
-    Csr,
-    Factorized,
-    FloatArray,
-    InputError,
-    SolveFailed,
-    Status,
-    solve_or_fail,
-)
+from sparsemor.core import BlockData, Csr, Factorized, FloatArray, InputError, SolveFailed, Status
+from sparsemor.core.model.factorizations import BlockSolvers, solve_or_fail
 from sparsemor.plugins.linear_solvers.auto import Auto
 
 NULL_RTOL = 1e-10

@@ -14,8 +14,8 @@ from sparsemor.core import (
     PreparedRun,
     Quantity,
     RunResult,
-    joints_with_forces,
 )
+from sparsemor.core.protocols.layout import joints_with_forces
 from sparsemor.plugins.checks import place
 
 LAST = 20

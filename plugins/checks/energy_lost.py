@@ -18,8 +18,8 @@ from sparsemor.core import (
     RunResult,
     State,
     information,
-    system_residual,
 )
+from sparsemor.core.model.equations import system_residual
 from sparsemor.plugins.checks import place
 from sparsemor.plugins.checks.alternating_joint_forces import ROUNDING, inner_force
 

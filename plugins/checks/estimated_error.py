@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from sparsemor.core import Check, Findings, Note, PreparedRun, RunResult, estimated_errors
+from sparsemor.core import Check, Findings, Note, PreparedRun, RunResult
+from sparsemor.core.results.error_norms import estimated_errors
 from sparsemor.plugins.checks import place
 
 

@@ -1,15 +1,7 @@
 """Blocks that are reduced to fewer atoms than there could be, or were asked for."""
 
-from sparsemor.core import (
-    Check,
-    Findings,
-    Note,
-    PreparedRun,
-    Scene,
-    StepSolver,
-    information,
-    matched_option,
-)
+from sparsemor.core import Check, Findings, Note, PreparedRun, Scene, StepSolver, information
+from sparsemor.core.model.block_patterns import matched_option
 from sparsemor.plugins.checks import place
 
 

@@ -4,7 +4,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from sparsemor.core import FREE_POSE, Check, Findings, Note, PreparedRun, Quantity, RunResult, Scene
+from sparsemor.core import Check, Findings, Note, PreparedRun, Quantity, RunResult, Scene
+from sparsemor.core.protocols.poses import FREE_POSE
 from sparsemor.plugins.checks import place
 
 LARGEST_TURN = 1.0

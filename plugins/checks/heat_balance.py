@@ -6,25 +6,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sparsemor.core import (
-    AssembledTerm,
     BoolArray,
     Check,
     Findings,
     FloatArray,
-    Held,
-    LinearEquations,
     Note,
     OnStep,
     PreparedRun,
     RunResult,
     State,
-    Substep,
-    TabledEquations,
     Term,
-    differences,
-    second_difference,
-    substep,
 )
+from sparsemor.core.model.assembled_term import AssembledTerm
+from sparsemor.core.model.linear_equations import LinearEquations, TabledEquations
+from sparsemor.core.protocols import Held, Substep
+from sparsemor.core.protocols.integrator import differences, second_difference
+from sparsemor.core.protocols.step_amplitude import substep
 from sparsemor.plugins.checks import place
 
 HEAT_BALANCE = "heat_balance"

@@ -6,16 +6,9 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from pydantic import BaseModel
 
-from sparsemor.core import (
-    Check,
-    Model,
-    Note,
-    Scene,
-    TimeFunction,
-    functions_of_time,
-    step_count,
-    trains,
-)
+from sparsemor.core import Check, Model, Note, Scene, TimeFunction, step_count
+from sparsemor.core.scene.nested import functions_of_time
+from sparsemor.core.simulation.memory.estimate import trains
 from sparsemor.plugins.checks import place
 
 SHORT = 0.5

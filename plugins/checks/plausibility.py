@@ -15,9 +15,9 @@ from sparsemor.core import (
     Quantity,
     RunResult,
     Scene,
-    outside_box_notes,
     step_count,
 )
+from sparsemor.core.model.points_outside import outside_box_notes
 from sparsemor.plugins.checks import place
 
 HOTTEST = 1e4

@@ -9,7 +9,6 @@ from pydantic import PrivateAttr
 from scipy.sparse import coo_array
 
 from sparsemor.core import (
-    CONSTANT_CHANGE,
     BoolArray,
     Check,
     Dictionary,
@@ -24,9 +23,10 @@ from sparsemor.core import (
     State,
     StepFactors,
     information,
-    solve_or_fail,
-    system_residual,
 )
+from sparsemor.core.model.equations import system_residual
+from sparsemor.core.model.factorizations import solve_or_fail
+from sparsemor.core.results.error_norms import CONSTANT_CHANGE
 from sparsemor.plugins.checks import place
 
 SELECTED, SAMPLED_ROWS = "selected_atoms", "sampled_rows"

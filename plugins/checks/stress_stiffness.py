@@ -19,15 +19,12 @@ from scipy.linalg import eigh
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
 from sparsemor.core import (
-    FREE_POSE,
-    BlockSolvers,
     Check,
     Csr,
     Factorized,
     Findings,
     FloatArray,
     Model,
-    MovingBody,
     Note,
     OfflineProducts,
     PreparedRun,
@@ -36,9 +33,11 @@ from sparsemor.core import (
     Scene,
     SolveFailed,
     Status,
-    solve_or_fail,
 )
-from sparsemor.core import StressStiffness as Stiffening
+from sparsemor.core.model.factorizations import BlockSolvers, solve_or_fail
+from sparsemor.core.protocols import MovingBody
+from sparsemor.core.protocols import StressStiffness as Stiffening
+from sparsemor.core.protocols.poses import FREE_POSE
 from sparsemor.plugins.checks import place
 from sparsemor.plugins.checks.plausibility import checked_steps
 

@@ -8,7 +8,6 @@ from math import sqrt
 import numpy as np
 
 from sparsemor.core import (
-    CONSTANT_CHANGE,
     BoolArray,
     Check,
     Findings,
@@ -18,14 +17,15 @@ from sparsemor.core import (
     OnStep,
     PreparedRun,
     Quantity,
-    Restarts,
     RunResult,
     SolveFailed,
     State,
     StepSolver,
     information,
-    settled,
 )
+from sparsemor.core.protocols import Restarts
+from sparsemor.core.protocols.integrator import settled
+from sparsemor.core.results.error_norms import CONSTANT_CHANGE
 from sparsemor.plugins.checks import place
 
 TIME_ERROR = "time_error"

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from scipy.linalg import qr
 
 from sparsemor.core import (
-    CONSTANT_CHANGE,
     AssembledModel,
     BoolArray,
     Check,
@@ -31,11 +30,11 @@ from sparsemor.core import (
     RunResult,
     SolveFailed,
     StepFactors,
-    column_chunks,
-    estimated_errors,
-    expected_states,
-    orthonormal,
 )
+from sparsemor.core.linalg.least_squares import orthonormal
+from sparsemor.core.linalg.snapshots import column_chunks
+from sparsemor.core.model.expected_states import expected_states
+from sparsemor.core.results.error_norms import CONSTANT_CHANGE, estimated_errors
 from sparsemor.plugins.checks import place
 
 TRIAL_SPACE, BEYOND = "trial_space", "beyond_training"

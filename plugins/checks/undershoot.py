@@ -10,17 +10,16 @@ from sparsemor.core import (
     Connector,
     Findings,
     FloatArray,
-    HeatBody,
     IntArray,
     Model,
-    NamesSource,
     Note,
     Part,
     PreparedRun,
     RunResult,
-    amplitudes_along,
     information,
 )
+from sparsemor.core.protocols import HeatBody, NamesSource
+from sparsemor.core.protocols.separable import amplitudes_along
 from sparsemor.plugins.checks import place
 
 SHARE, LARGE = 1e-3, 0.1

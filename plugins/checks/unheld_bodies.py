@@ -2,16 +2,8 @@
 
 import numpy as np
 
-from sparsemor.core import (
-    Check,
-    Model,
-    Note,
-    Plugin,
-    Quantity,
-    Scene,
-    information,
-    mentioned,
-)
+from sparsemor.core import Check, Model, Note, Plugin, Quantity, Scene, information
+from sparsemor.core.model.assembly import mentioned
 from sparsemor.plugins.checks import place
 
 GROUND = ""

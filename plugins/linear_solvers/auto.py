@@ -7,17 +7,10 @@ from typing import Any
 import numpy as np
 from pydantic import Field
 
-from sparsemor.core import (
-    GIGABYTE,
-    Csr,
-    DofLocations,
-    LinearSolver,
-    Solved,
-    factor_entries,
-    is_vector_field,
-    machine_memory,
-    unsuitable_matrix,
-)
+from sparsemor.core import Csr, DofLocations, LinearSolver, Solved, unsuitable_matrix
+from sparsemor.core.linalg.factorized import is_vector_field
+from sparsemor.core.linalg.nested_dissection import factor_entries
+from sparsemor.core.simulation.memory.limits import GIGABYTE, machine_memory
 from sparsemor.plugins.linear_solvers.cholmod import Cholmod
 from sparsemor.plugins.linear_solvers.conjugate_gradients import ConjugateGradients
 from sparsemor.plugins.linear_solvers.pardiso import Pardiso

@@ -10,12 +10,12 @@ from sparsemor.core import (
     LinearSolver,
     Solved,
     Status,
-    factor_entries,
     not_solved,
     require,
     solved_directly,
     unsuitable_matrix,
 )
+from sparsemor.core.linalg.nested_dissection import factor_entries
 
 
 class Cholmod(LinearSolver):

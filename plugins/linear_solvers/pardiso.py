@@ -14,13 +14,13 @@ from sparsemor.core import (
     LinearSolver,
     Solved,
     Status,
-    factor_entries,
-    limit_loaded_libraries,
     not_solved,
     require,
     solved_directly,
     unsuitable_matrix,
 )
+from sparsemor.core.linalg.nested_dissection import factor_entries
+from sparsemor.core.linalg.threads import limit_loaded_libraries
 
 POSITIVE_DEFINITE = 2
 """PARDISO's matrix type for real, symmetric positive definite matrices."""

@@ -13,11 +13,10 @@ from sparsemor.core import (
     IntArray,
     LinearSolver,
     Solved,
-    is_vector_field,
     require,
-    rigid_motions,
     unsuitable_matrix,
 )
+from sparsemor.core.linalg.factorized import is_vector_field, rigid_motions
 from sparsemor.plugins.linear_solvers.conjugate_gradients import iterate
 
 WORKING = 10

@@ -16,12 +16,11 @@ from sparsemor.core import (
     LinearSolver,
     Solved,
     Status,
-    dissect,
-    factor_entries,
     not_solved,
     solved_directly,
     unsuitable_matrix,
 )
+from sparsemor.core.linalg.nested_dissection import dissect, factor_entries
 
 ENTRY = 12
 """Bytes of one entry of the factors: a value and its row index."""

@@ -2,12 +2,8 @@
 
 import numpy as np
 
-from sparsemor.core import (
-    FloatArray,
-    InputError,
-    Preconditioner,
-    svd,
-)
+from sparsemor.core import FloatArray, InputError, Preconditioner
+from sparsemor.core.linalg.svd import svd
 
 
 class Parseval(Preconditioner):

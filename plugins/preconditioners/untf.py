@@ -4,13 +4,8 @@ import numpy as np
 from pydantic import Field
 from scipy import linalg
 
-from sparsemor.core import (
-    FloatArray,
-    InputError,
-    Preconditioner,
-    condition_number,
-    unit_columns,
-)
+from sparsemor.core import FloatArray, InputError, Preconditioner
+from sparsemor.core.linalg.coherence import condition_number, unit_columns
 
 
 class UnitNormTightFrame(Preconditioner):

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from sparsemor.core import FloatArray, svd
+from sparsemor.core import FloatArray
+from sparsemor.core.linalg.svd import svd
 
 EPS = float(np.finfo(np.float64).eps)
 LOST = 1e4

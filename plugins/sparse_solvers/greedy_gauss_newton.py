@@ -8,16 +8,8 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
-from sparsemor.core import (
-    BoolArray,
-    Columns,
-    FloatArray,
-    Group,
-    Recovery,
-    Selection,
-    Status,
-    pseudo_inverse,
-)
+from sparsemor.core import BoolArray, Columns, FloatArray, Group, Recovery, Selection, Status
+from sparsemor.core.linalg.column_subsets import pseudo_inverse
 from sparsemor.plugins.sparse_solvers.gram_exchange import GramExchange
 from sparsemor.plugins.sparse_solvers.iterates import always_active
 from sparsemor.plugins.sparse_solvers.least_squares_on_support import (

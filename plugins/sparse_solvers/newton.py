@@ -22,8 +22,8 @@ from sparsemor.core import (
     SparseSolver,
     SparseStart,
     Status,
-    solver_refusal,
 )
+from sparsemor.core.protocols.sparse_solver import solver_refusal
 from sparsemor.plugins.sparse_solvers.iterates import (
     Visits,
     always_active,

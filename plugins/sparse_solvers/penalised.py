@@ -7,7 +7,8 @@ import numpy as np
 from scipy import linalg
 from scipy.linalg import lapack
 
-from sparsemor.core import BoolArray, ColumnSubsets, FloatArray, Group, IntArray
+from sparsemor.core import BoolArray, FloatArray, Group, IntArray
+from sparsemor.core.linalg.column_subsets import ColumnSubsets
 from sparsemor.plugins.sparse_solvers.iterates import always_active
 from sparsemor.plugins.sparse_solvers.least_squares_on_support import EPS, Linearised
 

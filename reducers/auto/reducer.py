@@ -11,16 +11,15 @@ from pydantic import Field
 from sparsemor.core import (
     Basis,
     BlockBases,
-    Choice,
     FloatArray,
     ReducedProblem,
     Slot,
     SolveFailed,
     State,
     StepSolver,
-    TrialRun,
     slot_default,
 )
+from sparsemor.core.protocols import Choice, TrialRun
 from sparsemor.reducers.auto.sources import CONSTANT, Source, learned, responses
 from sparsemor.reducers.auto.trials import TrainingReference
 from sparsemor.reducers.projection.base import Projection, ProjectionReducer

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sparsemor.core import (
-    CONSTANT_CHANGE,
     Dictionary,
     FloatArray,
     NextStep,
@@ -17,11 +16,12 @@ from sparsemor.core import (
     StepFormula,
     StepOutcome,
     StepSolver,
-    TrialRun,
-    column_chunks,
-    consistent_state,
     next_time,
 )
+from sparsemor.core.linalg.snapshots import column_chunks
+from sparsemor.core.model.initial_state import consistent_state
+from sparsemor.core.protocols import TrialRun
+from sparsemor.core.results.error_norms import CONSTANT_CHANGE
 
 LINEARIZED = 5
 """Number of states of a trial run about which its model is linearised."""

@@ -8,15 +8,14 @@ import numpy as np
 from sparsemor.core import (
     Dictionary,
     FloatArray,
-    HeatBody,
-    MovingBody,
     Note,
     ReducedProblem,
     StepFactors,
     StepSolver,
     information,
-    least_squares_coefficients,
 )
+from sparsemor.core.linalg.least_squares import least_squares_coefficients
+from sparsemor.core.protocols import HeatBody, MovingBody
 from sparsemor.reducers.estimation.coupled_errors import CoupledErrors, ReducedBlock
 from sparsemor.reducers.estimation.error_space import (
     PROPORTIONAL,

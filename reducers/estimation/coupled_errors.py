@@ -20,7 +20,6 @@ from typing import NamedTuple
 import numpy as np
 
 from sparsemor.core import (
-    FREE_POSE,
     FloatArray,
     Integrator,
     Layout,
@@ -30,12 +29,13 @@ from sparsemor.core import (
     Status,
     StepFormula,
     StepOutcome,
-    Substep,
     advanced,
-    rate_factors,
     step_formula,
-    substep,
 )
+from sparsemor.core.model.equations import rate_factors
+from sparsemor.core.protocols import Substep
+from sparsemor.core.protocols.poses import FREE_POSE
+from sparsemor.core.protocols.step_amplitude import substep
 from sparsemor.reducers.estimation.bordered_modes import BorderedModes
 from sparsemor.reducers.estimation.error_space import ErrorSpace
 from sparsemor.reducers.estimation.reduced_states import StateMap, ranges

@@ -15,18 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg
 
-from sparsemor.core import (
-    AssembledModel,
-    Csr,
-    ElasticOperators,
-    FloatArray,
-    HeatBody,
-    LoadTable,
-    OfflineProducts,
-    StepFactors,
-    solve_or_fail,
-    svd,
-)
+from sparsemor.core import AssembledModel, Csr, FloatArray, OfflineProducts, StepFactors
+from sparsemor.core.linalg.svd import svd
+from sparsemor.core.model.factorizations import solve_or_fail
+from sparsemor.core.protocols import ElasticOperators, HeatBody, LoadTable
 
 COUNT = 100
 """Least number of vectors in addition to the atoms; as many as atoms if these are more."""

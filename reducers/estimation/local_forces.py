@@ -6,16 +6,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.sparse import coo_array, csr_array
 
-from sparsemor.core import (
-    Csr,
-    Dictionary,
-    ElasticLocal,
-    FloatArray,
-    HeatBody,
-    IntArray,
-    MovingBody,
-    ReducedProblem,
-)
+from sparsemor.core import Csr, Dictionary, FloatArray, IntArray, ReducedProblem
+from sparsemor.core.protocols import ElasticLocal, HeatBody, MovingBody
 from sparsemor.reducers.estimation.error_space import Operators
 
 ROUND_OFF = 1e-9

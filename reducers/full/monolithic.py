@@ -13,19 +13,9 @@ import numpy as np
 from scipy.sparse import csc_array
 from scipy.sparse.linalg import splu
 
-from sparsemor.core import (
-    AssembledModel,
-    Csr,
-    FloatArray,
-    HasConstantMatrices,
-    IntArray,
-    Layout,
-    StepFormula,
-    Term,
-    rate_factors,
-    system_jacobian,
-    system_residual,
-)
+from sparsemor.core import AssembledModel, Csr, FloatArray, IntArray, Layout, StepFormula, Term
+from sparsemor.core.model.equations import rate_factors, system_jacobian, system_residual
+from sparsemor.core.protocols import HasConstantMatrices
 from sparsemor.reducers.linalg.superlu import factorize
 from sparsemor.reducers.step.factors import Factor
 from sparsemor.reducers.step.loop import Linearisation

@@ -4,7 +4,8 @@ multipliers."""
 from dataclasses import replace
 from typing import Literal
 
-from sparsemor.core import AssembledModel, HeatBody, ReducedProblem, StepSolver
+from sparsemor.core import AssembledModel, ReducedProblem, StepSolver
+from sparsemor.core.protocols import HeatBody
 from sparsemor.reducers.full.monolithic import Summed
 from sparsemor.reducers.notes import local_heat_notes, whole_step_notes
 from sparsemor.reducers.step.blocks.elastic_block import ElasticBlock, FullElastic

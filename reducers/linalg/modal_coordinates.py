@@ -12,7 +12,9 @@ from dataclasses import replace
 import numpy as np
 from scipy import linalg
 
-from sparsemor.core import Csr, Dictionary, FloatArray, distinct_names, oriented_unit_columns
+from sparsemor.core import Csr, Dictionary, FloatArray
+from sparsemor.core.linalg.coherence import oriented_unit_columns
+from sparsemor.core.model.model import distinct_names
 
 ORTHONORMAL = 1e-8
 """Largest deviation of the Gram matrix of the atoms from the identity. Other dictionaries keep

@@ -20,9 +20,7 @@ from sparsemor.core import (
     BlockBases,
     Dictionary,
     Fault,
-    HeatBody,
     InputError,
-    MovingBody,
     Note,
     OfflineProducts,
     ReducedProblem,
@@ -30,6 +28,7 @@ from sparsemor.core import (
     StepFactors,
     slot_default,
 )
+from sparsemor.core.protocols import HeatBody, MovingBody
 from sparsemor.reducers.checks import pattern_faults
 from sparsemor.reducers.field_options import BASES
 from sparsemor.reducers.linalg.left_inverse import left_inverse

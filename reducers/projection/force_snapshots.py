@@ -20,18 +20,17 @@ from sparsemor.core import (
     InputError,
     IntArray,
     Layout,
-    Recording,
     Sampler,
     State,
     Status,
     StepOutcome,
     advanced,
-    built_dictionary,
-    consistent_state,
-    sampled_rows,
     step_formula,
-    svd,
 )
+from sparsemor.core.linalg.svd import svd
+from sparsemor.core.model.initial_state import consistent_state
+from sparsemor.core.protocols import Recording
+from sparsemor.core.registry.returned_values import built_dictionary, sampled_rows
 from sparsemor.reducers.linalg.left_inverse import deficient
 from sparsemor.reducers.projection.maps import Reducible
 

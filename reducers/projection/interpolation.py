@@ -18,10 +18,10 @@ from sparsemor.core import (
     Slot,
     SolveFailed,
     StepFactors,
-    expected_states,
-    matched_option,
     slot_default,
 )
+from sparsemor.core.model.block_patterns import matched_option
+from sparsemor.core.model.expected_states import expected_states
 from sparsemor.reducers.checks import block_size, bound_of_atoms, pattern_faults
 from sparsemor.reducers.notes import unsampled_loads
 from sparsemor.reducers.projection.base import ProjectionReducer

@@ -11,16 +11,9 @@ from typing import Literal
 
 import numpy as np
 
-from sparsemor.core import (
-    Dictionary,
-    FloatArray,
-    InputError,
-    Note,
-    SolveFailed,
-    Status,
-    solve_or_fail,
-    svd,
-)
+from sparsemor.core import Dictionary, FloatArray, InputError, Note, SolveFailed, Status
+from sparsemor.core.linalg.svd import svd
+from sparsemor.core.model.factorizations import solve_or_fail
 from sparsemor.reducers import (
     Interpolating,
     Maps,

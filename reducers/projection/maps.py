@@ -11,13 +11,12 @@ from sparsemor.core import (
     Csr,
     Dictionary,
     FloatArray,
-    HeatBody,
     IntArray,
     Integrator,
-    MovingBody,
     Note,
     OfflineProducts,
 )
+from sparsemor.core.protocols import HeatBody, MovingBody
 from sparsemor.reducers.step.operators import TestMap
 
 

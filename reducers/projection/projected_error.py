@@ -13,7 +13,6 @@ from typing import NamedTuple
 import numpy as np
 
 from sparsemor.core import (
-    CONSTANT_CHANGE,
     AssembledModel,
     BlockData,
     Csr,
@@ -22,8 +21,9 @@ from sparsemor.core import (
     Note,
     OfflineProducts,
     StepFactors,
-    least_squares_coefficients,
 )
+from sparsemor.core.linalg.least_squares import least_squares_coefficients
+from sparsemor.core.results.error_norms import CONSTANT_CHANGE
 from sparsemor.reducers.projection.base import Projection
 from sparsemor.reducers.states_to_test import states_to_test
 from sparsemor.reducers.step.prepare import constants

@@ -17,7 +17,6 @@ from scipy.linalg import qr
 
 from sparsemor.core import (
     BoolArray,
-    ColumnSubsets,
     FloatArray,
     InputError,
     Recovery,
@@ -26,9 +25,9 @@ from sparsemor.core import (
     Status,
     StepFormula,
     StepOutcome,
-    checked_return,
-    prepared_recovery,
 )
+from sparsemor.core.linalg.column_subsets import ColumnSubsets
+from sparsemor.core.registry.returned_values import checked_return, prepared_recovery
 from sparsemor.reducers.sparse.held_rows import ElasticRows, HeldRows, ThermalRows
 from sparsemor.reducers.sparse.memory import SparseMemory
 from sparsemor.reducers.sparse.supported_steps import (

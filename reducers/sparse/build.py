@@ -15,9 +15,9 @@ from sparsemor.core import (
     StepFactors,
     StepSolver,
     information,
-    matched_option,
-    solver_refusal,
 )
+from sparsemor.core.model.block_patterns import matched_option
+from sparsemor.core.protocols.sparse_solver import solver_refusal
 from sparsemor.reducers.checks import unselectable, unselectable_blocks
 from sparsemor.reducers.notes import no_effect, unsampled_loads, worse_conditioned
 from sparsemor.reducers.sparse.block_selection import BlockwiseSelection

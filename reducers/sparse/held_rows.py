@@ -12,16 +12,10 @@ from typing import Protocol
 
 import numpy as np
 
-from sparsemor.core import (
-    Amplitude,
-    FloatArray,
-    ReducedTerm,
-    StepFormula,
-    Table,
-    evaluate_amplitudes,
-    second_difference,
-    total_load,
-)
+from sparsemor.core import Amplitude, FloatArray, ReducedTerm, StepFormula, Table
+from sparsemor.core.protocols.integrator import second_difference
+from sparsemor.core.protocols.load_tables import total_load
+from sparsemor.core.protocols.separable import evaluate_amplitudes
 from sparsemor.reducers.linalg.active_columns import ActiveColumns
 from sparsemor.reducers.sparse.sampled_block import ReachedColumns, SampledElastic, SampledHeat
 from sparsemor.reducers.step.condensed_newton import Mechanics

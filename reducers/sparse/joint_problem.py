@@ -14,7 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sparsemor.core import FloatArray, FrameWork, Group, StepFormula
+from sparsemor.core import FloatArray, Group, StepFormula
+from sparsemor.core.protocols import FrameWork
 from sparsemor.reducers.sparse.sampled_block import SampledElastic, SampledHeat
 from sparsemor.reducers.step.condensed_newton import Mechanics
 from sparsemor.reducers.step.frame_step import BodyStep, buffers

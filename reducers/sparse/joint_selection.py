@@ -14,8 +14,8 @@ from sparsemor.core import (
     Status,
     StepFormula,
     StepOutcome,
-    checked_return,
 )
+from sparsemor.core.registry.returned_values import checked_return
 from sparsemor.reducers.sparse.joint_problem import HeatProblem, MechanicsProblem
 from sparsemor.reducers.sparse.memory import SparseMemory
 from sparsemor.reducers.sparse.supported_steps import (

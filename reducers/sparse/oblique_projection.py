@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from sparsemor.core import (
-    CONSTANT_CHANGE,
     AssembledModel,
     Csr,
     FloatArray,
@@ -15,8 +14,9 @@ from sparsemor.core import (
     OfflineProducts,
     SolveFailed,
     StepFactors,
-    least_squares_coefficients,
 )
+from sparsemor.core.linalg.least_squares import least_squares_coefficients
+from sparsemor.core.results.error_norms import CONSTANT_CHANGE
 from sparsemor.reducers.sparse.sampled_block import Sampled
 from sparsemor.reducers.states_to_test import states_to_test
 from sparsemor.reducers.step.operators import TestMap

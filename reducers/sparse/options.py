@@ -4,16 +4,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, field_validator
 
-from sparsemor.core import (
-    Basis,
-    Plugin,
-    Preconditioner,
-    Sampler,
-    Slot,
-    SparseSolver,
-    matched_option,
-    slot_default,
-)
+from sparsemor.core import Basis, Plugin, Preconditioner, Sampler, Slot, SparseSolver, slot_default
+from sparsemor.core.model.block_patterns import matched_option
 from sparsemor.reducers.step_options import ReducedStepOptions
 
 Residual = Literal["auto", "plain", "preconditioned"]

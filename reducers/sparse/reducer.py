@@ -18,8 +18,8 @@ from sparsemor.core import (
     ReducedProblem,
     StepFactors,
     StepSolver,
-    matched_option,
 )
+from sparsemor.core.model.block_patterns import matched_option
 from sparsemor.reducers.checks import (
     block_size,
     budget_faults,

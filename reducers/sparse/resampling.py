@@ -9,9 +9,7 @@ from typing import Self
 import numpy as np
 
 from sparsemor.core import (
-    AroundSteps,
     BoolArray,
-    FreezesSupport,
     IntArray,
     Note,
     SolveFailed,
@@ -21,6 +19,7 @@ from sparsemor.core import (
     StepOutcome,
     StepSolver,
 )
+from sparsemor.core.protocols import AroundSteps, FreezesSupport
 from sparsemor.reducers.step.memory import RunMemory
 
 Streams = Mapping[str, np.random.Generator]

@@ -11,11 +11,9 @@ from scipy.sparse import eye_array
 from sparsemor.core import (
     AssembledModel,
     BoolArray,
-    ColumnSubsets,
     Csr,
     Dictionary,
     FloatArray,
-    HeatBody,
     InputError,
     IntArray,
     OfflineProducts,
@@ -23,13 +21,12 @@ from sparsemor.core import (
     ReducedTerm,
     Sampler,
     StepFactors,
-    built_weights,
-    coherence,
-    condition_number,
-    sampled_rows,
-    solve_or_fail,
-    unit_columns,
 )
+from sparsemor.core.linalg.coherence import coherence, condition_number, unit_columns
+from sparsemor.core.linalg.column_subsets import ColumnSubsets
+from sparsemor.core.model.factorizations import solve_or_fail
+from sparsemor.core.protocols import HeatBody
+from sparsemor.core.registry.returned_values import built_weights, sampled_rows
 from sparsemor.reducers.checks import compresses
 from sparsemor.reducers.linalg.active_columns import few
 from sparsemor.reducers.linalg.left_inverse import SAMPLED_RTOL, left_inverse, squares

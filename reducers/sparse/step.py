@@ -25,7 +25,6 @@ import numpy as np
 from sparsemor.core import (
     AssembledModel,
     BoolArray,
-    ColumnSubsets,
     Dictionary,
     FloatArray,
     Preconditioner,
@@ -35,11 +34,10 @@ from sparsemor.core import (
     Status,
     StepFactors,
     StepFormula,
-    prepared_recovery,
-    rate_factors,
-    system_jacobian,
-    system_residual,
 )
+from sparsemor.core.linalg.column_subsets import ColumnSubsets
+from sparsemor.core.model.equations import rate_factors, system_jacobian, system_residual
+from sparsemor.core.registry.returned_values import prepared_recovery
 from sparsemor.reducers.linalg.left_inverse import SAMPLED_RTOL
 from sparsemor.reducers.sparse.sampled_block import choose_rows, weigh
 

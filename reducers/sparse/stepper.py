@@ -6,17 +6,8 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Protocol
 
-from sparsemor.core import (
-    AroundSteps,
-    BoolArray,
-    ManySteps,
-    SolveFailed,
-    State,
-    StepBlock,
-    StepFormula,
-    StepOutcome,
-    UpdateRules,
-)
+from sparsemor.core import BoolArray, SolveFailed, State, StepFormula, StepOutcome, UpdateRules
+from sparsemor.core.protocols import AroundSteps, ManySteps, StepBlock
 from sparsemor.reducers.sparse.memory import SparseMemory
 from sparsemor.reducers.sparse.supported_steps import SupportedSteps
 from sparsemor.reducers.step.compiled.stepper import Compiled, CompiledSteps, compiled_steps, wanted

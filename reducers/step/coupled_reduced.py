@@ -14,10 +14,8 @@ import numpy as np
 
 from sparsemor.core import (
     AssembledModel,
-    CompressedLocal,
     Dictionary,
     FloatArray,
-    HasPoints,
     IntArray,
     Layout,
     Note,
@@ -25,13 +23,13 @@ from sparsemor.core import (
     StepFormula,
     Term,
     Trial,
-    derivative_along_motion,
-    derivative_from_right,
     information,
-    motion_step,
-    time_derivatives,
-    unavailable_resultants,
 )
+from sparsemor.core.model.compressed_local import CompressedLocal
+from sparsemor.core.model.constraint_rates import derivative_along_motion, motion_step
+from sparsemor.core.protocols import HasPoints
+from sparsemor.core.protocols.prescribed_quantities import derivative_from_right, time_derivatives
+from sparsemor.core.protocols.step_solver import unavailable_resultants
 from sparsemor.reducers.step.acceptance import Tolerances
 from sparsemor.reducers.step.border.least_norm import least
 from sparsemor.reducers.step.frame_step import BodyStep

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sparsemor.core import FloatArray, Frame, FrameHistory, FrameWork
+from sparsemor.core import FloatArray, Frame, FrameHistory
+from sparsemor.core.protocols import FrameWork
 from sparsemor.reducers.linalg.active_columns import few
 from sparsemor.reducers.step.blocks.elastic_block import ElasticBlock
 from sparsemor.reducers.step.blocks.prescribed_frame_block import PrescribedBlock

@@ -12,7 +12,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sparsemor.core import FloatArray, FrameWork, State, derivative_along_motion, time_derivatives
+from sparsemor.core import FloatArray, State
+from sparsemor.core.model.constraint_rates import derivative_along_motion
+from sparsemor.core.protocols import FrameWork
+from sparsemor.core.protocols.prescribed_quantities import time_derivatives
 from sparsemor.reducers.step.condensed_newton import Mechanics
 from sparsemor.reducers.step.frame_step import NONE, BodyStep, buffers
 from sparsemor.reducers.step.operators import TestedElastic

@@ -16,19 +16,21 @@ from scipy.sparse import csr_array, issparse
 from sparsemor.core import (
     Amplitude,
     Dictionary,
-    ElasticLocal,
-    ElasticOperators,
     FloatArray,
     Frame,
-    HasPointArrays,
-    HeatBody,
     IntArray,
-    PointArrays,
     ReducedTerm,
     Table,
     Trial,
-    projected_tables,
 )
+from sparsemor.core.protocols import (
+    ElasticLocal,
+    ElasticOperators,
+    HasPointArrays,
+    HeatBody,
+    PointArrays,
+)
+from sparsemor.core.protocols.load_tables import projected_tables
 from sparsemor.reducers.linalg.modal_coordinates import diagonal
 
 PROPORTIONAL = 1e-8

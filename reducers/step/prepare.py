@@ -12,9 +12,9 @@ from sparsemor.core import (
     IntArray,
     Integrator,
     Layout,
-    MovingBody,
     Note,
 )
+from sparsemor.core.protocols import MovingBody
 from sparsemor.reducers.step.acceptance import Tolerances
 from sparsemor.reducers.step.blocks.elastic_block import ElasticBlock
 from sparsemor.reducers.step.blocks.prescribed_frame_block import PrescribedBlock

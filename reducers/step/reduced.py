@@ -20,16 +20,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.sparse import csr_array, issparse
 
-from sparsemor.core import (
-    Amplitude,
-    FloatArray,
-    FrameWork,
-    IntArray,
-    Layout,
-    ReducedTerm,
-    StepFormula,
-    second_difference,
-)
+from sparsemor.core import Amplitude, FloatArray, IntArray, Layout, ReducedTerm, StepFormula
+from sparsemor.core.protocols import FrameWork
+from sparsemor.core.protocols.integrator import second_difference
 from sparsemor.reducers.linalg.modal_coordinates import carried, times
 from sparsemor.reducers.step.factors import Factor, factorized
 from sparsemor.reducers.step.frame_step import BodyStep

@@ -4,7 +4,8 @@ surfaces."""
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
-from sparsemor.core import ChecksStep, IntArray, Status, StepFormula, StepOutcome
+from sparsemor.core import IntArray, Status, StepFormula, StepOutcome
+from sparsemor.core.protocols import ChecksStep
 
 Checked = tuple[ChecksStep, IntArray]
 """A term that checks steps, with its columns."""

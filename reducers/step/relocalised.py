@@ -7,15 +7,8 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from sparsemor.core import (
-    ChecksStep,
-    FloatArray,
-    IntArray,
-    LocalCopy,
-    ReducedTerm,
-    RelocatesNear,
-    WrapsTerm,
-)
+from sparsemor.core import FloatArray, IntArray, ReducedTerm
+from sparsemor.core.protocols import ChecksStep, LocalCopy, RelocatesNear, WrapsTerm
 
 
 class CopyMemory(Protocol):

@@ -12,17 +12,16 @@ from sparsemor.core import (
     Frame,
     IntArray,
     Layout,
-    MovingBody,
     Note,
-    Separated,
     State,
     Status,
     StepFormula,
     StepOutcome,
     Table,
-    least_squares_coefficients,
-    motion_step,
 )
+from sparsemor.core.linalg.least_squares import least_squares_coefficients
+from sparsemor.core.model.constraint_rates import motion_step
+from sparsemor.core.protocols import MovingBody, Separated
 from sparsemor.reducers.step.acceptance import Tolerances
 from sparsemor.reducers.step.blocks.elastic_block import ElasticBlock
 from sparsemor.reducers.step.blocks.prescribed_frame_block import PrescribedBlock

@@ -7,16 +7,10 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from sparsemor.core import (
-    Amplitude,
-    FloatArray,
-    Table,
-    Tabled,
-    amplitudes_along,
-    evaluate_amplitudes,
-    total_load,
-    total_load_along,
-)
+from sparsemor.core import Amplitude, FloatArray, Table
+from sparsemor.core.protocols import Tabled
+from sparsemor.core.protocols.load_tables import total_load, total_load_along
+from sparsemor.core.protocols.separable import amplitudes_along, evaluate_amplitudes
 
 NEAR = 1e-9
 """Tolerance of the comparison of a time with tabulated ones, as a fraction of the smallest

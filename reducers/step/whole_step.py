@@ -13,18 +13,17 @@ from sparsemor.core import (
     FloatArray,
     IntArray,
     Layout,
-    LocalCopy,
     Note,
     ReducedTerm,
-    ResultantSource,
     State,
     Status,
     StepFormula,
     StepOutcome,
     Term,
-    rate_factors,
-    resultant_sources,
 )
+from sparsemor.core.model.equations import rate_factors
+from sparsemor.core.protocols import LocalCopy, ResultantSource
+from sparsemor.core.protocols.step_solver import resultant_sources
 from sparsemor.reducers.step import loop
 from sparsemor.reducers.step.acceptance import Tolerances
 from sparsemor.reducers.step.factors import Matrix

@@ -19,8 +19,9 @@ import numpy as np
 from modules import report
 
 from sparsemor.bodies.terms.weak_term import WeakTerm
-from sparsemor.core import CompressedLocal, FloatArray, IntArray, Trial
+from sparsemor.core import FloatArray, IntArray, Trial
 from sparsemor.core.model.assembly import assemble
+from sparsemor.core.model.compressed_local import CompressedLocal
 from sparsemor.core.model.model import Model
 from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.testing.in_memory_run import March, march, scene_of

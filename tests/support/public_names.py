@@ -1,9 +1,24 @@
-"""Packages whose names third parties import, and those that a source imports from."""
+"""Modules whose names third parties import, and those that a source imports from."""
 
 import ast
 
+MODULES = {f"sparsemor.core.{name}" for name in (
+    "linalg.coherence", "linalg.column_subsets", "linalg.factorized", "linalg.least_squares",
+    "linalg.nested_dissection", "linalg.snapshots", "linalg.svd", "linalg.threads",
+    "model.assembled_term", "model.assembly", "model.block_patterns", "model.compressed_local",
+    "model.constraint_rates", "model.equations", "model.expected_states", "model.facets",
+    "model.factorizations", "model.fitting_bases", "model.initial_state",
+    "model.linear_equations", "model.linearized_term", "model.model", "model.moving_loads",
+    "model.points_outside",
+    "protocols", "protocols.integrator", "protocols.layout", "protocols.load_tables",
+    "protocols.poses", "protocols.prescribed_quantities", "protocols.separable",
+    "protocols.sparse_solver", "protocols.step_amplitude", "protocols.step_solver",
+    "protocols.turning",
+    "registry.returned_values", "results.error_norms", "scene.expressions", "scene.nested",
+    "simulation.kept.machine_code", "simulation.memory.estimate", "simulation.memory.limits")}
+"""Modules of core for some plugins, which docs/how-to-write-a-plugin.md lists."""
 PUBLIC = {"sparsemor", "sparsemor.bodies", "sparsemor.core", "sparsemor.core.testing",
-          "sparsemor.reducers"}
+          "sparsemor.reducers", *MODULES}
 
 
 def ours(source: str) -> set[str]:

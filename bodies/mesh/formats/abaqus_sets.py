@@ -8,7 +8,8 @@ import numpy as np
 
 from sparsemor.bodies.mesh.formats.abaqus_statements import integer, key_of, shown
 from sparsemor.bodies.mesh.formats.content import BadLine, Cells, Group, Numbering
-from sparsemor.core import BoolArray, IntArray, facet_numbers
+from sparsemor.core import BoolArray, IntArray
+from sparsemor.core.model.facets import facet_numbers
 
 _FACES = {2: ((0, 1), (1, 2), (2, 0)), 3: ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0))}
 """Corners of the faces S1, S2, ... of a triangle and of a tetrahedron."""

@@ -17,16 +17,9 @@ from functools import partial
 
 import numpy as np
 
-from sparsemor.core import (
-    Dictionary,
-    ElasticIntegrals,
-    FloatArray,
-    HeatIntegrals,
-    IntArray,
-    Integrals,
-    WeighsElements,
-    column_chunks,
-)
+from sparsemor.core import Dictionary, FloatArray, IntArray
+from sparsemor.core.linalg.snapshots import column_chunks
+from sparsemor.core.protocols import ElasticIntegrals, HeatIntegrals, Integrals, WeighsElements
 from sparsemor.reducers.projection.ecsw.nnls import Weights, nonnegative
 from sparsemor.reducers.projection.ecsw.training_matrix import (
     BLOCK,

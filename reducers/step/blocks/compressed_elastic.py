@@ -5,14 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sparsemor.core import (
-    Amplitude,
-    FloatArray,
-    FrameWork,
-    IntArray,
-    evaluate_amplitudes,
-    total_load,
-)
+from sparsemor.core import Amplitude, FloatArray, IntArray
+from sparsemor.core.protocols import FrameWork
+from sparsemor.core.protocols.load_tables import total_load
+from sparsemor.core.protocols.separable import evaluate_amplitudes
 from sparsemor.reducers.linalg.active_columns import ActiveColumns, few
 from sparsemor.reducers.step.acceptance import EPS
 from sparsemor.reducers.step.blocks.elastic_block import ElasticBlock, History

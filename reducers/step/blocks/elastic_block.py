@@ -19,17 +19,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sparsemor.core import (
-    Csr,
-    ElasticOperators,
-    Factorized,
-    FloatArray,
-    FrameWork,
-    IntArray,
-    Status,
-    solve_or_fail,
-    unconverged_note,
-)
+from sparsemor.core import Csr, Factorized, FloatArray, IntArray, Status
+from sparsemor.core.model.factorizations import solve_or_fail, unconverged_note
+from sparsemor.core.protocols import ElasticOperators, FrameWork
 from sparsemor.reducers.step.acceptance import EPS, rounding
 from sparsemor.reducers.step.blocks.elastic_local import FullLocal, LocalForces, StepForces
 from sparsemor.reducers.step.predictor import Prediction

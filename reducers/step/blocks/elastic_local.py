@@ -8,7 +8,8 @@ from typing import Protocol
 
 import numpy as np
 
-from sparsemor.core import ElasticLocal, FloatArray, IntArray
+from sparsemor.core import FloatArray, IntArray
+from sparsemor.core.protocols import ElasticLocal
 from sparsemor.reducers.step.operators import TestedLocal, TestMap
 from sparsemor.reducers.step.predictor import Prediction
 

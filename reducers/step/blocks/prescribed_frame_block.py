@@ -18,7 +18,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from sparsemor.core import ElasticOperators, Factorized, FloatArray, IntArray
+from sparsemor.core import Factorized, FloatArray, IntArray
+from sparsemor.core.protocols import ElasticOperators
 from sparsemor.reducers.linalg.coarse_correction import CoarseCorrection
 from sparsemor.reducers.step.acceptance import LEAST
 from sparsemor.reducers.step.blocks.elastic_block import (

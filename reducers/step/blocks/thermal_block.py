@@ -15,18 +15,10 @@ import numpy as np
 from scipy.linalg.lapack import dgetrf, dgetrs
 from scipy.sparse import coo_array, csr_array
 
-from sparsemor.core import (
-    Factorized,
-    FloatArray,
-    HeatBody,
-    IntArray,
-    Linearized,
-    ReducedTerm,
-    Status,
-    Term,
-    linearization,
-    unconverged_note,
-)
+from sparsemor.core import Factorized, FloatArray, IntArray, ReducedTerm, Status, Term
+from sparsemor.core.model.factorizations import unconverged_note
+from sparsemor.core.model.linearized_term import Linearized, linearization
+from sparsemor.core.protocols import HeatBody
 from sparsemor.reducers.linalg.active_columns import ActiveColumns, few
 from sparsemor.reducers.linalg.modal_coordinates import carried, dense, times
 from sparsemor.reducers.linalg.superlu import factorize

@@ -25,17 +25,13 @@ from sparsemor.core import (
     DofLocations,
     Factorized,
     FloatArray,
-    HasPointArrays,
-    HeatBody,
-    HeatCoupling,
-    LoadTable,
-    PointArrays,
     ReducedTerm,
     SolveFailed,
     Status,
-    linearization,
     solved_directly,
 )
+from sparsemor.core.model.linearized_term import linearization
+from sparsemor.core.protocols import HasPointArrays, HeatBody, HeatCoupling, LoadTable, PointArrays
 from sparsemor.reducers.linalg.modal_coordinates import carried, dense
 from sparsemor.reducers.linalg.superlu import factorize
 from sparsemor.reducers.step.blocks.thermal_block import CompressedHeat, FullHeat, LocalAt

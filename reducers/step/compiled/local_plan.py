@@ -4,7 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sparsemor.core import Amplitude, FloatArray, HasPointArrays, IntArray, PointArrays
+from sparsemor.core import Amplitude, FloatArray, IntArray
+from sparsemor.core.protocols import HasPointArrays, PointArrays
 from sparsemor.reducers.step.compiled.compile import Called
 from sparsemor.reducers.step.compiled.local import LAWS, NO_LOCAL, LocalArrays
 from sparsemor.reducers.step.compiled.timed import NotCompiled, Timed

@@ -5,15 +5,8 @@ from math import comb
 
 import numpy as np
 
-from sparsemor.core import (
-    Amplitude,
-    FloatArray,
-    FrameArrays,
-    Held,
-    IntArray,
-    Layout,
-    UpdateRules,
-)
+from sparsemor.core import Amplitude, FloatArray, IntArray, Layout, UpdateRules
+from sparsemor.core.protocols import FrameArrays, Held
 from sparsemor.reducers.step.blocks.compressed_elastic import CompressedElastic
 from sparsemor.reducers.step.blocks.compressed_prescribed import CompressedPrescribed
 from sparsemor.reducers.step.blocks.elastic_block import ElasticBlock

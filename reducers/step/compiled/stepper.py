@@ -8,17 +8,8 @@ from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
-from sparsemor.core import (
-    FloatArray,
-    ManySteps,
-    Note,
-    State,
-    StepBlock,
-    UpdateRules,
-    information,
-    next_time,
-    require,
-)
+from sparsemor.core import FloatArray, Note, State, UpdateRules, information, next_time, require
+from sparsemor.core.protocols import ManySteps, StepBlock
 from sparsemor.reducers.step.acceptance import EPS, Scales
 from sparsemor.reducers.step.blocks.thermal_block import HeatJacobian
 from sparsemor.reducers.step.compiled.arrays import (

@@ -4,14 +4,9 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from sparsemor.core import (
-    Amplitude,
-    FloatArray,
-    FrameHistory,
-    Table,
-    amplitudes_along,
-    total_load_along,
-)
+from sparsemor.core import Amplitude, FloatArray, FrameHistory, Table
+from sparsemor.core.protocols.load_tables import total_load_along
+from sparsemor.core.protocols.separable import amplitudes_along
 from sparsemor.reducers.step.time_tables import Moving, TimeTable
 
 

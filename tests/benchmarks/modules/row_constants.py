@@ -16,9 +16,9 @@ import common
 import numpy as np
 from modules import report
 
-from sparsemor.core import ColumnSubsets
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.linalg.coherence import coherence, condition_number, unit_columns
+from sparsemor.core.linalg.column_subsets import ColumnSubsets
 from sparsemor.core.protocols import StepFactors
 from sparsemor.core.registry.registry import Registry
 from sparsemor.core.status import Status

@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from sparsemor import load
-from sparsemor.core import fitted_bases
 from sparsemor.core.model.assembly import assemble
+from sparsemor.core.model.fitting_bases import fitted_bases
 from sparsemor.core.model.model import Model
 
 TINY = Path(__file__).parents[2] / "scenes" / "tiny.yaml"

@@ -10,7 +10,6 @@ import pytest
 from scipy.sparse import csr_array
 
 from sparsemor.core import (
-    CompressedLocal,
     Csr,
     Equations,
     FloatArray,
@@ -22,6 +21,7 @@ from sparsemor.core import (
     Trial,
 )
 from sparsemor.core.model.assembly import assemble
+from sparsemor.core.model.compressed_local import CompressedLocal
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.testing import check_term
 from sparsemor.core.testing.in_memory_run import March, march, scene_of

@@ -20,8 +20,9 @@ from sparsemor.bodies.terms.material_laws import (
 )
 from sparsemor.bodies.terms.nonlinear_strains import NonlinearStrains
 from sparsemor.bodies.terms.weak_term import WeakTerm
-from sparsemor.core import CompressedLocal, FloatArray, Term, Trial
+from sparsemor.core import FloatArray, Term, Trial
 from sparsemor.core.model.assembly import assemble
+from sparsemor.core.model.compressed_local import CompressedLocal
 from sparsemor.core.model.model import Model
 from sparsemor.core.protocols.element_integrals import WeighsElements
 from sparsemor.core.testing import check_term

@@ -16,12 +16,13 @@ from sparsemor.bodies.frames.joint_items import Reaction
 from sparsemor.bodies.frames.springs import SpatialRotationalSpring, Spring
 from sparsemor.bodies.loads.radiation import GreyBody
 from sparsemor.bodies.mesh.generators.block import Block
-from sparsemor.core import FloatArray, FrameWork, Mesh, Table
+from sparsemor.core import FloatArray, Mesh, Table
 from sparsemor.core.model.assembled_term import AssembledTerm
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.equations import system_jacobian, system_residual
 from sparsemor.core.model.frame_equations import FrameEquations
 from sparsemor.core.model.model import Model
+from sparsemor.core.protocols import FrameWork
 from sparsemor.core.testing import check_term
 from sparsemor.core.testing.in_memory_run import march, scene_of
 from term_scales import scales

@@ -18,7 +18,6 @@ PREFIX = "joint "
 READERS = ("registry", "scene", "cli")
 """Folders that read texts: entry points, YAML, options."""
 TEXTS = {
-    ("__init__.py", "name.startswith('_')"),  # private names of Python
     ("model/assembly.py", "group.removesuffix('s')"),  # keys of a scene and kinds of plugins
     ("results/output_directory.py", "path.name.startswith(_SCRATCH)"),
     ("results/run_result.py", "n.removeprefix('probe.')"),  # an array of a probe

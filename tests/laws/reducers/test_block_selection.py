@@ -10,9 +10,10 @@ import pytest
 
 from recovery import SOLVERS
 from small_scenes import everything, tiny
-from sparsemor.core import ColumnSubsets, ReducedProblem
+from sparsemor.core import ReducedProblem
 from sparsemor.core.arrays import BoolArray, FloatArray
 from sparsemor.core.errors import InputError
+from sparsemor.core.linalg.column_subsets import ColumnSubsets
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.protocols import Selection

@@ -4,8 +4,9 @@ with few nonzero coefficients are those with all, and a settled support is kept.
 import numpy as np
 import pytest
 
-from sparsemor.core import ColumnSubsets, Status
+from sparsemor.core import Status
 from sparsemor.core.arrays import BoolArray, FloatArray
+from sparsemor.core.linalg.column_subsets import ColumnSubsets
 from sparsemor.plugins.sparse_solvers.gram_exchange import GramExchange
 from sparsemor.plugins.sparse_solvers.greedy_gauss_newton import GreedyGaussNewton, GreedyRecovery
 from sparsemor.reducers.linalg.active_columns import ActiveColumns

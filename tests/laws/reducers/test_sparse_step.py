@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from small_scenes import tiny
-from sparsemor.core import ReducedProblem, StepFactors, matched_option
+from sparsemor.core import ReducedProblem, StepFactors
+from sparsemor.core.model.block_patterns import matched_option
 from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.protocols.integrator import step_formula
 from sparsemor.core.registry.hooks import new_manager

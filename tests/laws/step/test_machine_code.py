@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from small_scenes import SCENES, tiny
-from sparsemor.core import FrameWork, hookimpl
+from sparsemor.core import hookimpl
 from sparsemor.core.model.assembly import assemble
+from sparsemor.core.protocols import FrameWork
 from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.simulation.simulate import simulate
 from sparsemor.core.status import SolveFailed, Status

@@ -16,8 +16,8 @@ from sparsemor.bodies.frames.moments import MassProperties
 from sparsemor.bodies.material import Isotropic
 from sparsemor.bodies.mesh.generators.block import Block
 from sparsemor.bodies.mesh.generators.rectangle import Rectangle
-from sparsemor.core import outer_facets
 from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core.model.facets import outer_facets
 from sparsemor.core.protocols.mesh import Mesh
 
 ALLOY = Isotropic(E=7e10, nu=0.3, rho=1000, alpha=2e-5)

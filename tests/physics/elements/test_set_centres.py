@@ -9,9 +9,10 @@ import pytest
 from sparsemor.bodies.fem.quadratic import with_midpoints
 from sparsemor.bodies.mesh.centres import centre_of_set
 from sparsemor.bodies.mesh.file import MeshFile
-from sparsemor.core import FloatArray, IntArray, Mesh, outer_facets
+from sparsemor.core import FloatArray, IntArray, Mesh
 from sparsemor.core.errors import InputError
 from sparsemor.core.model.assembly import assemble
+from sparsemor.core.model.facets import outer_facets
 from sparsemor.core.testing.in_memory_run import march, scene_of
 
 CASES = Path(__file__).parents[2] / "support" / "cases" / "centres"
