@@ -18,6 +18,10 @@ if TYPE_CHECKING:
         displacement_gradient as displacement_gradient,
     )
     from sparsemor.bodies.fem.pointwise_law import temperature_gradient as temperature_gradient
+    from sparsemor.bodies.frames.floating import FieldInertia as FieldInertia
+    from sparsemor.bodies.frames.floating import inertia_matrices as inertia_matrices
+    from sparsemor.bodies.frames.floating import write_frame as write_frame
+    from sparsemor.bodies.frames.floating import write_weight as write_weight
     from sparsemor.bodies.frames.items import RigidItem as RigidItem
     from sparsemor.bodies.frames.moments import MassProperties as MassProperties
     from sparsemor.bodies.frames.plane_items import PlanePart as PlanePart
@@ -34,14 +38,18 @@ if TYPE_CHECKING:
     from sparsemor.bodies.loads.amplitude import NumberOrFunction as NumberOrFunction
     from sparsemor.bodies.loads.amplitude import amplitude as amplitude
     from sparsemor.bodies.loads.part import LoadPart as LoadPart
+    from sparsemor.bodies.loads.point_force import write_point_force as write_point_force
     from sparsemor.bodies.loads.vectors import components as components
     from sparsemor.bodies.material import Isotropic as Isotropic
     from sparsemor.bodies.pose import Pose as Pose
+    from sparsemor.bodies.targets import Place as Place
     from sparsemor.bodies.targets import Target as Target
     from sparsemor.bodies.targets import find_body as find_body
+    from sparsemor.bodies.targets import find_place as find_place
     from sparsemor.bodies.targets import find_surfaces as find_surfaces
     from sparsemor.bodies.targets import find_target as find_target
     from sparsemor.bodies.targets import need_field as need_field
+    from sparsemor.bodies.targets import need_motion as need_motion
     from sparsemor.bodies.terms.dense import DenseTerm as DenseTerm
     from sparsemor.bodies.terms.field_kinds import BODY_KINDS as BODY_KINDS
     from sparsemor.bodies.terms.field_kinds import ELASTIC as ELASTIC
@@ -56,6 +64,7 @@ _HOMES = {
     "fem.pointwise_law": (
         "HasLawArrays", "PointwiseLaw", "Response", "TEMPERATURE", "TEMPERATURE_RATE",
         "Variable", "displacement_gradient", "temperature_gradient"),
+    "frames.floating": ("FieldInertia", "inertia_matrices", "write_frame", "write_weight"),
     "frames.items": ("RigidItem",),
     "frames.moments": ("MassProperties",),
     "frames.plane_items": ("PlanePart",),
@@ -67,10 +76,12 @@ _HOMES = {
     "joints.side": ("Side",),
     "loads.amplitude": ("NumberOrFunction", "amplitude"),
     "loads.part": ("LoadPart",),
+    "loads.point_force": ("write_point_force",),
     "loads.vectors": ("components",),
     "material": ("Isotropic",),
     "pose": ("Pose",),
-    "targets": ("Target", "find_body", "find_surfaces", "find_target", "need_field"),
+    "targets": ("Place", "Target", "find_body", "find_place", "find_surfaces", "find_target",
+                "need_field", "need_motion"),
     "terms.dense": ("DenseTerm",),
     "terms.law_functions": ("curve_at", "numbers_of"),
     "terms.field_kinds": ("BODY_KINDS", "ELASTIC", "MULTIPLIER", "RIGID", "THERMAL"),

@@ -205,9 +205,10 @@ def toys(distribute: Distribute, monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture(scope="session")
 def third_party(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder for PYTHONPATH where both sample distributions are installed by pip."""
+    """A folder for PYTHONPATH where the sample distributions are installed by pip."""
     target = tmp_path_factory.mktemp("third_party")
-    sources = [str(THIRD_PARTY / name) for name in ("sparsemor-sample", "sparsemor-broken")]
+    sources = [str(THIRD_PARTY / name) for name in (
+        "sparsemor-sample", "sparsemor-beam", "sparsemor-broken")]
     subprocess.run(
         [sys.executable, "-m", "pip", "install", "--quiet", "--disable-pip-version-check",
          "--no-index", "--no-deps", "--no-build-isolation", "--target", str(target), *sources],

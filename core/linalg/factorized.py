@@ -144,17 +144,20 @@ def rigid_motions(places: DofLocations) -> FloatArray:
     """Near-null space (n, r) of an operator on these unknowns, columns of similar size.
 
     Displacements: rigid-body modes, translations and rotations about the mean position, r = 3 (2-D)
-    or 6 (3-D). Temperatures: the constant, r = 1.
+    or 6 (3-D); components from d on are rotations. Temperatures: the constant, r = 1.
     """
     n, d = places.coordinates.shape
     if not is_vector_field(places):
         return np.ones((n, 1))
     X = places.coordinates - places.coordinates.mean(axis=0)
-    X /= max(float(np.abs(X).max(initial=0.0)), np.finfo(np.float64).tiny)
-    unit = np.eye(d)[places.component]
-    turns = [np.einsum("ni,ij,nj->n", unit, _turn(d, i, j), X)
-             for i in range(d) for j in range(i + 1, d)]
-    return np.column_stack([unit, *turns])
+    size = max(float(np.abs(X).max(initial=0.0)), np.finfo(np.float64).tiny)
+    pairs = [(i, j) for i in range(d) for j in range(i + 1, d)]
+    unit = np.eye(d + len(pairs))[places.component]
+    # (y, z), (z, x), (x, y): the rotation about x, y, z, or in the plane the only one
+    turns = [np.einsum("ni,ij,nj->n", unit[:, :d], _turn(d, i, j), X / size)
+             + (1.0 if (i, j) != (0, 2) else -1.0) / size * unit[:, d + axis]
+             for axis, (i, j) in enumerate(reversed(pairs))]
+    return np.column_stack([unit[:, :d], *turns[::-1]])
 
 
 def _turn(d: int, i: int, j: int) -> FloatArray:

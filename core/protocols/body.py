@@ -244,7 +244,8 @@ class Body(Part):
         return {}
 
     def geometry(self) -> Mapping[str, tuple[FloatArray, IntArray]]:
-        """Reducible block -> node coordinates (n, d), m, and component (n,) of its unknowns."""
+        """Reducible block -> node coordinates (n, d), m, and component (n,) of its unknowns:
+        0..d-1 for displacements, d and up for rotations, 0 for temperatures."""
         return {}
 
     # ------------------------------------------------------------------ motion of its frame

@@ -1,4 +1,4 @@
-"""The sample distribution works like a first-party plugin; the broken one harms nobody."""
+"""The sample distributions work like first-party plugins; the broken one harms nobody."""
 
 import ast
 import json
@@ -13,7 +13,8 @@ from public_names import PUBLIC, ours
 
 pytestmark = pytest.mark.full
 
-SAMPLE = Path(__file__).parents[1] / "third_party" / "sparsemor-sample"
+FOLDER = Path(__file__).parents[1] / "third_party"
+SAMPLE, BEAM = FOLDER / "sparsemor-sample", FOLDER / "sparsemor-beam"
 MODULES = sorted(SAMPLE.glob("*.py"))
 
 
@@ -47,11 +48,12 @@ def test_the_schema_completes_it_and_leaves_the_broken_one_out(third_party):
     assert "every_nth" in names and "broken" not in names
 
 
-def test_its_law_test_passes(third_party, tmp_path):
+@pytest.mark.parametrize("own", [SAMPLE / "check_sample.py", BEAM / "check_beam.py"])
+def test_its_law_test_passes(third_party, tmp_path, own):
     """In a temporary folder of its own: other test runs clean up the common one."""
     done = run(third_party, "-m", "pytest", "-q", "-p", "no:cacheprovider",
                "--basetemp", str(tmp_path / "own"),
-               "--rootdir", str(SAMPLE), str(SAMPLE / "check_sample.py"))
+               "--rootdir", str(own.parent), str(own))
     assert done.returncode == 0, done.stdout
 
 
@@ -96,7 +98,7 @@ def test_a_broken_command_says_so_in_one_line_and_hides_no_other(third_party):
 
 
 def test_it_imports_public_names_alone():
-    for path in MODULES:
+    for path in (*MODULES, *BEAM.glob("*.py")):
         assert ours(path.read_text()) <= PUBLIC, path.name
 
 
