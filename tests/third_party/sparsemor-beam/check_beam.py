@@ -48,7 +48,7 @@ def cantilever(**loads: Any) -> Any:
 
 
 def test_deflection_of_a_cantilever_is_that_of_the_textbook() -> None:
-    """F L^3 / (3 E J) for a force at the tip, M L^2 / (2 E J) and slope M L / (E J) for a moment."""
+    """F L^3 / (3 E J) of a force, M L^2 / (2 E J) and slope M L / (E J) of a moment at the tip."""
     F, M = 0.2, 0.1
     for load_of_it, w, slope in (
             ({"use": "point_force", "on": "beam:right", "force": [0.0, F]},
@@ -67,7 +67,7 @@ def test_weight_of_a_cantilever_bends_it_as_a_load_per_length() -> None:
 
 def test_first_bending_frequency_of_a_cantilever() -> None:
     """(1.8751 / L)^2 sqrt(E J / (rho A)), from the period of a free oscillation."""
-    omega = (1.8751040687 / L) ** 2 * sqrt(E * I / (RHO * A))
+    omega = (1.8751040687 / L) ** 2 * sqrt(E * J / (RHO * A))
     period = 2 * pi / omega
     kick = {"use": "point_force", "on": "beam:right", "force": [0.0, 1.0],
             "factor": {"use": "pulse", "start": 0.0, "duration": period / 2, "level": 0.01}}
