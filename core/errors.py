@@ -1,7 +1,8 @@
 """Input errors: one or more faults, each with its location, shown to the user without a
 traceback."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from numbers import Integral
 from typing import ParamSpec, TypeVar
@@ -54,12 +55,13 @@ def check_count(value: object, key: str, least: int = 1) -> None:
 
 
 class Gather:
-    """Collector of faults: calls several functions and raises the errors of those that fail
-    together.
+    """Collector of faults: calls several functions, or runs several blocks, and raises the errors
+    of those that fail together.
 
         gather = Gather()
         a = gather("a", first, 1.0)
-        b = gather("b", second)
+        with gather.under("b"):
+            b = second()
         gather.check()
     """
 
@@ -76,6 +78,14 @@ class Gather:
         except InputError as error:
             self.faults += (error.under(key) if key else error).faults
             return None
+
+    @contextmanager
+    def under(self, key: str) -> Iterator[None]:
+        """Context that keeps the faults of an InputError in it under `key`, and ends there."""
+        try:
+            yield
+        except InputError as error:
+            self.faults += (error.under(key) if key else error).faults
 
     def check(self) -> None:
         """Raises InputError with all collected faults, if there are any."""

@@ -108,9 +108,10 @@ def sides_of(
     InputError when both are the ground or the same body, or the bodies are not in the same one of
     the given dimensions.
     """
-    gather = Gather()
-    targets = [None if text == GROUND else gather("", _target, parts, text, f"between.{i}")
-               for i, text in enumerate(between)]
+    gather, targets = Gather(), list[Place | None]()
+    for i, text in enumerate(between):
+        with gather.under(""):
+            targets.append(None if text == GROUND else _target(parts, text, f"between.{i}"))
     gather.check()
     bodies = [t.body for t in targets if t is not None]
     if not bodies:

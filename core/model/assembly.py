@@ -61,7 +61,9 @@ def assemble(
     if body_cache is None or prescribed is not NOTHING:
         return _assembled(scene, prescribed, body_cache or BodyCache())
     key = digest(str(scene.folder), scene.digest(*_PARTS), repr(_stepping(scene)))
-    model = body_cache.model(key, lambda: _assembled(scene, prescribed, body_cache))
+    model = body_cache.models.get(key)
+    if model is None:
+        body_cache.models[key] = model = _assembled(scene, prescribed, body_cache)
     # with a log of its own, and a start of its own
     return replace(model, solvers=BlockSolvers(scene.linear_solver, scene.linear_solvers))
 
@@ -123,9 +125,9 @@ def _build(
         for name, connector in groups[group].items():
             if mentioned(connector, failed):
                 continue
-            part = gather(f"{group}.{name}", _connector, connector, name, bodies, prescribed,
-                          PARTS[group.removesuffix("s")])
-            if part is not None:
+            with gather.under(f"{group}.{name}"):
+                part = _connector(connector, name, bodies, prescribed,
+                                  PARTS[group.removesuffix("s")])
                 built[name] = part
                 bodies.update(part.adjusted)
     probes = [gather(f"probes.{name}", _probe, bodies[probe.body], name, probe)

@@ -1,7 +1,6 @@
 """Cache of built bodies and models, shared by input check, pre-simulation, training run and main
 run."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -30,7 +29,7 @@ class BodyCache:
     """
 
     _bodies: list[_Built] = field(default_factory=list)
-    _models: dict[str, "Model"] = field(default_factory=dict)
+    models: dict[str, "Model"] = field(default_factory=dict)
 
     def body(self, plugin: BodyPlugin, name: str, base: Path) -> Body:
         """The body that `plugin.build(name, base)` returns, from the cache if possible. Raises the
@@ -47,12 +46,6 @@ class BodyCache:
     def of_bodies(self) -> "BodyCache":
         """Cache with the same bodies, and without the models."""
         return BodyCache(self._bodies)
-
-    def model(self, key: str, make: Callable[[], "Model"]) -> "Model":
-        """The model cached under `key`; `make` builds it at the first call."""
-        if key not in self._models:
-            self._models[key] = make()
-        return self._models[key]
 
 
 def without_fields(plugin: BodyPlugin) -> BodyPlugin | None:

@@ -10,23 +10,34 @@ from pydantic_core import CoreSchema, PydanticKnownError, core_schema
 def without_booleans(schema: CoreSchema) -> CoreSchema:
     """The same pydantic schema, in which no number accepts true or false as 1 or 0, at any depth
     except in references to other models, which have their own schema."""
-    return cast(CoreSchema, _rewritten(schema))
+    root: list[Any] = [schema]
+    waiting: list[tuple[Any, Any]] = [(root, 0)]
+    choices: list[tuple[Any, Any]] = []  # of a union with their labels: tuples
+    while waiting:
+        holder, key = waiting.pop()
+        part = holder[key]
+        if isinstance(part, list | tuple):
+            holder[key] = parts = list(part)
+            for i, p in enumerate(parts):
+                if isinstance(p, _CONTAINERS):
+                    waiting.append((parts, i))
+            if isinstance(part, tuple):
+                choices.append((holder, key))
+        elif part.get("type") in _NUMBERS and (check := _check_of(part)) is not None:
+            holder[key] = core_schema.no_info_before_validator_function(check, part)
+        else:
+            holder[key] = copy = dict(part)
+            for k, v in copy.items():
+                if k not in _NOT_SCHEMAS and isinstance(v, _CONTAINERS):
+                    waiting.append((copy, k))
+    for holder, key in reversed(choices):  # inner ones before those that contain them
+        holder[key] = tuple(holder[key])
+    return cast(CoreSchema, root[0])
 
 
-def _rewritten(part: Any) -> Any:
-    if isinstance(part, list):
-        return [_rewritten(p) for p in part]
-    if isinstance(part, tuple):  # a choice of a union with its label
-        return tuple(_rewritten(p) for p in part)
-    if not isinstance(part, dict):
-        return part
-    check = _check_of(part)
-    if check is not None:
-        return core_schema.no_info_before_validator_function(check, part)
-    return {key: value if key in _NOT_SCHEMAS else _rewritten(value)
-            for key, value in part.items()}
-
-
+_CONTAINERS = (dict, list, tuple)
+_NUMBERS = frozenset({"float", "int", "literal"})
+"""Types of schemas that may accept numbers."""
 _NOT_SCHEMAS = frozenset({"default", "expected", "metadata", "serialization", "config", "cls"})
 """Keys of a schema whose values are data of the option, and no schemas."""
 
@@ -40,8 +51,8 @@ def _check_of(part: dict[str, Any]) -> Callable[[Any], Any] | None:
     if kind == "int":
         return _integer
     listed = expected if kind == "literal" and isinstance(expected, list) else []
-    numbers = any(isinstance(e, int | float) for e in listed)
-    return _one_of(listed) if numbers and not any(isinstance(e, bool) for e in listed) else None
+    types = set(map(type, listed))
+    return _one_of(listed) if types & {int, float} and bool not in types else None
 
 
 def _number(value: Any) -> Any:

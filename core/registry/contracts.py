@@ -235,7 +235,10 @@ def _member(cls: type, name: str) -> Any:
 
 
 def _annotated(cls: type, name: str) -> bool:
-    return any(name in inspect.get_annotations(c) for c in cls.__mro__ if c not in _ROOTS)
+    for c in cls.__mro__:
+        if c not in _ROOTS and name in inspect.get_annotations(c):
+            return True
+    return False
 
 
 def _parameters(method: Any) -> list[inspect.Parameter]:

@@ -2,7 +2,7 @@
 
 import difflib
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from importlib import metadata
@@ -56,10 +56,10 @@ class Registry:
     @cached_property
     def _entry_points(self) -> tuple[metadata.EntryPoint, ...]:
         if self._replaced is not None:
-            return tuple(e for e in self._replaced if e.group.startswith(PREFIX))
+            return tuple([e for e in self._replaced if e.group.startswith(PREFIX)])
         installed = metadata.entry_points()
-        groups = sorted(g for g in installed.groups if g.startswith(PREFIX))
-        return tuple(e for g in groups for e in installed.select(group=g))
+        groups = sorted([g for g in installed.groups if g.startswith(PREFIX)])
+        return tuple([e for g in groups for e in installed.select(group=g)])
 
     def kinds(self) -> tuple[str, ...]:
         """Kinds of plugins that the installed distributions offer, sorted."""
@@ -146,8 +146,15 @@ class Registry:
         unique = len(self._called(e.group.removeprefix(PREFIX), e.name)) < 2
         return e.name if unique else self.spelling(_named(e))
 
+    @cached_property
+    def _groups(self) -> Mapping[str, list[metadata.EntryPoint]]:
+        found: dict[str, list[metadata.EntryPoint]] = {}
+        for e in self._entry_points:
+            found.setdefault(e.group, []).append(e)
+        return found
+
     def _of(self, kind: str) -> list[metadata.EntryPoint]:
-        return [e for e in self._entry_points if e.group == PREFIX + kind]
+        return self._groups.get(PREFIX + kind, [])
 
     def _called(self, kind: str, name: str) -> list[metadata.EntryPoint]:
         """Entry points of all plugins with this plain or qualified name."""

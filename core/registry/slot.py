@@ -80,7 +80,9 @@ class Slot:
         return value
 
     def _build(self, name: str, options: dict[str, Any], context: dict[str, Any]) -> BaseModel:
-        registry: Registry = context.setdefault("registry", Registry())
+        if "registry" not in context:
+            context["registry"] = Registry()
+        registry: Registry = context["registry"]
         cls = registry.get(self.kind, name)
         passed_over = registry.passed_over(self.kind, name)
         if passed_over:
@@ -110,10 +112,12 @@ def slot_default(name: str) -> Any:
 def name_default_slots(cls: type[BaseModel], options: Mapping[str, Any]) -> dict[str, Any]:
     """Options with the name of the default plugin filled in: `solver: {rtol: 1e-9}` without `use`
     sets an option of the default solver."""
-    named = dict(options)
-    for key, field in cls.model_fields.items():
-        value = named.get(key)
-        is_slot = any(isinstance(m, Slot) for m in field.metadata)
-        if is_slot and isinstance(field.default, str) and isinstance(value, Mapping):
-            named[key] = {"use": field.default, **value}
-    return named
+    return {key: {"use": use, **value} if isinstance(value, Mapping) and (
+        use := _default_plugin(cls, key)) else value for key, value in options.items()}
+
+
+def _default_plugin(cls: type[BaseModel], key: str) -> str:
+    """Name of the default plugin of an option, "" for an option without one."""
+    field = cls.model_fields.get(key)
+    slot = field is not None and any(isinstance(m, Slot) for m in field.metadata)
+    return field.default if field and slot and isinstance(field.default, str) else ""

@@ -1,6 +1,7 @@
 """Overrides of options of a scene, applied to the parsed file before validation."""
 
 from collections.abc import Mapping, Sequence
+from itertools import repeat
 from typing import Any, NamedTuple
 
 from sparsemor.core.errors import Fault, InputError
@@ -104,9 +105,18 @@ def apply(
 
 def copied(value: Any) -> Any:
     """Deep copy of containers; other objects in them, such as plugin instances, are shared."""
-    if isinstance(value, Mapping):
-        return {k: copied(v) for k, v in value.items()}
-    return [copied(v) for v in value] if isinstance(value, list | tuple) else value
+    root = [value]
+    waiting: list[tuple[Any, Any]] = [(root, 0)]
+    while waiting:
+        holder, key = waiting.pop()
+        part: Any = holder[key]
+        if isinstance(part, Mapping):
+            holder[key] = part = dict(part)
+            waiting += zip(repeat(part), part)
+        elif isinstance(part, list | tuple):
+            holder[key] = part = list(part)
+            waiting += zip(repeat(part), range(len(part)))
+    return root[0]
 
 
 def _outer_first(key: str) -> tuple[int, bool]:

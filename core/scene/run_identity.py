@@ -109,10 +109,13 @@ def code_digest() -> str:
 
 
 def _of_commands() -> list[str]:
-    """Folders of sparsemor's commands outside of core, on which no run depends either."""
-    found = metadata.entry_points(group=f"{PACKAGE}.command")
-    return [Path(*e.module.split(".")[1:-1]).as_posix() for e in found
-            if e.module.startswith(f"{PACKAGE}.")]
+    """Folders of sparsemor's commands outside of core, on which no run depends either, unless they
+    hold checks or choices of runs, too."""
+    folders = [{Path(*e.module.split(".")[1:-1]).as_posix() for group in groups
+                for e in metadata.entry_points(group=f"{PACKAGE}.{group}")
+                if e.module.startswith(f"{PACKAGE}.")} for groups in (
+                    ["command"], ["check", "choice"])]
+    return sorted(folders[0] - folders[1])
 
 
 def folder_digest(folder: Path) -> str:
@@ -187,8 +190,8 @@ def _distribution(root: str) -> str:
 
 
 def sources(folder: Path) -> list[Path]:
-    return sorted(Path(place, name) for place, _, names in os.walk(folder) for name in names
-                  if name.endswith(_SOURCES))
+    return sorted([Path(place, name) for place, _, names in os.walk(folder) for name in names
+                   if name.endswith(_SOURCES)])
 
 
 def _digest_of(files: Sequence[Path], root: Path | None) -> str:

@@ -3,6 +3,7 @@
 import hashlib
 import json
 from collections.abc import Iterable, Mapping
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -246,7 +247,14 @@ class Scene(Plugin):
 
         It does not depend on the reducer, so its digest shows whether snapshots can be reused.
         """
-        changes = {**self.training.overrides, **values_at(point or {}),
+        return self._trained_at(point) if point else self._training_scene
+
+    @cached_property
+    def _training_scene(self) -> "Scene":
+        return self._trained_at({})
+
+    def _trained_at(self, point: Point) -> "Scene":
+        changes = {**self.training.overrides, **values_at(point),
                    "reducer": {"use": FULL_ORDER, "remaining": LARGEST_ERROR}}
         changes.setdefault("time.end", self.training_end)
         tree = self.using(changes, label="training.overrides")

@@ -98,7 +98,10 @@ def _deforms(body: BodyPlugin) -> bool:
 
 def rigid_model(scene: Scene, body_cache: BodyCache) -> Model:
     """Model of the scene of a rigid-body pre-simulation, assembled once per `body_cache`."""
-    return body_cache.model(scene.digest(), lambda: assemble(scene, Immobile(), body_cache))
+    key = scene.digest()
+    if key not in body_cache.models:
+        body_cache.models[key] = assemble(scene, Immobile(), body_cache)
+    return body_cache.models[key]
 
 
 def staged(scene: Scene, products: Products, manager: Manager, body_cache: BodyCache) -> Model:

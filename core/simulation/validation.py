@@ -42,14 +42,14 @@ def checked_model(scene: Scene, body_cache: BodyCache | None = None) -> Model:
         gather.check()
     faults = gather("", stage_faults, scene)
     gather.faults += faults or []
-    if scene.rigid_stage is None:
-        model = gather("", assemble, scene, body_cache=body_cache)
-        if model is not None:
-            model = gather("", started_from_result, scene, model)
-    else:
-        model = gather("", assemble, scene, AtStart(), body_cache)
-        if model is not None and faults == []:
-            gather("", check_rigid, scene, body_cache)
+    model: Model | None = None
+    with gather.under(""):
+        if scene.rigid_stage is None:
+            model = started_from_result(scene, assemble(scene, body_cache=body_cache))
+        else:
+            model = assemble(scene, AtStart(), body_cache)
+    if model is not None and scene.rigid_stage is not None and faults == []:
+        gather("", check_rigid, scene, body_cache)
     if model is not None:
         gather.faults += unmatched_patterns(model.layout, "linear_solvers", scene.linear_solvers)
         gather.faults += unknown_fields(scene, model)
@@ -103,12 +103,12 @@ def endless(scene: Scene) -> list[Fault]:
     grids = [("time.step", scene)]
     gather = Gather()
     if "training" in scene.model_fields_set:
-        training = gather("", scene.for_training)
         key = "training.end" if scene.training.end is not None else "training.overrides"
-        grids += [] if training is None else [(key, training)]
+        with gather.under(""):
+            grids.append((key, scene.for_training()))
     if scene.rigid_stage is not None:
-        stage = gather("", rigid_scene, scene)
-        grids += [] if stage is None else [("rigid_stage.overrides", stage)]
+        with gather.under(""):
+            grids.append(("rigid_stage.overrides", rigid_scene(scene)))
     found: dict[str, Fault] = {}
     for key, one in grids:
         refusal = grid_refusal(one.time.end, one.time.step)
