@@ -1,11 +1,11 @@
 """Selection of atoms block by block, at the solution of a step.
 
-Rigid coordinates, joint forces and the temperatures that load a body are held at their values in
+Rigid coordinates, joint forces and the temperatures that load a body are fixed at their values in
 the step. The sampled rows of each block are then linear in its coefficients with a constant matrix,
 
     min over d of |r + B d|,   c + d with at most `budget` nonzeros,
 
-whose factors the sparse solver computes once (`SparseSolver.prepare`). The effect of the held
+whose factors the sparse solver computes once (`SparseSolver.prepare`). The effect of the fixed
 unknowns is of second order: the step is solved again with all of them on the new support.
 """
 
@@ -28,8 +28,8 @@ from sparsemor.core import (
 )
 from sparsemor.core.linalg.column_subsets import ColumnSubsets
 from sparsemor.core.registry.returned_values import checked_return, prepared_recovery
-from sparsemor.reducers.sparse.held_rows import ElasticRows, HeldRows, ThermalRows
 from sparsemor.reducers.sparse.memory import SparseMemory
+from sparsemor.reducers.sparse.row_residuals import ElasticRows, RowResidual, ThermalRows
 from sparsemor.reducers.sparse.supported_steps import (
     Found,
     SelectionFailed,
@@ -52,14 +52,14 @@ class BlockSelection:
     by which squared residuals of several blocks are made comparable; tolerance: residual norm,
     relative to that of the coefficients of unit columns, up to which no exchange is needed."""
 
-    rows: HeldRows
+    rows: RowResidual
     weight: float
     recovery: Recovery
     tolerance: float
 
     @classmethod
     def of(
-        cls, rows: HeldRows, solver: SparseSolver, tolerance: float = 0.0
+        cls, rows: RowResidual, solver: SparseSolver, tolerance: float = 0.0
     ) -> "BlockSelection":
         columns = rows.columns
         return cls(rows, float(columns.lengths.max(initial=1e-300)) ** -2,
@@ -72,12 +72,13 @@ class BlockSelection:
         return self.rows.columns.unit
 
     @property
-    def widest(self) -> BoolArray:
+    def distinguishable(self) -> BoolArray:
         """All atoms that the rows distinguish; none where there are fewer rows than atoms."""
         J = self.columns.A
         m, k = J.shape
         support = np.zeros(k, dtype=np.bool_)
         if k <= m and k:
+            # pivoted QR: |R_ii| is the distance of column i from the span of those before it
             R, order = qr(J, mode="r", pivoting=True, check_finite=False)
             kept = np.abs(np.diag(R)) > DEPENDENT
             support[order[: len(kept)][kept]] = True
@@ -87,29 +88,30 @@ class BlockSelection:
         """The block at coefficients c (k,) with the residual r (l,) of all compressed rows, which
         they minimise on `support`."""
         count = len(self.columns.A)
-        near, rest = r[:count], r[count:]
-        beyond = self.weight * float(rest.dot(rest))
-        now = beyond + self.weight * float(near.dot(near))
-        return AtSolution(self, near, self.rows.columns.lengths * c, support, beyond, now)
+        in_range, rest = r[:count], r[count:]
+        remaining = self.weight * float(rest.dot(rest))
+        current = remaining + self.weight * float(in_range.dot(in_range))
+        return AtSolution(
+            self, in_range, self.rows.columns.lengths * c, support, remaining, current)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AtSolution:
-    """One block at the solution of a step. near (j,): residual in the rows of B; z (k,):
-    coefficients of unit columns; beyond: squared residual of the other rows, on which no
-    coefficient acts; now: of all rows."""
+    """One block at the solution of a step. range_residual (j,): residual in the rows of B; z (k,):
+    coefficients of unit columns; remaining: squared residual of the other rows, on which no
+    coefficient acts; current: of all rows."""
 
     block: BlockSelection
-    near: FloatArray
+    range_residual: FloatArray
     z: FloatArray
     support: BoolArray
-    beyond: float
-    now: float
+    remaining: float
+    current: float
 
     def selected(self) -> Selection:
         """Support on which the sparse solver would end."""
         found = checked_return(
-            self.block.recovery.select(self.near, self.z, self.support), Selection,
+            self.block.recovery.select(self.range_residual, self.z, self.support), Selection,
             self.block.recovery, "select", "reducer.solver")
         if not found.status.ok or bool((found.support == self.support).all()):
             return Selection(self.support, found.status)
@@ -123,15 +125,15 @@ class AtSolution:
     def after(self, other: BoolArray) -> float | None:
         """Squared residual after least squares on the support `other`; None where the rows do not
         distinguish its atoms."""
-        columns, near = self.block.columns, self.near
-        gone = np.flatnonzero(self.support & ~other)
-        if len(gone):
-            near = near - columns.A[:, gone].dot(self.z[gone])
-        left = columns.squared_residual(other, near)
-        return None if left is None else self.beyond + self.block.weight * left
+        columns, residual = self.block.columns, self.range_residual
+        dropped = np.flatnonzero(self.support & ~other)
+        if len(dropped):  # the residual without the atoms that leave the support
+            residual = residual - columns.A[:, dropped].dot(self.z[dropped])
+        squared = columns.squared_residual(other, residual)
+        return None if squared is None else self.remaining + self.block.weight * squared
 
     @property
-    def floor(self) -> float:
+    def threshold(self) -> float:
         """Squared residual up to which no exchange is needed."""
         return self.block.weight * self.block.tolerance**2 * float(self.z.dot(self.z))
 
@@ -139,19 +141,22 @@ class AtSolution:
 def exchanged(blocks: Sequence[AtSolution], hysteresis: float) -> Found:
     """Supports that replace those of the blocks: the ones of the sparse solver if together they
     lower the norm of the residual by more than the fraction `hysteresis`."""
-    now, share = sum(b.now for b in blocks), (1.0 - hysteresis) ** 2
-    if sum(b.beyond for b in blocks) >= share * now or now <= sum(b.floor for b in blocks):
-        return {}  # not even all atoms together lower it enough
+    current, share = sum(b.current for b in blocks), (1.0 - hysteresis) ** 2
+    # the remaining residual is a lower bound: not even all atoms together lower it enough
+    if sum(b.remaining for b in blocks) >= share * current:
+        return {}
+    if current <= sum(b.threshold for b in blocks):
+        return {}
     found, after = {}, 0.0
     for b in blocks:
         name, new = b.block.rows.name, b.selected()
         if not new.status.ok:
             return SelectionFailed(name, new.status)
-        left = b.now if new.support is b.support else b.after(new.support)
-        if left is not None and new.support is not b.support:
+        squared = b.current if new.support is b.support else b.after(new.support)
+        if squared is not None and new.support is not b.support:
             found[name] = new.support
-        after += b.now if left is None else left
-    return found if after < share * now else {}
+        after += b.current if squared is None else squared
+    return found if after < share * current else {}
 
 
 def chosen(blocks: Sequence[AtSolution]) -> Found:
@@ -179,9 +184,9 @@ class BlockwiseSelection:
     which is small against another body's only adds a jump in velocities.
 
     A selection without supports to start from, as in the first step, is made at the solution with
-    the `widest` supports, all atoms that the rows distinguish: there the held quantities are those
-    of the projected model of the whole dictionary. Where that has no solution, or the rows are
-    fewer than the atoms, it is made at the solution without atoms, of rigid bodies.
+    the `distinguishable` supports, all atoms that the rows distinguish: there the fixed quantities
+    are those of the projected model of the whole dictionary. Where that has no solution, or the
+    rows are fewer than the atoms, it is made at the solution without atoms, of rigid bodies.
     """
 
     steps: SupportedSteps
@@ -189,7 +194,7 @@ class BlockwiseSelection:
     bodies: Sequence[BlockSelection]
     hysteresis: float
     carried: bool
-    widest: dict[str, BoolArray]
+    distinguishable: dict[str, BoolArray]
 
     @classmethod
     def of(
@@ -198,18 +203,18 @@ class BlockwiseSelection:
     ) -> "BlockwiseSelection":
         """settled: tolerance of every block."""
         layout, mechanics = steps.base.layout, steps.base.mechanics
-        heat: list[HeldRows] = [ThermalRows.of(s, layout[n]) for n, s in steps.heat.items()]
-        bodies: list[HeldRows] = [] if mechanics is None else [
+        heat: list[RowResidual] = [ThermalRows.of(s, layout[n]) for n, s in steps.heat.items()]
+        bodies: list[RowResidual] = [] if mechanics is None else [
             ElasticRows.of(steps.elastic[b.elastic_name], i, b.elastic, b.thermal)
             for i, b in enumerate(mechanics.bodies) if b.elastic_name in steps.elastic]
-        hot, bent = ([BlockSelection.of(r, solver, settled) for r in some]
+        thermal, elastic = ([BlockSelection.of(r, solver, settled) for r in some]
                      for some in (heat, bodies))
-        return cls(steps, hot, bent, hysteresis, carried,
-                   {b.rows.name: b.widest for b in (*hot, *bent)})
+        return cls(steps, thermal, elastic, hysteresis, carried,
+                   {b.rows.name: b.distinguishable for b in (*thermal, *elastic)})
 
     def solve(self, step: StepFormula, memory: SparseMemory) -> StepOutcome:
         """Solution of a step with a selection in every block."""
-        starts = [self.widest, self.steps.empty]
+        starts = [self.distinguishable, self.steps.empty]
         if self.carried and any(s.any() for s in memory.supports.values()):
             starts.insert(0, memory.supports)
         for start in starts:
@@ -237,7 +242,7 @@ class BlockwiseSelection:
         step, x, supports = at.step, at.outcome.x, at.supports
         parts = [b.at(b.rows.residual(step, x, at.now, memory.work), x[b.rows.at],
                       supports[b.rows.name]) for b in blocks]
-        bad = next((p for p in parts if not p.now < np.inf), None)
+        bad = next((p for p in parts if not p.current < np.inf), None)
         if bad is not None:
             return SelectionFailed(bad.block.rows.name, Status.NOT_FINITE)
         return chosen(parts) if at.fresh else exchanged(parts, self.hysteresis)

@@ -123,8 +123,8 @@ class Build:
             elastic[n] = SampledElastic.of(
                 block, te.under(TestMap(left=block.weight)), prescribed, self.step)
         sampled = [*(h.block for h in heat.values()), *(e.block for e in elastic.values())]
-        choosing = {block.name for block in sampled if block.selects}
-        if self.model.separated.other or choosing & unselectable_blocks(self.model):
+        selecting = {block.name for block in sampled if block.selects}
+        if self.model.separated.other or selecting & unselectable_blocks(self.model):
             return self._coupled(rows, maps, heat, elastic, facts, notes)
         return self._stepper(rows, maps, heat, elastic, facts, row_set, notes)
 
@@ -159,8 +159,9 @@ class Build:
 
         return ProjectedModel(
             self.model, self.dictionaries, rows,
-            {n: ProjectedBlock(s.tested, s.block.left(None), weighted(n)) for n, s in heat.items()},
-            {n: ProjectedBlock(s.tested, s.block.left(None), weighted(n))
+            {n: ProjectedBlock(s.operators, s.block.left_inverse(None), weighted(n))
+             for n, s in heat.items()},
+            {n: ProjectedBlock(s.operators, s.block.left_inverse(None), weighted(n))
              for n, s in elastic.items()})
 
     def _source(self, whole: Whole | None, name: str) -> Whole | None:
@@ -223,11 +224,11 @@ class Build:
             n: e.prepared(None) for n, e in elastic.items() if not e.block.selects}
         # D^-1 brings every load to every row
         plain = {n: r for n, r in rows.items() if n not in self.inverted}
-        wide = {c.rows: self._wide(heat[c.rows], maps[c.rows])
+        coupled_maps = {c.rows: self._on_all_rows(heat[c.rows], maps[c.rows])
                 for c in self.model.separated.couplings}
         visited = {n: block.elements for n, block in fixed_heat.items()}
-        groups = fixed_heat if not wide else heat_groups(
-            self.model, fixed_heat, self.dictionaries, wide, self.step.c1_first)
+        groups = fixed_heat if not coupled_maps else heat_groups(
+            self.model, fixed_heat, self.dictionaries, coupled_maps, self.step.c1_first)
         o, sizes = self.options, {n: d.atoms.shape[1] for n, d in self.dictionaries.items()}
         base = stepper(
             self.model, self.model.layout.resized(sizes), self.dictionaries, rows, groups,
@@ -235,7 +236,7 @@ class Build:
             len(fixed_heat) + (len(elastic) if fixed else len(fixed_elastic)),
             fixed and self.offline is not None, self.limits,
             (*unsampled_loads(self.model, plain), *notes),
-            {n: e.tested for n, e in elastic.items()}, facts, visited)
+            {n: e.operators for n, e in elastic.items()}, facts, visited)
         if fixed:
             projected = self._projected(rows, maps, heat, elastic)
             base = base.with_equations(reduced_general(
@@ -244,10 +245,10 @@ class Build:
         require_numba(o.compiled)
         # all elastic blocks take part in the joint problem
         whole = o.selection == "joint" and len(fixed_elastic) < len(elastic)
-        choosing = {n: e for n, e in elastic.items() if whole or n not in fixed_elastic}
-        warm = {n: h for n, h in heat.items() if n not in fixed_heat}
-        self._refuse(warm, choosing, base)
-        steps = SupportedSteps(base, warm, choosing, row_set)
+        selecting = {n: e for n, e in elastic.items() if whole or n not in fixed_elastic}
+        selecting_heat = {n: h for n, h in heat.items() if n not in fixed_heat}
+        self._refuse(selecting_heat, selecting, base)
+        steps = SupportedSteps(base, selecting_heat, selecting, row_set)
         carried = frozenset(n for n in steps.empty if o.carries(n))
         selection = (
             BlockwiseSelection.of(steps, o.solver, o.hysteresis, bool(carried), o.settled)
@@ -255,25 +256,25 @@ class Build:
             JointSelection(steps, o.solver, o.hysteresis, carried, o.polish))
         return SparseStepper(base, steps, selection, o.every, o.compiled)
 
-    def _wide(self, source: SampledHeat, test: TestMap) -> FloatArray:
+    def _on_all_rows(self, source: SampledHeat, test: TestMap) -> FloatArray:
         """Map (k, n) of forces on all n rows of a block to its coefficients: the left inverse of
         the sampled rows times their test map."""
         block = source.block
-        P, left = block.weight, source.columns.left(None)
-        return test.times(left if P is None else left @ P, len(block.dictionary.offset))
+        P, inverse = block.weight, source.columns.left_inverse(None)
+        return test.times(inverse if P is None else inverse @ P, len(block.dictionary.offset))
 
     def _refuse(
-        self, warm: Mapping[str, SampledHeat], choosing: Mapping[str, SampledElastic],
+        self, selecting_heat: Mapping[str, SampledHeat], selecting: Mapping[str, SampledElastic],
         base: Stepper,
     ) -> None:
         """Raises InputError for a sparse solver that lacks capabilities which the problems of a
         step require."""
-        problems = {n: shape_needs(*h.block.B.shape) for n, h in warm.items()}
+        problems = {n: shape_needs(*h.block.B.shape) for n, h in selecting_heat.items()}
         if self.options.selection == "blocks":
-            problems |= {n: shape_needs(*e.block.B.shape) for n, e in choosing.items()}
-        elif choosing and base.mechanics is not None:
-            problems[", ".join(choosing)] = mechanics_needs(
-                list(choosing.values()), base.mechanics.size)
+            problems |= {n: shape_needs(*e.block.B.shape) for n, e in selecting.items()}
+        elif selecting and base.mechanics is not None:
+            problems[", ".join(selecting)] = mechanics_needs(
+                list(selecting.values()), base.mechanics.size)
         refused = [Fault("reducer.solver", why) for n, needs in problems.items()
                    if (why := solver_refusal(n, self.options.solver, needs))]
         if refused:

@@ -54,7 +54,7 @@ class HeatProblem:
 
     @classmethod
     def at(cls, s: SampledHeat, r1: FloatArray, t: float) -> "HeatProblem":
-        T, J = s.few
+        T, J = s.compressed
         b = plus_loads(T.constant - T.capacity @ r1, T, t)
         size = float(np.linalg.norm(J, axis=0).max())
         group = Group(s.block.name, 0, J.shape[1], s.block.budget)
@@ -99,10 +99,10 @@ class MechanicsProblem:
                 self.members.append(BodyInProblem(
                     body, None, slice(0, 0), slice(0, 0), 1.0, np.zeros(0), np.zeros((0, 0))))
                 continue
-            t, (rows, atoms) = s.few[0], s.few[1].shape
-            size = float(np.linalg.norm(s.few[1], axis=0).max())
+            t, (rows, atoms) = s.compressed[0], s.compressed[1].shape
+            size = float(np.linalg.norm(s.compressed[1], axis=0).max())
             self.members.append(BodyInProblem(
-                body, s.few, slice(k, k + atoms), slice(m, m + rows), 1 / size,
+                body, s.compressed, slice(k, k + atoms), slice(m, m + rows), 1 / size,
                 self._history(t, body), (t.generators @ self.r1[body.elastic]).T))
             groups.append(Group(s.block.name, k, k + atoms, s.block.budget))
             k, m = k + atoms, m + rows

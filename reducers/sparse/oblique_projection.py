@@ -78,15 +78,15 @@ def row_error(
         groups = [(np.sort(order[:, i]), x[:, [i]], c[:, [i]]) for i in range(x.shape[1])]
     for support, part, own in groups:
         try:
-            left = block.left(support)
+            inverse = block.left_inverse(support)
         except SolveFailed:
             return None
         atoms = A if support is None else A[:, support]
         rest = part - atoms @ (own if support is None else own[support])
         for S in (D, slow):
-            seen = left @ _rows(block, test, S @ rest)
+            seen = inverse @ _rows(block, test, S @ rest)
             if S is slow:  # for S = D this matrix is 1
-                across = left @ _rows(block, test, S @ atoms)
+                across = inverse @ _rows(block, test, S @ atoms)
                 seen = np.asarray(np.linalg.lstsq(across, seen, rcond=None)[0], dtype=np.float64)
             worst = max(worst, float(np.linalg.norm(rest - atoms @ seen, axis=0).max()))
     return RowError(worst / change, best / change)

@@ -24,20 +24,20 @@ class CompactElastic(NamedTuple):
     """Elastic operators and B (l, k) in the compressed rows; B is nonzero in the first `reach` rows
     only, the frame directions P in the first `first`."""
 
-    tested: TestedElastic
+    operators: TestedElastic
     B: FloatArray
     reach: int
     first: int
 
 
 class CompactHeat(NamedTuple):
-    """Thermal operators and B (l, k) in the compressed rows; turn (m, l): their orthonormal basis
+    """Thermal operators and B (l, k) in the compressed rows; basis (m, l): their orthonormal basis
     in the sampled rows, None where they are the same; reach: number of its first columns that span
     the range of B."""
 
-    tested: TestedHeat
+    operators: TestedHeat
     B: FloatArray
-    turn: FloatArray | None
+    basis: FloatArray | None
     reach: int
 
 

@@ -67,7 +67,7 @@ class Sampled:
     def selects(self) -> bool:
         return self.budget < self.atoms
 
-    def left(self, support: IntArray | None) -> FloatArray:
+    def left_inverse(self, support: IntArray | None) -> FloatArray:
         """Left inverse (s, m) of the columns of B on the support, by least squares. Raises
         SolveFailed."""
         return on_support(self.name, self.B, support)
@@ -80,7 +80,7 @@ def on_support(name: str, B: FloatArray, support: IntArray | None) -> FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ReachedColumns:
+class RangeColumns:
     """Columns of B (j, k) in the compressed rows where B is nonzero. lengths (k,): their lengths, 1
     for a column of zeros; unit: the columns scaled to unit length, with factors of subsets."""
 
@@ -90,111 +90,112 @@ class ReachedColumns:
     unit: ColumnSubsets
 
     @classmethod
-    def of(cls, name: str, B: FloatArray) -> "ReachedColumns":
+    def of(cls, name: str, B: FloatArray) -> "RangeColumns":
         size = np.sqrt(squares(B))
         lengths = np.where(size > 0.0, size, 1.0)
         return cls(name, B, lengths, ColumnSubsets(np.ascontiguousarray(B / lengths), SAMPLED_RTOL))
 
-    def left(self, support: IntArray | None) -> FloatArray:
+    def left_inverse(self, support: IntArray | None) -> FloatArray:
         """Left inverse (s, j) of the columns on the support, by least squares. Raises
         SolveFailed."""
         mask = np.zeros(self.B.shape[1], dtype=np.bool_)
         mask[slice(None) if support is None else support] = True
-        left = self.unit.left_inverse(mask)
-        if left is None:
+        inverse = self.unit.left_inverse(mask)
+        if inverse is None:
             return on_support(self.name, self.B, support)  # which reports why
-        return np.asarray(left / self.lengths[mask][:, None])
+        return np.asarray(inverse / self.lengths[mask][:, None])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SampledElastic:
     """Sampled rows of an elastic block and their compressions.
 
-    tested: operators in the sampled rows, including the preconditioner. few: operators and B in the
-    compressed rows (row_compression.py) where atoms are selected; first: number of these rows in
-    which B or the frame directions are nonzero; reached: the rows of `few` in which B is nonzero,
-    the only ones that affect a least-squares solution; columns: B in these rows. prescribed: True
-    if the motion of all frames is prescribed; step: step size and factors.
+    operators: operators in the sampled rows, including the preconditioner. compressed: operators
+    and B in the compressed rows (row_compression.py) where atoms are selected; first: number of
+    these rows in which B or the frame directions are nonzero; range_rows: operators in the
+    compressed rows in which B is nonzero, the only ones that affect a least-squares solution;
+    columns: B in these rows. prescribed: True if the motion of all frames is prescribed; step: step
+    size and factors.
     """
 
     block: Sampled
-    tested: TestedElastic
-    few: tuple[TestedElastic, FloatArray]
+    operators: TestedElastic
+    compressed: tuple[TestedElastic, FloatArray]
     first: int
-    reached: TestedElastic
-    columns: ReachedColumns
+    range_rows: TestedElastic
+    columns: RangeColumns
     prescribed: bool
     step: StepFactors
 
     @classmethod
     def of(
-        cls, block: Sampled, tested: TestedElastic, prescribed: bool, step: StepFactors
+        cls, block: Sampled, operators: TestedElastic, prescribed: bool, step: StepFactors
     ) -> "SampledElastic":
         if not block.selects:
-            return cls(block, tested, (tested, block.B), len(block.B), tested,
-                       ReachedColumns.of(block.name, block.B), prescribed, step)
-        t, B, reach, first = compact_elastic(tested, block.B)
+            return cls(block, operators, (operators, block.B), len(block.B), operators,
+                       RangeColumns.of(block.name, block.B), prescribed, step)
+        t, B, reach, first = compact_elastic(operators, block.B)
         if reach == len(B):
             t, B = t.by_columns(), np.asfortranarray(B)
-            return cls(block, tested, (t, B), first, t, ReachedColumns.of(block.name, B),
+            return cls(block, operators, (t, B), first, t, RangeColumns.of(block.name, B),
                        prescribed, step)
-        near = np.arange(reach)
-        return cls(block, tested, (t, B), first, t.under(TestMap(near)),
-                   ReachedColumns.of(block.name, B[near]), prescribed, step)
+        in_range = np.arange(reach)
+        return cls(block, operators, (t, B), first, t.under(TestMap(in_range)),
+                   RangeColumns.of(block.name, B[in_range]), prescribed, step)
 
     def prepared(self, support: IntArray | None) -> ReducedElastic:
-        left, c1, c2 = self.columns.left(support), self.step.c1, self.step.c2
+        inverse, c1, c2 = self.columns.left_inverse(support), self.step.c1, self.step.c2
         if self.prescribed and support is not None and few(support, self.block.atoms):
-            return SelectedPrescribed.of(self.reached, left, support, c1, c2)
+            return SelectedPrescribed.of(self.range_rows, inverse, support, c1, c2)
         kind = CompressedPrescribed if self.prescribed else CompressedElastic
-        return kind.of(self.reached, left, support, c1, c2)
+        return kind.of(self.range_rows, inverse, support, c1, c2)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SampledHeat:
-    """Sampled rows of a thermal block and their compressions; tested, few, reached, columns: see
-    `SampledElastic`. turn (m, l): basis of the rows of `few` in the sampled rows, None where they
-    are the same."""
+    """Sampled rows of a thermal block and their compressions; operators, compressed, range_rows,
+    columns: see `SampledElastic`. basis (m, l): basis of the compressed rows in the sampled rows,
+    None where they are the same."""
 
     block: Sampled
-    tested: TestedHeat
-    few: tuple[TestedHeat, FloatArray]
-    reached: TestedHeat
-    columns: ReachedColumns
-    turn: FloatArray | None
+    operators: TestedHeat
+    compressed: tuple[TestedHeat, FloatArray]
+    range_rows: TestedHeat
+    columns: RangeColumns
+    basis: FloatArray | None
     model: AssembledModel
     body: HeatBody
     c1: float
 
     @classmethod
     def of(
-        cls, block: Sampled, tested: TestedHeat, model: AssembledModel, body: HeatBody, c1: float
+        cls, block: Sampled, operators: TestedHeat, model: AssembledModel, body: HeatBody, c1: float
     ) -> "SampledHeat":
         if not block.selects:
-            return cls(block, tested, (tested, block.B), tested,
-                       ReachedColumns.of(block.name, block.B), None, model, body, c1)
-        t, B, turn, reach = compact_heat(tested, block.B, bool(body.local))
-        near = np.arange(reach)
-        return cls(block, tested, (t, B), t.under(TestMap(near)),
-                   ReachedColumns.of(block.name, B[near]), turn, model, body, c1)
+            return cls(block, operators, (operators, block.B), operators,
+                       RangeColumns.of(block.name, block.B), None, model, body, c1)
+        t, B, basis, reach = compact_heat(operators, block.B, bool(body.local))
+        in_range = np.arange(reach)
+        return cls(block, operators, (t, B), t.under(TestMap(in_range)),
+                   RangeColumns.of(block.name, B[in_range]), basis, model, body, c1)
 
     def prepared(self, support: IntArray | None) -> CompressedHeat:
-        left = self.columns.left(support)
-        rows = left if self.turn is None else left @ self.turn[:, : left.shape[1]].T
-        return CompressedHeat.of(self.reached, left, support, self.c1, self._local(rows))
+        inverse = self.columns.left_inverse(support)
+        rows = inverse if self.basis is None else inverse @ self.basis[:, : inverse.shape[1]].T
+        return CompressedHeat.of(self.range_rows, inverse, support, self.c1, self._local(rows))
 
     def local_rows(self) -> list[ReducedTerm]:
-        """Local terms in the rows of `few`."""
-        return self._local(np.eye(len(self.block.B)) if self.turn is None else self.turn.T)
+        """Local terms in the rows of `compressed`."""
+        return self._local(np.eye(len(self.block.B)) if self.basis is None else self.basis.T)
 
     def _local(self, rows: FloatArray) -> list[ReducedTerm]:
         """Local terms in combinations `rows` (l, m) of the sampled rows."""
         if not self.body.local:
             return []
-        wide = np.zeros((len(rows), self.block.dictionary.atoms.shape[0]))
+        on_all_rows = np.zeros((len(rows), self.block.dictionary.atoms.shape[0]))
         P = self.block.weight
-        wide[:, self.block.rows] = rows if P is None else rows @ P
-        return local_terms(self.model, self.body, self.block.dictionary, wide)
+        on_all_rows[:, self.block.rows] = rows if P is None else rows @ P
+        return local_terms(self.model, self.body, self.block.dictionary, on_all_rows)
 
 
 def choose_rows(
@@ -220,8 +221,8 @@ def choose_rows(
     drawn = repr(rng.bit_generator.state)
     depends = (name, rows, sampler, dictionary.atoms, required, drawn, data.ring, data.stiffness,
                data.mass, data.factors)
-    made = make() if offline is None else offline.remember("rows", depends, make)
-    chosen: IntArray = np.asarray(made["rows"])
+    stored = make() if offline is None else offline.remember("rows", depends, make)
+    chosen: IntArray = np.asarray(stored["rows"])
     active = min(budget, dictionary.atoms.shape[1])
     if len(chosen) < active:
         raise InputError(
@@ -250,9 +251,9 @@ def weigh(
     def make() -> dict[str, FloatArray]:
         return {"P": built_weights(preconditioner, B)}
 
-    made = make() if offline is None else offline.remember(
+    stored = make() if offline is None else offline.remember(
         "preconditioner", (preconditioner, B), make)
-    P: FloatArray = np.asarray(made["P"])
+    P: FloatArray = np.asarray(stored["P"])
     if Q is not None:
         return np.asarray(P @ Q.T)
     return None if np.array_equal(P, np.eye(len(P))) else P
@@ -289,14 +290,14 @@ def inverse_rows(
     """
     def make() -> Mapping[str, FloatArray]:
         factor, n = model.factorize(name, operator, "rows of the inverse"), operator.shape[0]
-        left = np.empty((len(rows), n))
+        inverse = np.empty((len(rows), n))
         for first in range(0, len(rows), _CHUNK):
             part = rows[first : first + _CHUNK]
             units = np.zeros((n, len(part)))
             units[part, np.arange(len(part))] = 1.0
-            left[first : first + _CHUNK] = solve_or_fail(factor, units, name).T
-        return {"left": left}
+            inverse[first : first + _CHUNK] = solve_or_fail(factor, units, name).T
+        return {"rows": inverse}
 
-    made = make() if offline is None else offline.remember(
+    stored = make() if offline is None else offline.remember(
         "inverse rows", (name, operator, rows, model.solvers.of(name)), make)
-    return np.asarray(made["left"], dtype=np.float64)
+    return np.asarray(stored["rows"], dtype=np.float64)

@@ -26,7 +26,7 @@ from sparsemor.core.testing.problems import one_group
 from sparsemor.reducers.sparse.block_selection import AtSolution, BlockSelection, exchanged
 from sparsemor.reducers.sparse.block_selection import BlockwiseSelection as Blockwise
 from sparsemor.reducers.sparse.joint_problem import HeatProblem, MechanicsProblem
-from sparsemor.reducers.sparse.sampled_block import ReachedColumns
+from sparsemor.reducers.sparse.sampled_block import RangeColumns
 from sparsemor.reducers.sparse.stepper import SparseStepper
 from tiers import quick
 from tiny_scene import BUDGETS
@@ -89,7 +89,7 @@ def test_the_residuals_of_blocks_are_those_of_the_joint_problem(kind: str) -> No
     joint = MechanicsProblem(now.mechanics, list(solver.steps.elastic.values()), step, x)
     at = solver.layout["bar.thermal"]
     heat = HeatProblem.at(solver.steps.heat["bar.thermal"], step.r1[at], step.t)
-    largest = [np.linalg.norm(s.few[1], axis=0).max()
+    largest = [np.linalg.norm(s.compressed[1], axis=0).max()
                for s in (solver.steps.heat["bar.thermal"], solver.steps.elastic["bar.elastic"])]
     expected = (largest[0] * heat.residual(x[at]),
                 largest[1] * joint.residual(joint.start())[: joint.m])
@@ -178,8 +178,8 @@ def test_the_first_selection_starts_from_all_atoms_that_the_rows_distinguish(row
         model, scene.integrator, scene.time.step, Offline.of(model, snapshots),
         np.random.default_rng(1)))
     assert isinstance(solver, SparseStepper) and isinstance(solver.selection, Blockwise)
-    assert solver.selection.widest["bar.elastic"].all() == (rows == 14)
-    assert solver.selection.widest["bar.elastic"].any() == (rows == 14)
+    assert solver.selection.distinguishable["bar.elastic"].all() == (rows == 14)
+    assert solver.selection.distinguishable["bar.elastic"].any() == (rows == 14)
     got = march(scene.using({"time.end": 5 * scene.time.step}), model=model, snapshots=snapshots)
     assert 0 < np.count_nonzero(got.block("bar.elastic")[-1]) <= 4
 
@@ -188,8 +188,8 @@ def test_dependent_atoms_are_not_among_the_widest() -> None:
     A = np.random.default_rng(0).standard_normal((20, 6))
     A[:, 4], A[:, 5] = A[:, 1], 0.0
     block = made(A, 2, SOLVERS["greedy_gauss_newton"])
-    assert block.widest.sum() == 4 and not block.widest[5]
-    assert not (block.widest[1] and block.widest[4])
+    assert block.distinguishable.sum() == 4 and not block.distinguishable[5]
+    assert not (block.distinguishable[1] and block.distinguishable[4])
 
 
 # ------------------------------------------------------------------------ exchanges
@@ -199,7 +199,7 @@ class Rows:
     """Sampled rows of a block without physics."""
 
     def __init__(self, B: FloatArray, budget: int) -> None:
-        self.columns, self.budget = ReachedColumns.of("block", B), budget
+        self.columns, self.budget = RangeColumns.of("block", B), budget
         self.name, self.at = "block", slice(0, B.shape[1])
 
     def residual(self, step: Any, x: FloatArray, now: Any, work: Any) -> FloatArray:
@@ -237,7 +237,7 @@ def test_a_support_is_left_only_for_one_that_is_better_by_the_hysteresis(name: s
         support[rng.choice(12, 3, replace=False)] = True
         at = minimised(block, b, support)
         assert at.now == pytest.approx(block.weight * (
-            np.linalg.norm(at.near) ** 2 + b[-1] ** 2))
+            np.linalg.norm(at.range_residual) ** 2 + b[-1] ** 2))
         for hysteresis in (0.0, 0.1, 0.3, 0.9):
             found = exchanged([at], hysteresis)
             assert isinstance(found, dict)

@@ -51,4 +51,4 @@ def test_operators_of_few_active_atoms_are_those_of_all_columns() -> None:
 def test_rows_are_not_turned_where_columns_are_no_fewer() -> None:
     t = random_operators(np.random.default_rng(2))
     found = compact_elastic(t, t.mass)
-    assert found.tested is t and found.B is t.mass and found.reach == found.first == M
+    assert found.operators is t and found.B is t.mass and found.reach == found.first == M

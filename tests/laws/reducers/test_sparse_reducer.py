@@ -218,7 +218,7 @@ def test_prepared_arrays_need_only_the_turned_rows_that_the_operator_reaches() -
     assert len(sampled.columns.B) == min(B.shape)
     for support in (np.arange(6), np.array([0, 3, 4, 7, 9, 13])):
         one = sampled.prepared(support)
-        all_rows = CompressedElastic.of(t, block.left(support), support, 1e3, 1e6)
+        all_rows = CompressedElastic.of(t, block.left_inverse(support), support, 1e3, 1e6)
         assert isinstance(one, CompressedElastic) and one.sizes == all_rows.sizes
         for name in ("H", "base", "S", "EG"):
             a, b = getattr(one, name), getattr(all_rows, name)

@@ -1,7 +1,7 @@
 """Residual of one block's sampled rows at the solution of a step, as a function of the block's own
 coefficients alone.
 
-Rigid coordinates, joint forces and temperatures of the step are held, so that the residual is
+Rigid coordinates, joint forces and temperatures of the step are fixed, so that the residual is
 linear with a constant matrix, r(c + d) = r + B d, and B vanishes in all compressed rows but the
 first (row_compression.py).
 """
@@ -17,7 +17,7 @@ from sparsemor.core.protocols.integrator import second_difference
 from sparsemor.core.protocols.load_tables import total_load
 from sparsemor.core.protocols.separable import evaluate_amplitudes
 from sparsemor.reducers.linalg.active_columns import ActiveColumns
-from sparsemor.reducers.sparse.sampled_block import ReachedColumns, SampledElastic, SampledHeat
+from sparsemor.reducers.sparse.sampled_block import RangeColumns, SampledElastic, SampledHeat
 from sparsemor.reducers.step.condensed_newton import Mechanics
 from sparsemor.reducers.step.iteration_state import Workspace
 from sparsemor.reducers.step.solver import Stepper
@@ -25,7 +25,7 @@ from sparsemor.reducers.step.solver import Stepper
 ONE = np.ones(1)
 
 
-class HeldRows(Protocol):
+class RowResidual(Protocol):
     """Compressed sampled rows of one block; at: its unknowns; columns: the operator B (j, k) on its
     coefficients, without the rows in which it is zero."""
 
@@ -36,7 +36,7 @@ class HeldRows(Protocol):
     @property
     def budget(self) -> int: ...
     @property
-    def columns(self) -> ReachedColumns: ...
+    def columns(self) -> RangeColumns: ...
     def residual(
         self, step: StepFormula, x: FloatArray, now: Stepper, work: Workspace
     ) -> FloatArray:
@@ -46,27 +46,27 @@ class HeldRows(Protocol):
 
 
 class SplitRows:
-    """Matrix (l, j) of compressed rows whose last columns vanish below the first rows: `near` (i,
-    j) and `far` (l - i, past), without these zeros. Inputs of atoms that are not active are zero,
-    and their columns are not read."""
+    """Matrix (l, j) of compressed rows whose last columns vanish below the first rows: `upper` (i,
+    j) and `lower` (l - i, lower_columns), without these zeros. Inputs of atoms that are not active
+    are zero, and their columns are not read."""
 
-    def __init__(self, near: FloatArray, far: FloatArray) -> None:
-        self.near, self.far = ActiveColumns(near), ActiveColumns(far)
-        self.rows, self.past = len(near) + len(far), far.shape[1]
+    def __init__(self, upper: FloatArray, lower: FloatArray) -> None:
+        self.upper, self.lower = ActiveColumns(upper), ActiveColumns(lower)
+        self.rows, self.lower_columns = len(upper) + len(lower), lower.shape[1]
 
     @classmethod
     def of(
-        cls, past: Sequence[FloatArray], last: Sequence[FloatArray], first: int
+        cls, all_rows: Sequence[FloatArray], upper_rows: Sequence[FloatArray], first: int
     ) -> "SplitRows":
-        left, right = np.hstack(past), np.hstack(last)
+        left, right = np.hstack(all_rows), np.hstack(upper_rows)
         return cls(np.hstack([left[:first], right[:first]]), left[first:])
 
     def times(self, u: FloatArray) -> FloatArray:
         """Product (l,) with u (j,)."""
-        near = self.near.times(u)
-        if len(near) == self.rows:
-            return near
-        return np.concatenate((near, self.far.times(u[: self.past])))
+        upper = self.upper.times(u)
+        if len(upper) == self.rows:
+            return upper
+        return np.concatenate((upper, self.lower.times(u[: self.lower_columns])))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -77,7 +77,7 @@ class ThermalRows:
     name: str
     at: slice
     budget: int
-    columns: ReachedColumns
+    columns: RangeColumns
     rows: "SplitRows"
     amplitudes: Sequence[Amplitude]
     tables: tuple[Table, ...]
@@ -86,7 +86,7 @@ class ThermalRows:
 
     @classmethod
     def of(cls, s: SampledHeat, at: slice) -> "ThermalRows":
-        T, B = s.few
+        T, B = s.compressed
         rows = SplitRows.of([T.capacity, -T.loads, -T.constant[:, None]], [B], len(s.columns.B))
         return cls(s.block.name, at, s.block.budget, s.columns, rows, T.amplitudes, T.tables,
                    tuple(s.local_rows()), s.c1)
@@ -121,7 +121,7 @@ class ElasticRows:
     name: str
     at: slice
     budget: int
-    columns: ReachedColumns
+    columns: RangeColumns
     rows: "SplitRows"
     amplitudes: Sequence[Amplitude]
     tables: tuple[Table, ...]
@@ -132,7 +132,7 @@ class ElasticRows:
 
     @classmethod
     def of(cls, s: SampledElastic, number: int, at: slice, thermal: slice) -> "ElasticRows":
-        T, B = s.few
+        T, B = s.compressed
         g, damped = len(T.generators), bool(T.damping.any())
         rows = SplitRows.of([
             *(T.generators if g else [T.mass]), *([T.damping] if damped else []), -T.coupling,
