@@ -236,7 +236,7 @@ def test_a_support_is_left_only_for_one_that_is_better_by_the_hysteresis(name: s
         support = np.zeros(12, dtype=np.bool_)
         support[rng.choice(12, 3, replace=False)] = True
         at = minimised(block, b, support)
-        assert at.now == pytest.approx(block.weight * (
+        assert at.current == pytest.approx(block.weight * (
             np.linalg.norm(at.range_residual) ** 2 + b[-1] ** 2))
         for hysteresis in (0.0, 0.1, 0.3, 0.9):
             found = exchanged([at], hysteresis)
@@ -245,8 +245,8 @@ def test_a_support_is_left_only_for_one_that_is_better_by_the_hysteresis(name: s
                 kept += 1
                 continue
             left += 1
-            after = minimised(block, b, found["block"]).now
-            assert after < (1.0 - hysteresis) ** 2 * at.now
+            after = minimised(block, b, found["block"]).current
+            assert after < (1.0 - hysteresis) ** 2 * at.current
             assert found["block"].sum() <= 3
     assert left >= 8 and kept >= 4
 
