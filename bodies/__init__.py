@@ -10,7 +10,6 @@ if TYPE_CHECKING:
     from sparsemor.bodies.body import FloatingBody as FloatingBody
     from sparsemor.bodies.fem.pointwise_law import TEMPERATURE as TEMPERATURE
     from sparsemor.bodies.fem.pointwise_law import TEMPERATURE_RATE as TEMPERATURE_RATE
-    from sparsemor.bodies.fem.pointwise_law import HasLawArrays as HasLawArrays
     from sparsemor.bodies.fem.pointwise_law import PointwiseLaw as PointwiseLaw
     from sparsemor.bodies.fem.pointwise_law import Response as Response
     from sparsemor.bodies.fem.pointwise_law import Variable as Variable
@@ -62,7 +61,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "body": ("FloatingBody",),
     "fem.pointwise_law": (
-        "HasLawArrays", "PointwiseLaw", "Response", "TEMPERATURE", "TEMPERATURE_RATE",
+        "PointwiseLaw", "Response", "TEMPERATURE", "TEMPERATURE_RATE",
         "Variable", "displacement_gradient", "temperature_gradient"),
     "frames.floating": ("FieldInertia", "inertia_matrices", "write_frame", "write_weight"),
     "frames.items": ("RigidItem",),

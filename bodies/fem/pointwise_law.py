@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import NamedTuple, Protocol
 
 from sparsemor.core import FloatArray, Quantity
 from sparsemor.core.protocols import LawArrays
@@ -99,6 +99,11 @@ class PointwiseLaw(Protocol):
         """
         ...
 
+    def arrays(self) -> LawArrays | None:
+        """The law as a function on arrays with its numbers; None without one, and then steps of the
+        model are not compiled."""
+        return None
+
 
 class StressLaw(PointwiseLaw, Protocol):
     """A law of stress. linear: True if the stress at given temperatures is a linear function of the
@@ -106,12 +111,3 @@ class StressLaw(PointwiseLaw, Protocol):
 
     @property
     def linear(self) -> bool: ...
-
-
-@runtime_checkable
-class HasLawArrays(PointwiseLaw, Protocol):
-    """A law that is also a function on arrays; steps of models with other laws are not compiled."""
-
-    def arrays(self) -> LawArrays | None:
-        """The function with its numbers, None where a property of the law has none."""
-        ...

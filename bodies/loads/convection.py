@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from sparsemor.bodies.body import FloatingBody
-from sparsemor.bodies.fem.pointwise_law import TEMPERATURE, Response, Variable
+from sparsemor.bodies.fem.pointwise_law import TEMPERATURE, PointwiseLaw, Response, Variable
 from sparsemor.bodies.fem.surface import surface_load, surface_mass
 from sparsemor.bodies.loads.amplitude import NumberOrFunction
 from sparsemor.bodies.loads.part import LoadPart
@@ -21,7 +21,7 @@ from sparsemor.core.protocols import LawArrays
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Film:
+class Film(PointwiseLaw):
     """Heat flux (h(T) - h_0) (T - T_fluid(t)), W/m2, of a film coefficient that depends on the
     temperature of the surface, beyond its constant part h_0."""
 

@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 from pydantic import Field
 
-from sparsemor.bodies.fem.pointwise_law import TEMPERATURE, Response, Variable
+from sparsemor.bodies.fem.pointwise_law import TEMPERATURE, PointwiseLaw, Response, Variable
 from sparsemor.bodies.loads.amplitude import NumberOrFunction
 from sparsemor.bodies.loads.part import LoadPart
 from sparsemor.bodies.mesh.plausibility import celsius_notes
@@ -22,7 +22,7 @@ LARGEST = 1e77
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class GreyBody:
+class GreyBody(PointwiseLaw):
     """Radiation law q = eps sigma (T^4 - T_inf(t)^4), W/m2, of a grey surface."""
 
     emissivity: float

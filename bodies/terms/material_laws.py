@@ -102,7 +102,7 @@ def _arrays(
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Conduction:
+class Conduction(PointwiseLaw):
     """Heat conduction (k(T) - k_0) grad T in d dimensions."""
 
     k: Departure
@@ -143,7 +143,7 @@ class Start:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class StoredHeat:
+class StoredHeat(PointwiseLaw):
     """Heat storage rho e', e = integral of c(T) - c_0 over T.
 
     By the rate T' and the second difference T'' of the temperature (`StepFormula`) in a step of h,
@@ -207,7 +207,7 @@ class StoredHeat:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Softening:
+class Softening(StressLaw):
     """Stress (E(T)/E_0 - 1) C_0 : eps of the elastic modulus in d dimensions; law: constants of C_0
     at E_0 = E.reference."""
 
@@ -257,7 +257,7 @@ class Softening:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Expansion:
+class Expansion(StressLaw):
     """Thermal stress -(beta(T) - beta_0) (T - T_ref) I in d dimensions, where beta = factor E(T)
     alpha(T).
 

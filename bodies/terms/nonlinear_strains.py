@@ -23,6 +23,7 @@ from sparsemor.bodies.fem.elasticity import Law
 from sparsemor.bodies.fem.pointwise_law import (
     TEMPERATURE,
     Response,
+    StressLaw,
     Variable,
     displacement_gradient,
 )
@@ -34,7 +35,7 @@ Property = TemperatureProperty | float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class NonlinearStrains:
+class NonlinearStrains(StressLaw):
     """First Piola-Kirchhoff stress of Green-Lagrange strains less the linear stress, in d
     dimensions.
 

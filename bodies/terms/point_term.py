@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sparsemor.bodies.fem.pointwise_law import HasLawArrays, PointwiseLaw, Response, Variable
+from sparsemor.bodies.fem.pointwise_law import PointwiseLaw, Response, Variable
 from sparsemor.core import FloatArray, TimeFunction
 from sparsemor.core.protocols import PointArrays
 from sparsemor.core.protocols.step_amplitude import present_step
@@ -116,7 +116,7 @@ class PointTerm:
 
     def arrays(self) -> PointArrays | None:
         """The term as arrays, None where its law has none."""
-        law = self.law.arrays() if isinstance(self.law, HasLawArrays) else None
+        law = self.law.arrays()
         if law is None:
             return None
         effects = [column for column, _ in self.parts]

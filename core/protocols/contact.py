@@ -2,12 +2,12 @@
 
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import Protocol
 
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.protocols.connector import Connector, ConnectorPlugin
 from sparsemor.core.protocols.contributions import Equations
 from sparsemor.core.protocols.part import Part
+from sparsemor.core.protocols.plugin import Plugin
 from sparsemor.core.protocols.prescribed_motion import FrameHistory, SurfaceLoads
 
 
@@ -68,30 +68,33 @@ class ContactPlugin(ConnectorPlugin):
         return ()
 
 
-class NormalLaw(Protocol):
-    """Contact law for the normal pressure (Pa) as a function of penetration and its rate.
-
-    breaks: increasing penetrations > 0 (m) at which a derivative jumps; quadrature is split there.
-    """
+class NormalLaw(Plugin):
+    """Contact law for the normal pressure (Pa) as a function of penetration and its rate."""
 
     @property
-    def breaks(self) -> tuple[float, ...]: ...
+    def breaks(self) -> tuple[float, ...]:
+        """Increasing penetrations > 0 (m) at which a derivative jumps; quadrature is split
+        there."""
+        return ()
+
+    @abstractmethod
     def pressure(
         self, depth: FloatArray, rate: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Pressure and its derivatives by penetration `depth` > 0 (m) and by penetration rate
         (m/s); three arrays of the shape of `depth`. Negative pressure (adhesion) is set to zero."""
-        ...
 
 
-class FrictionLaw(Protocol):
-    """Friction law: ratio of friction traction to normal pressure. breaks: slip speeds (m/s) at
-    which a derivative jumps."""
+class FrictionLaw(Plugin):
+    """Friction law: ratio of friction traction to normal pressure."""
 
     @property
-    def breaks(self) -> tuple[float, ...]: ...
+    def breaks(self) -> tuple[float, ...]:
+        """Slip speeds (m/s) at which a derivative jumps."""
+        return ()
+
+    @abstractmethod
     def ratio(self, slip: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Friction coefficient with the sign of the slip velocity (m/s), and its derivative, s/m;
         the traction opposes the slip. In 3-D the argument is the slip speed >= 0 and the traction
         acts along the slip direction."""
-        ...

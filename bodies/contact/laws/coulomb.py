@@ -3,10 +3,10 @@
 import numpy as np
 from pydantic import Field
 
-from sparsemor.core import FloatArray, Plugin
+from sparsemor.core import FloatArray, FrictionLaw
 
 
-class Coulomb(Plugin):
+class Coulomb(FrictionLaw):
     """Regularised Coulomb friction: traction mu p q (3 - q^2) / 2 with q = v / v_c in [-1, 1].
 
     There is no static friction: below v_c a loaded body creeps at the speed where the traction

@@ -6,10 +6,10 @@ from typing import Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from sparsemor.core import FloatArray, InputError, Plugin
+from sparsemor.core import FloatArray, InputError, NormalLaw
 
 
-class ElasticFoundation(Plugin):
+class ElasticFoundation(NormalLaw):
     """Elastic foundation: pressure p = max(0, K d + D s(d / d0) d') at penetration d.
 
     s(r) = 3 r^2 - 2 r^3 rises from 0 to 1.

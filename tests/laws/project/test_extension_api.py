@@ -34,7 +34,7 @@ def test_the_page_lists_the_other_modules() -> None:
 
 BODIES = {
     "BODY_KINDS", "Between", "Conditions", "DenseTerm", "Drive",
-    "ELASTIC", "FieldInertia", "FloatingBody", "ForceElement", "HasLawArrays", "Isotropic",
+    "ELASTIC", "FieldInertia", "FloatingBody", "ForceElement", "Isotropic",
     "JointPart", "LoadPart", "MULTIPLIER", "MassProperties", "NumberOrFunction", "Place",
     "PlanePart", "PointwiseLaw", "Pose", "RIGID",
     "Response", "RigidItem", "Side", "SpringItem", "TEMPERATURE", "TEMPERATURE_RATE", "THERMAL",

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sparsemor.bodies import TEMPERATURE, LoadPart, Response, find_surfaces
+from sparsemor.bodies import TEMPERATURE, LoadPart, PointwiseLaw, Response, find_surfaces
 from sparsemor.core import Equations, FloatArray, LoadPlugin, Part
 
 
 @dataclass(frozen=True)
-class NaturalConvection:
+class NaturalConvection(PointwiseLaw):
     """q = C (T - T_air)^(5/4), W/m2; zero below T_air."""
 
     C: float

@@ -16,7 +16,7 @@ from sparsemor.core import (
     InputError,
     IntArray,
     Integrator,
-    Plugin,
+    NormalLaw,
     Sampler,
     Slot,
     SparseOutcome,
@@ -67,17 +67,13 @@ class Trapezoidal(Integrator):
             UpdateRule(np.array([half, 1.0, 0.0]), np.array([x + half * v, 0.0 * v, 0.0 * a])))
 
 
-class PowerLaw(Plugin):
+class PowerLaw(NormalLaw):
     """Power law of contact: pressure p = K d^n at penetration d."""
 
     stiffness: float = Field(default=1e11, gt=0)
     """Modulus K, Pa/m^n."""
     exponent: float = Field(default=1.5, ge=1)
     """Exponent n; 1.5 has the growth of Hertz's contact force."""
-
-    @property
-    def breaks(self) -> tuple[float, ...]:
-        return ()
 
     def pressure(
         self, depth: FloatArray, rate: FloatArray
