@@ -38,7 +38,7 @@ def page() -> str:
 
 
 def _table(rows: Iterable[tuple[str, tuple[type, ...]]]) -> list[str]:
-    made = [f"| {kind} | `{p.__name__}` | {', '.join(f'`{m}`' for m in shapes(p, required(p)))} | "
+    made = [f"| {kind} | `{p.__name__}` | {', '.join(f'`{m}`' for m in shapes(p))} | "
             f"{first_sentence(p.__doc__ or '')} |" for kind, protocols in rows for p in protocols]
     return ["| kind | contract | members | meaning |", "|---|---|---|---|", *made, ""]
 

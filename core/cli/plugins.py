@@ -23,7 +23,7 @@ from sparsemor.core.cli.options import (
     warn,
 )
 from sparsemor.core.errors import InputError
-from sparsemor.core.registry.contracts import CONTRACTS, chosen, required, shape, shapes
+from sparsemor.core.registry.contracts import CONTRACTS, chosen, shape, shapes
 from sparsemor.core.registry.option_types import type_in_words
 from sparsemor.core.registry.registry import PluginName, Registry, suggestions
 from sparsemor.core.scene.source import Source
@@ -107,14 +107,9 @@ def _described(registry: Registry, plugin: PluginName) -> dict[str, Any]:
         cause = error.__cause__
         return {**found, "broken": f"{type(cause).__name__}: {cause}" if cause else str(error)}
     return {**found, "doc": first_sentence(cls.__doc__ or ""), "options": _options(cls),
-            "required": _required(plugin.kind),
+            "required": shapes(CONTRACTS[plugin.kind]) if plugin.kind in CONTRACTS else [],
             "own": [{"name": shape(n, m), "doc": first_sentence(getdoc(m) or "")}
                     for n, m in chosen(plugin.kind, cls).items()]}
-
-
-def _required(kind: str) -> list[str]:
-    contract = CONTRACTS.get(kind)
-    return [] if contract is None else shapes(contract, required(contract))
 
 
 def _title(registry: Registry, plugin: PluginName) -> str:

@@ -10,9 +10,6 @@ from sparsemor.core.protocols import AssembledModel, Basis, Reducer
 from sparsemor.core.registry.registry import Registry
 from sparsemor.core.scene.defaults import BASIS
 
-_MANY = 10**9
-"""A number of snapshots that excludes no basis."""
-
 
 @dataclass(frozen=True, slots=True)
 class FittedBases:
@@ -38,14 +35,15 @@ def fitted_bases(model: AssembledModel, reducer: Reducer) -> FittedBases:
     lacking, partly = dict[str, str](), dict[str, str]()
     for name in model.reducible():
         found[name] = matched_option(name, chosen.others, shared)
-        why = _unfit(model, name, shared) if found[name] is shared else ""
+        why = shared.unfit(model.block_data(name)) if found[name] is shared else ""
         if why:
-            rest = shared.fitting(model.block_data(name), _MANY)
+            rest = shared.fitting(model.block_data(name))
             if rest is not None:
                 found[name], partly[name] = rest, why
             elif not isinstance(shared, type(default)):
                 lacking[name] = why
-    if lacking and all(n in lacking or _unfit(model, n, shared) for n in model.reducible()):
+    if lacking and all(
+            n in lacking or shared.unfit(model.block_data(n)) for n in model.reducible()):
         return FittedBases(found)
     found |= dict.fromkeys(lacking, default)
     texts = [*(f"reducer.basis does not fit {name}, which takes the default basis {BASIS}: {why}"
@@ -53,7 +51,3 @@ def fitted_bases(model: AssembledModel, reducer: Reducer) -> FittedBases:
              *(f"reducer.basis: {name} does without one of its bases: {why}"
                for name, why in partly.items())]
     return FittedBases(found, tuple(Note(text, "basis_by_field") for text in texts))
-
-
-def _unfit(model: AssembledModel, name: str, basis: Basis) -> str:
-    return basis.unfit(model.block_data(name), _MANY)

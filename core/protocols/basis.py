@@ -23,12 +23,12 @@ class Basis(Plugin):
         options do not bound it."""
         return None
 
-    def unfit(self, data: BlockData, snapshots: int) -> str:
-        """Reason why `build` would reject the block with so many snapshots (`data` has none yet);
-        "" if it would not, or if only the snapshots can show it."""
+    def unfit(self, data: BlockData) -> str:
+        """Reason why `build` would reject the block, whose `data` have no snapshots yet; "" if it
+        would not, or if only the snapshots can show it."""
         return ""
 
-    def fitting(self, data: BlockData, snapshots: int) -> "Basis | None":
+    def fitting(self, data: BlockData) -> "Basis | None":
         """What remains of this basis for a block that it does not fit: of a basis made of others,
         those that do; None if nothing remains."""
         return None

@@ -97,37 +97,29 @@ def breaches(kind: str, cls: type) -> tuple[str, ...]:
     if not is_protocol(contract) and not issubclass(cls, contract):
         return (f"it does not derive from sparsemor.core.{contract.__name__}, as plugins do since "
                 f"version {API} of the extension API ({PAGE})",)
-    looked_for, public = members(contract), _public(cls, contract)
-    lacking = [m for m in required(contract) if _absent(cls, contract, m)]
-    near = {m: difflib.get_close_matches(m, public, n=1, cutoff=CLOSE) for m in lacking}
-    of_built = members(PARTS[kind]) if kind in PARTS else {}
-    hints = {m: f" ({found[0]} is near to it)" if found else "" for m, found in near.items()}
-    return (*(f"lacks {shape(m, looked_for[m])}{hints[m]}" for m in lacking),
-            *_unfit(cls, looked_for),
-            *_misspelt(cls, {*public} - {n for found in near.values() for n in found}, looked_for,
-                       {*looked_for, *of_built} - set(lacking)),
+    wanted, public = members(contract), _public(cls, contract)
+    lacking = [n for n in required(contract) if _member(cls, n) is _ABSENT]
+    near = {n: difflib.get_close_matches(n, public, n=1, cutoff=CLOSE) for n in lacking}
+    hints = {n: f" ({found[0]} is near to it)" if found else "" for n, found in near.items()}
+    others = sorted({*public} - {n for found in near.values() for n in found})
+    built = members(PARTS[kind]) if kind in PARTS else {}
+    return (*(f"lacks {shape(n, wanted[n])}{hints[n]}" for n in lacking),
+            *_misfits(cls, wanted), *_misspelt(cls, others, {**built, **wanted}),
             *(f"{n} is a value without a type: write {n}: type = value to make it an option"
-              for n in public if n not in looked_for and not _annotated(cls, n)
+              for n in others if n not in wanted and not _annotated(cls, n)
               and isinstance(inspect.getattr_static(cls, n), str | bool)))
 
 
 def part_breaches(contract: type, cls: type) -> list[str]:
     """Violations of a contract by the class of a built object, except missing members."""
-    looked_for = members(contract)
-    return [*_unfit(cls, looked_for),
-            *_misspelt(cls, _public(cls, contract), looked_for, looked_for)]
+    wanted = members(contract)
+    return [*_misfits(cls, wanted), *_misspelt(cls, _public(cls, contract), wanted)]
 
 
 def refusal(kind: str, cls: type) -> str:
     """All violations of a class in one sentence, "" if there are none."""
     found = breaches(kind, cls)
     return f"breaks the contract {CONTRACTS[kind].__name__}: {'; '.join(found)}" if found else ""
-
-
-def shapes(contract: type, names: Iterable[str] | None = None) -> list[str]:
-    """Members of a contract, methods with their arguments."""
-    given = members(contract)
-    return [shape(n, given[n]) for n in (given if names is None else names)]
 
 
 def chosen(kind: str, cls: type) -> dict[str, object]:
@@ -141,8 +133,8 @@ def chosen(kind: str, cls: type) -> dict[str, object]:
 
 def absent_members(contract: type, value: object) -> list[str]:
     """Required members that an object lacks, methods with their arguments."""
-    return [shape(m, members(contract)[m]) for m in required(contract)
-            if inspect.getattr_static(value, m, _ABSENT) is _ABSENT]
+    return [shape(n, members(contract)[n]) for n in required(contract)
+            if inspect.getattr_static(value, n, _ABSENT) is _ABSENT]
 
 
 def origin(plugin: object) -> str:
@@ -154,69 +146,57 @@ def origin(plugin: object) -> str:
 def shape(name: str, member: object) -> str:
     """Signature of a method without types, such as `sample(block, m, dictionary, rng, required)`;
     the bare name of a value."""
-    return name + _written(_parameters(member)) if inspect.isfunction(member) else name
+    function = _function(member)
+    return f"{name}{_call(function)}" if inspect.isfunction(function) else name
 
 
-def _absent(cls: type, contract: type, name: str) -> bool:
-    has = _member(cls, name)
-    return has is _ABSENT or (not is_protocol(contract) and getattr(
-        has, "__isabstractmethod__", False))
+def shapes(contract: type) -> list[str]:
+    """Required members of a contract, methods with their arguments."""
+    return [shape(n, members(contract)[n]) for n in required(contract)]
 
 
-def _unfit(cls: type, looked_for: Mapping[str, object]) -> list[str]:
+def _misfits(cls: type, wanted: Mapping[str, object]) -> list[str]:
     """Members that a class has in another form than the contract."""
-    return [text for n, wanted in looked_for.items()
-            if (has := _member(cls, n)) is not _ABSENT and has is not wanted
-            and (text := _misfit(n, has, wanted))]
+    return [text for n, m in wanted.items()
+            if (has := _member(cls, n)) is not m and has not in (None, _ABSENT)
+            and (text := _misfit(n, has, m))]
 
 
-def _misfit(name: str, has: object, wanted: object) -> str:
-    wanted = wanted.__func__ if isinstance(wanted, classmethod) else wanted
-    function = has.__func__ if isinstance(has, staticmethod | classmethod) else has
+def _misfit(name: str, has: Any, wanted: Any) -> str:
+    own, wanted = _function(has), _function(wanted)
     if not inspect.isfunction(wanted):
-        if inspect.isfunction(function):
+        if inspect.isfunction(own):
             return f"{name} must be a property or a value, and is a method"
-        return _value_misfit(name, has, wanted) if isinstance(wanted, property) else ""
-    if not inspect.isfunction(function):
+        plain = isinstance(wanted, property) and not inspect.isdatadescriptor(has)
+        allowed = get_type_hints(wanted.fget).get("return") if plain else None
+        if get_origin(allowed) is Literal and has not in get_args(allowed):
+            return f"{name} must be {' or '.join(map(repr, get_args(allowed)))} (got {has!r})"
+        return f"{name} must be True or False (got {has!r})" if (
+            allowed is bool and not isinstance(has, bool)) else ""
+    if not inspect.isfunction(own):
         return "" if callable(has) else f"{name} must be a method {shape(name, wanted)}"
-    parameters = list(inspect.signature(function).parameters.values())
-    own = parameters if isinstance(has, staticmethod) else parameters[1:]
-    given = _parameters(wanted)
-    always = [p.name for p in given if p.default is p.empty]
-    rest = {p.name: None for p in given if p.default is not p.empty}
+    mine = _call(own, 0 if isinstance(has, staticmethod) else 1)
+    theirs = _call(wanted).parameters.values()
+    always = [p.name for p in theirs if p.default is p.empty]
+    rest = {p.name: None for p in theirs if p.default is not p.empty}
     try:
-        called = inspect.Signature(own)
-        called.bind(*always)
-        called.bind(*always, *rest)
-        called.bind(*always, **rest)
+        mine.bind(*always, *rest)
+        mine.bind(*always, **rest)
+        mine.bind(*always)
     except TypeError as error:
-        return f"{name}{_written(own)} cannot be called as {shape(name, wanted)} ({error})"
-    order, names = [p.name for p in given], [p.name for p in own]
+        return f"{name}{mine} cannot be called as {shape(name, wanted)} ({error})"
+    order, names = [*always, *rest], list(mine.parameters)
     moved = [n for i, n in enumerate(order) if n in names[:len(order)] and names[i] != n]
-    return (f"{name}{_written(own)} has {' and '.join(moved)} at other positions than "
+    return (f"{name}{mine} has {' and '.join(moved)} at other positions than "
             f"{shape(name, wanted)}") if moved else ""
 
 
-def _value_misfit(name: str, has: object, wanted: property) -> str:
-    if has is None or inspect.isdatadescriptor(has) or wanted.fget is None:
-        return ""  # a field, or computed
-    allowed = get_type_hints(wanted.fget).get("return")
-    if get_origin(allowed) is Literal and has not in get_args(allowed):
-        return f"{name} must be {' or '.join(map(repr, get_args(allowed)))} (got {has!r})"
-    if allowed is bool and not isinstance(has, bool):
-        return f"{name} must be True or False (got {has!r})"
-    return ""
-
-
-def _misspelt(
-    cls: type, public: Iterable[str], looked_for: Mapping[str, object], names: Iterable[str]
-) -> list[str]:
+def _misspelt(cls: type, public: Iterable[str], wanted: Mapping[str, object]) -> list[str]:
     """Public names that are nearly that of a member which the class has not written."""
-    free = [n for n in names if _member(cls, n) in (_ABSENT, looked_for.get(n))]
+    free = [n for n, m in wanted.items() if _member(cls, n) in (_ABSENT, m)]
     near = ((n, difflib.get_close_matches(n, free, n=1, cutoff=TYPING_ERROR))
-            for n in public if n not in looked_for)
-    return [f"{n} is not looked for: did you mean {found[0]}?" for n, found in near
-            if found and found[0] != n]
+            for n in public if n not in wanted)
+    return [f"{n} is not looked for: did you mean {found[0]}?" for n, found in near if found]
 
 
 def _public(cls: type, contract: type) -> list[str]:
@@ -228,10 +208,12 @@ def _public(cls: type, contract: type) -> list[str]:
 
 
 def _member(cls: type, name: str) -> Any:
-    """Class attribute without binding; None for a field without a default."""
+    """Class attribute without binding; None for a field without a default; absent where it is
+    abstract."""
     if issubclass(cls, BaseModel) and name in cls.model_fields:
         return None
-    return inspect.getattr_static(cls, name, None if _annotated(cls, name) else _ABSENT)
+    found = inspect.getattr_static(cls, name, None if _annotated(cls, name) else _ABSENT)
+    return _ABSENT if getattr(found, "__isabstractmethod__", False) else found
 
 
 def _annotated(cls: type, name: str) -> bool:
@@ -241,10 +223,11 @@ def _annotated(cls: type, name: str) -> bool:
     return False
 
 
-def _parameters(method: Any) -> list[inspect.Parameter]:
-    return list(inspect.signature(method).parameters.values())[1:]
+def _function(member: Any) -> Any:
+    return member.__func__ if isinstance(member, staticmethod | classmethod) else member
 
 
-def _written(parameters: list[inspect.Parameter]) -> str:
-    bare = [p.replace(annotation=inspect.Parameter.empty) for p in parameters]
-    return f"({', '.join(map(str, bare))})"
+def _call(method: Any, skip: int = 1) -> inspect.Signature:
+    """Signature of a method without types and `self`."""
+    parameters = list(inspect.signature(method).parameters.values())[skip:]
+    return inspect.Signature([p.replace(annotation=p.empty) for p in parameters])

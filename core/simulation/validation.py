@@ -16,7 +16,7 @@ from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.initial_from_result import started_from_result
 from sparsemor.core.simulation.memory.estimate import chosen_bases, grid_refusal
 from sparsemor.core.simulation.memory.precheck import check_memory
-from sparsemor.core.simulation.offline import snapshot_count, step_count
+from sparsemor.core.simulation.offline import step_count
 from sparsemor.core.simulation.rigid_stage import check_rigid, rigid_scene, stage_faults
 
 ESTIMATE = "reducer.error_estimate"
@@ -84,17 +84,9 @@ def basis_faults(scene: Scene, model: Model) -> list[Fault]:
     are."""
     faults: list[Fault] = []
     for name, basis in chosen_bases(scene, model.reducible(), model).items():
-        count = _snapshots(scene) if basis.needs_snapshots else 0
-        why = basis.unfit(model.block_data(name), count)
+        why = basis.unfit(model.block_data(name))
         faults += [Fault("reducer.basis", f"{name}: {why}")] if why else []
     return faults
-
-
-def _snapshots(scene: Scene) -> int:
-    try:
-        return snapshot_count(scene)
-    except InputError:  # which `time_faults` reports
-        return 0
 
 
 def endless(scene: Scene) -> list[Fault]:

@@ -67,7 +67,7 @@ class Attachment(Basis):
         """Upper bound on the number of atoms for `size` unknowns; None: no bound is known."""
         return None if self.count is None else min(size, self.count + 2)
 
-    def unfit(self, data: BlockData, snapshots: int) -> str:
+    def unfit(self, data: BlockData) -> str:
         """Reason why a block cannot have these responses (no moving load and no temperature acts on
         it); "" if it can."""
         acts = data.moving or (self.thermal is not None and data.coupling is not None)

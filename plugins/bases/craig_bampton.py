@@ -29,7 +29,7 @@ class CraigBampton(Basis):
     def needs_snapshots(self) -> bool:
         return False
 
-    def unfit(self, data: BlockData, snapshots: int) -> str:
+    def unfit(self, data: BlockData) -> str:
         """Reason why a block cannot have these modes (no joint acts on it); "" if it can."""
         return "" if len(data.joints) else no_interface(data, "craig_bampton")
 

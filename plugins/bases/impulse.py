@@ -84,7 +84,7 @@ class Impulse(Basis):
         """Upper bound on the number of atoms for `size` unknowns; None: no bound is known."""
         return None if self.count is None else min(size, self.count + 2)
 
-    def unfit(self, data: BlockData, snapshots: int) -> str:
+    def unfit(self, data: BlockData) -> str:
         """Reason why a block cannot have these responses (no load moves over it); "" if it can."""
         return "" if self._acts(data) else str(refuse_nowhere(data, "impulse"))
 

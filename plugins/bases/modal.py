@@ -45,7 +45,7 @@ class Modal(Basis):
         """Upper bound on the number of atoms for `size` unknowns; None: no bound is known."""
         return None if self.correction or self.start else min(self.count, size)
 
-    def unfit(self, data: BlockData, snapshots: int) -> str:
+    def unfit(self, data: BlockData) -> str:
         """Reason why a block cannot have these modes (a fixed interface without a joint); "" if it
         can."""
         return "" if self.interface == "free" or len(data.joints) else (

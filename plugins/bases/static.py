@@ -39,7 +39,7 @@ class Static(Basis):
     def needs_snapshots(self) -> bool:
         return False
 
-    def unfit(self, data: BlockData, snapshots: int) -> str:
+    def unfit(self, data: BlockData) -> str:
         """Reason why a block cannot have these responses (the basis of its temperatures needs
         snapshots); "" if it can."""
         return self._snapshots_needed(data) if self._thermoelastic(data) else ""

@@ -37,14 +37,14 @@ class Overcomplete(Basis):
     def needs_snapshots(self) -> bool:
         return any(b.needs_snapshots for b in self.bases)
 
-    def unfit(self, data: BlockData, snapshots: int) -> str:
+    def unfit(self, data: BlockData) -> str:
         """Reason of the first of the bases that cannot be built for a block; "" if all can."""
-        reasons = (b.unfit(data, snapshots) for b in self.bases)
+        reasons = (b.unfit(data) for b in self.bases)
         return next((why for why in reasons if why), "")
 
-    def fitting(self, data: BlockData, snapshots: int) -> "Overcomplete | None":
+    def fitting(self, data: BlockData) -> "Overcomplete | None":
         """This dictionary of the bases that can be built for a block; None if there are none."""
-        kept = [b for b in self.bases if not b.unfit(data, snapshots)]
+        kept = [b for b in self.bases if not b.unfit(data)]
         return self.model_copy(update={"bases": kept}) if kept else None
 
     def build(self, data: BlockData) -> Dictionary:
