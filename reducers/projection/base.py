@@ -92,7 +92,7 @@ class ProjectionReducer(ReducedStepOptions, ABC):
         coordinates), and the factor by which coefficients can grow in this change of basis."""
         return {}
 
-    def notes_on(self, made: "Projection") -> Sequence[Note]:
+    def notes_on(self, projection: "Projection") -> Sequence[Note]:
         """Notes on the accuracy of a model before it runs, from known states; by default none."""
         return ()
 
@@ -120,8 +120,9 @@ class ProjectionReducer(ReducedStepOptions, ABC):
     def prepare(self, problem: ReducedProblem) -> Stepper | ReducedGeneral:
         """Step solver of the reduced model. Raises InputError where the reducer does not apply to
         the scene, SolveFailed for linearly dependent atoms."""
-        made = self.project(problem)
-        return replace(made, notes=(*made.notes, *self.notes_on(made))).solver()
+        projection = self.project(problem)
+        notes = (*projection.notes, *self.notes_on(projection))
+        return replace(projection, notes=notes).solver()
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -28,9 +28,9 @@ class Deim(Interpolating):
         modes, atoms = force_modes(block, self.basis_of_force(block)), block.dictionary.atoms
         f = modes.atoms.shape[1]
         points = choose_points(block, modes, self.wanted(block, f), self.sampler, self.required)
-        back, facts = interpolation(block.name, modes.atoms, points)
-        left = (atoms.T @ modes.atoms) @ back
+        reconstruction, facts = interpolation(block.name, modes.atoms, points)
+        left = (atoms.T @ modes.atoms) @ reconstruction
         return Maps(
             TestMap(left=atoms.T), TestMap(rows=points, left=left), points,
             {"norm": "D^-1", "force_modes": f, **facts},
-            self.notes(block, points, modes.atoms, back))
+            self.notes(block, points, modes.atoms, reconstruction))

@@ -129,14 +129,14 @@ def force_modes(block: Reducible, basis: Basis) -> Dictionary:
         if basis.needs_snapshots and np.linalg.norm(F, 2) <= noise:
             return {"modes": np.zeros((block.size, 0))}
         try:
-            made = built_dictionary(basis, equation_data(block, F))
+            modes = built_dictionary(basis, equation_data(block, F))
         except InputError as error:
             raise InputError(f"forces of {block.name}: {error}", "reducer.force_basis") from None
-        if np.any(made.offset):
+        if np.any(modes.offset):
             raise InputError(f"forces of {block.name}: {FROM_ZERO}", "reducer.force_basis")
-        amounts = np.linalg.norm(made.atoms.T @ F, axis=1)
+        amounts = np.linalg.norm(modes.atoms.T @ F, axis=1)
         real = amounts > noise if basis.needs_snapshots else np.ones(len(amounts), dtype=bool)
-        return {"modes": made.atoms[:, real]}
+        return {"modes": modes.atoms[:, real]}
 
     U = np.asarray(block.offline.remember("forces", depends, make)["modes"])
     return Dictionary(U, np.zeros(block.size), tuple(f"force {i}" for i in range(U.shape[1])))

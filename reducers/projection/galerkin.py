@@ -43,5 +43,5 @@ class Galerkin(ProjectionReducer):
                     dictionaries[m.elastic], o.stiffness, o.mass, "Hz")
         return {name: found for name, found in turned.items() if found is not None}
 
-    def notes_on(self, made: Projection) -> Sequence[Note]:
-        return projection_notes(made)
+    def notes_on(self, projection: Projection) -> Sequence[Note]:
+        return projection_notes(projection)

@@ -94,21 +94,21 @@ class Interpolating(ProjectionReducer):
         return matched_option(block.name, self.points, int(np.ceil(self.oversampling * modes)))
 
     def notes(
-        self, block: Reducible, points: IntArray, U: FloatArray, back: FloatArray
+        self, block: Reducible, points: IntArray, U: FloatArray, reconstruction: FloatArray
     ) -> tuple[Note, ...]:
         """A note for each load or joint that acts on none of the points, and one if the loads of
-        the run are not interpolated from them; U (n, f): modes, back (f, m): interpolation
-        matrix."""
+        the run are not interpolated from them; U (n, f): modes, reconstruction (f, m): their
+        coefficients from values at the points."""
         return (*unsampled_loads(block.model, {block.name: points}, HINT),
-                *_interpolated_loads(block, points, U, back))
+                *_interpolated_loads(block, points, U, reconstruction))
 
 
 def _interpolated_loads(
-    block: Reducible, points: IntArray, U: FloatArray, back: FloatArray
+    block: Reducible, points: IntArray, U: FloatArray, reconstruction: FloatArray
 ) -> tuple[Note, ...]:
     """Note on loads of the run that modes U of the training do not contain: relative error of the
-    displacements (or temperatures) of a step under the interpolated loads, U back f[points], in the
-    span of the atoms."""
+    displacements (or temperatures) of a step under the interpolated loads, U times `reconstruction`
+    times f[points], in the span of the atoms."""
     recording, separated = block.offline.recording, block.model.separated
     tables = [*(h.tables for h in separated.heat),
               *(m.operators.tables for m in separated.moving if m.operators is not None)]
@@ -120,7 +120,7 @@ def _interpolated_loads(
     except SolveFailed:  # the run itself will say so
         return ()
     A = block.dictionary.atoms
-    both = np.concatenate([f - U @ (back @ f[points]), f], axis=1)
+    both = np.concatenate([f - U @ (reconstruction @ f[points]), f], axis=1)
     c = np.linalg.lstsq(A.T @ (block.linear.operator @ A), A.T @ both, rcond=None)[0]
     error, change = (float(np.linalg.norm(A @ part, axis=0).max(initial=0.0))
                      for part in np.split(c, 2, axis=1))

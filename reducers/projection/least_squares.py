@@ -29,7 +29,7 @@ from sparsemor.reducers import (
 
 Norm = Literal["rows", "energy"]
 
-KEPT = 1e-12
+MODE_RTOL = 1e-12
 """Residual modes with singular values below this fraction of the largest are dropped as round-
 off."""
 
@@ -52,8 +52,8 @@ class Lspg(ProjectionReducer):
             return Maps(TestMap(left=block.dictionary.atoms.T), facts={"norm": "D^-1"})
         return Maps(TestMap(left=np.linalg.qr(_images(block))[0].T), facts={"norm": "rows"})
 
-    def notes_on(self, made: Projection) -> Sequence[Note]:
-        return projection_notes(made, least_squares=self.norm == "rows")
+    def notes_on(self, projection: Projection) -> Sequence[Note]:
+        return projection_notes(projection, least_squares=self.norm == "rows")
 
 
 class Gnat(Interpolating):
@@ -70,9 +70,9 @@ class Gnat(Interpolating):
     is close to Galerkin's; where D is not positive definite, and by `rows`, its 2-norm, as
     published (see `lspg`)."""
 
-    def notes_on(self, made: Projection) -> Sequence[Note]:
+    def notes_on(self, projection: Projection) -> Sequence[Note]:
         """Notes on the least squares of all rows, which those of the modes approximate."""
-        return projection_notes(made, least_squares=self.norm == "rows")
+        return projection_notes(projection, least_squares=self.norm == "rows")
 
     def maps(self, block: Reducible) -> Maps:
         """Test map Q^T W (P U)^+ (k, m) at the points for operators and forces, where W is the
@@ -82,15 +82,16 @@ class Gnat(Interpolating):
         q = U.shape[1]
         modes = Dictionary(U, np.zeros(len(U)), tuple(f"residual {i}" for i in range(q)))
         points = choose_points(block, modes, self.wanted(block, q), self.sampler, self.required)
-        back, facts = interpolation(block.name, U, points)
-        notes = self.notes(block, points, U, back)
+        reconstruction, facts = interpolation(block.name, U, points)
+        notes = self.notes(block, points, U, reconstruction)
         factor = energy_factor(block, U) if self.norm == "energy" else None
         if factor is not None:
-            back = factor @ back
+            reconstruction = factor @ reconstruction
         elif self.norm == "energy" and "norm" in self.model_fields_set:
             raise InputError(f"{block.name} has no energy norm, its operator is not positive "
                              "definite: take norm: rows", "reducer.norm")
-        left = np.linalg.qr(back @ B[points])[0].T @ back
+        # Q of W (P U)^+ P D atoms = Q R: least squares of it are Q^T r = 0
+        left = np.linalg.qr(reconstruction @ B[points])[0].T @ reconstruction
         return Maps(
             TestMap(rows=points, left=left), None, points,
             {"norm": "rows" if factor is None else "D^-1",
@@ -111,7 +112,7 @@ def _images(block: Reducible) -> FloatArray:
 def residual_modes(B: FloatArray, F: FloatArray) -> FloatArray:
     """Orthonormal basis (n, q) of the span of D atoms B (n, k) and force modes F (n, f)."""
     U, s, _ = svd(np.hstack([B, F]))
-    return np.asarray(U[:, s > KEPT * s[0]])
+    return np.asarray(U[:, s > MODE_RTOL * s[0]])
 
 
 def energy_factor(block: Reducible, U: FloatArray) -> FloatArray | None:

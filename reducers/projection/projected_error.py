@@ -77,12 +77,12 @@ def projected_error(
     return ProjectedError(float(np.linalg.norm(rest, axis=0).max()) / change, best / change)
 
 
-def projection_notes(made: Projection, least_squares: bool = False) -> tuple[Note, ...]:
+def projection_notes(projection: Projection, least_squares: bool = False) -> tuple[Note, ...]:
     """Notes on the blocks of a projected model whose projected solutions are inaccurate; the errors
     are cached."""
-    problem, found = made.problem, []
+    problem, found = projection.problem, []
     step = StepFactors(problem.step, *constants(problem.integrator, problem.step))
-    for name, dictionary in made.dictionaries.items():
+    for name, dictionary in projection.dictionaries.items():
         if problem.offline.recording is None or not dictionary.atoms.shape[1]:
             continue
         data = problem.model.block_data(name, step=step)

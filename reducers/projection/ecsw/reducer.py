@@ -165,12 +165,12 @@ class Training:
             return body
         T, name = self._trained(body.thermal), body.thermal
         A = T.dictionary.atoms
-        inertness = left_inverse(name, A.T @ (body.capacity @ A))
+        C_inverse = left_inverse(name, A.T @ (body.capacity @ A))
         if self.constant and body.integrals is not None:
             g = body.integrals()
             body = _weigh_heat(body, g, self._weights(
-                name, "elements", heat_equations(g, T, inertness)))
-        local = [self._local(name, term, T, inertness @ A.T) for term in body.local]
+                name, "elements", heat_equations(g, T, C_inverse)))
+        local = [self._local(name, term, T, C_inverse @ A.T) for term in body.local]
         return replace(body, local=tuple(local))
 
     def _local(self, name: str, term: Any, T: Trained, left: FloatArray) -> Term:
@@ -212,11 +212,11 @@ class Training:
             found = train(G, self.tau, self.candidates)
             return {"weights": found.values, "residual": np.array(found.residual)}
 
-        made = self.offline.remember("weights", (self.tau, self.candidates, *G.content), make)
-        w, fact = np.asarray(made["weights"]), self.facts.setdefault(name, {"tau": self.tau})
+        stored = self.offline.remember("weights", (self.tau, self.candidates, *G.content), make)
+        w, fact = np.asarray(stored["weights"]), self.facts.setdefault(name, {"tau": self.tau})
         fact[kind] = int(fact.get(kind, 0)) + len(w)
         fact[f"{kind}_kept"] = int(fact.get(f"{kind}_kept", 0)) + int(np.count_nonzero(w))
-        fact["residual"] = max(float(fact.get("residual", 0.0)), float(made["residual"]))
+        fact["residual"] = max(float(fact.get("residual", 0.0)), float(stored["residual"]))
         return w
 
     def _trained(self, name: str) -> Trained:

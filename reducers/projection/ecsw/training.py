@@ -38,7 +38,7 @@ PER_WEIGHT = 4
 ATTEMPTS = 6
 """Largest number of times that the tolerance of the combinations is lowered, since they are met
 better than the equations themselves."""
-KEPT = 16_000_000
+MOST_ENTRIES = 16_000_000
 """Largest number of entries of G that are kept: 128 MB."""
 CANDIDATES = 20_000
 """Largest number of elements among which weights are searched."""
@@ -118,11 +118,11 @@ def elastic_equations(
         (left, thermal, np.concatenate(factors), None)])
 
 
-def heat_equations(integrals: HeatIntegrals, T: Trained, inertness: FloatArray) -> WeightEquations:
+def heat_equations(integrals: HeatIntegrals, T: Trained, C_inverse: FloatArray) -> WeightEquations:
     """Training matrix G (m, E) of a thermal block: rates of temperature due to conduction and to
-    stored heat of each element, each relative to its sum over all elements. inertness (k, k):
+    stored heat of each element, each relative to its sum over all elements. C_inverse (k, k):
     inverse of the projected capacity."""
-    left = T.dictionary.atoms @ inertness.T
+    left = T.dictionary.atoms @ C_inverse.T
     prescribed = _values_at(integrals.amplitudes, T.t)
     # what conduction and changes are differences of: below its round-off there is nothing to learn
     top = np.abs(T.with_offset) @ np.abs(T.homogeneous).max(axis=1)
@@ -142,8 +142,8 @@ def local_equations(
     """Training matrix G (m, F) of a local term such as radiation or k(T): left (k, m) times the
     contribution of each element at states x (n, M) and rates v (n, M), at times t (M,), s.
 
-    G is evaluated for a few elements at a time, once if it has at most `KEPT` entries. It is
-    identified in the cache by its sum G 1 and its products with two other vectors.
+    G is evaluated for a few elements at a time, once if it has at most `MOST_ENTRIES` entries. It
+    is identified in the cache by its sum G 1 and its products with two other vectors.
     """
     count, rows = term.elements, len(left) * len(t)
 
@@ -151,7 +151,7 @@ def local_equations(
         shares = term.contributions(left, x, v, t, np.arange(count)[part])
         return shares.reshape(len(shares), -1)
 
-    whole = evaluated(slice(0, count)) if rows * count <= KEPT else None
+    whole = evaluated(slice(0, count)) if rows * count <= MOST_ENTRIES else None
 
     def make(part: Part) -> FloatArray:
         return (evaluated(part) if whole is None else whole[part]).T
@@ -185,20 +185,22 @@ def _equations(count: int, shares: Sequence[Shares]) -> WeightEquations:
     parts, content = [], list[object]()
     for left, pairs, factors, against in shares:
         # r <= z combinations in place of M columns
-        few = np.asarray(np.linalg.qr(factors.T, mode="r")).T
+        combinations = np.asarray(np.linalg.qr(factors.T, mode="r")).T
         parts.append(EquationRows(
-            left.shape[1] * few.shape[1], partial(_made, left, pairs, few), against))
-        content += [left, few, against]
+            left.shape[1] * combinations.shape[1],
+            partial(_entries, left, pairs, combinations), against))
+        content += [left, combinations, against]
         content += [a for g, right in pairs for a in (g.rows, g.columns, g.values, right)]
     return WeightEquations(count, tuple(parts), tuple(content))
 
 
-def _made(
-    left: FloatArray, pairs: Sequence[tuple[Integrals, FloatArray]], few: FloatArray, part: Part
+def _entries(
+    left: FloatArray, pairs: Sequence[tuple[Integrals, FloatArray]], combinations: FloatArray,
+    part: Part,
 ) -> FloatArray:
     """Entries (k r, E') of G for some elements."""
     tensor = np.concatenate([g.part(part).projected(left, right) for g, right in pairs], axis=2)
-    return np.ascontiguousarray((tensor @ few).reshape(len(tensor), -1).T)
+    return np.ascontiguousarray((tensor @ combinations).reshape(len(tensor), -1).T)
 
 
 def train(equations: WeightEquations, tau: float, most_candidates: int = CANDIDATES) -> Weights:
@@ -218,21 +220,23 @@ def train(equations: WeightEquations, tau: float, most_candidates: int = CANDIDA
     total, among, combinations = G.total(), candidates(G, most_candidates), COMBINATIONS
     best, w = Weights(np.ones(G.count), np.inf), np.zeros(len(among))
     while True:
-        few = G.combined(among, combinations)
-        last = few.exact or combinations >= MOST
+        reduced = G.combined(among, combinations)
+        # fewer weights than combinations / PER_WEIGHT: more would fit the combinations alone
+        last = reduced.exact or combinations >= MOST
         most = len(among) if last else combinations // PER_WEIGHT
         goal = tau
         for _ in range(ATTEMPTS):
-            w, reached = nonnegative(few.A, few.b, goal, most, w)
-            every = np.zeros(G.count)
-            every[among] = w
-            residual = float(np.linalg.norm(G.applied(every) - total))
+            w, achieved = nonnegative(reduced.A, reduced.b, goal, most, w)
+            whole = np.zeros(G.count)
+            whole[among] = w
+            residual = float(np.linalg.norm(G.applied(whole) - total))
             if residual < best.residual:
-                best = Weights(every, residual)
+                best = Weights(whole, residual)
             if best.residual <= MET * tau:
                 return best
-            if few.exact or reached > goal:
+            if reduced.exact or achieved > goal:
                 break
+            # the combinations understate the residual by about this factor: ask for less of them
             goal *= 0.95 * tau / residual
         if last:
             return best
