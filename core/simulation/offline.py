@@ -49,7 +49,7 @@ class Offline:
     recording: integrator, step size and interval of the snapshots, None for snapshots that were
     passed in. trained: True if a basis needs snapshots, also if the basis came from the cache.
     expected: estimated memory of the run, bytes, None before the estimate.
-    reducer: identity of a third-party reducer, part of its cache keys. at_once: makes several
+    reducer: identity of a third-party reducer, part of its cache keys. parallel: makes several
     training runs at once and stores them in the cache under the keys that it is called with; None
     if they are made one after the other.
     """
@@ -57,17 +57,17 @@ class Offline:
     def __init__(
         self, model: Model, training: Callable[[], Sequence[TrainingRun]], products: Products,
         manager: Manager | None = None, recording: Recording | None = None,
-        reducer: Sequence[object] = (), at_once: Callable[[Sequence[str]], None] | None = None,
+        reducer: Sequence[object] = (), parallel: Callable[[Sequence[str]], None] | None = None,
     ) -> None:
-        self._model, self._training, self._at_once = model, training, at_once
+        self._model, self._training, self._parallel = model, training, parallel
         self._reducer = list(reducer)
         self._snapshots: Mapping[str, FloatArray] | None = None
-        self._made: dict[str, tuple[Dictionary, float]] = {}
-        self._asked: dict[str, str] = {}
-        self._kept: Mapping[str, tuple[Dictionary, float]] = {}
+        self._dictionaries: dict[str, tuple[Dictionary, float]] = {}
+        self._requested: dict[str, str] = {}
+        self._inherited: Mapping[str, tuple[Dictionary, float]] = {}
         self.manager, self._recording = manager or new_manager(), recording
         self.products = products
-        self.trained, self._closed = False, False
+        self.trained, self._read_only = False, False
         self.expected: float | None = None
 
     @classmethod
@@ -82,18 +82,18 @@ class Offline:
         parameters."""
         new = Offline(model, lambda: self._runs, products, self.manager, self._recording,
                       self._reducer)
-        kept = self._made or self._kept
-        new._kept = kept if atoms is None else {
-            name: (d.leading(atoms), top) for name, (d, top) in kept.items()}
+        known = self._dictionaries or self._inherited
+        new._inherited = known if atoms is None else {
+            name: (d.leading(atoms), top) for name, (d, top) in known.items()}
         new.trained = self.trained
         return new
 
     def as_computed(self) -> "Offline":
-        """The same offline data for another step size, without work: what is not at hand raises
-        LookupError."""
-        kept = self.of_model(self._model, self.products)
-        kept._closed = True
-        return kept
+        """The same offline data for another step size, without work: what has not been computed
+        raises LookupError."""
+        copy = self.of_model(self._model, self.products)
+        copy._read_only = True
+        return copy
 
     def without_snapshots(self) -> "Offline":
         """Itself; snapshots are read again from the cache if they are needed again."""
@@ -117,11 +117,11 @@ class Offline:
         """Snapshots (M, n) of all blocks: of training runs that are read from the cache, or made.
         Raises SolveFailed if one stops early."""
         if self._snapshots is None:
-            apart = self._trained_at_once()
+            in_parallel = self._train_in_parallel()
             found = [self.products.remember("training", self._place(key), train)
                      for key, train in self._runs]
-            if apart:
-                self.products.used["training"] = "miss" if apart == len(found) else "mixed"
+            if in_parallel:
+                self.products.used["training"] = "miss" if in_parallel == len(found) else "mixed"
             self._snapshots = found[0] if len(found) == 1 else {
                 n: np.concatenate([each[n] for each in found]) for n in found[0]}
         self.products.spent.use(f"training/{self._place(key)}" for key, _ in self._runs)
@@ -139,16 +139,16 @@ class Offline:
         none = np.zeros((x.shape[1], 0))
         return [State(float(t[i]), x[i], v[i], a[i], none) for i in range(len(t))]
 
-    def _trained_at_once(self) -> int:
+    def _train_in_parallel(self) -> int:
         """Number of training runs that other processes made, as they were not in the cache."""
-        if self._at_once is None or self.products.cache is None:
+        if self._parallel is None or self.products.cache is None:
             return 0
         places = (self._place(key) for key, _ in self._runs)
         missing = [p for p in places if not self.products.cache.has("training", p)]
         if len(missing) < 2:
             return 0
-        with self.products.elsewhere("training"):
-            self._at_once(missing)
+        with self.products.in_other_processes("training"):
+            self._parallel(missing)
         return len(missing)
 
     def _place(self, key: str) -> str:
@@ -178,8 +178,8 @@ class Offline:
     ) -> Arrays:
         cache = self.products.cache
         key = "" if cache is None else digest(self._key, *depends)
-        if self._closed:
-            make = partial(_not_at_hand, kind)
+        if self._read_only:
+            make = partial(_not_computed, kind)
         elif cache is None or not cache.has(kind, key):
             self.manager.hook.on_offline(product=kind)
         return self.products.remember(kind, key, make)
@@ -193,7 +193,7 @@ class Offline:
     def keep_training(self, snapshots: Mapping[str, FloatArray], seconds: float) -> None:
         """Stores training snapshots (M, n) by block that another run recorded in `seconds` s."""
         if self.products.cache is not None:
-            self.products.keep("training", digest(self._key), snapshots, seconds)
+            self.products.store("training", digest(self._key), snapshots, seconds)
 
     def dictionary(
         self, name: str, basis: Basis, step: StepFactors | None = None
@@ -202,23 +202,23 @@ class Offline:
         absolute coefficient of its snapshots (0 without snapshots). step: step factors of the runs
         that use it."""
         self.trained = self.trained or basis.needs_snapshots
-        if name in self._kept:
-            return self._kept[name]
-        asked = digest(basis, step)
-        if self._asked.get(name) != asked:
+        if name in self._inherited:
+            return self._inherited[name]
+        requested = digest(basis, step)
+        if self._requested.get(name) != requested:
             known = self._model.block_data(name, step=step)
             a = self._remembered("basis", self._depends(basis, known),
                                  partial(self._built, basis, known))
-            self._made[name] = Dictionary(
+            self._dictionaries[name] = Dictionary(
                 np.asarray(a["atoms"]), np.asarray(a["offset"]),
                 tuple(str(p) for p in a["provenance"]), json.loads(str(a["info"]))), float(a["top"])
-            self._asked[name] = asked
-        return self._made[name]
+            self._requested[name] = requested
+        return self._dictionaries[name]
 
     def has_dictionary(self, name: str, basis: Basis, step: StepFactors | None = None) -> bool:
         """True if the cache has this dictionary."""
         cache = self.products.cache
-        return name in self._kept or cache is not None and cache.has("basis", digest(
+        return name in self._inherited or cache is not None and cache.has("basis", digest(
             self._key, *self._depends(basis, self._model.block_data(name, step=step))))
 
     def _depends(self, basis: Basis, known: BlockData) -> Sequence[object]:
@@ -239,7 +239,7 @@ class Offline:
                 "provenance": np.array(d.provenance), "info": np.array(json.dumps(dict(d.info)))}
 
 
-def _not_at_hand(kind: str) -> Arrays:
+def _not_computed(kind: str) -> Arrays:
     raise LookupError(kind)
 
 

@@ -126,7 +126,7 @@ class Products:
             self._scratch = TemporaryFolder(None if self.cache is None else self.cache.root)
         return self._scratch.path
 
-    def keep(
+    def store(
         self, kind: str, key: str, arrays: Arrays, seconds: float
     ) -> None:
         """Stores arrays that a run has computed in the cache; seconds: their computing time, s."""
@@ -137,7 +137,7 @@ class Products:
             record(self.cache.place(kind, key), {f"{kind}/{key}": seconds})
 
     @contextmanager
-    def elsewhere(self, kind: str) -> Iterator[None]:
+    def in_other_processes(self, kind: str) -> Iterator[None]:
         """Context in which other processes compute products of a kind, which store their own
         computing times."""
         start = time.perf_counter()

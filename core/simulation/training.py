@@ -26,7 +26,7 @@ from sparsemor.core.simulation.memory.estimate import trains
 from sparsemor.core.simulation.offline import STATE, Offline, TrainingRun, full_run, step_count
 from sparsemor.core.simulation.offline_cache import Products, mesh_content
 from sparsemor.core.simulation.rigid_stage import staged
-from sparsemor.core.simulation.workers.training_runs import train_at_once
+from sparsemor.core.simulation.workers.training_runs import train_in_parallel
 
 TRAINING = "training run"
 """Prefix of messages about failures of the training run."""
@@ -112,10 +112,10 @@ def offline_of(
             return [run({})]
         return [run(point) for point in box.chosen(scene.parameters)]
 
-    def at_once(missing: Sequence[str]) -> None:
+    def in_parallel(missing: Sequence[str]) -> None:
         assert box is not None and products.cache is not None
         points = {digest(run(point)[0]): point for point in box.chosen(scene.parameters)}
-        train_at_once(scene, {k: points[k] for k in missing}, products.cache, box.workers,
+        train_in_parallel(scene, {k: points[k] for k in missing}, products.cache, box.workers,
                       lambda done: manager.hook.on_offline(
                           product=f"training runs, {done} of {len(missing)} done"))
 
@@ -123,7 +123,7 @@ def offline_of(
     recording = Recording(training.integrator, training.time.step, training.training.every,
                           training.time.end)
     return Offline(model, runs, products, manager, recording, origin(type(scene.reducer)),
-                   at_once if box is not None and box.workers > 1 else None)
+                   in_parallel if box is not None and box.workers > 1 else None)
 
 
 def snapshot_keeper(scene: Scene, model: Model, offline: Offline) -> SnapshotCollector | None:

@@ -16,7 +16,7 @@ WAIT = 0.5
 """Interval at which Ctrl-C is noticed, s."""
 
 
-def train_at_once(
+def train_in_parallel(
     scene: Scene, points: Mapping[str, Point], cache: Cache, workers: int,
     report: Callable[[int], object],
 ) -> None:
