@@ -1,6 +1,7 @@
 """Training run: full-order snapshots of each block, from which reduced bases are computed."""
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -105,7 +106,7 @@ def offline_of(
     def run(point: Point) -> TrainingRun:
         training, physics = training_physics(scene, point)
         key = digest(physics.digest(), training.training.every, Identity.of(physics).plain(), mesh)
-        return key, lambda: train(training, manager, products, body_cache)
+        return key, partial(train, training, manager, products, body_cache)
 
     def runs() -> Sequence[TrainingRun]:
         if box is None or not trains(scene, dict.fromkeys(model.reducible(), 0), model):
