@@ -99,6 +99,13 @@ class Check(Plugin):
         return None
 
     @hookspec
+    def control(self, run: PreparedRun) -> object | None:
+        """What takes the steps of a run instead of its loop, a
+        `sparsemor.core.simulation.run_steps.StepControl`; None for a run that needs none. Raises
+        InputError where it is asked for and cannot be."""
+        return None
+
+    @hookspec
     def after_run(self, run: PreparedRun, result: RunResult) -> Findings:
         """What is found in the stored results of a run, and in its steps."""
         return Findings()
@@ -159,6 +166,10 @@ class Checks(pluggy.PluginManager):
     def on_start(self, run: PreparedRun, state: State, whole: bool) -> list[OnStep]:
         """What is to be called after each step."""
         return list(self.hook.on_start(run=run, state=state, whole=whole))
+
+    def control(self, run: PreparedRun) -> object | None:
+        """The first of the controls of the steps."""
+        return next(iter(self.hook.control(run=run)), None)
 
     def after_run(self, run: PreparedRun, result: RunResult) -> Findings:
         """What all checks find, together."""

@@ -34,8 +34,7 @@ from sparsemor.core.results.solver_report import solvers_summary
 from sparsemor.core.results.store import ChunkOfSteps, ResultWriter
 from sparsemor.core.results.stored_arrays import read_header
 from sparsemor.core.simulation.admission import admit
-from sparsemor.core.simulation.error_control.notes import enrichment_notes
-from sparsemor.core.simulation.error_control.record import ErrorMark, ErrorRecord
+from sparsemor.core.simulation.error_record import ErrorMark, ErrorRecord
 from sparsemor.core.simulation.memory.use import MemoryUse
 from sparsemor.core.simulation.offline_cache import Products
 from sparsemor.core.simulation.prepared_run import PreparedRun
@@ -286,7 +285,7 @@ class Recorder:
             "offline_whole_s": self.products.spent.whole(stats.offline),
             **in_summary((*self.run.notes, *self.notes, *_full_newton(counters, done),
                           *_unused(stats, atoms),
-                          *enrichment_notes(self.run.header.enriched, stats.full_steps))),
+                          *_enriched(self.run.header.enriched, stats.full_steps))),
             "error_estimate": self._estimated(),
             "error_tolerance": self.scene.reducer.error_limit.tolerance,
             "fall_back": {**self.fall_back, "steps": stats.full_steps,
@@ -320,6 +319,14 @@ def _full_newton(counters: Mapping[str, int], steps: int) -> tuple[Note, ...]:
         f"{n} of {steps} steps were solved by Newton's method with the exact Jacobian, because the "
         "iteration with constant operators did not converge: large displacements of a soft body "
         "are the usual cause", "full_newton"),)
+
+
+def _enriched(times: Sequence[float], steps: int) -> tuple[Note, ...]:
+    """Note on atoms that were added at some times, s, from `steps` full-order steps."""
+    return () if not times else (information(
+        f"atoms were added {len(times)} times, first at {times[0]:.4g} s, because the estimated "
+        f"error exceeded its tolerance; {steps} steps of the run were solved at full order",
+        "enriched"),)
 
 
 def _unused(stats: StepStatistics, atoms: Mapping[str, int]) -> tuple[Note, ...]:

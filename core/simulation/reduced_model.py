@@ -271,12 +271,12 @@ class ReducedModel:
                 writer = MemoryWriter(
                     run.header, self._fixed if own is None else fixed_in_memory(run.header))
                 recorder = Recorder(run, writer, None, products)
-                steps = RunSteps.begin(run, recorder, manager, stats, begin=begin)
+                steps = RunSteps(run, recorder, manager, stats, begin=begin)
                 return steps.finish(steps.take())
         with owned(Path(out)):
             recorder = Recorder.open(run, Path(out), False, products)
             with kept(recorder.writer, new=True), usable(self._file_name):
-                steps = RunSteps.begin(run, recorder, manager, stats, begin=begin)
+                steps = RunSteps(run, recorder, manager, stats, begin=begin)
                 return steps.finish(steps.take())
 
     def at(self, parameters: Mapping[str, float], atoms: int | None = None) -> "ReducedModel":

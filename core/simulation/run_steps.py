@@ -2,13 +2,14 @@
 
 import errno
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from copy import deepcopy
-from dataclasses import replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from sparsemor.core.errors import Damaged, InputError, PluginError
+from sparsemor.core.errors import Damaged, PluginError
 from sparsemor.core.protocols import ManySteps, RedrawsRows, State, StepMemory
 from sparsemor.core.registry.boundary import naming_plugins
 from sparsemor.core.registry.hooks import Manager, RunStart
@@ -16,22 +17,10 @@ from sparsemor.core.registry.returned_values import complete
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.simulation.blow_up import Extents, Growth, Large, diverged, too_long
 from sparsemor.core.simulation.checks import Checks, Findings
-from sparsemor.core.simulation.error_control.actions import (
-    Accepted,
-    ErrorMonitor,
-    Exceeded,
-    at_full_order,
-)
-from sparsemor.core.simulation.error_control.continuation import (
-    Continuation,
-    fall_back,
-    with_more_atoms,
-)
-from sparsemor.core.simulation.error_control.record import ErrorRecord
+from sparsemor.core.simulation.error_record import ErrorRecord
 from sparsemor.core.simulation.interrupt import Interrupt
-from sparsemor.core.simulation.offline import step_count
 from sparsemor.core.simulation.prepared_run import PreparedRun
-from sparsemor.core.simulation.recorder import Recorder, in_summary
+from sparsemor.core.simulation.recorder import Recorder, RecordMark, in_summary
 from sparsemor.core.simulation.step_control import ControlledSteps, ControlMemory, step_of
 from sparsemor.core.simulation.step_statistics import StepStatistics
 from sparsemor.core.simulation.time_stepping import iterate, many_steps, started
@@ -39,54 +28,69 @@ from sparsemor.core.simulation.training import SnapshotCollector
 from sparsemor.core.status import SolveFailed, Status
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Accepted:
+    """Last state that a control has accepted, with the statistics and the record up to there."""
+
+    state: State
+    stats: StepStatistics
+    mark: RecordMark
+
+
+class StepControl(ABC):
+    """Control of a run that may take steps back, as by their estimated error. Between two states
+    that it accepts nothing is written."""
+
+    @abstractmethod
+    def begin(self, steps: "RunSteps") -> None:
+        """Called before the first step, and before a checkpoint is read."""
+
+    @abstractmethod
+    def take(self, steps: "RunSteps", wanted: Callable[[], bool]) -> SolveFailed | None:
+        """Takes all remaining steps by `steps.portion`; returns None, or the error of a failed step
+        or an interruption. wanted: True when the run is to be interrupted."""
+
+
 class RunSteps:
-    """Time loop of one run: constant data, current state, step memory and statistics."""
+    """Time loop of one run: constant data, current state, step memory and statistics. Takes all
+    steps of a prepared run, or those after its checkpoint.
 
-    def __init__(
-        self, run: PreparedRun, recorder: Recorder, manager: Manager,
-        state: State, memory: StepMemory, stats: StepStatistics,
-        collector: SnapshotCollector | None = None, many: ManySteps | None = None,
-        monitor: ErrorMonitor | None = None,
-    ) -> None:
-        self.run, self.scene, self.solver = run, run.scene, run.solver
-        self.recorder, self.manager = recorder, manager
-        self.state, self.memory, self.stats, self.many = state, memory, stats, many
-        self.steps = step_count(run.scene)
-        self.collector, self.monitor, self.due = collector, monitor, False
-        self.seen_changes, self.seen_draws = -1, self._resamplings()
-        self.growth: Growth | None = Growth(Extents(()))
-        self.checks = Checks.of(run.scene)
-        # what checks see of steps is not in checkpoints
-        self.on_step = self.checks.on_start(
-            run, state, stats.done == 0 and monitor is None and not recorder.fall_back)
+    begin: the state and memory with which they begin (`started`), if they are known. held: True
+    while a control decides on what is written.
+    """
 
-    @classmethod
     @np.errstate(all="ignore")  # overflow ends in a status, not in a warning
-    def begin(
-        cls, run: PreparedRun, recorder: Recorder, manager: Manager, stats: StepStatistics,
+    def __init__(
+        self, run: PreparedRun, recorder: Recorder, manager: Manager, stats: StepStatistics,
         collector: SnapshotCollector | None = None, begin: tuple[State, StepMemory] | None = None,
-    ) -> "RunSteps":
-        """All steps of a prepared run, or those after its checkpoint. begin: the state and memory
-        with which they begin (`started`), if they are known."""
-        scene, solver = run.scene, run.solver
-        state, memory = begin or started(solver, scene.integrator, run.start)
-        complete(memory, StepMemory, scene.reducer, "start", "reducer")
-        many = many_steps(solver, scene.integrator, scene.time.step, run.steps)
+    ) -> None:
+        scene = run.scene
+        self.run, self.scene, self.solver = run, scene, run.solver
+        self.recorder, self.manager, self.stats, self.steps = recorder, manager, stats, run.steps
+        self.collector, self.due, self.held = collector, False, False
+        self.state, self.memory = begin or started(self.solver, scene.integrator, run.start)
+        complete(self.memory, StepMemory, scene.reducer, "start", "reducer")
+        self.many = many_steps(self.solver, scene.integrator, scene.time.step, run.steps)
         if run.estimator is not None:
-            recorder.errors = ErrorRecord(run.estimator, run.start, state, run.changes)
-        monitor = _monitor(run, state, recorder.errors)
-        if recorder.errors is not None and recorder.fall_back:  # a run that is resumed after it
-            recorder.errors.exact, monitor = True, None
-            run = at_full_order(run, Exceeded.of(recorder.fall_back))
-            recorder.set_run(run)
-            solver, many = run.solver, None
-            state, memory = started(solver, scene.integrator, run.start)
+            recorder.errors = ErrorRecord(run.estimator, run.start, self.state, run.changes)
+        self.checks = Checks.of(scene)
+        self.control = self.checks.control(run)
+        if self.control is not None:
+            assert isinstance(self.control, StepControl)
+            self.control.begin(self)
         if recorder.checkpoint is not None:
-            state, memory, stats = recorder.restored(state, memory, stats)
-        sampled = solver.rows_at(memory) if isinstance(solver, RedrawsRows) else solver.rows
+            self.state, self.memory, self.stats = recorder.restored(
+                self.state, self.memory, self.stats)
+        sampled = self.solver.rows_at(self.memory) if isinstance(
+            self.solver, RedrawsRows) else self.solver.rows
         for block, rows in sampled.items():
             manager.hook.on_resample(block=block, rows=rows)
-        return cls(run, recorder, manager, state, memory, stats, collector, many, monitor)
+        self.seen_changes, self.seen_draws = -1, self._resamplings()
+        self.growth: Growth | None = Growth(Extents(()))
+        # what checks see of steps is not in checkpoints
+        self.on_step = self.checks.on_start(
+            self.run, self.state,
+            self.stats.done == 0 and not self.held and not recorder.fall_back)
 
     def take(self) -> SolveFailed | None:
         """Takes and records the steps; returns None, or the error of a failed step or an
@@ -165,58 +169,43 @@ class RunSteps:
     @np.errstate(all="ignore")  # overflow is a status of the step, not a warning
     def _steps(self, interrupt: Interrupt) -> SolveFailed | None:
         """Takes all remaining steps; returns None, or the error of a failed step or an
-        interruption. Where a run acts on its estimated error, what it does not accept is taken
-        back: nothing is written between two estimates."""
-        accepted = self._accepted()
-        while (left := self.steps - self.stats.done) > 0:
-            if self.monitor is None:
-                return self._portion(left, lambda: interrupt.wanted)
-            if interrupt.wanted:
-                return SolveFailed(Status.INTERRUPTED, self.state.t)
-            every, action = self.monitor.every, self.monitor.limit.action
-            failure = self._portion(min(left, every - self.stats.done % every), lambda: False)
-            assert self.recorder.errors is not None
-            why = self.monitor.exceeded(self.state, self.recorder.errors.present()) if (
-                failure is None) else Exceeded.failed(failure)
-            if why is None:
-                if self.due:
-                    self._save()
-                accepted = self._accepted()
-            elif action == "stop":
-                return failure or SolveFailed(
-                    Status.INACCURATE, self.state.t, why.block, why.reason)
-            else:
-                self._roll_back(accepted)
-                context = self.run, self.recorder, self.stats
-                found = None if action == "fall_back" else with_more_atoms(
-                    *context, self.manager, self.state, self.monitor, why, self.steps)
-                self._switch(found or fall_back(
-                    *context, self.state, replace(why, t=self.state.t)))
-                accepted = self._accepted()
-        return None
+        interruption."""
+        if isinstance(self.control, StepControl):
+            return self.control.take(self, lambda: interrupt.wanted)
+        return self.portion(self.steps - self.stats.done, lambda: interrupt.wanted)
 
-    def _accepted(self) -> Accepted:
+    def accepted(self) -> Accepted:
+        """The present state, to come back to."""
         return Accepted(self.state, deepcopy(self.stats), self.recorder.mark())
 
-    def _roll_back(self, accepted: Accepted) -> None:
+    def roll_back(self, accepted: Accepted) -> None:
         """Drops the steps after an accepted state."""
         self.recorder.roll_back(accepted.mark)
         self.state, self.stats = accepted.state, accepted.stats
         self.on_step = self.checks.on_start(self.run, self.state, False)
 
-    def _switch(self, found: Continuation) -> None:
-        """Takes the remaining steps with another step solver."""
-        self.run, self.solver = found.run, found.run.solver
-        self.state, self.memory = found.state, found.memory
-        self.many, self.monitor = found.many, found.monitor
-        self.on_step = self.checks.on_start(self.run, self.state, False)
-        self._save()
+    def set_run(
+        self, run: PreparedRun, state: State, memory: StepMemory, many: ManySteps | None = None
+    ) -> None:
+        """Goes on with the step solver of another run from its present state. many: its blocks of
+        steps."""
+        self.run, self.solver, self.many = run, run.solver, many
+        self.state, self.memory = state, memory
 
-    def _save(self) -> None:
+    def switch_run(
+        self, run: PreparedRun, state: State, memory: StepMemory, many: ManySteps | None = None
+    ) -> None:
+        """The same in the middle of a run, with a checkpoint."""
+        self.set_run(run, state, memory, many)
+        self.on_step = self.checks.on_start(self.run, self.state, False)
+        self.save()
+
+    def save(self) -> None:
+        """Commits what is recorded, with a checkpoint."""
         self.stats.online, self.due = time.perf_counter() - self._begun, False
         self.recorder.save(self.state, self.memory, self.stats)
 
-    def _portion(self, count: int, stop: Callable[[], bool]) -> SolveFailed | None:
+    def portion(self, count: int, stop: Callable[[], bool]) -> SolveFailed | None:
         """Takes `count` steps; returns None, or the error of a failed step, of a plugin, or of an
         interruption."""
         try:
@@ -260,8 +249,8 @@ class RunSteps:
                 stats.count_atoms(supports)
             self.due = self.recorder.take(self.state, stats, supports, self.memory) or self.due
             # in a block of steps the memory is that of its last one
-            if self.due and whole and self.monitor is None:
-                self._save()
+            if self.due and whole and not self.held:
+                self.save()
             if watched:
                 self.seen_draws = self._report_rows(self.seen_draws)
                 self.manager.hook.on_step(
@@ -300,20 +289,3 @@ class RunSteps:
             for block, support in self.solver.supports(memory).items():
                 self.manager.hook.on_support_change(t=t, block=block, support=support)
         return count
-
-
-def _monitor(
-    run: PreparedRun, start: State, errors: ErrorRecord | None
-) -> ErrorMonitor | None:
-    """Comparison of the estimated errors with their tolerance, where the run acts on it.
-
-    Raises InputError where a run should act and has no estimate.
-    """
-    limit = run.scene.reducer.error_limit
-    if limit.action == "warn":
-        return None
-    if errors is None or run.model is None:
-        raise InputError(f"action: {limit.action} needs the estimate and the assembled model, "
-                         "which this reduced model does not have: take action: warn, or run its "
-                         "scene", "reducer.error_estimate")
-    return ErrorMonitor(limit, run, start, errors.changes)

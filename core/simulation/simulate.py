@@ -76,7 +76,7 @@ def _run(
     # snapshots are those of a whole run: not of the rest of an interrupted one
     snapshots = snapshot_keeper(scene, model, offline) if keep_training and not resume else None
     with kept(recorder.writer, new=recorder.checkpoint is None):
-        steps = RunSteps.begin(run, recorder, manager, stats, snapshots)
+        steps = RunSteps(run, recorder, manager, stats, snapshots)
         failure = steps.take()
         result = steps.finish(failure)
     if snapshots is not None:

@@ -20,7 +20,7 @@ from sparsemor.core.scene.parameters import Point, values_at
 from sparsemor.core.scene.run_identity import Identity
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.cache import Cache
-from sparsemor.core.simulation.error_control.record import ErrorRecord
+from sparsemor.core.simulation.error_record import ErrorRecord
 from sparsemor.core.simulation.offline import step_count
 from sparsemor.core.simulation.offline_cache import Products
 from sparsemor.core.simulation.prepare import prepared_again, prepared_run

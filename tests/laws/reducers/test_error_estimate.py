@@ -20,7 +20,7 @@ from sparsemor.core.protocols.integrator import new_state, step_formula
 from sparsemor.core.protocols.layout import Block, FieldKind, Layout
 from sparsemor.core.results.saved_state import Saved
 from sparsemor.core.scene.scene import Scene
-from sparsemor.core.simulation.error_control.record import ErrorRecord
+from sparsemor.core.simulation.error_record import ErrorRecord
 from sparsemor.core.simulation.simulate import simulate
 from sparsemor.core.testing.in_memory_run import March, march, scene_of
 from sparsemor.integrators.bdf1 import Bdf1

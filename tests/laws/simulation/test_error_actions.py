@@ -237,7 +237,7 @@ def test_steps_in_blocks_end_at_the_estimates(monkeypatch: pytest.MonkeyPatch) -
 
     scene = passing("fall_back", every=6)
     plain = simulate(scene)
-    monkeypatch.setattr("sparsemor.core.simulation.simulate.many_steps", Blocks)
+    monkeypatch.setattr("sparsemor.core.simulation.run_steps.many_steps", Blocks)
     run = simulate(scene)
     assert set(counts) == {6} and len(counts) == 3  # the third one is taken back
     assert run.summary["fall_back"]["time"] == plain.summary["fall_back"]["time"]

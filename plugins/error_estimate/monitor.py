@@ -18,9 +18,7 @@ from sparsemor.core.results.probes import ProbeReader
 from sparsemor.core.scene.defaults import FULL_ORDER
 from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.simulation.prepared_run import PreparedRun
-from sparsemor.core.simulation.recorder import RecordMark
 from sparsemor.core.simulation.step_control import controlled
-from sparsemor.core.simulation.step_statistics import StepStatistics
 from sparsemor.core.status import SolveFailed
 
 
@@ -47,16 +45,6 @@ class Exceeded:
     def note(self) -> Note:
         return Note(f"from {self.t:.4g} s on the run was solved at full order: {self.reason}",
                     "fell_back")
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Accepted:
-    """Last state of a run whose estimated error was within the tolerance, with the statistics and
-    the record up to there."""
-
-    state: State
-    stats: StepStatistics
-    mark: RecordMark
 
 
 class ErrorMonitor:
