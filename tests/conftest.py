@@ -208,7 +208,7 @@ def third_party(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder for PYTHONPATH where the sample distributions are installed by pip."""
     target = tmp_path_factory.mktemp("third_party")
     sources = [str(THIRD_PARTY / name) for name in (
-        "sparsemor-sample", "sparsemor-beam", "sparsemor-broken")]
+        "sparsemor-sample", "sparsemor-beam", "sparsemor-radau", "sparsemor-broken")]
     subprocess.run(
         [sys.executable, "-m", "pip", "install", "--quiet", "--disable-pip-version-check",
          "--no-index", "--no-deps", "--no-build-isolation", "--target", str(target), *sources],

@@ -40,6 +40,14 @@ def test_both_are_listed_and_the_broken_one_with_its_cause(third_party):
     assert found["lhs"]["broken"] == ""
 
 
+def test_the_listing_has_what_a_package_of_one_integrator_replaces(third_party):
+    done = command(third_party, "plugins", "radau_iia", "--json")
+    (found,) = json.loads(done.stdout)["plugins"]
+    assert found["distribution"] == "sparsemor-radau" and found["broken"] == ""
+    assert found["required"] == ["order", "rules(h)"]
+    assert [own["name"] for own in found["own"]] == ["advance(solve, step)"]
+
+
 def test_the_schema_completes_it_and_leaves_the_broken_one_out(third_party):
     schema = json.loads(run(third_party, "-c", (
         "import json; from sparsemor.core.scene.json_schema import scene_schema; "

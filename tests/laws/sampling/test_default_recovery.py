@@ -1,0 +1,30 @@
+"""The faster recoveries of first-party solvers select what their nonlinear solve selects."""
+
+import numpy as np
+import pytest
+
+from sparsemor.core import SparseSolver
+from sparsemor.core.linalg.column_subsets import ColumnSubsets
+from sparsemor.core.testing import installed
+
+ACTIVE = 5
+
+
+@pytest.mark.parametrize("name", ["cosamp", "greedy_gauss_newton", "omp"])
+@pytest.mark.parametrize("shape", [(60, 32), (60, 70)])
+def test_prepare_selects_what_solve_selects(name: str, shape: tuple[int, int]) -> None:
+    rng, solver = np.random.default_rng(5), installed("sparse_solver")[name]()
+    A = rng.standard_normal(shape)
+    columns = ColumnSubsets(A / np.linalg.norm(A, axis=0), 1e-12)
+    own, default = solver.prepare(columns, ACTIVE), SparseSolver.prepare(solver, columns, ACTIVE)
+    assert type(own) is not type(default)
+    for _ in range(5):
+        x, wrong = np.zeros(shape[1]), np.zeros(shape[1], dtype=np.bool_)
+        x[rng.choice(shape[1], ACTIVE, replace=False)] = rng.standard_normal(ACTIVE)
+        wrong[rng.choice(shape[1], ACTIVE, replace=False)] = True
+        b = columns.A @ x + 1e-3 * rng.standard_normal(shape[0])
+        c = columns.solution(wrong, b)
+        assert c is not None
+        found = [r.select(columns.A @ c - b, c, wrong) for r in (own, default)]
+        assert found[0].status.ok and found[1].status.ok
+        assert np.array_equal(found[0].support, found[1].support)
