@@ -15,8 +15,7 @@ from sparsemor.bodies.frames import plane_items as plane
 from sparsemor.bodies.frames import rotation as rot
 from sparsemor.bodies.frames import space_items as spatial
 from sparsemor.bodies.frames.attitude import Attitude, attitude
-from sparsemor.bodies.frames.items import AXES
-from sparsemor.bodies.frames.joint_items import Wrench
+from sparsemor.bodies.frames.items import AXES, SpatialItem, Wrench
 from sparsemor.bodies.frames.motion import Motion, Sums
 from sparsemor.core import Amplitude, FloatArray
 from sparsemor.core.protocols.poses import points_in_space, vectors_in_space
@@ -27,7 +26,7 @@ GROUND = {2: np.zeros(3), 3: np.array([0.0, 0, 0, 1, 0, 0, 0])}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Facing:
+class Facing(SpatialItem):
     """Perpendicularity constraints g_k = (A d_k) . (A_o e_k): d (l, 3) in own axes, e (l, 3) in the
     other body's.
 
@@ -160,7 +159,7 @@ class Facing:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Slide:
+class Slide(SpatialItem):
     """Point-on-line constraints g_k = (R + A z - R_o - A_o z_o) . (A_o e_k): the own point stays on
     lines of the other body.
 

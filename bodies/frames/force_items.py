@@ -5,14 +5,14 @@ from dataclasses import dataclass, replace
 
 from sparsemor.bodies.frames import plane_items as plane
 from sparsemor.bodies.frames import space_items as spatial
-from sparsemor.bodies.frames.items import AXES, EYE
+from sparsemor.bodies.frames.items import AXES, EYE, Item
 from sparsemor.bodies.frames.many_times import Moved, Pushed
 from sparsemor.bodies.frames.motion import Motion, Sums
 from sparsemor.core import Amplitude, FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SpaceForce:
+class SpaceForce(Item):
     """Nodal weights times one force in space axes (for gravity the weights are nodal masses).
 
     total = sum w, arm (d,) = sum w X, force (d,) per unit weight, N.
@@ -23,7 +23,7 @@ class SpaceForce:
     force: FloatArray
     amplitude: Amplitude
     others = 0
-    forces = 0
+    pushes = True
 
     @property
     def directions(self) -> int:
@@ -59,7 +59,7 @@ class SpaceForce:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class BodyForce:
+class BodyForce(Item):
     """Nodal load that rotates with the body: total (d,) = sum f, N; arm (r,) = sum X x f, N m.
 
     Functionals: the load itself, and the r components of sum u x f.
@@ -69,7 +69,7 @@ class BodyForce:
     arm: FloatArray
     amplitude: Amplitude
     others = 0
-    forces = 0
+    pushes = True
 
     @property
     def directions(self) -> int:
@@ -103,7 +103,7 @@ class BodyForce:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Moment:
+class Moment(Item):
     """Moment (r,), N m, on the body or, with `turns`, on the mean rotation of a set of its points,
     in axes of the body or of space; functionals: that mean rotation, in the plane followed by 0."""
 
@@ -112,7 +112,7 @@ class Moment:
     turns: bool
     space: bool
     others = 0
-    forces = 0
+    pushes = True
 
     @property
     def directions(self) -> int:
@@ -122,9 +122,6 @@ class Moment:
         if not self.turns:
             return ()
         return (source, "") if len(self.moment) == 1 else tuple(f"{source} {a}" for a in AXES)
-
-    def shifted(self, s: FloatArray, quadratic: FloatArray) -> "Moment":
-        return self
 
     def in_plane(self) -> plane.PlanePart:
         return plane.PlanePart(

@@ -9,7 +9,7 @@ from typing import Generic, Self, TypeVar
 import numpy as np
 
 from sparsemor.bodies.frames.inertia import Inertia
-from sparsemor.bodies.frames.items import Item, Nothing, Pushing, SpatialItem, Timed
+from sparsemor.bodies.frames.items import Item, Nothing, SpatialItem
 from sparsemor.bodies.frames.many_times import MotionAtTimes, Pushes
 from sparsemor.bodies.frames.moments import moments_of
 from sparsemor.bodies.frames.motion import Motion, Sums
@@ -137,10 +137,10 @@ class SpatialFrame(ItemFrame[SpatialItem]):
             item.push(m, j, out)
         return np.hstack([out.coefficients, out.sigma])
 
-    def _pushing(self) -> Iterator[tuple[Pushing, int]]:
+    def _pushing(self) -> Iterator[tuple[SpatialItem, int]]:
         """Items with `push`, and the number of their first functional."""
         for item, (j, _, _) in zip(self.items, self.starts, strict=True):
-            if isinstance(item, Pushing):
+            if item.pushes:
                 yield item, j
 
     def exact(
@@ -155,15 +155,14 @@ class SpatialFrame(ItemFrame[SpatialItem]):
     def without_push(self) -> tuple[SpatialItem, ...]:
         """Items that act on displacements other than by multipliers, but have no `push`."""
         return tuple(i for i in self.items
-                     if i.directions and not i.forces and not isinstance(i, Pushing))
+                     if i.directions and not i.forces and not i.pushes)
 
     def time_derivative(self, order: int, t: float, h: float) -> "SpatialFrame | None":
         """Frame with the partial time derivatives (order 1 or 2) of its items' constraints at time
         t, s; None if all are zero."""
         made: list[SpatialItem] = []
         for i in self.items:
-            of_time = i.time_derivative(order, t, h) if isinstance(i, Timed) else None
-            made.append(of_time or Nothing(
+            made.append(i.time_derivative(order, t, h) or Nothing(
                 i.directions, i.others, i.forces, isinstance(i, Inertia)))
         zero = all(isinstance(i, Nothing) for i in made)
         return None if zero else replace(self, items=tuple(made))

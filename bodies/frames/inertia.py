@@ -17,7 +17,7 @@ import numpy as np
 from sparsemor.bodies.frames import plane_items as plane
 from sparsemor.bodies.frames import rotation as rot
 from sparsemor.bodies.frames import space_items as spatial
-from sparsemor.bodies.frames.items import AXES
+from sparsemor.bodies.frames.items import AXES, Item
 from sparsemor.bodies.frames.many_times import Moved, Pushed
 from sparsemor.bodies.frames.moments import MassProperties, Moments
 from sparsemor.bodies.frames.motion import Motion, Sums
@@ -29,7 +29,7 @@ FIRST = 3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Inertia:
+class Inertia(Item):
     """Inertia of a body: mass (kg), moment (d,) = sum m X (kg m), second (g,) = X.M_g X (kg m^2).
 
     Functionals of the displacements: m e_i (d), then M_g X (g).
@@ -42,7 +42,7 @@ class Inertia:
     tensor: FloatArray = field(init=False)
     """(r, r) moments of inertia of the reference shape about the frame origin, kg m^2."""
     others = 0
-    forces = 0
+    pushes = True
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "tensor", self.moments.tensor.dot(self.second))

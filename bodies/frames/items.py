@@ -12,7 +12,7 @@ multiplier of |p| = 1 absorbs.
 """
 
 from dataclasses import dataclass
-from typing import Protocol, Self, runtime_checkable
+from typing import Protocol, Self
 
 import numpy as np
 
@@ -26,28 +26,87 @@ AXES = ("x", "y", "z")
 EYE = np.eye(3)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Wrench:
+    """Joint reaction on the own side in space axes: force (T, d), N, at the own point, and moment
+    (T, r), N m.
+
+    reach (T, d), m: point at which the force acts on the other body; None if the item does not act
+    on the other body.
+    """
+
+    force: FloatArray
+    moment: FloatArray
+    reach: FloatArray | None
+
+
 class Item(Protocol):
-    """One part of a frame's equations.
+    """One part of a frame's equations, by default one of rigid coordinates alone.
 
     directions, others, forces: its numbers of functionals of the displacements, coordinates of
     another body, and multipliers.
     """
 
+    __slots__ = ()
+    others: int
+
     @property
-    def directions(self) -> int: ...
+    def directions(self) -> int:
+        return 0
+
     @property
-    def others(self) -> int: ...
-    @property
-    def forces(self) -> int: ...
-    def names(self, source: str) -> tuple[str, ...]: ...
+    def forces(self) -> int:
+        return 0
+
+    def names(self, source: str) -> tuple[str, ...]:
+        return ("",) * self.directions
+
     def shifted(self, s: FloatArray, quadratic: FloatArray) -> Self:
         """The same item with displacements measured from a deformed shape: s (directions,) its
         functionals of that shape, quadratic (g,) = u.M_g u."""
-        ...
+        return self
+
+    # ------------------------------------------------------------------ in space
+
+    pushes: bool = False
+    """True if `push` gives its loads on displacements under prescribed frame motion."""
+
+    def push(self, m: Moved, j: int, out: Pushed) -> None:
+        """Writes its loads on displacements to `out`, at one time or many."""
+        return None
+
+    def time_derivative(self, order: int, t: float, h: float) -> "SpatialItem | None":
+        """Item with the partial time derivative of its constraints, of order 1 or 2, at t, s; None
+        where it is zero."""
+        return None
+
+    def in_space(self) -> tuple[spatial.SpacePart, ...] | None:
+        """The item as functions on arrays, for compiled steps; None without them."""
+        return None
+
+    # ------------------------------------------------------------------ of joints
+
+    @property
+    def reactions(self) -> tuple[tuple[str, str], ...]:
+        """Name and unit of each of its multipliers, such as ("force x", "N"); () for an item
+        without `wrench`."""
+        return ()
+
+    def wrench(
+        self, times: FloatArray, forces: FloatArray, pose: FloatArray, other: FloatArray | None
+    ) -> Wrench:
+        """Reaction of multipliers `forces` (T, forces), N or N m, on the body at times (T,), s.
+
+        pose, other (T, n) or (1, n): rigid coordinates of the own and of the other body, None for
+        one at rest.
+        """
+        raise TypeError(f"{type(self).__name__} has no reactions")
 
 
 class SpatialItem(Item, Protocol):
     """Part of the equations of a frame in space."""
+
+    __slots__ = ()
 
     def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None: ...
 
@@ -55,38 +114,15 @@ class SpatialItem(Item, Protocol):
 class PlanarItem(Item, Protocol):
     """Part of the equations of a frame in the plane, where functionals come in pairs."""
 
+    __slots__ = ()
+
     def in_plane(self) -> plane.PlanePart: ...
 
 
-@runtime_checkable
-class Timed(Protocol):
-    """An item whose constraints depend explicitly on time, with their partial derivatives."""
-
-    def time_derivative(self, order: int, t: float, h: float) -> SpatialItem | None:
-        """Item with the partial time derivative of order 1 or 2 at t, s; None where it is zero."""
-        ...
-
-
-@runtime_checkable
-class Pushing(Protocol):
-    """An item that acts on displacements under prescribed frame motion: `push` writes its loads to
-    `out`, at one time or many."""
-
-    def push(self, m: Moved, j: int, out: Pushed) -> None: ...
-
-
-class RigidItem:
+class RigidItem(Item):
     """Item that depends on rigid coordinates alone, not on displacements."""
 
     __slots__ = ()
-    directions = 0
-    forces = 0
-
-    def names(self, source: str) -> tuple[str, ...]:
-        return ()
-
-    def shifted(self, s: FloatArray, quadratic: FloatArray) -> Self:
-        return self
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -108,20 +144,14 @@ class UnitLength(RigidItem):
 
 
 @dataclass(frozen=True, slots=True)
-class Nothing:
+class Nothing(SpatialItem):
     """Item with zero contribution instead of another one with the same numbers of functionals,
     coordinates and multipliers; inert: instead of the inertia."""
 
-    directions: int
-    others: int
-    forces: int
+    directions: int = 0
+    others: int = 0
+    forces: int = 0
     inert: bool = False
-
-    def names(self, source: str) -> tuple[str, ...]:
-        return ("",) * self.directions
-
-    def shifted(self, s: FloatArray, quadratic: FloatArray) -> "Nothing":
-        return self
 
     def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
         if m.elastic:

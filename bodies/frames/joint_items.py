@@ -2,54 +2,19 @@
 of points, and prescribed reactions (notation: items.py)."""
 
 from dataclasses import dataclass, replace
-from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from sparsemor.bodies.frames import plane_items as plane
 from sparsemor.bodies.frames import space_items as spatial
-from sparsemor.bodies.frames.items import AXES, EYE
+from sparsemor.bodies.frames.items import AXES, EYE, Item, Wrench
 from sparsemor.bodies.frames.many_times import Moved, Pushed
 from sparsemor.bodies.frames.motion import Motion, Sums
 from sparsemor.core import FloatArray, Table
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Wrench:
-    """Joint reaction on the own side in space axes: force (T, d), N, at the own point, and moment
-    (T, r), N m.
-
-    reach (T, d), m: point at which the force acts on the other body; None if the item does not act
-    on the other body.
-    """
-
-    force: FloatArray
-    moment: FloatArray
-    reach: FloatArray | None
-
-
-@runtime_checkable
-class Holding(Protocol):
-    """An item of a joint, with the reaction of its multipliers on the body."""
-
-    @property
-    def reactions(self) -> tuple[tuple[str, str], ...]:
-        """Name and unit of each of its multipliers, such as ("force x", "N")."""
-        ...
-
-    def wrench(
-        self, times: FloatArray, forces: FloatArray, pose: FloatArray, other: FloatArray | None
-    ) -> Wrench:
-        """Reaction of multipliers `forces` (T, forces), N or N m, at times (T,), s.
-
-        pose, other (T, n) or (1, n): rigid coordinates of the own and of the other body, None for
-        one at rest.
-        """
-        ...
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Attachment:
+class Attachment(Item):
     """Mean position of a weighted set of points, point (d,) = sum w X with sum w = 1, m; its
     multipliers are the force on it (d, N)."""
 
@@ -105,7 +70,7 @@ class Attachment:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Rotation:
+class Rotation(Item):
     """Rotation of a body in the plane or, with `turns`, mean rotation of a set of its points, rad;
     its multiplier is the moment, N m.
 
@@ -138,7 +103,7 @@ class Rotation:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Reaction:
+class Reaction(Item):
     """Prescribed joint force (N) on the mean point of a set and, with `turns`, moment (N m) on its
     mean rotation: table (T, d + r), space axes.
 
@@ -149,7 +114,7 @@ class Reaction:
     forces_at: Table
     turns: bool
     others = 0
-    forces = 0
+    pushes = True
 
     @property
     def directions(self) -> int:
@@ -161,9 +126,6 @@ class Reaction:
         force = tuple(f"{source} {a}" for a in AXES[:d])
         turn = tuple(f"{source} turn {a}" for a in AXES) if d == 3 else (f"{source} turn", "")
         return force + turn if self.turns else force
-
-    def shifted(self, s: FloatArray, quadratic: FloatArray) -> "Reaction":
-        return self
 
     def in_plane(self) -> plane.PlanePart:
         return plane.PlanePart(plane.Reaction(self.forces_at, self.turns), ())

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from itertools import chain
-from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -12,7 +11,6 @@ from sparsemor.bodies.frames.items import Item
 from sparsemor.bodies.frames.space_inertia import space_inertia
 from sparsemor.bodies.frames.space_items import (
     SpaceFunction,
-    SpacePart,
     add_pull,
     body_force,
     constraint,
@@ -45,22 +43,15 @@ CALLS: tuple[Callable[..., object], ...] = (
 """All functions that it calls, each after those that it calls itself."""
 
 
-@runtime_checkable
-class GivenAsParts(Protocol):
-    """An item of a frame in space that is also given as functions on arrays."""
-
-    def in_space(self) -> Sequence[SpacePart]: ...
-
-
 def space_arrays(
     n: int, items: Sequence[Item], starts: Sequence[tuple[int, int, int]]
 ) -> FrameArrays | None:
     """Items of a frame with n attitude coordinates as arrays, None where one is not given so."""
-    given = [item for item in items if isinstance(item, GivenAsParts)]
+    given = [made for item in items if (made := item.in_space()) is not None]
     if len(given) < len(items):
         return None
-    own = [[(part, (j, o, k + part.row)) for part in item.in_space()]
-           for item, (j, o, k) in zip(given, starts, strict=True)]
+    own = [[(part, (j, o, k + part.row)) for part in found]
+           for found, (j, o, k) in zip(given, starts, strict=True)]
     parts = list(chain.from_iterable(own))
     numbers = np.zeros((len(parts), max((1 + len(p.numbers) for p, _ in parts), default=1)))
     for row, (part, _) in zip(numbers, parts, strict=True):

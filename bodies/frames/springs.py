@@ -15,7 +15,7 @@ from sparsemor.bodies.frames import plane_springs
 from sparsemor.bodies.frames import rotation as rot
 from sparsemor.bodies.frames import space_items as spatial
 from sparsemor.bodies.frames.attitude import Attitude, Free, attitude, vector_rates
-from sparsemor.bodies.frames.items import EYE, Item, RigidItem
+from sparsemor.bodies.frames.items import EYE, Item
 from sparsemor.bodies.frames.motion import Motion, Sums
 from sparsemor.bodies.frames.space_springs import space_rotational_spring, space_spring
 from sparsemor.core import Amplitude, FloatArray
@@ -29,6 +29,8 @@ Along: TypeAlias = tuple[FloatArray, FloatArray]
 class SpringItem(Item, Protocol):
     """Item of a force element, which can be evaluated along given motion."""
 
+    __slots__ = ()
+
     def along(self, times: FloatArray, own: Along, other: Along) -> tuple[FloatArray, FloatArray]:
         """Force (T,), N or N m, and the force (N) and moment (N m) on the own side (T, 3 d - 3), in
         space axes with the sign of the left-hand sides of the equations."""
@@ -36,7 +38,7 @@ class SpringItem(Item, Protocol):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Spring(RigidItem):
+class Spring(SpringItem):
     """Force stiffness l + damping l' + drive(t), N, along the line between two points at the
     distance l; positive pulls them together.
 
@@ -130,7 +132,7 @@ def _quaternions(q: FloatArray) -> FloatArray:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class RotationalSpring(RigidItem):
+class RotationalSpring(SpringItem):
     """In the plane: moment stiffness phi + damping phi' + drive(t), N m, against the relative angle
     phi, rad, of the own and the other frame.
 
@@ -156,7 +158,7 @@ class RotationalSpring(RigidItem):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SpatialRotationalSpring(RigidItem):
+class SpatialRotationalSpring(SpringItem):
     """In space: moment stiffness (phi - relaxed(t)) + damping phi' + drive(t), N m, against the
     relative angle phi, rad, of the own and the other frame about an axis: phi = atan2(A d . A_o
     e_2, A d . A_o e_1), plus whole turns (`counted`).

@@ -22,6 +22,7 @@ import numpy as np
 from sparsemor.bodies.body import FloatingBody
 from sparsemor.bodies.frames.attitude import velocity_at
 from sparsemor.bodies.frames.constraints import Facing, Slide
+from sparsemor.bodies.frames.items import Item
 from sparsemor.bodies.frames.joint_items import Attachment, Rotation
 from sparsemor.bodies.joints.part import JointPart
 from sparsemor.bodies.joints.side import (
@@ -35,7 +36,7 @@ from sparsemor.bodies.joints.side import (
 )
 from sparsemor.bodies.targets import Place
 from sparsemor.core import Amplitude, Body, FloatArray, InputError, Part
-from sparsemor.core.protocols import FrameItem, Held
+from sparsemor.core.protocols import Held
 
 
 def constant(value: float) -> Amplitude:
@@ -208,7 +209,7 @@ class Conditions:
                      len(far.pose) if far.reads else 0, far.pose)
         self._of_both(item, side.displacement, np.eye(len(lines)))
 
-    def _of_both(self, item: FrameItem, vectors: FloatArray | None, C: FloatArray) -> None:
+    def _of_both(self, item: Item, vectors: FloatArray | None, C: FloatArray) -> None:
         """Adds constraints evaluated with the own side that read the coordinates of the other."""
         body = self.own.body
         assert body is not None
@@ -238,7 +239,7 @@ class Conditions:
         return JointPart(self.name, sides, tuple(conditions), tuple(self.targets), frame)
 
     def _add(
-        self, body: Body, item: FrameItem, vectors: FloatArray | None, C: FloatArray,
+        self, body: Body, item: Item, vectors: FloatArray | None, C: FloatArray,
         reads: str = "",
     ) -> None:
         self.made.append((self.count, Condition(body, item, vectors, C, reads)))

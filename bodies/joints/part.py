@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from sparsemor.bodies.frames.joint_items import Attachment, Holding, Reaction
+from sparsemor.bodies.frames.joint_items import Attachment, Reaction
 from sparsemor.bodies.joints.heat import HeatExchange
 from sparsemor.bodies.joints.side import Condition, Side
 from sparsemor.bodies.joints.wrench import holding, size, wrenches
@@ -52,7 +52,7 @@ class JointPart(Joint):
         return tuple(self._component(row) for row in range(len(self.targets)))
 
     def _component(self, row: int) -> tuple[str, str]:
-        kinds = {c.item.reactions[i] for c in self.conditions if isinstance(c.item, Holding)
+        kinds = {c.item.reactions[i] for c in self.conditions if c.item.reactions
                  for i in np.flatnonzero(c.C[row]).tolist()}
         if len(kinds) == 1:
             return kinds.pop()

@@ -7,9 +7,9 @@ from functools import cached_property
 import numpy as np
 
 from sparsemor.bodies.frames.constraints import GROUND as AT_ORIGIN
+from sparsemor.bodies.frames.items import Item
 from sparsemor.bodies.targets import GROUND, Place, find_place
 from sparsemor.core import Body, FloatArray, FrameHistory, Gather, InputError, Part
-from sparsemor.core.protocols import FrameItem
 from sparsemor.core.protocols.poses import points_in_space
 
 NEAR = 1e-8
@@ -27,7 +27,7 @@ class Condition:
     """
 
     body: Body
-    item: FrameItem
+    item: Item
     vectors: FloatArray | None
     C: FloatArray
     other: str = ""

@@ -11,11 +11,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from sparsemor.bodies.frames.joint_items import Holding
+from sparsemor.bodies.frames.items import Item
 from sparsemor.bodies.frames.rotation import torque
 from sparsemor.bodies.joints.side import Condition, Side
 from sparsemor.core import FloatArray, InputError
-from sparsemor.core.protocols import FrameItem
 from sparsemor.core.protocols.poses import points_in_space
 
 
@@ -55,14 +54,14 @@ def wrenches(
     return found.reshape(len(times), -1)
 
 
-def holding(item: FrameItem) -> Holding:
+def holding(item: Item) -> Item:
     """The item of a joint, checked. InputError for one without `wrench`."""
-    if isinstance(item, Holding):
+    if item.reactions:
         return item
     raise InputError(
         f"its item {type(item).__name__} has no method `wrench`, so what it does to its bodies "
-        "cannot be passed on by a rigid stage: give it that method (bodies/frames/joint_items.py, "
-        "`Holding`), or drop rigid_stage")
+        "cannot be passed on by a rigid stage: give it that method (bodies/frames/items.py, "
+        "`Item`), or drop rigid_stage")
 
 
 def _mean_point(side: Side, pose: FloatArray) -> FloatArray:

@@ -9,6 +9,7 @@ import pytest
 
 from sparsemor.bodies.frames import nodal
 from sparsemor.bodies.frames.force_items import BodyForce
+from sparsemor.bodies.frames.items import Item
 from sparsemor.bodies.frames.many_times import Moved, Pushed
 from sparsemor.bodies.frames.motion import Motion, Sums
 from sparsemor.bodies.joints.conditions import conditions_between
@@ -29,13 +30,12 @@ FORCE = np.array([0.0, 50.0, -200.0])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Silent:
+class Silent(Item):
     """Delegates to a force that turns with the body, but for `push`."""
 
     force: BodyForce
     directions = 4
     others = 0
-    forces = 0
 
     def names(self, source: str) -> tuple[str, ...]:
         return self.force.names(source)
@@ -50,6 +50,8 @@ class Silent:
 @dataclass(frozen=True, slots=True, eq=False)
 class Delegate(Silent):
     """The same with `push`."""
+
+    pushes = True
 
     def push(self, m: Moved, j: int, out: Pushed) -> None:
         self.force.push(m, j, out)
@@ -111,7 +113,7 @@ def test_an_item_that_a_prescribed_frame_cannot_evaluate_is_refused(frame: str) 
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Plain:
+class Plain(Item):
     """Delegates to an attachment, but for `wrench`."""
 
     item: Any

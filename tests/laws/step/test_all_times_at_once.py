@@ -39,7 +39,7 @@ def frame(size: int, rng: np.random.Generator) -> SpatialFrame:
 def pushing(f: SpatialFrame) -> list[int]:
     """The first direction of each item that pushes."""
     first = np.cumsum([0, *(i.directions for i in f.items)]).tolist()
-    return [j for i, j in zip(f.items, first, strict=False) if hasattr(i, "push")]
+    return [j for i, j in zip(f.items, first, strict=False) if i.pushes]
 
 
 @pytest.mark.parametrize("size", [4, 7])
