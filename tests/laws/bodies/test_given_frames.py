@@ -79,7 +79,7 @@ def test_atoms_are_chosen_without_the_forms_that_only_rigid_equations_need(
     x, y = got.block("bar.elastic"), full.block("bar.elastic")
     x = x @ got.solver.dictionaries["bar.elastic"].atoms.T
     assert np.abs(x - y)[1:].max() < 1e-6 * np.abs(y).max()
-    assert not got.solver.steps.elastic["bar.elastic"].few[0].quadratic.size
+    assert not got.solver.steps.elastic["bar.elastic"].compressed[0].quadratic.size
 
 
 @pytest.mark.full
