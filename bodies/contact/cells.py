@@ -21,7 +21,7 @@ FLAT = 1e-9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Cells:
+class FacetCells:
     """Cells of F facets, each bounded by B planes.
 
     A point with barycentric coordinates eta (d,) at distance `depth` (m) below the plane of facet f
@@ -34,8 +34,8 @@ class Cells:
     leans: FloatArray
     jumps: BoolArray
 
-    def some(self, chosen: IntArray) -> "Cells":
-        return Cells(self.borders[chosen], self.leans[chosen], self.jumps[chosen])
+    def some(self, chosen: IntArray) -> "FacetCells":
+        return FacetCells(self.borders[chosen], self.leans[chosen], self.jumps[chosen])
 
     def values(self, eta: FloatArray, depth: FloatArray) -> FloatArray:
         """(P, k, B) values of the border functions of P cells at k points each: eta (P, k, d),
@@ -45,7 +45,7 @@ class Cells:
 
 
 def reached(
-    middles: FloatArray, radius: FloatArray, planes: Planes, cells: Cells, facet: IntArray
+    middles: FloatArray, radius: FloatArray, planes: Planes, cells: FacetCells, facet: IntArray
 ) -> IntArray:
     """Numbers of the balls that may intersect the cell of their facet.
 
@@ -62,19 +62,19 @@ def reached(
     return np.flatnonzero(ok)
 
 
-def _slopes(planes: Planes, cells: Cells) -> FloatArray:
+def _slopes(planes: Planes, cells: FacetCells) -> FloatArray:
     """(F, d), 1/m: gradient norms of the border functions of each facet's own edges."""
     sizes = np.linalg.norm(planes.g, axis=2)
     return np.asarray(np.hypot(sizes, cells.leans[:, : sizes.shape[1]]))
 
 
-def cells_of(X: FloatArray, facets: IntArray, planes: Planes) -> Cells:
+def cells_of(X: FloatArray, facets: IntArray, planes: Planes) -> FacetCells:
     """Cells of facets (F, d), node numbers of points X (n, d), m."""
     other, (F, d) = neighbours(facets), facets.shape
     turns = _turns(X, facets, planes, other)
     own = np.broadcast_to(np.eye(d), (F, d, d)), turns * np.linalg.norm(planes.g, axis=2)
     if d == 2:
-        return Cells(*own, (other < 0) | (turns != 0))
+        return FacetCells(*own, (other < 0) | (turns != 0))
     facet, border, lean = _shared(X, facets, planes, other, turns)
     count = np.bincount(facet, minlength=F)
     rank = np.arange(len(facet)) - (np.cumsum(count) - count)[facet]
@@ -87,7 +87,7 @@ def cells_of(X: FloatArray, facets: IntArray, planes: Planes) -> Cells:
         corners[np.roll(facets, -end, axis=1)[turns != 0]] = True
     jumps = np.repeat(corners[facets].any(axis=1, keepdims=True), borders.shape[1], axis=1)
     jumps[:, :3] |= other < 0
-    return Cells(borders, leans, jumps)
+    return FacetCells(borders, leans, jumps)
 
 
 def neighbours(facets: IntArray) -> IntArray:
@@ -125,7 +125,7 @@ def _shared(
     """Additional borders for triangles that touch a turned edge with one corner only, are coplanar
     with the triangle of that edge and lie on its inner side.
 
-    Returns facet (s,), sorted, border (s, 3), m, and inclination (s,), as in `Cells`.
+    Returns facet (s,), sorted, border (s, 3), m, and inclination (s,), as in `FacetCells`.
     """
     F = len(facets)
     facet, edge = np.nonzero((other >= 0) & (turns == 0))

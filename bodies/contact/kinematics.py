@@ -15,7 +15,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from sparsemor.bodies.contact.side import Side, Sizes
+from sparsemor.bodies.contact.side import ContactSide, Sizes
 from sparsemor.bodies.frames.rotation import LEVI_CIVITA
 from sparsemor.bodies.frames.unit_quaternion import UnitQuaternion
 from sparsemor.core import FloatArray, IntArray
@@ -92,7 +92,9 @@ class Kinematics:
     x, v: local unknowns (side.py) and their rates; t: time, s.
     """
 
-    def __init__(self, sides: tuple[Side, Side], x: FloatArray, v: FloatArray, t: float) -> None:
+    def __init__(
+        self, sides: tuple[ContactSide, ContactSide], x: FloatArray, v: FloatArray, t: float
+    ) -> None:
         self.sizes = n = Sizes.of(*sides)
         (q1, q2, u1, u2), (p1, p2, du1, self.vb) = n.split(x), n.split(v)
         pose1, rate1 = sides[0].pose(q1, p1, t)

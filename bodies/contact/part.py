@@ -21,7 +21,7 @@ from sparsemor.bodies.contact.pieces import pressure
 from sparsemor.bodies.contact.projection import nearest
 from sparsemor.bodies.contact.quadrature import PRESCRIBED, points_along, rule
 from sparsemor.bodies.contact.resultants import names_of, resultants
-from sparsemor.bodies.contact.side import Side
+from sparsemor.bodies.contact.side import ContactSide
 from sparsemor.bodies.contact.surface import Surface
 from sparsemor.bodies.contact.term import ContactTerm
 from sparsemor.bodies.contact.tractions import Interface, Loads, nodal
@@ -57,7 +57,8 @@ class ContactPart(Contact):
     def contribute(self, equations: Equations) -> None:
         """Adds the contact term to the equations."""
         first, second = (
-            Side.of(s, equations.layout, moves=True, deforms=self.deforms, conducts=self.heats)
+            ContactSide.of(
+                s, equations.layout, moves=True, deforms=self.deforms, conducts=self.heats)
             for s in (self.first, self.second))
         self._write(equations, (first, second), self.face, self.deforms)
 
@@ -67,12 +68,13 @@ class ContactPart(Contact):
         if self.face.conductance == 0:
             return
         first, second = (
-            Side.of(s, equations.layout, moves=False, deforms=False, conducts=True,
+            ContactSide.of(s, equations.layout, moves=False, deforms=False, conducts=True,
                     motion=motion.get(s.body.name)) for s in (self.first, self.second))
         self._write(equations, (first, second), replace(self.face, friction=None), False)
 
     def _write(
-        self, equations: Equations, sides: tuple[Side, Side], face: Interface, deforms: bool
+        self, equations: Equations, sides: tuple[ContactSide, ContactSide], face: Interface,
+        deforms: bool,
     ) -> None:
         """Adds the term to the blocks of unknowns on which it depends and acts; nothing if it acts
         on no unknown."""

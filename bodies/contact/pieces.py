@@ -19,7 +19,7 @@ from typing import Self
 
 import numpy as np
 
-from sparsemor.bodies.contact.cells import Cells
+from sparsemor.bodies.contact.cells import FacetCells
 from sparsemor.bodies.contact.clipping import NONE, Parts, joined, left
 from sparsemor.bodies.contact.planes import Planes, area_vector
 from sparsemor.core import BoolArray, FloatArray, FrictionLaw, IntArray, NormalLaw
@@ -42,7 +42,7 @@ class Pairs:
     a: FloatArray
     va: FloatArray
     planes: Planes
-    cells: Cells
+    cells: FacetCells
     vb: FloatArray | None = None
 
     def some(self, chosen: IntArray) -> "Pairs":

@@ -9,7 +9,7 @@ from sparsemor.core import FloatArray, IntArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Projection:
+class ClosestPoints:
     """Closest points of n points on a surface: facet (n,); weights (n, d), barycentric coordinates
     in the facet; distance (n,), m."""
 
@@ -18,7 +18,7 @@ class Projection:
     distance: FloatArray
 
 
-def nearest(points: FloatArray, corners: FloatArray) -> Projection:
+def nearest(points: FloatArray, corners: FloatArray) -> ClosestPoints:
     """Closest point on a surface for each of points (n, d), d = 2 or 3.
 
     corners (F, d, d): corners of the facets, ordered for outward normals.
@@ -38,7 +38,7 @@ def nearest(points: FloatArray, corners: FloatArray) -> Projection:
     weights, distance = closest_points(points[owner], corners[facet])
     order = np.lexsort((facet, distance, owner))
     best = order[np.searchsorted(owner[order], np.arange(len(points)))]
-    return Projection(facet[best], weights[best], distance[best])
+    return ClosestPoints(facet[best], weights[best], distance[best])
 
 
 def closest_points(points: FloatArray, corners: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -20,7 +20,7 @@ from sparsemor.core import BoolArray, FloatArray, FrameHistory, IntArray, Layout
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Side:
+class ContactSide:
     """One surface of a contact with the global numbers of its unknowns.
 
     frame (3 in the plane, 7 or 4 in space, or 0), u (d n or 0) and T (n): global numbers of the
@@ -87,7 +87,7 @@ class Sizes:
     n2: int
 
     @classmethod
-    def of(cls, first: Side, second: Side) -> "Sizes":
+    def of(cls, first: ContactSide, second: ContactSide) -> "Sizes":
         return cls(first.surface.d, len(first.frame), len(second.frame), len(first.u),
                    len(second.u), len(first.surface.nodes), len(second.surface.nodes))
 

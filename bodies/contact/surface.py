@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from sparsemor.bodies.body import FloatingBody
-from sparsemor.bodies.contact.cells import Cells, cells_of
+from sparsemor.bodies.contact.cells import FacetCells, cells_of
 from sparsemor.bodies.contact.planes import Planes
 from sparsemor.core import FloatArray, IntArray
 
@@ -27,7 +27,7 @@ class Surface:
     body: FloatingBody
     nodes: IntArray
     facets: IntArray
-    cells: Cells
+    cells: FacetCells
     radius: float
 
     @classmethod
@@ -47,7 +47,7 @@ class Surface:
         return type(self)(self.body, self.nodes[used], np.searchsorted(used, self.facets[chosen]),
                           self.cells.some(chosen), self.radius), used
 
-    def cells_at(self, chosen: IntArray, planes: Planes) -> Cells:
+    def cells_at(self, chosen: IntArray, planes: Planes) -> FacetCells:
         """Cells of the facets `chosen` in a deformed state, where `planes` are the facets' planes.
 
         In the plane the borders between cells keep their angle when a segment is stretched; in
@@ -58,7 +58,7 @@ class Surface:
             return cells
         g, g0 = planes.g[:, :1], self.planes.g[chosen, :1]
         stretch = np.sqrt((g * g).sum(axis=2) / (g0 * g0).sum(axis=2))
-        return Cells(cells.borders, cells.leans * stretch, cells.jumps)
+        return FacetCells(cells.borders, cells.leans * stretch, cells.jumps)
 
     @property
     def d(self) -> int:

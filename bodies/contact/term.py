@@ -15,7 +15,7 @@ from sparsemor.bodies.contact.motion_bound import Mover
 from sparsemor.bodies.contact.pieces import Overlaps, Pairs, Pieces
 from sparsemor.bodies.contact.planes import Planes
 from sparsemor.bodies.contact.resultants import names_of, resultants
-from sparsemor.bodies.contact.side import Side, Sizes
+from sparsemor.bodies.contact.side import ContactSide, Sizes
 from sparsemor.bodies.contact.step_check import too_deep
 from sparsemor.bodies.contact.surface import radii_of, tree_of
 from sparsemor.bodies.contact.tangent import Tangent, summed
@@ -52,7 +52,7 @@ class ContactTerm:
 
     rows: IntArray
     columns: IntArray
-    sides: tuple[Side, Side]
+    sides: tuple[ContactSide, ContactSide]
     face: Interface
     near: BroadPhase
     deforms: bool
@@ -64,8 +64,8 @@ class ContactTerm:
 
     @classmethod
     def of(
-        cls, sides: tuple[Side, Side], face: Interface, near: BroadPhase, deforms: bool,
-        reach: float,
+        cls, sides: tuple[ContactSide, ContactSide], face: Interface, near: BroadPhase,
+        deforms: bool, reach: float,
     ) -> Self:
         """Term with all unknowns of both sides."""
         one, two = sides

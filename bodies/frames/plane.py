@@ -14,7 +14,7 @@ import numpy as np
 from sparsemor.bodies.frames.frame import ItemFrame
 from sparsemor.bodies.frames.items import PlanarItem
 from sparsemor.bodies.frames.plane_items import FUNCTIONS, NUMBERS, PlaneFunction, evaluate_parts
-from sparsemor.bodies.frames.plane_motion import SUMS, Motion, Views, views, write
+from sparsemor.bodies.frames.plane_motion import SUMS, PlaneMotion, Views, views, write
 from sparsemor.core import Amplitude, FloatArray
 from sparsemor.core.protocols import FrameArrays, FrameWork
 
@@ -44,7 +44,7 @@ class PlanarFrame(ItemFrame[PlanarItem]):
         yl, vl, al = y.tolist(), v.tolist(), a.tolist()
         e = exp(1j * yl[2])
         s0, s1, s2 = s.view("c16").tolist() if self.elastic else ((), (), ())
-        m = Motion(yl, vl, complex(yl[0], yl[1]), e, e.conjugate(), vl[2], al[2],
+        m = PlaneMotion(yl, vl, complex(yl[0], yl[1]), e, e.conjugate(), vl[2], al[2],
                    complex(al[0], al[1]), c1, c2, t, self.elastic, s0, s1, s2,
                    forms.tolist(), work.fresh)
         total = [0j] * SUMS

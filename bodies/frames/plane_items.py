@@ -16,12 +16,12 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from sparsemor.bodies.frames.plane_motion import SUMS, Motion, Numbers, Total, Views, write
+from sparsemor.bodies.frames.plane_motion import SUMS, Numbers, PlaneMotion, Total, Views, write
 from sparsemor.bodies.frames.plane_springs import rotational_spring, spring
 from sparsemor.core import Amplitude, FloatArray, IntArray, Table
 
 PlaneFunction: TypeAlias = Callable[
-    [Numbers, float, Motion, int, int, int, Total, Views], None]
+    [Numbers, float, PlaneMotion, int, int, int, Total, Views], None]
 
 
 class PlanePart(NamedTuple):
@@ -34,7 +34,7 @@ class PlanePart(NamedTuple):
 
 
 def inertia(
-    numbers: Numbers, g: float, m: Motion, j: int, o: int, k: int, total: Total, out: Views
+    numbers: Numbers, g: float, m: PlaneMotion, j: int, o: int, k: int, total: Total, out: Views
 ) -> None:
     """Inertia of a body: mass (kg), moment = sum m X (kg m, 2 numbers), inertia = X.M X (kg m^2)
     about the frame origin.
@@ -79,7 +79,7 @@ def inertia(
 
 
 def body_force(
-    numbers: Numbers, g: float, m: Motion, j: int, o: int, k: int, total: Total, out: Views
+    numbers: Numbers, g: float, m: PlaneMotion, j: int, o: int, k: int, total: Total, out: Views
 ) -> None:
     """Load that rotates with the body: total = sum f (N, 2 numbers), arm = sum X x f (N m). Pair of
     functionals: the load and sum u x f."""
@@ -94,7 +94,7 @@ def body_force(
 
 
 def space_force(
-    numbers: Numbers, g: float, m: Motion, j: int, o: int, k: int, total: Total, out: Views
+    numbers: Numbers, g: float, m: PlaneMotion, j: int, o: int, k: int, total: Total, out: Views
 ) -> None:
     """Nodal weights times one force in space axes: total = sum w, arm = sum w X (2 numbers), force
     per unit weight (N, 2 numbers)."""
@@ -110,7 +110,7 @@ def space_force(
 
 
 def moment(
-    numbers: Numbers, g: float, m: Motion, j: int, o: int, k: int, total: Total, out: Views
+    numbers: Numbers, g: float, m: PlaneMotion, j: int, o: int, k: int, total: Total, out: Views
 ) -> None:
     """Moment on a body or on the mean rotation of a set. numbers: moment, N m; 1 where the set
     turns, 0 for the body itself."""
@@ -120,7 +120,7 @@ def moment(
 
 
 def attachment(
-    numbers: Numbers, g: float, m: Motion, j: int, o: int, k: int, total: Total, out: Views
+    numbers: Numbers, g: float, m: PlaneMotion, j: int, o: int, k: int, total: Total, out: Views
 ) -> None:
     """Attachment of a joint at the mean point = sum w X (m, 2 numbers) of a set, sum w = 1."""
     ec, y = m.ec, m.y
@@ -147,7 +147,7 @@ def attachment(
 
 
 def rotation(
-    numbers: Numbers, g: float, m: Motion, j: int, o: int, k: int, total: Total, out: Views
+    numbers: Numbers, g: float, m: PlaneMotion, j: int, o: int, k: int, total: Total, out: Views
 ) -> None:
     """Rotation of a body or mean rotation of a set as a joint coordinate. numbers: 1 where the set
     turns, 0 for the body itself; angle: mean rotation in the shape from which displacements are
@@ -162,7 +162,7 @@ def rotation(
 
 
 def slide(
-    numbers: Numbers, g: float, m: Motion, j: int, o: int, k: int, total: Total, out: Views
+    numbers: Numbers, g: float, m: PlaneMotion, j: int, o: int, k: int, total: Total, out: Views
 ) -> None:
     """Point-on-line constraint g = Re(conj(n) (r + e z - r_o)) - base, n = e_o line.
 
@@ -204,14 +204,14 @@ def slide(
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Reaction:
+class PlaneReaction:
     """Prescribed joint force (N) and moment (N m) in space axes: table `forces_at` (T, 3)."""
 
     forces_at: Table
     turns: bool
 
     def __call__(
-        self, numbers: Numbers, g: float, m: Motion, j: int, o: int, k: int, total: Total,
+        self, numbers: Numbers, g: float, m: PlaneMotion, j: int, o: int, k: int, total: Total,
         out: Views
     ) -> None:
         if m.elastic:
@@ -238,8 +238,9 @@ def evaluate_parts(
     """Equations of a frame in the plane from arrays (core/protocols/body_frame.py)."""
     b, elastic = len(y), s.shape[1] > 0
     e, c, columns = exp(1j * y[2]), s.view(np.complex128), sigma.view(np.complex128)
-    m = Motion(y, v, complex(y[0], y[1]), e, e.conjugate(), v[2], a[2], complex(a[0], a[1]), c1, c2,
-               0.0, elastic, c[0], c[1], c[2], forms, True)
+    m = PlaneMotion(
+        y, v, complex(y[0], y[1]), e, e.conjugate(), v[2], a[2], complex(a[0], a[1]), c1, c2, 0.0,
+        elastic, c[0], c[1], c[2], forms, True)
     out = Views(columns[b], columns[:b], tau.view(np.complex128), border[:, :b], border[:, b],
                 coefficients)
     total = sums.view(np.complex128)

@@ -23,7 +23,7 @@ SUMS = 6
 """Number of sums over all items (`write`)."""
 
 
-class Motion(NamedTuple):
+class PlaneMotion(NamedTuple):
     """State of one body in the plane.
 
     y: rigid coordinates and multipliers, v: their rates; r (m), e = exp(i theta), ec its conjugate;

@@ -3,11 +3,11 @@ plane_items.py; the same in space, and where these are created: springs.py)."""
 
 from cmath import exp
 
-from sparsemor.bodies.frames.plane_motion import Motion, Numbers, Total, Views
+from sparsemor.bodies.frames.plane_motion import Numbers, PlaneMotion, Total, Views
 
 
 def spring(
-    numbers: Numbers, g: float, m: Motion, j: int, o: int, k: int, total: Total, out: Views
+    numbers: Numbers, g: float, m: PlaneMotion, j: int, o: int, k: int, total: Total, out: Views
 ) -> None:
     """Force f = stiffness l + damping l' + g along the line between two points at the distance l.
 
@@ -60,7 +60,7 @@ def spring(
 
 
 def rotational_spring(
-    numbers: Numbers, g: float, m: Motion, j: int, o: int, k: int, total: Total, out: Views
+    numbers: Numbers, g: float, m: PlaneMotion, j: int, o: int, k: int, total: Total, out: Views
 ) -> None:
     """Moment stiffness phi + damping phi' + g that acts against the relative angle phi of two
     frames, rad. numbers: stiffness, N m/rad, damping, N m s/rad, 1 where the other body's

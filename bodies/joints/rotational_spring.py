@@ -6,8 +6,11 @@ from typing import ClassVar, Self
 from pydantic import Field, model_validator
 
 from sparsemor.bodies.frames.rotation import across
-from sparsemor.bodies.frames.springs import RotationalSpring as RotationalSpringItem
-from sparsemor.bodies.frames.springs import SpatialRotationalSpring, SpringItem
+from sparsemor.bodies.frames.springs import (
+    RotationalSpringItem,
+    SpatialRotationalSpring,
+    SpringItem,
+)
 from sparsemor.bodies.joints.force_element import Drive, ForceElement
 from sparsemor.bodies.joints.side import Side, unit
 from sparsemor.bodies.loads.amplitude import NumberOrFunction

@@ -9,7 +9,7 @@ from pydantic import Field
 
 from sparsemor.bodies.mesh.check import check_mesh, some
 from sparsemor.bodies.mesh.formats import abaqus, gmsh, nastran, other
-from sparsemor.bodies.mesh.formats.content import QUADRATIC, SIMPLEX, BadLine, Cells, Content
+from sparsemor.bodies.mesh.formats.content import QUADRATIC, SIMPLEX, BadLine, CellBlock, Content
 from sparsemor.bodies.mesh.formats.counts import difference
 from sparsemor.bodies.mesh.groups import Sets, sets_of
 from sparsemor.bodies.mesh.simplices import EDGES, rows_among, signed_measures
@@ -157,7 +157,7 @@ def _notes(mesh: Mesh, sets: Sets, name: str) -> list[Note]:
     return notes
 
 
-def _simplices(content: Content, d: int, blocks: Sequence[Cells]) -> IntArray:
+def _simplices(content: Content, d: int, blocks: Sequence[CellBlock]) -> IntArray:
     wrong = [b for b in blocks if d < 2 or b.kind not in (SIMPLEX[d], QUADRATIC[d])]
     if wrong or not blocks:
         found = ", ".join(sorted({b.kind for b in blocks})) or "no cells"

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from sparsemor.bodies.mesh.formats.content import QUADRATIC, SIMPLEX, Content, Group
+from sparsemor.bodies.mesh.formats.content import QUADRATIC, SIMPLEX, Content, MeshGroup
 from sparsemor.core import InputError, IntArray
 
 
@@ -61,7 +61,7 @@ def sets_of(content: Content, d: int, chosen: Sequence[int], new: IntArray) -> S
     return sets
 
 
-def _check(name: str, group: Group, content: Content) -> None:
+def _check(name: str, group: MeshGroup, content: Content) -> None:
     for numbers in (*group.points, *group.facets):
         if numbers.size and not 0 <= numbers.min() <= numbers.max() < len(content.points):
             raise InputError(f"set {name!r} names points that do not exist")

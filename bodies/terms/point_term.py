@@ -44,7 +44,7 @@ def prescribed(function: TimeFunction, kind: int, t: float) -> float:
     return function.rate(t) if kind else function.value(t)
 
 
-class Projected(NamedTuple):
+class ProjectedVariable(NamedTuple):
     """A variable on the trial basis: P (E, R, k), offset (E, R) with R = Q points, or 1 where it is
     constant in each element; parts: effect (E, R) of each prescribed function of time."""
 
@@ -79,7 +79,7 @@ class PointTerm:
     @classmethod
     def of(
         cls, law: PointwiseLaw, weights: FloatArray, coordinates: FloatArray,
-        variables: Sequence[Variable], projections: Sequence[Projected],
+        variables: Sequence[Variable], projections: Sequence[ProjectedVariable],
         tests: Sequence[FloatArray], source: str,
     ) -> PointTerm:
         """Term from each variable on the trial basis and each test function under the left

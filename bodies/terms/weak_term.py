@@ -18,7 +18,7 @@ from scipy.sparse import csr_array
 
 from sparsemor.bodies.fem.pointwise_law import PointwiseLaw, Response, Variable
 from sparsemor.bodies.fem.quadrature import ShapeFunctions
-from sparsemor.bodies.terms.point_term import PointTerm, Projected, prescribed
+from sparsemor.bodies.terms.point_term import PointTerm, ProjectedVariable, prescribed
 from sparsemor.core import Csr, FloatArray, IntArray, Quantity, TimeFunction, Trial
 
 
@@ -247,7 +247,7 @@ class WeakTerm:
                           np.broadcast_to(field.shape.along(axis), (
                               *nodes.shape, field.shape.along(axis).shape[2])), optimize=True)
             reads.append(variable)
-            projections.append(Projected(P, interpolated(field.shape, offset, axis), parts))
+            projections.append(ProjectedVariable(P, interpolated(field.shape, offset, axis), parts))
         shape, wide = self.tested.shape, np.concatenate([left, np.zeros((len(left), 1))], axis=1)
         tests = []
         for test in self.law.tests:

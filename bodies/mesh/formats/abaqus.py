@@ -28,7 +28,7 @@ from sparsemor.bodies.mesh.formats.abaqus_statements import (
 )
 from sparsemor.bodies.mesh.formats.content import (
     BadLine,
-    Cells,
+    CellBlock,
     Content,
     Numbering,
     decoded,
@@ -275,7 +275,7 @@ class _Reader:
 
     def _content(self) -> Content:
         points: list[FloatArray] = [np.zeros((0, 3))]
-        blocks: list[Cells] = []
+        blocks: list[CellBlock] = []
         total, count = 0, 0
         for name, scope, rotation, move in self._scopes():
             labels, X = _once(scope)
@@ -292,7 +292,7 @@ class _Reader:
                 rows = _rows(nodes, given, place)
                 if kind == "line3":  # its midpoint is the second of three
                     rows = rows[:, [0, 2, 1]]
-                blocks.append(Cells(kind, total + rows, place))
+                blocks.append(CellBlock(kind, total + rows, place))
             points.append(X @ rotation.T + move)
             total, count = total + len(X), int(starts[-1])
         self._check_one_piece()

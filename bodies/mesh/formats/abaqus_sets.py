@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from sparsemor.bodies.mesh.formats.abaqus_statements import integer, key_of, shown
-from sparsemor.bodies.mesh.formats.content import BadLine, Cells, Group, Numbering
+from sparsemor.bodies.mesh.formats.content import BadLine, CellBlock, MeshGroup, Numbering
 from sparsemor.core import BoolArray, IntArray
 from sparsemor.core.model.facets import facet_numbers
 
@@ -66,7 +66,7 @@ class AbaqusSets:
     """Sets of all scopes as numbers of points and of elements among all."""
 
     def __init__(self, placed: Mapping[str, Placed], spelled: Mapping[str, Mapping[str, None]],
-                 blocks: Sequence[Cells]) -> None:
+                 blocks: Sequence[CellBlock]) -> None:
         self.placed, self.spelled, self.blocks = placed, spelled, blocks
         self.missing: list[str] = []
         """Remarks on ranges with labels that do not exist."""
@@ -75,9 +75,9 @@ class AbaqusSets:
         self.active: set[tuple[str, str, str]] = set()
         self.top = max((b.dimension for b in blocks), default=0)
 
-    def groups(self) -> dict[str, Group]:
+    def groups(self) -> dict[str, MeshGroup]:
         """Groups by every spelling of their names; a set of an instance also as `instance.set`."""
-        found: dict[str, Group] = {}
+        found: dict[str, MeshGroup] = {}
         outer = self.placed[MODEL].scope
         taken = {*outer.nsets, *outer.elsets, *outer.surfaces}
         for scope, placed in self.placed.items():
@@ -87,18 +87,18 @@ class AbaqusSets:
                 if scope != MODEL and key not in taken:
                     names.append("")
                 for name in (a + b for a in names for b in self._spellings(key)):
-                    self._collect(found.setdefault(name, Group()), scope, key)
+                    self._collect(found.setdefault(name, MeshGroup()), scope, key)
             if scope != MODEL and placed.starts[-1] > placed.first_element:
                 for name in self._spellings(scope):
                     if name not in taken:
-                        self._tag(found.setdefault(name, Group()),
+                        self._tag(found.setdefault(name, MeshGroup()),
                                   np.arange(placed.first_element, placed.starts[-1]))
         return found
 
     def _spellings(self, key: str) -> list[str]:
         return list({**self.spelled.get(key, {}), key: None})
 
-    def _collect(self, group: Group, scope: str, key: str) -> None:
+    def _collect(self, group: MeshGroup, scope: str, key: str) -> None:
         own = self.placed[scope].scope
         if key in own.nsets:
             group.points.append(self.numbers("node", scope, key))
@@ -107,7 +107,7 @@ class AbaqusSets:
         for entry in own.surfaces.get(key, ()):
             self._surface(group, scope, entry)
 
-    def _tag(self, group: Group, elements: IntArray) -> None:
+    def _tag(self, group: MeshGroup, elements: IntArray) -> None:
         of = np.searchsorted(self.starts, elements, side="right") - 1
         for b in np.unique(of):
             group.cells.append((int(b), elements[of == b] - self.starts[b]))
@@ -200,12 +200,12 @@ class AbaqusSets:
         raise BadLine(line, entry.keyword, f"there is no set of {what}s {shown(word)[:80]!r}")
 
     def _nodes_of(self, elements: IntArray) -> IntArray:
-        group = Group()
+        group = MeshGroup()
         self._tag(group, elements)
         return np.concatenate([np.zeros(0, np.int64), *(
             self.blocks[b].nodes[rows].ravel() for b, rows in group.cells)])
 
-    def _surface(self, group: Group, scope: str, entry: SetDefinition) -> None:
+    def _surface(self, group: MeshGroup, scope: str, entry: SetDefinition) -> None:
         where = self._scope(entry.instance or scope, entry)
         what = "node" if entry.how == "NODE" else "element"
         single: dict[str, tuple[list[int], list[str]]] = {}
@@ -223,19 +223,19 @@ class AbaqusSets:
                      entry)
 
     def _on(
-        self, group: Group, chosen: IntArray, face: str, line: int, entry: SetDefinition
+        self, group: MeshGroup, chosen: IntArray, face: str, line: int, entry: SetDefinition
     ) -> None:
         """Adds nodes, or the given face of elements, to the group of a surface."""
         if entry.how == "NODE":
             group.points.append(chosen)
             return
-        found = Group()
+        found = MeshGroup()
         self._tag(found, chosen)
         for b, rows in found.cells:
             self._faces(group, b, rows, face, line, entry)
 
     def _faces(
-        self, group: Group, b: int, rows: IntArray, face: str, line: int, entry: SetDefinition
+        self, group: MeshGroup, b: int, rows: IntArray, face: str, line: int, entry: SetDefinition
     ) -> None:
         block, d = self.blocks[b], self.blocks[b].dimension
         if d == self.top - 1 and face in ("", "SPOS", "SNEG"):

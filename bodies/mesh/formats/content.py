@@ -25,7 +25,7 @@ def dimension_of(kind: str) -> int:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Cells:
+class CellBlock:
     """Cells of one type: nodes (m, p), point numbers, corners first, then midpoints in the order
     of `EDGES`; place: line and keyword of the file, if known, such as `:67: *ELEMENT`."""
 
@@ -39,7 +39,7 @@ class Cells:
 
 
 @dataclass(slots=True, eq=False)
-class Group:
+class MeshGroup:
     """Named set of a file, collected piece by piece.
 
     points: point numbers that the file lists; facets: corner numbers (F, d) of facets that it
@@ -57,8 +57,8 @@ class Content:
     warnings of the reader."""
 
     points: FloatArray
-    blocks: Sequence[Cells]
-    groups: Mapping[str, Group]
+    blocks: Sequence[CellBlock]
+    groups: Mapping[str, MeshGroup]
     notes: tuple[Note, ...] = ()
 
     def counts(self) -> dict[str, int]:

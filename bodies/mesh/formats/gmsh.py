@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from sparsemor.bodies.mesh.formats.content import (
     BadLine,
-    Cells,
+    CellBlock,
     Content,
-    Group,
+    MeshGroup,
     Numbering,
     dimension_of,
 )
@@ -153,8 +153,8 @@ class _Reader:
         twice = numbering.repeated()
         if twice is not None:
             raise BadLine(lines["$Nodes"], "$Nodes", f"there are two nodes {twice}")
-        blocks: list[Cells] = []
-        groups: dict[str, Group] = {}
+        blocks: list[CellBlock] = []
+        groups: dict[str, MeshGroup] = {}
         for number, found in self.elements.items():
             kind, _ = TYPES[number]
             given = np.concatenate(found.nodes)
@@ -166,11 +166,12 @@ class _Reader:
             tags = found.tags
             if self.version != "4.1":
                 rows, tags = _once(rows, tags)
-            blocks.append(Cells(kind, rows, f":{lines['$Elements']}: $Elements of type {number}"))
+            place = f":{lines['$Elements']}: $Elements of type {number}"
+            blocks.append(CellBlock(kind, rows, place))
             d = blocks[-1].dimension
             for tag, members in tags:
                 name = self.names.get((d, tag), f"{WORD[d]}_{tag}")
-                groups.setdefault(name, Group()).cells.append((len(blocks) - 1, members))
+                groups.setdefault(name, MeshGroup()).cells.append((len(blocks) - 1, members))
         points = np.concatenate([np.zeros((0, 3)), *self.points])
         return Content(points, tuple(blocks), groups, tuple(self._notes()))
 

@@ -13,9 +13,9 @@ import numpy as np
 from sparsemor.bodies.mesh.formats.content import (
     INTEGER,
     BadLine,
-    Cells,
+    CellBlock,
     Content,
-    Group,
+    MeshGroup,
     Numbering,
     decoded,
     numbered,
@@ -114,17 +114,17 @@ class _Reader:
                  for c in self.grids.values()]
         points = np.array(plain, dtype=np.float64).reshape(-1, 3)
         numbering = Numbering(labels)
-        blocks, groups = [], dict[str, Group]()
+        blocks, groups = [], dict[str, MeshGroup]()
         for (kind, card_name), found in self.cells.items():
             given = np.array([nodes for _, _, nodes in found], dtype=np.int64)
             rows = numbering.rows(given)
             bad = np.argwhere(rows < 0)
             if bad.size:
                 raise found[bad[0][0]][0].fail(f"there is no grid {given[tuple(bad[0])]}")
-            blocks.append(Cells(kind, rows, f":{found[0][0].line}: {card_name}"))
+            blocks.append(CellBlock(kind, rows, f":{found[0][0].line}: {card_name}"))
             properties = np.array([p for _, p, _ in found], dtype=np.int64)
             for number in np.unique(properties[properties != 0]):
-                groups.setdefault(f"pid_{number}", Group()).cells.append(
+                groups.setdefault(f"pid_{number}", MeshGroup()).cells.append(
                     (len(blocks) - 1, np.flatnonzero(properties == number)))
         notes = () if not self.ignored else (information(
             f"{self.name}: only the mesh is read, not " + ", ".join(

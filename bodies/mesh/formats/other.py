@@ -12,9 +12,9 @@ import numpy as np
 from sparsemor.bodies.mesh.formats.content import (
     QUADRATIC,
     SIMPLEX,
-    Cells,
+    CellBlock,
     Content,
-    Group,
+    MeshGroup,
     dimension_of,
 )
 from sparsemor.bodies.mesh.formats.gmsh import WORD
@@ -49,7 +49,7 @@ def content_of(raw: Any) -> Content:
     points = np.asarray(raw.points, dtype=np.float64)
     if points.ndim != 2 or points.shape[1] not in (2, 3):
         raise ValueError(f"points of shape {points.shape}, where (n, 2) or (n, 3) is expected")
-    blocks: list[Cells] = []
+    blocks: list[CellBlock] = []
     new: dict[int, int] = {}
     for number, block in enumerate(raw.cells):
         if not len(block.data):
@@ -61,24 +61,24 @@ def content_of(raw: Any) -> Content:
         if count is not None and nodes.shape[1:] != (count,):
             raise ValueError(f"cells of shape {nodes.shape}, where (n, {count}) is expected")
         new[number] = len(blocks)
-        blocks.append(Cells(kind, nodes))
-    groups: dict[str, Group] = {}
+        blocks.append(CellBlock(kind, nodes))
+    groups: dict[str, MeshGroup] = {}
     for name, per_block in raw.cell_sets.items():
         for number, rows in enumerate(per_block):
             if rows is not None and len(rows) and not str(name).startswith("gmsh:"):
                 chosen = np.asarray(rows, dtype=np.int64)
-                groups.setdefault(str(name), Group()).cells.append((new[number], chosen))
+                groups.setdefault(str(name), MeshGroup()).cells.append((new[number], chosen))
     for name, tag, number, rows in _tagged(raw, new, blocks):
-        groups.setdefault(name or f"{WORD[blocks[number].dimension]}_{tag}", Group()).cells.append(
-            (number, rows))
+        group = name or f"{WORD[blocks[number].dimension]}_{tag}"
+        groups.setdefault(group, MeshGroup()).cells.append((number, rows))
     for name, numbers in (*raw.point_sets.items(), *_point_families(raw)):
-        groups.setdefault(str(name), Group()).points.append(
+        groups.setdefault(str(name), MeshGroup()).points.append(
             np.asarray(numbers, dtype=np.int64).ravel())
     return Content(points, tuple(blocks), groups)
 
 
 def _tagged(
-    raw: Any, new: dict[int, int], blocks: list[Cells]
+    raw: Any, new: dict[int, int], blocks: list[CellBlock]
 ) -> Iterator[tuple[str, int, int, Any]]:
     """Name or "", tag, block and rows of the cells of each tag but 0, which is that of no group."""
     names = {(int(d), int(tag)): str(name) for name, (tag, d) in raw.field_data.items()}

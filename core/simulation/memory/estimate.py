@@ -44,7 +44,7 @@ ROUGH = 0.5
 
 
 @dataclass(frozen=True, slots=True)
-class Item:
+class MemoryItem:
     """Large item of a run's memory: what it is, its size in bytes, and advice how to reduce it."""
 
     what: str
@@ -61,7 +61,7 @@ class Estimate:
     """
 
     base: int
-    phases: dict[str, tuple[Item, ...]]
+    phases: dict[str, tuple[MemoryItem, ...]]
     exact: bool
 
     @property
@@ -94,7 +94,7 @@ def estimate(scene: Scene, model: Model, offline: Offline, exact: bool) -> Estim
         phases["start"] = (start,)
     if trained and not offline.has_training():
         phases["training run"] = (
-            Item("the model of the training run", _matrices(model), "a coarser mesh"),
+            MemoryItem("the model of the training run", _matrices(model), "a coarser mesh"),
             *_full(model, exact), start, *_held_snapshots(scene, blocks))
     if trained:
         phases["bases"] = tuple(bases(scene, blocks))
@@ -133,57 +133,58 @@ def _operators(model: Model) -> Iterator[tuple[str, Csr]]:
             yield m.elastic, m.operators.stiffness + m.operators.mass
 
 
-def _full(model: Model, exact: bool) -> list[Item]:
+def _full(model: Model, exact: bool) -> list[MemoryItem]:
     found = [states(model.layout.size)]
     for name, A in _operators(model):
         solver = model.solvers.of(name)
         n = A.shape[0]
         known = solver.expected(A, model.places(name)) if exact else None
         size = 2 * ENTRY * min(n * (n + 1) / 2, 2 * n**1.6) if known is None else known
-        found.append(Item(
+        found.append(MemoryItem(
             f"the linear solver of {name}", size + 2 * ENTRY * A.nnz,
             f'linear_solvers: {{"{name}": amg}} (or cg for heat), which hold no factors'))
     return found
 
 
-def _start(model: Model) -> Item:
+def _start(model: Model) -> MemoryItem:
     """Memory of the consistent initial state: two Jacobians of the whole model and their parts
     (model/initial_state.py)."""
     entries = sum(A.nnz for _, A in _operators(model))
     entries += sum(m.operators.coupling.nnz for m in model.separated.moving
                    if m.operators is not None and m.operators.coupling is not None)
-    return Item("all operators once more, at the start", START * ENTRY * entries, "a coarser mesh")
+    return MemoryItem(
+        "all operators once more, at the start", START * ENTRY * entries, "a coarser mesh")
 
 
-def states(size: int) -> Item:
-    return Item("states and right-hand sides", 8 * VECTORS * size, "a coarser mesh")
+def states(size: int) -> MemoryItem:
+    return MemoryItem("states and right-hand sides", 8 * VECTORS * size, "a coarser mesh")
 
 
-def reduced(scene: Scene, blocks: Mapping[str, int]) -> list[Item]:
+def reduced(scene: Scene, blocks: Mapping[str, int]) -> list[MemoryItem]:
     """Memory of the atoms (basis vectors) and of the operators times them during projection."""
     found = []
     for name, basis in chosen_bases(scene, blocks).items():
         n, k = blocks[name], most_atoms(basis, blocks[name])
-        found.append(Item(f"{k} atoms of {name}, and operators times them", 8 * 12 * n * k,
+        found.append(MemoryItem(f"{k} atoms of {name}, and operators times them", 8 * 12 * n * k,
                           "fewer atoms (count), or a coarser mesh"))
     return found
 
 
-def _points(scene: Scene, model: Model, blocks: Mapping[str, int]) -> Iterator[Item]:
+def _points(scene: Scene, model: Model, blocks: Mapping[str, int]) -> Iterator[MemoryItem]:
     """Memory of the atoms at the quadrature points of local terms, all elements counted."""
     for name, basis in chosen_bases(scene, blocks).items():
         k, at = most_atoms(basis, blocks[name]), model.layout[name]
         values = sum(t.point_values for t in model.terms if isinstance(t, HasPoints)
                      and ((t.columns >= at.start) & (t.columns < at.stop)).any())
         if values:
-            yield Item(f"{k} atoms of {name} at the quadrature points", 8 * values * k,
+            yield MemoryItem(f"{k} atoms of {name} at the quadrature points", 8 * values * k,
                        "fewer atoms (count), or a coarser mesh")
 
 
-def bases(scene: Scene, blocks: Mapping[str, int]) -> list[Item]:
+def bases(scene: Scene, blocks: Mapping[str, int]) -> list[MemoryItem]:
     """Memory of the computation of bases, block by block: snapshots and atoms of the largest
     block."""
-    largest: list[Item] = []
+    largest: list[MemoryItem] = []
     M = snapshot_count(scene)
     copies = scene.reducer.snapshot_copies or COPIES
     for name, basis in chosen_bases(scene, blocks).items():
@@ -191,17 +192,17 @@ def bases(scene: Scene, blocks: Mapping[str, int]) -> list[Item]:
         whole = 8 * n * M
         # a reducer that wants forces has them as a whole, however large
         held = copies * whole if whole <= HELD or copies > COPIES else HELD / 2
-        one = [Item(f"snapshots of {name}", held, "a larger training.every"),
-               Item(f"{k} atoms of {name}", 8 * 6 * n * k, "fewer atoms (count)")]
+        one = [MemoryItem(f"snapshots of {name}", held, "a larger training.every"),
+               MemoryItem(f"{k} atoms of {name}", 8 * 6 * n * k, "fewer atoms (count)")]
         if sum(i.size for i in one) > sum(i.size for i in largest):
             largest = one
     return largest
 
 
-def _held_snapshots(scene: Scene, blocks: Mapping[str, int]) -> list[Item]:
+def _held_snapshots(scene: Scene, blocks: Mapping[str, int]) -> list[MemoryItem]:
     M = snapshot_count(scene)
     sizes = {name: 8 * n * M for name, n in blocks.items()}
-    return [Item(f"snapshots of {name}", size, "a larger training.every")
+    return [MemoryItem(f"snapshots of {name}", size, "a larger training.every")
             for name, size in sizes.items() if size <= HELD]
 
 

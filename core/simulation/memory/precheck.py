@@ -15,7 +15,7 @@ from sparsemor.core.simulation.memory.estimate import (
     ENTRY,
     START,
     Estimate,
-    Item,
+    MemoryItem,
     bases,
     reduced,
     refusal,
@@ -51,7 +51,7 @@ def precheck_memory(scene: Scene) -> Estimate | None:
     blocks = {f"{name}.{field}": n for name, size in bodies.items()
               for field, n in size.unknowns.items()}
     assembled = [item for name, size in bodies.items() for item in _assembled(name, size)]
-    start = [Item("all operators once more, at the start", START * ENTRY * sum(
+    start = [MemoryItem("all operators once more, at the start", START * ENTRY * sum(
         b.vector_entries for b in bodies.values()), "a coarser mesh")]
     if scene.reducer.full_order:
         factors = [i for name, size in bodies.items() for i in _factors(scene, name, size)]
@@ -63,16 +63,16 @@ def precheck_memory(scene: Scene) -> Estimate | None:
     return Estimate(resident(), {name: tuple(items) for name, items in phases.items()}, False)
 
 
-def _assembled(name: str, size: BodySize) -> list[Item]:
+def _assembled(name: str, size: BodySize) -> list[MemoryItem]:
     return [
-        Item(f"the mesh of {name}, {size.mesh.cells} cells",
+        MemoryItem(f"the mesh of {name}, {size.mesh.cells} cells",
              CELL[size.mesh.dimension] * size.mesh.cells, "a coarser mesh"),
-        Item(f"the operators of {name}",
+        MemoryItem(f"the operators of {name}",
              ENTRY * (HELD * size.vector_entries + SCALAR * size.scalar_entries),
              "a coarser mesh")]
 
 
-def _factors(scene: Scene, name: str, size: BodySize) -> list[Item]:
+def _factors(scene: Scene, name: str, size: BodySize) -> list[MemoryItem]:
     """Least memory of the factors of blocks with a direct solver: n log2 n entries in the plane,
     n^(4/3) in space (Lipton, Rose and Tarjan 1979, doi 10.1137/0716027), with a constant of 1,
     small enough for long and thin bodies, which have less fill."""
@@ -83,7 +83,7 @@ def _factors(scene: Scene, name: str, size: BodySize) -> list[Item]:
         if not solver.direct:
             continue
         fill = n * log2(n + 1) if size.mesh.dimension == 2 else n ** (4 / 3)
-        found.append(Item(f"the factors of {block}, at least", 2 * ENTRY * fill,
+        found.append(MemoryItem(f"the factors of {block}, at least", 2 * ENTRY * fill,
                           f'linear_solvers: {{"{block}": amg}} (or cg for heat), which hold no '
                           "factors"))
     return found

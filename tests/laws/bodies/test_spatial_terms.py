@@ -143,7 +143,7 @@ def test_the_scene_has_items_of_every_kind(model: Model) -> None:
     frames = [t.equations.frame for t in frame_terms(model)]
     items = [i for f in frames if isinstance(f, SpatialFrame) for i in f.items]
     assert {type(i).__name__ for i in items} == {
-        "Inertia", "UnitLength", "SpaceForce", "BodyForce", "Attachment", "Facing", "Slide"}
+        "Inertia", "UnitLength", "SpaceForce", "BodyForce", "MeanPoint", "Facing", "Slide"}
     pairs = {(type(f.items[0]).__name__, f.elastic, f.items[0].others)
              for f in frames if isinstance(f, SpatialFrame)}
     assert {("Facing", True, 7), ("Facing", False, 7), ("Facing", False, 0), ("Facing", True, 0),

@@ -46,7 +46,7 @@ def test_the_scene_has_terms_of_every_kind(model: Model) -> None:
     assert {type(e) for e in found} == {FrameEquations, LinearEquations, WeakTerm}
     items = {type(i).__name__ for e in found if isinstance(e, FrameEquations)
              and isinstance(e.frame, PlanarFrame) for i in e.frame.items}
-    assert items == {"Inertia", "BodyForce", "SpaceForce", "Attachment", "Rotation"}
+    assert items == {"Inertia", "BodyForce", "SpaceForce", "MeanPoint", "Rotation"}
     given = [f for t in model.terms if isinstance(t, WeakTerm) for f in t.fields.values()]
     assert any(0 < len(at) < len(f.column_of) for f in given for at, _ in f.prescribed)
 

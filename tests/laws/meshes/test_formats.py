@@ -274,12 +274,12 @@ def test_a_count_that_differs_from_the_lines_is_an_error(
 ) -> None:
     """A reader that drops a cell, or shifts a set, is found by a plain count of the lines."""
     from sparsemor.bodies.mesh import file as module
-    from sparsemor.bodies.mesh.formats.content import Cells, Content
+    from sparsemor.bodies.mesh.formats.content import CellBlock, Content
 
     def without_last(read: Callable[[bytes, str], Content]) -> Callable[[bytes, str], Content]:
         def reader(data: bytes, name: str) -> Content:
             found = read(data, name)
-            blocks = [Cells(b.kind, b.nodes[:-1] if i == 0 else b.nodes) for i, b in
+            blocks = [CellBlock(b.kind, b.nodes[:-1] if i == 0 else b.nodes) for i, b in
                       enumerate(found.blocks)]
             return Content(found.points, blocks, {})
         return reader
@@ -310,12 +310,12 @@ def test_a_set_of_other_elements_than_its_lines_is_an_error(
 ) -> None:
     """meshio gave the elements of the block before to a set, where that had no ELSET."""
     from sparsemor.bodies.mesh import file as module
-    from sparsemor.bodies.mesh.formats.content import Content, Group
+    from sparsemor.bodies.mesh.formats.content import Content, MeshGroup
 
     def shifted(read: Callable[[bytes, str], Content]) -> Callable[[bytes, str], Content]:
         def reader(data: bytes, name: str) -> Content:
             found = read(data, name)
-            groups = {n: Group(g.points, g.facets, [(b, rows[1:]) for b, rows in g.cells])
+            groups = {n: MeshGroup(g.points, g.facets, [(b, rows[1:]) for b, rows in g.cells])
                       for n, g in found.groups.items()}
             return Content(found.points, found.blocks, groups)
         return reader

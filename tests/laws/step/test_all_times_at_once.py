@@ -7,7 +7,7 @@ from sparsemor.bodies.frames.force_items import BodyForce, SpaceForce
 from sparsemor.bodies.frames.frame import SpatialFrame
 from sparsemor.bodies.frames.inertia import Inertia
 from sparsemor.bodies.frames.items import UnitLength
-from sparsemor.bodies.frames.joint_items import Attachment, Reaction
+from sparsemor.bodies.frames.joint_items import MeanPoint, Reaction
 from sparsemor.bodies.frames.moments import moments_of
 from sparsemor.core.protocols import Frame
 from sparsemor.core.protocols.body_frame import FrameWork
@@ -30,7 +30,7 @@ def frame(size: int, rng: np.random.Generator) -> SpatialFrame:
     return SpatialFrame((
         Inertia(2.0, rng.standard_normal(3), rng.standard_normal(moments.count), moments), *loose,
         SpaceForce(1.0, rng.standard_normal(3), rng.standard_normal(3), lambda t: 1.0 + t),
-        Attachment(rng.standard_normal(3)), Reaction(reactions, True),
+        MeanPoint(rng.standard_normal(3)), Reaction(reactions, True),
         BodyForce(rng.standard_normal(3), rng.standard_normal(3), np.cos),
         Reaction(reactions, False),
     ), True, size)
