@@ -29,9 +29,9 @@ CLASSES: Sequence[object] = (
     Variable, unit,
     constraints.Facing, constraints.Slide, dense.DenseTerm, dense.ReducedDense,
     force_items.BodyForce, force_items.Moment, force_items.SpaceForce, frame.SpatialFrame,
-    items.Nothing, items.UnitLength, joint_items.Attachment, joint_items.Reaction,
+    items.Nothing, items.UnitLength, joint_items.MeanPoint, joint_items.Reaction,
     joint_items.Rotation, items.Wrench, material_laws.Conduction, material_laws.Departure,
     material_laws.Expansion, material_laws.Softening, material_laws.StoredHeat, moments.Moments,
-    nonlinear_strains.NonlinearStrains, springs.RotationalSpring, springs.SpatialRotationalSpring,
-    springs.Spring,
+    nonlinear_strains.NonlinearStrains, springs.RotationalSpringItem,
+    springs.SpatialRotationalSpring, springs.Spring,
 )

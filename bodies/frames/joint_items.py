@@ -14,7 +14,7 @@ from sparsemor.core import FloatArray, Table
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Attachment(Item):
+class MeanPoint(Item):
     """Mean position of a weighted set of points, point (d,) = sum w X with sum w = 1, m; its
     multipliers are the force on it (d, N)."""
 
@@ -36,7 +36,7 @@ class Attachment(Item):
     def names(self, source: str) -> tuple[str, ...]:
         return tuple(f"joint {source} {a}" for a in AXES[: self.directions])
 
-    def shifted(self, s: FloatArray, quadratic: FloatArray) -> "Attachment":
+    def shifted(self, s: FloatArray, quadratic: FloatArray) -> "MeanPoint":
         return replace(self, point=self.point + s)
 
     def wrench(
@@ -128,7 +128,7 @@ class Reaction(Item):
         return force + turn if self.turns else force
 
     def in_plane(self) -> plane.PlanePart:
-        return plane.PlanePart(plane.Reaction(self.forces_at, self.turns), ())
+        return plane.PlanePart(plane.PlaneReaction(self.forces_at, self.turns), ())
 
     def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
         if m.elastic:

@@ -132,7 +132,7 @@ def _quaternions(q: FloatArray) -> FloatArray:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class RotationalSpring(SpringItem):
+class RotationalSpringItem(SpringItem):
     """In the plane: moment stiffness phi + damping phi' + drive(t), N m, against the relative angle
     phi, rad, of the own and the other frame.
 

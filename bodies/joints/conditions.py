@@ -23,7 +23,7 @@ from sparsemor.bodies.body import FloatingBody
 from sparsemor.bodies.frames.attitude import velocity_at
 from sparsemor.bodies.frames.constraints import Facing, Slide
 from sparsemor.bodies.frames.items import Item
-from sparsemor.bodies.frames.joint_items import Attachment, Rotation
+from sparsemor.bodies.frames.joint_items import MeanPoint, Rotation
 from sparsemor.bodies.joints.part import JointPart
 from sparsemor.bodies.joints.side import (
     NEAR,
@@ -110,7 +110,7 @@ class Conditions:
             assert side.body is not None
             position, angle = C[:, : self.d], C[:, self.d :]
             if position.any():
-                self._add(side.body, Attachment(side.point), side.displacement, position)
+                self._add(side.body, MeanPoint(side.point), side.displacement, position)
             if angle.any():
                 self._check_angle(side)
                 turning = side.turning

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from sparsemor.bodies.frames.joint_items import Attachment, Reaction
+from sparsemor.bodies.frames.joint_items import MeanPoint, Reaction
 from sparsemor.bodies.joints.heat import HeatExchange
 from sparsemor.bodies.joints.side import Condition, Side
 from sparsemor.bodies.joints.wrench import holding, size, wrenches
@@ -71,7 +71,7 @@ class JointPart(Joint):
             return
         if self.reactions is not None:
             # a joint that lets its sides turn makes no moment, and its set may be a single point
-            turns = not all(isinstance(c.item, Attachment) for c in self.conditions)
+            turns = not all(isinstance(c.item, MeanPoint) for c in self.conditions)
             write_reactions(equations, self.sides, self.reactions, turns)
             return
         block = f"{self.name}.multiplier"
