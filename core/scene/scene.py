@@ -3,7 +3,6 @@
 import hashlib
 import json
 from collections.abc import Iterable, Mapping
-from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -247,18 +246,15 @@ class Scene(Plugin):
 
         It does not depend on the reducer, so its digest shows whether snapshots can be reused.
         """
-        return self._trained_at(point) if point else self._training_scene
-
-    @cached_property
-    def _training_scene(self) -> "Scene":
-        return self._trained_at({})
-
-    def _trained_at(self, point: Point) -> "Scene":
-        changes = {**self.training.overrides, **values_at(point),
-                   "reducer": {"use": FULL_ORDER, "remaining": LARGEST_ERROR}}
-        changes.setdefault("time.end", self.training_end)
-        tree = self.using(changes, label="training.overrides")
-        return tree.using({"training": {"every": self.training.every}}, label="training")
+        made: dict[object, Scene] = self.__dict__.setdefault("_for_training", {})  # no field
+        key = tuple(sorted((point or {}).items()))
+        if key not in made:
+            changes = {**self.training.overrides, **values_at(point or {}),
+                       "reducer": {"use": FULL_ORDER, "remaining": LARGEST_ERROR}}
+            changes.setdefault("time.end", self.training_end)
+            tree = self.using(changes, label="training.overrides")
+            made[key] = tree.using({"training": {"every": self.training.every}}, label="training")
+        return made[key]
 
     def locate(self, error: InputError) -> list[str]:
         """Messages, one line per fault, `file:line:column: key: message`, in the file's order."""

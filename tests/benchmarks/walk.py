@@ -1,12 +1,15 @@
 """Way from the command to the first time step: files entered, calls, depth and returns.
 
-    python tests/benchmarks/walk.py [SCENE] [--full FILE]
+    python tests/benchmarks/walk.py [SCENE]
 
-Runs `sparsemor run SCENE` (double_pendulum) with an empty cache under `sys.setprofile` and counts
-frames of the package: those before the first step of any kind, which is one of the training run,
-and up to the first step of the run itself. Imports count: a module that is executed is entered.
-A return is a change to a file that was left before, in the sequence of the calls that have not
-been made earlier between the same two files.
+Runs `sparsemor run SCENE` (double_pendulum) with an empty cache under `sys.setprofile` up to the
+first step of any kind, which is one of the training run, and counts frames of the package. A module
+that is imported is entered, too; files of which a function was called are counted separately.
+
+The walk begins at the function of the command and follows each function once, where it is called
+first, as a reader does: successive functions of one file are a stay, and a stay in a file that was
+left before is a return. The checks at the boundary of plugins (core/registry/boundary.py) and what
+runs on import are not followed. Counted are the first 100 functions, and all up to the first step.
 """
 
 import argparse
@@ -17,6 +20,12 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
+ROOT = Path(__file__).resolve().parents[2]
+FOLDERS = ("core", "bodies", "integrators", "reducers", "plugins")
+COMMAND = ("core/cli/run.py", "run")
+"""File and function of the command."""
+BOUNDARY = "core/registry/boundary.py"
+FIRST = 100
 STEP = ("core/simulation/time_stepping.py", "__call__")
 """File and function of one time step."""
 
@@ -25,68 +34,74 @@ class Walk:
     """Counts of frames of the package, by a profile function."""
 
     def __init__(self) -> None:
-        self.calls = self.imports = self.depth = self.deepest = 0
+        self.calls = self.imports = self.depth = self.deepest = self.walked = 0
         self.files: set[str] = set()
+        self.called: set[str] = set()
         self.functions: set[tuple[str, int]] = set()
         self.stays: list[str] = []
+        self.returns = 0
         self.deepest_stack: list[str] = []
         self.known: dict[str, str] = {}
+        self.importing = 0
+        self.begun = False
 
     def own(self, code: Any) -> str:
         """Path of the file of a frame in the package, "" for others."""
         path = self.known.get(code.co_filename)
         if path is None:
             parts = Path(code.co_filename).parts
-            at = next((i for i, p in enumerate(parts) if p in (
-                "core", "bodies", "integrators", "reducers", "plugins")
-                and is_ours(code.co_filename)), None)
-            path = self.known[code.co_filename] = "" if at is None else "/".join(parts[at:])
+            ours = code.co_filename.startswith(str(ROOT)) or "sparsemor" in parts
+            at = [i for i, part in enumerate(parts) if part in FOLDERS] if ours else []
+            path = self.known[code.co_filename] = "/".join(parts[at[0]:]) if at else ""
         return path
 
     def __call__(self, frame: FrameType, event: str, arg: object) -> None:
-        if event not in ("call", "return"):
-            return
-        path = self.own(frame.f_code)
+        path = self.own(frame.f_code) if event in ("call", "return") else ""
         if not path:
             return
+        name = frame.f_code.co_name
         if event == "return":
             self.depth -= 1
+            self.importing -= name == "<module>"
             return
         self.depth += 1
         self.calls += 1
-        name = frame.f_code.co_name
+        self.files.add(path)
         if name == "<module>":
             self.imports += 1
+            self.importing += 1
         else:
-            self.functions.add((path, frame.f_code.co_firstlineno))
-        self.files.add(path)
+            self.called.add(path)
         if self.depth > self.deepest:
             self.deepest, self.deepest_stack = self.depth, stack(frame, self)
-        caller = frame.f_back
-        if name != "<module>" and caller is not None and self.own(caller.f_code) and (
-                not self.stays or self.stays[-1] != path):
-            self.stays.append(path)
+        self.begun = self.begun or (path, name) == COMMAND
+        function = path, frame.f_code.co_firstlineno
+        if self.begun and not self.importing and path != BOUNDARY and (
+                function not in self.functions):
+            self.functions.add(function)
+            self.walked += 1
+            if not self.stays or self.stays[-1] != path:
+                self.returns += path in self.stays
+                self.stays.append(path)
+            if self.walked == FIRST:
+                print(f"first {FIRST} functions: {self.walk()}")
         if (path, name) == STEP:
-            self.report("before the first step")
             sys.setprofile(None)
             raise Reached
 
-    def report(self, title: str) -> None:
-        print(f"{title}: {len(self.files)} files entered, {self.calls} own calls "
-              f"({self.imports} imports), {len(self.functions)} functions, deepest own stack "
-              f"{self.deepest}")
-        first = list(dict.fromkeys(self.stays))
-        print(f"files of called functions: {len(first)}")
-        print("deepest stack:", *self.deepest_stack, sep="\n  ")
+    def walk(self) -> str:
+        return (f"{len(self.stays)} stays in {len(set(self.stays))} files, {self.returns} returns "
+                "to a file already left")
+
+    def report(self) -> None:
+        print(f"before the first step: {self.walk()}")
+        print(f"files entered {len(self.files)} (a function called in {len(self.called)}), own "
+              f"calls {self.calls} ({self.imports} imports), deepest own stack {self.deepest}:")
+        print(*(f"  {line}" for line in self.deepest_stack), sep="\n")
 
 
 class Reached(BaseException):
     """The first step."""
-
-
-def is_ours(name: str) -> bool:
-    root = str(Path(__file__).resolve().parents[2])
-    return name.startswith(root) or "/sparsemor/" in name
 
 
 def stack(frame: FrameType | None, walk: Walk) -> list[str]:
@@ -114,6 +129,7 @@ def main() -> None:
             pass
         finally:
             sys.setprofile(None)
+    walk.report()
 
 
 if __name__ == "__main__":
