@@ -5,7 +5,7 @@ from typing import Any, cast
 from urllib.parse import urlsplit
 
 from sparsemor.core.errors import InputError
-from sparsemor.core.simulation.workers.local_pool import Ended, Payload
+from sparsemor.core.simulation.workers.local_pool import EndedJob, Payload
 from sparsemor.plugins.study.jobs import execute
 
 SECONDS = 10.0
@@ -42,16 +42,16 @@ class DaskPool:
         self._futures[name] = future
         future.add_done_callback(lambda f: self._ended.put((name, f)))
 
-    def next(self, timeout: float) -> Ended | None:
+    def next(self, timeout: float) -> EndedJob | None:
         try:
             name, future = self._ended.get(timeout=timeout)
         except queue.Empty:
             return None
         del self._futures[name]
         if future.status == "finished":
-            return Ended(name, future.result())
+            return EndedJob(name, future.result())
         error = future.exception() if future.status == "error" else None
-        return Ended(name, None, f"{type(error).__name__}: {error}" if error else future.status)
+        return EndedJob(name, None, f"{type(error).__name__}: {error}" if error else future.status)
 
     def close(self) -> None:
         self._client.cancel(list(self._futures.values()))

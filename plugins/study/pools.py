@@ -5,7 +5,7 @@ from collections import deque
 from typing import Protocol
 
 from sparsemor.core.registry.registry import Registry
-from sparsemor.core.simulation.workers.local_pool import Ended, Payload
+from sparsemor.core.simulation.workers.local_pool import EndedJob, Payload
 from sparsemor.plugins.study.jobs import execute
 from sparsemor.plugins.study.kept_models import KeptModels
 
@@ -24,7 +24,7 @@ class Pool(Protocol):
     @property
     def repeats(self) -> int: ...
     def submit(self, name: str, job: Payload) -> None: ...
-    def next(self, timeout: float) -> Ended | None:
+    def next(self, timeout: float) -> EndedJob | None:
         """Next completed job, or None after `timeout` s."""
         ...
 
@@ -45,11 +45,11 @@ class SerialPool:
     def submit(self, name: str, job: Payload) -> None:
         self._waiting.append((name, job))
 
-    def next(self, timeout: float) -> Ended | None:
+    def next(self, timeout: float) -> EndedJob | None:
         if not self._waiting:
             return None
         name, job = self._waiting.popleft()
-        return Ended(name, execute(job, self._registry, self._models))
+        return EndedJob(name, execute(job, self._registry, self._models))
 
     def close(self) -> None:
         self._waiting.clear()

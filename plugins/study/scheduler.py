@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from graphlib import TopologicalSorter
 from typing import Any, Literal
 
-from sparsemor.core.simulation.workers.local_pool import Ended
+from sparsemor.core.simulation.workers.local_pool import EndedJob
 from sparsemor.core.status import Status
 from sparsemor.plugins.study.jobs import BROKEN, DIED, REFUSED
 from sparsemor.plugins.study.plan import Plan, Run
@@ -140,7 +140,7 @@ class Schedule:
             "model": self._models.get(run.model),
         }
 
-    def _end(self, ended: Ended) -> None:
+    def _end(self, ended: EndedJob) -> None:
         self._flying.discard(ended.name)
         answer = ended.answer
         if answer is None:

@@ -64,7 +64,7 @@ class ReducedBlock:
     states: StateMap
 
 
-class Motion(NamedTuple):
+class StateAt(NamedTuple):
     """Unknowns x with rates v and a (n,) at t, s."""
 
     t: float
@@ -162,7 +162,7 @@ class CoupledErrors:
     def carry(self, count: int, memory: dict[str, FloatArray]) -> dict[str, FloatArray]:
         """The same for `count` estimates along full-order steps, to which no error is added: by the
         equations at the last state that was reduced, with zero residual there."""
-        at, own = Motion(float(memory["time"]), *memory["reduced"]), self.working()
+        at, own = StateAt(float(memory["time"]), *memory["reduced"]), self.working()
         each = max(1, round(self.h / float(memory["size"])))
         with substep(Substep(self.h / self.every)):
             found = own._advanced(
@@ -174,7 +174,7 @@ class CoupledErrors:
         return replace(self, equations=self.equations.working())
 
     def _advanced(
-        self, run: Sequence[tuple[Motion, FloatArray]], memory: dict[str, FloatArray],
+        self, run: Sequence[tuple[StateAt, FloatArray]], memory: dict[str, FloatArray],
         permitted: FloatArray | float = 0.0
     ) -> dict[str, FloatArray]:
         found: dict[str, list[float]] = {n: [] for n in self.blocks}
@@ -194,7 +194,7 @@ class CoupledErrors:
         return {n: np.array(v) for n, v in found.items()}
 
     def _step(
-        self, at: Motion, error: State, h: float, permitted: FloatArray | float
+        self, at: StateAt, error: State, h: float, permitted: FloatArray | float
     ) -> State:
         """Errors at a state of the run from those h (s) before: R(state + error) =
         `permitted`."""
@@ -203,7 +203,7 @@ class CoupledErrors:
         d, factor = np.zeros(layout.size), None
         for _ in range(ITERATIONS):
             x, v, a = formula.at(d)
-            now = Motion(at.t, at.x + x, at.v + v, at.a + a)
+            now = StateAt(at.t, at.x + x, at.v + v, at.a + a)
             r = self.residual(now) - permitted
             if factor is None:
                 try:
@@ -219,7 +219,7 @@ class CoupledErrors:
         return advanced(rules, layout, error, formula, StepOutcome(
             x, Status.DONE, 1, rates=(v, a)), linear=True)
 
-    def _jacobian(self, at: Motion, formula: StepFormula) -> Factor:
+    def _jacobian(self, at: StateAt, formula: StepFormula) -> Factor:
         """Factorized derivative of the residual. Raises RuntimeError where it is singular."""
         equations, rates = self.equations, (formula.c1, formula.c2, formula.c1_first)
         if not equations.coupled:
@@ -227,16 +227,16 @@ class CoupledErrors:
         c1, c2 = rate_factors(equations.layout, *rates)
         return equations.factorize(equations.slope(at.x, at.v, at.a, at.t, c1, c2))
 
-    def residual(self, at: Motion) -> FloatArray:
+    def residual(self, at: StateAt) -> FloatArray:
         """Residual (n,) of the full-order equations on the error spaces."""
         return self.equations.residual_at(
             at.x, at.v, at.a, at.t, self.equations.prescribed(at.t))
 
-    def lifted(self, state: State) -> Motion:
+    def lifted(self, state: State) -> StateAt:
         """A state of the reduced model in the coordinates of the error spaces."""
         return self.projected([state])[0][0]
 
-    def projected(self, states: Sequence[State]) -> list[tuple[Motion, FloatArray]]:
+    def projected(self, states: Sequence[State]) -> list[tuple[StateAt, FloatArray]]:
         """States of the reduced model in the coordinates of the error spaces, each with the parts
         (3, m) of x, v and a outside of them, of all blocks in turn."""
         layout, maps = self.equations.layout, {b.name: b.states for b in self.spaces}
@@ -250,7 +250,7 @@ class CoupledErrors:
                 outside.append(rest)
             wide[:, layout[block.name]] = own
         whole = np.hstack(outside)
-        return [(Motion(s.t, *wide[i : i + 3]), whole[i : i + 3])
+        return [(StateAt(s.t, *wide[i : i + 3]), whole[i : i + 3])
                 for s, i in zip(states, range(0, len(known), 3), strict=True)]
 
     @property
@@ -269,7 +269,7 @@ class CoupledErrors:
 
     @staticmethod
     def _memory(
-        error: State, at: Motion, outside: FloatArray, size: float
+        error: State, at: StateAt, outside: FloatArray, size: float
     ) -> dict[str, FloatArray]:
         return {"errors": np.vstack([error.x, error.v, error.a, error.memory.T]),
                 "reduced": np.stack([at.x, at.v, at.a]), "time": np.array(at.t),

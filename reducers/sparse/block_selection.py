@@ -33,7 +33,7 @@ from sparsemor.reducers.sparse.row_residuals import ElasticRows, RowResidual, Th
 from sparsemor.reducers.sparse.supported_steps import (
     Found,
     SelectionFailed,
-    Solved,
+    SolvedStep,
     SupportedSteps,
     reselected_step,
 )
@@ -223,7 +223,7 @@ class BlockwiseSelection:
                 return outcome
         return self.steps.on(memory, starts[0]).tried(step, memory)  # the failure
 
-    def thermal(self, at: Solved, memory: SparseMemory) -> Found:
+    def thermal(self, at: SolvedStep, memory: SparseMemory) -> Found:
         changed: dict[str, BoolArray] = {}
         for block in self.heat:
             found = self._exchanged([block], at, memory)
@@ -232,11 +232,11 @@ class BlockwiseSelection:
             changed |= found
         return changed
 
-    def elastic(self, at: Solved, memory: SparseMemory) -> Found:
+    def elastic(self, at: SolvedStep, memory: SparseMemory) -> Found:
         return self._exchanged(self.bodies, at, memory)
 
     def _exchanged(
-        self, blocks: Sequence[BlockSelection], at: Solved, memory: SparseMemory
+        self, blocks: Sequence[BlockSelection], at: SolvedStep, memory: SparseMemory
     ) -> Found:
         """Exchanges in blocks that decide together."""
         step, x, supports = at.step, at.outcome.x, at.supports

@@ -21,7 +21,7 @@ from sparsemor.reducers.sparse.memory import SparseMemory
 from sparsemor.reducers.sparse.supported_steps import (
     Found,
     SelectionFailed,
-    Solved,
+    SolvedStep,
     SupportedSteps,
     SupportOf,
     reselected_step,
@@ -59,7 +59,7 @@ class JointSelection:
             return self.steps.base.accepted(found, step, memory)
         return self.steps.current(memory).solve(step, memory)[0]
 
-    def thermal(self, at: Solved, memory: SparseMemory) -> Found:
+    def thermal(self, at: SolvedStep, memory: SparseMemory) -> Found:
         changed, x = {}, at.outcome.x
         for name in self.steps.heat:
             support, here = at.supports[name], x[self.steps.base.layout[name]]
@@ -72,7 +72,7 @@ class JointSelection:
                 changed[name] = out.support
         return changed
 
-    def elastic(self, at: Solved, memory: SparseMemory) -> Found:
+    def elastic(self, at: SolvedStep, memory: SparseMemory) -> Found:
         if not self.steps.elastic:
             return {}
         problem, start = self._mechanics(at.step, at.outcome.x, at.supports)

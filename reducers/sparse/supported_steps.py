@@ -98,7 +98,7 @@ Found: TypeAlias = dict[str, BoolArray] | SelectionFailed
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Solved:
+class SolvedStep:
     """Solution of a step on given supports: `now` is the step solver that computed it, `fresh` is
     True where these supports are not those of an earlier step."""
 
@@ -112,9 +112,9 @@ class Solved:
 class SelectsAtSolution(Protocol):
     """Selection of supports at the solution of a step."""
 
-    def thermal(self, at: Solved, memory: SparseMemory) -> Found: ...
+    def thermal(self, at: SolvedStep, memory: SparseMemory) -> Found: ...
 
-    def elastic(self, at: Solved, memory: SparseMemory) -> Found: ...
+    def elastic(self, at: SolvedStep, memory: SparseMemory) -> Found: ...
 
 
 def reselected_step(
@@ -127,10 +127,10 @@ def reselected_step(
     fresh = start is not memory.supports
     scales, supports = memory.scales.copy(), start
 
-    def solved(guess: FloatArray | None) -> Solved:
+    def solved(guess: FloatArray | None) -> SolvedStep:
         memory.scales = scales.copy()  # as if the step had not been solved on other supports
         now = steps.on(memory, supports) if fresh or guess is not None else steps.current(memory)
-        return Solved(step, now.tried(step, memory, guess), now, supports, fresh)
+        return SolvedStep(step, now.tried(step, memory, guess), now, supports, fresh)
 
     at = solved(None)
     if not at.outcome.status.ok:

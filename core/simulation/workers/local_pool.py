@@ -21,7 +21,7 @@ Payload = Mapping[str, Any]
 
 
 @dataclass(frozen=True, slots=True)
-class Ended:
+class EndedJob:
     """Result of a job; if its worker died, `answer` is None and `death` the cause."""
 
     name: str
@@ -58,7 +58,7 @@ class LocalPool:
         except BrokenPipeError:
             pass  # it is dead, which the end of its output shows
 
-    def next(self, timeout: float) -> Ended | None:
+    def next(self, timeout: float) -> EndedJob | None:
         try:
             worker, line = self._lines.get(timeout=timeout)
         except queue.Empty:
@@ -66,10 +66,10 @@ class LocalPool:
         if line.endswith("\n"):
             worker.job = ""
             message = json.loads(line)
-            return Ended(message["name"], message["answer"])
+            return EndedJob(message["name"], message["answer"])
         self._alive.remove(worker)
         code = worker.process.wait()
-        return Ended(worker.job, None, _cause(code)) if worker.job else None
+        return EndedJob(worker.job, None, _cause(code)) if worker.job else None
 
     def close(self) -> None:
         for worker in self._alive:

@@ -107,7 +107,7 @@ class Ecsw(ProjectionReducer):
     ) -> Approximation:
         """The model with element integrals replaced by ECSW-weighted sums, and facts of each
         block's weights."""
-        training = Training(
+        training = WeightTraining(
             model, offline, h, self.tau, self.constant == "weighted", self.states,
             self.candidates, dictionaries)
         moving = tuple(training.elastic(m) for m in model.separated.moving)
@@ -130,7 +130,7 @@ class Ecsw(ProjectionReducer):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Training:
+class WeightTraining:
     """Computation of the weighted operators of one model; collects the reported facts of each
     block. constant: True if operators with constant properties are weighted, too."""
 

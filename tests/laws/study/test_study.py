@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from sparsemor.bodies.terms.field_kinds import BODY_KINDS
 from sparsemor.core.errors import InputError
 from sparsemor.core.results.json_data import finite
-from sparsemor.core.simulation.workers.local_pool import Ended
+from sparsemor.core.simulation.workers.local_pool import EndedJob
 from sparsemor.plugins.study.columns import RESERVED, TIMES, cell, columns_of
 from sparsemor.plugins.study.journal import Journal
 from sparsemor.plugins.study.plan import Plan
@@ -116,9 +116,9 @@ class Fake:
         assert len(self.flying) <= self.slots
         json.dumps(job)  # travels as plain data
 
-    def next(self, timeout: float) -> Ended:
+    def next(self, timeout: float) -> EndedJob:
         name = self.flying.pop()
-        return Ended(name, self.answer(name), "SIGKILL")
+        return EndedJob(name, self.answer(name), "SIGKILL")
 
     def close(self) -> None:
         pass
