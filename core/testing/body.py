@@ -1,5 +1,6 @@
 """Law kit of a body."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -18,14 +19,16 @@ from sparsemor.core.testing.parts import check_parts
 from sparsemor.core.testing.random_inputs import law
 
 
-def check_body(plugin: BodyPlugin, folder: Path | None = None, seed: int = 0) -> None:
+def check_body(
+    plugin: BodyPlugin, folder: Path | None = None, seed: int = 0, points: Sequence[str] = ()
+) -> None:
     """Laws of a body: equal results of two builds; consistent blocks, initial values and geometry;
     terms that satisfy the laws of a term (`check_term`); symmetric positive semidefinite mass and
     capacity matrices; no rigid unknowns under a prescribed motion of its frame, if the body
-    supports that; a short run.
+    supports that; positions and motions of named points that fit its unknowns; a short run.
 
     The body is free and without loads, so it needs unknowns of its own. folder: that of the scene
-    file, for relative paths.
+    file, for relative paths; points: names of sets on which joints and forces may act.
     """
     base = Path.cwd() if folder is None else folder
     one, other = (plugin.build("body", base) for _ in range(2))
@@ -36,6 +39,8 @@ def check_body(plugin: BodyPlugin, folder: Path | None = None, seed: int = 0) ->
         law(all(np.array_equal(a, b) for a, b in zip(values, again, strict=True)),
             f"two builds start {name} differently")
     _follows(one)
+    for which in points:
+        _point(one, which)
     scene = small_scene({"body": plugin})
     check_parts(scene, seed)
     model = assemble(scene)
@@ -75,6 +80,25 @@ def _follows(body: Body) -> None:
     if rigid is not None:
         left = [b.name for b in rigid.blocks() if b.kind.reducible and b.size]
         law(not left, f"its rigid copy still has the fields {left}")
+
+
+def _point(body: Body, which: str) -> None:
+    """Position, displacement and rotation of the centre of a set."""
+    d, n = body.d, sum(b.size for b in body.blocks() if b.kind.quantity is Quantity.DISPLACEMENT)
+    X, u = body.point_of(which, "points"), body.displacement_of(which)
+    law(X.shape == (d,), f"the position of {which!r} has the shape {X.shape}, not ({d},)")
+    law((u is None) is (n == 0), f"`displacement_of` {which!r} is None for a rigid body alone")
+    law(u is None or u.shape == (n, d), f"`displacement_of` {which!r} has not the shape ({n}, {d})")
+    turns = body.rotation_of(which, "points") if u is not None else None
+    law(turns is None or turns.shape == (n, 2 * d - 3),
+        f"`rotation_of` {which!r} has not the shape ({n}, {2 * d - 3})")
+    law(u is None or bool(u.any()) <= body.deforms_at(which),
+        f"{which!r} has a displacement, and `deforms_at` denies it")
+    probe = body.probe("probe", which)
+    if probe is not None:
+        law(np.array_equal(probe.point, X), f"a probe of {which!r} is at another position")
+        law(u is None or np.array_equal(u, np.asarray(probe.displacement)),
+            f"a probe of {which!r} has another displacement")
 
 
 def _definite(M: FloatArray, what: str) -> None:

@@ -10,17 +10,22 @@ import pytest
 from scipy.sparse import csr_array
 
 from small_scenes import SCENES, everything
-from sparsemor.bodies import MULTIPLIER, RIGID, DenseTerm, LoadPart
+from sparsemor.bodies import MULTIPLIER, RIGID, DenseTerm
 from sparsemor.core import (
     Block,
     Body,
     BodyPlugin,
     ConnectorPlugin,
+    Contact,
+    ContactPlugin,
     Effect,
     Equations,
     FloatArray,
     InputError,
     Joint,
+    JointPlugin,
+    Load,
+    LoadPlugin,
     Part,
 )
 from sparsemor.core.scene.scene import load
@@ -49,6 +54,13 @@ class Lump(Body):
         return {f"{self.name}.rigid": (np.zeros(3), np.zeros(3))}
 
 
+class Spatial(Lump):
+    """A planar body with points in space."""
+
+    def point_of(self, which: str, key: str) -> FloatArray:
+        return np.zeros(3)
+
+
 class OwnBody(BodyPlugin):
     """A body of a test."""
 
@@ -69,14 +81,26 @@ class OwnPart(ConnectorPlugin):
         return self.made(name, parts)
 
 
-class Careless(OwnPart):
+class OwnJoint(OwnPart, JointPlugin):
+    """A joint of a test."""
+
+
+class OwnLoad(OwnPart, LoadPlugin):
+    """A load of a test."""
+
+
+class OwnContact(OwnPart, ContactPlugin):
+    """A contact of a test."""
+
+
+class Careless(OwnJoint, OwnLoad):
     """A part that looks its bodies up without a question."""
 
     def build(self, name: str, parts: Mapping[str, Part]) -> Any:
         return self.made(name, {"one": parts["one"]})
 
 
-class Warm(OwnPart):
+class Warm(OwnLoad):
     """A load that says it acts on temperatures."""
 
     acts_on: ClassVar[Effect] = "temperature"
@@ -111,47 +135,61 @@ class Rows(Joint):
         equations.constraint(own, [lambda t: 0.0] * m)
 
 
-def rows(G: Any, R: Any = None, off: float = 0.0) -> OwnPart:
+@dataclass(frozen=True, eq=False)
+class Term(Joint, Contact, Load):
+    """A part that adds one term."""
+
+    name: str
+    write: Callable[[Equations], None]
+    own: tuple[Block, ...] = ()
+
+    def blocks(self) -> Sequence[Block]:
+        return self.own
+
+    def contribute(self, equations: Equations) -> None:
+        self.write(equations)
+
+
+def rows(G: Any, R: Any = None, off: float = 0.0) -> OwnJoint:
     G = np.array(G, dtype=float)
     R = G.T if R is None else np.array(R, dtype=float)
-    return OwnPart(made=lambda name, parts: Rows(
+    return OwnJoint(made=lambda name, parts: Rows(
         name, G, R, G @ np.array([0, 0, 0, 0.15, 0, 0.0]) + off))
 
 
 TOGETHER = [[1, 0, 0, -1, 0, 0]]
 
 
-def pushed(first: float, second: float) -> OwnPart:
+def pushed(first: float, second: float, kind: type[OwnPart] = OwnLoad) -> OwnPart:
     """Forces along x on the two bodies."""
-    def made(name: str, parts: Mapping[str, Part]) -> LoadPart:
+    def made(name: str, parts: Mapping[str, Part]) -> Term:
         def write(equations: Equations) -> None:
             at = np.concatenate([equations.numbers(f"{b}.rigid")[:1] for b in ("one", "two")])
             f, K = -np.array([first, second]), np.zeros((2, 2))
             term = DenseTerm(at, at, lambda x, v, t: (f, K, K))
             equations.local(["one.rigid", "two.rigid"], term)
-        return LoadPart(name, write)
-    return OwnPart(made=made)
+        return Term(name, write)
+    return kind(made=made)
 
 
-def tied() -> OwnPart:
+def tied() -> OwnContact:
     """A spring of 1 N/m between the origins of the two bodies."""
     K = np.kron([[1.0, -1.0], [-1.0, 1.0]], np.eye(2))
 
-    def made(name: str, parts: Mapping[str, Part]) -> LoadPart:
+    def made(name: str, parts: Mapping[str, Part]) -> Term:
         def write(equations: Equations) -> None:
             at = np.concatenate([equations.numbers(f"{b}.rigid")[:2] for b in ("one", "two")])
             term = DenseTerm(at, at, lambda x, v, t: (K @ x, K, 0.0 * K))
             equations.local(["one.rigid", "two.rigid"], term)
-        return LoadPart(name, write)
-    return OwnPart(made=made)
+        return Term(name, write)
+    return OwnContact(made=made)
 
 
 def lump(M: Any, owner: str = "") -> OwnBody:
     return OwnBody(made=lambda name: Lump(name, np.array(M, dtype=float), owner))
 
 
-NOTHING = OwnPart(made=lambda name, parts: LoadPart(name, lambda equations: None))
-CARELESS = Careless(made=lambda name, parts: LoadPart(name, lambda equations: None))
+CARELESS = Careless(made=lambda name, parts: Term(name, lambda equations: None))
 BROKEN: dict[str, tuple[Callable[[], None], str]] = {
     "a mass that is not symmetric": (
         lambda: check_body(lump([[1, 0.2, 0], [0, 1, 0], [0, 0, 1]])), "mass matrix is not symm"),
@@ -161,6 +199,8 @@ BROKEN: dict[str, tuple[Callable[[], None], str]] = {
         lambda: check_body(lump(np.eye(3), "other")), "is owned by 'other'"),
     "another name": (lambda: check_body(OwnBody(
         made=lambda name: Lump("mine", np.eye(3)))), "calls itself 'mine'"),
+    "a point of another dimension": (lambda: check_body(OwnBody(
+        made=lambda name: Spatial(name, np.eye(3))), points=["tip"]), "has the shape (3,)"),
     "reactions that do work": (
         lambda: check_joint(rows(TOGETHER, [[1], [0], [0], [1], [0], [0]]), PAIR), "do work"),
     "no reactions": (lambda: check_joint(rows(TOGETHER, np.zeros((6, 1))), PAIR), "do work"),
@@ -170,19 +210,24 @@ BROKEN: dict[str, tuple[Callable[[], None], str]] = {
         [TOGETHER[0], [0] * 6]), PAIR), "does not depend on any motion"),
     "a start that breaks it": (
         lambda: check_joint(rows(TOGETHER, off=0.01), PAIR), "has an error of 0.01 at the start"),
-    "a joint of nothing": (lambda: check_joint(NOTHING, PAIR), "and changes no body"),
+    "a joint of nothing": (
+        lambda: check_joint(OwnJoint(made=CARELESS.made), PAIR), "and changes no body"),
     "a careless joint": (lambda: check_joint(CARELESS, PAIR), "expected an InputError"),
-    "a load of nothing": (lambda: check_load(NOTHING, PAIR), "acts on none of the bodies"),
+    "a load of nothing": (
+        lambda: check_load(OwnLoad(made=CARELESS.made), PAIR), "acts on none of the bodies"),
     "a load with unknowns": (
-        lambda: check_load(rows(TOGETHER), PAIR), "has no unknowns of its own"),
+        lambda: check_load(OwnLoad(made=lambda name, parts: Term(
+            name, lambda equations: None, (Block(name, MULTIPLIER, 1),))), PAIR),
+        "has no unknowns of its own"),
     "a load on the wrong field": (
         lambda: check_load(Warm(made=pushed(1.0, 1.0).made), PAIR), "acts on motion too"),
     "a careless load": (lambda: check_load(CARELESS, PAIR), "expected an InputError"),
-    "no reaction": (
-        lambda: check_contact(pushed(1.0, 0.0), PAIR), "action and reaction differ by 1"),
-    "forces that turn": (lambda: check_contact(pushed(1.0, -1.0), PAIR), "action and reaction"),
+    "no reaction": (lambda: check_contact(
+        pushed(1.0, 0.0, OwnContact), PAIR), "action and reaction differ by 1"),
+    "forces that turn": (lambda: check_contact(
+        pushed(1.0, -1.0, OwnContact), PAIR), "action and reaction"),
     "a contact that never is": (
-        lambda: check_contact(pushed(0.0, 0.0), PAIR), "do not touch in 20 states"),
+        lambda: check_contact(pushed(0.0, 0.0, OwnContact), PAIR), "do not touch in 20 states"),
 }
 
 

@@ -30,7 +30,7 @@ def pendulum(**changes: Any) -> Scene:
 @pytest.mark.parametrize("reference", ["clamp", "chord"])
 def test_laws_of_the_body(reference: str) -> None:
     check_body(Beam(length=L, area=A, second_moment=J, modulus=E, density=RHO,
-                    reference=reference))
+                    reference=reference), points=["left", "middle", "right"])
 
 
 def test_laws_of_joints_and_loads_of_the_product_on_it() -> None:
