@@ -217,6 +217,7 @@ def test_no_balance_is_told_where_none_is_known() -> None:
     assert run.summary["heat_balance"] == {}
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("changes", [
     {"integrator": "bdf1"}, {"integrator": "bdf2"}, {"integrator": ALPHA}, {"reducer": "galerkin"},
     pytest.param({"time.control": {"tolerance": 1e-2, "max_halvings": 14}},

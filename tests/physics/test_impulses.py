@@ -46,6 +46,7 @@ def delivered(integrator: Any, function: Any, steps: int) -> float:
     return float(z[1])
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("integrator", [Bdf1(), Bdf2(), GeneralizedAlpha(rho_inf=0.8)],
                          ids=lambda i: type(i).__name__)
 @pytest.mark.parametrize("grid", [True, False], ids=["on the grid", "off the grid"])

@@ -109,12 +109,14 @@ def energies(run: March) -> Any:
     return found
 
 
+@pytest.mark.full
 def test_a_mechanism_has_order_three() -> None:
     last = [swing(RADAU, h, 0.32).x[-1, :6] for h in (0.02, 0.01, 0.005, 0.00125)]
     errors = [float(np.abs(x - last[-1]).max()) for x in last[:-1]]
     assert np.log2(np.divide(errors[:-1], errors[1:])) == pytest.approx(3.0, abs=0.3)
 
 
+@pytest.mark.full
 def test_it_takes_less_energy_of_a_pendulum_than_bdf2() -> None:
     lost = {}
     for name in ("radau_iia", "bdf2"):
@@ -123,6 +125,7 @@ def test_it_takes_less_energy_of_a_pendulum_than_bdf2() -> None:
     assert lost["radau_iia"] < 0.02 * lost["bdf2"]
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(("reducer", "limit"), [
     pytest.param({"use": "galerkin", "basis": {"use": "pod", "energy": 1.0}}, 1e-6,
                  marks=pytest.mark.full),

@@ -28,6 +28,7 @@ def light() -> Scene:
         "loads": {"gravity": {"use": "gravity", "g": [0.0, -9.81]}}, "time.end": 0.01})
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("reducer", REDUCERS)
 def test_every_reducer_runs_an_insulated_pendulum(reducer: str) -> None:
     reference = march(light().using({"reducer": "full"}))

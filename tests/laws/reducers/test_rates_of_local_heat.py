@@ -78,6 +78,7 @@ def test_full_order_is_the_textbook(integrator: str) -> None:
     assert error(run, textbook(integrator)) < 1e-9
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("integrator", quick(INTEGRATORS, "bdf2"))
 @pytest.mark.parametrize("reducer", REDUCERS)
 def test_reduced_models_follow_full_order(reducer: str, integrator: str) -> None:

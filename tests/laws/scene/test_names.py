@@ -85,11 +85,13 @@ def test_joint_forces_are_known_by_their_kind() -> None:
     assert len(pulled) == 2 and data[0].joints.tolist() == held and len(held) == 2
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("which", range(1, len(OTHERS) + 1))
 def test_full_order_does_not_know_names(which: int) -> None:
     np.testing.assert_array_equal(full(which).x, full(0).x)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("name", quick(SETS, *list(SETS)[::2]))
 def test_neither_bases_nor_results_know_names(name: str) -> None:
     plain = reduced(0, SETS[name])
