@@ -6,11 +6,12 @@ from pathlib import Path
 
 from sparsemor.core.cli.plugins import first_sentence
 from sparsemor.core.model.features import FEATURES
-from sparsemor.core.protocols import Part
-from sparsemor.core.protocols.capabilities import OTHERS
+from sparsemor.core.protocols import Part, ReducedTerm, StepMemory, StepSolver, Term
 from sparsemor.core.protocols.plugin import Plugin
 from sparsemor.core.registry.contracts import CONTRACTS, PARTS, members, required, shape, shapes
 
+PASSED = {"term": Term, "reduced term": ReducedTerm, "step solver": StepSolver,
+          "memory of a step solver": StepMemory}
 PAGE = Path(__file__).with_name("contracts.md")
 HEAD = """# Contracts of plugins
 
@@ -30,7 +31,7 @@ def page() -> str:
              "## Required of what `build` returns\n",
              *_table((kind, (p,)) for kind, p in PARTS.items()),
              "## Defaults of what `build` returns\n", *_defaults(PARTS, Part),
-             "## Optional abilities of what is passed between parts\n", *_table(OTHERS.items()),
+             "## Defaults of what is passed between parts\n", *_defaults(PASSED, object),
              "## Features that need a method\n",
              "`validate` refuses a scene where a plugin keeps the default of such a method.\n",
              *_features()]

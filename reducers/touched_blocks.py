@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 
 from sparsemor.core import AssembledModel, IntArray, Layout, ReducedTerm, Term
-from sparsemor.core.protocols import NamesSource
 
 
 def touched(layout: Layout, rows: IntArray) -> frozenset[str]:
@@ -15,8 +14,7 @@ def coupling(model: AssembledModel) -> tuple[tuple[str, frozenset[str]], ...]:
     """Name in the scene and coupled blocks of each term that acts between blocks."""
     found = []
     for term in model.separated.between:
-        name = term.source if isinstance(term, NamesSource) else ""
-        found.append((name, touched(model.layout, term.rows)))
+        found.append((term.source, touched(model.layout, term.rows)))
     return tuple(found)
 
 

@@ -22,7 +22,7 @@ from sparsemor.bodies.contact.tangent import Tangent, summed
 from sparsemor.bodies.contact.tractions import Interface, Loads, nodal
 from sparsemor.bodies.contact.unknowns import found_in, picked, renumbered
 from sparsemor.bodies.contact.verlet_list import FollowedContact
-from sparsemor.core import BoolArray, Csr, FloatArray, IntArray, Trial
+from sparsemor.core import BoolArray, Csr, FloatArray, IntArray, Term, Trial
 from sparsemor.core.model.compressed_local import CompressedLocal
 
 
@@ -41,7 +41,7 @@ class _Evaluation:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ContactTerm:
+class ContactTerm(Term):
     """Contact contribution to the residual: minus the generalized forces and heats that act between
     two surfaces. rows, columns: global numbers of the equations and unknowns; near: search for
     close facets; deforms: nodes move with the displacements, so facets are searched in the deformed
@@ -212,6 +212,14 @@ class ContactTerm:
                 f"surface of {second.body.name}, more than half the smallest facet "
                 f"({self.reach:.2g} m): the step is too long for this contact, or its foundation "
                 "too soft")
+
+    @property
+    def rejects(self) -> bool:
+        return True
+
+    @property
+    def hides_resultants(self) -> bool:
+        return not self._whole
 
     @property
     def histories(self) -> tuple[str, ...]:

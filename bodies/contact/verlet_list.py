@@ -9,6 +9,7 @@ change of the few reduced unknowns. So a step costs what the facets near the con
 building a new list costs as much as the number of all facets.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol, Self
 
@@ -17,8 +18,9 @@ from scipy.spatial import cKDTree
 
 from sparsemor.bodies.contact.broad_phase import BroadPhase
 from sparsemor.bodies.contact.motion_bound import MotionBound, Mover
-from sparsemor.core import FloatArray, IntArray
+from sparsemor.core import FloatArray, IntArray, ReducedTerm
 from sparsemor.core.model.compressed_local import CompressedLocal
+from sparsemor.core.protocols import LocalCopy
 
 MARGIN = 0.1
 """Margin of the list as a fraction of the smaller surface's extent, a length that does not shrink
@@ -45,7 +47,7 @@ class Followable(Protocol):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FollowedContact:
+class FollowedContact(ReducedTerm):
     """Projected contact term of all facets, which builds copies with the facets of a Verlet list
     (`near`)."""
 
@@ -64,8 +66,21 @@ class FollowedContact:
                    max(MARGIN * extent, term.near.radius))
 
     @property
-    def term(self) -> Any:
-        return self.whole.term
+    def near_radius(self) -> float:
+        term: Any = self.whole.term
+        return float(term.near.radius)
+
+    @property
+    def relocates(self) -> bool:
+        return True
+
+    @property
+    def rejects(self) -> bool:
+        return self.whole.rejects
+
+    @property
+    def hides_resultants(self) -> bool:
+        return self.whole.hides_resultants
 
     @property
     def elements(self) -> int:
@@ -87,7 +102,7 @@ class FollowedContact:
     ) -> FloatArray:
         return self.whole.jacobian(x, v, a, t, c1, c2)
 
-    def resultants(self, x: FloatArray, v: FloatArray, t: float) -> dict[str, float]:
+    def resultants(self, x: FloatArray, v: FloatArray, t: float) -> Mapping[str, float]:
         return self.whole.resultants(x, v, t)
 
     def check_step(self, x: FloatArray, v: FloatArray, t: float, h: float) -> str:
@@ -105,7 +120,7 @@ class FollowedContact:
     def near(self, x: FloatArray) -> "LocalContact":
         """Contact of the facets in a new Verlet list, built at the reduced state x (k,)."""
         w = self.whole
-        term: Followable = self.term
+        term: Any = self.whole.term
         points = term.points(w.offset + w.atoms @ x, 0.0)
         if points is None:
             return LocalContact(self, x, w)
@@ -127,7 +142,7 @@ def _beside(middles: FloatArray, others: FloatArray, radius: float) -> IntArray:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class LocalContact:
+class LocalContact(LocalCopy):
     """Projected contact term of the facets in a Verlet list, valid for states that `holds` accepts.
 
     of: the contact of all facets; at (k,): reduced state at which the list was built; some: the
@@ -158,7 +173,7 @@ class LocalContact:
             return np.zeros((len(self.of.whole.left), len(x)))
         return self.some.jacobian(x, v, a, t, c1, c2)
 
-    def resultants(self, x: FloatArray, v: FloatArray, t: float) -> dict[str, float]:
+    def resultants(self, x: FloatArray, v: FloatArray, t: float) -> Mapping[str, float]:
         if self.some is None:
             return dict.fromkeys(self.of.histories, 0.0)
         return self.some.resultants(x, v, t)
@@ -171,7 +186,7 @@ class LocalContact:
         the axes at a distance from the surface.
         """
         whole = self.of
-        beyond = whole.margin + whole.term.near.radius
+        beyond = whole.margin + whole.near_radius
         reached = whole.moved(x - self.at, self.at) + 2.0 * h * whole.moved(v, x, beyond)
         if not reached <= whole.margin:
             return whole.check_step(x, v, t, h)

@@ -7,7 +7,7 @@ from typing import Self
 import numpy as np
 from scipy.sparse import csr_array
 
-from sparsemor.core import Csr, FloatArray, IntArray, Trial
+from sparsemor.core import Csr, FloatArray, IntArray, ReducedTerm, Term, Trial
 
 Evaluation = tuple[FloatArray, FloatArray, FloatArray]
 Law = Callable[[FloatArray, FloatArray, float], Evaluation]
@@ -16,13 +16,12 @@ derivatives (m, n) by x and by v."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ReducedDense:
+class ReducedDense(ReducedTerm):
     """Projected dense term left @ law(offset + atoms xi), with reduced unknowns xi."""
 
     law: Law
     trial: Trial
     left: FloatArray
-    elements: int = 0
 
     def residual(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray:
         return np.asarray(self.left @ self._at(x, v, t)[0])
@@ -40,7 +39,7 @@ class ReducedDense:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class DenseTerm:
+class DenseTerm(Term):
     """Term of a few unknowns: a spring, a damper, a contact of two points.
 
     rows (m,), columns (n,): positions in the state vector; law: residual (left-hand side: minus the
@@ -53,7 +52,6 @@ class DenseTerm:
     law: Law
     keep: IntArray | None = None
     source: str = ""
-    elements: int = 0
 
     def residual(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray:
         return self._kept(x, v, t)[0]

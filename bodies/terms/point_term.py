@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sparsemor.bodies.fem.pointwise_law import PointwiseLaw, Response, Variable
-from sparsemor.core import FloatArray, TimeFunction
+from sparsemor.core import FloatArray, ReducedTerm, TimeFunction
 from sparsemor.core.protocols import PointArrays
 from sparsemor.core.protocols.step_amplitude import present_step
 
@@ -54,7 +54,7 @@ class ProjectedVariable(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class PointTerm:
+class PointTerm(ReducedTerm):
     """Projected weak term: residual L y(P c + o) of l rows in k reduced unknowns.
 
     law: pointwise law; weights (E, Q) of the points; coordinates (d, E, Q), m. P (p, k), offset

@@ -19,7 +19,7 @@ from scipy.sparse import csr_array
 from sparsemor.bodies.fem.pointwise_law import PointwiseLaw, Response, Variable
 from sparsemor.bodies.fem.quadrature import ShapeFunctions
 from sparsemor.bodies.terms.point_term import PointTerm, ProjectedVariable, prescribed
-from sparsemor.core import Csr, FloatArray, IntArray, Quantity, TimeFunction, Trial
+from sparsemor.core import Csr, FloatArray, IntArray, Quantity, Term, TimeFunction, Trial
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,7 +67,7 @@ class NodalField:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class WeakTerm:
+class WeakTerm(Term):
     """Residual of a pointwise law over E elements with Q quadrature points each.
 
     rows (m,), columns (n,): positions in the state vector. fields: field of each quantity; row_of
@@ -88,6 +88,10 @@ class WeakTerm:
     @property
     def elements(self) -> int:
         return len(self.weights)
+
+    @property
+    def weighs_elements(self) -> bool:
+        return True
 
     @property
     def point_values(self) -> int:

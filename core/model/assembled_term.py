@@ -6,7 +6,7 @@ from typing import ClassVar, Generic, Protocol, Self, TypeVar
 from scipy.sparse import csr_array
 
 from sparsemor.core.arrays import Csr, FloatArray, IntArray, Matrix
-from sparsemor.core.protocols import ReducedTerm, Trial
+from sparsemor.core.protocols import ReducedTerm, Term, Trial
 
 
 class AssembledEquations(Protocol):
@@ -36,7 +36,7 @@ E = TypeVar("E", bound=AssembledEquations, covariant=True)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class AssembledTerm(Generic[E]):
+class AssembledTerm(Term, Generic[E]):
     """Residual term whose equations stand at global `rows` (m,) and `columns` (n,) of the state
     vector; no element is visited.
 
@@ -47,7 +47,10 @@ class AssembledTerm(Generic[E]):
     columns: IntArray
     equations: E
     source: str = ""
-    elements: ClassVar[int] = 0
+
+    @property
+    def exact_in_time(self) -> bool:
+        return True
 
     @property
     def linear(self) -> bool:

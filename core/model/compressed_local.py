@@ -1,17 +1,17 @@
 """Projection of a term that is evaluated element by element: only elements at sampled rows are
 visited."""
 
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
 from sparsemor.core.arrays import Csr, FloatArray
-from sparsemor.core.protocols import ChecksStep, NamesSource, ReportsResultants, Term, Trial
+from sparsemor.core.protocols import ReducedTerm, Term, Trial
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class CompressedLocal:
+class CompressedLocal(ReducedTerm):
     """Projected term left @ term(offset + atoms xi), restricted to the rows where `left` has
     nonzero columns."""
 
@@ -19,11 +19,6 @@ class CompressedLocal:
     atoms: FloatArray
     offset: FloatArray
     left: FloatArray
-    checks: ChecksStep | None = field(init=False)
-    """The term if it can reject time steps, else None."""
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "checks", self.term if isinstance(self.term, ChecksStep) else None)
 
     @classmethod
     def of(cls, term: Term, trial: Trial, left: FloatArray) -> "CompressedLocal":
@@ -61,25 +56,28 @@ class CompressedLocal:
     def check_step(self, x: FloatArray, v: FloatArray, t: float, h: float) -> str:
         """Reason why the unprojected term rejects the end of a time step of about h (s), "" if it
         accepts."""
-        if self.checks is None:
-            return ""
         T = self.atoms
-        return self.checks.check_step(self.offset + T @ x, T @ v, t, h)
+        return self.term.check_step(self.offset + T @ x, T @ v, t, h)
 
     @property
     def source(self) -> str:
-        return self.term.source if isinstance(self.term, NamesSource) else ""
+        return self.term.source
+
+    @property
+    def rejects(self) -> bool:
+        return self.term.rejects
+
+    @property
+    def hides_resultants(self) -> bool:
+        return self.term.hides_resultants
 
     @property
     def histories(self) -> tuple[str, ...]:
         """Names of the force resultants that the elements at the sampled rows determine."""
-        return self.term.histories if isinstance(self.term, ReportsResultants) else ()
+        return self.term.histories
 
-    def resultants(self, x: FloatArray, v: FloatArray, t: float) -> dict[str, float]:
-        """Force resultants of the unprojected term, by name."""
-        term: Any = self.term
-        found: dict[str, float] = term.resultants(self.offset + self.atoms @ x, self.atoms @ v, t)
-        return found
+    def resultants(self, x: FloatArray, v: FloatArray, t: float) -> Mapping[str, float]:
+        return self.term.resultants(self.offset + self.atoms @ x, self.atoms @ v, t)
 
     def _spread(self, c: FloatArray) -> FloatArray | None:
         """Factor of each column of the term from factors c (k,) of the atoms; None if atoms with

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sparsemor.core.arrays import Csr, FloatArray
-from sparsemor.core.protocols import Term, TimeDependent
+from sparsemor.core.protocols import Term
 from sparsemor.core.protocols.layout import Layout, Quantity
 from sparsemor.core.protocols.poses import PLANAR_POSE
 from sparsemor.core.protocols.prescribed_quantities import derivative_from_right
@@ -87,7 +87,7 @@ class Constraints:
     def _of_time(self, term: Term, x: FloatArray, t: float, order: int) -> FloatArray:
         """Partial derivative (m,) of a term by time, of order 1 or 2."""
         zero, xj = np.zeros(len(term.columns)), x[term.columns]
-        if not isinstance(term, TimeDependent):
+        if not term.exact_in_time:
             return derivative_from_right(
                 lambda s: term.residual(xj, zero, zero, s), order, t, self.h)
         of_time = term.time_derivative(order, t, self.h)
@@ -96,7 +96,7 @@ class Constraints:
 
     def _mixed(self, term: Term, x: FloatArray, v: FloatArray, t: float) -> FloatArray:
         """Mixed derivative (dG/dt) v (m,) of a term; v: velocities at its columns."""
-        if not isinstance(term, TimeDependent):
+        if not term.exact_in_time:
             return derivative_from_right(
                 lambda s: np.asarray(self._jacobian(term, x, s) @ v), 1, t, self.h)
         of_time = term.time_derivative(1, t, self.h)

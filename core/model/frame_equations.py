@@ -17,7 +17,7 @@ from scipy.sparse import csr_array, issparse
 
 from sparsemor.core.arrays import Csr, FloatArray, IntArray, Matrix
 from sparsemor.core.model.assembled_term import AssembledTerm
-from sparsemor.core.protocols import Trial
+from sparsemor.core.protocols import ReducedTerm, Trial
 from sparsemor.core.protocols.body_frame import BodyFrame, FrameWork
 from sparsemor.core.protocols.contributions import BodyRecord, FrameRecord
 from sparsemor.core.protocols.layout import Layout, Quantity
@@ -29,7 +29,7 @@ def _dense(matrix: Matrix) -> FloatArray:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FrameEquations:
+class FrameEquations(ReducedTerm):
     """Residual r of the module's equation with m rows and n unknowns; b inputs y, p directions, g
     generators (constant matrices whose factors depend on the rigid motion).
 
@@ -47,7 +47,6 @@ class FrameEquations:
     W: Matrix
     V: tuple[Matrix, ...]
     guide: FrameHistory | None = None
-    elements: ClassVar[int] = 0
     linear: ClassVar[bool] = False
 
     def _evaluate(

@@ -11,7 +11,7 @@ from scipy.sparse import csr_array, hstack
 
 from sparsemor.core.arrays import Csr, FloatArray, IntArray, Matrix
 from sparsemor.core.model.assembled_term import AssembledTerm
-from sparsemor.core.protocols import Trial
+from sparsemor.core.protocols import ReducedTerm, Trial
 from sparsemor.core.protocols.contributions import (
     NO_NUMBERS,
     ConstraintRecord,
@@ -30,7 +30,7 @@ from sparsemor.core.protocols.separable import Amplitude, evaluate_amplitudes
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class LinearEquations:
+class LinearEquations(ReducedTerm):
     """Residual r = A x + B v + M a - constant - loads @ amplitudes(t); A, B, M (m, n), loads (m,
     j). M is None for equations without inertia."""
 
@@ -40,7 +40,6 @@ class LinearEquations:
     loads: FloatArray
     amplitudes: tuple[Amplitude, ...] = ()
     M: Matrix = None
-    elements: ClassVar[int] = 0
     linear: ClassVar[bool] = True
 
     @classmethod
@@ -87,13 +86,12 @@ class LinearEquations:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class TabledRows:
+class TabledRows(ReducedTerm):
     """Projected time-tabulated load: residual r = -table(t), values (T, l), for k reduced
     unknowns."""
 
     table: Table
     k: int
-    elements: ClassVar[int] = 0
 
     def residual(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray:
         return -self.table.at(t)

@@ -9,7 +9,7 @@ import numpy as np
 from sparsemor.core.model.initial_state import consistent_state, euler_state
 from sparsemor.core.model.model import Model
 from sparsemor.core.notes import Note, information
-from sparsemor.core.protocols import ChecksStep, Integrator, State
+from sparsemor.core.protocols import Integrator, State
 from sparsemor.core.protocols.layout import Quantity
 
 FAR = 0.1
@@ -93,4 +93,4 @@ def _passes(model: Model, start: State, h: float) -> bool:
     x = start.x + second * (h * start.v + 0.5 * h * h * start.a)
     v = start.v + h * start.a
     return any(term.check_step(x[term.columns], v[term.columns], start.t + h, h)
-               for term in model.terms if isinstance(term, ChecksStep))
+               for term in model.terms if term.rejects)

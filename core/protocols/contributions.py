@@ -9,7 +9,7 @@ core/model: operators of blocks in block_operators.py, residual terms in general
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from typing import Any, Literal, TypeVar
 
 import numpy as np
@@ -24,7 +24,7 @@ from sparsemor.core.protocols.load_tables import LoadTable
 from sparsemor.core.protocols.prescribed_motion import FrameHistory
 from sparsemor.core.protocols.separable import Amplitude, StressStiffness
 from sparsemor.core.protocols.step_amplitude import Stepping
-from sparsemor.core.protocols.term import NamesSource, Term
+from sparsemor.core.protocols.term import Term
 
 T = TypeVar("T")
 Kind = Literal["load", "prescribed"]
@@ -278,9 +278,8 @@ class Equations:
             if not np.isin(at, inside).all():
                 raise self._fault(f"{what} of its term {type(term).__name__} are outside of the "
                                   f"blocks {', '.join(blocks)} that it names")
-        if isinstance(term, NamesSource):
-            named: Any = term
-            term = replace(named, source=self.origin.part)
+        if is_dataclass(term) and any(f.name == "source" for f in fields(term)):
+            term = replace(term, source=self.origin.part)
         self._records.local.append(LocalRecord(self.origin, tuple(blocks), term, together))
 
     def constraint(self, block: str, targets: Sequence[Amplitude]) -> None:

@@ -6,13 +6,11 @@ step handles arrays of this size.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
 
 import numpy as np
 from scipy.sparse import csr_array
 
 from sparsemor.core.arrays import Csr, FloatArray, IntArray
-from sparsemor.core.protocols.term import Term
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -85,31 +83,3 @@ class HeatIntegrals:
     conductivity: Integrals
     given: Integrals
     amplitudes: tuple[Callable[[float], float], ...]
-
-
-
-
-@runtime_checkable
-class WeighsElements(Protocol):
-    """A term evaluated element by element whose elements can be weighted, as in ECSW
-    (energy-conserving sampling and weighting).
-
-    Laws: `contributions(left, x, v, t).sum(axis=0)` equals `left @ residual` at each state;
-    `weighted(w)` visits only elements with w != 0, and its residual is the sum of the element
-    residuals times w.
-    """
-
-    @property
-    def elements(self) -> int: ...
-    def contributions(
-        self, left: FloatArray, x: FloatArray, v: FloatArray, t: FloatArray,
-        elements: IntArray | None = None,
-    ) -> FloatArray:
-        """Projected residual of each element, or of those with the given numbers, (F, l, M): left
-        (l, m) times its residual at states x, rates v (n, M) and times t (M,), s."""
-        ...
-
-    def weighted(self, weights: FloatArray) -> Term:
-        """Term with element weights (F,) >= 0; its rows and columns are those of the elements with
-        nonzero weight."""
-        ...

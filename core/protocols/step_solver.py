@@ -1,8 +1,9 @@
 """Interfaces of step solvers, which solve one time step of a full or reduced model."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Generic, Protocol, Self, runtime_checkable
+from typing import Any, Generic, Protocol, Self
 
 import numpy as np
 from typing_extensions import TypeVar
@@ -12,7 +13,7 @@ from sparsemor.core.notes import Note, information
 from sparsemor.core.protocols.block_data import Dictionary
 from sparsemor.core.protocols.integrator import State, StepFormula, StepOutcome, UpdateRules
 from sparsemor.core.protocols.layout import Layout
-from sparsemor.core.protocols.term import ReportsResultants, WrapsTerm
+from sparsemor.core.protocols.term import ReducedTerm, Term
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -22,11 +23,10 @@ class ResultantSource:
 
     name: str
     columns: IntArray
-    term: ReportsResultants
+    term: Term | ReducedTerm
 
 
-@runtime_checkable
-class StepMemory(Protocol):
+class StepMemory(ABC):
     """State of a step solver between time steps, with its work arrays. The run owns it;
     `StepSolver.start` makes it and `StepSolver.solve` changes it, while the solver itself is
     immutable.
@@ -36,10 +36,22 @@ class StepMemory(Protocol):
     arrays.
     """
 
+    __slots__ = ()
+
+    @abstractmethod
     def copy(self) -> Self:
         """Independent copy: steps from it and from the original give bitwise equal results, also in
         two threads at once."""
-        ...
+
+    @property
+    def restarts(self) -> bool:
+        """True if `moved` begins a step at a state that was not computed, as adaptive time stepping
+        requires."""
+        return False
+
+    def moved(self, x: FloatArray) -> None:
+        """Sets x (n,) as the state at which the next step begins."""
+        raise NotImplementedError
 
 
 M = TypeVar("M", bound=StepMemory, default=Any)
@@ -48,127 +60,99 @@ returns."""
 M_contra = TypeVar("M_contra", bound=StepMemory, contravariant=True, default=Any)
 
 
-class StepSolver(Protocol[M]):
+class StepSolver(ABC, Generic[M]):
     """Solver of one time step of a full or reduced model. Immutable: a step writes only to the
     memory passed to it.
 
     dictionaries: block -> map from reduced to full unknowns (no entry: block not reduced); rows:
-    block -> sampled rows; elements_touched: block -> number of elements evaluated;
-    supports(memory): block -> active atoms (selected trial vectors); notes: warnings for the user;
-    facts: block -> numbers to report (condition of the sampled rows, interpolation points, elements
-    kept).
+    block -> sampled rows; elements_touched: block -> number of elements evaluated; notes: warnings
+    for the user; facts: block -> numbers to report (condition of the sampled rows, interpolation
+    points, elements kept).
     """
 
-    @property
-    def facts(self) -> Mapping[str, Mapping[str, float | int | str]]: ...
-    @property
-    def notes(self) -> tuple[Note, ...]: ...
+    layout: Layout
+    dictionaries: Mapping[str, Dictionary]
+    rows: Mapping[str, IntArray]
+    elements_touched: Mapping[str, int]
+    notes: tuple[Note, ...]
+    facts: Mapping[str, Mapping[str, float | int | str]]
 
-    @property
-    def layout(self) -> Layout: ...
-    @property
-    def dictionaries(self) -> Mapping[str, Dictionary]: ...
-    @property
-    def rows(self) -> Mapping[str, IntArray]: ...
-    @property
-    def elements_touched(self) -> Mapping[str, int]: ...
+    @abstractmethod
     def start(self, state: State) -> tuple[State, M]:
         """Initial state in the solver's unknowns with consistent rates, from a state of the full
         model; and the solver's memory."""
-        ...
 
+    @abstractmethod
     def solve(self, step: StepFormula, memory: M) -> tuple[StepOutcome, M]: ...
-    def supports(self, memory: M) -> Mapping[str, BoolArray]: ...
+
+    def supports(self, memory: M) -> Mapping[str, BoolArray]:
+        """Block -> active atoms (selected trial vectors), where atoms are selected."""
+        return {}
+
     def counters(self, memory: M) -> Mapping[str, int]:
         """Number of events since `start`: "factorizations", "support_changes", ..."""
-        ...
+        return {}
 
+    def rows_at(self, memory: M) -> Mapping[str, IntArray]:
+        """Sampled rows by block that are in use; where these are drawn again during the run, `rows`
+        are the initial ones, and `counters` include "resamplings"."""
+        return self.rows
 
-@runtime_checkable
-class RedrawsRows(Protocol[M_contra]):
-    """A step solver that samples its rows again during the run. `rows` are the initial ones;
-    `counters` then include "resamplings"."""
-
-    def rows_at(self, memory: M_contra) -> Mapping[str, IntArray]:
-        """Current sampled rows by block."""
-        ...
-
-
-@runtime_checkable
-class FreezesSupport(Protocol[M_contra]):
-    """A step solver with changing supports (active trial vectors) or rows that can be frozen at
-    their current values, so that the stability check has a fixed time-step map to linearise."""
-
-    def frozen(self, memory: M_contra) -> tuple[StepSolver, StepMemory]:
-        """Step solver with fixed supports and rows, those of `memory`, and its memory."""
-        ...
-
-
-@runtime_checkable
-class RespondsByBlock(Protocol):
-    """A step solver that returns the linear response of each elastic block by itself."""
+    def frozen(self, memory: M) -> "tuple[StepSolver, StepMemory]":
+        """Step solver with fixed supports and rows, those of `memory`, and its memory, so that the
+        stability check has a fixed time-step map to linearise."""
+        return self, memory
 
     def alone(self) -> Mapping[str, FloatArray]:
         """Elastic block -> derivative (s, 2 s) of the solution in its s active unknowns by their
-        own history terms [r1; r2] of the step formula, all other unknowns fixed."""
-        ...
-
-
-@runtime_checkable
-class RespondsExactly(Protocol):
-    """A step solver with an exact derivative of its solution by the history terms of the step
-    formula, instead of finite differences."""
+        own history terms [r1; r2] of the step formula, all other unknowns fixed; without the blocks
+        for which it is not known."""
+        return {}
 
     def response(self, step: StepFormula, x: FloatArray) -> FloatArray | None:
-        """Derivative (n, 2 n) of the solution x (n,) of a step by the history terms [r1; r2]; None
-        for a solver that has none. Raises RuntimeError where the Jacobian is singular."""
-        ...
+        """Exact derivative (n, 2 n) of the solution x (n,) of a step by the history terms [r1; r2];
+        None where it is not known. Raises RuntimeError where the Jacobian is singular."""
+        return None
 
+    def linear_iterations(self, memory: M) -> Mapping[str, int]:
+        """Block -> number of iterations of its iterative linear solver since `start`."""
+        return {}
 
-@runtime_checkable
-class CountsLinearIterations(Protocol[M_contra]):
-    """A step solver whose blocks are solved by iterative linear solvers."""
+    def resultant_sources(self, memory: M | None) -> tuple[ResultantSource, ...]:
+        """Terms (contacts, say) whose force resultants are recorded at the stored steps, after the
+        step that left `memory`; None: before the first step, where only the names count."""
+        return ()
 
-    def linear_iterations(self, memory: M_contra) -> Mapping[str, int]:
-        """Block -> number of iterations of the linear solver since `start`."""
-        ...
+    def many(self, rules: UpdateRules, h: float, steps: int) -> "ManySteps[M] | None":
+        """A faster way for a run of `steps` steps of size h, s, by an integrator with these rules,
+        such as compiled steps; None where there is none or it does not pay."""
+        return None
 
-
-@runtime_checkable
-class ReportsTerms(Protocol[M_contra]):
-    """A step solver with terms (contacts, say) whose force resultants are recorded at the stored
-    steps."""
-
-    def resultant_sources(self, memory: M_contra | None) -> tuple[ResultantSource, ...]:
-        """Terms with resultants after the step that left `memory`; None: before the first step,
-        where only the names count."""
-        ...
-
-
-@runtime_checkable
-class LeavesMesh(Protocol):
-    """A step solver that can do without the arrays of the mesh's size that served to prepare it, so
-    that its model can be kept and run with other loads."""
+    @property
+    def leaves_mesh(self) -> bool:
+        """True if the solver can do without the arrays of the mesh's size that served to prepare
+        it, so that its model can be kept and run with other loads, by the methods below."""
+        return False
 
     def projection(self, state: State) -> State:
         """State of the full model in the solver's unknowns; its rates need not be consistent."""
-        ...
+        raise NotImplementedError
 
-    def without_mesh(self) -> StepSolver:
+    def without_mesh(self) -> "StepSolver":
         """The same step solver without such arrays; its `start` takes a state in its own unknowns
         and makes the rates consistent."""
-        ...
+        raise NotImplementedError
 
-    def stepping_alike(self, copy: StepSolver) -> StepSolver:
+    def stepping_alike(self, copy: "StepSolver") -> "StepSolver":
         """A copy of the solver without mesh, made in this process, that takes its steps the same
         way (compiled, say)."""
-        ...
+        return copy
 
     def constraint_errors(self, state: State) -> tuple[FloatArray, FloatArray]:
         """Values and time derivatives (l, 2) of the l constraint equations at a state in the
         solver's unknowns, zero where it fits the joints; and the magnitudes (l, 2) of their terms,
         with rotations of 1 rad at least."""
-        ...
+        raise NotImplementedError
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -200,81 +184,35 @@ class ManySteps(Protocol[M_contra]):
         ...
 
 
-@runtime_checkable
-class SolvesManySteps(Protocol[M_contra]):
-    """A step solver with a faster way for several steps of one size, such as compiled steps."""
-
-    def many(self, rules: UpdateRules, h: float, steps: int) -> ManySteps[M_contra] | None:
-        """The faster way for a run of `steps` steps of size h, s, by an integrator with these
-        rules; None where there is none or it does not pay."""
-        ...
-
-
-@runtime_checkable
-class Restarts(StepMemory, Protocol):
-    """Memory of a step solver that can begin a step at a state that it did not compute, as adaptive
-    time stepping requires."""
-
-    def moved(self, x: FloatArray) -> None:
-        """Sets x (n,) as the state at which the next step begins."""
-        ...
-
-
 S = TypeVar("S", bound=StepSolver, covariant=True)
 
 
 @dataclass(frozen=True, eq=False)
-class AroundSteps(Generic[S]):
-    """A step solver that delegates its properties to `base`, which has the same unknowns."""
+class AroundSteps(StepSolver[Any], Generic[S]):
+    """A step solver with the unknowns and properties of another one, `base`."""
 
     base: S
 
-    @property
-    def layout(self) -> Layout:
-        return self.base.layout
-
-    @property
-    def dictionaries(self) -> Mapping[str, Dictionary]:
-        return self.base.dictionaries
-
-    @property
-    def rows(self) -> Mapping[str, IntArray]:
-        return self.base.rows
-
-    @property
-    def elements_touched(self) -> Mapping[str, int]:
-        return self.base.elements_touched
-
-    @property
-    def facts(self) -> Mapping[str, Mapping[str, float | int | str]]:
-        return self.base.facts
-
-    @property
-    def notes(self) -> tuple[Note, ...]:
-        return self.base.notes
+    def __post_init__(self) -> None:
+        for name in ("layout", "dictionaries", "rows", "elements_touched", "notes", "facts"):
+            object.__setattr__(self, name, getattr(self.base, name))
 
 
-def resultant_sources(terms: Iterable[tuple[object, IntArray]]) -> tuple[ResultantSource, ...]:
+def resultant_sources(
+    terms: Iterable[tuple[Term | ReducedTerm, IntArray]]
+) -> tuple[ResultantSource, ...]:
     """The terms that report force resultants. terms: pairs of a term and its columns among the
     unknowns."""
     return tuple(ResultantSource(term.source, columns, term) for term, columns in terms
-                 if isinstance(term, ReportsResultants) and term.histories)
+                 if term.histories)
 
 
-def unavailable_resultants(terms: Iterable[object]) -> tuple[Note, ...]:
+def unavailable_resultants(terms: Iterable[ReducedTerm]) -> tuple[Note, ...]:
     """Warnings for reduced terms that omit elements on which their force resultants depend."""
     return tuple(information(
         f"contact {t.source}: this model evaluates a part of the facets, so the resultants of the "
         "contact are not known, and no history of it is kept", "resultants")
-                 for t in terms if isinstance(t, WrapsTerm)
-                 and isinstance(t.term, ReportsResultants) and not t.histories)
-
-
-def resultant_sources_of(
-    solver: StepSolver, memory: StepMemory | None
-) -> tuple[ResultantSource, ...]:
-    """Terms of a step solver that report force resultants, () if there are none."""
-    return solver.resultant_sources(memory) if isinstance(solver, ReportsTerms) else ()
+                 for t in terms if t.hides_resultants)
 
 
 def resultants(known: Sequence[ResultantSource], state: State) -> Mapping[str, float]:

@@ -1,147 +1,125 @@
 """Residual terms of the equations, and their projections on reduced bases."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Protocol, TypeAlias, runtime_checkable
+from typing import TypeAlias
 
 import numpy as np
 
 from sparsemor.core.arrays import Csr, FloatArray, IntArray
 
 
-@runtime_checkable
-class Term(Protocol):
+class Term(ABC):
     """One additive contribution to the residual of the model, with the rows that it adds to and the
     columns (stencil) that it reads.
 
     rows (m,), columns (n,): positions in the state vector. x, v, a (n,): unknowns, rates and second
-    derivatives at `columns`; t in s. Laws, tested for every term:
+    derivatives at `columns`; t in s. source: name of the joint, contact, load or body that
+    contributes it, a dataclass field that the assembly sets. Laws, tested for every term:
 
     * `restrict(keep).residual(...) == residual(...)[keep]`, likewise the Jacobian, where the
       restricted term may have a smaller stencil;
     * `compress(trial, left).residual(xi, ...) == left @ residual(offset + atoms xi, ...)`.
     """
 
+    __slots__ = ()
+    rows: IntArray
+    columns: IntArray
+
     @property
-    def rows(self) -> IntArray: ...
-    @property
-    def columns(self) -> IntArray: ...
+    def source(self) -> str:
+        return ""
+
     @property
     def elements(self) -> int:
         """Number of mesh elements that one evaluation visits (0 for constant matrices)."""
-        ...
+        return 0
 
+    @abstractmethod
     def residual(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray: ...
+
+    @abstractmethod
     def jacobian(
         self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
     ) -> Csr:
         """Derivative (m, n) of the residual by x, with dv = c1 dx and da = c2 dx; c1, c2 (n,)."""
-        ...
 
+    @abstractmethod
     def restrict(self, keep: IntArray) -> "Term":
         """The term with only the rows at positions `keep` of `rows`."""
-        ...
 
+    @abstractmethod
     def compress(self, trial: "Trial", left: FloatArray) -> "ReducedTerm":
         """Projected term left @ residual(offset + atoms xi), with test basis left (l, m), as a
         function of reduced unknowns xi."""
-        ...
-
-
-@runtime_checkable
-class HasConstantMatrices(Protocol):
-    """A term that states whether its residual is K x + C v + M a - f(t) with constant matrices,
-    which are then assembled once."""
 
     @property
-    def linear(self) -> bool: ...
-
-
-@runtime_checkable
-class NamesSource(Protocol):
-    """A term with the name of the joint, contact, load or body that contributes it.
-
-    The assembly sets the name: `source` is a dataclass field, "" until then.
-    """
+    def linear(self) -> bool:
+        """True if the residual is K x + C v + M a - f(t) with constant matrices, which are then
+        assembled once."""
+        return False
 
     @property
-    def source(self) -> str: ...
+    def exact_in_time(self) -> bool:
+        """True if `time_derivative` is that of its constraint equations; otherwise the initial
+        accelerations use finite differences in time."""
+        return False
 
+    def time_derivative(self, order: int, t: float, h: float) -> "Term | None":
+        """Partial derivative by time of order 1 or 2, from the right at t, s, as a term whose
+        constraint rows are valid at t; None if it is zero. h: time step, s."""
+        return None
 
-@runtime_checkable
-class ChecksStep(Protocol):
-    """A term that can reject a time step although its iteration converged; it may be reduced."""
+    @property
+    def rejects(self) -> bool:
+        """True if `check_step` may reject a step although its iteration converged."""
+        return False
 
     def check_step(self, x: FloatArray, v: FloatArray, t: float, h: float) -> str:
         """Reason to reject a time step of about h, s, that ends at t, s; "" to accept it. x, v
         (n,): unknowns and rates at the term's columns."""
-        ...
-
-
-@runtime_checkable
-class ReportsResultants(Protocol):
-    """A term with force resultants or similar totals (power, contact area), such as a contact; it
-    may be reduced.
-
-    source: name of the contact or load; histories: names of the resultants, empty if a reduced term
-    does not evaluate all elements that they need.
-    """
+        return ""
 
     @property
-    def source(self) -> str: ...
+    def histories(self) -> tuple[str, ...]:
+        """Names of its force resultants or similar totals (power, contact area)."""
+        return ()
+
     @property
-    def histories(self) -> tuple[str, ...]: ...
+    def hides_resultants(self) -> bool:
+        """True if it omits elements on which its resultants depend, which are then unknown."""
+        return False
+
     def resultants(self, x: FloatArray, v: FloatArray, t: float) -> Mapping[str, float]:
         """Resultants by name at t, s; x, v (n,): unknowns and rates at the term's columns."""
-        ...
-
-
-@runtime_checkable
-class WrapsTerm(Protocol):
-    """A reduced term that evaluates an unreduced term and projects it.
-
-    source: name of the contact or load; histories: names of the resultants that it can still
-    evaluate.
-    """
+        return {}
 
     @property
-    def term(self) -> object: ...
-    @property
-    def source(self) -> str: ...
-    @property
-    def histories(self) -> tuple[str, ...]: ...
-
-
-@runtime_checkable
-class HasPoints(Protocol):
-    """A term whose projection holds its variables and test functions at quadrature points.
-
-    point_values: largest number of values per atom.
-    """
+    def point_values(self) -> int:
+        """Largest number of values per atom of a projection that holds variables and test functions
+        at quadrature points; 0 for a term whose projection does not."""
+        return 0
 
     @property
-    def point_values(self) -> int: ...
+    def weighs_elements(self) -> bool:
+        """True if it is evaluated element by element with weights, as in ECSW (energy-conserving
+        sampling and weighting), by `contributions` and `weighted`."""
+        return False
 
+    def contributions(
+        self, left: FloatArray, x: FloatArray, v: FloatArray, t: FloatArray,
+        elements: IntArray | None = None,
+    ) -> FloatArray:
+        """Projected residual of each element, or of those with the given numbers, (F, l, M): left
+        (l, m) times its residual at states x, rates v (n, M) and times t (M,), s. Its sum over
+        elements is left @ residual."""
+        raise NotImplementedError
 
-@runtime_checkable
-class RelocatesNear(Protocol):
-    """A reduced term that can make a cheaper copy, exact near a given state, such as a contact with
-    a neighbour list."""
-
-    def near(self, x: FloatArray) -> "LocalCopy": ...
-
-
-@runtime_checkable
-class TimeDependent(Protocol):
-    """A term with the exact partial time derivative of its constraint equations.
-
-    Optional: for constraints without it, the initial accelerations use finite differences in time.
-    """
-
-    def time_derivative(self, order: int, t: float, h: float) -> Term | None:
-        """Partial derivative by time of order 1 or 2, from the right at t, s, as a term whose
-        constraint rows are valid at t; None if it is zero. h: time step, s."""
-        ...
+    def weighted(self, weights: FloatArray) -> "Term":
+        """Term with element weights (F,) >= 0; its rows and columns are those of the elements with
+        nonzero weight, which alone are visited."""
+        raise NotImplementedError
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -153,28 +131,68 @@ class Trial:
     offset: FloatArray
 
 
-class ReducedTerm(Protocol):
+class ReducedTerm(ABC):
     """Projected residual term: l equations in k reduced unknowns, Jacobian (l, k).
 
-    c1, c2 (k,): dv = c1 dx, da = c2 dx. elements: number of mesh elements per evaluation.
+    c1, c2 (k,): dv = c1 dx, da = c2 dx. source, rejects, check_step, histories, hides_resultants,
+    resultants: those of the term that it projects.
     """
 
+    __slots__ = ()
+
     @property
-    def elements(self) -> int: ...
+    def source(self) -> str:
+        return ""
+
+    @property
+    def elements(self) -> int:
+        """Number of mesh elements per evaluation."""
+        return 0
+
+    @abstractmethod
     def residual(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray: ...
+
+    @abstractmethod
     def jacobian(
         self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
     ) -> FloatArray: ...
 
-
-@runtime_checkable
-class Linearizes(Protocol):
-    """A reduced term that returns its residual (l,) and Jacobian (l, k) from one evaluation, equal
-    to those of `residual` and `jacobian`."""
-
     def linearized(
         self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
-    ) -> tuple[FloatArray, FloatArray]: ...
+    ) -> tuple[FloatArray, FloatArray]:
+        """Residual (l,) and Jacobian (l, k), by one evaluation where that is cheaper."""
+        return self.residual(x, v, a, t), self.jacobian(x, v, a, t, c1, c2)
+
+    def arrays(self) -> "PointArrays | None":
+        """The term as arrays for compiled steps, None where it or its law has none."""
+        return None
+
+    @property
+    def relocates(self) -> bool:
+        """True if `near` makes a cheaper copy for states near one, such as a contact with a
+        neighbour list."""
+        return False
+
+    def near(self, x: FloatArray) -> "LocalCopy":
+        raise NotImplementedError
+
+    @property
+    def rejects(self) -> bool:
+        return False
+
+    def check_step(self, x: FloatArray, v: FloatArray, t: float, h: float) -> str:
+        return ""
+
+    @property
+    def histories(self) -> tuple[str, ...]:
+        return ()
+
+    @property
+    def hides_resultants(self) -> bool:
+        return False
+
+    def resultants(self, x: FloatArray, v: FloatArray, t: float) -> Mapping[str, float]:
+        return {}
 
 
 LawFunction: TypeAlias = Callable[
@@ -241,23 +259,12 @@ class PointArrays:
         return replace(self, P=P)
 
 
-@runtime_checkable
-class HasPointArrays(Protocol):
-    """A projected term that is also given as arrays; steps of models with other terms that depend
-    on the unknowns are not compiled."""
-
-    def arrays(self) -> PointArrays | None:
-        """The arrays, None where its law has none."""
-        ...
-
-
-class LocalCopy(ReducedTerm, ChecksStep, Protocol):
+class LocalCopy(ReducedTerm):
     """Cheaper copy of a reduced term for states near `at` (k,), at which it was made."""
 
-    @property
-    def at(self) -> FloatArray: ...
+    __slots__ = ()
+    at: FloatArray
+
+    @abstractmethod
     def holds(self, x: FloatArray) -> bool:
         """True if the copy is still exact at the reduced state x (k,)."""
-        ...
-
-    def resultants(self, x: FloatArray, v: FloatArray, t: float) -> Mapping[str, float]: ...

@@ -8,7 +8,7 @@ import numpy as np
 from sparsemor.core.errors import Fault, InputError
 from sparsemor.core.model.initial_state import broken_rates
 from sparsemor.core.notes import Note
-from sparsemor.core.protocols import LeavesMesh, State
+from sparsemor.core.protocols import State, StepSolver
 from sparsemor.core.protocols.layout import Layout, Quantity
 
 Initial = Mapping[str, tuple[Sequence[float], Sequence[float]]]
@@ -45,7 +45,7 @@ def started_from(start: State, initial: Initial, layout: Layout) -> State:
 
 
 def start_notes(
-    solver: LeavesMesh, start: State, initial: Initial, layout: Layout
+    solver: StepSolver, start: State, initial: Initial, layout: Layout
 ) -> tuple[Note, ...]:
     """Warnings about rates at the start that break a joint. Raises InputError for values that do,
     as for poses of a scene that do not fit its joints."""

@@ -13,8 +13,6 @@ from sparsemor.core.errors import InputError
 from sparsemor.core.linalg.threads import elsewhere
 from sparsemor.core.notes import Level, Note, information, kinds, sentences
 from sparsemor.core.protocols import (
-    CountsLinearIterations,
-    ReportsTerms,
     State,
     StepMemory,
     StepSolver,
@@ -85,9 +83,7 @@ class Recorder:
         self._contact_names = frozenset(
             f"{name}.{what}" for name, kept in run.header.contacts.items() for what in kept)
         # along a rigid stage histories are kept already; only conduction acts in addition
-        solver: object = run.solver
-        self._reports = solver if self._contact_names and run.header.stage is None and isinstance(
-            solver, ReportsTerms) else None
+        self._reports = run.solver if self._contact_names and run.header.stage is None else None
 
     def switch_run(self, run: PreparedRun, maps: Mapping[str, FloatArray]) -> None:
         """Records the rest of a run in the unknowns of another step solver; the stored steps are
@@ -339,4 +335,4 @@ def _unused(stats: StepStatistics, atoms: Mapping[str, int]) -> tuple[Note, ...]
 def _iterations(solver: StepSolver, memory: StepMemory) -> Mapping[str, int]:
     """Linear solver iterations during the run, by block; empty for a step solver that does not
     count them."""
-    return solver.linear_iterations(memory) if isinstance(solver, CountsLinearIterations) else {}
+    return solver.linear_iterations(memory)

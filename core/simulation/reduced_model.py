@@ -19,9 +19,9 @@ from sparsemor.core.model.body_cache import BodyCache
 from sparsemor.core.model.initial_state import START
 from sparsemor.core.notes import Note
 from sparsemor.core.protocols import (
-    LeavesMesh,
     State,
     StepMemory,
+    StepSolver,
     TimeFunction,
 )
 from sparsemor.core.protocols.plugin import Plugin
@@ -147,7 +147,8 @@ def _unpacked(data: bytes, registry: Registry | None, file: str = "") -> "Reduce
     scene = build(Source.of_tree(packed.about["scene"], registry, packed.about["name"]))
     parts = packed.made(_table(scene), _functions(scene))
     header, solver = parts.pop("header"), parts["solver"]
-    if not (isinstance(header, RunHeader) and isinstance(solver, LeavesMesh)):
+    if not (isinstance(header, RunHeader) and isinstance(solver, StepSolver)
+            and solver.leaves_mesh):
         raise PackedError("it holds something else")
     if faults := [*endless(scene), *time_faults(scene)]:
         raise PackedError(faults[0].message)
@@ -342,7 +343,7 @@ class ReducedModel:
         """The step solver without arrays of the mesh's size, and the state from which it starts.
         Raises InputError for a step solver that cannot do without them."""
         solver = self._run.solver
-        if not isinstance(solver, LeavesMesh):
+        if not solver.leaves_mesh:
             raise InputError(f"in this scene the steps of reducer {self._run.header.reducer} need "
                              "the mesh: its model cannot be kept in a file, nor run with other "
                              "loads or from another start", "reducer")
@@ -391,7 +392,6 @@ class ReducedModel:
             *(n for n in run.notes if n.kind not in checks.renewed),
             *checks.again(scene, run.model)))
         if initial or any(inside(key, k) for key in keys for k in self._functions):
-            assert isinstance(run.solver, LeavesMesh)
             made = self._packed.made(_table(scene), _functions(scene))
             solver = run.solver.stepping_alike(made)
             start = started_from(self._meshless[1], initial, run.solver.layout)

@@ -6,7 +6,6 @@ from importlib.metadata import version
 from sparsemor.core.linalg.threads import described
 from sparsemor.core.model.model import Model, distinct_names
 from sparsemor.core.protocols import StepSolver
-from sparsemor.core.protocols.step_solver import resultant_sources_of
 from sparsemor.core.results.metadata import RunHeader
 from sparsemor.core.results.probes import ProbeReader
 from sparsemor.core.scene.run_identity import Identity
@@ -51,7 +50,7 @@ def header_of(
         probes=tuple(ProbeReader.of(p, solver.layout, solver.dictionaries).header()
                      for p in model.probes),
         stage=model.stage,
-        contacts={a.name: a.term.histories for a in resultant_sources_of(solver, None)}
+        contacts={a.name: a.term.histories for a in solver.resultant_sources(None)}
         if model.stage is None else {},
         multipliers=multiplier_components(model), estimates=estimates,
         forces={n: joint.force.component for n, joint in model.joints.items()

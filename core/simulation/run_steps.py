@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sparsemor.core.errors import Damaged, PluginError
-from sparsemor.core.protocols import ManySteps, RedrawsRows, State, StepMemory
+from sparsemor.core.protocols import ManySteps, State, StepMemory
 from sparsemor.core.registry.boundary import naming_plugins
 from sparsemor.core.registry.hooks import Manager, RunStart
 from sparsemor.core.registry.returned_values import complete
@@ -81,8 +81,7 @@ class RunSteps:
         if recorder.checkpoint is not None:
             self.state, self.memory, self.stats = recorder.restored(
                 self.state, self.memory, self.stats)
-        sampled = self.solver.rows_at(self.memory) if isinstance(
-            self.solver, RedrawsRows) else self.solver.rows
+        sampled = self.solver.rows_at(self.memory)
         for block, rows in sampled.items():
             manager.hook.on_resample(block=block, rows=rows)
         self.seen_changes, self.seen_draws = -1, self._resamplings()
@@ -278,7 +277,7 @@ class RunSteps:
 
     def _report_rows(self, before: int) -> int:
         count = self._resamplings()
-        if count != before and isinstance(self.solver, RedrawsRows):
+        if count != before:
             for block, rows in self.solver.rows_at(self.memory).items():
                 self.manager.hook.on_resample(block=block, rows=rows)
         return count

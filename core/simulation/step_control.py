@@ -24,14 +24,13 @@ import numpy as np
 from sparsemor.core.arrays import BoolArray, FloatArray
 from sparsemor.core.model.model import Model
 from sparsemor.core.protocols import (
-    CountsLinearIterations,
     Integrator,
     NextStep,
     OfflineProducts,
     ReducedProblem,
-    Restarts,
     State,
     StepFormula,
+    StepMemory,
     StepOutcome,
     StepSolver,
     TimeFunction,
@@ -42,7 +41,6 @@ from sparsemor.core.protocols.step_amplitude import Substep, after, before, subs
 from sparsemor.core.protocols.step_solver import (
     AroundSteps,
     ResultantSource,
-    resultant_sources_of,
 )
 from sparsemor.core.registry.returned_values import complete
 from sparsemor.core.scene.nested import functions_of_time
@@ -102,9 +100,9 @@ class ControlMemory:
     """
 
     def __init__(
-        self, base: Restarts, origin: FloatArray, solver: StepSolver, initial: State
+        self, base: StepMemory, origin: FloatArray, solver: StepSolver, initial: State
     ) -> None:
-        self.levels: dict[int, Restarts] = {0: base}
+        self.levels: dict[int, StepMemory] = {0: base}
         self.solvers, self.initial = {0: solver}, initial
         self.level, self.fine, self.live = 0, 0, frozenset({0})
         self.origin = origin
@@ -187,12 +185,13 @@ class ControlledSteps(AroundSteps[StepSolver]):
 
     def resultant_sources(self, memory: ControlMemory | None) -> tuple[ResultantSource, ...]:
         if memory is None:
-            return resultant_sources_of(self.base, None)
-        return resultant_sources_of(self._solver(memory.fine, memory), memory.levels[memory.fine])
+            return self.base.resultant_sources(None)
+        return self._solver(memory.fine, memory).resultant_sources(
+            memory.levels[memory.fine])
 
     def start(self, state: State) -> tuple[State, ControlMemory]:
         reduced, memory = self.base.start(state)
-        complete(memory, Restarts, self.base, "start", "reducer")
+        complete(memory, StepMemory, self.base, "start", "reducer")
         return reduced, ControlMemory(memory, reduced.x, self.base, state)
 
     def solve(
@@ -219,10 +218,7 @@ class ControlledSteps(AroundSteps[StepSolver]):
     def linear_iterations(self, memory: ControlMemory) -> Mapping[str, int]:
         found: dict[str, int] = {}
         for level, inner in memory.levels.items():
-            solver = self._solver(level, memory)
-            if not isinstance(solver, CountsLinearIterations):
-                continue
-            for name, count in solver.linear_iterations(inner).items():
+            for name, count in self._solver(level, memory).linear_iterations(inner).items():
                 found[name] = found.get(name, 0) + count
         return found
 
@@ -425,7 +421,7 @@ class _Try:
     outcome: StepOutcome
     state: State
     h: float
-    last: tuple[StepSolver, StepFormula, Restarts]
+    last: tuple[StepSolver, StepFormula, StepMemory]
     previous: State
 
 

@@ -15,7 +15,6 @@ from sparsemor.core.protocols import (
     Integrator,
     ManySteps,
     NextStep,
-    SolvesManySteps,
     State,
     StepBlock,
     StepFormula,
@@ -161,7 +160,7 @@ def many_steps(
     solver: StepSolver[M], integrator: Integrator, h: float, steps: int
 ) -> ManySteps[M] | None:
     """The solver's way to take several steps of size h, s, in one call; None where it has none."""
-    if not (isinstance(solver, SolvesManySteps) and integrator.one_solve):
+    if not integrator.one_solve:
         return None
     return solver.many(integrator.rules(h), h, steps)
 

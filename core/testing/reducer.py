@@ -17,7 +17,6 @@ from sparsemor.core.model.model import Model
 from sparsemor.core.notes import Note
 from sparsemor.core.protocols import (
     ReducedProblem,
-    Restarts,
     State,
     StepFormula,
     StepMemory,
@@ -54,7 +53,7 @@ def check_reducer(scene: Scene, seed: int = 0, steps: int = 6) -> None:
     _solver(solver, model)
     if not scene.reducer.restart_refusal():
         memory = solver.start(consistent_state(model))[1]
-        law(isinstance(memory, Restarts),
+        law(memory.restarts,
             "the reducer has `restart_refusal`, and its memory no moved(x)")
     first = _march(scene, model, _Checked(solver), steps)
     again = _march(scene, model, _prepared(scene, model, snapshots, seed), steps)

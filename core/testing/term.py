@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sparsemor.core.arrays import FloatArray, IntArray
-from sparsemor.core.protocols import HasPointArrays, PointArrays, Term, Trial
+from sparsemor.core.protocols import PointArrays, Term, Trial
 from sparsemor.core.protocols.step_amplitude import Substep, substep
 from sparsemor.core.testing.random_inputs import law
 
@@ -150,7 +150,7 @@ def _compressed(
     terms = np.abs(left) @ (np.abs(of_x) + np.abs(of_v) + np.abs(of_a)) @ np.abs(Z)
     same = _close(slope, left @ J, terms)
     law(same, "compress: the Jacobian differs from left @ jacobian @ atoms")
-    made = reduced.arrays() if isinstance(reduced, HasPointArrays) else None
+    made = reduced.arrays()
     if made is not None:
         # arrays are those of steps of the size that the law was made for
         h = float(getattr(getattr(reduced, "law", None), "step", 0.0))

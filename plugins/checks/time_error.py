@@ -23,7 +23,6 @@ from sparsemor.core import (
     StepSolver,
     information,
 )
-from sparsemor.core.protocols import Restarts
 from sparsemor.core.protocols.integrator import settled
 from sparsemor.core.results.error_norms import CONSTANT_CHANGE
 from sparsemor.plugins.checks import place
@@ -233,7 +232,7 @@ class Windows:
             slope[second] = (w.start.a - w.before.a)[second] / (0.5 * h)
             slope[first] = (w.start.v - w.before.v)[first] / (0.5 * h)
         _, memory = solver.start(self.run.start)
-        if not isinstance(memory, Restarts):
+        if not memory.restarts:
             return []
         memory.moved(w.start.x)
         state = settled(scene.integrator, layout, w.start, slope, h)

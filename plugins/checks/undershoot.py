@@ -16,9 +16,10 @@ from sparsemor.core import (
     Part,
     PreparedRun,
     RunResult,
+    Term,
     information,
 )
-from sparsemor.core.protocols import HeatBody, NamesSource
+from sparsemor.core.protocols import HeatBody
 from sparsemor.core.protocols.separable import amplitudes_along
 from sparsemor.plugins.checks import place
 
@@ -111,10 +112,10 @@ def _cooled(parts: Mapping[str, Part], b: HeatBody, times: FloatArray) -> bool:
     return False
 
 
-def _may_cool(parts: Mapping[str, Part], b: HeatBody, term: object) -> bool:
+def _may_cool(parts: Mapping[str, Part], b: HeatBody, term: Term) -> bool:
     """True unless a local term belongs to the body itself, such as its conductivity, or to a load
     that ties it to an ambient temperature."""
-    part = parts.get(term.source) if isinstance(term, NamesSource) else None
+    part = parts.get(term.source)
     if isinstance(part, Connector):
         return part.surroundings is None
     return part is None or part.name != b.name

@@ -14,7 +14,6 @@ from scipy.sparse.linalg import eigsh
 
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.model.model import Model
-from sparsemor.core.protocols import RespondsByBlock
 from sparsemor.core.protocols.layout import Quantity
 from sparsemor.plugins.stability.spectrum import ComplexArray, radius
 from sparsemor.plugins.stability.step_map import StepMap
@@ -141,4 +140,4 @@ def exact_values(model: Model, count: int = LOWEST + 1) -> dict[str, FloatArray]
 def _alone(step: StepMap) -> Mapping[str, FloatArray]:
     """Elastic block -> derivative of its solution of a step by its own right-hand sides; {} if the
     solver does not provide it."""
-    return step.solver.alone() if isinstance(step.solver, RespondsByBlock) else {}
+    return step.solver.alone()

@@ -5,7 +5,7 @@ A step takes z = (x, v, a, integrator memory) to the next z in three stages: `fo
 and in x, so unit differences of them are exact: dw = R dz, dz' = P dz + Q dx'. Only the solver's
 response dx' = S dw is nonlinear; it is differenced, column by column, in the reduced unknowns. The
 map is P + Q S R. It needs `solve` only, and so exists for every reducer and integrator, third-party
-ones included. Solvers that have an exact response return it (`RespondsExactly`): it costs one
+ones included. Solvers that have an exact response return it: it costs one
 factorization instead of a solve for each unknown, and penetrations of 1e-7 m in contact are too
 small for differences. Multipliers carry no state.
 
@@ -24,9 +24,7 @@ import numpy as np
 
 from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
 from sparsemor.core.protocols import (
-    FreezesSupport,
     Integrator,
-    RespondsExactly,
     State,
     StepFormula,
     StepMemory,
@@ -148,19 +146,18 @@ def step_map(
     s.
 
     Each solve gets a copy of `memory`. A solver that selects atoms is linearised on the support
-    that it selects in this step (`frozen`, if it has that method); inactive coefficients carry no
+    that it selects in this step (`frozen`); inactive coefficients carry no
     state. Raises SolveFailed when the step fails, or every step from states near it.
     """
     formula = step_formula(integrator.rules(h), solver.layout, state, h)
     x, memory = _solve(solver, formula, memory.copy())
-    if isinstance(solver, FreezesSupport):
-        solver, memory = solver.frozen(memory)
+    solver, memory = solver.frozen(memory)
     supports = {name: kept.copy() for name, kept in solver.supports(memory).items()}
     active = active_unknowns(solver.layout, supports)
     small = solver.layout.resized(
         {b.name: int(active[solver.layout[b.name]].sum()) for b in solver.layout})
     scale = _sizes(solver.layout, x)
-    S = _exact(solver, formula, x) if isinstance(solver, RespondsExactly) else None
+    S = _exact(solver, formula, x)
     if S is None:
         S = _response_by_some_change(solver, formula, memory, np.flatnonzero(active), scale)
     inner = State(state.t, state.x[active], state.v[active], state.a[active],
@@ -173,7 +170,7 @@ def step_map(
 
 
 def _exact(
-    solver: RespondsExactly, formula: StepFormula, x: FloatArray
+    solver: StepSolver, formula: StepFormula, x: FloatArray
 ) -> FloatArray | None:
     try:
         return solver.response(formula, x)

@@ -15,7 +15,6 @@ from scipy.sparse.linalg import splu
 
 from sparsemor.core import AssembledModel, Csr, FloatArray, IntArray, Layout, StepFormula, Term
 from sparsemor.core.model.equations import rate_factors, system_jacobian, system_residual
-from sparsemor.core.protocols import HasConstantMatrices
 from sparsemor.reducers.linalg.superlu import factorize
 from sparsemor.reducers.step.factors import Factor
 from sparsemor.reducers.step.loop import Linearisation
@@ -42,7 +41,7 @@ class Summed:
     @classmethod
     def of(cls, model: AssembledModel, price: int) -> "Summed":
         layout, n = model.layout, model.layout.size
-        linear = tuple(t for t in model.terms if constant(t))
+        linear = tuple(t for t in model.terms if t.linear)
         zero, one = np.zeros(n), np.ones(n)
 
         def slope(c1: FloatArray, c2: FloatArray) -> Csr:
@@ -52,7 +51,7 @@ class Summed:
 
         K = slope(zero, zero)
         return cls(layout, K, slope(one, zero) - K, slope(zero, one) - K, linear,
-                   tuple(t for t in model.terms if not constant(t)),
+                   tuple(t for t in model.terms if not t.linear),
                    coupling(model), price, checked((t, t.columns) for t in model.terms))
 
     @property
@@ -98,8 +97,3 @@ class Summed:
         # pivots off the diagonal where it is small
         factor: Factor = splu(J) if self.price == 0 else factorize(J, 0.01)
         return factor
-
-
-def constant(term: Term) -> bool:
-    """True if a term's matrices are constant."""
-    return isinstance(term, HasConstantMatrices) and term.linear

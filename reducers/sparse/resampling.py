@@ -11,7 +11,6 @@ import numpy as np
 from sparsemor.core import (
     BoolArray,
     IntArray,
-    Note,
     SolveFailed,
     State,
     StepFormula,
@@ -19,7 +18,7 @@ from sparsemor.core import (
     StepOutcome,
     StepSolver,
 )
-from sparsemor.core.protocols import AroundSteps, FreezesSupport
+from sparsemor.core.protocols import AroundSteps
 from sparsemor.reducers.step.memory import RunMemory
 
 Streams = Mapping[str, np.random.Generator]
@@ -70,16 +69,13 @@ class Resampled(AroundSteps[StepSolver]):
     fresh: Callable[[Mapping[str, IntArray], int], StepSolver] | None
     streams: Streams
 
-    @property
-    def elements_touched(self) -> Mapping[str, int]:
-        """Block -> number of elements visited in a step, for the set of rows with the most."""
-        touched = [s.elements_touched for s in self.sets]
-        return {name: max(t[name] for t in touched) for name in touched[0]}
-
-    @property
-    def notes(self) -> tuple[Note, ...]:
-        """Notes of all prepared sets of rows, without repetition."""
-        return tuple(dict.fromkeys(note for s in self.sets for note in s.notes))
+    def __post_init__(self) -> None:
+        AroundSteps.__post_init__(self)
+        touched = [s.elements_touched for s in self.sets]  # of the set of rows with the most
+        object.__setattr__(self, "elements_touched", {
+            name: max(t[name] for t in touched) for name in touched[0]})
+        object.__setattr__(self, "notes", tuple(dict.fromkeys(
+            note for s in self.sets for note in s.notes)))
 
     def start(self, state: State) -> tuple[State, ResampledMemory]:
         reduced, inner = self.base.start(state)
@@ -119,7 +115,7 @@ class Resampled(AroundSteps[StepSolver]):
         """Step solver with fixed rows and supports, those in use, and its memory: for
         linearisation."""
         solver, inner = self.at_rows(memory), memory.inner
-        return solver.frozen(inner) if isinstance(solver, FreezesSupport) else (solver, inner)
+        return solver.frozen(inner)
 
     def rows_at(self, memory: ResampledMemory) -> Mapping[str, IntArray]:
         """Sampled rows (m,) of each block that are in use."""

@@ -27,7 +27,6 @@ from sparsemor.core import (
 )
 from sparsemor.core.model.compressed_local import CompressedLocal
 from sparsemor.core.model.constraint_rates import derivative_along_motion, motion_step
-from sparsemor.core.protocols import HasPoints
 from sparsemor.core.protocols.prescribed_quantities import derivative_from_right, time_derivatives
 from sparsemor.core.protocols.step_solver import unavailable_resultants
 from sparsemor.reducers.step.acceptance import Tolerances
@@ -184,9 +183,9 @@ class _Couple:
     def __call__(self, term: Term) -> Coupled:
         trial, columns = self._trial(term.columns)
         left, rows = self._left(term.rows)
-        if self.by_elements and isinstance(term, HasPoints):
-            return Coupled.of(CompressedLocal.of(term, trial, left), rows, columns)
-        return Coupled.of(term.compress(trial, left), rows, columns)
+        if self.by_elements and term.point_values:
+            return Coupled(CompressedLocal.of(term, trial, left), rows, columns)
+        return Coupled(term.compress(trial, left), rows, columns)
 
     def _parts(self, at: IntArray) -> Iterable[tuple[str, IntArray, IntArray]]:
         """For each block that contains some of the unknowns `at`: its name, their positions in

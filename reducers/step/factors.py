@@ -27,7 +27,8 @@ def factorized(J: FloatArray) -> Factor:
     """LU factorization of J (n, n). Raises RuntimeError where it is singular."""
     if len(J) < MANY:
         return Inverse(J)
-    return SparseLu(J) if np.count_nonzero(J) <= FILLED * J.size else Lu(J)
+    few = csc_array(J)
+    return SparseLu(few) if few.nnz <= FILLED * J.size else Lu(J)
 
 
 class Inverse:
@@ -71,10 +72,18 @@ class SparseLu:
 
     __slots__ = ("columns", "lu", "rows")
 
-    def __init__(self, J: FloatArray) -> None:
-        scaled, self.rows, self.columns = _scaled(J)
+    def __init__(self, J: Csr) -> None:
+        rows, entries = J.indices, np.abs(J.data)
+        columns = np.repeat(np.arange(J.shape[1]), np.diff(J.indptr))
+        largest = np.full(J.shape[0], 1e-300)
+        np.maximum.at(largest, rows, entries)
+        self.rows = 1.0 / largest
+        largest = np.full(J.shape[1], 1e-300)
+        np.maximum.at(largest, columns, entries * self.rows[rows])
+        self.columns = 1.0 / largest
+        scaled = J.data * self.rows[rows] * self.columns[columns]
         _check(bool(np.isfinite(scaled).all()), np.ones(1))
-        self.lu = splu(csc_array(scaled))
+        self.lu = splu(csc_array((scaled, J.indices, J.indptr), shape=J.shape))
         _check(True, np.abs(self.lu.U.diagonal()))
 
     def solve(self, r: FloatArray) -> FloatArray:

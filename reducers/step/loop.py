@@ -250,7 +250,7 @@ class _Search:
                 if left <= tol.remaining:
                     return self._done(new.d - new.dx, left)
             stalled = new.change >= STALLED * at.change
-            if (at.fresh or always) and stalled and self._rounded(new):
+            if stalled and self._rounded(new) and (at.fresh or always or self._rounded(at)):
                 return self._done(new.d, new.change)
             if not (always or new.fresh) and self._slow(new.change, new.change / at.change):
                 if new.change >= at.change and not at.fresh:

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
-from sparsemor.core import BoolArray, FloatArray
+from sparsemor.core import BoolArray, FloatArray, StepMemory
 from sparsemor.reducers.step.acceptance import Scales
 from sparsemor.reducers.step.blocks.thermal_block import HeatJacobian
 from sparsemor.reducers.step.loop import Kept
@@ -11,7 +11,7 @@ from sparsemor.reducers.step.predictor import Past
 
 
 @dataclass(eq=False, kw_only=True)
-class RunMemory:
+class RunMemory(StepMemory):
     """State between steps common to all step solvers: past states with their departures from the
     free motion (predictor.py), counters, and active atoms of blocks.
 
@@ -27,6 +27,10 @@ class RunMemory:
     def copy(self) -> Self:
         """Independent copy of the state."""
         return replace(self, past=self.past.copy(), supports=dict(self.supports))
+
+    @property
+    def restarts(self) -> bool:
+        return True
 
     def moved(self, x: FloatArray) -> None:
         """Continues from the state x, after steps of another size by another step solver."""
@@ -69,6 +73,10 @@ class Memory(RunMemory):
         return replace(super().copy(), scales=self.scales.copy(), work=self.work.separate(),
                        kept=self.kept.copy(), linear=dict(self.linear),
                        linearized=dict(self.linearized))
+
+    @property
+    def restarts(self) -> bool:
+        return True
 
     def moved(self, x: FloatArray) -> None:
         super().moved(x)

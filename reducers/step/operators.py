@@ -26,7 +26,6 @@ from sparsemor.core import (
 from sparsemor.core.protocols import (
     ElasticLocal,
     ElasticOperators,
-    HasPointArrays,
     HeatBody,
     PointArrays,
 )
@@ -110,7 +109,7 @@ class TestedLocal:
 
     def arrays(self) -> PointArrays | None:
         """The term as arrays, None where the projected one has none."""
-        made = self.term.arrays() if isinstance(self.term, HasPointArrays) else None
+        made = self.term.arrays()
         return made if made is None or self.left is None else made.through(self.left)
 
 

@@ -4,16 +4,15 @@ surfaces."""
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
-from sparsemor.core import IntArray, Status, StepFormula, StepOutcome
-from sparsemor.core.protocols import ChecksStep
+from sparsemor.core import IntArray, ReducedTerm, Status, StepFormula, StepOutcome, Term
 
-Checked = tuple[ChecksStep, IntArray]
+Checked = tuple[Term | ReducedTerm, IntArray]
 """A term that checks steps, with its columns."""
 
 
-def checked(terms: Iterable[tuple[object, IntArray]]) -> tuple[Checked, ...]:
+def checked(terms: Iterable[tuple[Term | ReducedTerm, IntArray]]) -> tuple[Checked, ...]:
     """The terms that can reject steps, each with the numbers of its unknowns."""
-    return tuple((t, columns) for t, columns in terms if isinstance(t, ChecksStep))
+    return tuple((t, columns) for t, columns in terms if t.rejects)
 
 
 def rejected_step(

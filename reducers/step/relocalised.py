@@ -1,14 +1,14 @@
 """Local copies of terms: cheaper, and exact near a state, such as a contact with a neighbour list
-(`RelocatesNear`). They are kept in the step memory."""
+(`ReducedTerm.near`). They are kept in the step memory."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Protocol, runtime_checkable
+from typing import Protocol
 
 import numpy as np
 
 from sparsemor.core import FloatArray, IntArray, ReducedTerm
-from sparsemor.core.protocols import ChecksStep, LocalCopy, RelocatesNear, WrapsTerm
+from sparsemor.core.protocols import LocalCopy
 
 
 class CopyMemory(Protocol):
@@ -19,44 +19,26 @@ class CopyMemory(Protocol):
     searches: int
 
 
-@runtime_checkable
-class Relocatable(ReducedTerm, RelocatesNear, Protocol):
-    """A reduced term with local copies."""
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Coupled:
     """A projected term: `columns` (k,) unknowns that it depends on, `rows` (l,) that it contributes
-    to.
-
-    checks, relocates: the term itself if it can reject steps and if it offers local copies, else
-    None.
-    """
+    to."""
 
     term: ReducedTerm
     rows: IntArray
     columns: IntArray
-    checks: ChecksStep | None = None
-    relocates: Relocatable | None = None
-
-    @classmethod
-    def of(cls, term: ReducedTerm, rows: IntArray, columns: IntArray) -> "Coupled":
-        return cls(term, rows, columns, term if isinstance(term, ChecksStep) else None,
-                   term if isinstance(term, Relocatable) else None)
 
     def by_copies(self, number: int, memory: CopyMemory) -> "Coupled":
         """The same, evaluated by local copies in `memory` if the term offers any."""
-        if self.relocates is None:
-            return self
-        term = Relocalised(self.relocates, number, memory)
-        return replace(self, term=term, checks=term)
+        return replace(self, term=Relocalised(self.term, number, memory)) if (
+            self.term.relocates) else self
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Relocalised:
+class Relocalised(ReducedTerm):
     """A reduced term evaluated by its local copy, which is renewed where it is no longer exact."""
 
-    term: Relocatable
+    term: ReducedTerm
     number: int
     memory: CopyMemory
 
@@ -66,11 +48,15 @@ class Relocalised:
 
     @property
     def source(self) -> str:
-        return self.term.source if isinstance(self.term, WrapsTerm) else ""
+        return self.term.source
+
+    @property
+    def rejects(self) -> bool:
+        return self.term.rejects
 
     @property
     def histories(self) -> tuple[str, ...]:
-        return self.term.histories if isinstance(self.term, WrapsTerm) else ()
+        return self.term.histories
 
     def at(self, x: FloatArray) -> LocalCopy | None:
         """The local copy for a state; None for a state that is not finite."""

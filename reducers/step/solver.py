@@ -17,6 +17,7 @@ from sparsemor.core import (
     Status,
     StepFormula,
     StepOutcome,
+    StepSolver,
     Table,
 )
 from sparsemor.core.linalg.least_squares import least_squares_coefficients
@@ -49,7 +50,7 @@ Facts = Mapping[str, Mapping[str, float | int | str]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Stepper:
+class Stepper(StepSolver[Memory]):
     """Block-wise step solver: heat first, then mechanics.
 
     limits: largest permitted |coefficient| of each block. heat, elastic: block name -> factorized
@@ -122,6 +123,10 @@ class Stepper:
             past=Past(self.points, reduced.x, block_starts(self.layout)), work=self.workspace(),
             kept=Kept.of(len(list(self.layout))), factorizations=self.factorizations)
 
+    @property
+    def leaves_mesh(self) -> bool:
+        return True
+
     def projection(self, state: State) -> State:
         """A full-order state in the unknowns of this model."""
         return state if self.meshless else reduce_state(state, self.layout, self.dictionaries)
@@ -153,9 +158,6 @@ class Stepper:
             scales = StartTimes(h, motion_step(self.layout, reduced.v, h))
             reduced = consistent_start(self.mechanics, tested, reduced, scales)
         return reduced
-
-    def stepping_alike(self, copy: "Stepper") -> "Stepper":
-        return copy
 
     def constraint_errors(self, state: State) -> tuple[FloatArray, FloatArray]:
         if self.mechanics is None or not self.mechanics.size:

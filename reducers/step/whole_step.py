@@ -12,13 +12,13 @@ from sparsemor.core import (
     Dictionary,
     FloatArray,
     IntArray,
-    Layout,
     Note,
     ReducedTerm,
     State,
     Status,
     StepFormula,
     StepOutcome,
+    StepSolver,
     Term,
 )
 from sparsemor.core.model.equations import rate_factors
@@ -98,7 +98,7 @@ class WholeMemory(RunMemory):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class WholeStepper:
+class WholeStepper(StepSolver[WholeMemory]):
     """Step solver for the equations of a whole step. limits: largest permitted |coefficient| of a
     block, beyond which a run counts as divergent."""
 
@@ -112,9 +112,8 @@ class WholeStepper:
     notes: tuple[Note, ...] = ()
     facts: Mapping[str, Mapping[str, float | int | str]] = field(default_factory=dict)
 
-    @property
-    def layout(self) -> Layout:
-        return self.equations.layout
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "layout", self.equations.layout)
 
     def start(self, state: State) -> tuple[State, WholeMemory]:
         starts = block_starts(self.layout)

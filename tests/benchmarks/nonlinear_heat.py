@@ -19,7 +19,7 @@ import numpy as np
 from modules import report
 
 from sparsemor.bodies.terms.weak_term import WeakTerm
-from sparsemor.core import FloatArray, IntArray, Trial
+from sparsemor.core import FloatArray, IntArray, Term, Trial
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.compressed_local import CompressedLocal
 from sparsemor.core.model.model import Model
@@ -55,7 +55,7 @@ def plate(divisions: tuple[int, int], flux: Any, *, stored: bool, **changes: Any
 
 
 @dataclass(frozen=True)
-class ByElements:
+class ByElements(Term):
     """A weak term that projects its element-wise evaluation, without points."""
 
     term: WeakTerm

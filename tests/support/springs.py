@@ -21,7 +21,7 @@ PLACES = 12
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Springs:
+class Springs(Term):
     """Force (k + k3 |d|^2) d + c d' on d = r_1 - r_2, heat h (T_1 - T_2)(1 + b (T_1 - T_2)).
 
     X (P, 4): body-frame positions of the pairs' ends; row_of, column_of (P, 12): their places in

@@ -17,7 +17,6 @@ from sparsemor.core.model.fitting_bases import fitted_bases
 from sparsemor.core.model.model import Model
 from sparsemor.core.protocols import (
     Basis,
-    HasPoints,
 )
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.memory.limits import LIMIT, ceiling, gb, resident
@@ -174,7 +173,7 @@ def _points(scene: Scene, model: Model, blocks: Mapping[str, int]) -> Iterator[M
     """Memory of the atoms at the quadrature points of local terms, all elements counted."""
     for name, basis in chosen_bases(scene, blocks).items():
         k, at = most_atoms(basis, blocks[name]), model.layout[name]
-        values = sum(t.point_values for t in model.terms if isinstance(t, HasPoints)
+        values = sum(t.point_values for t in model.terms if t.point_values
                      and ((t.columns >= at.start) & (t.columns < at.stop)).any())
         if values:
             yield MemoryItem(f"{k} atoms of {name} at the quadrature points", 8 * values * k,

@@ -29,7 +29,6 @@ from sparsemor.core.protocols import (
     Integrals,
     LoadColumn,
     MovingBody,
-    WeighsElements,
 )
 from sparsemor.reducers import (
     Approximation,
@@ -90,7 +89,7 @@ class Ecsw(ProjectionReducer):
             if weighted and b.integrals is None:
                 faults.append(Fault("", f"{whole} body {b.name} does not offer for its heat: use "
                                     "reducer: galerkin"))
-            kinds = {type(t).__name__ for t in b.local if not isinstance(t, WeighsElements)}
+            kinds = {type(t).__name__ for t in b.local if not t.weighs_elements}
             faults += [Fault("", f"{whole} {kind} on body {b.name} does not offer: use reducer: "
                              "galerkin") for kind in sorted(kinds)]
         faults += [Fault("", f"{whole} body {m.name} does not offer for its elastic field: use "
@@ -187,7 +186,7 @@ class WeightTraining:
         """A local term of displacements with element weights, which repeat the displacements that
         it causes; terms without element contributions remain whole."""
         term = local.term
-        if not isinstance(term, WeighsElements):
+        if not term.weighs_elements:
             return local
         chosen, n = self._chosen(len(u.t)), len(local.columns)
         x, v = np.zeros((n, len(chosen))), np.zeros((n, len(chosen)))

@@ -17,9 +17,9 @@ from functools import partial
 
 import numpy as np
 
-from sparsemor.core import Dictionary, FloatArray, IntArray
+from sparsemor.core import Dictionary, FloatArray, IntArray, Term
 from sparsemor.core.linalg.snapshots import column_chunks
-from sparsemor.core.protocols import ElasticIntegrals, HeatIntegrals, Integrals, WeighsElements
+from sparsemor.core.protocols import ElasticIntegrals, HeatIntegrals, Integrals
 from sparsemor.reducers.projection.ecsw.nnls import Weights, nonnegative
 from sparsemor.reducers.projection.ecsw.training_matrix import (
     BLOCK,
@@ -137,7 +137,7 @@ def heat_equations(integrals: HeatIntegrals, T: Trained, C_inverse: FloatArray) 
 
 
 def local_equations(
-    term: WeighsElements, left: FloatArray, x: FloatArray, v: FloatArray, t: FloatArray
+    term: Term, left: FloatArray, x: FloatArray, v: FloatArray, t: FloatArray
 ) -> WeightEquations:
     """Training matrix G (m, F) of a local term such as radiation or k(T): left (k, m) times the
     contribution of each element at states x (n, M) and rates v (n, M), at times t (M,), s.

@@ -17,7 +17,6 @@ from scipy.sparse import coo_array, csr_array
 
 from sparsemor.core import Factorized, FloatArray, IntArray, ReducedTerm, Status, Term
 from sparsemor.core.model.factorizations import unconverged_note
-from sparsemor.core.model.linearized_term import Linearized, linearization
 from sparsemor.core.protocols import HeatBody
 from sparsemor.reducers.linalg.active_columns import ActiveColumns, few
 from sparsemor.reducers.linalg.modal_coordinates import carried, dense, times
@@ -246,7 +245,6 @@ class CompressedHeat:
     loads: LoadsInTime
     rtol: float = 1e-13
     max_iterations: int = 50
-    evaluated: tuple[Linearized, ...] = field(init=False)
     identity: FloatArray = field(init=False)
     few: tuple[ActiveColumns, ActiveColumns] | None = field(init=False)
 
@@ -254,7 +252,6 @@ class CompressedHeat:
         some = (ActiveColumns(dense(self.by_rate)), ActiveColumns(dense(self.by_value))) if few(
             self.active, self.by_rate.shape[-1]) else None
         object.__setattr__(self, "few", some)
-        object.__setattr__(self, "evaluated", tuple(linearization(t) for t in self.local))
         object.__setattr__(self, "identity", np.eye(len(self.by_rate) if self.local else 0))
 
     @property
@@ -327,8 +324,8 @@ class CompressedHeat:
         """Local terms (s,) at T with its rate, and the factorized Jacobian there."""
         n, r, J = len(T), np.zeros(len(self.by_rate)), self.identity
         zero, c1 = np.zeros(n), np.full(n, self.c1)
-        for evaluate in self.evaluated:
-            added, slope = evaluate(T, rate, bend, t, c1, zero)
+        for term in self.local:
+            added, slope = term.linearized(T, rate, bend, t, c1, zero)
             r = r + added
             J = J + (slope if self.active is None else slope[:, self.active])
         at = np.concatenate((T, rate, bend, (t,))) if at is None else at

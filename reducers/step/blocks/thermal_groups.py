@@ -30,8 +30,7 @@ from sparsemor.core import (
     Status,
     solved_directly,
 )
-from sparsemor.core.model.linearized_term import linearization
-from sparsemor.core.protocols import HasPointArrays, HeatBody, HeatCoupling, LoadTable, PointArrays
+from sparsemor.core.protocols import HeatBody, HeatCoupling, LoadTable, PointArrays
 from sparsemor.reducers.linalg.modal_coordinates import carried, dense
 from sparsemor.reducers.linalg.superlu import factorize
 from sparsemor.reducers.step.blocks.thermal_block import CompressedHeat, FullHeat, LocalAt
@@ -139,7 +138,7 @@ def _places(model: AssembledModel, members: Sequence[HeatBody]) -> DofLocations:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class GroupLocal:
+class GroupLocal(ReducedTerm):
     """A projected local term of one member of the group: `at` range of its unknowns in the group;
     left (K, s): map of its rows to rows of the group."""
 
@@ -165,13 +164,13 @@ class GroupLocal:
     ) -> tuple[FloatArray, FloatArray]:
         """Residual and Jacobian from one evaluation of the term."""
         at, J = self.at, np.zeros((len(self.left), len(x)))
-        r, slope = linearization(self.term)(x[at], v[at], a[at], t, c1[at], c2[at])
+        r, slope = self.term.linearized(x[at], v[at], a[at], t, c1[at], c2[at])
         J[:, at] = self.left @ slope
         return np.asarray(self.left @ r), J
 
     def arrays(self) -> PointArrays | None:
         """The term as arrays, None where the projected one has none."""
-        made = self.term.arrays() if isinstance(self.term, HasPointArrays) else None
+        made = self.term.arrays()
         return None if made is None else made.through(self.left).placed(self.at, len(self.left))
 
 

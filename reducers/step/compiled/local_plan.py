@@ -4,18 +4,19 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sparsemor.core import Amplitude, FloatArray, IntArray
-from sparsemor.core.protocols import HasPointArrays, PointArrays
+from sparsemor.core import Amplitude, FloatArray, IntArray, ReducedTerm
+from sparsemor.core.protocols import PointArrays
 from sparsemor.reducers.step.compiled.compile import Called
 from sparsemor.reducers.step.compiled.local import LAWS, NO_LOCAL, LocalArrays
 from sparsemor.reducers.step.compiled.timed import NotCompiled, Timed
+from sparsemor.reducers.step.operators import TestedLocal
 
 
-def points_of(terms: Sequence[object], name: str) -> list[PointArrays]:
+def points_of(terms: Sequence[ReducedTerm | TestedLocal], name: str) -> list[PointArrays]:
     """The terms of a block as arrays. Raises NotCompiled where one has none."""
     found = []
     for term in terms:
-        made = term.arrays() if isinstance(term, HasPointArrays) else None
+        made = term.arrays()
         if made is None:
             raise NotCompiled(
                 f"{name} has terms that depend on the unknowns and are not given as arrays")

@@ -8,7 +8,16 @@ from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
-from sparsemor.core import FloatArray, Note, State, UpdateRules, information, next_time, require
+from sparsemor.core import (
+    FloatArray,
+    Note,
+    State,
+    StepSolver,
+    UpdateRules,
+    information,
+    next_time,
+    require,
+)
 from sparsemor.core.protocols import ManySteps, StepBlock
 from sparsemor.reducers.step.acceptance import EPS, Scales
 from sparsemor.reducers.step.blocks.thermal_block import HeatJacobian
@@ -49,8 +58,8 @@ class CompiledStepper(Stepper):
         """Compiled steps of size h, s, for a run of `steps` steps."""
         return compiled_steps(self, rules, h) if wanted(self.compiled, steps) else None
 
-    def stepping_alike(self, copy: Stepper) -> Stepper:
-        return _with(copy, copy.notes, self.compiled)
+    def stepping_alike(self, copy: StepSolver) -> StepSolver:
+        return _with(copy, copy.notes, self.compiled) if isinstance(copy, Stepper) else copy
 
 
 def compiled_steps(s: Stepper, rules: UpdateRules, h: float) -> "CompiledSteps | None":

@@ -18,6 +18,7 @@ from sparsemor.core import (
     Load,
     LoadPlugin,
     Part,
+    Term,
     Trial,
 )
 from sparsemor.core.model.assembly import assemble
@@ -37,7 +38,7 @@ LIMITS = {"ecsw": 1e-3}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Springs:
+class Springs(Term):
     """Rows += ((k + k3 u^2) u + c u') (1 - b (T - T0)) of each spring.
 
     u_of, T_of (S,): place of each spring's displacement and temperature in the columns; row_of

@@ -13,7 +13,7 @@ from sparsemor.core.testing import check_term
 
 
 @dataclass(frozen=True)
-class Mixed:
+class Mixed(Term):
     """K x + D v + M a + x_i^3 on each row's first column, times cos t."""
 
     rows: IntArray
@@ -59,7 +59,7 @@ class Mixed:
 
 
 @dataclass(frozen=True)
-class Compressed:
+class Compressed(ReducedTerm):
     term: Mixed
     trial: Trial
     left: FloatArray

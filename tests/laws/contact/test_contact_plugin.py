@@ -24,7 +24,7 @@ from sparsemor.core.protocols.prescribed_motion import SurfaceLoads
 
 
 @dataclass(frozen=True)
-class Spring:
+class Spring(Term):
     """k (y - level) on the vertical equation of a frame."""
 
     rows: Any
@@ -50,7 +50,7 @@ class Spring:
 
 
 @dataclass(frozen=True)
-class Compressed:
+class Compressed(ReducedTerm):
     spring: Spring
     trial: Any
     left: Any

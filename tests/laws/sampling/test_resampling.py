@@ -10,7 +10,7 @@ from small_scenes import tiny
 from sparsemor import simulate
 from sparsemor.core.arrays import IntArray
 from sparsemor.core.model.initial_state import consistent_state
-from sparsemor.core.protocols import RedrawsRows, StepSolver
+from sparsemor.core.protocols import StepSolver
 from sparsemor.core.registry.hooks import hookimpl
 from sparsemor.core.results.saved_state import Saved
 from sparsemor.core.scene.scene import Scene
@@ -39,8 +39,7 @@ class Going:
         step = FixedStep.of(self.scene.integrator, self.solver, h)
         for taken in accepted_steps(step, self.state, self.memory, count, h):
             self.state, self.memory = taken.state, taken.memory
-            if isinstance(self.solver, RedrawsRows):
-                self.rows.append(dict(self.solver.rows_at(self.memory)))
+            self.rows.append(dict(self.solver.rows_at(self.memory)))
         return self
 
 

@@ -194,11 +194,14 @@ def test_growth_adds_up_over_the_parts_of_the_run() -> None:
     assert broken.gate == inf and broken.t == 0.5
 
 
-class Plain:
+class Plain(StepSolver[Any]):
     """A step solver without its exact response."""
 
     def __init__(self, solver: StepSolver) -> None:
         self.solver, self.layout = solver, solver.layout
+
+    def start(self, state: Any) -> Any:
+        return self.solver.start(state)
 
     def solve(self, step: Any, memory: Any) -> Any:
         return self.solver.solve(step, memory)

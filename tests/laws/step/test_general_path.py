@@ -10,12 +10,12 @@ import pytest
 
 from reduced_runs import decoded, learnt
 from small_scenes import SCENES
-from sparsemor.core import ReducedProblem
+from sparsemor.core import ReducedProblem, ReducedTerm, State, Term
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.model.model import Model
-from sparsemor.core.protocols import StepSolver
+from sparsemor.core.protocols import AroundSteps, StepSolver
 from sparsemor.core.results.saved_state import Saved
 from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.simulation.offline import Offline
@@ -40,7 +40,7 @@ def nowhere() -> IntArray:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Nothing:
+class Nothing(ReducedTerm, Term):
     """A term without rows: it only asks for the general path."""
 
     rows: IntArray = field(default_factory=nowhere)
@@ -223,16 +223,14 @@ def test_sparse_without_a_choice_only() -> None:
             model, late.integrator, 1e-3, Offline.of(model, snapshots), np.random.default_rng(0)))
 
 
-class ByDifferences:
+class ByDifferences(AroundSteps[Any]):
     """The same solver without its own response."""
 
-    def __init__(self, solver: Any) -> None:
-        self._solver = solver
+    def start(self, state: State) -> Any:
+        return self.base.start(state)
 
-    def __getattr__(self, name: str) -> Any:
-        if name == "response":
-            raise AttributeError(name)
-        return getattr(self._solver, name)
+    def solve(self, step: Any, memory: Any) -> Any:
+        return self.base.solve(step, memory)
 
 
 def test_the_response_of_a_step_is_its_derivative() -> None:
