@@ -273,6 +273,9 @@ class Equations:
         """
         for block in blocks:
             self._checked(block)
+        if not isinstance(term, Term):
+            raise self._fault(f"its term {type(term).__name__} does not derive from "
+                              "sparsemor.core.Term")
         inside = np.concatenate([NO_NUMBERS, *map(self.numbers, blocks)])
         for what, at in (("rows", term.rows), ("columns", term.columns)):
             if not np.isin(at, inside).all():

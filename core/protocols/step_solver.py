@@ -3,7 +3,7 @@
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Generic, Protocol, Self
+from typing import Any, Generic, Protocol, Self, runtime_checkable
 
 import numpy as np
 from typing_extensions import TypeVar
@@ -104,7 +104,7 @@ class StepSolver(ABC, Generic[M]):
         return self, memory
 
     def alone(self) -> Mapping[str, FloatArray]:
-        """Elastic block -> derivative (s, 2 s) of the solution in its s active unknowns by their
+        """Elastic block -> derivative (k, 2 k) of the solution in its k active unknowns by their
         own history terms [r1; r2] of the step formula, all other unknowns fixed; without the blocks
         for which it is not known."""
         return {}
@@ -150,8 +150,8 @@ class StepSolver(ABC, Generic[M]):
 
     def constraint_errors(self, state: State) -> tuple[FloatArray, FloatArray]:
         """Values and time derivatives (l, 2) of the l constraint equations at a state in the
-        solver's unknowns, zero where it fits the joints; and the magnitudes (l, 2) of their terms,
-        with rotations of 1 rad at least."""
+        solver's unknowns, zero where it fits the joints; and the magnitudes (l, 2) of their terms.
+        Rotations count as 1 rad at least."""
         raise NotImplementedError
 
 
@@ -175,6 +175,7 @@ class StepBlock:
         return State(self.t[i], z[0], z[1], z[2], z[3:].T)
 
 
+@runtime_checkable
 class ManySteps(Protocol[M_contra]):
     """Solution of several successive steps of one size in one call."""
 

@@ -183,7 +183,7 @@ class Stack:
         back = (self.Q[i].reshape(k * g, k) @ self.u[i]).reshape(k, g).T
         forms = self.products[i] + np.array([1.0, c1, c2])[:, None, None] * back
         row = self.tau[i, o:] @ self.P[i].T + (
-            self.quad[i, o:].reshape(-1, 3 * g) @ forms.reshape(3 * g, k))
+            self.quad[i, o:].reshape(self.b - o, 3 * g) @ forms.reshape(3 * g, k))
         return BorderBlocks(body, at, corner, column, T.T @ row[:, :s],
                             self.coefficients[i, :g] + c1 * self.coefficients[i, g : 2 * g])
 

@@ -8,7 +8,7 @@ MODULES = {f"sparsemor.core.{name}" for name in (
     "model.assembled_term", "model.assembly", "model.block_patterns", "model.compressed_local",
     "model.constraint_rates", "model.equations", "model.expected_states", "model.facets",
     "model.factorizations", "model.fitting_bases", "model.initial_state",
-    "model.linear_equations", "model.linearized_term", "model.model", "model.moving_loads",
+    "model.linear_equations", "model.model", "model.moving_loads",
     "model.points_outside",
     "protocols", "protocols.integrator", "protocols.layout", "protocols.load_tables",
     "protocols.poses", "protocols.prescribed_quantities", "protocols.separable",

@@ -24,7 +24,6 @@ from sparsemor.core import FloatArray, Term, Trial
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.compressed_local import CompressedLocal
 from sparsemor.core.model.model import Model
-from sparsemor.core.protocols.element_integrals import WeighsElements
 from sparsemor.core.testing import check_term
 from sparsemor.core.testing.in_memory_run import scene_of
 
@@ -201,7 +200,7 @@ def test_points_and_elements_give_the_same_projection(d: int, strains: str) -> N
 def test_contributions_add_up_and_weights_scale_them(d: int) -> None:
     model, rng = hot(d), np.random.default_rng(5)
     for term in terms(model):
-        assert isinstance(term, WeighsElements)
+        assert term.weighs_elements
         x, v = states(term, model, rng)
         left = rng.standard_normal((3, len(term.rows)))
         zero = np.zeros(len(x))

@@ -98,7 +98,7 @@ def test_a_reduced_step_evaluates_the_facets_near_the_contact() -> None:
         run = pushed(columns)
         term, x, _ = followed(run)
         near = term.near(x[10])
-        assert facets(term.term) == [6, columns]
+        assert facets(term.whole.term) == [6, columns]
         solver: Any = run.solver
         state, memory = solver.start(initial(run))
         integrator = scene(["elastic"]).integrator
@@ -108,9 +108,9 @@ def test_a_reduced_step_evaluates_the_facets_near_the_contact() -> None:
             outcome, memory = solver.solve(formula, memory)
             state = advanced(
                 integrator.rules(STEP), solver.layout, state, formula, outcome)
-        counted.append((facets(near.some.term), memory.counters()["searches"]))
+        counted.append((facets(near.some.term), memory.searches))
         # 0.15 mm of travel; a new list once a margin
-        assert memory.counters()["searches"] <= 2 + 40 * 1.1 * STEP / term.margin
+        assert memory.searches <= 2 + 40 * 1.1 * STEP / term.margin
     assert counted[0] == counted[1]
     assert counted[0][0][1] < 18
 
@@ -144,7 +144,7 @@ def test_facets_left_out_cannot_touch() -> None:
     far = x[10] + np.where(np.arange(x.shape[1]) == 0, 1.01 * term.margin, 0.0)
     assert not near.holds(far) and near.holds(x[11])
     assert term.near(x[10] + np.where(np.arange(x.shape[1]) == 1, SIDE, 0.0)).some is None
-    reach, down = term.term.reach, np.where(np.arange(x.shape[1]) == 1, 1.0, 0.0)
+    reach, down = term.whole.term.reach, np.where(np.arange(x.shape[1]) == 1, 1.0, 0.0)
     deep = x[10] - 1.05 * reach * down
     for share in (0.1, 2.0):  # of half a facet in the step: told by the list, and by all facets
         speed = v[10] - share * reach / STEP * down

@@ -80,7 +80,7 @@ def pushed(columns: int) -> tuple[Any, FloatArray, int]:
                 few.integrator.rules(STEP), solver.layout, state, formula, outcome)
         if step == STEPS // 2:
             x = state.x[coupled.columns]
-    return coupled.term, x, memory.counters()["searches"]
+    return coupled.term, x, memory.searches
 
 
 @pytest.mark.full
@@ -90,7 +90,7 @@ def test_a_reduced_step_evaluates_the_facets_near_the_contact() -> None:
     for columns in (12, 48):
         whole, x, searches = pushed(columns)
         assert isinstance(whole, FollowedContact)
-        assert facets(whole.term) == [32, 12 * columns]
+        assert facets(whole.whole.term) == [32, 12 * columns]
         near = whole.near(x)
         assert near.some is not None
         counted.append((facets(near.some.term), searches))
@@ -151,7 +151,7 @@ def test_facets_left_out_cannot_touch(plate: str) -> None:
     whole, x, v = compressed(assemble(scene(24, 1, block=FREE, plate=still)), 3)
     near, rng, k = whole.near(x), np.random.default_rng(2), len(x)
     assert near.some is not None
-    assert facets(near.some.term)[1] < facets(whole.term)[1] == 12 * 24
+    assert facets(near.some.term)[1] < facets(whole.whole.term)[1] == 12 * 24
     c1, none, seen = np.full(k, 1.0 / STEP), np.zeros(k), 0
     for there in states(x, whole.margin, rng):
         assert near.holds(there)
@@ -178,7 +178,7 @@ def test_facets_left_out_cannot_touch(plate: str) -> None:
 
 def test_a_step_through_the_surface_is_told_by_the_list_as_by_all_facets() -> None:
     whole, x, _ = compressed(assemble(scene(24, 1, block=FREE, plate=TILTED)), 3)
-    near, reach = whole.near(x), whole.term.reach
+    near, reach = whole.near(x), whole.whole.term.reach
     down = np.where(np.arange(len(x)) == 2, -1.0, 0.0)
     deep = x + 1.05 * reach * down
     for share in (0.2, 1.0, 20.0):  # of the depth within the step: by the list, and by all
