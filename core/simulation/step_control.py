@@ -85,7 +85,7 @@ def step_of(solver: StepSolver, integrator: Integrator, h: float) -> Step:
     return FixedStep.of(integrator, solver, h)
 
 
-class ControlMemory:
+class ControlMemory(StepMemory):
     """Data that an error-controlled run carries from one output step H to the next.
 
     levels: k -> memory of the step solver for substeps of H/2^k; solvers: k -> that solver,
@@ -93,7 +93,7 @@ class ControlMemory:
 
     level: k of the coarser solution that the next step begins with; fine: k whose integrator
     history the state has; live: levels whose solvers ended at the last accepted state. origin:
-    initial unknowns; moved: largest change of each block since the start (norm of `Judged`).
+    initial unknowns; changes: largest change of each block since the start (norm of `Judged`).
     restart: True where the history that the state has is of no use, as after a jump; slope (n,): of
     the highest rates, from which another one is made; parts: size
     (s) -> solver for substeps of parts of an output step.
@@ -106,7 +106,7 @@ class ControlMemory:
         self.solvers, self.initial = {0: solver}, initial
         self.level, self.fine, self.live = 0, 0, frozenset({0})
         self.origin = origin
-        self.moved: dict[str, float] = {}
+        self.changes: dict[str, float] = {}
         self.substeps, self.solved, self.rejected = 0, 0, 0
         self.smallest, self.largest = inf, 0.0
         self.error, self.restart = 0.0, False
@@ -123,7 +123,7 @@ class ControlMemory:
         other = self.__class__.__new__(self.__class__)
         other.__dict__.update(
             self.__dict__, levels={k: m.copy() for k, m in self.levels.items()},
-            solvers=dict(self.solvers), moved=dict(self.moved), parts=dict(self.parts))
+            solvers=dict(self.solvers), changes=dict(self.changes), parts=dict(self.parts))
         return other
 
 
@@ -289,8 +289,8 @@ class ControlledSteps(AroundSteps[StepSolver]):
         memory.smallest, memory.largest = min(memory.smallest, size), max(memory.largest, size)
         memory.error = max(memory.error, error)
         for b in self.judged:
-            memory.moved[b.name] = max(
-                memory.moved.get(b.name, 0.0), b.norm(fine.state.x - memory.origin))
+            memory.changes[b.name] = max(
+                memory.changes.get(b.name, 0.0), b.norm(fine.state.x - memory.origin))
         if part.whole:
             memory.fine, memory.live = level + 1, frozenset({level, level + 1})
             # one level up the estimate is 2^order times as large: take half of that as safe
@@ -391,7 +391,7 @@ class ControlledSteps(AroundSteps[StepSolver]):
             return inf, fine.outcome.block or coarse.outcome.block
         richardson, worst = 2.0**self.integrator.order - 1.0, (0.0, "")
         for b in self.judged:
-            moved = max(memory.moved.get(b.name, 0.0), b.norm(fine.state.x - memory.origin))
+            moved = max(memory.changes.get(b.name, 0.0), b.norm(fine.state.x - memory.origin))
             error = b.norm(fine.state.x - coarse.state.x) / (richardson * max(b.size, moved))
             # true for what is not a number, too
             if not error / self.share <= worst[0]:
