@@ -292,11 +292,11 @@ class _Search:
         at.absolute = self.loop.largest(at.dx)
         at.moved = self._moved(at.absolute)
         at.change = max(at.moved)
-        if 1.0 < at.change < inf:  # larger than all that is known: of a block's first motion
-            kept, d = self.kept, at.d - at.dx
-            self.size = np.maximum(self.size, self._size(
-                np.maximum(kept.top, self.loop.largest(self.step.free + d)),
-                np.maximum(kept.rate, self.step.c2 * self.loop.largest(d))))
+        if 1.0 < at.change < inf and not self.kept.top.all():  # of a block that was zero so far
+            d = at.d - at.dx
+            first = self._size(self.loop.largest(self.step.free + d),
+                               self.step.c2 * self.loop.largest(d))
+            self.size = np.where(self.kept.top > 0.0, self.size, np.maximum(self.size, first))
             at.moved = self._moved(at.absolute)
             at.change = max(at.moved)
         if not at.change < inf:

@@ -131,7 +131,7 @@ class CompiledSteps:
         and while full Newton steps are due."""
         mechanics = self.plan.mechanics
         if isinstance(mechanics, ReducedMechanics) and memory.kept.top.any():
-            _magnitudes(mechanics, state, memory.scales)
+            _magnitudes(mechanics, state, memory.scales, self.model.c1, self.model.c2)
         known = memory.scales.floor or not (len(self.plan.bodies.k) or self.plan.prescribed)
         if not known or memory.full_newton_next:
             return StepBlock()
@@ -194,7 +194,9 @@ def _compiled(plan: Plan) -> tuple[Callable[..., int], Callable[[Sequence[Any], 
     return compiled_advance(plan.functions), listed
 
 
-def _magnitudes(mechanics: ReducedMechanics, state: State, scales: Scales) -> None:
+def _magnitudes(
+    mechanics: ReducedMechanics, state: State, scales: Scales, c1: float, c2: float
+) -> None:
     """Reference magnitudes of the iteration of compiled steps, where the last step was not one of
     them."""
     if not scales.floor:
@@ -202,7 +204,7 @@ def _magnitudes(mechanics: ReducedMechanics, state: State, scales: Scales) -> No
         scales.elastic, scales.bending, scales.floor = [0.0] * n, [0.0] * n, [0.0] * n
         at = state.x, state.v, state.a, state.t
         columns = {b.body.step.name: b.column[:, b.at < mechanics.n_rigid]
-                   for b in mechanics.equations.working().border_blocks(*at, 1.0, 1.0)}
+                   for b in mechanics.equations.working().border_blocks(*at, c1, c2)}
         for i, b in enumerate(mechanics.bodies):
             if b.free:  # of rounding positions of size 1
                 scales.floor[i] = (4 * EPS) ** 2 * float(np.sum(columns[b.name] ** 2))

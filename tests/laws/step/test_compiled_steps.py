@@ -14,7 +14,7 @@ from joint_runs import driven
 from random_chains import chain, scene
 from reduced_runs import learnt
 from small_scenes import SCENES, everything, tiny
-from sparsemor.core import InputError
+from sparsemor.core import InputError, ReducedTerm
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.initial_state import consistent_state
@@ -195,8 +195,10 @@ def test_every_plane_joint_and_load() -> None:
             "use": "convection", "on": ["wall:top", "hot:top"], "film": 9, "temperature": 280},
         "loads.glow": {"use": "radiation", "on": ["wall:top", "hot:top"], "emissivity": 0.9,
                        "surroundings": 280}})
-    case = trained(s, GALERKIN)
-    law(case, 15, blocks=3)
+    # modes that do not satisfy the joints by themselves: those of a training run leave joint forces
+    # of 1e13 that round-off determines
+    modes = {**GALERKIN, "bases": {"*.elastic": {"use": "modal", "count": 6}}}
+    law(trained(s, modes), 15, blocks=3)
 
 
 @pytest.mark.full
@@ -219,10 +221,8 @@ def test_models_that_are_not_covered_say_why() -> None:
     assert any("compiled: on has no effect" in text for text in notes), notes
 
 
-class Unknown:
+class Unknown(ReducedTerm):
     """A term without arrays."""
-
-    elements = 1
 
     def residual(self, *at: Any) -> FloatArray:
         return np.zeros(4)
