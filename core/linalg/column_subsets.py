@@ -69,6 +69,7 @@ class ColumnSubsets:
         s = len(f.columns)
         if not s:
             return np.zeros((0, len(self.A)))
+        # A = Q R: R^-1 Q^T, with the first s columns of Q
         return np.asarray(lapack.dtrtrs(f.packed[:s], lapack.dorgqr(f.packed, f.tau)[0].T)[0])
 
     def squared_residual(self, subset: BoolArray, b: FloatArray) -> float | None:
@@ -76,7 +77,7 @@ class ColumnSubsets:
         f = self._factors(subset.tobytes())
         if f is None:
             return None
-        rest = _turned(f, b)[len(f.columns) :]
+        rest = _turned(f, b)[len(f.columns) :]  # the part of Q^T b outside the range of A
         return float(rest.dot(rest))
 
     def _factorized(self, mask: bytes) -> Factors | None:

@@ -84,6 +84,7 @@ class _Cuts:
             parts = len(base)
             side, cut = self._cut(part, parts)
             s = np.bincount(part[cut], self.weight[cut], parts)
+            # a separator's columns are dense: in itself, and in the earlier separators around it
             entries += float(np.sum(s * (s + 1) / 2 + s * self._border(part, parts)))
             half = np.where(cut | (part < 0), -1, 2 * part + side)
             sizes = np.bincount(half[half >= 0], minlength=2 * parts).reshape(parts, 2)
@@ -109,6 +110,7 @@ class _Cuts:
             across = (part[self.i] >= 0) & (part[self.i] == part[self.j]) & (
                 upper[self.i] != upper[self.j])
             touching = np.zeros(len(part), dtype=np.bool_)
+            # nodes with an edge across the cut, of either half alone, separate the halves
             touching[self.i[across]] = True
             for separator in (touching & ~upper, touching & upper):
                 count = np.bincount(part[separator], self.weight[separator], parts)

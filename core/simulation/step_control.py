@@ -237,11 +237,12 @@ class ControlledSteps(AroundSteps[StepSolver]):
     def step(self, state: State, memory: ControlMemory) -> tuple[StepOutcome, State, ControlMemory]:
         """One output step with as many substeps as its tolerance needs; the outcome reports a
         failure if `max_halvings` does not suffice."""
-        iterations, left, now = 0, 0.0, state
+        iterations, remaining, now = 0, 0.0, state
         for part in self._parts(state.t):
             outcome, now = self._controlled(part, now, memory)
-            iterations, left = iterations + outcome.iterations, max(left, outcome.remaining)
-            outcome = replace(outcome, iterations=iterations, remaining=left)
+            iterations += outcome.iterations
+            remaining = max(remaining, outcome.remaining)
+            outcome = replace(outcome, iterations=iterations, remaining=remaining)
             if not outcome.status.ok:
                 return outcome, state, memory
         return outcome, now, memory
@@ -249,16 +250,17 @@ class ControlledSteps(AroundSteps[StepSolver]):
     def _parts(self, t: float) -> Sequence[_Part]:
         """Parts of the output step that begins at t, s, between the jumps of the loads."""
         end = next_time(t, self.h)
-        near = same_time(end)
+        close = same_time(end)
         found: dict[float, bool] = {}
         for f in self.functions:
-            for s in f.jumps(t + 2.0 * near, end + near) or ():
-                at = next((s0 for s0 in found if abs(s0 - s) <= near), s)
-                at = end if abs(at - end) <= near else at
+            for s in f.jumps(t + 2.0 * close, end + close) or ():
+                # jumps of several loads at one time are one cut, also at the end of the step
+                at = next((s0 for s0 in found if abs(s0 - s) <= close), s)
+                at = end if abs(at - end) <= close else at
                 old, new = before(f, s, (s,)), after(f, s)
                 jump = abs(new - old) > JUMP * max(abs(new), abs(old))
                 found[at] = found.get(at, False) or jump
-        if len(found) > MOST_CUTS:
+        if len(found) > MOST_CUTS:  # kinks alone are left to the error estimate
             found = {s: jump for s, jump in found.items() if jump}
         edges = [t, *sorted({*found, end})]
         return [_Part(a, b, len(edges) == 2, b in found, found.get(b, False))
@@ -279,7 +281,7 @@ class ControlledSteps(AroundSteps[StepSolver]):
             memory.rejected += 1
             if level + 1 >= most:
                 return self._refused(fine, error, block), state
-            level, coarse = level + 1, fine
+            level, coarse = level + 1, fine  # the finer solution is the next coarse one
 
     def _accepted(
         self, part: _Part, fine: "_Try", memory: ControlMemory, level: int, error: float
@@ -356,7 +358,7 @@ class ControlledSteps(AroundSteps[StepSolver]):
             inner.moved(state.x)
         if restart:  # a history of other steps, or before a jump: begin again from x, v, a
             state = settled(self.integrator, layout, state, memory.slope, h)
-        rules, iterations, left, previous = self.integrator.rules(h), 0, 0.0, state
+        rules, iterations, remaining, previous = self.integrator.rules(h), 0, 0.0, state
         last: StepFormula | None = None
 
         def solve(formula: StepFormula) -> StepOutcome:
@@ -371,7 +373,7 @@ class ControlledSteps(AroundSteps[StepSolver]):
             end = part.end if i == 2**level else next_time(state.t, h)
             outcome, new = self.integrator.advance(
                 solve, NextStep(rules, layout, state, h, end))
-            iterations, left = iterations + outcome.iterations, max(left, outcome.remaining)
+            iterations, remaining = iterations + outcome.iterations, max(remaining, outcome.remaining)
             if not outcome.status.ok:
                 break
             previous, state = state, new
@@ -379,7 +381,7 @@ class ControlledSteps(AroundSteps[StepSolver]):
         if part.whole:
             memory.levels[level] = inner
         memory.solved += 2**level
-        outcome = replace(outcome, iterations=iterations, remaining=left)
+        outcome = replace(outcome, iterations=iterations, remaining=remaining)
         return _Try(outcome, state, h, (solver, last, inner), previous)
 
     def _error(

@@ -52,7 +52,7 @@ def nonnegative(
     for _ in range(10 * n):
         if size <= tolerance or len(active) >= most:
             break
-        gain = A.T @ r
+        gain = A.T @ r  # descent of |A w - b|^2 / 2 per unit of each weight
         gain[active] = -np.inf
         gain[zero | stalled] = -np.inf
         entering = _entering(A, norms, Q, R, b, gain)
@@ -82,6 +82,7 @@ def _entering(
         if not gain[j] > 0.0:
             return None
         q, grown = _appended(Q, R, A[:, j])
+        # R_kk is the distance from the active columns, q . b / R_kk the new weight
         if grown[-1, -1] > DEPENDENT * norms[j] and q @ b > 0.0:
             return j, q, grown
         gain[j] = -np.inf
@@ -113,12 +114,13 @@ def _feasible(
         if not negative.any():
             w = z
             break
+        # from feasible w towards the minimiser z, up to the first weight that becomes zero
         step = float((w[negative] / (w[negative] - z[negative])).min())
         w = w + step * (z - w)
         out = negative & (w <= 1e-14 * w.max())
-        if not out.any():
+        if not out.any():  # rounding left none at zero: the smallest leaves
             out[np.flatnonzero(negative)[np.argmin(w[negative])]] = True
-        for i in np.flatnonzero(out)[::-1]:
+        for i in np.flatnonzero(out)[::-1]:  # from the last, so that numbers stay valid
             Q, R = qr_delete(Q, R, i, 1, "col", check_finite=False)
             Q, R = Q[:, : R.shape[1]], R[: R.shape[1]]
         active = [j for j, gone in zip(active, out, strict=True) if not gone]

@@ -131,7 +131,7 @@ class WeightEquations:
         """
         if self.rows * (len(elements) + 1) <= BLOCK:
             A, b = self.columns(elements), self.total()
-            if len(A) > 2 * len(elements):
+            if len(A) > 2 * len(elements):  # |A w - b| = |R [w, -1]| with [A, b] = Q R
                 R = np.asarray(np.linalg.qr(np.column_stack([A, b]), mode="r"))
                 A, b = R[:, :-1], R[:, -1]
             return Combined(A, b, True)
@@ -156,6 +156,7 @@ def _signs(rows: int, most: int) -> csr_array:
     """Sparse random signs (most, rows), `SIGNS` for each row, the same in every call."""
     rng = np.random.default_rng(0)
     stratum = most // SIGNS
+    # each row of G goes to one combination in each of SIGNS groups of combinations
     where = rng.integers(stratum, size=(rows, SIGNS)) + stratum * np.arange(SIGNS)
     signs = rng.choice([-1.0, 1.0], where.shape) / np.sqrt(SIGNS)
     return csr_array((signs.ravel(), (where.ravel(), np.arange(rows).repeat(SIGNS))),
