@@ -377,7 +377,8 @@ class ControlledSteps(AroundSteps[StepSolver]):
             if not outcome.status.ok:
                 break
             previous, state = state, new
-        assert last is not None
+            iterations += outcome.iterations
+            remaining = max(remaining, outcome.remaining)
         if part.whole:
             memory.levels[level] = inner
         memory.solved += 2**level
