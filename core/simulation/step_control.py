@@ -373,12 +373,12 @@ class ControlledSteps(AroundSteps[StepSolver]):
             end = part.end if i == 2**level else next_time(state.t, h)
             outcome, new = self.integrator.advance(
                 solve, NextStep(rules, layout, state, h, end))
-            iterations, remaining = iterations + outcome.iterations, max(remaining, outcome.remaining)
+            iterations += outcome.iterations
+            remaining = max(remaining, outcome.remaining)
             if not outcome.status.ok:
                 break
             previous, state = state, new
-            iterations += outcome.iterations
-            remaining = max(remaining, outcome.remaining)
+        assert last is not None
         if part.whole:
             memory.levels[level] = inner
         memory.solved += 2**level
