@@ -28,8 +28,9 @@ from dataclasses import fields
 from typing import Any
 import numpy as np
 from sparsemor.core import (
-    BASE, Dictionary, LinearOutcome, Mesh, Selection, State, Status, StepOutcome, UpdateRule,
+    BASE, Dictionary, LinearOutcome, Load, Mesh, Selection, State, Status, StepOutcome, UpdateRule,
     UpdateRules)
+from sparsemor.core import Term as ATerm
 
 class Own(BASE):
     'A plugin.'
@@ -75,7 +76,7 @@ KINDS: dict[str, Kind] = {
     "friction_law": Kind(
         {"contacts.sole.friction": "odd"}, "ratio(self, slip)", {
             f: f"({v}, np.zeros(slip.shape))" for f, v in of_array("slip.shape").items()},
-        "breaks: tuple[float, ...] = ()", CONTACT),
+        "", CONTACT),
     "function": Kind({"loads.heating.flux": "odd"}, "value(self, t)", of_array("()"),
                      after="def rate(self, t): return 0.0"),
     "integrator": Kind({"integrator": "odd"}, "rules(self, h)", {
@@ -96,7 +97,7 @@ KINDS: dict[str, Kind] = {
         {"contacts.sole.normal": "odd"}, "pressure(self, depth, rate)", {
             f: f"({v}, np.zeros(depth.shape), np.zeros(depth.shape))"
             for f, v in of_array("depth.shape").items()},
-        "breaks: tuple[float, ...] = ()", CONTACT),
+        "", CONTACT),
     "observer": Kind({}, "observer(self)", of_object("self")),
     "preconditioner": Kind(
         {"reducer": {**SAMPLED, "preconditioner": "odd"}}, "build(self, A)",
@@ -188,8 +189,7 @@ WITHIN: dict[str, tuple[str, dict[str, Any], str, str]] = {
         "Odd.solve"),
     "load": ("load", {"loads": {"wind": "odd"}}, """
     def build(self, name, parts):
-        class Odd:
-            def blocks(self): return ()
+        class Odd(Load):
             def contribute(self, equations):
                 def value(): VALUE
                 equations.vector("bar.thermal", value())
@@ -198,14 +198,12 @@ WITHIN: dict[str, tuple[str, dict[str, Any], str, str]] = {
         return made""", "wind|Odd.contribute"),
     "term": ("load", {"loads": {"wind": "odd"}, "reducer": "full"}, """
     def build(self, name, parts):
-        class Term:
-            elements = 0
+        class Term(ATerm):
             def residual(self, x, v, a, t): VALUE
             def jacobian(self, x, v, a, t, c1, c2): VALUE
             def restrict(self, keep): return self
             def compress(self, trial, left): VALUE
-        class Odd:
-            def blocks(self): return ()
+        class Odd(Load):
             def contribute(self, equations):
                 term = Term()
                 term.rows = term.columns = equations.numbers("bar.thermal")
