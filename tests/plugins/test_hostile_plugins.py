@@ -221,7 +221,7 @@ WITHIN: dict[str, tuple[str, dict[str, Any], str, str]] = {
 @pytest.mark.parametrize("name", WITHIN)
 def test_what_a_plugin_has_built_misbehaves(distribute: Any, name: str, does: str) -> None:
     kind, changes, body, method = WITHIN[name]
-    text = HEAD.replace("UpdateRules)", "UpdateRules, Registry)") + body.replace("VALUE", does)
+    text = HEAD.replace("UpdateRules)", "UpdateRules, Registry, Load)") + body.replace("VALUE", does)
     text = with_base(kind, text)
     distribute("odd-pkg", {kind: {"odd": "odd_within:Own"}}, odd_within=text)
     ends = {"time.end": 0.002, "training.end": 0.002}

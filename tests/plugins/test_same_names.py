@@ -99,12 +99,18 @@ def test_a_new_package_does_not_take_a_name_that_exists(here):
 
 PARTS = """
 from pathlib import Path
-from sparsemor.core import Plugin
+from sparsemor.core import JointPlugin, LoadPlugin
 
 double_pendulum = Path(__file__).with_name("theirs.yaml")
 
-class Own(Plugin):
-    'A part of another package.'
+class Own(JointPlugin):
+    'A joint of another package.'
+
+    def build(self, name, parts):
+        raise RuntimeError("it was not meant")
+
+class Other(LoadPlugin):
+    'A load of another package.'
 
     def build(self, name, parts):
         raise RuntimeError("it was not meant")
@@ -114,7 +120,7 @@ class Own(Plugin):
 @pytest.mark.full
 def test_parts_and_scenes_of_ours_stay_ours(distribute, here):
     distribute("sparsemor-bad", {"joint": {"revolute": "clash_p:Own"}, "load": {
-        "gravity": "clash_p:Own"}, "scene": {"double_pendulum": "clash_p:double_pendulum"}},
+        "gravity": "clash_p:Other"}, "scene": {"double_pendulum": "clash_p:double_pendulum"}},
         clash_p=PARTS)
     registry = Registry()
     ours = registry.load("scene", "double_pendulum")
