@@ -24,10 +24,10 @@ from pathlib import Path
 
 import numpy as np
 
-from sparsemor.core.protocols.plugin import Plugin
+from sparsemor.core import Preconditioner
 
 
-class Lethal(Plugin):
+class Lethal(Preconditioner):
     """Kills."""
 
     mark: str

@@ -221,8 +221,8 @@ WITHIN: dict[str, tuple[str, dict[str, Any], str, str]] = {
 @pytest.mark.parametrize("name", WITHIN)
 def test_what_a_plugin_has_built_misbehaves(distribute: Any, name: str, does: str) -> None:
     kind, changes, body, method = WITHIN[name]
-    text = HEAD.replace("UpdateRules)", "UpdateRules, Registry, Load)") + body.replace("VALUE", does)
-    text = with_base(kind, text)
+    head = HEAD.replace("UpdateRules)", "UpdateRules, Registry, Load)")
+    text = with_base(kind, head + body.replace("VALUE", does))
     distribute("odd-pkg", {kind: {"odd": "odd_within:Own"}}, odd_within=text)
     ends = {"time.end": 0.002, "training.end": 0.002}
     with pytest.raises((InputError, SolveFailed)) as caught:
