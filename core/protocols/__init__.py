@@ -1,15 +1,13 @@
-"""Interfaces (protocols) of the parts of a simulation. Arrays are float64 unless said otherwise;
-units are SI.
+"""Contracts of the parts of a simulation, and the data that they pass to each other. Arrays are
+float64 unless said otherwise; units are SI.
 
-One file per concept: the methods that a kind of plugin must have, and next to them the optional
-ones (`capabilities` lists them all). Plugins import these names from `sparsemor.core`. A plugin is
-a frozen set of options; the objects that its methods return hold the numbers. Plugins and solvers
-keep no state between calls: a time step writes only to the memory passed to it.
+One file per concept; a contract is a class from which plugins, and the objects that they build,
+derive: what has no default must be written. A plugin is a frozen set of options; the objects that
+its methods return hold the numbers. Plugins and solvers keep no state between calls: a time step
+writes only to the memory passed to it.
 """
 
-from sparsemor.core.protocols.basis import (
-    Basis,
-)
+from sparsemor.core.protocols.basis import Basis
 from sparsemor.core.protocols.block_data import BlockData, Dictionary
 from sparsemor.core.protocols.body import (
     Body,

@@ -326,7 +326,7 @@ class Reducer(Plugin):
 
     def restart_refusal(self) -> str:
         """Reason why step solvers cannot begin a step at a state that they did not compute, as
-        adaptive time stepping requires; "" if they can, and their memory satisfies `Restarts`."""
+        adaptive time stepping requires; "" if they can, and their memory has `restarts`."""
         return (f"adaptive steps begin at states that the reducer did not compute, which "
                 f"{type(self).__module__}.{type(self).__qualname__} cannot: it has no "
                 "`restart_refusal`")

@@ -10,6 +10,7 @@ does not call by a protocol, such as the force law of a joint.
 
 import inspect
 import traceback
+from abc import ABC
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from copy import copy
@@ -25,8 +26,8 @@ from scipy.sparse import csr_array
 from typing_extensions import is_protocol
 
 from sparsemor.core.errors import InputError, PluginError
-from sparsemor.core.protocols.plugin import OWN, PREFIX
-from sparsemor.core.registry.contracts import CONTRACTS, PARTS, members
+from sparsemor.core.protocols.plugin import OWN, PREFIX, Plugin
+from sparsemor.core.registry.contracts import CONTRACTS, members
 from sparsemor.core.registry.value_checks import CHECKS, EVERY_STEP, NAN_ALLOWED
 from sparsemor.core.registry.value_types import NOT_FINITE, is_data, required, unfit
 from sparsemor.core.status import SolveFailed
@@ -67,6 +68,11 @@ def _hints_of(function: Any) -> dict[str, Any]:
         return {}
 
 
+def _is_base(hint: Any) -> bool:
+    """True for a contract of objects that plugins build, such as `Body` and `StepSolver`."""
+    return isinstance(hint, type) and issubclass(hint, ABC) and not issubclass(hint, Plugin)
+
+
 def _put(cls: type, name: str, member: object) -> None:
     with suppress(AttributeError, TypeError):  # a class written in C
         setattr(cls, name, member)
@@ -80,7 +86,7 @@ def _checked(function: FunctionType, protocol: type, wanted: Any) -> FunctionTyp
     finite = (protocol.__name__, name) not in NAN_ALLOWED
     names = list(inspect.signature(wanted).parameters)[1:]
     takes_data = any(h not in (float, int, str) for h in hints.values())
-    built = hint if is_protocol(hint) or hint in PARTS.values() else None
+    built = hint if is_protocol(hint) or _is_base(hint) else None
     admitted = set[type]()
     lean = EVERY_STEP.get((protocol.__name__, name))
 
