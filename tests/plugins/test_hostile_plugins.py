@@ -244,7 +244,7 @@ def test_arrays_are_handed_over_read_only(distribute: Any) -> None:
     distribute("odd-pkg", {"basis": {"odd": "odd_writes:Own"}},
                odd_writes=with_base("basis", HEAD + SCRIBBLES))
     with pytest.raises(InputError, match=r"Own.build raised ValueError: .*read-only \(.*"
-                                         r"odd_writes.py:15\)"):
+                                         r"odd_writes.py:16\)"):
         run("basis")
 
 
