@@ -180,6 +180,7 @@ class Plain:
     """A local term without element shares."""
 
     rows = columns = np.zeros(0, dtype=np.int64)
+    weighs_elements = False
 
 
 @pytest.mark.full
