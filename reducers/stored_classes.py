@@ -9,6 +9,7 @@ from sparsemor.reducers.step import (
     reduced_mechanics,
     relocalised,
     time_tables,
+    whole_step,
 )
 from sparsemor.reducers.step.acceptance import Tolerances
 from sparsemor.reducers.step.blocks import compressed_prescribed, elastic_local, thermal_groups
@@ -23,7 +24,7 @@ CLASSES: Sequence[object] = (
     elastic_local.ReducedLocal, frame_step.BodyStep, frame_step.PrescribedFactors,
     operators.TestedElastic, operators.TestedHeat, operators.TestedLocal, operators.TestMap,
     reduced.Reduced, reduced.ReducedBody, reduced.ReducedHeat,
-    reduced_mechanics.ReducedMechanics,
+    reduced_mechanics.ReducedMechanics, whole_step.Assembled, whole_step.TextbookNewton,
     relocalised.Coupled, thermal_groups.GroupLocal, time_tables.LoadsInTime,
     time_tables.TabulatedLoads, time_tables.TimeTable,
 )

@@ -194,11 +194,21 @@ def linear_response(equations: Equations, step: StepFormula, x: FloatArray) -> F
     return np.asarray(-factor.solve(np.hstack([C, M])))
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Assembled:
+    """Equations that are assembled already."""
+
+    equations: Equations
+
+    def __call__(self) -> Equations:
+        return self.equations
+
+
 @dataclass(frozen=True, eq=False)
 class TextbookNewton:
-    """Newton's method with the exact Jacobian for a whole step at full order, where the cheaper
-    iteration with constant operators fails, as for the large displacements of a soft body. make:
-    function that assembles the equations when they are first needed."""
+    """Newton's method with the exact Jacobian for a whole step, where the cheaper iteration with
+    constant operators fails, as for the large displacements of a soft body. make: function that
+    assembles the equations when they are first needed."""
 
     make: Callable[[], Equations]
     tolerances: Tolerances
