@@ -26,7 +26,7 @@ SPLIT = "split.json"
 """File of the split in the folder of a run."""
 INTERVAL = 1e-3
 """Processor time between two samples, s."""
-_LOOP = ("core/simulation/run_steps.py", "RunSteps._portion")
+LOOP = ("core/simulation/run_steps.py", "RunSteps._taken")
 
 
 def split_of(folder: Path) -> Mapping[str, float]:
@@ -102,6 +102,6 @@ class Counted:
         if code not in self._known:
             file, name = PurePath(code.co_filename), code.co_qualname
             is_matrix = any(name == n and file.match(f) for f, n in self.places)
-            is_loop = name == _LOOP[1] and file.match(_LOOP[0])
+            is_loop = name == LOOP[1] and file.match(LOOP[0])
             self._known[code] = "matrix" if is_matrix else "loop" if is_loop else "other"
         return self._known[code]

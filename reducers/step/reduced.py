@@ -144,15 +144,7 @@ class Stack:
         B, b, g, k = len(self.bodies), self.b, self.g, self.k
         c1, c2 = rates or (0.0, 0.0)
         Y = Y[:, self.span].reshape(3, B, b) + self.origin
-        if k:
-            U = X.take(self.at, axis=1).transpose(1, 0, 2)
-            s = U @ self.P
-            self.products = (U @ self.Q).reshape(B, 3, g, k)
-            forms = (self.products.reshape(B, 3 * g, k) @ U[:, 0, :, None]).reshape(B, 3, g)
-            self.turned = (U[:, :2] @ self.G).reshape(B, 2 * g, k)
-            self.u = U[:, 0]
-        else:
-            s, forms = np.zeros((B, 3, self.p)), np.zeros((B, 3, g))
+        s, forms = self.multiply(X) if k else (np.zeros((B, 3, self.p)), np.zeros((B, 3, g)))
         for i, (body, w) in enumerate(zip(self.bodies, self.work, strict=True)):
             f = body.step.frame
             o, own = b - f.border, f.generators
@@ -167,6 +159,21 @@ class Stack:
                 self.coefficients[i, g : g + own] = w.coefficients[own:-1]
             if rates is not None and self.sizes[i]:
                 f.exact(v, a, c1, c2, w)
+
+    def multiply(self, X: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Products of the displacements with P (B, 3, p) and their quadratic forms (B, 3, g); those
+        with G and Q are kept."""
+        B, g, k = len(self.bodies), self.g, self.k
+        U = X.take(self.at, axis=1).transpose(1, 0, 2)
+        self.products = (U @ self.Q).reshape(B, 3, g, k)
+        forms = (self.products.reshape(B, 3 * g, k) @ U[:, 0, :, None]).reshape(B, 3, g)
+        self.turned, self.u = (U[:, :2] @ self.G).reshape(B, 2 * g, k), U[:, 0]
+        return U @ self.P, forms
+
+    def forces(self) -> FloatArray:
+        """Terms (B, k) of the frames in the rows of the displacements, after `evaluate`."""
+        return np.asarray((self.coefficients[:, None, :-1] @ self.turned
+                           + self.sigma[:, -1:] @ self.E)[:, 0])
 
     def blocks(self, i: int, T: FloatArray, at: IntArray, c1: float, c2: float) -> BorderBlocks:
         """Derivatives for body i after `evaluate`; T (b, m): map of its m rigid unknowns, numbered
@@ -320,8 +327,7 @@ class Reduced:
                 self.T.dot(rows[0] if len(rows) == 1 else np.concatenate(rows)))
         for s in self.stacks:
             if s.k:
-                pushed = s.coefficients[:, None, :-1] @ s.turned + s.sigma[:, -1:] @ s.E
-                r[s.at] += pushed[:, 0]
+                r[s.at] += s.forces()
         return _plus(coupled, r, X, t)[:-1]
 
     def _evaluate(

@@ -32,7 +32,7 @@ from sparsemor.plugins.liang2026.paper import (
 from sparsemor.plugins.liang2026.quantities import formula, study
 from sparsemor.plugins.liang2026.reproduce import chosen_items, reproduce
 from sparsemor.plugins.liang2026.runs import command_of, commands_of, plan_of, scene_of
-from sparsemor.plugins.liang2026.split import Counted
+from sparsemor.plugins.liang2026.split import LOOP, Counted
 from sparsemor.plugins.study.jobs import execute, keep_reference
 from sparsemor.plugins.study.plan import SceneData
 
@@ -147,7 +147,7 @@ def test_a_run_is_the_reference_of_studies_with_its_physics(here: Path) -> None:
 
 
 def test_the_functions_that_count_as_matrix_operations_exist() -> None:
-    for text in PAPER.matrix_operations:
+    for text in (*PAPER.matrix_operations, ":".join(LOOP)):
         file, _, name = text.partition(":")
         names = {f"{c.name}.{m.name}" for c in tree_of(ROOT / file).body
                  if isinstance(c, ast.ClassDef) for m in c.body if isinstance(m, ast.FunctionDef)}
@@ -270,7 +270,7 @@ def test_samples_of_a_stack_are_told_apart() -> None:
     exec(code, space)  # noqa: S102
     loop = space["loop"]
     assert callable(loop)
-    renamed = loop.__code__.replace(co_qualname="RunSteps._portion")
+    renamed = loop.__code__.replace(co_qualname=LOOP[1])
     loop.__code__ = renamed
     loop(lambda: seen.append(counted.kind_of(currentframe())))
     loop(lambda: solved(seen, counted))

@@ -12,7 +12,7 @@ from sparsemor.bodies.frames.attitude import vector_rates, velocity_at
 from sparsemor.bodies.frames.rotation import across
 from sparsemor.bodies.frames.springs import RotationalSpringItem as PlaneRotationalSpring
 from sparsemor.bodies.frames.springs import SpatialRotationalSpring, Spring
-from sparsemor.bodies.joints.rotational_spring import RotationalSpringItem
+from sparsemor.bodies.joints.rotational_spring import RotationalSpring
 from sparsemor.bodies.joints.spring_damper import SpringDamper
 from sparsemor.bodies.loads.torque import Torque
 from sparsemor.core.errors import InputError
@@ -149,7 +149,7 @@ def test_plane_elements_keep_the_laws(between: tuple[str, str]) -> None:
              "d": moved(BAR, 1.0, 1.0)}
     bodies = {n: b for n, b in every.items() if any(s.startswith(f"{n}:") for s in between)}
     check_joint(SpringDamper(between=between, stiffness=500.0, damping=7.0, length=0.3), bodies)
-    check_joint(RotationalSpringItem(between=between, stiffness=50.0, damping=0.7), bodies)
+    check_joint(RotationalSpring(between=between, stiffness=50.0, damping=0.7), bodies)
 
 
 @pytest.mark.full
@@ -161,7 +161,7 @@ def test_spatial_springs_keep_the_laws(between: tuple[str, str]) -> None:
         "c": {**SOLID, "pose": {"position": [-1.0, 0.5, 0.0]}}, "e": {**SOLID, "frame": "spinning"}}
     bodies = {n: b for n, b in every.items() if any(s.startswith(f"{n}:") for s in between)}
     check_joint(SpringDamper(between=between, stiffness=500.0, damping=7.0, length=0.3), bodies)
-    check_joint(RotationalSpringItem(between=between, stiffness=50.0, damping=0.7, torque=2.0,
+    check_joint(RotationalSpring(between=between, stiffness=50.0, damping=0.7, torque=2.0,
                                  axis=(1.0, 2.0, 2.0)), bodies)
 
 
