@@ -290,6 +290,10 @@ class _Search:
             self._factorize()
         at.fresh, at.dx = renew, self._solution(at.r)
         at.absolute = self.loop.largest(at.dx)
+        if not self.eq.price:  # the textbook method goes far: relative to where it is
+            x = self.step.free + at.d
+            far = np.maximum(self.loop.largest(x), self.loop.largest(x - at.dx))
+            self.size = self._size(np.maximum(kept.top, far), kept.rate)
         at.moved = self._moved(at.absolute)
         at.change = max(at.moved)
         if 1.0 < at.change < inf and not self.kept.top.all():  # of a block that was zero so far

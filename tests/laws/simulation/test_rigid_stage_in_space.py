@@ -138,7 +138,7 @@ def test_what_is_handed_on_balances_every_body():
             for i, side in enumerate(part.sides):
                 if side.body.name == name:
                     f, m = known[:, 6 * i : 6 * i + 3], known[:, 6 * i + 3 : 6 * i + 6]
-                    mean = np.tile(side.mean() @ side.body.X, (len(pose), 1))
+                    mean = np.tile(side.point, (len(pose), 1))
                     arm = points_in_space(pose, mean) - center
                     force, torque = force + f, torque + m + np.cross(arm, f)
         assert np.abs(force[late]).max() < 1e-8 * size[0], name
