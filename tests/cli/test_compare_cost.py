@@ -2,6 +2,7 @@
 
 import json
 from collections import Counter
+from functools import wraps
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from sparsemor.core.analysis.compare import compare
 from sparsemor.core.cli import app
 from sparsemor.core.cli.compare import variants
 from sparsemor.core.model import assembly
+from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.plugins.charts.comparison import work_notes, work_points
 from sparsemor.reducers.full.reducer import Full
@@ -32,6 +34,13 @@ def compared(*arguments: str) -> Any:
     return json.loads(done.stdout)
 
 
+def alike(one: RunResult, other: RunResult) -> bool:
+    """True if two runs agree: their training runs were solved to 1e-13 and to 1e-11. The joint
+    force at the start depends on round-off of the last atoms (docs/decisions/0044)."""
+    return all(np.abs((one.block(b.name) - other.block(b.name))[1:]).max()
+               <= 1e-8 * np.abs(other.block(b.name)).max() for b in other.layout)
+
+
 @pytest.mark.full
 def test_one_model_one_full_order_run_no_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
     counts: Counter[str] = Counter()
@@ -39,6 +48,7 @@ def test_one_model_one_full_order_run_no_pictures(monkeypatch: pytest.MonkeyPatc
     def counted(owner: Any, name: str) -> None:
         made = getattr(owner, name)
 
+        @wraps(made)
         def call(*args: Any, **kwargs: Any) -> Any:
             counts[name] += 1
             return made(*args, **kwargs)
@@ -56,8 +66,7 @@ def test_one_model_one_full_order_run_no_pictures(monkeypatch: pytest.MonkeyPatc
     full = next(r for r in found["runs"] if r["run"] == "full")
     assert galerkin["offline_whole_s"] > full["wall_s"]["online"], "the training run has a price"
     alone = simulate(load(TINY, {"reducer": "galerkin"}), cache=Cache("other"))
-    both = open_result("out/galerkin"), alone
-    assert all(np.array_equal(*(r.block(b.name) for r in both)) for b in alone.layout)
+    assert alike(open_result("out/galerkin"), alone)
 
 
 @pytest.mark.full
@@ -74,7 +83,7 @@ def test_snapshots_are_left_by_runs_that_begin_with_the_training_run() -> None:
     simulate(half, cache=cache, keep_training=True)
     runs = [simulate(half.using({"reducer": "galerkin"}), cache=c) for c in (cache, Cache("none"))]
     assert [r.summary["cache"]["training"] for r in runs] == ["hit", "miss"]
-    assert all(np.array_equal(*(r.block(b.name) for r in runs)) for b in runs[0].layout)
+    assert alike(*runs)
     simulate(full, cache=cache, keep_training=True)
     run = simulate(full.using({"reducer": "galerkin"}), cache=cache)
     assert run.summary["cache"]["training"] == "hit"

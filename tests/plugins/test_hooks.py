@@ -111,7 +111,7 @@ def test_what_is_computed_before_the_first_step_is_told(
     monkeypatch.setattr(ProgressBar, "observer", lambda self: bar)
     simulate(swing, cache=cache, observers=[told], progress=True)
     assert bar.seen == [*told.seen, "closed"]
-    assert told.seen[:2] == ["basis", "training"] and told.seen[-1] == "run"
+    assert told.seen[:2] == ["training", "basis"] and told.seen[-1] == "run"
     assert "weights" in told.seen
     again = Phases()
     simulate(swing, cache=cache, observers=[again])

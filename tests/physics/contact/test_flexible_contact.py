@@ -8,7 +8,6 @@ import pytest
 from pressed_slider import BOTH, LOAD, SIDE, STEP, forces, full, scene, stored
 from reduced_runs import decoded, errors, estimates, learnt
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.model.equations import rate_factors
 from sparsemor.core.model.model import Model
 from sparsemor.core.protocols import StepFormula
 from sparsemor.core.protocols.integrator import advanced, step_formula
@@ -16,6 +15,7 @@ from sparsemor.core.scene.scene import Scene
 from sparsemor.core.status import SolveFailed, Status
 from sparsemor.core.testing.in_memory_run import march
 from sparsemor.reducers.full.monolithic import Summed
+from sparsemor.reducers.step.loop import Linearisation
 from sparsemor.reducers.step.whole_step import WholeStepper
 
 pytestmark = pytest.mark.full
@@ -70,17 +70,16 @@ def test_stiff_bodies_move_as_rigid_ones() -> None:
 
 def changes(model: Model, step: StepFormula, x: FloatArray, exact: bool, count: int) -> FloatArray:
     """Sizes of successive changes from x, relative to the largest displacement of the plate."""
-    eq = Summed.of(model, price=1)
-    c1, c2 = rate_factors(model.layout, step.c1, step.c2, step.c1_first)
-    given, factor, found = eq.prescribed(step.t), None, []
-    at = model.layout["plate.elastic"]
+    eq, factor, found = Summed.of(model, price=1), None, []
+    c, d, at = (step.c1, step.c2, step.c1_first, step.c2_first), x - step.free, model.layout[
+        "plate.elastic"]
+    eq.begin(step, d)
     for _ in range(count):
-        v, a = c1 * x + step.r1, c2 * x + step.r2
         if exact or factor is None:
-            factor = eq.factorize(eq.jacobian(x, v, a, step.t, c1, c2))
-        dx = factor.solve(eq.residual(x, v, a, step.t, given))
-        x = x - dx
-        found.append(float(np.abs(dx[at]).max() / np.abs(x[at]).max()))
+            factor = eq.factorize(eq.jacobian(Linearisation(*step.at(d), step.t, c)))
+        dx = factor.solve(eq.residual(d))
+        d = d - dx
+        found.append(float(np.abs(dx[at]).max() / np.abs((step.free + d)[at]).max()))
     return np.array(found)
 
 

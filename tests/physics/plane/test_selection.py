@@ -90,7 +90,7 @@ def test_an_exchange_lowers_the_residual_as_foreseen_with_the_other_unknowns_hel
 
     def squared(x: Any, now: Any, memory: Any, supports: Any) -> float:
         return sum(b.at(b.rows.residual(formula, x, now, memory.work), x[b.rows.at],
-                        supports[b.rows.name]).now for b in blocks)
+                        supports[b.rows.name]).current for b in blocks)
 
     state, memory = solver.start(consistent_state(model))
     state = scene.integrator.start(solver.layout, state)
