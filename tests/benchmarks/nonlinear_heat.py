@@ -10,7 +10,7 @@ time of one process; errors are relative to the largest change of temperature in
 import argparse
 import sys
 import time
-from dataclasses import dataclass, replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,7 @@ import numpy as np
 from modules import report
 
 from sparsemor.bodies.terms.weak_term import WeakTerm
-from sparsemor.core import FloatArray, IntArray, Term, Trial
+from sparsemor.core import FloatArray, Trial
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.compressed_local import CompressedLocal
 from sparsemor.core.model.model import Model
@@ -54,31 +54,17 @@ def plate(divisions: tuple[int, int], flux: Any, *, stored: bool, **changes: Any
         "time": {"end": 60.0, "step": 0.5}, **changes})
 
 
-@dataclass(frozen=True)
-class ByElements(Term):
+class ByElements(WeakTerm):
     """A weak term that projects its element-wise evaluation, without points."""
 
-    term: WeakTerm
-
-    @property
-    def rows(self) -> IntArray:
-        return self.term.rows
-
-    @property
-    def columns(self) -> IntArray:
-        return self.term.columns
-
-    @property
-    def elements(self) -> int:
-        return self.term.elements
-
-    def compress(self, trial: Trial, left: FloatArray) -> CompressedLocal:
-        return CompressedLocal.of(self.term, trial, left)
+    def compress(self, trial: Trial, left: FloatArray) -> Any:
+        return CompressedLocal.of(self, trial, left)
 
 
 def by_elements(model: Model) -> Model:
     (heat,) = model.separated.heat
-    local: Any = tuple(ByElements(t) for t in heat.local if isinstance(t, WeakTerm))
+    local: Any = tuple(ByElements(*(getattr(t, f.name) for f in fields(t)))
+                       for t in heat.local if isinstance(t, WeakTerm))
     return replace(model, separated=replace(
         model.separated, heat=(replace(heat, local=local),)))
 
