@@ -45,8 +45,8 @@ def test_a_run_as_machine_code_has_the_results_of_one_without() -> None:
         x, y = plain.block(block), code.block(block)
         assert np.abs(x - y).max() < 1e-10 * max(float(np.abs(x).max()), 1e-3), block
     assert code.status is Status.DONE
-    # a change near the tolerance may end an iteration one earlier or later
-    assert code.iterations.sum() == pytest.approx(plain.iterations.sum(), rel=0.05)
+    # machine code condenses the displacements with a constant operator, without an exact Jacobian
+    assert plain.iterations.sum() <= code.iterations.sum() < 1.5 * plain.iterations.sum()
 
 
 def test_the_code_is_compiled_once(caplog: pytest.LogCaptureFixture) -> None:
