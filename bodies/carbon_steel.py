@@ -7,7 +7,7 @@ import numpy as np
 from pydantic import Field
 
 from sparsemor.bodies.temperature_curve import TemperatureCurve
-from sparsemor.core import FloatArray, Plugin
+from sparsemor.core import FloatArray, Material, MaterialProperties
 
 ZERO_CELSIUS = 273.15
 """0 degrees Celsius, K."""
@@ -44,7 +44,7 @@ def _curve(celsius: FloatArray, values: FloatArray) -> TemperatureCurve:
                             values=tuple(values.tolist()))
 
 
-class CarbonSteel(Plugin):
+class CarbonSteel(Material):
     """Carbon steel by EN 1993-1-2:2005 from 20 to 1100 degrees Celsius: modulus, expansion,
     conductivity and specific heat depend on temperature.
 
@@ -59,30 +59,20 @@ class CarbonSteel(Plugin):
     rho: float = Field(default=7850.0, gt=0)
     """Density, kg/m3."""
 
-    @cached_property
-    def E(self) -> TemperatureCurve:
-        """Young's modulus, Pa."""
-        return _curve(np.array(list(REDUCTION), dtype=np.float64),
-                      self.modulus * np.array(list(REDUCTION.values())))
+    def properties(self) -> MaterialProperties:
+        return self._properties
 
     @cached_property
-    def alpha(self) -> TemperatureCurve:
-        """Mean coefficient of expansion from 20 degrees Celsius on, 1/K."""
+    def _properties(self) -> MaterialProperties:
+        E = _curve(np.array(list(REDUCTION), dtype=np.float64),
+                   self.modulus * np.array(list(REDUCTION.values())))
         at = np.array([*range(40, 760, 40), 750, 780, 820, 860, 950, HOTTEST], dtype=np.float64)
         mean = elongation(at) / (at - 20.0)
         first = mean[0] + (mean[1] - mean[0]) * (20.0 - at[0]) / (at[1] - at[0])
-        return _curve(np.concatenate([[20.0], at]), np.concatenate([[first], mean]))
-
-    @cached_property
-    def k(self) -> TemperatureCurve:
-        """Thermal conductivity, W/(m K)."""
-        at = np.array([20.0, 801.8018018018018, HOTTEST])
-        return _curve(at, np.array([54.0 - 3.33e-2 * 20.0, 27.3, 27.3]))
-
-    @cached_property
-    def c(self) -> TemperatureCurve:
-        """Specific heat, J/(kg K)."""
+        alpha = _curve(np.concatenate([[20.0], at]), np.concatenate([[first], mean]))
+        k = _curve(np.array([20.0, 801.8018018018018, HOTTEST]),
+                   np.array([54.0 - 3.33e-2 * 20.0, 27.3, 27.3]))
         at = np.array([20, *range(50, 600, 50), *range(600, 700, 20), *range(700, 730, 5),
                        *range(730, 741), *range(742, 760, 3), *range(760, 900, 20), 900, HOTTEST],
                       dtype=np.float64)
-        return _curve(at, specific_heat(at))
+        return MaterialProperties(self.rho, E, self.nu, alpha, k, _curve(at, specific_heat(at)))

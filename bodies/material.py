@@ -16,8 +16,8 @@ from sparsemor.core import (
     InputError,
     IntArray,
     Material,
+    MaterialProperties,
     Mesh,
-    Plugin,
     TemperatureProperty,
     suggestions,
 )
@@ -47,7 +47,7 @@ Property = Annotated[
 """A number, or a function of temperature."""
 
 
-class Isotropic(Plugin):
+class Isotropic(Material):
     """Isotropic material; a scene gives the properties that its fields need.
 
     Rigid motion needs rho; the elastic field E, nu, rho; the thermal field rho, k, c. E, alpha, k
@@ -68,6 +68,9 @@ class Isotropic(Plugin):
     c: Positive | None = None
     """Specific heat, J/(kg K)."""
 
+    def properties(self) -> MaterialProperties:
+        return MaterialProperties(self.rho, self.E, self.nu, self.alpha, self.k, self.c)
+
 
 _MEANING = {
     "rho": "density, kg/m3", "E": "Young's modulus, Pa", "nu": "Poisson's ratio",
@@ -77,7 +80,7 @@ _MEANING = {
 
 @dataclass(frozen=True, slots=True)
 class Constants:
-    """Properties of a material at one temperature; `Material` without functions of temperature."""
+    """Properties of a material at one temperature."""
 
     rho: float
     E: float | None
@@ -94,14 +97,15 @@ def constants_at(material: Material, temperature: float) -> Constants:
             return float(of.at(np.array([temperature]))[0][0])
         return None if of is None else float(of)
 
-    alpha = value(material.alpha)
-    return Constants(float(material.rho), value(material.E), material.nu,
-                     0.0 if alpha is None else alpha, value(material.k), value(material.c))
+    p = material.properties()
+    return Constants(
+        float(p.rho), value(p.E), p.nu, value(p.alpha) or 0.0, value(p.k), value(p.c))
 
 
 def curves(material: Material) -> dict[str, TemperatureProperty]:
     """Properties of a material that are functions of temperature, by name."""
-    values = {"E": material.E, "alpha": material.alpha, "k": material.k, "c": material.c}
+    p = material.properties()
+    values = {"E": p.E, "alpha": p.alpha, "k": p.k, "c": p.c}
     return {n: v for n, v in values.items() if isinstance(v, TemperatureProperty)}
 
 
@@ -171,14 +175,13 @@ def summed(regions: Sequence[Region], make: Callable[[Region], Csr]) -> Csr:
     return total
 
 
-def require(material: Material, names: Sequence[str], field: str) -> tuple[float, ...]:
+def require(constants: Constants, names: Sequence[str], field: str) -> tuple[float, ...]:
     """Values of the constants `names`; InputError that names all missing ones."""
-    values = {"rho": material.rho, "E": material.E, "nu": material.nu, "alpha": material.alpha,
-              "k": material.k, "c": material.c}
-    missing = [name for name in names if values[name] is None]
+    values: dict[str, float | None] = {name: getattr(constants, name) for name in names}
+    missing = [name for name, value in values.items() if value is None]
     if missing:
         raise InputError(
             [Fault(name, f"missing: the {field} field needs it ({_MEANING[name]})")
              for name in missing]
         )
-    return tuple(float(v) for name in names if isinstance(v := values[name], int | float))
+    return tuple(float(v) for v in values.values() if v is not None)

@@ -24,12 +24,14 @@ from sparsemor.core.notes import Level as Level
 from sparsemor.core.notes import Note as Note
 from sparsemor.core.notes import information as information
 from sparsemor.core.protocols.basis import Basis as Basis
-from sparsemor.core.protocols.block_data import BlockData as BlockData
-from sparsemor.core.protocols.block_data import Dictionary as Dictionary
+from sparsemor.core.protocols.basis import BlockData as BlockData
+from sparsemor.core.protocols.basis import Dictionary as Dictionary
 from sparsemor.core.protocols.body import Body as Body
 from sparsemor.core.protocols.body import BodyPlugin as BodyPlugin
 from sparsemor.core.protocols.body import BodyShape as BodyShape
 from sparsemor.core.protocols.body import Material as Material
+from sparsemor.core.protocols.body import MaterialProperties as MaterialProperties
+from sparsemor.core.protocols.body import Part as Part
 from sparsemor.core.protocols.body import ProbePlace as ProbePlace
 from sparsemor.core.protocols.body import StressConstants as StressConstants
 from sparsemor.core.protocols.body import TemperatureProperty as TemperatureProperty
@@ -71,7 +73,6 @@ from sparsemor.core.protocols.load_tables import Table as Table
 from sparsemor.core.protocols.mesh import Mesh as Mesh
 from sparsemor.core.protocols.mesh import MeshPlugin as MeshPlugin
 from sparsemor.core.protocols.mesh import MeshSize as MeshSize
-from sparsemor.core.protocols.part import Part as Part
 from sparsemor.core.protocols.plugin import Plugin as Plugin
 from sparsemor.core.protocols.prescribed_motion import FrameHistory as FrameHistory
 from sparsemor.core.protocols.prescribed_motion import SurfaceLoads as SurfaceLoads

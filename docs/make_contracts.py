@@ -8,7 +8,7 @@ from sparsemor.core.cli.plugins import first_sentence
 from sparsemor.core.model.features import FEATURES
 from sparsemor.core.protocols import Part, ReducedTerm, StepMemory, StepSolver, Term
 from sparsemor.core.protocols.plugin import Plugin
-from sparsemor.core.registry.contracts import CONTRACTS, PARTS, members, required, shape, shapes
+from sparsemor.core.registry.contracts import CONTRACTS, PARTS, members, required, shape
 
 PASSED = {"term": Term, "reduced term": ReducedTerm, "step solver": StepSolver,
           "memory of a step solver": StepMemory}
@@ -39,7 +39,7 @@ def page() -> str:
 
 
 def _table(rows: Iterable[tuple[str, tuple[type, ...]]]) -> list[str]:
-    made = [f"| {kind} | `{p.__name__}` | {', '.join(f'`{m}`' for m in shapes(p))} | "
+    made = [f"| {kind} | `{p.__name__}` | {', '.join(f'`{m}`' for m in required(p).values())} | "
             f"{first_sentence(p.__doc__ or '')} |" for kind, protocols in rows for p in protocols]
     return ["| kind | contract | members | meaning |", "|---|---|---|---|", *made, ""]
 

@@ -6,8 +6,8 @@ sigma = lam tr(eps) I + 2 mu eps - beta dT I, with constants that depend on the 
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
-from sparsemor.bodies.material import require
-from sparsemor.core import Csr, InputError, IntArray, Material, Mesh
+from sparsemor.bodies.material import Constants, require
+from sparsemor.core import Csr, InputError, IntArray, Mesh
 
 Model: TypeAlias = Literal["plane_stress", "plane_strain", "solid"]
 
@@ -34,7 +34,7 @@ def expansion_factor(nu: float, model: Model) -> float:
     return 1.0 / (1.0 - nu) if model == "plane_stress" else 1.0 / (1.0 - 2.0 * nu)
 
 
-def law(material: Material, model: Model) -> Law:
+def law(material: Constants, model: Model) -> Law:
     """Constants of the thermoelastic law of a material; InputError when E or nu is missing."""
     E, nu, alpha = require(material, ("E", "nu", "alpha"), "elastic")
     mu = E / (2 * (1 + nu))
@@ -47,7 +47,7 @@ def law(material: Material, model: Model) -> Law:
 
 
 def elastic_stiffness(
-    mesh: Mesh, material: Material, thickness: float = 1.0, model: Model = "plane_stress",
+    mesh: Mesh, material: Constants, thickness: float = 1.0, model: Model = "plane_stress",
     cells: IntArray | None = None,
 ) -> Csr:
     """Stiffness matrix (d N, d N), N/m; unknown number is d * node + component. thickness in m, 1
@@ -64,7 +64,7 @@ def elastic_stiffness(
 
 
 def thermoelastic_coupling(
-    mesh: Mesh, material: Material, thickness: float = 1.0, model: Model = "plane_stress",
+    mesh: Mesh, material: Constants, thickness: float = 1.0, model: Model = "plane_stress",
     cells: IntArray | None = None,
 ) -> Csr:
     """Coupling matrix K_fT (d N, N), N/K: nodal thermal forces are K_fT (T - T_ref), T of the

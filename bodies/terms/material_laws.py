@@ -321,7 +321,8 @@ def stress_laws(
     """Elastic and thermal stress of a material beyond constant properties and linear strains;
     reference: T_ref, K; heated: True if temperatures of the body differ from it."""
     found, constants = curves(region.material), region.constants
-    at_reference, E, alpha = law(constants, model), region.material.E, region.material.alpha
+    at_reference, p = law(constants, model), region.material.properties()
+    E, alpha = p.E, p.alpha
     laws: list[StressLaw] = []
     if nonlinear and E is not None and constants.E is not None and constants.nu is not None:
         return [NonlinearStrains(

@@ -23,7 +23,8 @@ from sparsemor.core.cli.options import (
     warn,
 )
 from sparsemor.core.errors import InputError
-from sparsemor.core.registry.contracts import CONTRACTS, chosen, shape, shapes
+from sparsemor.core.protocols.plugin import Plugin
+from sparsemor.core.registry.contracts import CONTRACTS, chosen, required, shape
 from sparsemor.core.registry.option_types import type_in_words
 from sparsemor.core.registry.registry import PluginName, Registry, suggestions
 from sparsemor.core.scene.source import Source
@@ -107,7 +108,7 @@ def _described(registry: Registry, plugin: PluginName) -> dict[str, Any]:
         cause = error.__cause__
         return {**found, "broken": f"{type(cause).__name__}: {cause}" if cause else str(error)}
     return {**found, "doc": first_sentence(cls.__doc__ or ""), "options": _options(cls),
-            "required": shapes(CONTRACTS[plugin.kind]) if plugin.kind in CONTRACTS else [],
+            "required": list(required(CONTRACTS.get(plugin.kind, Plugin)).values()),
             "own": [{"name": shape(n, m), "doc": first_sentence(getdoc(m) or "")}
                     for n, m in chosen(plugin.kind, cls).items()]}
 

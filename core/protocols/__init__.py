@@ -7,14 +7,15 @@ its methods return hold the numbers. Plugins and solvers keep no state between c
 writes only to the memory passed to it.
 """
 
-from sparsemor.core.protocols.basis import Basis
-from sparsemor.core.protocols.block_data import BlockData, Dictionary
+from sparsemor.core.protocols.basis import Basis, BlockData, Dictionary
 from sparsemor.core.protocols.body import (
     Body,
     BodyPlugin,
     BodyShape,
     Material,
+    MaterialProperties,
     MeanTemperature,
+    Part,
     ProbePlace,
     StressConstants,
     StressRecovery,
@@ -52,11 +53,6 @@ from sparsemor.core.protocols.contributions import (
     TableRecord,
     VectorRecord,
 )
-from sparsemor.core.protocols.element_integrals import (
-    ElasticIntegrals,
-    HeatIntegrals,
-    Integrals,
-)
 from sparsemor.core.protocols.integrator import (
     Function,
     Integrator,
@@ -84,7 +80,6 @@ from sparsemor.core.protocols.linear_solver import (
 )
 from sparsemor.core.protocols.load_tables import LoadTable, Table, Tabled, TabledAlong
 from sparsemor.core.protocols.mesh import BodySize, Mesh, MeshPlugin, MeshSize
-from sparsemor.core.protocols.part import Part
 from sparsemor.core.protocols.plugin import Plugin
 from sparsemor.core.protocols.prescribed_motion import FrameHistory, Stage, SurfaceLoads
 from sparsemor.core.protocols.prescribed_quantities import Differentiable, Held, Prescribed
@@ -111,10 +106,13 @@ from sparsemor.core.protocols.sampler import (
 )
 from sparsemor.core.protocols.separable import (
     Amplitude,
+    ElasticIntegrals,
     ElasticLocal,
     ElasticOperators,
     HeatBody,
     HeatCoupling,
+    HeatIntegrals,
+    Integrals,
     LoadColumn,
     MovingBody,
     Separated,
@@ -145,6 +143,7 @@ from sparsemor.core.protocols.term import (
     LocalCopy,
     PointArrays,
     ReducedTerm,
+    ResidualTerm,
     Term,
     Trial,
 )
@@ -152,27 +151,22 @@ from sparsemor.core.protocols.term import (
 __all__ = [
     "Amplitude", "AroundSteps", "AssembledModel", "Basis", "Block", "BlockBases", "BlockBudget",
     "BlockData", "BlockLinearSolvers", "Body", "BodyFrame", "BodyPlugin", "BodyRecord", "BodyShape",
-    "BodySize", "Choice", "Columns", "Connector", "ConnectorPlugin",
-    "ConstraintRecord", "Contact", "ContactPlugin", "Dictionary",
-    "Differentiable", "DofLocations", "Effect", "ElasticIntegrals", "ElasticLocal",
-    "ElasticOperators", "Equations", "ErrorAction", "ErrorEstimator", "ErrorLimit", "Factorized",
-    "FieldKind", "ForceLaw", "Frame", "FrameArrays", "FrameHistory", "FrameItem", "FrameRecord",
-    "FrameWork", "FrictionLaw", "Function", "Group", 
-    "HeatBody", "HeatCoupling", "HeatIntegrals", "Held", "Integrals",
-    "Integrator", "Joint", "JointPlugin", "LawArrays", "Layout", 
-    "LinearOutcome", "LinearSolver", "Load", "LoadColumn", "LoadPlugin", "LoadTable", "LocalCopy",
-    "LocalRecord", "ManySteps", "Material", "MatrixRecord", "MeanTemperature", "Mesh", "MeshPlugin",
-    "MeshSize", "MovingBody", "NextStep", "NormalLaw", "OfflineProducts", "Origin",
-    "Part", "Plugin", "PointArrays", "Preconditioner", "Prescribed", "ProbePlace",
-    "PROBLEM_FEATURES", "Quantity", "RecordedForce", "Recording", "Records", "Recovery",
-    "ReducedProblem", "ReducedTerm", "Reducer", 
-    "ResultantSource", "RowsKept",
-    "Sampler", "Selection", "Separated", "Solve", "SparseOutcome",
-    "SparseProblem", "SparseSolver", "SparseStart", "Stage", "State", "StepAmplitude", "StepBlock",
-    "StepFactors", "StepFormula", "StepFunction", "StepMemory", "StepOutcome", "Stepping",
-    "StepSolver", "StressConstants", "StressRecovery", "StressStiffness", "Substep", "SurfaceLoads",
-    "Table",
-    "Tabled", "TabledAlong", "TableRecord", "TemperatureProperty", "Term", 
-    "TimeFunction", "Trial", "TrialRun", "UpdateRule", "UpdateRules", "VectorRecord",
-    
+    "BodySize", "Choice", "Columns", "Connector", "ConnectorPlugin", "ConstraintRecord", "Contact",
+    "ContactPlugin", "Dictionary", "Differentiable", "DofLocations", "Effect", "ElasticIntegrals",
+    "ElasticLocal", "ElasticOperators", "Equations", "ErrorAction", "ErrorEstimator", "ErrorLimit",
+    "Factorized", "FieldKind", "ForceLaw", "Frame", "FrameArrays", "FrameHistory", "FrameItem",
+    "FrameRecord", "FrameWork", "FrictionLaw", "Function", "Group", "HeatBody", "HeatCoupling",
+    "HeatIntegrals", "Held", "Integrals", "Integrator", "Joint", "JointPlugin", "LawArrays",
+    "Layout", "LinearOutcome", "LinearSolver", "Load", "LoadColumn", "LoadPlugin", "LoadTable",
+    "LocalCopy", "LocalRecord", "ManySteps", "Material", "MaterialProperties", "MatrixRecord",
+    "MeanTemperature", "Mesh", "MeshPlugin", "MeshSize", "MovingBody", "NextStep", "NormalLaw",
+    "OfflineProducts", "Origin", "Part", "Plugin", "PointArrays", "Preconditioner", "Prescribed",
+    "ProbePlace", "PROBLEM_FEATURES", "Quantity", "RecordedForce", "Recording", "Records",
+    "Recovery", "ReducedProblem", "ReducedTerm", "Reducer", "ResidualTerm", "ResultantSource",
+    "RowsKept", "Sampler", "Selection", "Separated", "Solve", "SparseOutcome", "SparseProblem",
+    "SparseSolver", "SparseStart", "Stage", "State", "StepAmplitude", "StepBlock", "StepFactors",
+    "StepFormula", "StepFunction", "StepMemory", "StepOutcome", "Stepping", "StepSolver",
+    "StressConstants", "StressRecovery", "StressStiffness", "Substep", "SurfaceLoads", "Table",
+    "Tabled", "TabledAlong", "TableRecord", "TemperatureProperty", "Term", "TimeFunction", "Trial",
+    "TrialRun", "UpdateRule", "UpdateRules", "VectorRecord",
 ]

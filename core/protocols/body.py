@@ -12,15 +12,40 @@ import numpy as np
 
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.errors import InputError
+from sparsemor.core.notes import Note
 from sparsemor.core.protocols.contributions import Equations
 from sparsemor.core.protocols.integrator import TimeFunction
-from sparsemor.core.protocols.layout import FieldKind, Quantity
+from sparsemor.core.protocols.layout import Block, FieldKind, Quantity
 from sparsemor.core.protocols.mesh import BodySize, Mesh
-from sparsemor.core.protocols.part import Part
 from sparsemor.core.protocols.plugin import Plugin
 from sparsemor.core.protocols.poses import FREE_POSE, PLANAR_POSE, vectors_in_space
 from sparsemor.core.protocols.prescribed_motion import FrameHistory, SurfaceLoads
 from sparsemor.core.protocols.separable import Amplitude
+
+
+class Part(ABC):
+    """A built body, joint, contact or load: the numerical object made from one entry of the input.
+
+    name: key of the entry. blocks: its own unknowns, one block per field. contribute: adds its
+    terms to the equations.
+    """
+
+    __slots__ = ()
+    name: str
+
+    def blocks(self) -> Sequence[Block]:
+        """Its own unknowns, one block per field; by default none."""
+        return ()
+
+    @abstractmethod
+    def contribute(self, equations: Equations) -> None:
+        """Adds matrices, loads, forces and constraints to the equations of named blocks of unknowns
+        (see `core.protocols.contributions`)."""
+
+    @property
+    def notes(self) -> tuple[Note, ...]:
+        """Warnings on valid but suspicious options."""
+        return ()
 
 
 class TemperatureProperty(ABC):
@@ -53,9 +78,9 @@ class TemperatureProperty(ABC):
         return None
 
 
-class Material(Protocol):
-    """Isotropic linear thermoelastic material; properties are constants or functions of
-    temperature.
+@dataclass(frozen=True, eq=False)
+class MaterialProperties:
+    """Properties of a material, constants or functions of temperature.
 
     rho: density, kg/m3; E: Young's modulus, Pa, and nu: Poisson's ratio, for elastic fields; alpha:
     mean coefficient of linear thermal expansion from the reference temperature on, 1/K; k:
@@ -63,18 +88,20 @@ class Material(Protocol):
     property; a body whose fields need it is refused.
     """
 
-    @property
-    def rho(self) -> float: ...
-    @property
-    def E(self) -> float | TemperatureProperty | None: ...
-    @property
-    def nu(self) -> float | None: ...
-    @property
-    def alpha(self) -> float | TemperatureProperty: ...
-    @property
-    def k(self) -> float | TemperatureProperty | None: ...
-    @property
-    def c(self) -> float | TemperatureProperty | None: ...
+    rho: float
+    E: float | TemperatureProperty | None = None
+    nu: float | None = None
+    alpha: float | TemperatureProperty = 0.0
+    k: float | TemperatureProperty | None = None
+    c: float | TemperatureProperty | None = None
+
+
+class Material(Plugin):
+    """Isotropic linear thermoelastic material."""
+
+    @abstractmethod
+    def properties(self) -> MaterialProperties:
+        """Its properties, constants or functions of temperature."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -4,8 +4,7 @@ from abc import abstractmethod
 from collections.abc import Callable, Mapping
 from typing import Literal
 
-from sparsemor.core.protocols.body import Body
-from sparsemor.core.protocols.part import Part
+from sparsemor.core.protocols.body import Body, Part
 from sparsemor.core.protocols.plugin import Plugin
 
 Effect = Literal["motion", "temperature"]

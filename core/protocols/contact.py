@@ -4,9 +4,9 @@ from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 
 from sparsemor.core.arrays import FloatArray
+from sparsemor.core.protocols.body import Part
 from sparsemor.core.protocols.connector import Connector, ConnectorPlugin
 from sparsemor.core.protocols.contributions import Equations
-from sparsemor.core.protocols.part import Part
 from sparsemor.core.protocols.plugin import Plugin
 from sparsemor.core.protocols.prescribed_motion import FrameHistory, SurfaceLoads
 

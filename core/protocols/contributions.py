@@ -18,11 +18,15 @@ from scipy.sparse import csr_array
 from sparsemor.core.arrays import Csr, FloatArray, IntArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.protocols.body_frame import BodyFrame, FrameItem
-from sparsemor.core.protocols.element_integrals import ElasticIntegrals, HeatIntegrals
 from sparsemor.core.protocols.layout import Layout, Quantity
 from sparsemor.core.protocols.load_tables import LoadTable
 from sparsemor.core.protocols.prescribed_motion import FrameHistory
-from sparsemor.core.protocols.separable import Amplitude, StressStiffness
+from sparsemor.core.protocols.separable import (
+    Amplitude,
+    ElasticIntegrals,
+    HeatIntegrals,
+    StressStiffness,
+)
 from sparsemor.core.protocols.step_amplitude import Stepping
 from sparsemor.core.protocols.term import Term
 

@@ -13,7 +13,7 @@ from sparsemor.core.arrays import FloatArray
 from sparsemor.core.notes import Note
 from sparsemor.core.protocols.layout import Layout
 from sparsemor.core.protocols.plugin import Plugin
-from sparsemor.core.protocols.turning import steered, tangent
+from sparsemor.core.protocols.poses import steered, tangent
 from sparsemor.core.status import Status
 
 

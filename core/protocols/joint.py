@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from sparsemor.core.arrays import FloatArray
+from sparsemor.core.protocols.body import Part
 from sparsemor.core.protocols.connector import Connector, ConnectorPlugin
 from sparsemor.core.protocols.load_tables import Table
-from sparsemor.core.protocols.part import Part
 from sparsemor.core.protocols.prescribed_motion import FrameHistory
 
 

@@ -2,6 +2,8 @@
 theta), spinning about one axis (R, angle about z), or spatial (R, unit quaternion), distinguished
 by their number 3, 4 or 7."""
 
+from math import sqrt
+
 import numpy as np
 
 from sparsemor.core.arrays import FloatArray
@@ -52,3 +54,41 @@ def turned_by(pose: FloatArray) -> FloatArray:
     scalar = p0 * p + e @ np.array(e0)
     vector = p0 * e - p[:, None] * np.array(e0) - np.cross(e, e0)
     return np.asarray(2.0 * np.arctan2(np.linalg.norm(vector, axis=1), np.abs(scalar)))
+
+
+FAR = 0.5
+"""Distance of a guessed quaternion from the direction of its free motion beyond which the latter is
+the guess."""
+
+
+def tangent(p: FloatArray, v: FloatArray, a: FloatArray) -> None:
+    """Makes the rates v and second derivatives a (4,) of a unit quaternion p (4,) consistent with
+    |p| = 1, in place: p . p' = 0 and p . p'' = -p' . p'.
+
+    The equations of a step have two solutions p near +f and -f, f the free motion, and errors of
+    the multiplier that keeps |p| = 1 feed back into the components of rates and accelerations along
+    p: under generalized_alpha they grew until a step ended at -p, and the body stopped turning.
+    Angular velocities and accelerations do not contain these components, and |p| = 1 alone gives
+    them: after each step they are set to these values. Numba can compile it.
+    """
+    along = p[0] * v[0] + p[1] * v[1] + p[2] * v[2] + p[3] * v[3]
+    for i in range(4):
+        v[i] -= along * p[i]
+    along = (p[0] * a[0] + p[1] * a[1] + p[2] * a[2] + p[3] * a[3]
+             + v[0] ** 2 + v[1] ** 2 + v[2] ** 2 + v[3] ** 2)
+    for i in range(4):
+        a[i] -= along * p[i]
+
+
+def steered(d: FloatArray, free: FloatArray) -> None:
+    """Replaces the guessed departure d (4,) of a quaternion from its free motion (4,) by that to
+    the unit quaternion in this direction if it is far from it: from a guess near the opposite one
+    the iteration would end there, and the body turn backwards."""
+    size = sqrt(free[0] ** 2 + free[1] ** 2 + free[2] ** 2 + free[3] ** 2)
+    scale = 1.0 / size - 1.0 if size > 0.0 else 0.0
+    square = 0.0
+    for i in range(4):
+        square += (d[i] - scale * free[i]) ** 2
+    if not square <= FAR * FAR:
+        for i in range(4):
+            d[i] = scale * free[i]

@@ -11,12 +11,11 @@ import numpy as np
 from sparsemor.core.arrays import Arrays, Csr, FloatArray, IntArray
 from sparsemor.core.errors import Fault
 from sparsemor.core.notes import Note
-from sparsemor.core.protocols.basis import Basis
-from sparsemor.core.protocols.block_data import BlockData, Dictionary
+from sparsemor.core.protocols.basis import Basis, BlockData, Dictionary
+from sparsemor.core.protocols.body import Part
 from sparsemor.core.protocols.integrator import Integrator, State
 from sparsemor.core.protocols.layout import Layout
 from sparsemor.core.protocols.linear_solver import DofLocations, Factorized, LinearSolver
-from sparsemor.core.protocols.part import Part
 from sparsemor.core.protocols.plugin import Plugin
 from sparsemor.core.protocols.separable import Separated
 from sparsemor.core.protocols.step_solver import StepSolver

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 
 from sparsemor.core.arrays import FloatArray, IntArray
-from sparsemor.core.protocols.block_data import BlockData, Dictionary
+from sparsemor.core.protocols.basis import BlockData, Dictionary
 from sparsemor.core.protocols.plugin import Plugin
 
 RowsKept = Literal["none", "required", "ring"]

@@ -10,7 +10,7 @@ from typing_extensions import TypeVar
 
 from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
 from sparsemor.core.notes import Note, information
-from sparsemor.core.protocols.block_data import Dictionary
+from sparsemor.core.protocols.basis import Dictionary
 from sparsemor.core.protocols.integrator import State, StepFormula, StepOutcome, UpdateRules
 from sparsemor.core.protocols.layout import Layout
 from sparsemor.core.protocols.term import ReducedTerm, Term

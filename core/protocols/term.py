@@ -10,7 +10,53 @@ import numpy as np
 from sparsemor.core.arrays import Csr, FloatArray, IntArray
 
 
-class Term(ABC):
+class ResidualTerm(ABC):
+    """An additive contribution to the residual of a full or reduced model.
+
+    x, v, a: the unknowns that it reads, their rates and second derivatives; t in s. source: name of
+    the joint, contact, load or body that contributes it.
+    """
+
+    __slots__ = ()
+
+    @property
+    def source(self) -> str:
+        return ""
+
+    @property
+    def elements(self) -> int:
+        """Number of mesh elements that one evaluation visits (0 for constant matrices)."""
+        return 0
+
+    @abstractmethod
+    def residual(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray: ...
+
+    @property
+    def rejects(self) -> bool:
+        """True if `check_step` may reject a step although its iteration converged."""
+        return False
+
+    def check_step(self, x: FloatArray, v: FloatArray, t: float, h: float) -> str:
+        """Reason to reject a time step of about h, s, that ends at t, s; "" to accept it. x, v
+        (n,): unknowns and rates at the term's columns."""
+        return ""
+
+    @property
+    def histories(self) -> tuple[str, ...]:
+        """Names of its force resultants or similar totals (power, contact area)."""
+        return ()
+
+    @property
+    def hides_resultants(self) -> bool:
+        """True if it omits elements on which its resultants depend, which are then unknown."""
+        return False
+
+    def resultants(self, x: FloatArray, v: FloatArray, t: float) -> Mapping[str, float]:
+        """Resultants by name at t, s; x, v (n,): unknowns and rates at the term's columns."""
+        return {}
+
+
+class Term(ResidualTerm):
     """One additive contribution to the residual of the model, with the rows that it adds to and the
     columns (stencil) that it reads.
 
@@ -26,18 +72,6 @@ class Term(ABC):
     __slots__ = ()
     rows: IntArray
     columns: IntArray
-
-    @property
-    def source(self) -> str:
-        return ""
-
-    @property
-    def elements(self) -> int:
-        """Number of mesh elements that one evaluation visits (0 for constant matrices)."""
-        return 0
-
-    @abstractmethod
-    def residual(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray: ...
 
     @abstractmethod
     def jacobian(
@@ -70,30 +104,6 @@ class Term(ABC):
         """Partial derivative by time of order 1 or 2, from the right at t, s, as a term whose
         constraint rows are valid at t; None if it is zero. h: time step, s."""
         return None
-
-    @property
-    def rejects(self) -> bool:
-        """True if `check_step` may reject a step although its iteration converged."""
-        return False
-
-    def check_step(self, x: FloatArray, v: FloatArray, t: float, h: float) -> str:
-        """Reason to reject a time step of about h, s, that ends at t, s; "" to accept it. x, v
-        (n,): unknowns and rates at the term's columns."""
-        return ""
-
-    @property
-    def histories(self) -> tuple[str, ...]:
-        """Names of its force resultants or similar totals (power, contact area)."""
-        return ()
-
-    @property
-    def hides_resultants(self) -> bool:
-        """True if it omits elements on which its resultants depend, which are then unknown."""
-        return False
-
-    def resultants(self, x: FloatArray, v: FloatArray, t: float) -> Mapping[str, float]:
-        """Resultants by name at t, s; x, v (n,): unknowns and rates at the term's columns."""
-        return {}
 
     @property
     def point_values(self) -> int:
@@ -131,26 +141,13 @@ class Trial:
     offset: FloatArray
 
 
-class ReducedTerm(ABC):
+class ReducedTerm(ResidualTerm):
     """Projected residual term: l equations in k reduced unknowns, Jacobian (l, k).
 
-    c1, c2 (k,): dv = c1 dx, da = c2 dx. source, rejects, check_step, histories, hides_resultants,
-    resultants: those of the term that it projects.
+    c1, c2 (k,): dv = c1 dx, da = c2 dx. What it inherits is that of the term that it projects.
     """
 
     __slots__ = ()
-
-    @property
-    def source(self) -> str:
-        return ""
-
-    @property
-    def elements(self) -> int:
-        """Number of mesh elements per evaluation."""
-        return 0
-
-    @abstractmethod
-    def residual(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray: ...
 
     @abstractmethod
     def jacobian(
@@ -175,24 +172,6 @@ class ReducedTerm(ABC):
 
     def near(self, x: FloatArray) -> "LocalCopy":
         raise NotImplementedError
-
-    @property
-    def rejects(self) -> bool:
-        return False
-
-    def check_step(self, x: FloatArray, v: FloatArray, t: float, h: float) -> str:
-        return ""
-
-    @property
-    def histories(self) -> tuple[str, ...]:
-        return ()
-
-    @property
-    def hides_resultants(self) -> bool:
-        return False
-
-    def resultants(self, x: FloatArray, v: FloatArray, t: float) -> Mapping[str, float]:
-        return {}
 
 
 LawFunction: TypeAlias = Callable[

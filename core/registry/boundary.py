@@ -29,7 +29,7 @@ from sparsemor.core.errors import InputError, PluginError
 from sparsemor.core.protocols.plugin import OWN, PREFIX, Plugin
 from sparsemor.core.registry.contracts import CONTRACTS, members
 from sparsemor.core.registry.value_checks import CHECKS, EVERY_STEP, NAN_ALLOWED
-from sparsemor.core.registry.value_types import NOT_FINITE, is_data, required, unfit
+from sparsemor.core.registry.value_types import NOT_FINITE, is_data, required_type, unfit
 from sparsemor.core.status import SolveFailed
 
 _MARK = "_sparsemor_checked"
@@ -236,7 +236,7 @@ def _raised(error: BaseException, plugin: object, function: FunctionType) -> Plu
 
 
 def _returned(wrong: str, hint: Any, plugin: object, function: FunctionType) -> PluginError:
-    return _of(plugin, function, f"returned {wrong}, where {required(hint)} is required",
+    return _of(plugin, function, f"returned {wrong}, where {required_type(hint)} is required",
                _definition(function))
 
 

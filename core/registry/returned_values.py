@@ -7,7 +7,6 @@ the method and the returned value.
 from typing import TypeVar
 
 import numpy as np
-from typing_extensions import is_protocol
 
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.errors import InputError
@@ -22,7 +21,7 @@ from sparsemor.core.protocols import (
     SparseSolver,
 )
 from sparsemor.core.registry.boundary import guard
-from sparsemor.core.registry.contracts import absent_members, origin, part_breaches
+from sparsemor.core.registry.contracts import origin, part_breaches, required
 
 T = TypeVar("T")
 
@@ -40,14 +39,14 @@ def checked_return(
 def complete(value: object, protocol: type, plugin: object, call: str, key: str = "") -> None:
     """Raises InputError if the object that a plugin method returned does not satisfy `protocol`, or
     has a member in another form or under a misspelt name."""
-    if not is_protocol(protocol) and not isinstance(value, protocol):
+    if not isinstance(value, protocol):
         raise _wrong(plugin, call, f"{type(value).__name__}, which does not derive from it",
                      f"a {protocol.__name__}", key)
-    lacks = absent_members(protocol, value)
+    lacks = [text for name, text in required(protocol).items() if not hasattr(value, name)]
     if lacks:
         raise _wrong(plugin, call, f"{type(value).__name__}, which lacks {', '.join(lacks)}",
                      f"a {protocol.__name__}", key)
-    wrong = part_breaches(protocol, type(value))
+    wrong = part_breaches(protocol, type(value), {})
     if wrong:
         raise _wrong(plugin, call, f"{type(value).__name__}, of which {'; '.join(wrong)}",
                      f"a {protocol.__name__}", key)

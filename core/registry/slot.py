@@ -14,12 +14,12 @@ from pydantic import (
     WithJsonSchema,
 )
 from pydantic_core import CoreSchema, core_schema
-from typing_extensions import is_protocol
+from typing_extensions import get_protocol_members, is_protocol
 
 from sparsemor.core.errors import InputError
 from sparsemor.core.notes import Note
 from sparsemor.core.registry.boundary import admit
-from sparsemor.core.registry.contracts import absent_members, origin, refusal
+from sparsemor.core.registry.contracts import origin, refusal
 from sparsemor.core.registry.registry import Registry
 from sparsemor.core.registry.validation_errors import shown, with_advice
 
@@ -65,14 +65,13 @@ class Slot:
             if not isinstance(name, str):
                 raise InputError(f"name the {self.kind} with `use: name`", "use")
             return self._build(name, options, context)
-        checked = isinstance(source, type) and is_protocol(source)
-        missing = absent_members(source, value) if checked else []
+        missing = [n for n in sorted(get_protocol_members(source)) if not hasattr(value, n)] if (
+            is_protocol(source)) else []
         if value is None or missing or isinstance(value, int | float | list | tuple | set | bytes):
             lacks = f" that has {', '.join(missing)}" if missing else ""
             raise InputError(
                 f"give the name of a {self.kind} plugin, or {{use: name, option: value}}, or an "
-                f"instance{lacks} (got {shown(value)})"
-            )
+                f"instance{lacks} (got {shown(value)})")
         broken = refusal(self.kind, type(value))
         if broken:
             raise InputError(f"the {self.kind} {origin(value)} {broken}")

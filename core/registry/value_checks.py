@@ -155,7 +155,7 @@ CHECKS: Mapping[tuple[str, str], Check] = {
     ("Factorized", "solve"): _solution, ("Factorized", "outcome"): _solution,
     ("StepSolver", "start"): _start, ("Body", "initial"): _initial,
     ("Observer", "observer"): _observer, ("Check", "before_steps"): _fields,
-    ("Check", "after_run"): _fields,
+    ("Check", "after_run"): _fields, ("Material", "properties"): _fields,
 }
 """Protocol and member -> check of what it returns."""
 EVERY_STEP: Mapping[tuple[str, str], Callable[[Any, Any], str]] = {

@@ -9,9 +9,7 @@ from numbers import Integral, Real
 from typing import Any, Literal, Self, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
-from typing_extensions import is_protocol
-
-from sparsemor.core.registry.contracts import absent_members
+from typing_extensions import get_protocol_members, is_protocol
 
 NOT_FINITE = "values that are not finite"
 _KINDS = {np.float64: "f", np.int64: "iu", np.bool_: "b"}
@@ -67,7 +65,7 @@ def fits(value: object, hint: Any, exact: bool = True) -> bool:
     if hint is None or hint is types.NoneType:
         return value is None
     if is_protocol(hint):
-        return not absent_members(hint, value)
+        return all(hasattr(type(value), n) or hasattr(value, n) for n in get_protocol_members(hint))
     return isinstance(value, of or hint)
 
 
@@ -123,7 +121,7 @@ def _with_article(name: str) -> str:
     return f"{'an' if name[0] in 'AEIO' else 'a'} {name}"
 
 
-def required(hint: Any) -> str:
+def required_type(hint: Any) -> str:
     """A type in words."""
     of, inner = get_origin(hint), get_args(hint)
     if of is np.ndarray:
@@ -133,16 +131,16 @@ def required(hint: Any) -> str:
     if hint is float or hint is int:
         return "a finite number" if hint is float else "an integer"
     if of in (Union, types.UnionType):
-        return " or ".join(map(required, inner))
+        return " or ".join(map(required_type, inner))
     if of is Literal:
         return " or ".join(map(repr, inner))
     if of is tuple and inner[-1:] != (...,):
-        return f"({', '.join(map(required, inner))})"
+        return f"({', '.join(map(required_type, inner))})"
     if inner and of is not None and issubclass(of, Collection):
-        return f"a {of.__name__.lower()} of {' and '.join(map(required, inner[:2]))}".replace(
+        return f"a {of.__name__.lower()} of {' and '.join(map(required_type, inner[:2]))}".replace(
             " and ...", "")
-    if hint is None or hint is types.NoneType:
-        return "None"
+    if hint is None or hint is types.NoneType or hint is bool:
+        return "True or False" if hint is bool else "None"
     return _with_article(getattr(of or hint, "__name__", str(hint)))
 
 

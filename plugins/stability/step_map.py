@@ -13,7 +13,7 @@ Perturbation sizes belong to the kinds of fields (docs/stability.md): the eigenv
 unknowns is nearly defective, so their columns need an error below 1e-10: four points. All other
 unknowns enter almost linearly, and one-sided differences suffice; smaller perturbations would show
 the solver's stopping error (1e-13). Formula and advance are not affine in unit quaternions
-(core/protocols/turning.py), whose columns are central differences of them, too.
+(core/protocols/poses.py), whose columns are central differences of them, too.
 """
 
 from collections.abc import Callable, Mapping

@@ -32,7 +32,8 @@ CASES = {
     "no method": ("sampler", "", "lacks sample(block, m, dictionary, rng, required)"),
     "misspelled": (
         "sampler", "def smaple(self, block, m, dictionary, rng, required): ...",
-        "lacks sample(block, m, dictionary, rng, required) (smaple is near to it)"),
+        "lacks sample(block, m, dictionary, rng, required); smaple is not looked for: did you mean "
+        "sample?"),
     "too few arguments": (
         "sampler", "def sample(self, block, m): ...",
         "sample(block, m) cannot be called as sample(block, m, dictionary, rng, required)"),

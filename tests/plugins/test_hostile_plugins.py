@@ -28,8 +28,8 @@ from dataclasses import fields
 from typing import Any
 import numpy as np
 from sparsemor.core import (
-    BASE, Dictionary, LinearOutcome, Load, Mesh, Selection, State, Status, StepOutcome, UpdateRule,
-    UpdateRules)
+    BASE, Dictionary, LinearOutcome, Load, MaterialProperties, Mesh, Selection, State, Status,
+    StepOutcome, UpdateRule, UpdateRules)
 from sparsemor.core import Term as ATerm
 
 class Own(BASE):
@@ -87,9 +87,9 @@ KINDS: dict[str, Kind] = {
     "linear_solver": Kind({"linear_solver": "odd", "reducer": "full"},
                           "factorize(self, A, places=None)", of_object("self")),
     "load": Kind({"loads": {"wind": "odd"}}, "build(self, name, parts)", of_object("self")),
-    "material": Kind({"bodies.bar.material": "odd"}, "rho(self)", of_array("()"),
-                     "k: float = 1.0; E: float = 1.0; nu: float = 0.3; alpha: float = 0.0\n"
-                     "    c: float = 1.0\n    @property"),
+    "material": Kind({"bodies.bar.material": "odd"}, "properties(self)", {
+        f: f"MaterialProperties({v}, 1.0, 0.3, 0.0, 1.0, 1.0)"
+        for f, v in of_array("()").items()}),
     "mesh": Kind({"bodies.bar.mesh": "odd"}, "build(self, base)", {
         f: f"Mesh({v}, np.array([[0, 1, 2]]))" for f, v in of_array("(3, 2)").items()}
         | {"corners": "Mesh(np.eye(3)[:, :2], np.array([[0, 1, 7]]))"}),

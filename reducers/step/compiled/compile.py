@@ -20,7 +20,7 @@ from pathlib import Path
 from types import FunctionType
 from typing import Any, NamedTuple, TypeAlias
 
-from sparsemor.core.protocols.turning import steered, tangent
+from sparsemor.core.protocols.poses import steered, tangent
 from sparsemor.core.simulation.kept.machine_code import MachineCode
 from sparsemor.reducers.step import acceptance
 from sparsemor.reducers.step.compiled import dense, kernel, local, mechanics, prescribed

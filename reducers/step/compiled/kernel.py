@@ -12,7 +12,7 @@ import numpy as np
 
 from sparsemor.core import FloatArray, IntArray
 from sparsemor.core.protocols.integrator import same_time
-from sparsemor.core.protocols.turning import steered, tangent
+from sparsemor.core.protocols.poses import steered, tangent
 from sparsemor.reducers.step.acceptance import estimated_error
 from sparsemor.reducers.step.blocks.thermal_block import RENEWED, SLOW, TINY
 from sparsemor.reducers.step.compiled.arrays import (

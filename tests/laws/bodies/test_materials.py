@@ -10,7 +10,7 @@ from sparsemor import simulate
 from sparsemor.bodies import Isotropic
 from sparsemor.bodies.carbon_steel import CarbonSteel
 from sparsemor.bodies.temperature_curve import TemperatureCurve
-from sparsemor.core import InputError, Plugin
+from sparsemor.core import InputError, Material, MaterialProperties
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.testing import check_material
 from sparsemor.core.testing.in_memory_run import scene_of
@@ -18,7 +18,7 @@ from sparsemor.core.testing.in_memory_run import scene_of
 STEEL = {"rho": 7850.0, "E": 2e11, "nu": 0.3, "alpha": 1.2e-5, "k": 44.5, "c": 475.0}
 
 
-class Dry(Plugin):
+class Dry(Material):
     """A material without thermal constants, and others of a test."""
 
     rho: float = 1000.0
@@ -27,6 +27,9 @@ class Dry(Plugin):
     alpha: float = 0.0
     k: float | None = None
     c: float | None = None
+
+    def properties(self) -> MaterialProperties:
+        return MaterialProperties(self.rho, self.E, self.nu, self.alpha, self.k, self.c)
 
 
 def scene(material: Any) -> Any:
@@ -164,13 +167,14 @@ def test_a_run_outside_the_range_of_a_property_has_a_warning(tmp_path: Path) -> 
 def test_carbon_steel_has_the_values_of_the_standard() -> None:
     """EN 1993-1-2:2005: 3.2.2 and 3.4.1, at temperatures in degrees Celsius."""
     steel = CarbonSteel()
+    own = steel.properties()
     check_material(steel)
     for celsius, E, elongation, k, c in (
             (20.0, 2.1e11, 0.0, 53.334, 439.8), (400.0, 1.47e11, 5.1984e-3, 40.68, 605.88),
             (600.0, 6.51e10, 8.3984e-3, 34.02, 760.2), (735.0, 2.436e10, 1.07392e-2, 29.5245, 5e3),
             (860.0, 1.6065e10, 1.1e-2, 27.3, 683.1)):
         T = np.array([celsius + 273.15])
-        found = [float(p.at(T)[0][0]) for p in (steel.E, steel.alpha, steel.k, steel.c)]
+        found = [float(p.at(T)[0][0]) for p in (own.E, own.alpha, own.k, own.c)]
         found[1] *= celsius - 20.0
         np.testing.assert_allclose(found, [E, elongation, k, c], rtol=2e-3, atol=1e-12)
     assert scene({"use": "carbon_steel"}).bodies["bar"].material == steel

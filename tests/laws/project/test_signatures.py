@@ -23,7 +23,7 @@ STATED = ("results.", "simulation.recorder.", "simulation.step_control.Controlle
 ALLOWED = {
     "registry.boundary.read_only": "an argument of any method of a plugin, of its own type again",
     "registry.value_types.fits": "any annotation",
-    "registry.value_types.required": "any annotation",
+    "registry.value_types.required_type": "any annotation",
     "registry.value_types.unfit": "any annotation",
     "registry.value_types.unfit_field": "a dataclass of any type",
     "registry.value_types.unfit_arrays": "a dataclass of any type",
