@@ -13,7 +13,6 @@ MODULES = {f"sparsemor.core.{name}" for name in (
     "protocols", "protocols.integrator", "protocols.layout", "protocols.load_tables",
     "protocols.poses", "protocols.prescribed_quantities", "protocols.separable",
     "protocols.sparse_solver", "protocols.step_amplitude", "protocols.step_solver",
-    "protocols.turning",
     "registry.returned_values", "results.error_norms", "scene.expressions", "scene.nested",
     "simulation.kept.machine_code", "simulation.memory.estimate", "simulation.memory.limits")}
 """Modules of core for some plugins, which docs/how-to-write-a-plugin.md lists."""
