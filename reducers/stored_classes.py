@@ -9,22 +9,19 @@ from sparsemor.reducers.step import (
     reduced_mechanics,
     relocalised,
     time_tables,
-    whole_step,
 )
 from sparsemor.reducers.step.acceptance import Tolerances
-from sparsemor.reducers.step.blocks import compressed_prescribed, elastic_local, thermal_groups
+from sparsemor.reducers.step.blocks import thermal_groups
 from sparsemor.reducers.step.blocks.thermal_block import CompressedHeat
 from sparsemor.reducers.step.condensed_newton import Mechanics
-from sparsemor.reducers.step.prescribed_frames import PrescribedFrames
 from sparsemor.reducers.step.solver import Stepper
 
 CLASSES: Sequence[object] = (
-    CompressedHeat, Mechanics, PrescribedFrames, Stepper,
-    Tolerances, compressed_prescribed.CompressedPrescribed, compressed_prescribed.Decided,
-    elastic_local.ReducedLocal, frame_step.BodyStep, frame_step.PrescribedFactors,
+    CompressedHeat, Mechanics, Stepper, Tolerances, frame_step.BodyStep,
+    frame_step.PrescribedFactors,
     operators.TestedElastic, operators.TestedHeat, operators.TestedLocal, operators.TestMap,
     reduced.Reduced, reduced.ReducedBody, reduced.ReducedHeat,
-    reduced_mechanics.ReducedMechanics, whole_step.Assembled, whole_step.TextbookNewton,
+    reduced_mechanics.ReducedMechanics,
     relocalised.Coupled, thermal_groups.GroupLocal, time_tables.LoadsInTime,
     time_tables.TabulatedLoads, time_tables.TimeTable,
 )

@@ -8,6 +8,7 @@ the reference for the block-wise solution.
 
 from copy import copy
 from dataclasses import dataclass
+from math import inf
 
 import numpy as np
 from scipy.sparse import csc_array
@@ -92,6 +93,9 @@ class Summed:
         c1, c2 = rate_factors(self.layout, *at.c[:3])
         c2[self.layout.first] = at.c[3]
         return self.slope(at.x, at.v, at.a, at.t, c1, c2)
+
+    def contraction(self, point: Linearisation) -> float:
+        return inf
 
     def factorize(self, J: Csr) -> Factor:
         # pivots off the diagonal where it is small

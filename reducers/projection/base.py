@@ -35,7 +35,6 @@ from sparsemor.reducers.linalg.left_inverse import left_inverse
 from sparsemor.reducers.notes import shadowed_basis
 from sparsemor.reducers.projection.maps import Approximation, LinearOperators, Maps, Reducible
 from sparsemor.reducers.step.acceptance import Tolerances
-from sparsemor.reducers.step.blocks.compressed_prescribed import CompressedPrescribed
 from sparsemor.reducers.step.blocks.thermal_block import CompressedHeat
 from sparsemor.reducers.step.blocks.thermal_groups import heat_groups
 from sparsemor.reducers.step.compiled.stepper import compilable
@@ -216,20 +215,17 @@ def fast(
 
     rates: c1, c2, and c1 of first-order unknowns; points: number of past states to extrapolate.
     """
-    (c1, c2, c1_first), heat, model = rates, {}, projected.model
+    c1_first, heat, model = rates[2], {}, projected.model
     for b in model.separated.heat:
         n, p = b.thermal, projected.heat[b.thermal]
         local = local_terms(model, b, projected.dictionaries[n], projected.wide(n)) if (
             b.local) else []
         heat[n] = CompressedHeat.of(p.tested, p.left, None, c1_first, local)
-    prescribed = not model.separated.border_size
-    elastic = {n: CompressedPrescribed.of(p.tested, p.left, None, c1, c2)
-               for n, p in projected.elastic.items()} if prescribed else {}
     wide = {c.rows: projected.wide(c.rows) for c in model.separated.couplings}
     made = stepper(
         model, projected.layout, projected.dictionaries, projected.rows,
-        heat_groups(model, heat, projected.dictionaries, wide, c1_first), elastic, tolerances,
+        heat_groups(model, heat, projected.dictionaries, wide, c1_first), {}, tolerances,
         points, len(heat) + len(projected.elastic), True, limits, notes,
         {n: p.tested for n, p in projected.elastic.items()}, facts,
-        {n: block.elements for n, block in heat.items()})
+        {n: block.elements for n, block in heat.items()}, False)
     return made.with_equations(reduced_general(projected, tolerances, points).equations)

@@ -219,8 +219,7 @@ class Build:
         """Step solver; blocks in which no atoms are selected are condensed here, once."""
         fixed_heat = {n: h.prepared(None) for n, h in heat.items() if not h.block.selects}
         fixed = not any(block.selects for block in _blocks(heat, elastic).values())
-        together = fixed and bool(self.model.separated.border_size)
-        fixed_elastic = {} if together else {
+        fixed_elastic = {} if fixed else {
             n: e.prepared(None) for n, e in elastic.items() if not e.block.selects}
         # D^-1 brings every load to every row
         plain = {n: r for n, r in rows.items() if n not in self.inverted}
@@ -236,11 +235,11 @@ class Build:
             len(fixed_heat) + (len(elastic) if fixed else len(fixed_elastic)),
             fixed and self.offline is not None, self.limits,
             (*unsampled_loads(self.model, plain), *notes),
-            {n: e.operators for n, e in elastic.items()}, facts, visited)
+            {n: e.operators for n, e in elastic.items()}, facts, visited, not fixed)
         if fixed:
             projected = self._projected(rows, maps, heat, elastic)
             base = base.with_equations(reduced_general(
-                projected, o.tolerances, o.predictor).equations)
+                projected, o.tolerances, o.predictor, ahead=self.offline is not None).equations)
             return compilable(base, o.compiled)
         require_numba(o.compiled)
         # all elastic blocks take part in the joint problem

@@ -34,6 +34,7 @@ from sparsemor.reducers.step.border.least_norm import least
 from sparsemor.reducers.step.frame_step import BodyStep
 from sparsemor.reducers.step.loop import Loop
 from sparsemor.reducers.step.operators import TestedElastic, TestedHeat, TestMap
+from sparsemor.reducers.step.prepare import time_table
 from sparsemor.reducers.step.reduced import Reduced, ReducedBody, ReducedHeat
 from sparsemor.reducers.step.relocalised import Coupled
 from sparsemor.reducers.step.solver import Facts, reduce_state
@@ -111,12 +112,13 @@ class ReducedGeneral(WholeStepper):
 def reduced_general(
     projected: ProjectedModel, tolerances: Tolerances, points: int,
     limits: Mapping[str, float] | None = None, notes: tuple[Note, ...] = (),
-    facts: Facts | None = None,
+    facts: Facts | None = None, ahead: bool = True,
 ) -> ReducedGeneral:
     """Step solver of a reduced model in which terms couple bodies; points: number of past states to
-    extrapolate; limits: largest permitted |coefficient| of each block."""
+    extrapolate; limits: largest permitted |coefficient| of each block; ahead: True if prescribed
+    motion and loads are evaluated now for all their times."""
     model, dictionaries = projected.model, projected.dictionaries
-    equations = dense_equations(projected)
+    equations = dense_equations(projected, ahead=ahead)
     coupled, terms = equations.coupled, coupling_terms(model)
     visited = elements(model, [c.term for c in coupled], [t.rows for t in terms])
     count = sum(c.term.elements for c in coupled)
@@ -129,17 +131,20 @@ def reduced_general(
                           dictionaries, projected.rows, limits or {}, reports, facts or {})
 
 
-def dense_equations(projected: ProjectedModel, by_elements: bool = False) -> Reduced:
+def dense_equations(
+    projected: ProjectedModel, by_elements: bool = False, ahead: bool = True
+) -> Reduced:
     """Equations of a whole step of a reduced model. by_elements: local terms are evaluated with
     their sparse derivatives at each element, which for many atoms costs less than projected points;
-    they must be left out of the elastic operators in `projected`."""
+    they must be left out of the elastic operators in `projected`. ahead: see
+    `reduced_general`."""
     model, layout = projected.model, projected.layout
     couple = _Couple(model, layout, projected.dictionaries,
                      {n: projected.wide(n) for n in projected.dictionaries}, by_elements)
     return Reduced(
         layout,
         [ReducedHeat(layout[n], b.solved) for n, b in projected.heat.items()],
-        _bodies(projected), [couple(t) for t in coupling_terms(model)],
+        _bodies(projected, ahead), [couple(t) for t in coupling_terms(model)],
         model.separated.border_targets, border_positions(layout), model.separated.step,
         coupling(model))
 
@@ -150,8 +155,8 @@ def coupling_terms(model: AssembledModel) -> list[Term]:
     return [*(t for b in s.heat for t in b.local), *s.elastic_local, *s.between]
 
 
-def _bodies(projected: ProjectedModel) -> list[ReducedBody]:
-    layout = projected.layout
+def _bodies(projected: ProjectedModel, ahead: bool) -> list[ReducedBody]:
+    layout, driven = projected.layout, not projected.model.separated.border_size
     none, found = slice(0, 0), []
     for m in projected.model.separated.moving:
         block = projected.elastic.get(m.elastic)
@@ -160,7 +165,8 @@ def _bodies(projected: ProjectedModel) -> list[ReducedBody]:
             m.name, m.frame if tested is None else tested.frame, m.to_border, m.origin, None,
             layout[m.elastic] if m.elastic else none,
             layout[m.thermal] if m.thermal in layout else none, m.elastic, m.guide)
-        found.append(ReducedBody(step, tested))
+        drive = time_table(step, m, ahead) if driven and tested is not None else None
+        found.append(ReducedBody(step, tested, drive))
     return found
 
 

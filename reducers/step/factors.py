@@ -38,10 +38,13 @@ class Inverse:
     __slots__ = ("inverse",)
 
     def __init__(self, J: FloatArray) -> None:
+        self.inverse = J
+        if not len(J):
+            return
         scaled, rows, columns = _scaled(J)
         lu, pivots, info = lapack.dgetrf(scaled, overwrite_a=1)
         _check(info == 0, np.abs(np.diag(lu)))
-        inverse = lapack.dgetri(lu, pivots, overwrite_lu=1)[0] if len(J) else lu
+        inverse = lapack.dgetri(lu, pivots, overwrite_lu=1)[0]
         self.inverse = np.ascontiguousarray(columns[:, None] * inverse * rows)
 
     def solve(self, r: FloatArray) -> FloatArray:

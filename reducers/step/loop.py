@@ -34,6 +34,7 @@ from sparsemor.reducers.step.acceptance import (
     EPS,
     MARGIN,
     STALLED,
+    TRUSTED,
     Tolerances,
     estimated_error,
     rounding,
@@ -95,6 +96,11 @@ class Equations(Protocol):
     def factorize(self, J: Matrix) -> Factor:
         """Factorization of a Jacobian. Raises RuntimeError where it is singular."""
         ...
+
+    def contraction(self, point: Linearisation) -> float:
+        """Proved upper bound, in the Euclidean norm, of the ratio of two changes of this step with
+        the Jacobian at a point; inf where none is known."""
+        return inf
 
 
 @dataclass(eq=False)
@@ -220,6 +226,8 @@ class _Search:
         self.loop, self.eq, self.step, self.kept = loop, eq, step, kept
         self.c = step.c1, step.c2, step.c1_first, step.c2_first
         self.scale: FloatArray | None = None
+        self.point: Linearisation | None = None
+        self.bound = inf
         self.iterations, self.stall, self.least, self.cycles = 0, 0, inf, False
         self.size = self._size(kept.top, kept.rate)
 
@@ -235,8 +243,8 @@ class _Search:
         while True:
             if at.change == inf:
                 return self.failed(at.d, Status.NOT_FINITE, at=at)
-            if at.change <= tol.remaining:
-                return self._done(at.d - at.dx, at.change)
+            if (left := min(at.change, self._bound(at))) <= tol.remaining:
+                return self._done(at.d - at.dx, left)
             if self.iterations >= tol.max_iterations:
                 return self._unfinished(at)
             new = self._next(at)
@@ -273,6 +281,19 @@ class _Search:
                 return new
             return self._shorter(at) or new
         return self._shorter(at)
+
+    def _bound(self, at: _Iterate) -> float:
+        """Bound of the error after a change, relative to the size of each block; inf where no
+        contraction is proved."""
+        if self.kept.point is not self.point and self.kept.point is not None:
+            self.point, self.bound = self.kept.point, self.eq.contraction(self.kept.point)
+        q = self.bound
+        if not 0.0 < q < TRUSTED:
+            return 0.0 if q == 0.0 else inf
+        if q / (1.0 - q) * at.change > self.loop.tol.remaining:  # norms are larger still
+            return inf
+        norms = np.sqrt(np.add.reduceat(at.dx * at.dx, self.loop.starts))
+        return q / (1.0 - q) * float((norms / self.size).max())
 
     def _count(self, at: _Iterate) -> None:
         """Newton change of an iterate, with the kept Jacobian where it has this step's factors."""

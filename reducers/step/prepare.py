@@ -20,7 +20,7 @@ from sparsemor.reducers.step.blocks.elastic_block import ElasticBlock
 from sparsemor.reducers.step.blocks.prescribed_frame_block import PrescribedBlock
 from sparsemor.reducers.step.blocks.thermal_block import HeatBlock
 from sparsemor.reducers.step.blocks.thermal_groups import group_name
-from sparsemor.reducers.step.frame_step import PrescribedFactors
+from sparsemor.reducers.step.frame_step import BodyStep, PrescribedFactors
 from sparsemor.reducers.step.operators import TestedElastic
 from sparsemor.reducers.step.solver import Facts, Stepper, bodies
 from sparsemor.reducers.step.time_tables import TimeTable
@@ -38,7 +38,7 @@ def stepper(
     points: int, factorizations: int, ahead: bool = True,
     limits: Mapping[str, float] | None = None,
     notes: tuple[Note, ...] = (), tested: Mapping[str, TestedElastic] | None = None,
-    facts: Facts | None = None, visited: Mapping[str, int] | None = None,
+    facts: Facts | None = None, visited: Mapping[str, int] | None = None, drives: bool = True,
 ) -> Stepper:
     """Block-wise step solver from reduced or full-order blocks, with the elements that one step
     visits.
@@ -47,7 +47,7 @@ def stepper(
     functions of time (prescribed motion and loads) are evaluated now for all their times; tested:
     projected elastic operators, for consistent initial rates; visited: elements of each thermal
     block's local terms, where these are not those of `heat`, whose keys are groups of coupled
-    blocks.
+    blocks; drives: False where equations have the functions of prescribed frames.
     """
     # constant matrices were assembled once: only local terms visit elements in a step
     elements = {name: 0 for name in model.reducible()}
@@ -65,9 +65,9 @@ def stepper(
                 points, factorizations, limits or {}, sanity, notes, facts or {},
                 tested or {}, hot=_hot(model, layout), iterating=any(
                     b.iterates for b in elastic.values()))
-    if not model.separated.border_size:
+    if drives and not model.separated.border_size:
         s = replace(s, drives={
-            b.name: TimeTable.of(PrescribedFactors(b), _times(m) if ahead else np.zeros(0))
+            b.name: time_table(b, m, ahead)
             for b, m in zip(bodies(s), model.separated.moving, strict=True) if b.elastic_name})
     return replace(s, mechanics=s.with_mechanics())
 
@@ -77,6 +77,11 @@ def _hot(model: AssembledModel, layout: Layout) -> tuple[tuple[str, slice | IntA
     at = np.arange(layout.size)
     return tuple((group_name(g), layout[g[0].thermal] if len(g) == 1 else np.concatenate(
         [at[layout[b.thermal]] for b in g])) for g in model.separated.heat_groups)
+
+
+def time_table(step: BodyStep, body: MovingBody, ahead: bool = True) -> TimeTable:
+    """Factors of a frame without unknowns as functions of time, tabulated if `ahead`."""
+    return TimeTable.of(PrescribedFactors(step), _times(body) if ahead else np.zeros(0))
 
 
 def _times(body: MovingBody) -> FloatArray:

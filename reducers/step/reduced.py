@@ -15,6 +15,7 @@ that couple bodies or are not linear are added one by one.
 from collections.abc import Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
+from math import inf
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,13 +25,14 @@ from sparsemor.core import Amplitude, FloatArray, IntArray, Layout, ReducedTerm,
 from sparsemor.core.protocols import FrameWork
 from sparsemor.core.protocols.integrator import second_difference
 from sparsemor.reducers.linalg.modal_coordinates import carried, times
+from sparsemor.reducers.step.driven import Driven
 from sparsemor.reducers.step.factors import Factor, factorized
 from sparsemor.reducers.step.frame_step import BodyStep
 from sparsemor.reducers.step.loop import Linearisation
 from sparsemor.reducers.step.operators import TestedElastic, TestedHeat
 from sparsemor.reducers.step.rejection import Checked
 from sparsemor.reducers.step.relocalised import CopyMemory, Coupled
-from sparsemor.reducers.step.time_tables import plus_loads
+from sparsemor.reducers.step.time_tables import TimeTable, plus_loads
 
 TOGETHER = 64
 """Largest number of displacements of bodies whose arrays are filled up to one size; larger bodies
@@ -53,13 +55,15 @@ class ReducedHeat:
 @dataclass(frozen=True, slots=True, eq=False)
 class ReducedBody:
     """A body in a step, with its projected elastic rows times the left inverse of D; tested: None
-    where it has no elastic block."""
+    where it has no elastic block. drive: kappa, mu and sigma of its frame as functions of time, in
+    a model without rigid unknowns and joint forces."""
 
     step: BodyStep
     tested: TestedElastic | None
+    drive: TimeTable | None = None
 
 
-class Constant(NamedTuple):
+class ConstantOperator(NamedTuple):
     """Constant operator A of the unknowns `columns` in `rows`; of: 0 of the unknowns themselves, 1
     of their rates, 2 of their second rates. A: matrix, or vector where it is diagonal."""
 
@@ -203,8 +207,9 @@ class Reduced:
     size, s. Working arrays belong to one run or one thread (`working`).
 
     price: cost of a new Jacobian in iterations with the old one, by the number of unknowns. solved:
-    unknowns for which the iteration solves: all; or all but temperatures, which are then
-    known when a step begins (`heat_first`).
+    unknowns for which J is not the identity: all; or all but temperatures, which are then known
+    when a step begins (`heat_first`), and all but stiff modes on driven frames, where nothing is
+    added to them (`linear`).
     """
 
     def __init__(
@@ -216,16 +221,29 @@ class Reduced:
         self.targets, self.border, self.h, self.named = targets, border, h, named
         self.heat_first, n, first = heat_first, layout.size, layout.first
         self.price = 8 + n // 40  # measured: 6 for 65 unknowns, 14 for 260, 31 for 1300
-        self.solved: IntArray | slice = np.r_[layout.second, layout.algebraic] if (
-            heat_first and first.stop > first.start) else slice(None)
         self.atoms = slice(layout.frames.stop, layout.algebraic.start)
         self.terms_in_heat = any(_inside(c.columns, first) for c in coupled)
         self.known = [c for c in coupled if heat_first and _all_inside(c.columns, first)]
         self.iterated = [c for c in coupled if c not in self.known]
-        self.stacks = _stacks(bodies, n)
+        self.driven = [Driven(b.step, b.tested, b.drive) for b in bodies
+                       if b.tested is not None and b.drive is not None]
+        self.stacks = _stacks(bodies if len(border) else (), n)
+        self.linear = heat_first and bool(self.driven) and not (self.iterated or self.known)
+        self.solved = self._solved()
         self._maps(border)
         self.constants, self.thermal = _constants(heat, bodies)
         self.of_motion = _merged(self.constants, self.atoms)
+
+    def _solved(self) -> IntArray | slice:
+        layout = self.layout
+        if not self.heat_first:
+            return slice(None)
+        if self.linear:
+            return np.concatenate(
+                [np.arange(b.at.start, b.at.start + b.leading) for b in self.driven])
+        if layout.first.stop > layout.first.start:
+            return np.arange(layout.size)[np.r_[layout.second, layout.algebraic]]
+        return slice(None)
 
     def _maps(self, border: IntArray) -> None:
         """T (N, B b): rigid unknowns and joint forces of the model to the border unknowns of all
@@ -255,7 +273,7 @@ class Reduced:
     def working(self, memory: CopyMemory | None = None) -> "Reduced":
         """These equations with new working arrays, and the local copies of terms in `memory`."""
         own = copy(self)
-        own.stacks = [copy(s) for s in self.stacks]
+        own.stacks, own.driven = [copy(s) for s in self.stacks], [b.working() for b in self.driven]
         for stack in own.stacks:
             stack.reset()
         if memory is not None and any(c.term.relocates for c in self.coupled):
@@ -286,23 +304,32 @@ class Reduced:
         """Takes over the constants of a step; d (n,): its first guess, with final temperatures if
         these are known."""
         n, base, first = self.layout.size, np.zeros(self.layout.size + 1), self.layout.first
-        self.step, self.X0, self.R = step, np.zeros((3, n + 1)), _rates(step)
-        self.X0[0, :n], self.X0[1, :n] = step.free, step.free_rate
-        base[:n] = self.prescribed(step.t)
+        self.step, motion = step, (step.free, step.free_rate)
+        if not self.linear:
+            self.X0, self.R = np.zeros((3, n + 1)), _rates(step)
+            self.X0[:2, :n] = motion
+            self._plus_prescribed(base, step.t)
         for rows, columns, of, A in self.of_motion:
-            base[rows] += times(A, self.X0[of, columns])
+            base[rows] += times(A, motion[of][columns])
+        for b in self.driven:
+            b.begin(step, d, base)
         if self.heat_first:
             base[first] = -d[first]
             for rows, columns, _, A in self.thermal:
-                base[rows] += A.dot(self.X0[0, columns] + d[columns])
+                base[rows] += A.dot(step.free[columns] + d[columns])
             if self.known:
                 _plus(self.known, base, self._motion(d), step.t)
         self.base = base
 
     def residual(self, d: FloatArray) -> FloatArray:
         """Residual (n,) at the departure d (n,)."""
-        X, r = self._motion(d), self.base.copy()
+        r = self.base.copy()
         r[self.atoms] += d[self.atoms]
+        for b in self.driven:
+            b.add(r, d)
+        if self.linear:
+            return r[:-1]
+        X = self._motion(d)
         if not self.heat_first:
             for rows, columns, _, A in self.thermal:
                 r[rows] += A.dot(X[0, columns])
@@ -341,6 +368,12 @@ class Reduced:
     def jacobian(self, at: Linearisation) -> FloatArray:
         """Exact Jacobian of the unknowns `solved`; that of all others is the identity."""
         c1, c2, c1_first, c2_first = at.c
+        if self.linear:
+            J, rows = np.eye(len(np.arange(self.layout.size)[self.solved])), 0
+            for b in self.driven:
+                some = slice(rows, rows := rows + b.leading)
+                J[some, some] += b.slope(at.t, c1, b.leading)
+            return J
         of_rate, of_bend = np.full(self.layout.size, c1), np.full(self.layout.size, c2)
         of_rate[self.layout.first], of_rate[self.layout.algebraic] = c1_first, 0.0
         of_bend[self.layout.first], of_bend[self.layout.algebraic] = c2_first, 0.0
@@ -352,19 +385,28 @@ class Reduced:
     def factorize(self, J: FloatArray) -> Factor:
         return factorized(J)
 
+    def contraction(self, point: Linearisation) -> float:
+        return max(b.contraction(point) for b in self.driven) if self.linear else inf
+
     # ------------------------------------------------------------------ at any state
 
     def prescribed(self, t: float) -> FloatArray:
         """The part (n,) of the residual that depends on the time (s) alone."""
         r = np.zeros(self.layout.size)
+        self._plus_prescribed(r, t)
+        for b in self.driven:
+            r[b.at] += b.base(t)
+        return r
+
+    def _plus_prescribed(self, r: FloatArray, t: float) -> None:
+        """Adds to r what depends on the time (s) alone, without bodies on driven frames."""
         for i, f in self.targets:
             r[self.border[i]] -= f(t)
         for h in self.heat:
             r[h.at] -= plus_loads(h.tested.constant, h.tested, t)
         for b in self.bodies:
-            if b.tested is not None:
+            if b.tested is not None and b.drive is None:
                 r[b.step.elastic] += plus_loads(b.tested.constant, b.tested, t, -1.0)
-        return r
 
     def residual_at(
         self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, prescribed: FloatArray
@@ -374,6 +416,8 @@ class Reduced:
         X[:, :-1] = x, v, a
         for rows, columns, of, A in (*self.constants, *self.thermal):
             r[rows] += A.dot(X[of, columns])
+        for b in self.driven:
+            r[b.at] += b.rotation(x, v, t)
         return self._with_terms(r, X, t, self.coupled)
 
     def border_blocks(
@@ -399,6 +443,8 @@ class Reduced:
             factor = (1.0, rate if first else k1, k2)[of]
             if factor:
                 J[rows, columns] += factor * A
+        for d in self.driven:
+            J[d.at, d.at] += d.slope(t, k1)
         for b in self.border_blocks(x, v, a, t, k1, k2):
             J[np.ix_(b.at, b.at)] += b.corner
             if b.body.tested is not None:
@@ -468,25 +514,25 @@ def _stacks(bodies: Sequence[ReducedBody], n: int) -> list[Stack]:
 
 def _constants(
     heat: Sequence[ReducedHeat], bodies: Sequence[ReducedBody]
-) -> tuple[list[Constant], list[Constant]]:
+) -> tuple[list[ConstantOperator], list[ConstantOperator]]:
     """Constant operators of displacements and temperatures, and those by which temperatures act on
     displacements."""
     own, thermal = [], []
     for h in heat:
-        own += [Constant(h.at, h.at, 0, h.tested.conductivity),
-                Constant(h.at, h.at, 1, h.tested.capacity)]
+        own += [ConstantOperator(h.at, h.at, 0, h.tested.conductivity),
+                ConstantOperator(h.at, h.at, 1, h.tested.capacity)]
     for b in bodies:
         if (t := b.tested) is None:
             continue
         e = b.step.elastic
-        own += [Constant(e, e, 0, t.stiffness), Constant(e, e, 1, t.damping),
-                Constant(e, e, 2, t.mass)]
+        own += [ConstantOperator(e, e, 0, t.stiffness), ConstantOperator(e, e, 1, t.damping),
+                ConstantOperator(e, e, 2, t.mass)]
         if t.coupling.size:
-            thermal.append(Constant(e, b.step.thermal, 0, -t.coupling))
+            thermal.append(ConstantOperator(e, b.step.thermal, 0, -t.coupling))
     return own, thermal
 
 
-def _merged(constants: Sequence[Constant], atoms: slice) -> list[Constant]:
+def _merged(constants: Sequence[ConstantOperator], atoms: slice) -> list[ConstantOperator]:
     """Products with unknowns and rates of the free motion, whose second rates are zero: one vector
     each where all operators are diagonal (modal coordinates), one matrix each for few coefficients,
     otherwise those of the blocks."""
@@ -506,5 +552,5 @@ def _merged(constants: Sequence[Constant], atoms: slice) -> list[Constant]:
                 whole[at] += A
             else:
                 whole[at, at] += c.A
-        found.append(Constant(atoms, atoms, of, whole))
+        found.append(ConstantOperator(atoms, atoms, of, whole))
     return found

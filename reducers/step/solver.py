@@ -40,7 +40,7 @@ from sparsemor.reducers.step.reduced import Reduced
 from sparsemor.reducers.step.reduced_mechanics import ReducedMechanics
 from sparsemor.reducers.step.step_unknowns import StepUnknowns
 from sparsemor.reducers.step.time_tables import TimeTable
-from sparsemor.reducers.step.whole_step import Assembled, TextbookNewton, linear_response
+from sparsemor.reducers.step.whole_step import TextbookNewton, linear_response
 
 STEPS = 10
 """Number of steps after one that needed the exact Jacobian before the cheaper iteration is tried
@@ -99,13 +99,10 @@ class Stepper(StepSolver[Memory]):
             self.tolerances)
 
     def with_equations(self, whole: Reduced) -> "Stepper":
-        """This step solver of a reduced model with all its bodies solved for together, where any
-        rigid coordinate or joint force is unknown."""
-        if self.mechanics is None or not self.separated.border_size:
-            local = self.mechanics is not None and self.mechanics.local
-            return replace(self, whole=whole, newton=TextbookNewton(
-                Assembled(whole), self.tolerances) if local else None)
+        """This step solver of a reduced model with all its bodies solved for together."""
         m = self.mechanics
+        if m is None:
+            return replace(self, whole=whole)
         return replace(self, whole=whole, mechanics=ReducedMechanics(
             m.bodies, m.n_rigid, m.algebraic, m.targets, m.tol, whole))
 

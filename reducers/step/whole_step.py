@@ -194,16 +194,6 @@ def linear_response(equations: Equations, step: StepFormula, x: FloatArray) -> F
     return np.asarray(-factor.solve(np.hstack([C, M])))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Assembled:
-    """Equations that are assembled already."""
-
-    equations: Equations
-
-    def __call__(self) -> Equations:
-        return self.equations
-
-
 @dataclass(frozen=True, eq=False)
 class TextbookNewton:
     """Newton's method with the exact Jacobian for a whole step, where the cheaper iteration with

@@ -129,15 +129,13 @@ NO_TERMS = BodyTerms(0, NO_LOCAL, NO_LOCAL, np.zeros(0), np.zeros(0))
 
 class PrescribedArrays(NamedTuple):
     """Constants of the reduced displacements of a body with prescribed motion
-    (prescribed_frame_block.py).
+    (driven.py).
 
     number: of the body; u, k, active (s,), idle, T, kt: as in BodyArrays; inertia, stiffness,
     damping: (s, k), or (1, k) for a diagonal, damping (0, k) for none; coupling (kt, s):
-    transposed; G (g, k, s), leading (g r, r). Where D is diagonal and all M_g are symmetric or
-    skew: scale (s,) = D^-1, halves (g, s, s): M_g, s rounded up to a multiple of 4, signs (g,): 1
-    or -1; otherwise these are empty.
+    transposed; G (g, k, s), leading (g r, r).
     table, width: number of the first value and of all values of its functions of time: kappa, mu
-    (g,), sigma, the bound of the contraction factor, and s loads. still, local: as in BodyTerms.
+    (g,), the bound of the contraction factor, and s loads. still, local: as in BodyTerms.
     """
 
     number: int
@@ -153,9 +151,6 @@ class PrescribedArrays(NamedTuple):
     coupling: FloatArray
     G: FloatArray
     leading: FloatArray
-    scale: FloatArray
-    halves: FloatArray
-    signs: FloatArray
     table: int
     width: int
     still: LocalArrays
@@ -164,7 +159,7 @@ class PrescribedArrays(NamedTuple):
 
 NO_PRESCRIBED = PrescribedArrays(
     0, 0, 0, _NONE, _NONE, 0, 0, _EMPTY, _EMPTY, _EMPTY, _EMPTY, np.zeros((0, 0, 0)), _EMPTY,
-    np.zeros(0), np.zeros((0, 0, 0)), np.zeros(0), -1, 0, NO_LOCAL, NO_LOCAL)
+    -1, 0, NO_LOCAL, NO_LOCAL)
 """An empty body, of the type of all."""
 
 

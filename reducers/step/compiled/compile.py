@@ -29,7 +29,7 @@ _log = logging.getLogger(__name__)
 FUNCTIONS: tuple[Callable[..., object], ...] = (
     steered, tangent, acceptance.estimated_error, acceptance.reference, dense.add_product,
     dense.add_rates,
-    dense.add_products, dense.add_turned, dense.product, dense.solve_in_place, dense.norm,
+    dense.add_products, dense.product, dense.solve_in_place, dense.norm,
     local.evaluate_law, local.variables, local.bends, local.evaluate_points, local.rows_at,
     local.rows_of,
     local.local_rows, local.factor_in_place, local.solve_factored, mechanics.begin,
@@ -44,7 +44,7 @@ FUNCTIONS: tuple[Callable[..., object], ...] = (
 BARE: tuple[Callable[..., object], ...] = (
     steered, tangent, acceptance.estimated_error, acceptance.reference, dense.add_product,
     dense.add_rates,
-    dense.add_products, dense.add_turned, dense.solve_in_place, dense.norm, mechanics.begin,
+    dense.add_products, dense.solve_in_place, dense.norm, mechanics.begin,
     mechanics.functionals, mechanics.combine, mechanics.frames, mechanics.pose,
     mechanics.add_reduced, mechanics.magnitude, mechanics.displaced, kernel.free_first,
     kernel.free_motion, kernel.at_departure, kernel.predict, kernel.update, kernel.new_first,
@@ -116,7 +116,7 @@ def compiled_advance(functions: Functions) -> Any:
     fast, reordered = {"contract"}, {"contract", "reassoc"}
     return bound(functions, lambda f: with_kept_code(njit(
         error_model="numpy", _nrt=f.__code__ not in bare,
-        fastmath=reordered if f.__name__ in ("add_turned", "solve_factored") else fast)(f), kept))
+        fastmath=reordered if f.__name__ == "solve_factored" else fast)(f), kept))
 
 
 def with_kept_code(compiled: Any, kept: MachineCode) -> Any:

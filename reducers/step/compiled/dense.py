@@ -49,30 +49,6 @@ def add_rates(
             Y[j] += A0[j] * a0 + A1[j] * a1 + A2[j] * a2 + A3[j] * a3
 
 
-def add_turned(A: FloatArray, sign: float, x: FloatArray, y: FloatArray) -> None:
-    """Adds A x to y (s,), s a multiple of 4, for a matrix A (s, s) that is sign times its
-    transpose, sign 1 or -1: what is below its diagonal is used twice, what is above is not read."""
-    for i in range(0, len(A), 4):
-        A0, A1, A2, A3 = A[i], A[i + 1], A[i + 2], A[i + 3]
-        x0, x1, x2, x3 = sign * x[i], sign * x[i + 1], sign * x[i + 2], sign * x[i + 3]
-        y0, y1, y2, y3 = 0.0, 0.0, 0.0, 0.0
-        for j in range(i):
-            y0 += A0[j] * x[j]
-            y1 += A1[j] * x[j]
-            y2 += A2[j] * x[j]
-            y3 += A3[j] * x[j]
-            y[j] += A0[j] * x0 + A1[j] * x1 + A2[j] * x2 + A3[j] * x3
-        for j in range(i, i + 4):
-            y0 += A0[j] * x[j]
-            y1 += A1[j] * x[j]
-            y2 += A2[j] * x[j]
-            y3 += A3[j] * x[j]
-        y[i] += y0
-        y[i + 1] += y1
-        y[i + 2] += y2
-        y[i + 3] += y3
-
-
 def add_products(A: FloatArray, x: FloatArray, first: int, y: FloatArray, start: int) -> None:
     """Adds x A to y for A (k, s), columns from `first` on of x (T, n) and from `start` on of y (T,
     n). A matrix that does not fit into the cache is read once for several steps; the sums of a step

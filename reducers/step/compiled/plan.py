@@ -7,8 +7,8 @@ import numpy as np
 
 from sparsemor.core import Amplitude, FloatArray, IntArray, Layout, UpdateRules
 from sparsemor.core.protocols import FrameArrays, Held
+from sparsemor.reducers.linalg.modal_coordinates import carried
 from sparsemor.reducers.step.blocks.compressed_elastic import CompressedElastic
-from sparsemor.reducers.step.blocks.compressed_prescribed import CompressedPrescribed
 from sparsemor.reducers.step.blocks.elastic_block import ElasticBlock
 from sparsemor.reducers.step.blocks.elastic_local import LocalForces, ReducedLocal
 from sparsemor.reducers.step.blocks.thermal_block import CompressedHeat, HeatBlock
@@ -25,16 +25,16 @@ from sparsemor.reducers.step.compiled.local_plan import local_arrays, points_of
 from sparsemor.reducers.step.compiled.stacked import NO_BODY, array, by_four, number, stacked
 from sparsemor.reducers.step.compiled.timed import NotCompiled, Timed
 from sparsemor.reducers.step.condensed_newton import Mechanics
+from sparsemor.reducers.step.driven import Driven
 from sparsemor.reducers.step.frame_step import BodyStep
 from sparsemor.reducers.step.predictor import block_starts
-from sparsemor.reducers.step.prescribed_frames import PrescribedFrames
+from sparsemor.reducers.step.reduced import Reduced
 from sparsemor.reducers.step.reduced_mechanics import ReducedMechanics
 from sparsemor.reducers.step.solver import Stepper
+from sparsemor.reducers.step.time_tables import TimeTable
 
 LARGEST_BORDER = 150
 """Largest number of border unknowns of compiled steps, which solve a dense system."""
-SYMMETRIC = 1e-12
-"""Relative difference of a symmetric matrix from its transpose that is round-off."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,11 +79,13 @@ def plan(s: Stepper, c1: float = 1.0, c2: float = 1.0) -> Plan:
         raise NotCompiled("the model has no step of its own blocks")
     hot = tuple(name for name, _ in s.hot)
     heat = tuple(_heat(where, s.heat[name], name, timed, laws) for name, where in s.hot)
-    if isinstance(mechanics, PrescribedFrames):
-        moved = tuple(_prescribed(i, b, timed, laws) for i, b in enumerate(mechanics.bodies)
-                      if b.prescribed is not None)
+    if isinstance(mechanics, ReducedMechanics) and not mechanics.size:
+        moved = tuple(_prescribed(mechanics.equations, i, c1, timed, laws)
+                      for i in range(len(mechanics.equations.driven)))
         return Plan(hot, heat, stacked(()), (), moved, None, tuple(laws), timed, (), 0,
                     mechanics)
+    if not mechanics.size:
+        raise NotCompiled("bodies of full order")
     if mechanics.size > LARGEST_BORDER:
         raise NotCompiled(f"{mechanics.size} rigid coordinates and joint forces")
     frames = [_frame(b) for b in mechanics.bodies]
@@ -187,46 +189,53 @@ def _body(
         table=number(timed.tables(e.tables)))
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _DrivenRows:
+    """Functions of time of one body: kappa, mu, the bound of the contraction factor, and loads."""
+
+    body: Driven
+    c1: float
+
+    def __call__(self, times: FloatArray) -> FloatArray:
+        rows, g = self.body.table.along(times), len(self.body.G)
+        weights = np.abs(rows[:, :g] + self.c1 * rows[:, g : 2 * g])
+        lead, rest = weights.dot(self.body.sizes).T
+        bound = rest + lead * (lead + rest)  # of two products in the leading modes
+        return np.hstack((rows[:, : 2 * g], bound[:, None], -rows[:, 2 * g :]))
+
+
 def _prescribed(
-    number: int, b: BodyStep, timed: Timed, laws: list[Called]
+    eq: Reduced, number: int, c1: float, timed: Timed, laws: list[Called]
 ) -> PrescribedArrays:
-    e, table = b.prescribed, b.table
-    if not isinstance(e, CompressedPrescribed) or table is None:
-        raise NotCompiled(f"{b.elastic_name} is of full order")
+    d = eq.driven[number]
+    b, name = d.step, d.step.elastic_name
+    t = next(body.tested for body in eq.bodies if body.step is b)
+    assert t is not None
     k, kt = b.elastic.stop - b.elastic.start, b.thermal.stop - b.thermal.start
-    active, idle = _split(b.elastic.start, k, e.active)
-    width = 2 * len(e.G) + e.E.shape[1] + 1 + len(e.base)
+    active, idle = _split(b.elastic.start, k, None)
+    still, moving = (points_of([p for p in t.local if p.still == of], name)
+                     for of in (True, False))
+    table, r = TimeTable.of(_DrivenRows(d, c1), np.array(d.table.times)), d.leading
+    width = 2 * len(d.G) + 1 + k
     return PrescribedArrays(
         number, b.elastic.start, k, active, idle, b.thermal.start, kt,
-        array(np.atleast_2d(e.inertia)), array(np.atleast_2d(e.stiffness)),
-        np.zeros((0, k)) if e.damping is None else array(np.atleast_2d(e.damping)),
-        array(e.coupling.T), array(e.G), array(e.leading), *_halves(e),
-        timed.table(table, width), width,
-        *_forces(e.local, b.elastic_name, k, active - b.elastic.start, laws, timed))
+        _array(-t.mass), _array(-t.stiffness),
+        _array(-t.damping) if t.damping.any() else np.zeros((0, k)),
+        array(t.coupling.T), array(d.G),
+        array(t.generators[:, :r, :r].reshape(len(d.G) * r, r)), timed.table(table, width), width,
+        local_arrays(still, active[:0], laws, timed, k),
+        local_arrays(moving, active - b.elastic.start, laws, timed))
 
 
-def _halves(e: CompressedPrescribed) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """D^-1, the M_g and their signs where D is diagonal and each M_g is sign times its transpose,
-    filled up with zeros to a size that is a multiple of 4; otherwise empty."""
-    none = np.zeros(0), np.zeros((0, 0, 0)), np.zeros(0)
-    if e.inverse is None:
-        return none
-    M, signs = (e.G / e.inverse).transpose(0, 2, 1), []
-    for A in M:
-        fitting = [sign for sign in (1.0, -1.0)
-                   if np.abs(A - sign * A.T).max() <= SYMMETRIC * np.abs(A).max()]
-        if not fitting:
-            return none
-        signs.append(fitting[0])
-    wide = -M.shape[1] % 4
-    return array(e.inverse), np.pad(M, ((0, 0), (0, wide), (0, wide))), np.array(signs)
+def _array(A: FloatArray) -> FloatArray:
+    """A matrix, or a diagonal as one row."""
+    return array(np.atleast_2d(carried(A)))
 
 
 def model_arrays(s: Stepper, rules: UpdateRules, h: float) -> ModelArrays:
     """Constants of the model of `s` for steps of h, s, by an integrator with these rules."""
     layout: Layout = s.layout
-    bodies = () if s.mechanics is None or isinstance(s.mechanics, PrescribedFrames) else (
-        s.mechanics.bodies)
+    bodies = () if s.mechanics is None or not s.mechanics.size else s.mechanics.bodies
     c1, c2, c1_first = rules.factors
     weights = np.zeros((s.points + 1, s.points))
     for order in range(1, s.points + 1):

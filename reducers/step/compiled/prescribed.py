@@ -1,5 +1,5 @@
 """Displacements of a body with prescribed motion in one step, as functions on arrays (arrays.py):
-the equations and the acceptance of prescribed_frames.py and prescribed_frame_block.py."""
+the equations of driven.py, iterated with two products in the leading modes."""
 
 from collections.abc import Sequence
 from math import inf, sqrt
@@ -9,7 +9,7 @@ import numpy as np
 from sparsemor.core import FloatArray
 from sparsemor.reducers.step.acceptance import LEAST, TRUSTED, estimated_error
 from sparsemor.reducers.step.compiled.arrays import ModelArrays, PrescribedArrays, RunArrays
-from sparsemor.reducers.step.compiled.dense import add_products, add_turned, product
+from sparsemor.reducers.step.compiled.dense import add_products, product
 from sparsemor.reducers.step.compiled.local import local_rows, rows_of, variables
 from sparsemor.reducers.step.compiled.mechanics import LEFT
 from sparsemor.reducers.step.condensed_newton import SLOW
@@ -58,7 +58,7 @@ def solve_body(
         variables(b.local, timed, inputs, rates, values, by_time)
     bound = table[len(table) - s - 1]
     now, wide = np.zeros(s), np.zeros(k)
-    push, turn = np.zeros(max(k, b.halves.shape[1])), np.zeros(b.halves.shape[1])
+    push = np.zeros(k)
     start = np.zeros(s)
     for j in range(s):
         start[j] = x[b.active[j]]
@@ -68,19 +68,13 @@ def solve_body(
         return 1
     last, before = inf, inf
     for iteration in range(1, m.max_iterations + 1):
-        turn[:] = 0.0
         for i in range(g):
             kappa, mu = table[i], table[g + i]
             if kappa != 0.0 or mu != 0.0:
                 for j in range(k):
                     push[j] = (kappa * u[j] + mu * uv[j] if iteration == 1 else
                                (kappa + m.c1 * mu) * wide[j])
-                if len(b.scale):
-                    add_turned(b.halves[i], b.signs[i], push, turn)
-                else:
-                    image -= np.dot(push[:k], b.G[i])
-        for j in range(len(b.scale)):
-            image[j] -= b.scale[j] * turn[j]
+                image -= np.dot(push, b.G[i])
         rest = image.copy()
         if local:
             rest -= local_rows(b.local, timed, values, by_time, by_time, m.c1, 0.0, now)

@@ -28,6 +28,7 @@ from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.simulation.prepare import prepared
 from sparsemor.core.status import SolveFailed
 from sparsemor.reducers.step.blocks.thermal_block import CompressedHeat
+from sparsemor.reducers.step.reduced_mechanics import ReducedMechanics
 from sparsemor.reducers.step.solver import Stepper
 from sparsemor.reducers.step.time_tables import TimeTable
 
@@ -171,6 +172,8 @@ def ahead(solver: StepSolver, repeats: int = 5) -> float:
         *solver.drives.values(), *(h.prescribed for h in solver.heat.values()
                                    if isinstance(h, CompressedHeat))]
     known += [b.table for b in solver.mechanics.bodies if b.table not in known]
+    if isinstance(solver.mechanics, ReducedMechanics):
+        known += [b.table for b in solver.mechanics.equations.driven]
     asked = [(k.source, np.array(k.times)) for k in known if k is not None and k.rows is not None]
     spent = []
     for _ in range(repeats):

@@ -309,8 +309,6 @@ def test_a_bar_in_space_whose_rotation_is_given(E: float, spin: float, basis: An
     case = Case(s, turning(s, spin, 4, steps=30), {})
     made = plan(case.solver())
     assert made.prescribed and not len(made.bodies.k)
-    # in modal coordinates half of each symmetric or skew matrix is enough
-    assert [len(b.scale) > 0 for b in made.prescribed] == [basis is ORTHONORMAL]
     law(case, 28)
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import inf
 from typing import ClassVar
 
 import numpy as np
@@ -39,6 +40,9 @@ class Equations:
 
     def factorize(self, J: FloatArray) -> Lu:
         return Lu(J)
+
+    def contraction(self, point: Linearisation) -> float:
+        return inf
 
     def ended(self, *start: float) -> Ended:
         """The iteration from x with no free motion, so that the departure is x itself."""
