@@ -47,7 +47,7 @@ class Constant(PiecewiseLinear):
         return self.level
 
 
-class Table(PiecewiseLinear):
+class TimeTable(PiecewiseLinear):
     """Piecewise linear interpolation of tabulated values."""
 
     times: tuple[float, ...] = Field(min_length=2)

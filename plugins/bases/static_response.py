@@ -7,7 +7,7 @@ from scipy.sparse import csr_array
 
 from sparsemor.core import BlockData, Csr, Factorized, FloatArray, InputError, SolveFailed, Status
 from sparsemor.core.model.factorizations import BlockSolvers, solve_or_fail
-from sparsemor.plugins.linear_solvers.auto import Auto
+from sparsemor.plugins.linear_solvers.auto import AutomaticSolver
 
 NULL_RTOL = 1e-10
 """|K 1| relative to the largest entry of K, below which a uniform temperature causes no heat flow
@@ -31,7 +31,7 @@ class Answers:
 def factorize(matrix: Csr, data: BlockData) -> Answers:
     """Factorization of a matrix on the unknowns of `data`. Raises InputError when it is
     singular."""
-    solvers = BlockSolvers(data.solver or Auto())
+    solvers = BlockSolvers(data.solver or AutomaticSolver())
     try:
         return Answers(solvers.factorize(data.name, matrix, data.places, "basis"), data.name)
     except SolveFailed as error:

@@ -35,8 +35,7 @@ from sparsemor.core import (
     Status,
 )
 from sparsemor.core.model.factorizations import BlockSolvers, solve_or_fail
-from sparsemor.core.protocols import MovingBody
-from sparsemor.core.protocols import StressStiffness as Stiffening
+from sparsemor.core.protocols import MovingBody, StressStiffness
 from sparsemor.core.protocols.poses import FREE_POSE
 from sparsemor.plugins.checks import place
 from sparsemor.plugins.checks.plausibility import checked_steps
@@ -56,7 +55,7 @@ ACCURACY = 1e-2
 """Relative accuracy of eigenvalues."""
 
 
-class StressStiffness(Check):
+class StressStiffening(Check):
     """Stress that changes the stiffness of a body with linear strains, or buckles it."""
 
     order = place("stress_stiffness")
@@ -129,7 +128,7 @@ def _linear(result: RunResult, body: MovingBody, mass: Csr, found: Ratio) -> str
 
 
 def largest_ratio(
-    model: Model, result: RunResult, body: MovingBody, stress: Stiffening
+    model: Model, result: RunResult, body: MovingBody, stress: StressStiffness
 ) -> Ratio | None:
     """Largest change of stiffness, of the checked states with the largest displacements and the
     last; None where no state has a stress, or where a run of the same model before shows that it is
@@ -184,7 +183,7 @@ def buckled_in_training(model: Model, offline: OfflineProducts) -> tuple[str, ..
 
 
 def ratio_of(
-    model: Model, body: MovingBody, stress: Stiffening,
+    model: Model, body: MovingBody, stress: StressStiffness,
     states: Sequence[tuple[float, FloatArray, FloatArray | None]],
 ) -> Ratio | None:
     """Largest change of stiffness of states: time, s, displacements (N, d), m, and temperatures

@@ -24,7 +24,7 @@ from sparsemor.plugins.liang2026.quantities import split
 from sparsemor.plugins.liang2026.split import SPLIT, write_split
 from sparsemor.plugins.study.file import Study
 from sparsemor.plugins.study.jobs import UNCOMPUTED, completed
-from sparsemor.plugins.study.plan import Plan, Run, SceneData
+from sparsemor.plugins.study.plan import Run, SceneData, StudyPlan
 from sparsemor.plugins.study.run import run_plan, worker_pool
 from sparsemor.plugins.study.scheduler import Row, Schedule, StudyProgress
 
@@ -77,7 +77,7 @@ class Work:
         for name in [n for n in runs if n in timed and n not in self.failed]:
             self._ended(name, _reason(partial(self._profile, name)), len(timed), "runs timed")
 
-    def _plan(self, runs: Mapping[str, RunEntry], count: int) -> Plan:
+    def _plan(self, runs: Mapping[str, RunEntry], count: int) -> StudyPlan:
         """Plan of the runs; those whose scene is refused have failed."""
         offered = {e.after for e in self.file.entries.values()}
         found: list[Run] = []
@@ -94,7 +94,7 @@ class Work:
             if reason := _reason(partial(add, name, entry)):
                 self._ended(name, reason, count, "runs and studies")
         study = Study.read({"scene": "of each run", "reference": "none", "list": [{}]}, Registry())
-        return Plan(study, tuple(found), {}, (), (), (), (), "")
+        return StudyPlan(study, tuple(found), {}, (), (), (), (), "")
 
     def _study(self, name: str, entry: StudyEntry, processes: int) -> None:
         folder = self.folder / STUDIES / name
@@ -147,20 +147,20 @@ def scene_of(entry: RunEntry, quick: bool) -> Scene:
 
 def plan_of(
     entry: StudyEntry, rows: Sequence[Mapping[str, Any]], quick: bool, changed: Path
-) -> Plan:
+) -> StudyPlan:
     """Plan of a study; with `quick`, of the runs of it that items read, `rows`, and with the keys
     that the entry replaces, written to the file `changed`."""
     if not quick:
-        return Plan.of(entry.study)
+        return StudyPlan.of(entry.study)
     if not entry.quick:
-        return Plan.of(entry.study).only(rows)
+        return StudyPlan.of(entry.study).only(rows)
     tree = dict(Source.read(entry.study, Registry(), "study").tree)
     for key, value in entry.quick.items():
         tree[key] = {**tree.get(key, {}), **value} if key in ("set", "grid") else value
     changed.parent.mkdir(parents=True, exist_ok=True)
     write_listed(changed.parent, changed.name,  # JSON is YAML
                  (json.dumps(tree, indent=1) + "\n").encode())
-    return Plan.of(str(changed)).only(rows)
+    return StudyPlan.of(str(changed)).only(rows)
 
 
 def commands_of(file: PaperFile, item: PaperItem, quick: bool) -> list[str]:

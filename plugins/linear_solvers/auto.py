@@ -23,7 +23,7 @@ PATIENCE = 300
 """Iterations of conjugate gradients that are accepted if the factors do not fit in memory."""
 
 
-class Auto(LinearSolver):
+class AutomaticSolver(LinearSolver):
     """Automatic choice: sparse direct if the factors fit in memory and pay off, else iterative.
 
     The size of the factors is that of nested dissection, computed before the factorization.

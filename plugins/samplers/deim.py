@@ -15,7 +15,7 @@ NEW = 1e-8
 such as another row of the same node."""
 
 
-class Deim(SpanSampler):
+class DeimPoints(SpanSampler):
     """Q-DEIM: as many interpolation points as independent atoms; further rows by GappyPOD+E.
 
     Points: Chaturantabut and Sorensen 2010, doi 10.1137/090766498 (`greedy`); Drmac and Gugercin

@@ -19,7 +19,7 @@ from sparsemor.core.cli.options import (
 
 if TYPE_CHECKING:
     from sparsemor.plugins.study import StudyOutcome
-    from sparsemor.plugins.study.plan import Plan
+    from sparsemor.plugins.study.plan import StudyPlan
 
 
 def study(
@@ -37,11 +37,11 @@ def study(
     force: Force = False, as_json: Json = False, quiet: Quiet = False,
 ) -> None:
     """Run a scene under every combination of changes and tabulate errors and cost."""
-    from sparsemor.plugins.study.plan import Plan
+    from sparsemor.plugins.study.plan import StudyPlan
     from sparsemor.plugins.study.progress import shown
     from sparsemor.plugins.study.run import run_plan
 
-    plan = Plan.of(file)
+    plan = StudyPlan.of(file)
     folder = (out or Path("runs", plan.study.name)).absolute()
     try:
         with located_in(), shown(plan, quiet or as_json) as watch:
@@ -69,7 +69,7 @@ def _report(done: "StudyOutcome", as_json: bool, quiet: bool) -> None:
         leave(["no run reached its end"], FAILED)
 
 
-def _interrupted(plan: "Plan", folder: Path, as_json: bool, quiet: bool) -> None:
+def _interrupted(plan: "StudyPlan", folder: Path, as_json: bool, quiet: bool) -> None:
     from sparsemor.plugins.study.journal import Journal, is_study
     from sparsemor.plugins.study.report import in_words
 

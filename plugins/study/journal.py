@@ -18,7 +18,7 @@ from sparsemor.core.results.files.listing import (
 from sparsemor.core.results.output_directory import OutputDirectory
 from sparsemor.core.results.tables import csv_table
 from sparsemor.plugins.study.columns import TIMES, cell, fact_columns, with_facts
-from sparsemor.plugins.study.plan import Plan
+from sparsemor.plugins.study.plan import StudyPlan
 
 STUDY = "study"
 """Kind of the list of a study."""
@@ -39,7 +39,7 @@ class Journal:
     """Size and CRC-32 of the files that grow."""
 
     @classmethod
-    def open(cls, folder: Path, plan: Plan, force: bool = False) -> "Journal":
+    def open(cls, folder: Path, plan: StudyPlan, force: bool = False) -> "Journal":
         """Journal in a new folder, or in the folder of the same study. Raises InputError if the
         folder contains other data, unless `force`: then these are a user's, from around an earlier
         study."""

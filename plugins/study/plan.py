@@ -84,7 +84,7 @@ class Run:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Plan:
+class StudyPlan:
     """All runs of a study, and key -> scene of the references they are compared with.
 
     columns: of the table; settings: columns of the changed options; axes: those without the details
@@ -105,7 +105,7 @@ class Plan:
     @classmethod
     def of(
         cls, study: str | Path | Mapping[str, Any], registry: Registry | None = None
-    ) -> "Plan":
+    ) -> "StudyPlan":
         """Plan of a study file or packaged study, or of its contents. Raises `LocatedError` with
         every fault; nothing is written or run.
 
@@ -135,7 +135,7 @@ class Plan:
                    tuple(axis_columns(points)), tuple(chart_columns(read.file, points)), about,
                    fields)
 
-    def only(self, rows: Sequence[Mapping[str, Any]]) -> "Plan":
+    def only(self, rows: Sequence[Mapping[str, Any]]) -> "StudyPlan":
         """Plan of the runs whose settings contain one of these: column -> value."""
         kept = tuple(run for run in self.runs if any(
             all(run.settings.get(k) == v for k, v in row.items()) for row in rows))

@@ -7,7 +7,7 @@ from typing import Any
 
 from sparsemor.plugins.observers.progress import terminal_bar
 from sparsemor.plugins.study.columns import cell
-from sparsemor.plugins.study.plan import Plan
+from sparsemor.plugins.study.plan import StudyPlan
 from sparsemor.plugins.study.scheduler import Row, StudyProgress
 
 Watch = Callable[[StudyProgress, Row | None], None]
@@ -16,7 +16,7 @@ run."""
 
 
 @contextmanager
-def shown(plan: Plan, quiet: bool) -> Iterator[Watch]:
+def shown(plan: StudyPlan, quiet: bool) -> Iterator[Watch]:
     """Context manager: callback that displays the progress of a study; silent with `quiet`."""
     if quiet:
         yield lambda state, row: None
@@ -43,7 +43,7 @@ def duration(seconds: float) -> str:
     return f"{seconds / 60:.0f} min" if seconds < 5970 else f"{seconds / 3600:.1f} h"
 
 
-def _line(plan: Plan, state: StudyProgress, row: Row | None) -> None:
+def _line(plan: StudyPlan, state: StudyProgress, row: Row | None) -> None:
     if row is None:
         return
     settings = " ".join(f"{n}={cell(row[n])}" for n in plan.axes if row.get(n) is not None)

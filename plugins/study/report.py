@@ -12,7 +12,7 @@ from sparsemor.core.results.error_norms import LIMIT, measure_names
 from sparsemor.core.results.tables import CONSTANT, MARK, marked, text_table
 from sparsemor.core.status import Status
 from sparsemor.plugins.study.columns import ERROR, SERIES, label
-from sparsemor.plugins.study.plan import Plan
+from sparsemor.plugins.study.plan import StudyPlan
 from sparsemor.plugins.study.run import StudyOutcome
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ CHART = "work_precision"
 _DECIMAL = {"ms_per_step": ".3g", "speed_up": ".3g"}
 
 
-def in_words(plan: Plan, rows: Sequence[Mapping[str, Any]]) -> str:
+def in_words(plan: StudyPlan, rows: Sequence[Mapping[str, Any]]) -> str:
     """Text table of the most important columns, and numbers of runs by status."""
     errors = _errors(plan)
     own = plan.study.file.quantities
@@ -40,7 +40,7 @@ def in_words(plan: Plan, rows: Sequence[Mapping[str, Any]]) -> str:
                       counted(plan, rows), *_reasons(rows)])
 
 
-def counted(plan: Plan, rows: Sequence[Mapping[str, Any]]) -> str:
+def counted(plan: StudyPlan, rows: Sequence[Mapping[str, Any]]) -> str:
     """Numbers of runs by status, such as `24 runs: 20 done (2 with an error above 0.1), 3 diverged,
     1 refused`."""
     by_status = Counter(str(row["status"]) for row in rows)
@@ -53,7 +53,7 @@ def counted(plan: Plan, rows: Sequence[Mapping[str, Any]]) -> str:
         words + ([f"{missing} not run yet"] if missing else []))
 
 
-def work_points(plan: Plan, rows: Sequence[Mapping[str, Any]]) -> "list[WorkPoint]":
+def work_points(plan: StudyPlan, rows: Sequence[Mapping[str, Any]]) -> "list[WorkPoint]":
     """Points of the work-precision chart; the study's `method` columns distinguish the lines.
 
     Runs that differ only in the seed are combined into one point with median times and maximum
@@ -72,7 +72,7 @@ def work_points(plan: Plan, rows: Sequence[Mapping[str, Any]]) -> "list[WorkPoin
             for (method, budget, _), group in groups.items()]
 
 
-def _errors(plan: Plan) -> dict[str, str]:
+def _errors(plan: StudyPlan) -> dict[str, str]:
     """Column name -> error measure, for the errors over whole runs."""
     return {f"{ERROR}{m}": m for m in measure_names(plan.fields)}
 
@@ -109,7 +109,7 @@ def draw(done: StudyOutcome) -> list[Path]:
 
 
 def over_time(
-    plan: Plan, rows: Sequence[Mapping[str, Any]]
+    plan: StudyPlan, rows: Sequence[Mapping[str, Any]]
 ) -> "tuple[dict[str, Errors], dict[str, Status]]":
     """Method -> errors over time, and method -> status.
 

@@ -21,7 +21,7 @@ from sparsemor.core.results.output_directory import OutputDirectory
 from sparsemor.core.status import Status
 from sparsemor.plugins.study.jobs import DIED
 from sparsemor.plugins.study.journal import WRITES, Journal, is_study
-from sparsemor.plugins.study.plan import Plan
+from sparsemor.plugins.study.plan import StudyPlan
 from sparsemor.plugins.study.pools import Pool, SerialPool
 from sparsemor.plugins.study.progress import Watch, shown
 from sparsemor.plugins.study.scheduler import Row, Schedule
@@ -36,7 +36,7 @@ WORKER = "sparsemor.plugins.study.worker"
 class StudyOutcome:
     """Completed study: one row per run, sorted by run. files: tables written at the end."""
 
-    plan: Plan
+    plan: StudyPlan
     folder: Path
     rows: tuple[Row, ...]
     files: tuple[Path, ...]
@@ -59,7 +59,7 @@ def study(
     dask.distributed cluster; times: include the columns that depend on the machine; progress: show
     it on standard error. Raises InputError before anything is written.
     """
-    plan = Plan.of(file, registry)
+    plan = StudyPlan.of(file, registry)
     with shown(plan, not progress) as watch:
         done = run_plan(plan, out=out, workers=workers, scheduler=scheduler, times=times,
                         registry=registry, watch=watch)
@@ -67,7 +67,7 @@ def study(
 
 
 def run_plan(
-    plan: Plan, *, out: str | Path | None = None, workers: int = 0, scheduler: str = "",
+    plan: StudyPlan, *, out: str | Path | None = None, workers: int = 0, scheduler: str = "",
     times: bool = True, force: bool = False, registry: Registry | None = None,
     watch: Watch = lambda state, row: None,
 ) -> StudyOutcome:

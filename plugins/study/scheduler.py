@@ -15,7 +15,7 @@ from typing import Any, Literal
 from sparsemor.core.simulation.workers.local_pool import EndedJob
 from sparsemor.core.status import Status
 from sparsemor.plugins.study.jobs import BROKEN, DIED, REFUSED
-from sparsemor.plugins.study.plan import Plan, Run
+from sparsemor.plugins.study.plan import Run, StudyPlan
 from sparsemor.plugins.study.pools import Pool
 
 Row = dict[str, Any]
@@ -61,8 +61,8 @@ class Schedule:
     """
 
     def __init__(
-        self, plan: Plan, left: Sequence[Run], pool: Pool, earlier: Sequence[Mapping[str, Any]],
-        scratch: str | None, kept: str = "",
+        self, plan: StudyPlan, left: Sequence[Run], pool: Pool,
+        earlier: Sequence[Mapping[str, Any]], scratch: str | None, kept: str = "",
     ) -> None:
         self._plan, self._pool, self._scratch, self._kept = plan, pool, scratch, kept
         self._jobs = {job.name: job for job in _jobs_of(left)}

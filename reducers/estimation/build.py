@@ -25,7 +25,7 @@ from sparsemor.reducers.estimation.error_space import (
     residual_columns,
 )
 from sparsemor.reducers.estimation.estimator import BlockErrors, ErrorModel
-from sparsemor.reducers.estimation.local_forces import LocalForces
+from sparsemor.reducers.estimation.local_forces import ElementForces
 from sparsemor.reducers.estimation.reduced_states import (
     InAtoms,
     InModes,
@@ -72,7 +72,7 @@ class _Builder:
         self.h = every * problem.step
         self.step = StepFactors(self.h, *problem.integrator.rules(self.h).factors)
         self.notes: list[Note] = []
-        self.local = LocalForces(problem)
+        self.local = ElementForces(problem)
         self.active = active
 
     def by_blocks(self) -> ErrorModel:

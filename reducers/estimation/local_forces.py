@@ -16,7 +16,7 @@ STATES = 40
 """Number of snapshots at which forces are evaluated."""
 
 
-class LocalForces:
+class ElementForces:
     """Local terms of the blocks of a model at snapshots of its training run; without training, at
     the initial state."""
 

@@ -28,7 +28,7 @@ from sparsemor.bodies.mesh.generators.disk import Disk
 from sparsemor.core.protocols import DofLocations
 from sparsemor.core.registry.registry import Registry
 from sparsemor.core.simulation.memory.limits import peak, resident
-from sparsemor.plugins.linear_solvers.auto import Auto
+from sparsemor.plugins.linear_solvers.auto import AutomaticSolver
 
 STEEL = Isotropic(E=200e9, nu=0.3, rho=7850, alpha=12.3e-6, k=44.5, c=475)
 STEP = 1e-3
@@ -59,7 +59,7 @@ def fill(out: report.Report, given: argparse.Namespace) -> None:
                     rows.append(row)
                     table.add(tetrahedra=tetrahedra, field=field, unknowns=A.shape[0], **row)
                     report.progress(f"refine {refine:g}, {field}, {solver}: {row}")
-                chosen = Auto().choose(A, places)[1]
+                chosen = AutomaticSolver().choose(A, places)[1]
                 table.add(tetrahedra=tetrahedra, field=field, unknowns=A.shape[0], solver="auto",
                           status=f"takes {chosen}")
                 best.add(tetrahedra=tetrahedra, field=field, unknowns=A.shape[0], **{

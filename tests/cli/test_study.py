@@ -13,7 +13,7 @@ import pytest
 from sparsemor import InputError, study
 from sparsemor.core.results.output_lock import LOCK
 from sparsemor.plugins.study import run_plan
-from sparsemor.plugins.study.plan import Plan
+from sparsemor.plugins.study.plan import StudyPlan
 from swing_study import PROGRAM, STUDY, SWING, command, rows_of
 
 pytestmark = pytest.mark.full
@@ -133,7 +133,7 @@ def test_force_begins_anew_and_replaces_studies_only() -> None:
     study("one.yaml", out="a")
     Path("one.yaml").write_text(STUDY.replace("[2, 4, 6]", "[4]"))
     assert "--out: " in ran("one.yaml", "--out", "a", code=2).stderr
-    plan = Plan.of("one.yaml")
+    plan = StudyPlan.of("one.yaml")
     run_plan(plan, out="a", force=True)
     assert [r["reducer.basis.count"] for r in rows_of("a")] == [4, 4]
     assert not {".replaced", LOCK} & {p.name for p in Path("a").iterdir()}
@@ -153,9 +153,9 @@ def test_force_keeps_the_earlier_table_until_the_new_one_stands() -> None:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        run_plan(Plan.of("one.yaml"), out="a", force=True, watch=interrupt)
+        run_plan(StudyPlan.of("one.yaml"), out="a", force=True, watch=interrupt)
     assert [r["run"] for r in rows_of("a/.replaced")] == [r["run"] for r in earlier]
-    run_plan(Plan.of("one.yaml"), out="a")
+    run_plan(StudyPlan.of("one.yaml"), out="a")
     assert [r["reducer.basis.count"] for r in rows_of("a")] == [4, 4]
     assert not Path("a/.replaced").exists()
 
@@ -166,10 +166,10 @@ def test_one_study_at_a_time_in_a_folder() -> None:
 
     def second(*_: object) -> None:
         with pytest.raises(InputError, match="another run is writing to") as error:
-            contextvars.Context().run(run_plan, Plan.of("one.yaml"), out="a", force=True)
+            contextvars.Context().run(run_plan, StudyPlan.of("one.yaml"), out="a", force=True)
         found.append(str(error.value))
 
-    run_plan(Plan.of("one.yaml"), out="a", watch=second)
+    run_plan(StudyPlan.of("one.yaml"), out="a", watch=second)
     assert found and [r["reducer.basis.count"] for r in rows_of("a")] == [2, 2]
 
 

@@ -10,7 +10,7 @@ import pytest
 from sparsemor import compare, simulate
 from sparsemor.core.registry.registry import Registry
 from sparsemor.plugins.study.jobs import scene_of
-from sparsemor.plugins.study.plan import Plan
+from sparsemor.plugins.study.plan import StudyPlan
 
 DOCS = Path(__file__).parents[2] / "docs"
 STUDIES = [p.name for p in Registry().names("study") if p.distribution == "sparsemor"]
@@ -36,7 +36,7 @@ def test_the_tables_of_the_pages_are_those_of_the_studies() -> None:
 @pytest.mark.full
 @pytest.mark.parametrize("name", STUDIES)
 def test_every_packaged_study_plans_and_has_the_table_of_all_its_runs(name: str) -> None:
-    plan = Plan.of(name)
+    plan = StudyPlan.of(name)
     assert not any(run.refused for run in plan.runs)
     with (DOCS / "measured" / "studies" / f"{name}.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
@@ -54,7 +54,7 @@ its thermal error 4.02e-3 by snapshots of training steps to 1e-13, 3.92e-3 to 1e
     ("slider_methods", 1), ("slider_methods", 7), ("brake_methods", 1), ("brake_methods", 5)])
 def test_a_row_of_a_table_comes_out_again(name: str, number: int) -> None:
     """To one percent, but for two rows that turn with the kernels the processor gets."""
-    run = Plan.of(name).runs[number - 1]
+    run = StudyPlan.of(name).runs[number - 1]
     assert run.scene is not None
     scene = scene_of(run.scene.plain())
     errors = compare(reference=simulate(scene.using({"reducer": "full"})),

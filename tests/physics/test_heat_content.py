@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from sparsemor import load, simulate
 from sparsemor.bodies.fem.quadrature import on_cells
-from sparsemor.bodies.mesh.generators.block import Block
+from sparsemor.bodies.mesh.generators.block import BlockMesh
 from sparsemor.bodies.mesh.generators.rectangle import Rectangle
 from sparsemor.bodies.temperature_curve import TemperatureCurve
 from sparsemor.bodies.terms.law_functions import integral_at, with_integrals
@@ -127,7 +127,7 @@ def test_melting_behind_a_jump_of_a_prescribed_temperature() -> None:
 
 @pytest.mark.parametrize("mesh", [
     Rectangle(size=(1.0, 1.0), divisions=(2, 2)),
-    Block(size=(1.0, 1.0, 1.0), divisions=(2, 2, 2))], ids=["plane", "space"])
+    BlockMesh(size=(1.0, 1.0, 1.0), divisions=(2, 2, 2))], ids=["plane", "space"])
 @pytest.mark.parametrize("degree", [1, 2, 3, 4, 7])
 def test_no_point_takes_heat_away(mesh: Any, degree: int) -> None:
     weights = on_cells(mesh.build(Path()), degree, positive=True).weights

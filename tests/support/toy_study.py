@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from sparsemor.plugins.study.plan import Plan
+from sparsemor.plugins.study.plan import StudyPlan
 
 HEAD = "scene: scene.yaml\nreference: {reducer: direct}\n"
 GRID = HEAD + """\
@@ -16,7 +16,7 @@ seeds: [7, 4]
 """
 
 
-def planned(text: str) -> Plan:
+def planned(text: str) -> StudyPlan:
     """The plan of a study in this folder, where `scene.yaml` stands."""
     Path("study.yaml").write_text(text)
-    return Plan.of("study.yaml")
+    return StudyPlan.of("study.yaml")

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from sparsemor.bodies.mesh.generators.block import Block
+from sparsemor.bodies.mesh.generators.block import BlockMesh
 from sparsemor.bodies.mesh.generators.rectangle import Rectangle
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.model import Model
@@ -22,7 +22,7 @@ def bar(E: float, divisions: tuple[int, int, int] = (3, 1, 1), **reducer: Any) -
     return scene_of({
         "bodies": {"bar": {
             "use": "flexible", "fields": ["elastic", "thermal"], "reference": {"clamp": "left"},
-            "mesh": Block(size=(0.3, 0.1, 0.06), divisions=divisions), "frame": "spinning",
+            "mesh": BlockMesh(size=(0.3, 0.1, 0.06), divisions=divisions), "frame": "spinning",
             "material": {**STEEL, "E": E}, "damping": {"mass": 2.0, "stiffness": 1e-5},
             "initial_temperature": "293.15 + 50*x"}},
         "loads": {"weight": {"use": "gravity", "g": [1.0, 2.0, -9.0]}},

@@ -15,7 +15,7 @@ Count = Annotated[int, Field(ge=1)]
 SIDES = (("left", "right"), ("front", "back"), ("bottom", "top"))
 
 
-class Block(MeshPlugin):
+class BlockMesh(MeshPlugin):
     """Block: structured mesh of 6 nx ny nz tetrahedra, six around a diagonal of each cell (Kuhn).
 
     Sets: left, right (x), front, back (y), bottom, top (z), and the corners left_front_bottom to

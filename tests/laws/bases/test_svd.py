@@ -10,7 +10,7 @@ from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.linalg.svd import svd
 from sparsemor.core.protocols import BlockData, Dictionary
-from sparsemor.plugins.samplers.deim import Deim
+from sparsemor.plugins.samplers.deim import DeimPoints
 from sparsemor.plugins.samplers.s_opt import SOpt
 from sparsemor.plugins.samplers.subspace import SpanSampler
 
@@ -55,7 +55,7 @@ def sampled(sampler: SpanSampler, U: FloatArray) -> list[int]:
     return sampler.sample(block, 2 * U.shape[1], atoms, np.random.default_rng(0), none).tolist()
 
 
-@pytest.mark.parametrize("sampler", [Deim(), SOpt()], ids=lambda s: type(s).__name__)
+@pytest.mark.parametrize("sampler", [DeimPoints(), SOpt()], ids=lambda s: type(s).__name__)
 def test_samplers_choose_the_same_rows_where_divide_and_conquer_gives_up(
     sampler: SpanSampler, request: pytest.FixtureRequest,
 ) -> None:

@@ -15,7 +15,7 @@ from sparsemor.bodies.frames.motion import Motion, Sums
 from sparsemor.bodies.joints.conditions import conditions_between
 from sparsemor.bodies.joints.part import JointPart
 from sparsemor.bodies.loads.part import LoadPart
-from sparsemor.bodies.mesh.generators.block import Block
+from sparsemor.bodies.mesh.generators.block import BlockMesh
 from sparsemor.bodies.targets import find_target
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
@@ -80,7 +80,7 @@ def bar(kind: str, frame: str) -> dict[str, Any]:
     return {
         "bodies": {"bar": {
             "use": "flexible", "fields": ["elastic"], "reference": {"clamp": "left"},
-            "mesh": Block(size=(0.3, 0.1, 0.06), divisions=(2, 1, 1)), "frame": frame,
+            "mesh": BlockMesh(size=(0.3, 0.1, 0.06), divisions=(2, 1, 1)), "frame": frame,
             "material": {"E": 5e8, "nu": 0.3, "rho": 1100}}},
         "loads": {"tip": Push(kind=kind)}, "time": {"end": 5e-3, "step": 1e-3}}
 

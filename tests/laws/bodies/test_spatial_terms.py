@@ -15,7 +15,7 @@ from sparsemor.bodies.frames.frame import SpatialFrame
 from sparsemor.bodies.frames.joint_items import Reaction
 from sparsemor.bodies.frames.springs import SpatialRotationalSpring, Spring
 from sparsemor.bodies.loads.radiation import GreyBody
-from sparsemor.bodies.mesh.generators.block import Block
+from sparsemor.bodies.mesh.generators.block import BlockMesh
 from sparsemor.core import FloatArray, Mesh, Table
 from sparsemor.core.model.assembled_term import AssembledTerm
 from sparsemor.core.model.assembly import assemble
@@ -30,7 +30,7 @@ from term_scales import scales
 TURNED: dict[str, Any] = {"axis": [1.0, 2.0, -0.5], "angle": 0.7}
 BAR = {
     "use": "flexible", "fields": ["elastic", "thermal"],
-    "mesh": Block(size=(0.4, 0.1, 0.06), divisions=(3, 1, 1)),
+    "mesh": BlockMesh(size=(0.4, 0.1, 0.06), divisions=(3, 1, 1)),
     "material": {"E": 5e8, "nu": 0.3, "rho": 1100, "alpha": 1e-4, "k": 20, "c": 500},
     "damping": {"mass": 1.0, "stiffness": 1e-4},
     "reference": {"chord": ["left_front_bottom", "right_front_bottom", "left_back_bottom"]}}

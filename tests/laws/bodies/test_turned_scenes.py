@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from sparsemor.bodies.mesh.generators.block import Block
+from sparsemor.bodies.mesh.generators.block import BlockMesh
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.testing.in_memory_run import March, march, scene_of
 
@@ -30,7 +30,7 @@ def pose(turn: Rotation, place: FloatArray) -> dict[str, Any]:
 
 def bar(turn: Rotation, place: FloatArray, held: str) -> dict[str, Any]:
     return {"use": "flexible", "fields": ["elastic"], "reference": {"clamp": held},
-            "mesh": Block(size=(LENGTH, 0.1, 0.08), divisions=(2, 1, 1)),
+            "mesh": BlockMesh(size=(LENGTH, 0.1, 0.08), divisions=(2, 1, 1)),
             "material": {"E": 1e6, "nu": 0.3, "rho": 1000}, "pose": pose(turn, place)}
 
 

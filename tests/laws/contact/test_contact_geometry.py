@@ -14,7 +14,7 @@ from sparsemor.bodies.contact.pieces import Overlaps, Pairs, Pieces
 from sparsemor.bodies.contact.planes import Planes, area_slopes, area_vector
 from sparsemor.bodies.contact.projection import closest_points, nearest
 from sparsemor.bodies.contact.quadrature import rule
-from sparsemor.bodies.mesh.generators.block import Block
+from sparsemor.bodies.mesh.generators.block import BlockMesh
 from sparsemor.core.model.facets import outer_facets
 from sparsemor.core.testing import check_friction_law, check_normal_law
 
@@ -35,7 +35,7 @@ def test_pieces_of_all_facets_cover_a_surface_once() -> None:
 def test_cells_of_a_box_tile_its_inside(divisions: tuple[int, int, int]) -> None:
     """Down to half the smallest facet each point is in the cell of one facet, edges and corners
     included: the nearest one."""
-    mesh = Block(size=(0.3, 0.2, 0.2), divisions=divisions).build(Path())
+    mesh = BlockMesh(size=(0.3, 0.2, 0.2), divisions=divisions).build(Path())
     facets = outer_facets(mesh)
     planes = Planes.of(mesh.points[facets])
     cells = cells_of(mesh.points, facets, planes)

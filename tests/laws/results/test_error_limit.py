@@ -17,7 +17,7 @@ from sparsemor.core.status import Status
 from sparsemor.plugins.charts.error_over_time import error_over_time_figure
 from sparsemor.plugins.charts.work_precision import WorkPoint, work_precision_figure
 from sparsemor.plugins.study.metrics import measured
-from sparsemor.plugins.study.plan import Plan
+from sparsemor.plugins.study.plan import StudyPlan
 from sparsemor.plugins.study.report import counted, in_words
 from toy_scene import TOY_SCENE
 from toy_study import HEAD, planned
@@ -140,7 +140,7 @@ def test_remainders_of_iterative_solvers_are_no_change(
 def test_a_study_counts_its_marked_rows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     Path("scene.yaml").write_text(TOY_SCENE)
-    plan: Plan = planned(HEAD + "grid: {bodies.a.mass: [1, 2, 3, 4]}\n")
+    plan: StudyPlan = planned(HEAD + "grid: {bodies.a.mass: [1, 2, 3, 4]}\n")
     made = runs(tmp_path)
     rows: list[dict[str, Any]] = [
         {"run": i, "message": "", **measured(made.runs[name], made.reference, 0.0, "")}

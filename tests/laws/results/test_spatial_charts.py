@@ -75,9 +75,9 @@ def by_matplotlib(_: object) -> None:
 
 def block(size: tuple[float, float, float]) -> tuple[FloatArray, Any]:
     """Points and outward triangles of a box about the origin, from two tetrahedra a corner."""
-    from sparsemor.bodies.mesh.generators.block import Block
+    from sparsemor.bodies.mesh.generators.block import BlockMesh
 
-    mesh = Block(size=size, divisions=(1, 1, 1)).build(Path())
+    mesh = BlockMesh(size=size, divisions=(1, 1, 1)).build(Path())
     return mesh.points - 0.5 * np.array(size), outer_facets(Mesh(mesh.points, mesh.cells))
 
 

@@ -26,7 +26,7 @@ from sparsemor.core.simulation.offline_cache import Products
 from sparsemor.core.testing import check_sampler
 from sparsemor.core.testing.in_memory_run import March, march
 from sparsemor.plugins.bases.impulse import Impulse
-from sparsemor.plugins.samplers.deim import Deim
+from sparsemor.plugins.samplers.deim import DeimPoints
 from sparsemor.plugins.samplers.leverage import Leverage
 from sparsemor.plugins.samplers.lhs import LatinHypercube
 from sparsemor.plugins.samplers.random import Uniform
@@ -99,7 +99,8 @@ def test_samplers_see_the_equations_that_are_sampled() -> None:
     """D^-1 D = 1: the pivots are those of the atoms themselves."""
     model, name, rng = full().model, "bar.elastic", np.random.default_rng(0)
     d = Dictionary(np.linalg.qr(snapshots()[name])[0][:, :6], np.zeros(0), ("",) * 6)
-    rows = [choose_rows(model, None, name, 6, 6, Deim(required=False, of=of), d, rng, STEP, pre)
+    rows = [choose_rows(model, None, name, 6, 6, DeimPoints(required=False, of=of), d, rng, STEP,
+                        pre)
             for of, pre in (("operator", True), ("atoms", False), ("operator", False))]
     assert np.array_equal(rows[0], rows[1]) and not np.array_equal(rows[0], rows[2])
 
@@ -156,7 +157,7 @@ def test_default_keeps_plain_rows_where_a_row_would_read_every_element_and_says_
     assert note.level is Level.INFORMATION and note.kind == "plain_rows"
     assert "glow" in note.text and "deim" in note.text and all(name in note.text for name in hot)
     drawn = samplers(model, Sparse())
-    assert {n for n, s in drawn.items() if isinstance(s, Deim)} == hot
+    assert {n for n, s in drawn.items() if isinstance(s, DeimPoints)} == hot
     for options in ({"residual": "plain"}, {"sampler": "leverage"}, {"resample": 2}):
         own = Sparse.model_validate(options)
         assert set(samplers(model, own).values()) == {own.sampler}
@@ -284,7 +285,7 @@ def heated() -> Model:
 
 @pytest.mark.parametrize("sampler", [
     LatinHypercube(required="ring"), Uniform(required="ring", unit="node"),
-    Deim(required="ring"), Leverage(required="ring"), SOpt(required="ring")], ids=repr)
+    DeimPoints(required="ring"), Leverage(required="ring"), SOpt(required="ring")], ids=repr)
 def test_the_ring_keeps_the_laws_of_samplers(sampler: Any) -> None:
     check_sampler(sampler, seed=4, trials=8)
 

@@ -13,7 +13,7 @@ from sparsemor.core.protocols import BlockData, Dictionary, Sampler
 from sparsemor.core.testing import check_sampler, installed
 from sparsemor.core.testing.random_inputs import random_block, random_dictionary
 from sparsemor.plugins.samplers.base import RowSampler
-from sparsemor.plugins.samplers.deim import Deim
+from sparsemor.plugins.samplers.deim import DeimPoints
 from sparsemor.plugins.samplers.leverage import Leverage
 from sparsemor.plugins.samplers.lhs import LatinHypercube, one_per_stratum
 from sparsemor.plugins.samplers.random import Uniform
@@ -22,7 +22,8 @@ from sparsemor.plugins.samplers.s_opt import SOpt
 NONE = np.zeros(0, dtype=np.int64)
 
 
-OURS = {"lhs": LatinHypercube, "random": Uniform, "deim": Deim, "leverage": Leverage, "s_opt": SOpt}
+OURS = {"lhs": LatinHypercube, "random": Uniform, "deim": DeimPoints,
+        "leverage": Leverage, "s_opt": SOpt}
 
 
 def test_our_own_samplers_are_installed() -> None:

@@ -12,7 +12,7 @@ from sparsemor.core.errors import InputError
 from sparsemor.core.protocols import BlockData, Dictionary
 from sparsemor.core.testing import check_sampler
 from sparsemor.core.testing.random_inputs import random_block, random_dictionary
-from sparsemor.plugins.samplers.deim import Deim
+from sparsemor.plugins.samplers.deim import DeimPoints
 from sparsemor.plugins.samplers.leverage import Leverage, leverage
 from sparsemor.plugins.samplers.row_pool import GreedyRows
 from sparsemor.plugins.samplers.s_opt import SOpt
@@ -21,8 +21,8 @@ from tiers import quick
 
 NONE = np.zeros(0, dtype=np.int64)
 EVERY: list[tuple[type[SpanSampler], dict[str, Any]]] = [
-    (Deim, {"method": "qr"}), (Deim, {"method": "greedy"}), (Leverage, {"method": "random"}),
-    (Leverage, {"method": "top"}), (SOpt, {}),
+    (DeimPoints, {"method": "qr"}), (DeimPoints, {"method": "greedy"}),
+    (Leverage, {"method": "random"}), (Leverage, {"method": "top"}), (SOpt, {}),
 ]
 
 
@@ -102,7 +102,7 @@ def test_any_number_of_atoms_dependent_ones_too(
 def test_q_deim_takes_the_pivots_of_lapack_and_keeps_its_bound(seed: int) -> None:
     n, k = 120, 12
     U = np.linalg.qr(np.random.default_rng(seed).standard_normal((n, k)))[0]
-    rows = rows_of(Deim(of="atoms"), U, k)
+    rows = rows_of(DeimPoints(of="atoms"), U, k)
     assert np.array_equal(rows, np.sort(linalg.qr(U.T, pivoting=True, mode="r")[1][:k]))
     # Drmac and Gugercin 2016, Theorem 2.1; what is found is far below it
     bound = np.sqrt(n - k + 1) * np.sqrt(4.0**k + 6 * k - 1) / 3
@@ -114,7 +114,7 @@ def test_q_deim_sees_the_space_and_not_its_basis() -> None:
     rng = np.random.default_rng(0)
     U = np.linalg.qr(rng.standard_normal((80, 6)))[0]
     mixed = U @ rng.standard_normal((6, 6))
-    assert np.array_equal(rows_of(Deim(), U, 15), rows_of(Deim(), mixed, 15))
+    assert np.array_equal(rows_of(DeimPoints(), U, 15), rows_of(DeimPoints(), mixed, 15))
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -126,20 +126,20 @@ def test_greedy_deim_agrees_with_pymor(seed: int) -> None:
     space = NumpyVectorSpace(100)
     in_rows = space.zeros(2).to_numpy().shape == (2, 100)  # before pyMOR 2025
     points, _, _ = deim(space.make_array(U.T if in_rows else U), pod=False)
-    assert np.array_equal(rows_of(Deim(of="atoms", method="greedy"), U, 10), np.sort(points))
+    assert np.array_equal(rows_of(DeimPoints(of="atoms", method="greedy"), U, 10), np.sort(points))
 
 
 @pytest.mark.parametrize("options", [{"method": "qr"}, {"method": "greedy"}])
 def test_oversampling_raises_the_smallest_singular_value(options: dict[str, Any]) -> None:
     U = smooth(200, 8, 0)
-    values = [least(U[rows_of(Deim(of="atoms", **options), U, m)]) for m in (8, 12, 20, 40)]
+    values = [least(U[rows_of(DeimPoints(of="atoms", **options), U, m)]) for m in (8, 12, 20, 40)]
     assert (np.diff(values) > 0).all()
     for m, value in zip((12, 20, 40), values[1:], strict=True):
         drawn = [least(U[random_rows(200, m, seed)]) for seed in range(50)]
         assert value > np.quantile(drawn, 0.9)
 
 
-@pytest.mark.parametrize("kind", [Deim, SOpt])
+@pytest.mark.parametrize("kind", [DeimPoints, SOpt])
 def test_rows_are_chosen_knowing_the_required_ones(kind: type[SpanSampler]) -> None:
     """Better, in the median, than the same number of rows chosen without looking at them."""
     gained = []
@@ -157,7 +157,7 @@ def test_no_pivot_repeats_a_required_row() -> None:
     """Rows come in equal pairs; with one of each pair required, the others say nothing new."""
     U = np.linalg.qr(np.repeat(np.random.default_rng(0).standard_normal((20, 8)), 2, axis=0))[0]
     required = np.array([0, 6, 12])
-    for kind in (Deim(of="atoms", method="qr"), Deim(of="atoms", method="greedy")):
+    for kind in (DeimPoints(of="atoms", method="qr"), DeimPoints(of="atoms", method="greedy")):
         rows = rows_of(kind, U, 5, required)
         assert np.unique(rows // 2).size == 8
 
@@ -276,15 +276,16 @@ def test_the_operator_holds_mass_over_step_squared_or_over_step() -> None:
     for component, h in ((np.arange(n) % 2, 1e-4), (np.zeros(n, dtype=np.int64), 1e-2)):
         seen = (block.stiffness + block.mass / h) @ T.atoms
         given = replace(block, component=component)
-        direct = Deim(of="atoms").sample(given, 20, dictionary_of(seen), rng, NONE)
-        assert np.array_equal(Deim(step=1e-2).sample(given, 20, T, rng, NONE), direct)
+        direct = DeimPoints(of="atoms").sample(given, 20, dictionary_of(seen), rng, NONE)
+        assert np.array_equal(DeimPoints(step=1e-2).sample(given, 20, T, rng, NONE), direct)
 
 
 def test_atoms_that_vanish_under_the_operator_are_refused_in_words() -> None:
     zero = sparse.csr_array((10, 10))
     block = replace(block_of(10), mass=zero, stiffness=zero)
     with pytest.raises(InputError, match="all atoms of link.elastic vanish"):
-        Deim().sample(block, 3, dictionary_of(np.eye(10)[:, :2]), np.random.default_rng(0), NONE)
+        DeimPoints().sample(
+            block, 3, dictionary_of(np.eye(10)[:, :2]), np.random.default_rng(0), NONE)
 
 
 def test_a_sampler_without_a_rule_cannot_be_made() -> None:

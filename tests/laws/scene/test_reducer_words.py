@@ -9,14 +9,14 @@ from sparsemor import InputError, load
 from sparsemor.core.cli.compare import variants
 from sparsemor.core.scene.scene import Scene, build
 from sparsemor.core.scene.source import Source
-from sparsemor.plugins.study.plan import Plan
+from sparsemor.plugins.study.plan import StudyPlan
 
 SCENES = ("slider_plate", "brake_disk", "double_pendulum")
 
 
 def in_study(scene: str, **axes: list[Any]) -> list[dict[str, Any]]:
     """Reducer of each run of a study of these axes."""
-    plan = Plan.of({"scene": scene, "grid": axes})
+    plan = StudyPlan.of({"scene": scene, "grid": axes})
     return [build(Source.of_tree(dict(run.scene.tree))).dump()["reducer"]
             for run in plan.runs if run.scene is not None]
 

@@ -22,7 +22,7 @@ from sparsemor.core.scene.run_identity import FOLDERS, Identity
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.prepare import prepared
-from sparsemor.plugins.study.plan import Plan
+from sparsemor.plugins.study.plan import StudyPlan
 
 TINY = Path(__file__).parents[2] / "scenes" / "tiny.yaml"
 SHORT: Mapping[str, Any] = {"time.end": 0.003}
@@ -145,10 +145,10 @@ def test_a_study_is_another_one_after_its_plugin_changed(
         "set: {time.end: 0.003, reducer: {use: galerkin, basis: {use: leading}}}\n"
         "grid: {seed: [1, 2]}\n")
     (tmp_path / TINY.name).write_text(TINY.read_text())
-    first = Plan.of(study).digest
-    assert Plan.of(study).digest == first
+    first = StudyPlan.of(study).digest
+    assert StudyPlan.of(study).digest == first
     (tmp_path / "site-leading" / "leading_basis.py").write_text(BASIS.replace("COUNT", "4"))
-    assert Plan.of(study).digest != first
+    assert StudyPlan.of(study).digest != first
     sys.modules.pop("leading_basis", None)
 
 

@@ -10,7 +10,7 @@ from scipy import sparse
 
 from sparsemor.bodies import fem as fe
 from sparsemor.bodies.material import Isotropic
-from sparsemor.bodies.mesh.generators.block import Block
+from sparsemor.bodies.mesh.generators.block import BlockMesh
 from sparsemor.core.arrays import Csr, FloatArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.linalg.factorized import Solved, relative_residuals, rigid_motions
@@ -20,7 +20,7 @@ from sparsemor.core.status import Status
 from sparsemor.core.testing import check_linear_solver
 from sparsemor.core.testing.linear_solver import random_heat, random_lattice
 from sparsemor.plugins.linear_solvers import auto as auto_module
-from sparsemor.plugins.linear_solvers.auto import Auto
+from sparsemor.plugins.linear_solvers.auto import AutomaticSolver
 from sparsemor.plugins.linear_solvers.cholmod import Cholmod
 from sparsemor.plugins.linear_solvers.conjugate_gradients import ConjugateGradients
 from sparsemor.plugins.linear_solvers.pardiso import Pardiso
@@ -32,7 +32,7 @@ STEEL = Isotropic(E=200e9, nu=0.3, rho=7850, alpha=12.3e-6, k=44.5, c=475)
 
 
 def block(n: int) -> Any:
-    return Block(size=(1.0, 1.0, 1.0), divisions=(n, n, n)).build(Path())
+    return BlockMesh(size=(1.0, 1.0, 1.0), divisions=(n, n, n)).build(Path())
 
 
 def heat(n: int, h: float) -> tuple[Csr, DofLocations]:
@@ -73,8 +73,8 @@ def test_superlu_solves_for_many_columns_in_chunks(columns: int) -> None:
 
 
 @pytest.mark.parametrize("solver", [
-    Splu(ordering="minimum_degree"), Splu(ordering="columns", symmetric=False), Auto(rtol=1e-7),
-    ConjugateGradients(rtol=1e-7),
+    Splu(ordering="minimum_degree"), Splu(ordering="columns", symmetric=False),
+    AutomaticSolver(rtol=1e-7), ConjugateGradients(rtol=1e-7),
 ])
 def test_other_options_keep_the_laws(solver: LinearSolver) -> None:
     check_linear_solver(solver, trials=2)
@@ -220,13 +220,13 @@ def test_a_body_that_nothing_holds_is_singular(name: str) -> None:
 @pytest.mark.full
 def test_auto_says_what_it_took_and_why() -> None:
     small, places = heat(4, 1.0)
-    assert Auto().factorize(small, places).note == "splu: 125 unknowns are few"
+    assert AutomaticSolver().factorize(small, places).note == "splu: 125 unknowns are few"
     A, places = heat(16, 1.0)
-    done = Auto(rtol=1e-4).factorize(A, places)  # few iterations for few digits
+    done = AutomaticSolver(rtol=1e-4).factorize(A, places)  # few iterations for few digits
     assert done.solver == "cg" and done.note.startswith("cg: ")
     assert "iterations cost less than a solve with factors of" in done.note
     steady, places = heat(16, 1e7)  # hundreds of iterations: the factors are cheaper
-    done = Auto(memory=4.0).factorize(steady, places)
+    done = AutomaticSolver(memory=4.0).factorize(steady, places)
     assert done.solver in {"splu", "cholmod", "pardiso"}
     assert "fit in 4 GB" in done.note
 
@@ -237,13 +237,13 @@ def test_auto_prefers_the_quickest_direct_solver_there_is(monkeypatch: pytest.Mo
     for there, cls in (({"sksparse", "pypardiso"}, Cholmod), ({"pypardiso"}, Pardiso),
                        (set(), Splu)):
         monkeypatch.setattr(auto_module, "find_spec", lambda m, there=there: m in there or None)
-        assert type(Auto().choose(A, places)[0]) is cls
+        assert type(AutomaticSolver().choose(A, places)[0]) is cls
 
 
 @pytest.mark.full
 def test_auto_leaves_factors_that_do_not_fit(monkeypatch: pytest.MonkeyPatch) -> None:
     A, places = elastic(10)
-    tight = Auto(memory=1e-3)
+    tight = AutomaticSolver(memory=1e-3)
     monkeypatch.setattr(auto_module, "find_spec", lambda module: module == "pyamg" or None)
     solver, note = tight.choose(A, places)
     assert isinstance(solver, SmoothedAggregation) and "exceed 0.001 GB" in note

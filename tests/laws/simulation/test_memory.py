@@ -21,7 +21,7 @@ from sparsemor.core.simulation.memory.estimate import estimate, fitting
 from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.simulation.prepare import prepared
 from sparsemor.core.testing.in_memory_run import scene_of
-from sparsemor.plugins.linear_solvers.auto import Auto
+from sparsemor.plugins.linear_solvers.auto import AutomaticSolver
 from sparsemor.plugins.linear_solvers.superlu import Splu
 
 SCENE = Path(__file__).parents[2] / "scenes" / "heated_disk.yaml"
@@ -164,7 +164,7 @@ def test_auto_takes_its_limit_from_the_same_place(monkeypatch: pytest.MonkeyPatc
 
     n = 4000
     A = diags_array([-1.0, 2.001, -1.0], offsets=[-1, 0, 1], shape=(n, n)).tocsr()
-    assert "fit in" in Auto().choose(A)[1]
+    assert "fit in" in AutomaticSolver().choose(A)[1]
     monkeypatch.setenv(memory.LIMIT, "0.001")
-    assert "exceed 0.0005 GB" in Auto().choose(A)[1]
-    assert np.isfinite(Auto().expected(A))
+    assert "exceed 0.0005 GB" in AutomaticSolver().choose(A)[1]
+    assert np.isfinite(AutomaticSolver().expected(A))

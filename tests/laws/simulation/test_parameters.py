@@ -20,7 +20,7 @@ from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.offline_cache import Products
 from sparsemor.core.status import SolveFailed
 from sparsemor.plugins.advice.greedy import estimated_error, greedy_points
-from sparsemor.plugins.study.plan import Plan
+from sparsemor.plugins.study.plan import StudyPlan
 
 FLUX, ANGLE = "loads.heating.flux", "bodies.bar.pose.angle"
 BOX = {"flux": {"key": FLUX, "range": [5.0e5, 2.0e6]}, "angle": {"key": ANGLE, "range": [0.0, 0.5]}}
@@ -127,7 +127,7 @@ def test_samples_of_a_box() -> None:
 
 
 def test_a_study_over_a_parameter_has_references_of_its_own(tmp_path: Path) -> None:
-    plan = Plan.of({"format": 1, "scene": _written(tmp_path), "grid": {
+    plan = StudyPlan.of({"format": 1, "scene": _written(tmp_path), "grid": {
         "parameters.flux": [6.0e5, 7.0e5]}})
     assert len({run.reference for run in plan.runs}) == 2
     assert len({run.training for run in plan.runs}) == 1, "the box is the same"

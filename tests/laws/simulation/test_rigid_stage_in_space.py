@@ -8,7 +8,7 @@ import pytest
 
 from sparsemor import load, simulate
 from sparsemor.bodies.frames import rotation as rot
-from sparsemor.bodies.mesh.generators.block import Block
+from sparsemor.bodies.mesh.generators.block import BlockMesh
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.prescribed_motion import Followed
 from sparsemor.core.protocols import Joint
@@ -25,7 +25,7 @@ SCENES = Path(__file__).parents[2] / "scenes"
 SHORT: dict[str, Any] = {"time.end": 7.5e-5, "training.end": 7.5e-5, "reducer": "full"}
 BAR: dict[str, Any] = {
     "use": "flexible", "fields": ["elastic"], "reference": {"clamp": "left"},
-    "mesh": Block(size=(0.3, 0.1, 0.06), divisions=(2, 1, 1)),
+    "mesh": BlockMesh(size=(0.3, 0.1, 0.06), divisions=(2, 1, 1)),
     "material": {"E": 5e8, "nu": 0.3, "rho": 1100, "alpha": 1e-4, "k": 20, "c": 500}}
 PIECE = {"use": "rigid", "mass": 0.4, "inertia": [1e-3, 2e-3, 2.5e-3], "center": [0.1, 0.02, 0.03]}
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sparsemor.bodies.mesh.generators.block import Block
+from sparsemor.bodies.mesh.generators.block import BlockMesh
 from sparsemor.core import ReducedProblem
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.model.assembly import assemble
@@ -35,7 +35,7 @@ def chain(unit: float = 1.0, moved: float = 0.0, reducer: Any = "full") -> dict[
         at = np.array([x, 0.0, 0.0])
         velocity = np.cross(SPIN, at - HINGE) * unit
         return {"use": "flexible", "fields": ["elastic"], "reference": {"clamp": "left"},
-                "mesh": Block(size=(0.4, 0.1, 0.08), divisions=(2, 1, 1)),
+                "mesh": BlockMesh(size=(0.4, 0.1, 0.08), divisions=(2, 1, 1)),
                 "material": {"E": 5e8 * unit**2, "nu": 0.3, "rho": 1000.0},
                 "pose": {"position": listed(place + at), "spin": listed(SPIN * unit),
                          "velocity": listed(velocity)}}

@@ -10,7 +10,7 @@ import pytest
 from small_scenes import tiny
 from sparsemor import InputError, open_result, study
 from sparsemor.plugins.study.columns import label
-from sparsemor.plugins.study.plan import Plan
+from sparsemor.plugins.study.plan import StudyPlan
 from sparsemor.plugins.study.quantities import TAKEN
 
 
@@ -71,6 +71,6 @@ def test_quantities_that_the_scene_has_not_are_faults_of_the_file(tmp_path: Path
                            ({"field": "stress"}, "give `field` and `body`"),
                            ({"joint": "pin", "probe": "end"}, "give exactly one of")):
         with pytest.raises(InputError, match=said):
-            Plan.of(written(tmp_path, quantities={"a": quantity}))
+            StudyPlan.of(written(tmp_path, quantities={"a": quantity}))
     with pytest.raises(InputError, match="steps is a column of the results"):
-        Plan.of(written(tmp_path, quantities={"steps": {"joint": "pin"}}))
+        StudyPlan.of(written(tmp_path, quantities={"steps": {"joint": "pin"}}))

@@ -16,7 +16,7 @@ from sparsemor.core.results.json_data import finite
 from sparsemor.core.simulation.workers.local_pool import EndedJob
 from sparsemor.plugins.study.columns import RESERVED, TIMES, cell, columns_of
 from sparsemor.plugins.study.journal import Journal
-from sparsemor.plugins.study.plan import Plan
+from sparsemor.plugins.study.plan import StudyPlan
 from sparsemor.plugins.study.progress import duration, in_words
 from sparsemor.plugins.study.scheduler import Row, Schedule, StudyProgress
 from toy_scene import TOY_SCENE
@@ -124,7 +124,7 @@ class Fake:
         pass
 
 
-def conducted(plan: Plan, pool: Fake) -> list[Row]:
+def conducted(plan: StudyPlan, pool: Fake) -> list[Row]:
     rows: list[Row] = []
     states: list[StudyProgress] = []
     Schedule(plan, plan.runs, pool, (), None).go(

@@ -9,7 +9,7 @@ import pytest
 from sparsemor.bodies.contact.along_motion import AT_ONCE
 from sparsemor.bodies.contact.part import ContactPart
 from sparsemor.bodies.frames import rotation as rot
-from sparsemor.bodies.mesh.generators.block import Block
+from sparsemor.bodies.mesh.generators.block import BlockMesh
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.protocols import MeshPlugin
 from sparsemor.core.protocols.mesh import Mesh
@@ -47,11 +47,11 @@ class Ball(MeshPlugin):
                     {"skin": np.arange(n)})
 
 
-def block(divisions: tuple[int, int, int]) -> Block:
-    return Block(lower=(0.0, 0.0, 0.0), size=(SIDE, WIDTH, SIDE), divisions=divisions)
+def block(divisions: tuple[int, int, int]) -> BlockMesh:
+    return BlockMesh(lower=(0.0, 0.0, 0.0), size=(SIDE, WIDTH, SIDE), divisions=divisions)
 
 
-PLATE = Block(lower=(-0.2, -0.2, -0.1), size=(0.4, 0.4, 0.1), divisions=(7, 5, 1))
+PLATE = BlockMesh(lower=(-0.2, -0.2, -0.1), size=(0.4, 0.4, 0.1), divisions=(7, 5, 1))
 
 
 def contact_of(
@@ -233,8 +233,8 @@ def test_a_plane_problem_in_space_has_the_resultants_of_the_plane() -> None:
             "use": "polygonal", "between": ["thing:bottom", "plate:top"], "normal": normal,
             "friction": COULOMB}}})).parts["touch"]
     assert isinstance(plane, ContactPart)
-    solid = contact_of(Block(size=(SIDE, 1.0, SIDE), divisions=(3, 2, 1)), "bottom",
-                       plate=Block(lower=(-0.2, -0.5, -0.1), size=(0.4, 2.0, 0.1),
+    solid = contact_of(BlockMesh(size=(SIDE, 1.0, SIDE), divisions=(3, 2, 1)), "bottom",
+                       plate=BlockMesh(lower=(-0.2, -0.5, -0.1), size=(0.4, 2.0, 0.1),
                                    divisions=(7, 3, 1)), normal=normal, friction=COULOMB)
     x, z, tilt = 0.13, -2e-4, np.array([2e-3, -4e-3, 0.0])
     v, w = np.array([0.3, -0.01]), 0.5

@@ -13,7 +13,7 @@ from disk_fields import radial_and_hoop, rms
 from sparsemor.bodies import fem as fe
 from sparsemor.bodies.fem import forms
 from sparsemor.bodies.material import Isotropic
-from sparsemor.bodies.mesh.generators.block import Block
+from sparsemor.bodies.mesh.generators.block import BlockMesh
 from sparsemor.bodies.mesh.generators.disk import Disk
 from sparsemor.bodies.mesh.generators.pad import Pad
 from sparsemor.bodies.mesh.simplices import gradients, signed_measures
@@ -65,9 +65,9 @@ def statically_determinate(mesh: Mesh) -> IntArray:
 # ------------------------------------------------------------------ patch tests
 
 
-@pytest.mark.parametrize("mesh", [Disk(refine=0.5, layers=4), Pad(), Block(
+@pytest.mark.parametrize("mesh", [Disk(refine=0.5, layers=4), Pad(), BlockMesh(
     size=(1.0, 0.5, 0.3), divisions=(4, 3, 2))], ids=["disk", "pad", "block"])
-def test_a_linear_field_given_at_the_surface_goes_on_inside(mesh: Disk | Pad | Block) -> None:
+def test_a_linear_field_given_at_the_surface_goes_on_inside(mesh: Disk | Pad | BlockMesh) -> None:
     m = mesh.build(Path())
     rng = np.random.default_rng(0)
     surface = np.unique(outer_facets(m))
@@ -90,7 +90,7 @@ def test_rigid_motions_cost_no_force_and_nothing_else_does(disk: Mesh, stiffness
     motions = rigid_motions(DofLocations(disk.points[np.arange(n) // 3], np.arange(n) % 3))
     assert np.abs(stiffness @ motions).max() < 1e-13 * np.abs(stiffness).max()
     assert abs(stiffness - stiffness.T).max() < 1e-14 * np.abs(stiffness).max()
-    small = Block(size=(1.0, 1.0, 1.0), divisions=(2, 2, 2)).build(Path())
+    small = BlockMesh(size=(1.0, 1.0, 1.0), divisions=(2, 2, 2)).build(Path())
     K = fe.elastic_stiffness(small, STEEL, 1.0, "solid").toarray()
     values = np.linalg.eigvalsh(K)
     assert values[5] < 1e-12 * values[-1] < 1e-3 * values[6]
@@ -167,7 +167,7 @@ def test_pressure_on_the_pad_is_its_force() -> None:
 
 def test_free_expansion_is_exact_and_stress_free() -> None:
     """V1 in space: alpha dT = 2e-3 along each axis."""
-    mesh = Block(size=(1.0, 0.17, 0.05), divisions=(6, 3, 2)).build(Path())
+    mesh = BlockMesh(size=(1.0, 0.17, 0.05), divisions=(6, 3, 2)).build(Path())
     dT = np.full(len(mesh.points), 100.0)
     K = fe.elastic_stiffness(mesh, ALLOY, 1.0, "solid")
     force = fe.thermoelastic_coupling(mesh, ALLOY, 1.0, "solid") @ dT
@@ -231,7 +231,7 @@ def test_slab_under_a_flux(
 ) -> None:
     """V4: the rise of the heated face of a slab that is insulated elsewhere."""
     wide = length / n
-    mesh = Block(size=(wide, wide, length), divisions=(1, 1, n)).build(Path())
+    mesh = BlockMesh(size=(wide, wide, length), divisions=(1, 1, n)).build(Path())
     C, A = fe.capacity(mesh, rho_c, 1.0), fe.conductivity(mesh, k)
     heat = 1e6 * fe.surface_load(mesh, fe.boundary_facets(mesh, mesh.point_sets["top"]))
     step = Splu().factorize((C / h + A).tocsr())
@@ -248,7 +248,7 @@ def test_slab_under_a_flux(
 
 
 def cantilever(n: int) -> Mesh:
-    return Block(size=(1.0, 0.3, 0.2), divisions=(10 * n, 3 * n, 2 * n)).build(Path())
+    return BlockMesh(size=(1.0, 0.3, 0.2), divisions=(10 * n, 3 * n, 2 * n)).build(Path())
 
 
 def frequencies(mesh: Mesh) -> FloatArray:

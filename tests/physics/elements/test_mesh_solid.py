@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sparsemor.bodies.mesh.check import check_mesh
-from sparsemor.bodies.mesh.generators.block import Block
+from sparsemor.bodies.mesh.generators.block import BlockMesh
 from sparsemor.bodies.mesh.generators.disk import Disk
 from sparsemor.bodies.mesh.generators.extrude import extrude
 from sparsemor.bodies.mesh.generators.outline import (
@@ -164,7 +164,7 @@ def test_refined_pad(refine: float) -> None:
 
 @pytest.mark.parametrize("diagonal", ["uniform", "alternating"])
 def test_block(diagonal: str) -> None:
-    mesh = Block.model_validate({"lower": (-1.0, 0.0, 2.0), "size": (3.0, 1.0, 2.0),
+    mesh = BlockMesh.model_validate({"lower": (-1.0, 0.0, 2.0), "size": (3.0, 1.0, 2.0),
                                  "divisions": (4, 3, 5), "diagonal": diagonal}).build(Path())
     check_mesh(mesh)
     assert (len(mesh.points), len(mesh.cells)) == (5 * 4 * 6, 6 * 60)
@@ -176,13 +176,13 @@ def test_block(diagonal: str) -> None:
     (corner,) = mesh.points[mesh.point_sets["right_front_top"]]
     np.testing.assert_array_equal(corner, [2.0, 0.0, 4.0])
     assert len(sizes) == 6 + 8
-    assert len(Block(size=(1, 1, 1), divisions=(2, 1, 3), refine=2).build(Path()).cells) == 288
+    assert len(BlockMesh(size=(1, 1, 1), divisions=(2, 1, 3), refine=2).build(Path()).cells) == 288
 
 
 def test_alternating_block_is_symmetric() -> None:
     """Mirrored in x, y and z it is the same set of tetrahedra; a uniform one is not."""
     def mirrored(diagonal: str, axis: int) -> bool:
-        mesh = Block.model_validate(
+        mesh = BlockMesh.model_validate(
             {"size": (2.0, 2.0, 2.0), "divisions": (2, 2, 2), "diagonal": diagonal}).build(Path())
         flipped = mesh.points.copy()
         flipped[:, axis] = 2.0 - flipped[:, axis]

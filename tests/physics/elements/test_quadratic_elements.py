@@ -14,7 +14,7 @@ from sparsemor.bodies.fem import forms
 from sparsemor.bodies.fem.quadratic import with_midpoints
 from sparsemor.bodies.frames.moments import MassProperties
 from sparsemor.bodies.material import Isotropic
-from sparsemor.bodies.mesh.generators.block import Block
+from sparsemor.bodies.mesh.generators.block import BlockMesh
 from sparsemor.bodies.mesh.generators.rectangle import Rectangle
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.model.facets import outer_facets
@@ -33,7 +33,7 @@ def block(
     divisions: tuple[int, int, int], order: int = 2,
     size: tuple[float, float, float] = (1.0, 0.3, 0.2),
 ) -> Mesh:
-    mesh = Block(size=size, divisions=divisions).build(Path())
+    mesh = BlockMesh(size=size, divisions=divisions).build(Path())
     return with_midpoints(mesh) if order == 2 else mesh
 
 

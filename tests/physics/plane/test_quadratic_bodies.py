@@ -12,7 +12,7 @@ from sparsemor import InputError, compare, export, load, open_result, simulate
 from sparsemor.bodies.body import FloatingBody
 from sparsemor.bodies.fem.quadratic import with_midpoints
 from sparsemor.bodies.mesh.file import MeshFile
-from sparsemor.bodies.mesh.generators.block import Block
+from sparsemor.bodies.mesh.generators.block import BlockMesh
 from sparsemor.bodies.mesh.generators.rectangle import Rectangle
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.facets import outer_facets, subdivided
@@ -278,7 +278,7 @@ def test_exported_cells_are_quadratic(kind: str, form: Any, tmp_path: Path) -> N
 
 @pytest.mark.parametrize("linear", [
     Rectangle(size=(1.0, 0.2), divisions=(3, 2)).build(Path()),
-    Block(size=(1.0, 0.2, 0.1), divisions=(2, 1, 1)).build(Path())], ids=["plane", "space"])
+    BlockMesh(size=(1.0, 0.2, 0.1), divisions=(2, 1, 1)).build(Path())], ids=["plane", "space"])
 def test_quadratic_cells_divide_into_linear_ones(linear: Mesh) -> None:
     mesh, d = with_midpoints(linear), linear.dimension
     parts = subdivided(mesh.nodes)
@@ -296,7 +296,7 @@ def test_files_with_straight_quadratic_cells_are_read_by_their_corners(
     kind: str, tmp_path: Path
 ) -> None:
     linear = (Rectangle(size=(1.0, 0.2), divisions=(3, 2)) if kind == "triangle6" else
-              Block(size=(1.0, 0.2, 0.1), divisions=(2, 1, 1))).build(Path())
+              BlockMesh(size=(1.0, 0.2, 0.1), divisions=(2, 1, 1))).build(Path())
     mesh = with_midpoints(linear)
     points = np.pad(mesh.points, ((0, 0), (0, 3 - mesh.dimension)))
     for ending, sets in ((".vtu", {}), (".inp", {"left": mesh.point_sets["left"]})):

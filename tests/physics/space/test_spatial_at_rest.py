@@ -5,14 +5,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sparsemor.bodies.mesh.generators.block import Block
+from sparsemor.bodies.mesh.generators.block import BlockMesh
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.testing.in_memory_run import March, march, scene_of
 
 BAR: dict[str, Any] = {
     "use": "flexible", "fields": ["elastic"], "reference": {"clamp": "left"},
     "material": {"E": 2e8, "nu": 0.3, "rho": 1100},
-    "mesh": Block(lower=(-0.1, -0.05, -0.03), size=(0.5, 0.1, 0.06), divisions=(6, 2, 1)),
+    "mesh": BlockMesh(lower=(-0.1, -0.05, -0.03), size=(0.5, 0.1, 0.06), divisions=(6, 2, 1)),
     "pose": {"position": [0.3, -0.2, 0.1], "axis": [1, 2, 3], "angle": 0.4}}
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from sparsemor import simulate
 from sparsemor.bodies.frames import rotation as rot
-from sparsemor.bodies.mesh.generators.block import Block
+from sparsemor.bodies.mesh.generators.block import BlockMesh
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.testing.in_memory_run import March, march, scene_of
 
@@ -21,7 +21,7 @@ def bar(
     length: float, columns: int, place: list[float] | None = None, held: str = "left"
 ) -> dict[str, Any]:
     return {"use": "flexible", "fields": ["elastic"], "reference": {"clamp": held},
-            "mesh": Block(size=(length, 0.1, 0.08), divisions=(columns, 2, 2)),
+            "mesh": BlockMesh(size=(length, 0.1, 0.08), divisions=(columns, 2, 2)),
             "material": {"E": 5e8, "nu": 0.0, "rho": 1000}, "damping": {"stiffness": 1e-4},
             "pose": {"position": place or [0.0, 0.0, 0.0]}}
 

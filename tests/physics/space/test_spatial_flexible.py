@@ -8,7 +8,7 @@ import pytest
 
 from sparsemor.bodies.body import FloatingBody
 from sparsemor.bodies.frames import rotation as rot
-from sparsemor.bodies.mesh.generators.block import Block
+from sparsemor.bodies.mesh.generators.block import BlockMesh
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.model.assembly import assemble
@@ -17,7 +17,7 @@ from sparsemor.core.testing.in_memory_run import March, march, scene_of
 CORNERS = ["left_front_bottom", "right_front_bottom", "left_back_bottom"]
 BAR: dict[str, Any] = {
     "use": "flexible", "fields": ["elastic"], "material": {"E": 2e8, "nu": 0.3, "rho": 1100},
-    "mesh": Block(lower=(-0.1, -0.05, -0.03), size=(0.5, 0.1, 0.06), divisions=(6, 2, 1)),
+    "mesh": BlockMesh(lower=(-0.1, -0.05, -0.03), size=(0.5, 0.1, 0.06), divisions=(6, 2, 1)),
     "reference": {"chord": CORNERS},
     "pose": {"position": [0.3, -0.2, 0.1], "axis": [1, 2, 3], "angle": 0.4,
              "velocity": [1.0, 2.0, 0.5], "spin": [6.0, -9.0, 20.0]}}
@@ -120,7 +120,7 @@ def swings(h: float) -> tuple[float, float, float]:
     displacement over the length, of a bar that swings on a ball without staying in a plane."""
     spin = [2.0, 3.0, 6.0]
     got = march(scene_of({
-        "bodies": {"bar": {**BAR, "mesh": Block(size=(0.5, 0.1, 0.06), divisions=(6, 2, 1)),
+        "bodies": {"bar": {**BAR, "mesh": BlockMesh(size=(0.5, 0.1, 0.06), divisions=(6, 2, 1)),
                            "sets": {"eye": {"nearest": [0.0, 0.0, 0.0]}},
                            "material": {"E": 2e7, "nu": 0.3, "rho": 1100},
                            "pose": {"spin": spin}}},
@@ -205,7 +205,7 @@ def test_a_spin_about_a_principal_axis_is_cheap_and_as_wide_as_statics_say() -> 
     """On a hinge along the axis: the shape is the static answer to the centrifugal force, one
     factor serves the whole run, and a step takes one or two iterations."""
     spin = 60.0
-    disk = {**BAR, "mesh": Block(lower=(-0.1, -0.1, -0.01), size=(0.2, 0.2, 0.02),
+    disk = {**BAR, "mesh": BlockMesh(lower=(-0.1, -0.1, -0.01), size=(0.2, 0.2, 0.02),
                                  divisions=(6, 6, 2)),
             "material": {"E": 2e9, "nu": 0.3, "rho": 7800}, "damping": {"stiffness": 1e-3},
             "sets": {"hub": {"box": [(-0.04, 0.04), (-0.04, 0.04), (-0.02, 0.02)]}},

@@ -7,7 +7,7 @@ import pytest
 
 from sparsemor import compare, simulate
 from sparsemor.bodies.frames import rotation as rot
-from sparsemor.bodies.mesh.generators.block import Block
+from sparsemor.bodies.mesh.generators.block import BlockMesh
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.model.assembly import assemble
@@ -20,7 +20,7 @@ WHEEL: dict[str, Any] = {
 AXLE = {"use": "revolute", "between": ["wheel:axle", "ground"], "axis": [0, 0, 1]}
 PLATE: dict[str, Any] = {
     "use": "flexible", "frame": "spinning", "fields": ["elastic"],
-    "mesh": Block(lower=(-0.1, -0.1, 0.0), size=(0.25, 0.2, 0.02), divisions=(5, 4, 1)),
+    "mesh": BlockMesh(lower=(-0.1, -0.1, 0.0), size=(0.25, 0.2, 0.02), divisions=(5, 4, 1)),
     "material": {"E": 2e9, "nu": 0.3, "rho": 7800}, "damping": {"stiffness": 1e-4},
     "sets": {"hub": {"box": [(-0.06, 0.06), (-0.06, 0.06), (0.0, 0.02)]}},
     "reference": {"clamp": "hub"}}
@@ -99,7 +99,7 @@ def test_a_spinning_frame_and_a_free_one_on_a_hinge_move_alike() -> None:
 @pytest.mark.full
 def test_a_spinning_plate_costs_one_factor_and_one_or_two_iterations() -> None:
     axle = {"use": "revolute", "between": ["plate:hub", "ground"], "axis": [0, 0, 1]}
-    round_plate = {**PLATE, "pose": {"spin": [0.0, 0.0, 60.0]}, "mesh": Block(
+    round_plate = {**PLATE, "pose": {"spin": [0.0, 0.0, 60.0]}, "mesh": BlockMesh(
         lower=(-0.1, -0.1, 0.0), size=(0.2, 0.2, 0.02), divisions=(4, 4, 2))}
     got = run({"plate": round_plate}, 0.2, joints={"axle": axle})
     assert np.mean(got.iterations[50:]) <= 2.0
