@@ -1,6 +1,7 @@
 """Distributions for tests: tiny ones made on the spot, and the third-party samples. A folder for
 the results of runs that name none."""
 
+import gc
 import os
 import signal
 import subprocess
@@ -137,12 +138,18 @@ def pytest_configure(config: pytest.Config) -> None:
     # small, and the threads of two workers on two cores wait for each other.
     os.environ.update(OPENBLAS_NUM_THREADS="1", OMP_NUM_THREADS="1", MKL_NUM_THREADS="1")
     os.environ["COLUMNS"] = "100"  # of tables, whatever terminal the tests are started from
-    for name in ("FORCE_COLOR", "CLICOLOR_FORCE", "PYTHONWARNINGS"):
+    # Compiled once for all: tests start dozens of programs that import the whole product.
+    sys.dont_write_bytecode = False
+    for name in ("FORCE_COLOR", "CLICOLOR_FORCE", "PYTHONWARNINGS", "PYTHONDONTWRITEBYTECODE"):
         os.environ.pop(name, None)
     threadpool_limits(limits=1, user_api="blas")
     metadata.entry_points = entry_points
     if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # started in the background by a shell
         signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_collection_finish() -> None:
+    gc.freeze()  # modules and collected tests stay: they are not searched for garbage again
 
 
 @pytest.fixture(autouse=True, scope="session")

@@ -148,17 +148,9 @@ FAULTS: dict[str, tuple[list[tuple[str, str]], str, str, str]] = {
 }
 
 
-def test_every_fault_of_the_list_is_here() -> None:
-    asked = {"unknown plugin", "misspelt option", "wrong type", "negative thickness",
-             "missing mesh file", "mesh without the named set", "joint to an unknown body",
-             "no reference condition", "more rows than unknowns", "two loads of one name",
-             "non-finite load table"}
-    assert asked <= set(FAULTS)
-
-
 ASSEMBLED = ("a budget that fits nothing",)
 """Faults that show in the assembled model only."""
-QUICK = [name for name in FAULTS if name not in ASSEMBLED][::2]
+QUICK = [name for name in FAULTS if name not in ASSEMBLED][::3]
 
 
 @pytest.mark.parametrize("name", [

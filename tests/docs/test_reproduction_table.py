@@ -7,11 +7,10 @@ from types import ModuleType
 
 import pytest
 
-from sparsemor.core.registry.registry import Registry
-from sparsemor.plugins.liang2026.paper import GRADES, PaperFile
+from packaged_paper import packaged_paper
+from sparsemor.plugins.liang2026.paper import GRADES
 
 DOCS = Path(__file__).parents[2] / "docs"
-PAPER = PaperFile.read("liang_2026", Registry())
 
 
 def maker() -> ModuleType:
@@ -26,12 +25,12 @@ def test_the_table_is_that_of_the_stored_verdicts() -> None:
     made = maker()
     text = (DOCS / "reproduce.md").read_text(encoding="utf-8")
     assert made.MARK.search(text)[0] == (
-        f"<!-- verdicts -->\n{made.table(PAPER)}<!-- end -->")
+        f"<!-- verdicts -->\n{made.table(packaged_paper())}<!-- end -->")
 
 
 @pytest.mark.parametrize("kind", ["quick", "whole"])
 def test_stored_verdicts_follow_from_stored_numbers(kind: str) -> None:
-    made, items = maker(), {i.id: i for i in PAPER.items}
+    made, items = maker(), {i.id: i for i in packaged_paper().items}
     found = made.stored(kind)
     for name, (verdict, values) in found.items():
         assert values.keys() == {n for v in items[name].values for n in (v, f"paper_{v}")}, name

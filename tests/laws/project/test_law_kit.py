@@ -35,7 +35,6 @@ from sparsemor.core.testing import (
     installed,
 )
 from sparsemor.core.testing.in_memory_run import scene_of
-from tiers import quick
 
 SCENES = Path(__file__).parents[2] / "scenes"
 BUDGETS = {"*.elastic": {"rows": 24, "atoms": 4}, "*.thermal": {"rows": 12, "atoms": 3}}
@@ -110,10 +109,9 @@ def test_every_kind_has_laws() -> None:
     assert set(Registry().kinds()) <= set(LAWS) | others
 
 
-@pytest.mark.parametrize("examples", quick((2, 5), 2))
 @pytest.mark.parametrize(("kind", "name"), RANDOM, ids=lambda word: str(word))
-def test_laws_over_random_inputs(kind: str, name: str, examples: int) -> None:
-    @settings(max_examples=examples)
+def test_laws_over_random_inputs(kind: str, name: str) -> None:
+    @settings(max_examples=2)
     @given(seed=st.integers(0, 2**31 - 1))
     def kept(seed: int) -> None:
         LAWS[kind](made(kind, name), seed)
@@ -135,7 +133,9 @@ def test_laws_of_a_mesh(name: str, tmp_path: Path) -> None:
     for name in installed("reducer") for integrator in installed("integrator")])
 def test_laws_of_a_reducer(name: str, integrator: str) -> None:
     options = {"use": name, **OPTIONS.get(("reducer", name), {})}
-    check_reducer(load(SCENES / "tiny.yaml", {"reducer": options, "integrator": integrator}))
+    short = {"time.end": 0.02, "training.end": 0.02}
+    check_reducer(load(SCENES / "tiny.yaml", {
+        **short, "reducer": options, "integrator": integrator}))
 
 
 @pytest.mark.full

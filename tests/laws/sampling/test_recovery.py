@@ -32,7 +32,6 @@ from sparsemor.plugins.sparse_solvers.least_squares_on_support import Linearised
 from sparsemor.plugins.sparse_solvers.newton import LinearRecovery, Recovered
 from sparsemor.plugins.sparse_solvers.omp import OrthogonalMatchingPursuit
 from sparsemor.plugins.sparse_solvers.penalised import Penalised
-from tiers import quick
 
 VARIANTS: dict[str, SparseSolver] = {
     "lp, equations": BasisPursuitLp(tolerance=0.0),
@@ -57,11 +56,8 @@ def two_bases(rng: np.random.Generator, active: int) -> LeastSquares:
 
 
 @each
-@pytest.mark.parametrize("examples", quick((8, 25), 8))
-def test_supports_within_the_coherence_bound_are_found(
-    solver: SparseSolver, examples: int
-) -> None:
-    @settings(max_examples=examples)
+def test_supports_within_the_coherence_bound_are_found(solver: SparseSolver) -> None:
+    @settings(max_examples=8)
     @given(seed=st.integers(0, 2**32 - 1), active=st.integers(1, 4))
     def found(seed: int, active: int) -> None:
         problem = two_bases(np.random.default_rng(seed), active)
@@ -75,12 +71,10 @@ def test_supports_within_the_coherence_bound_are_found(
 
 @each
 @pytest.mark.parametrize("make", [incoherent, all_penalised, tall])
-@pytest.mark.parametrize("seeds", quick((range(100, 104), range(104, 115)), range(100, 104)),
-                         ids=("few", "more"))
 def test_gaussian_supports_are_found(
-    solver: SparseSolver, make: Callable[[np.random.Generator], LeastSquares], seeds: range
+    solver: SparseSolver, make: Callable[[np.random.Generator], LeastSquares]
 ) -> None:
-    for seed in seeds:
+    for seed in range(100, 103):
         problem = make(np.random.default_rng(seed))
         outcome = empty(solver, problem)
         assert outcome.status is Status.DONE
@@ -154,7 +148,7 @@ PURSUITS: list[LinearRecovery] = [
 
 @pytest.mark.parametrize("solver", PURSUITS, ids=["linprog", "clarabel", "highs"])
 @pytest.mark.parametrize("make", [incoherent, all_penalised])
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_basis_pursuit_agrees_with_a_direct_linear_program(
     solver: LinearRecovery, make: Callable[[np.random.Generator], LeastSquares], seed: int
 ) -> None:

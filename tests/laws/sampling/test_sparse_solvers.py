@@ -30,7 +30,7 @@ from sparsemor.plugins.sparse_solvers.greedy_gauss_newton import GreedyGaussNewt
 from sparsemor.plugins.sparse_solvers.iterates import Visits
 
 
-@pytest.mark.parametrize("seed", range(40))
+@pytest.mark.parametrize("seed", range(10))
 @pytest.mark.parametrize("growth", [None, 1])
 def test_incoherent_supports_are_recovered(seed: int, growth: int | None) -> None:
     problem = incoherent(np.random.default_rng(seed))

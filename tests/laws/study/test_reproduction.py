@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from packaged_paper import packaged_paper
 from source_trees import tree_of
 from sparsemor.core.cli.options import load_with
 from sparsemor.core.errors import InputError
@@ -37,7 +38,7 @@ from sparsemor.plugins.study.jobs import execute, keep_reference
 from sparsemor.plugins.study.plan import SceneData
 
 ROOT = Path(__file__).parents[3]
-PAPER = PaperFile.read("liang_2026", Registry())
+PAPER = packaged_paper()
 FIGURES = [f"fig_{n}" for n in range(1, 24)]
 TABLES = [f"table_{n}" for n in range(1, 13)]
 SCENES = {"double_pendulum": ([*range(1, 9)], [*range(1, 5)]),
