@@ -151,42 +151,6 @@ def test_compare_goes_on_where_it_stopped() -> None:
     assert changed.returncode == 2 and "was made from another scene" in changed.stderr
 
 
-@pytest.mark.full
-def test_validate_and_schema() -> None:
-    out, err = installed("validate", SWING)
-    assert (out, said(err)) == ("swing: valid (arm, bob)\n", [])
-    dump = in_json("validate", SWING)["scene"]
-    assert dump == load(SWING).dump()
-    schema = json.loads(sparsemor("schema")[0])
-    assert set(schema["properties"]) == set(dump)
-    for name in ("double_pendulum", "double_pendulum_published", "double_pendulum_recovered"):
-        assert sparsemor("validate", name)[0] == f"{name}: valid (link1, link2)\n"
-
-
-@pytest.mark.full
-def test_plugins_names_every_part() -> None:
-    listed = {(p["kind"], p["name"]) for p in in_json("plugins")["plugins"] if not p["broken"]}
-    assert {("body", "flexible"), ("body", "rigid"), ("joint", "revolute"), ("joint", "fixed"),
-            ("joint", "prescribed_motion"), ("load", "radiation"), ("integrator", "bdf1"),
-            ("integrator", "generalized_alpha"), ("reducer", "full"), ("reducer", "galerkin"),
-            ("reducer", "sparse"), ("basis", "pod"), ("sampler", "lhs"), ("preconditioner", "untf"),
-            ("sparse_solver", "greedy_gauss_newton"), ("mesh", "link")} <= listed
-    options, _ = sparsemor("plugins", "heat_flux")
-    assert options.startswith("load heat_flux (sparsemor ")
-    assert "Heat flux, W/m^2" in " ".join(options.replace("│", " ").split())
-
-
-@pytest.mark.full
-def test_new_plugin_version_and_help() -> None:
-    out, _ = sparsemor("new-plugin", "my_rows", "--kind", "sampler")
-    assert "sparsemor-my-rows" in out and Path("sparsemor-my-rows/pyproject.toml").is_file()
-    assert re.fullmatch(r"\d+\.\d+\.\d+\n", installed("--version")[0])
-    whole, _ = installed("--help")
-    for command in ("run", "compare", "validate", "schema", "plugins", "new-plugin"):
-        assert command in whole
-        assert "Usage: sparsemor " + command in sparsemor(command, "--help")[0]
-
-
 def on_terminal(*arguments: object) -> tuple[str, str]:
     """Standard output, and what a terminal of 120 columns shows of standard error."""
     outer, inner = pty.openpty()

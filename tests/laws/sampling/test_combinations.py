@@ -139,11 +139,10 @@ def run(scene: Scene, given: Trained, stepper: StepSolver) -> None:
         state = advanced(integrator.rules(h), stepper.layout, state, formula, found)
 
 
-def pairs() -> list[Any]:
-    """All, of which those that take longest are left to the slow run."""
-    return [pytest.param(solver, integrator, marks=[pytest.mark.slow] * slow)
-            for solver, integrator in product(installed("sparse_solver"), installed("integrator"))
-            for slow in [(solver, integrator) != ("greedy_gauss_newton", "bdf1")]]
+DEFAULT = ("greedy_gauss_newton", "bdf1")
+PAIRS = [pair for pair in product(installed("sparse_solver"), installed("integrator"))
+         if pair != DEFAULT]
+"""Solvers and integrators, but for the pair that the full tier takes."""
 
 
 def every_two() -> Iterator[tuple[str, str, str]]:
@@ -160,13 +159,18 @@ def test_every_two_parts() -> None:
     for one, other in ((0, 1), (0, 2), (1, 2)):
         kinds = installed(KINDS[one]), installed(KINDS[other])
         assert {(c[one], c[other]) for c in chosen} == set(product(*kinds))
-    all_known(chosen, "greedy_gauss_newton", "bdf1")
+    all_known(chosen, *DEFAULT)
 
 
-@pytest.mark.full
-@pytest.mark.parametrize(("solver", "integrator"), pairs())
-def test_all_combinations(solver: str, integrator: str) -> None:
-    all_known(product(*(installed(k) for k in KINDS[:3])), solver, integrator)
+@pytest.mark.slow
+@pytest.mark.parametrize(("solver", "integrator"), PAIRS)
+def test_every_two_parts_with_each_solver_and_integrator(solver: str, integrator: str) -> None:
+    all_known(every_two(), solver, integrator)
+
+
+@pytest.mark.slow
+def test_all_bases_samplers_and_preconditioners_of_the_default_solver() -> None:
+    all_known(product(*(installed(k) for k in KINDS[:3])), *DEFAULT)
 
 
 def all_known(parts: Iterable[tuple[str, ...]], solver: str, integrator: str) -> None:

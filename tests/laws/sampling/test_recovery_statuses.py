@@ -293,7 +293,7 @@ def test_atoms_no_row_sees_are_left_out(solver: SparseSolver) -> None:
     np.testing.assert_allclose(outcome.c, problem.answer, atol=1e-10)
 
 
-@pytest.mark.parametrize("name", ["omp", "cosamp", "lasso_lars"])
+@pytest.mark.parametrize("name", ["greedy_gauss_newton", "omp", "cosamp", "lasso_lars"])
 def test_a_cycle_of_supports_ends_on_the_better_one(name: str) -> None:
     outcome = empty(SOLVERS[name], Tempting())
     assert outcome.status is Status.DONE and outcome.iterations < 10
