@@ -8,7 +8,6 @@ the reference for the block-wise solution.
 
 from copy import copy
 from dataclasses import dataclass
-from math import inf
 
 import numpy as np
 from scipy.sparse import csc_array
@@ -21,13 +20,14 @@ from sparsemor.reducers.step.factors import Factor
 from sparsemor.reducers.step.loop import Linearisation
 from sparsemor.reducers.step.rejection import Checked, checked
 from sparsemor.reducers.step.relocalised import CopyMemory
+from sparsemor.reducers.step.whole_step import WholeEquations
 from sparsemor.reducers.touched_blocks import coupling
 
 
 @dataclass(eq=False)
-class Summed:
+class Summed(WholeEquations):
     """Equations of a model summed over its terms: linear terms as K x + C v + M a + prescribed(t)
-    with (n, n) csr matrices, the other terms one by one. price: see `loop.Equations`."""
+    with (n, n) csr matrices, the other terms one by one. price: see `StepEquations`."""
 
     layout: Layout
     K: Csr
@@ -59,10 +59,6 @@ class Summed:
     def terms(self) -> tuple[tuple[Term, IntArray], ...]:
         return tuple((t, t.columns) for t in (*self.linear, *self.others))
 
-    @property
-    def solved(self) -> slice:
-        return slice(None)
-
     def working(self, memory: CopyMemory | None = None) -> "Summed":
         """These equations in the steps of one run."""
         return copy(self)
@@ -93,9 +89,6 @@ class Summed:
         c1, c2 = rate_factors(self.layout, *at.c[:3])
         c2[self.layout.first] = at.c[3]
         return self.slope(at.x, at.v, at.a, at.t, c1, c2)
-
-    def contraction(self, point: Linearisation) -> float:
-        return inf
 
     def factorize(self, J: Csr) -> Factor:
         # pivots off the diagonal where it is small

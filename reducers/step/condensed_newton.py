@@ -29,7 +29,7 @@ from sparsemor.reducers.step.blocks.elastic_block import ElasticBlock
 from sparsemor.reducers.step.blocks.elastic_local import GROWN
 from sparsemor.reducers.step.border.sparse import bordered_system
 from sparsemor.reducers.step.frame_step import BodyStep
-from sparsemor.reducers.step.iteration_state import Loop, Workspace, rounded_off
+from sparsemor.reducers.step.iteration_state import EliminationState, Workspace, rounded_off
 from sparsemor.reducers.step.memory import Memory
 from sparsemor.reducers.step.step_unknowns import StepUnknowns
 
@@ -129,18 +129,18 @@ class Mechanics:
         detail = f"last relative change {change:.1e} after {iteration} iterations"
         return Status.NOT_CONVERGED, iteration, self._worst(loop), detail
 
-    def _broken(self, iteration: int, loop: Loop) -> tuple[Status, int, str, str]:
+    def _broken(self, iteration: int, loop: EliminationState) -> tuple[Status, int, str, str]:
         """Status of an iterate that is not finite: an unconverged linear solver, or overflow."""
         for b, past in zip(self.bodies, loop.history, strict=True):
             if past is not None and past.failure is not None:
                 return past.failure[0], iteration, b.elastic_name, past.failure[1]
         return Status.NOT_FINITE, iteration, self._worst(loop), ""
 
-    def _gather(self, loop: Loop) -> FloatArray:
+    def _gather(self, loop: EliminationState) -> FloatArray:
         """Increments of border and elastic unknowns in one vector."""
         return np.concatenate((loop.d, *loop.u))
 
-    def _scatter(self, u: FloatArray, loop: Loop) -> None:
+    def _scatter(self, u: FloatArray, loop: EliminationState) -> None:
         sizes = np.cumsum([self.size, *(len(d) for d in loop.u)]).tolist()
         loop.d, *loop.u = np.split(u, sizes[:-1])
 
@@ -156,8 +156,8 @@ class Mechanics:
             weights.append(np.full(active, scale**-0.5 if scale > 0 else 0.0))
         return np.concatenate(weights)
 
-    def _begin(self, step: StepFormula, now: StepUnknowns, memory: Scales) -> Loop:
-        loop, nr = Loop(), self.n_rigid
+    def _begin(self, step: StepFormula, now: StepUnknowns, memory: Scales) -> EliminationState:
+        loop, nr = EliminationState(), self.n_rigid
         loop.history, loop.u = [], []
         for b in self.bodies:
             if b.block is None:
@@ -202,7 +202,7 @@ class Mechanics:
         size = max(1.0, sqrt(float(q.dot(q))))
         return reference(size, memory.acceleration, step.c2, self.tol.remaining)
 
-    def _move(self, now: StepUnknowns, loop: Loop, memory: Scales) -> None:
+    def _move(self, now: StepUnknowns, loop: EliminationState, memory: Scales) -> None:
         """Adds the increments of a solved step to its unknowns, and updates the reference magnitude
         of accelerations."""
         nr, d, c2 = self.n_rigid, now.d, now.step.c2
@@ -217,7 +217,7 @@ class Mechanics:
         own = d[:nr]
         memory.acceleration = max(memory.acceleration, c2 * sqrt(float(own.dot(own))))
 
-    def _displace(self, step: StepFormula, loop: Loop) -> None:
+    def _displace(self, step: StepFormula, loop: EliminationState) -> None:
         """Border unknowns with rates, and products of the displacements, at the increments."""
         moved = self.system.stacked(loop.d)
         y, v, a = loop.border
@@ -227,7 +227,8 @@ class Mechanics:
                 b.block.move(d, past)
 
     def _iterate(
-        self, step: StepFormula, loop: Loop, memory: Scales, work: Workspace, fresh: bool
+        self, step: StepFormula, loop: EliminationState, memory: Scales, work: Workspace,
+        fresh: bool,
     ) -> float:
         """One Newton iteration; returns the largest relative change (-1: singular). fresh: False if
         frames may keep the derivatives of the iteration before."""
@@ -244,7 +245,7 @@ class Mechanics:
                 np.subtract(w.border, w.tau.dot(b.block.condensed(d, past, w)), H)
         return self._advance(loop, memory, work)
 
-    def _advance(self, loop: Loop, memory: Scales, work: Workspace) -> float:
+    def _advance(self, loop: EliminationState, memory: Scales, work: Workspace) -> float:
         nr = self.n_rigid
         system = self.system
         loop.matrix, r = system.assembled(work.H.values)
@@ -285,7 +286,7 @@ class Mechanics:
             float(u.dot(u)) for u in (b.block.response(r) for r in w.sigma[: b.frame.rigid_size]))
                 for b, w in zip(self.bodies, work.frames, strict=True)]
 
-    def _worst(self, loop: Loop) -> str:
+    def _worst(self, loop: EliminationState) -> str:
         """Name of the block whose last change was largest, or is not finite."""
         nr = self.n_rigid
         q = np.concatenate([loop.predicted[:nr] + loop.d[:nr], [1.0]])

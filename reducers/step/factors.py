@@ -4,7 +4,7 @@ from typing import Protocol, TypeAlias
 
 import numpy as np
 from scipy.linalg import lapack
-from scipy.sparse import csc_array
+from scipy.sparse import csc_array, issparse
 from scipy.sparse.linalg import splu
 
 from sparsemor.core import Csr, FloatArray
@@ -23,12 +23,21 @@ MANY, FILLED = 300, 0.1
 Jacobian is factorized as a sparse one: that of a chain of many bodies."""
 
 
-def factorized(J: FloatArray) -> Factor:
+def factorized(J: Matrix) -> Factor:
     """LU factorization of J (n, n). Raises RuntimeError where it is singular."""
+    if issparse(J):
+        return SparseLu(J)
     if len(J) < MANY:
         return Inverse(J)
     few = csc_array(J)
     return SparseLu(few) if few.nnz <= FILLED * J.size else Lu(J)
+
+
+class Identity:
+    """Factorization of the identity."""
+
+    def solve(self, r: FloatArray) -> FloatArray:
+        return r
 
 
 class Inverse:

@@ -11,10 +11,10 @@ from sparsemor.reducers.step.blocks.elastic_block import History
 from sparsemor.reducers.step.blocks.thermal_block import HeatJacobian
 from sparsemor.reducers.step.border.system import BodyMatrices, BorderedSystem
 from sparsemor.reducers.step.frame_step import BodyStep, buffers
-from sparsemor.reducers.step.reduced import Reduced
+from sparsemor.reducers.step.loop import StepEquations
 
 
-class Loop:
+class EliminationState:
     """State of one step between its iterations.
 
     targets: prescribed values of the constraints; predicted, d (N,): border unknowns of the model
@@ -58,12 +58,12 @@ class Workspace:
 
     def __init__(
         self, frames: Sequence[Frame], system: BorderedSystem | None,
-        equations: Reduced | None = None,
+        equations: StepEquations | None = None,
     ) -> None:
         self.equations = equations
         self.of, self.frames, self.system = tuple(frames), buffers(frames), system
         self.H = BodyMatrices(np.zeros(0), []) if system is None else system.matrices()
-        self.loop: Loop | None = None
+        self.loop: EliminationState | None = None
         self.heat: dict[str, HeatJacobian] = {}
 
     def separate(self) -> "Workspace":
@@ -103,7 +103,7 @@ class Bordered(Protocol):
 
 
 def rounded_off(
-    equations: Bordered, loop: Loop, work: Workspace
+    equations: Bordered, loop: EliminationState, work: Workspace
 ) -> bool:
     """True if a change that no longer decreases is round-off: not above the effect of rounding the
     terms on the border unknowns, |B^-1| eps |terms| with the bordered matrix B, and through these

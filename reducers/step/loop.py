@@ -13,10 +13,13 @@ the largest values of each block so far. Full steps are taken even where they in
 for a moment, as at the kinks of a contact force; only if that persists is a line search used.
 """
 
-from collections.abc import Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import repeat
 from math import inf
-from typing import NamedTuple, Protocol
+from types import MappingProxyType
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
@@ -32,6 +35,7 @@ from sparsemor.core import (
 from sparsemor.reducers.step.acceptance import (
     ACCELERATION_ERROR,
     EPS,
+    LEAST,
     MARGIN,
     STALLED,
     TRUSTED,
@@ -39,7 +43,7 @@ from sparsemor.reducers.step.acceptance import (
     estimated_error,
     rounding,
 )
-from sparsemor.reducers.step.factors import Factor, Matrix
+from sparsemor.reducers.step.factors import Factor
 
 CYCLE = 1e-9
 """Relative change below which the test for a cycle of two iterates is not made."""
@@ -65,41 +69,69 @@ class Linearisation(NamedTuple):
     c: tuple[float, float, float, float]
 
 
-class Equations(Protocol):
+class StepEquations(ABC):
     """Equations F(d) = 0 of one step of a model of n unknowns.
 
     price: cost of a new Jacobian in iterations with the old one; 0: a new one in each iteration.
-    solved: unknowns for which J is not the identity. named: terms that couple blocks: name in the
-    scene, and the coupled blocks.
+    exact: False if `jacobian` neglects terms, so that an iteration which it does not contract is
+    given up. least: lower bound of the ratio of two changes (acceptance.py). solved: unknowns for
+    which J is not the identity. named: terms that couple blocks: name in the scene, and the coupled
+    blocks. elements: number of elements that a residual visits. Of iterative linear solvers in the
+    last step, iterations: block -> their number; failed: block, status and message of one that did
+    not converge.
     """
 
-    @property
-    def layout(self) -> Layout: ...
-    @property
-    def price(self) -> int: ...
-    @property
-    def solved(self) -> IntArray | slice: ...
-    @property
-    def named(self) -> Sequence[tuple[str, frozenset[str]]]: ...
+    layout: Layout
+    price: int
+    exact: bool = True
+    least: float = LEAST
+    solved: IntArray | slice = slice(None)
+    named: Sequence[tuple[str, frozenset[str]]]
+    elements: int = 0
+    iterations: Mapping[str, int] = MappingProxyType({})
+    failed: tuple[str, Status, str] | None = None
+
+    @abstractmethod
+    def working(self, memory: Any = None) -> Self:
+        """These equations with working arrays, and local copies of terms in `memory`, of one run or
+        thread."""
+
+    @abstractmethod
     def begin(self, step: StepFormula, d: FloatArray) -> None:
         """Takes over the constants of a step; d: the first guess of its departure."""
-        ...
 
+    @abstractmethod
     def residual(self, d: FloatArray) -> FloatArray:
         """Residual (n,) at the departure d (n,)."""
-        ...
 
-    def jacobian(self, at: Linearisation) -> Matrix:
+    @abstractmethod
+    def jacobian(self, at: Linearisation) -> Any:
         """Jacobian of the unknowns `solved`, dense or csc."""
-        ...
 
-    def factorize(self, J: Matrix) -> Factor:
+    @abstractmethod
+    def factorize(self, J: Any) -> Factor:
         """Factorization of a Jacobian. Raises RuntimeError where it is singular."""
-        ...
+
+    def magnitudes(self, J: Any, x: FloatArray) -> FloatArray:
+        """Magnitudes (n,) of the terms of the equations at the unknowns x (n,), |J| |x|."""
+        sizes, at = np.abs(x), self.solved
+        sizes[at] = abs(J) @ sizes[at]
+        return sizes
+
+    def rounding(self, J: Any, at: Linearisation) -> FloatArray:
+        """Errors (n,) of the residual due to rounding of its terms, with random signs. Constraints
+        subtract positions of size 1 from each other, which |J| |x| may underestimate; temperatures
+        are sums of free motion and departure, which in steps far beyond their time scales cancel.
+        """
+        x, first, fixed = np.abs(at.x), self.layout.first, self.layout.algebraic
+        x[first] += np.abs(at.v[first]) / (at.c[2] or 1.0)
+        sizes = self.magnitudes(J, x)
+        sizes[fixed] = np.maximum(sizes[fixed], 1.0)
+        return rounding(len(sizes)) * sizes
 
     def contraction(self, point: Linearisation) -> float:
         """Proved upper bound, in the Euclidean norm, of the ratio of two changes of this step with
-        the Jacobian at a point; inf where none is known."""
+        the Jacobian at a point; 0 if one change solves it, inf where no bound is known."""
         return inf
 
 
@@ -120,7 +152,7 @@ class Kept:
     least: int = UNKNOWN
     debt: int = 0
     factorizations: int = 0
-    J: Matrix | None = None
+    J: Any = None
     factor: Factor | None = None
     noise: FloatArray = field(default_factory=lambda: np.zeros(0))
 
@@ -194,7 +226,7 @@ class Loop:
         return np.maximum.reduceat(np.abs(x), self.starts)
 
     def solve(
-        self, eq: Equations, step: StepFormula, d: FloatArray, kept: Kept, newest: FloatArray
+        self, eq: StepEquations, step: StepFormula, d: FloatArray, kept: Kept, newest: FloatArray
     ) -> Ended:
         """Solves a step from the guess d (n,) of its departure, or from the last state `newest`
         where the equations cannot be evaluated there."""
@@ -222,7 +254,7 @@ class Loop:
 class _Search:
     """The iteration of one step."""
 
-    def __init__(self, loop: Loop, eq: Equations, step: StepFormula, kept: Kept) -> None:
+    def __init__(self, loop: Loop, eq: StepEquations, step: StepFormula, kept: Kept) -> None:
         self.loop, self.eq, self.step, self.kept = loop, eq, step, kept
         self.c = step.c1, step.c2, step.c1_first, step.c2_first
         self.scale: FloatArray | None = None
@@ -254,13 +286,15 @@ class _Search:
                 return self.failed(new.d, Status.NOT_FINITE, at=new)
             # the textbook method, a check, trusts no ratio: it goes on until nothing changes
             if not always and new.share == 1.0:  # a shortened change says nothing of the next
-                left = max(map(estimated_error, new.moved, at.moved))
+                left = max(map(estimated_error, new.moved, at.moved, repeat(self.eq.least)))
                 if left <= tol.remaining:
                     return self._done(new.d - new.dx, left)
             stalled = new.change >= STALLED * at.change
             if stalled and self._rounded(new) and (at.fresh or always or self._rounded(at)):
                 return self._done(new.d, new.change)
             if not (always or new.fresh) and self._slow(new.change, new.change / at.change):
+                if at.fresh and not self.eq.exact and new.change >= SLOW * at.change:
+                    return self._unfinished(new)
                 if new.change >= at.change and not at.fresh:
                     new = at  # an old Jacobian led astray
                 self._turn(new, renew=True)
@@ -270,6 +304,8 @@ class _Search:
     def _next(self, at: _Iterate) -> _Iterate | None:
         """Next iterate with its own change: after a full step, or after a line search where full
         steps do not converge; None where no step length decreases the residual."""
+        if self.stall > PATIENCE and not self.eq.exact:
+            return None
         # wanders, if not in circles
         lost = self.iterations > 2 * PATIENCE and at.change > WANDERING
         around = self.cycles and at.change > CYCLE  # a full step would lead back into the cycle
@@ -351,22 +387,11 @@ class _Search:
         kept.J = self.eq.jacobian(kept.point)
         kept.factor = self.eq.factorize(kept.J)
         if self.eq.price:
-            kept.noise = self._noise(kept.point.x)
+            kept.noise = self._noise(kept.point)
 
-    def _noise(self, x: FloatArray) -> FloatArray:
-        """Effect (blocks,) of rounding the terms of the equations, J^-1 (eps |J| |x|) with random
-        signs. Constraints subtract positions of size 1 from each other, which |J| |x| may
-        underestimate."""
-        terms, loop = self._terms(x), self.loop
-        terms = np.where(loop.judged.repeat(loop.counts), terms, np.maximum(terms, 1.0))
-        return loop.largest(self._solution(rounding(len(terms)) * terms))
-
-    def _terms(self, x: FloatArray) -> FloatArray:
-        """Magnitude (n,) of the terms of the equations, |J| |x|."""
-        terms, at, J = np.abs(x), self.eq.solved, self.kept.J
-        assert J is not None
-        terms[at] = abs(J) @ terms[at]
-        return terms
+    def _noise(self, at: Linearisation) -> FloatArray:
+        """Effect (blocks,) of rounding the terms of the equations."""
+        return self.loop.largest(self._solution(self.eq.rounding(self.kept.J, at)))
 
     def _size(self, top: FloatArray, rate: FloatArray) -> FloatArray:
         """Magnitudes (blocks,) to which changes are relative: the largest value so far, less where
@@ -386,7 +411,9 @@ class _Search:
     def _rounded(self, at: _Iterate) -> bool:
         """True if the change is not above the effect of rounding, in each block that has not
         converged."""
-        noise = self.kept.noise if self.eq.price else self._noise(self.step.free + at.d)
+        noise = self.kept.noise
+        if not self.eq.price:
+            noise = self._noise(Linearisation(*self.step.at(at.d), self.step.t, self.c))
         small = at.absolute <= MARGIN * noise
         return bool((small | (np.array(at.moved) <= self.loop.tol.remaining)).all())
 
@@ -423,7 +450,7 @@ class _Search:
     def _scales(self, x: FloatArray) -> FloatArray:
         """Reference magnitude (n,) of each row: the largest terms of its block; for rigid
         coordinates the row's own terms, because forces and torques are not comparable."""
-        terms, loop = self._terms(x), self.loop
+        terms, loop = self.eq.magnitudes(self.kept.J, x), self.loop
         of_block = loop.largest(terms).repeat(loop.counts)
         return np.maximum(np.where(loop.mixed.repeat(loop.counts), terms, of_block), 1e-300)
 
@@ -435,7 +462,7 @@ class _Search:
     # ------------------------------------------------------------------ how it ends
 
     def _done(self, d: FloatArray, remaining: float) -> Ended:
-        return Ended(d, Status.DONE, self.iterations, remaining)
+        return Ended(d, Status.DONE, self.iterations, max(remaining, EPS))
 
     def failed(
         self, d: FloatArray, status: Status, detail: str = "", at: _Iterate | None = None

@@ -52,14 +52,17 @@ class Memory(RunMemory):
     (`Workspace`) and the kept Jacobian of the mechanical iteration, and counts of the steps that it
     did not solve.
 
-    full_newton_steps: number of steps solved by Newton's method with the exact Jacobian;
-    full_newton_next: number of coming steps that use it from the beginning; linear: block ->
+    exact, warming: what the iteration with the exact Jacobian keeps, and that of each group of
+    thermal blocks; full_newton_steps: number of steps that
+    it solved; full_newton_next: number of coming steps that begin with it; linear: block ->
     iterations of its linear solver; linearized: thermal block -> [T, T', T'', t] at which its kept
     Jacobian was evaluated (`HeatJacobian`).
     """
 
     work: Any
     kept: Kept = field(default_factory=lambda: Kept.of(0))
+    exact: Kept = field(default_factory=lambda: Kept.of(0))
+    warming: dict[str, Kept] = field(default_factory=dict)
     scales: Scales = field(default_factory=Scales)
     full_newton_steps: int = 0
     full_newton_next: int = 0
@@ -71,8 +74,9 @@ class Memory(RunMemory):
 
     def copy(self) -> Self:
         return replace(super().copy(), scales=self.scales.copy(), work=self.work.separate(),
-                       kept=self.kept.copy(), linear=dict(self.linear),
-                       linearized=dict(self.linearized))
+                       kept=self.kept.copy(), exact=self.exact.copy(),
+                       warming={n: k.copy() for n, k in self.warming.items()},
+                       linear=dict(self.linear), linearized=dict(self.linearized))
 
     @property
     def restarts(self) -> bool:

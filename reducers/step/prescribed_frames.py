@@ -25,7 +25,7 @@ from sparsemor.reducers.step.blocks.elastic_local import GROWN
 from sparsemor.reducers.step.blocks.prescribed_frame_block import Past, PrescribedBlock
 from sparsemor.reducers.step.condensed_newton import SLOW, Mechanics
 from sparsemor.reducers.step.frame_step import BodyStep
-from sparsemor.reducers.step.iteration_state import Loop
+from sparsemor.reducers.step.iteration_state import EliminationState
 from sparsemor.reducers.step.memory import Memory
 from sparsemor.reducers.step.step_unknowns import StepUnknowns
 
@@ -41,7 +41,7 @@ class PrescribedFrames(Mechanics):
         """Solves a step in place from the prediction `now`; returns status, number of iterations,
         block of a failure, and details."""
         memory, work = run.scales, run.work
-        work.loop = loop = Loop()
+        work.loop = loop = EliminationState()
         loop.history, loop.dy = [None] * len(self.bodies), NONE
         loop.predicted = loop.d = NONE
         if not memory.elastic:

@@ -33,6 +33,7 @@ from sparsemor.reducers.step.operators import TestedElastic, TestedHeat
 from sparsemor.reducers.step.rejection import Checked
 from sparsemor.reducers.step.relocalised import CopyMemory, Coupled
 from sparsemor.reducers.step.time_tables import TimeTable, plus_loads
+from sparsemor.reducers.step.whole_step import WholeEquations
 
 TOGETHER = 64
 """Largest number of displacements of bodies whose arrays are filled up to one size; larger bodies
@@ -199,7 +200,7 @@ class Stack:
                             self.coefficients[i, :g] + c1 * self.coefficients[i, g : 2 * g])
 
 
-class Reduced:
+class Reduced(WholeEquations):
     """Equations of a whole step of a reduced model, or of rigid bodies.
 
     coupled: terms that are not linear in the unknowns of one body, or act between bodies; targets:

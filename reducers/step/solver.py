@@ -31,16 +31,16 @@ from sparsemor.reducers.step.condensed_newton import Mechanics
 from sparsemor.reducers.step.frame_step import BodyStep
 from sparsemor.reducers.step.initial import StartTimes, consistent_start, constraint_errors
 from sparsemor.reducers.step.iteration_state import Workspace
-from sparsemor.reducers.step.loop import Kept
+from sparsemor.reducers.step.loop import Kept, Loop, StepEquations
 from sparsemor.reducers.step.memory import Memory
 from sparsemor.reducers.step.operators import TestedElastic
 from sparsemor.reducers.step.predictor import Past, block_starts
 from sparsemor.reducers.step.prescribed_frames import PrescribedFrames
 from sparsemor.reducers.step.reduced import Reduced
-from sparsemor.reducers.step.reduced_mechanics import ReducedMechanics
+from sparsemor.reducers.step.reduced_mechanics import LoopMechanics, ReducedMechanics
 from sparsemor.reducers.step.step_unknowns import StepUnknowns
 from sparsemor.reducers.step.time_tables import TimeTable
-from sparsemor.reducers.step.whole_step import TextbookNewton, linear_response
+from sparsemor.reducers.step.whole_step import WholeNewton, linear_response
 
 STEPS = 10
 """Number of steps after one that needed the exact Jacobian before the cheaper iteration is tried
@@ -82,8 +82,11 @@ class Stepper(StepSolver[Memory]):
     """Name and unknowns of each thermal block, or of several that are solved together."""
     meshless: bool = False
     """True if `start` takes a state in the reduced unknowns."""
-    newton: TextbookNewton | None = None
-    """Newton's method with the exact Jacobian, for steps whose mechanics do not converge."""
+    newton: WholeNewton | None = None
+    """The whole step with its exact Jacobian, where the mechanics do not converge."""
+    warming: Mapping[str, StepEquations] = field(default_factory=dict)
+    """Equations of the heat of each group of coupled bodies that is solved for by the loop."""
+    loop: Loop | None = None
     whole: Reduced | None = None
     """Equations of the whole step of a reduced model, for its linear response."""
 
@@ -97,6 +100,13 @@ class Stepper(StepSolver[Memory]):
         return kind(
             bodies(self), n_rigid, self.layout.algebraic, self.separated.border_targets,
             self.tolerances)
+
+    def by_loop(self, equations: StepEquations) -> Mechanics:
+        """The mechanics with these equations, solved by the loop."""
+        m = self.mechanics
+        assert m is not None
+        return LoopMechanics(
+            m.bodies, m.n_rigid, m.algebraic, m.targets, m.tol, equations)
 
     def with_equations(self, whole: Reduced) -> "Stepper":
         """This step solver of a reduced model with all its bodies solved for together."""
@@ -118,9 +128,11 @@ class Stepper(StepSolver[Memory]):
 
     def start(self, state: State) -> tuple[State, Memory]:
         reduced = self.reduced(state)
+        count = len(list(self.layout))
         return reduced, Memory(
             past=Past(self.points, reduced.x, block_starts(self.layout)), work=self.workspace(),
-            kept=Kept.of(len(list(self.layout))), factorizations=self.factorizations)
+            kept=Kept.of(count), warming={n: Kept.of(count) for n in self.warming},
+            factorizations=self.factorizations)
 
     @property
     def leaves_mesh(self) -> bool:
@@ -193,8 +205,7 @@ class Stepper(StepSolver[Memory]):
             scales = memory.scales.copy() if self.mechanics.local else None
             status, iterations, block, detail = self.mechanics.solve(step, now, memory)
             if self.iterating:
-                for name, count in memory.work.linear_iterations(
-                        self.mechanics.bodies).items():
+                for name, count in memory.work.equations.iterations.items():
                     memory.counted(name, count)
             if not status.ok:
                 # iterates that went away from the solution are no sizes of the unknowns
@@ -208,14 +219,17 @@ class Stepper(StepSolver[Memory]):
     ) -> tuple[Status, int, str]:
         """Solves one thermal block, or several that are coupled, in place; returns status, number
         of iterations and details."""
-        block = self.heat[name]
-        if isinstance(at, slice):
+        equations = self.warming.get(name)
+        block = self.heat[name] if equations is None else None
+        if block is not None and isinstance(at, slice):
             now.cool(at, block.active)
-        if block.elements:
+        if (block or self.warming[name]).elements:
             last = memory.newest[at]
             far = float(np.abs(now.x[at] - last).max()) > 0.1 * float(np.abs(last).max())
             if far:  # below 0 K radiation has a second solution
                 now.heat(at, None, last - now.x[at])
+        if block is None:
+            return self._warmed(name, at, now, memory)
         d, status, n, linear, detail, remaining, jacobian = block.solve(
             now.x[at], now.v[at], now.a[at], now.step.t, now.step.c2_first, memory.jacobian(name))
         now.remaining = max(now.remaining, remaining)
@@ -225,6 +239,22 @@ class Stepper(StepSolver[Memory]):
             now.heat(at, block.active, d)
             memory.keep(name, jacobian)
         return status, n, detail
+
+    def _warmed(
+        self, name: str, at: slice | IntArray, now: StepUnknowns, memory: Memory
+    ) -> tuple[Status, int, str]:
+        """Solves the heat of a group by the loop, in place."""
+        equations, loop = self.warming[name].working(), self.loop
+        assert loop is not None
+        kept = memory.warming[name]
+        equations.begin(now.step, now.d)
+        ended = loop.solve(equations, now.step, now.d, kept, memory.newest)
+        for block, count in equations.iterations.items():
+            memory.counted(block, count)
+        if ended.status.ok:
+            now.remaining = max(now.remaining, ended.remaining)
+            now.heat(at, None, ended.d[at] - now.d[at])
+        return ended.status, ended.iterations, ended.detail
 
     def _rescued(
         self, failed: StepOutcome, step: StepFormula, memory: Memory
@@ -241,9 +271,9 @@ class Stepper(StepSolver[Memory]):
         return replace(outcome, iterations=spent)
 
     def _full_newton(
-        self, newton: TextbookNewton, step: StepFormula, memory: Memory
+        self, newton: WholeNewton, step: StepFormula, memory: Memory
     ) -> StepOutcome:
-        outcome = newton.solve(step, memory.past)
+        outcome = newton.solve(step, memory.past, memory.exact, memory.kept)
         if outcome.status.ok:
             memory.full_newton_steps += 1
         return outcome
@@ -258,6 +288,9 @@ class Stepper(StepSolver[Memory]):
             x, rates = outcome.x, outcome.rates
             d = x - step.free if rates is None else step.departure(x, *rates)
             memory.past.push(x, d)
+            for kept in memory.warming.values():
+                if self.loop is not None:
+                    self.loop.remember(x, d, step, kept)
             if self.mechanics is not None:
                 self.mechanics.remember(x, d, step, memory)
         return bad or outcome

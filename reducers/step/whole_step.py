@@ -1,9 +1,10 @@
 """Step solver that solves for all unknowns of a model together."""
 
+from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Protocol, Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -24,41 +25,34 @@ from sparsemor.core import (
 from sparsemor.core.model.equations import rate_factors
 from sparsemor.core.protocols import LocalCopy, ResultantSource
 from sparsemor.core.protocols.step_solver import resultant_sources
-from sparsemor.reducers.step import loop
 from sparsemor.reducers.step.acceptance import Tolerances
 from sparsemor.reducers.step.factors import Matrix
-from sparsemor.reducers.step.loop import Ended, Kept, Loop
+from sparsemor.reducers.step.loop import Ended, Kept, Loop, StepEquations
 from sparsemor.reducers.step.memory import RunMemory
 from sparsemor.reducers.step.predictor import Past, block_starts
 from sparsemor.reducers.step.rejection import Checked, rejected_step
-from sparsemor.reducers.step.relocalised import CopyMemory, state_of
+from sparsemor.reducers.step.relocalised import state_of
 
 EXTRAPOLATION_ERROR = 1e-2
 """Relative error above which an extrapolation is no better a guess than the last state."""
 
 
-class Equations(loop.Equations, Protocol):
-    """Equations of a whole step."""
+class WholeEquations(StepEquations):
+    """Equations of a whole step. terms: evaluated in each iteration, each with the numbers of its
+    unknowns; checks: terms that can reject a converged step, with theirs."""
 
     @property
-    def terms(self) -> Sequence[tuple[Term | ReducedTerm, IntArray]]:
-        """Terms that are evaluated in each iteration, each with the numbers of its unknowns."""
-        ...
-
+    @abstractmethod
+    def terms(self) -> Sequence[tuple[Term | ReducedTerm, IntArray]]: ...
     @property
-    def checks(self) -> Sequence[Checked]:
-        """Terms that can reject a converged step, each with the numbers of its unknowns."""
-        ...
+    @abstractmethod
+    def checks(self) -> Sequence[Checked]: ...
 
-    def working(self, memory: CopyMemory | None = None) -> Self:
-        """These equations with working arrays, and local copies of terms, of one run or thread."""
-        ...
-
+    @abstractmethod
     def slope(
         self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
     ) -> Matrix:
         """Jacobian (n, n) at a state, dense or csc, for dv = c1 dx and da = c2 dx; c1, c2 (n,)."""
-        ...
 
 
 @dataclass(eq=False, kw_only=True)
@@ -102,7 +96,7 @@ class WholeStepper(StepSolver[WholeMemory]):
     """Step solver for the equations of a whole step. limits: largest permitted |coefficient| of a
     block, beyond which a run counts as divergent."""
 
-    equations: Equations
+    equations: WholeEquations
     loop: Loop
     elements_touched: Mapping[str, int]
     points: int
@@ -176,7 +170,7 @@ def outcome_of(ended: Ended, step: StepFormula) -> StepOutcome:
     return StepOutcome(x, ended.status, ended.iterations, rates=(v, a), remaining=ended.remaining)
 
 
-def linear_response(equations: Equations, step: StepFormula, x: FloatArray) -> FloatArray:
+def linear_response(equations: WholeEquations, step: StepFormula, x: FloatArray) -> FloatArray:
     """Linear response (n, 2 n) of the solution x of a step to changes of its history terms, by the
     exact Jacobian; dense. Raises RuntimeError where that is singular.
 
@@ -195,34 +189,38 @@ def linear_response(equations: Equations, step: StepFormula, x: FloatArray) -> F
 
 
 @dataclass(frozen=True, eq=False)
-class TextbookNewton:
-    """Newton's method with the exact Jacobian for a whole step, where the cheaper iteration with
-    constant operators fails, as for the large displacements of a soft body. make: function that
-    assembles the equations when they are first needed."""
+class WholeNewton:
+    """Solution of a whole step with its exact Jacobian, where a cheaper one does not contract, as
+    for the large displacements of a soft body. make: function that assembles the equations when
+    they are first needed."""
 
-    make: Callable[[], Equations]
+    make: Callable[[], WholeEquations]
     tolerances: Tolerances
 
     @cached_property
-    def equations(self) -> Equations:
+    def equations(self) -> WholeEquations:
         return self.make()
 
     @cached_property
     def loop(self) -> Loop:
         return Loop(self.equations.layout, self.tolerances)
 
-    def solve(self, step: StepFormula, past: Past) -> StepOutcome:
+    def solve(self, step: StepFormula, past: Past, kept: Kept, sizes: Kept) -> StepOutcome:
         """Solves a step from the extrapolation of past states, and if that fails from the newest
-        one."""
-        outcome = self._solved(step, past.guess(step), past)
-        if outcome.status.ok:
-            return outcome
-        second = self._solved(step, past.newest - step.free, past)
-        return replace(second, iterations=outcome.iterations + second.iterations)
+        one. sizes: magnitudes of the unknowns so far."""
+        if not len(kept.top):
+            kept.top, kept.rate = (np.zeros(len(past.starts)) for _ in range(2))
+        before = self.loop.largest(np.abs(past.ring.rows[:, : past.n]).max(axis=0))
+        kept.top = np.maximum(np.maximum(kept.top, sizes.top), before)
+        kept.rate = np.maximum(kept.rate, sizes.rate)
+        ended = self._ended(step, past.guess(step), past, kept)
+        if ended.status.ok:
+            return outcome_of(ended, step)
+        kept.forget()
+        second = self._ended(step, past.newest - step.free, past, kept)
+        return outcome_of(second._replace(iterations=ended.iterations + second.iterations), step)
 
-    def _solved(self, step: StepFormula, d: FloatArray, past: Past) -> StepOutcome:
-        equations, kept = self.equations.working(), Kept.of(len(past.starts))
-        sizes = np.abs(past.ring.rows[:, : past.n]).max(axis=0)
-        kept.top = self.loop.largest(sizes)
+    def _ended(self, step: StepFormula, d: FloatArray, past: Past, kept: Kept) -> Ended:
+        equations = self.equations.working()
         equations.begin(step, d)
-        return outcome_of(self.loop.solve(equations, step, d, kept, past.newest), step)
+        return self.loop.solve(equations, step, d, kept, past.newest)

@@ -13,23 +13,15 @@ quadratic forms of u are needed.
 """
 
 from abc import abstractmethod
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
-from sparsemor.core import Factorized, FloatArray, IntArray
-from sparsemor.core.protocols import ElasticOperators
-from sparsemor.reducers.linalg.coarse_correction import CoarseCorrection
-from sparsemor.reducers.step.acceptance import LEAST
+from sparsemor.core import FloatArray
 from sparsemor.reducers.step.blocks.elastic_block import (
     DisplacementBlock,
     History,
-    predicted_forces,
-    rounded,
-    solved_by_iteration,
 )
-from sparsemor.reducers.step.blocks.elastic_local import FullLocal, LocalForces
 from sparsemor.reducers.step.predictor import Prediction
 from sparsemor.reducers.step.time_tables import TimeTable
 
@@ -88,63 +80,3 @@ class PrescribedBlock(DisplacementBlock):
     @abstractmethod
     def noise(self, d: FloatArray, past: Past) -> float:
         """Norm of the errors of the increment d due to rounding of the terms of the equations."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class FullPrescribed(PrescribedBlock):
-    """Full order: D factorized, one right-hand side per iteration, and a coarse correction in the
-    lowest modes. Its contraction factor is estimated by Ritz values, which are lower bounds of
-    eigenvalues, times a safety factor."""
-
-    proved: ClassVar[bool] = False
-    ops: ElasticOperators
-    factor: Factorized
-    coarse: CoarseCorrection
-    active: IntArray | None = None
-    local: LocalForces | None = None
-
-    @classmethod
-    def of(cls, ops: ElasticOperators, factor: Factorized, block: str) -> "FullPrescribed":
-        """Block with its coarse space. Raises SolveFailed, naming the block, where an iteration
-        does not converge."""
-        return cls(ops, factor, CoarseCorrection.of(ops, factor, block),
-                   local=FullLocal(ops.local) if ops.local else None)
-
-    @property
-    def iterates(self) -> bool:
-        return self.factor.iterative
-
-    def time_table(self, drive: TimeTable) -> TimeTable:
-        return drive
-
-    def begin(self, at: Prediction, c1: float, c2: float, table: FloatArray) -> Past:
-        o, g = self.ops, len(self.ops.generators)
-        past = Past(at, c1, c2, table, g)
-        h = predicted_forces(o, o.mass @ at.a, at)
-        sigma = table[2 * g :]
-        if sigma.any():
-            h += o.directions @ sigma
-        for M, kappa, mu in zip(o.generators, past.kappa, past.mu, strict=True):
-            if kappa or mu:
-                h += M @ (kappa * at.x + mu * at.v)
-        past.h, past.u = h, at.x
-        return past
-
-    def improve(self, d: FloatArray, past: Past) -> FloatArray:
-        right = past.h if past.local is None else past.h + past.local.rows(d)
-        for M, weight in zip(self.ops.generators, past.weights, strict=True):
-            if weight:
-                right = right + M @ (weight * d)
-        if not self.factor.iterative:
-            new = -self.factor.solve(right)
-            if not past.weights.any():
-                return new
-            return new + self.coarse.correction(new - d, past.weights.tolist())
-        return -solved_by_iteration(self.ops, self.factor, right, -d, past)
-
-    def contraction(self, past: Past) -> float:
-        turning = self.coarse.left * float(np.abs(past.weights).sum())
-        return turning if self.local is None else max(turning, LEAST)
-
-    def noise(self, d: FloatArray, past: Past) -> float:
-        return rounded(self.ops, self.factor, d, past)

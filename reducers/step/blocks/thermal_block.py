@@ -13,17 +13,13 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 from scipy.linalg.lapack import dgetrf, dgetrs
-from scipy.sparse import coo_array, csr_array
 
-from sparsemor.core import Factorized, FloatArray, IntArray, ReducedTerm, Status, Term
-from sparsemor.core.model.factorizations import unconverged_note
-from sparsemor.core.protocols import HeatBody
+from sparsemor.core import FloatArray, IntArray, ReducedTerm, Status
 from sparsemor.reducers.linalg.active_columns import ActiveColumns, few
 from sparsemor.reducers.linalg.modal_coordinates import carried, dense, times
-from sparsemor.reducers.linalg.superlu import factorize
 from sparsemor.reducers.step.acceptance import estimated_error
 from sparsemor.reducers.step.operators import TestedHeat
-from sparsemor.reducers.step.time_tables import LoadsInTime, TimeTable, plus_loads, tabulated
+from sparsemor.reducers.step.time_tables import LoadsInTime, TimeTable, tabulated
 
 TINY = 1e-300
 """Lower bound of a temperature that divides, K."""
@@ -103,127 +99,6 @@ class HeatBlock(Protocol):
     def start_rates(self, x: FloatArray, v: FloatArray, t: float) -> FloatArray:
         """Rates at the unknowns x that satisfy the equations of the block at t, s; v: a guess."""
         ...
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class LocalAt:
-    """A local term with the positions of its rows and columns in the block."""
-
-    term: Term
-    rows: IntArray
-    columns: IntArray
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class FullHeat:
-    """Thermal block at full order, with B = c1 C + K factorized."""
-
-    heat: HeatBody
-    c1: float
-    factor: Factorized
-    local: tuple[LocalAt, ...]
-    active: IntArray | None = None
-    rtol: float = 1e-13
-    max_iterations: int = 50
-
-    @property
-    def elements(self) -> int:
-        return sum(at.term.elements for at in self.local)
-
-    def start_rates(self, x: FloatArray, v: FloatArray, t: float) -> FloatArray:
-        """The given rates: those of the initial state are consistent at full order."""
-        return v
-
-    def solve(
-        self, T: FloatArray, rate: FloatArray, bend: FloatArray, t: float, c2: float,
-        kept: HeatJacobian | None = None,
-    ) -> HeatOutcome:
-        heat = self.heat
-        b = plus_loads(
-            heat.constant - heat.capacity @ rate - heat.conductivity @ T, heat, t)
-        if not self.local:
-            return self._linear(b, np.zeros(len(T)), T)
-        d, last, exact, linear, tries = np.zeros(len(T)), np.inf, False, 0, 0
-        for i in range(1, self.max_iterations + 1):
-            now, rates, bends = T + d, rate + self.c1 * d, bend + c2 * d
-            if exact:
-                turned = self._newton(b, d, now, rates, bends, t)
-                if isinstance(turned, Status):
-                    return HeatOutcome(d, turned, i, linear)
-                new, tries = turned, tries + 1
-                if tries > UNDAMPED:  # a jump of the capacity makes it alternate
-                    new = shortened(lambda e: self._residual(b, e, T, rate, bend, t, c2), d, new)
-            else:
-                one = self._linear(b - self._local(now, rates, bends, t), d, T)
-                new, linear = one.d, linear + one.linear
-                if not one.status.ok:
-                    return HeatOutcome(d, one.status, i, linear, one.detail)
-            step, size = float(np.abs(new - d).max()), float(np.abs(T + new).max())
-            stuck = step >= 0.5 * last and step <= (STUCK if exact else 1e3 * self.rtol) * size
-            if step <= self.rtol * size or stuck:
-                return HeatOutcome(new, Status.DONE, i, linear, "", step / max(size, TINY))
-            if not exact and not step <= 0.1 * last:
-                # long steps: local terms outweigh the constant part, whose factor then misleads
-                d, last, exact = np.zeros(len(T)), np.inf, True
-                continue
-            if not np.isfinite(step):
-                return HeatOutcome(d, Status.NOT_FINITE, i, linear)
-            d = new
-            last = step
-        return HeatOutcome(d, Status.NOT_CONVERGED, self.max_iterations, linear)
-
-    def _linear(self, b: FloatArray, guess: FloatArray, T: FloatArray) -> HeatOutcome:
-        """Increment B^-1 b from the prediction T; `guess`: initial guess of an iterative linear
-        solver, whose tolerance is relative to the right-hand side of the temperatures."""
-        if not self.factor.iterative:
-            return HeatOutcome(self.factor.solve(b), Status.DONE, 1)
-        whole = b + self.c1 * (self.heat.capacity @ T) + self.heat.conductivity @ T
-        found = self.factor.outcome(whole, T + guess)
-        detail = "" if found.status.ok else unconverged_note(
-            self.factor, found.residual, found.iterations)
-        return HeatOutcome(found.x - T, found.status, 1, found.iterations, detail)
-
-    def _local(
-        self, T: FloatArray, rate: FloatArray, bend: FloatArray, t: float
-    ) -> FloatArray:
-        """Local terms (n,) at temperatures T with their rate and second difference."""
-        r = np.zeros(len(T))
-        for at in self.local:
-            j = at.columns
-            r[at.rows] += at.term.residual(T[j], rate[j], bend[j], t)
-        return r
-
-    def _residual(
-        self, b: FloatArray, d: FloatArray, T: FloatArray, rate: FloatArray, bend: FloatArray,
-        t: float, c2: float,
-    ) -> FloatArray:
-        """Residual (n,) at the increments d from a prediction."""
-        heat, c1 = self.heat, self.c1
-        return np.asarray(c1 * (heat.capacity @ d) + heat.conductivity @ d - b + self._local(
-            T + d, rate + c1 * d, bend + c2 * d, t))
-
-    def _newton(
-        self, b: FloatArray, d: FloatArray, T: FloatArray, rate: FloatArray, bend: FloatArray,
-        t: float,
-    ) -> FloatArray | Status:
-        """Increments after one Newton iteration with a newly factorized exact Jacobian at T and its
-        rate, or the status of its failure."""
-        heat, n = self.heat, len(T)
-        J = self.c1 * heat.capacity + heat.conductivity
-        r = J @ d - b + self._local(T, rate, bend, t)
-        for at in self.local:
-            x, k = T[at.columns], len(at.columns)
-            c1, zero = np.full(k, self.c1), np.zeros(k)
-            local = coo_array(at.term.jacobian(
-                x, rate[at.columns], bend[at.columns], t, c1, zero))
-            J = J + csr_array((local.data, (at.rows[local.row], at.columns[local.col])),
-                              shape=(n, n))
-        if not (np.isfinite(r).all() and np.isfinite(J.data).all()):
-            return Status.NOT_FINITE
-        try:
-            return np.asarray(d - factorize(J).solve(r))
-        except RuntimeError:
-            return Status.SINGULAR
 
 
 @dataclass(frozen=True, slots=True, eq=False)

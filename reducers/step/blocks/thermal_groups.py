@@ -1,4 +1,4 @@
-"""Thermal blocks that are coupled by conduction between bodies, solved together in each step.
+"""Reduced thermal blocks that are coupled by conduction between bodies, solved together.
 
 With B_i = c1 C_i + K_i of each block and the couplings A_ij T_j + B_ij T_j', the rows of the group
 are one linear system for all its temperatures,
@@ -8,32 +8,25 @@ are one linear system for all its temperatures,
 
 with increments d from the predictions T, T'.
 
-At full order its matrix is factorized once. Reduced blocks, whose rows are multiplied by the left
-inverse of B_i, invert their small dense matrix once.
+The rows are multiplied by the left inverse of B_i; the small dense matrix is inverted once.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import block_array, block_diag, csr_array
 
 from sparsemor.core import (
     AssembledModel,
-    Csr,
     Dictionary,
-    DofLocations,
-    Factorized,
     FloatArray,
     ReducedTerm,
     SolveFailed,
     Status,
-    solved_directly,
 )
-from sparsemor.core.protocols import HeatBody, HeatCoupling, LoadTable, PointArrays
+from sparsemor.core.protocols import HeatBody, HeatCoupling, PointArrays
 from sparsemor.reducers.linalg.modal_coordinates import carried, dense
-from sparsemor.reducers.linalg.superlu import factorize
-from sparsemor.reducers.step.blocks.thermal_block import CompressedHeat, FullHeat, LocalAt
+from sparsemor.reducers.step.blocks.thermal_block import CompressedHeat
 from sparsemor.reducers.step.time_tables import sum_of
 
 SYMMETRIC = 1e-12
@@ -55,86 +48,9 @@ def starts_of(sizes: Sequence[int]) -> list[slice]:
     return [slice(a, b) for a, b in zip(edges, edges[1:], strict=False)]
 
 
-# ---------------------------------------------------------------------- full order
-
-
-def full_group(model: AssembledModel, members: Sequence[HeatBody], c1: float) -> FullHeat:
-    """Thermal block of the group at full order, its matrix factorized. Raises SolveFailed where it
-    is singular."""
-    heat = _merged(model, members)
-    local = []
-    for b, here in zip(members, starts_of([len(b.constant) for b in members]), strict=True):
-        shift = here.start - model.layout[b.thermal].start
-        local += [LocalAt(t, t.rows + shift, t.columns + shift) for t in b.local]
-    operator = csr_array(c1 * heat.capacity + heat.conductivity)
-    return FullHeat(heat, c1, _factorized(model, members, operator), tuple(local))
-
-
-def _merged(model: AssembledModel, members: Sequence[HeatBody]) -> HeatBody:
-    """The blocks of a group as one thermal block, couplings included."""
-    names = {b.thermal: i for i, b in enumerate(members)}
-    K: list[list[Csr | None]] = [[None] * len(members) for _ in members]
-    C: list[list[Csr | None]] = [[None] * len(members) for _ in members]
-    for i, b in enumerate(members):
-        K[i][i], C[i][i] = b.conductivity, b.capacity
-    for c in couplings_of(model, names):
-        i, j = names[c.rows], names[c.columns]
-        for table, X in ((K, c.A), (C, c.B)):
-            now = table[i][j]
-            table[i][j] = X if now is None else now + X
-    spans = starts_of([len(b.constant) for b in members])
-    size = spans[-1].stop
-    return HeatBody(
-        "+".join(b.name for b in members), group_name(members),
-        csr_array(block_array(C, format="csr")), csr_array(block_array(K, format="csr")),
-        np.concatenate([b.constant for b in members]),
-        block_diag([csr_array(b.loads) for b in members]).toarray(),
-        tuple(f for b in members for f in b.amplitudes), (),
-        tuple(c for b in members for c in b.columns), None,
-        tuple(_widened(t, here, size) for b, here in zip(members, spans, strict=True)
-              for t in b.tables))
-
-
 def couplings_of(model: AssembledModel, names: Mapping[str, int]) -> list[HeatCoupling]:
     """Couplings between the blocks of a group; names: block -> number in the group."""
     return [c for c in model.separated.couplings if c.rows in names]
-
-
-def _widened(load: LoadTable, here: slice, size: int) -> LoadTable:
-    """The load with its n rows placed in the rows of the whole group."""
-    m = load.columns.tocoo()
-    columns = csr_array((m.data, (m.row + here.start, m.col)), shape=(size, m.shape[1]))
-    return replace(load, columns=columns)
-
-
-def _factorized(model: AssembledModel, members: Sequence[HeatBody], A: Csr) -> Factorized:
-    """Factorization by the linear solver of the first block where the matrix is symmetric, else by
-    SuperLU."""
-    name = group_name(members)
-    if abs(A - A.T).max() <= SYMMETRIC * abs(A).max():
-        return model.factorize(name, A, places=_places(model, members))
-    try:
-        lu = factorize(A)
-    except RuntimeError:
-        raise SolveFailed(Status.SINGULAR, 0.0, name, "heat of coupled bodies") from None
-    return solved_directly("splu", A, 12 * int(lu.nnz), lu.solve)
-
-
-def _places(model: AssembledModel, members: Sequence[HeatBody]) -> DofLocations:
-    """Positions of the unknowns for ordering, with the bodies placed side by side: each has its own
-    axes."""
-    parts = [model.places(b.thermal) for b in members]
-    moved, begin = [], 0.0
-    for p in parts:
-        X = p.coordinates.copy()
-        extent = float(np.ptp(X[:, 0])) if len(X) else 0.0
-        X[:, 0] += begin - X[:, 0].min(initial=0.0)
-        begin += APART * extent
-        moved.append(X)
-    return DofLocations(np.concatenate(moved), np.concatenate([p.component for p in parts]))
-
-
-# ---------------------------------------------------------------------- reduced
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -77,6 +77,8 @@ def plan(s: Stepper, c1: float = 1.0, c2: float = 1.0) -> Plan:
     mechanics, timed, laws = s.mechanics, Timed(), list[Called]()
     if mechanics is None:
         raise NotCompiled("the model has no step of its own blocks")
+    if s.warming:
+        raise NotCompiled("the model has blocks at full order")
     hot = tuple(name for name, _ in s.hot)
     heat = tuple(_heat(where, s.heat[name], name, timed, laws) for name, where in s.hot)
     if isinstance(mechanics, ReducedMechanics) and not mechanics.size:

@@ -204,7 +204,7 @@ def _magnitudes(
         scales.elastic, scales.bending, scales.floor = [0.0] * n, [0.0] * n, [0.0] * n
         at = state.x, state.v, state.a, state.t
         columns = {b.body.step.name: b.column[:, b.at < mechanics.n_rigid]
-                   for b in mechanics.equations.working().border_blocks(*at, c1, c2)}
+                   for b in mechanics.whole.working().border_blocks(*at, c1, c2)}
         for i, b in enumerate(mechanics.bodies):
             if b.free:  # of rounding positions of size 1
                 scales.floor[i] = (4 * EPS) ** 2 * float(np.sum(columns[b.name] ** 2))

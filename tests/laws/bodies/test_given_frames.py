@@ -12,10 +12,9 @@ from sparsemor.core.testing.in_memory_run import March, march
 from sparsemor.reducers.linalg import coarse_correction as coarse
 from sparsemor.reducers.linalg.modal_coordinates import modal_coordinates
 from sparsemor.reducers.projection.galerkin import Galerkin
-from sparsemor.reducers.step.blocks.prescribed_frame_block import FullPrescribed
 from sparsemor.reducers.step.blocks.thermal_block import CompressedHeat
 from sparsemor.reducers.step.reduced import Reduced
-from sparsemor.reducers.step.reduced_mechanics import ReducedMechanics
+from sparsemor.reducers.step.reduced_mechanics import LoopMechanics, ReducedMechanics
 from sparsemor.reducers.step.solver import Stepper
 from sparsemor.reducers.step.time_tables import TimeTable
 from turning_bars import H, bar, plane_bar, turning
@@ -222,8 +221,9 @@ def test_full_order_corrected_in_soft_modes_is_that_of_newton(E, spin) -> None:
     fine = (8, 3, 2)  # enough unknowns for it to have any
     fast = march(bar(E, fine), model=turning(bar(E, fine), spin, 4))
     assert isinstance(fast.solver, Stepper)
-    block = fast.solver.elastic["bar.elastic"]
-    assert isinstance(block, FullPrescribed) and block.coarse.Z.shape[1] > 0
+    mechanics = fast.solver.mechanics
+    assert isinstance(mechanics, LoopMechanics)
+    assert mechanics.equations.bodies[0].coarse.Z.shape[1] > 0
     scene = bar(E, fine, method="newton")
     assert differ(fast, march(scene, model=turning(scene, spin, 4))) < 1e-9
 
@@ -233,8 +233,9 @@ def test_soft_modes_save_full_order_a_solve(monkeypatch) -> None:
     scene = bar(5e9, (8, 3, 2))
     corrected = march(scene, model=turning(scene, 60.0, 4))
     assert isinstance(corrected.solver, Stepper)
-    block = corrected.solver.elastic["bar.elastic"]
-    assert isinstance(block, FullPrescribed)
+    mechanics = corrected.solver.mechanics
+    assert isinstance(mechanics, LoopMechanics)
+    block = mechanics.equations.bodies[0]
     Z, o = block.coarse.Z, block.ops
     D = (o.stiffness + o.damping / H + o.mass / H**2).toarray()
     assert np.abs(Z.T @ D @ Z - np.eye(Z.shape[1])).max() < 1e-9

@@ -2,8 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import inf
-from typing import ClassVar
 
 import numpy as np
 
@@ -12,6 +10,7 @@ from sparsemor.core.arrays import FloatArray
 from sparsemor.core.protocols import StepFormula
 from sparsemor.core.protocols.layout import Block, Layout
 from sparsemor.core.status import Status
+from sparsemor.reducers.step import loop
 from sparsemor.reducers.step.acceptance import Tolerances
 from sparsemor.reducers.step.factors import Lu
 from sparsemor.reducers.step.loop import Ended, Kept, Linearisation, Loop
@@ -19,8 +18,8 @@ from sparsemor.reducers.step.loop import Ended, Kept, Linearisation, Loop
 Function = Callable[[FloatArray], FloatArray]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Equations:
+@dataclass(eq=False)
+class Equations(loop.StepEquations):
     """Equations f(x) = 0 of blocks of one unknown each, for the iteration alone."""
 
     f: Function
@@ -28,7 +27,9 @@ class Equations:
     layout: Layout
     price: int
     named: tuple[tuple[str, frozenset[str]], ...] = ()
-    solved: ClassVar[slice] = slice(None)
+
+    def working(self, memory: object = None) -> "Equations":
+        return self
 
     def begin(self, step: StepFormula, d: FloatArray) -> None: ...
 
@@ -40,9 +41,6 @@ class Equations:
 
     def factorize(self, J: FloatArray) -> Lu:
         return Lu(J)
-
-    def contraction(self, point: Linearisation) -> float:
-        return inf
 
     def ended(self, *start: float) -> Ended:
         """The iteration from x with no free motion, so that the departure is x itself."""

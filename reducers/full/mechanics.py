@@ -1,0 +1,335 @@
+"""Mechanical equations of a step at full order.
+
+The rows of displacements are multiplied by the inverse of the body's constant operator
+D = K + c1 C + c2 M, which is factorized once: for the departure d from the free motion u0, v0 of
+the step (core/protocols/integrator.py)
+
+    d + D^-1 (h + sum_g (kappa_g M_g u + mu_g M_g u') + P sigma + local terms) = 0,
+    h = K u0 + C v0 - coupling T - loads,
+
+with the factors kappa, mu, sigma of the body's frame. K is multiplied once a step; an iteration
+takes one solution with D for each body. The Jacobian neglects kappa, mu and local terms in the rows
+of displacements, so that these are eliminated by E = D^-1 P, and a system of the rigid coordinates
+and joint forces alone is factorized (Schur complement). Where this does not contract, as for soft
+bodies, a step needs the whole Jacobian (monolithic.py).
+"""
+
+from collections.abc import Sequence
+from copy import copy
+from dataclasses import dataclass
+from math import inf
+from typing import NamedTuple, Self
+
+import numpy as np
+from scipy.sparse import coo_array, csc_array
+
+from sparsemor.core import Amplitude, Factorized, FloatArray, IntArray, Layout, StepFormula
+from sparsemor.core.model.factorizations import solve_or_fail, unconverged_note
+from sparsemor.core.protocols import ElasticOperators, FrameWork
+from sparsemor.reducers.linalg.coarse_correction import CoarseCorrection
+from sparsemor.reducers.step.acceptance import LEAST, rounding
+from sparsemor.reducers.step.blocks.elastic_local import FullLocal, StepForces
+from sparsemor.reducers.step.factors import MANY, Factor, Identity, Matrix, factorized
+from sparsemor.reducers.step.frame_step import BodyStep, buffers
+from sparsemor.reducers.step.loop import Linearisation, StepEquations
+from sparsemor.reducers.step.predictor import Prediction
+from sparsemor.reducers.step.time_tables import TimeTable, plus_loads
+
+PRICE = 2
+"""Cost of a new Jacobian in iterations."""
+UNCHANGED = 50
+"""The same where no frame has unknowns: it is the identity."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FullBody:
+    """A body at full order. ops, factor: its operators and the factorized D, None for a rigid body;
+    E (n, p) = D^-1 P; noise (3, n): errors due to rounding K u, C u' and M u'' where these unknowns
+    are 1. Of a body whose frame has no unknowns, `drive`: kappa, mu and sigma as
+    functions of time, and a coarse space for its rotation."""
+
+    step: BodyStep
+    ops: ElasticOperators | None = None
+    factor: Factorized | None = None
+    E: FloatArray | None = None
+    noise: FloatArray | None = None
+    drive: TimeTable | None = None
+    coarse: CoarseCorrection | None = None
+
+    @classmethod
+    def of(
+        cls, step: BodyStep, ops: ElasticOperators, factor: Factorized,
+        drive: TimeTable | None = None
+    ) -> "FullBody":
+        """Raises SolveFailed, naming the block, where a linear solver does not converge."""
+        name, signs = step.elastic_name, rounding(len(ops.constant))
+        terms = np.stack([signs * abs(A).sum(axis=1) for A in (
+            ops.stiffness, ops.damping, ops.mass)], axis=1)
+        noise = np.ascontiguousarray(solve_or_fail(factor, terms, name).T)
+        if drive is not None:
+            return cls(step, ops, factor, None, noise, drive,
+                       CoarseCorrection.of(ops, factor, name))
+        P = ops.directions
+        return cls(step, ops, factor, solve_or_fail(factor, P, name) if P.size else P, noise)
+
+
+class Displaced:
+    """An elastic body in a step: free motion u0, v0 (n,), its products with the g matrices M_g
+    (2, g, n), and its terms h; local: terms evaluated at each iterate; weights (g,) = kappa + c1 mu
+    of a driven frame; known: D^-1 h of one that does not turn, without local terms."""
+
+    __slots__ = ("h", "known", "local", "products", "u", "v", "weights")
+
+    h: FloatArray
+    known: FloatArray | None
+    local: StepForces | None
+    products: FloatArray
+    u: FloatArray
+    v: FloatArray
+    weights: FloatArray
+
+
+class Bordered(NamedTuple):
+    """Jacobian of the mechanics at full order: Schur complement of the border, and for each elastic
+    body its number, the numbers of its border unknowns, tau and sigma_y on these (m, p)."""
+
+    schur: Matrix
+    bodies: list[tuple[int, IntArray, FloatArray, FloatArray]]
+
+
+class BorderedFactor:
+    """Factorization of a bordered Jacobian."""
+
+    def __init__(self, equations: "FullMechanics", J: Bordered) -> None:
+        self.border, self.J, self.of = equations.border, J, equations.bodies
+        self.factor = factorized(J.schur)
+
+    def solve(self, r: FloatArray) -> FloatArray:
+        """Solution for a right-hand side r (n,)."""
+        z, y = r.copy(), r[self.border]
+        for i, at, tau, _ in self.J.bodies:
+            body = self.of[i]
+            assert body.ops is not None
+            y[at] -= tau.dot(body.ops.directions.T.dot(r[body.step.elastic]))
+        z[self.border] = y = self.factor.solve(y)
+        for i, at, _, sigma in self.J.bodies:
+            body = self.of[i]
+            assert body.E is not None
+            z[body.step.elastic] -= body.E.dot(y[at].dot(sigma))
+        return z
+
+
+class FullMechanics(StepEquations):
+    """Mechanical equations of a step at full order, for known temperatures.
+
+    targets: prescribed values of constraints; border (N,): positions of rigid unknowns and joint
+    forces.
+    """
+
+    exact, named = False, ()
+    iterations: dict[str, int]
+
+    def __init__(
+        self, layout: Layout, bodies: Sequence[FullBody], targets: Sequence[tuple[int, Amplitude]],
+        border: IntArray,
+    ) -> None:
+        self.layout, self.targets, self.border = layout, targets, border
+        self.bodies = [b for b in bodies if b.ops is not None or b.step.to_border.any()]
+        self.price = PRICE if len(border) else UNCHANGED
+        self.maps = []
+        for b in self.bodies:  # border unknowns that a body uses, and their part of its map
+            used = np.flatnonzero(b.step.to_border.any(axis=0))
+            self.maps.append((used, border[used], b.step.to_border[:, used]))
+        self.work = buffers([b.step.frame for b in self.bodies])
+
+    def working(self, memory: object = None) -> Self:
+        own = copy(self)
+        own.work = buffers([b.step.frame for b in self.bodies])
+        return own
+
+    @property
+    def iterates(self) -> bool:
+        """True if any body has an iterative linear solver."""
+        return any(b.factor is not None and b.factor.iterative for b in self.bodies)
+
+    def begin(self, step: StepFormula, d: FloatArray) -> None:
+        self.step, self.X0 = step, np.stack([step.free, step.free_rate, np.zeros(len(d))])
+        layout, self.R = self.layout, np.zeros((3, len(d)))
+        self.R[0], self.R[1, layout.second], self.R[2, layout.second] = 1.0, step.c1, step.c2
+        self.iterations, self.failed = {}, None
+        self.least, self.turns = LEAST, bool(len(self.border))
+        self.moved = [self._displaced(b, d, w) for b, w in zip(
+            self.bodies, self.work, strict=True)]
+
+    def _displaced(self, b: FullBody, d: FloatArray, work: FrameWork) -> Displaced:
+        one, o, step, at = Displaced(), b.ops, self.step, b.step.elastic
+        if o is None:
+            return one
+        one.u, one.v, one.local, one.known = step.free[at], step.free_rate[at], None, None
+        T = step.free[b.step.thermal] + d[b.step.thermal]
+        h = o.stiffness @ one.u - o.constant
+        if o.damping.nnz:
+            h += o.damping @ one.v
+        if o.coupling is not None:
+            h -= o.coupling @ T
+        one.h = plus_loads(h, o, step.t, -1.0)
+        if o.local:
+            rate = step.free_rate[b.step.thermal] + step.c1_first * d[b.step.thermal]
+            guess = Prediction(one.u, one.v, np.zeros(len(one.u)), T, step.t)
+            one.local = StepForces(FullLocal(o.local), guess, rate, step.c1, step.c2, None)
+        if b.drive is None:
+            past = np.stack([one.u, one.v], axis=1)
+            one.products = np.empty((2, len(o.generators), len(one.u)))
+            for g, M in enumerate(o.generators):
+                one.products[:, g] = (M @ past).T
+            return one
+        g, table = len(o.generators), b.drive.at(step.t)
+        work.coefficients[: 2 * g], work.sigma[-1] = table[: 2 * g], table[2 * g :]
+        kappa, mu = table[:g], table[g : 2 * g]
+        one.weights = kappa + step.c1 * mu
+        if work.sigma[-1].any():
+            one.h = one.h + o.directions @ work.sigma[-1]
+        for M, k, m in zip(o.generators, kappa, mu, strict=True):
+            if k or m:
+                one.h = one.h + M @ (k * one.u + m * one.v)
+        if not one.weights.any() and one.local is None:
+            one.known = self._solved(b, one.h, d[at], one)
+            return one
+        self.turns = True
+        if b.coarse is not None:
+            self.least = max(self.least, b.coarse.left * float(np.abs(one.weights).sum()))
+        return one
+
+    def residual(self, d: FloatArray) -> FloatArray:
+        r, X = d.copy(), self.X0 + self.R * d
+        r[self.layout.first] = 0.0
+        r[self.border] = 0.0
+        for i, f in self.targets:
+            r[self.border[i]] -= f(self.step.t)
+        for b, w, one, (_, at, T) in zip(
+                self.bodies, self.work, self.moved, self.maps, strict=True):
+            own = d[b.step.elastic]
+            if b.drive is None:
+                products = self._evaluate(b, one, own, X, self.step.t, w, at, T, None)
+                r[at] += w.border[:, -1] @ T
+            if b.ops is None:
+                continue
+            if one.known is not None:
+                r[b.step.elastic] = own + one.known
+                continue
+            right = one.h if one.local is None else one.h + one.local.rows(own)
+            if b.drive is None:
+                right = right + w.coefficients[:-1] @ products
+                if w.sigma.shape[1]:
+                    right += b.ops.directions @ w.sigma[-1]
+            else:
+                for M, weight in zip(b.ops.generators, one.weights, strict=True):
+                    if weight:
+                        right = right + M @ (weight * own)
+            change = own + self._solved(b, right, own, one)
+            if b.coarse is not None and b.coarse.Z.size and one.weights.any():
+                change += b.coarse.correction(change, one.weights.tolist())
+            r[b.step.elastic] = change
+        return r
+
+    def _evaluate(
+        self, b: FullBody, one: Displaced | None, d: FloatArray, X: FloatArray, t: float,
+        work: FrameWork, at: IntArray, T: FloatArray, rates: tuple[float, float] | None,
+    ) -> FloatArray:
+        """Evaluates a frame at unknowns X (3, n) at t, s, with derivatives for dv = c1 dx, da = c2
+        dx if c1, c2 are given; returns M_g u, then M_g u' (2 g, n). one: the products of the free
+        motion, to which those of the departure d (n,) are added; None for products anew."""
+        y = X[:, at] @ T.T
+        y[0] += b.step.origin
+        if b.step.guide is not None:
+            for row, part in zip(y, b.step.guide.at(t), strict=True):
+                row[: len(part)] += part
+        U, o = X[:, b.step.elastic], b.ops
+        if o is None:
+            s, forms, found = np.zeros((3, 0)), np.zeros(0), np.zeros((0, 0))
+        else:
+            g = len(o.generators)
+            found = np.empty((3, g, U.shape[1]))
+            if one is None:
+                for j, M in enumerate(o.generators):
+                    found[:, j] = (M @ np.ascontiguousarray(U.T)).T
+            else:  # one product with the departure is that of all rates
+                for j, M in enumerate(o.generators):
+                    found[2, j] = M @ d
+                np.add(one.products[0], found[2], out=found[0])
+                np.multiply(found[2], self.step.c1, out=found[1])
+                found[1] += one.products[1]
+                found[2] *= self.step.c2
+            s, forms = U @ o.directions, (found @ U[0]).ravel()
+            found = found[:2].reshape(2 * g, U.shape[1])
+        work.fresh = rates is not None
+        c1, c2 = rates or (0.0, 0.0)
+        b.step.frame.evaluate(y[0], y[1], y[2], c1, c2, s, forms, t, work)
+        return found
+
+    def _solved(
+        self, b: FullBody, right: FloatArray, d: FloatArray, one: Displaced
+    ) -> FloatArray:
+        """D^-1 right. The tolerance of an iterative linear solver is relative to the right-hand
+        side of the whole displacements: that of a departure may be round-off. Not a number where it
+        does not converge."""
+        o, factor, step = b.ops, b.factor, self.step
+        assert o is not None and factor is not None
+        if not factor.iterative:
+            return factor.solve(right)
+        u = one.u
+        whole = right - o.stiffness @ u - step.c1 * (o.damping @ u) - step.c2 * (o.mass @ u)
+        found = factor.outcome(whole, -d - u)
+        name = b.step.elastic_name
+        self.iterations[name] = self.iterations.get(name, 0) + found.iterations
+        if found.status.ok:
+            return np.asarray(found.x + u)
+        self.failed = name, found.status, unconverged_note(
+            factor, found.residual, found.iterations)
+        return np.full(len(right), np.nan)
+
+    def jacobian(self, at: Linearisation) -> Bordered | None:
+        """Jacobian at a state; None for the identity."""
+        n = len(self.border)
+        if not n:
+            return None
+        X, parts, entries = np.stack([at.x, at.v, at.a]), [], []
+        for i, (b, w, (used, columns, T)) in enumerate(zip(
+                self.bodies, self.work, self.maps, strict=True)):
+            if b.drive is not None:
+                continue
+            self._evaluate(b, None, _NONE, X, at.t, w, columns, T, at.c[:2])
+            H = w.border[:, :-1]
+            if b.ops is not None and b.E is not None:
+                tau, sigma = T.T @ w.tau, T.T @ w.sigma[:-1]
+                parts.append((i, used, tau, sigma))
+                corner = T.T @ H @ T - tau @ (b.ops.directions.T @ b.E) @ sigma.T
+            else:
+                corner = T.T @ H @ T
+            rows, columns = np.meshgrid(used, used, indexing="ij")
+            entries.append((corner.ravel(), rows.ravel(), columns.ravel()))
+        values, rows, columns = map(np.concatenate, zip(*entries, strict=True))
+        B = coo_array((values, (rows, columns)), shape=(n, n))
+        return Bordered(csc_array(B) if n > MANY else B.toarray(), parts)
+
+    def contraction(self, point: Linearisation) -> float:
+        return inf if self.turns else 0.0
+
+    def factorize(self, J: Bordered | None) -> Factor:
+        return Identity() if J is None else BorderedFactor(self, J)
+
+    def rounding(self, J: Bordered | None, at: Linearisation) -> FloatArray:
+        sizes, found = np.abs(at.x), np.zeros(len(at.x))
+        if J is not None:
+            sizes[self.border] = abs(J.schur) @ sizes[self.border]
+            fixed = self.layout.algebraic
+            sizes[fixed] = np.maximum(sizes[fixed], 1.0)
+            found[self.border] = (rounding(len(sizes)) * sizes)[self.border]
+        for b in self.bodies:
+            if b.noise is not None:
+                e = b.step.elastic
+                found[e] = [float(np.abs(z[e]).max()) for z in (at.x, at.v, at.a)] @ b.noise
+        return found
+
+
+_NONE = np.zeros(0)
