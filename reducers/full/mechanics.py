@@ -21,7 +21,6 @@ from math import inf
 from typing import NamedTuple, Self
 
 import numpy as np
-from scipy.sparse import coo_array, csc_array
 
 from sparsemor.core import Amplitude, Factorized, FloatArray, IntArray, Layout, StepFormula
 from sparsemor.core.model.factorizations import solve_or_fail, unconverged_note
@@ -29,7 +28,7 @@ from sparsemor.core.protocols import ElasticOperators, FrameWork
 from sparsemor.reducers.linalg.coarse_correction import CoarseCorrection
 from sparsemor.reducers.step.acceptance import LEAST, rounding
 from sparsemor.reducers.step.blocks.elastic_local import FullLocal, StepForces
-from sparsemor.reducers.step.factors import MANY, Factor, Identity, Matrix, factorized
+from sparsemor.reducers.step.factors import Factor, Identity, Matrix, factorized, summed
 from sparsemor.reducers.step.frame_step import BodyStep, buffers
 from sparsemor.reducers.step.loop import Linearisation, StepEquations
 from sparsemor.reducers.step.predictor import Prediction
@@ -293,7 +292,7 @@ class FullMechanics(StepEquations):
         n = len(self.border)
         if not n:
             return None
-        X, parts, entries = np.stack([at.x, at.v, at.a]), [], []
+        X, parts, corners = np.stack([at.x, at.v, at.a]), [], []
         for i, (b, w, (used, columns, T)) in enumerate(zip(
                 self.bodies, self.work, self.maps, strict=True)):
             if b.drive is not None:
@@ -306,11 +305,8 @@ class FullMechanics(StepEquations):
                 corner = T.T @ H @ T - tau @ (b.ops.directions.T @ b.E) @ sigma.T
             else:
                 corner = T.T @ H @ T
-            rows, columns = np.meshgrid(used, used, indexing="ij")
-            entries.append((corner.ravel(), rows.ravel(), columns.ravel()))
-        values, rows, columns = map(np.concatenate, zip(*entries, strict=True))
-        B = coo_array((values, (rows, columns)), shape=(n, n))
-        return Bordered(csc_array(B) if n > MANY else B.toarray(), parts)
+            corners.append((used, corner))
+        return Bordered(summed(n, corners), parts)
 
     def contraction(self, point: Linearisation) -> float:
         return inf if self.turns else 0.0

@@ -29,8 +29,8 @@ from sparsemor.core.model.compressed_local import CompressedLocal
 from sparsemor.core.model.constraint_rates import derivative_along_motion, motion_step
 from sparsemor.core.protocols.prescribed_quantities import derivative_from_right, time_derivatives
 from sparsemor.core.protocols.step_solver import unavailable_resultants
+from sparsemor.reducers.linalg.least_norm import least
 from sparsemor.reducers.step.acceptance import Tolerances
-from sparsemor.reducers.step.border.least_norm import least
 from sparsemor.reducers.step.frame_step import BodyStep
 from sparsemor.reducers.step.loop import Loop
 from sparsemor.reducers.step.operators import TestedElastic, TestedHeat, TestMap

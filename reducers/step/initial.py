@@ -16,7 +16,9 @@ from sparsemor.core import FloatArray, State
 from sparsemor.core.model.constraint_rates import derivative_along_motion
 from sparsemor.core.protocols import FrameWork
 from sparsemor.core.protocols.prescribed_quantities import time_derivatives
+from sparsemor.reducers.linalg.least_norm import least
 from sparsemor.reducers.step.condensed_newton import Mechanics
+from sparsemor.reducers.step.factors import summed
 from sparsemor.reducers.step.frame_step import NONE, BodyStep, buffers
 from sparsemor.reducers.step.operators import TestedElastic
 from sparsemor.reducers.step.time_tables import plus_loads
@@ -58,20 +60,19 @@ def consistent_start(
         return state
     if not mechanics.size:
         return _prescribed_start(mechanics, tested, state)
-    system, parts = mechanics.system, []
-    H = system.matrices()
-    for body, t, matrix in zip(mechanics.bodies, tested, H.views, strict=True):
-        p = _linear(mechanics, body, t, state, scales)
-        parts.append(p)
-        matrix[:, :-1], matrix[:, -1] = p.H - p.tau @ p.S, p.rows - p.tau @ p.base
-    B, r = system.assembled(H.values)
-    z = -system.least(B, r - _target_accelerations(mechanics, state.t, scales.h))
+    parts = [_linear(mechanics, body, t, state, scales)
+             for body, t in zip(mechanics.bodies, tested, strict=True)]
+    maps = [body.to_border for body in mechanics.bodies]
+    r = sum(T.T @ (p.rows - p.tau @ p.base) for T, p in zip(maps, parts, strict=True))
+    used = [np.flatnonzero(T.any(axis=0)) for T in maps]
+    B = summed(mechanics.size, ((at, T[:, at].T @ (p.H - p.tau @ p.S) @ T[:, at])
+                                for at, T, p in zip(used, maps, parts, strict=True)))
+    z = -least(B, r - _target_accelerations(mechanics, state.t, scales.h))
     x, a = state.x.copy(), state.a.copy()
     a[:nr], x[mechanics.algebraic] = z[:nr], z[nr:]
-    stacked = system.stacked(z)
-    for body, p, at in zip(mechanics.bodies, parts, mechanics.at, strict=True):
-        if body.block is not None or len(p.base):
-            a[body.elastic] = -(p.base + p.S @ stacked[at])
+    for body, T, p in zip(mechanics.bodies, maps, parts, strict=True):
+        if len(p.base):
+            a[body.elastic] = -(p.base + p.S @ (T @ z))
     return replace(state, x=x, a=a)
 
 

@@ -24,7 +24,7 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components
 from scipy.sparse.linalg import splu
 
 from sparsemor.core import Csr, FloatArray, IntArray
-from sparsemor.reducers.step.border.least_norm import sparse_least
+from sparsemor.reducers.linalg.least_norm import sparse_least
 from sparsemor.reducers.step.border.system import BodyMatrices, BorderedSystem, DenseSystem
 
 DENSE = 50

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.linalg.lapack import dgesv
 
 from sparsemor.core import FloatArray
-from sparsemor.reducers.step.border.least_norm import least
+from sparsemor.reducers.linalg.least_norm import least
 
 
 class BodyMatrices(NamedTuple):

@@ -7,7 +7,7 @@ import pytest
 from scipy.sparse import csc_array
 
 from sparsemor.core.arrays import FloatArray
-from sparsemor.reducers.step.border.least_norm import least, sparse_least
+from sparsemor.reducers.linalg.least_norm import least, sparse_least
 from sparsemor.reducers.step.border.sparse import (
     DENSE,
     BandedSystem,

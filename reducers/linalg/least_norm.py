@@ -10,10 +10,12 @@ SINGULAR = 1e-10
 """Singular values below this fraction of the largest one count as zero."""
 
 
-def least(A: FloatArray, r: FloatArray) -> FloatArray:
+def least(A: FloatArray | Csr, r: FloatArray) -> FloatArray:
     """Least-squares solution of least norm of A z = r, with scaled rows and columns."""
     if not len(r):
         return r
+    if not isinstance(A, np.ndarray):
+        return sparse_least(A, r)
     size = np.sqrt(np.maximum(np.abs(A).max(axis=0), 1e-300))
     return np.asarray(
         np.linalg.lstsq(A / np.outer(size, size), r / size, rcond=SINGULAR)[0] / size)
