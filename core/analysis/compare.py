@@ -15,6 +15,7 @@ from sparsemor.core.results.error_norms import (
     LIMIT,
     START_UP,
     Errors,
+    further_norms,
     measure_errors,
     measure_names,
 )
@@ -237,7 +238,7 @@ class Comparison:
         return ["", text_table(table)]
 
     def _error_rows(self) -> list[list[Any]]:
-        measures = ["combined", *self._blocks(), "angle_rad"]
+        measures = ["combined", *self._blocks(), "angle_rad", *further_norms()]
         rows: list[list[Any]] = [
             ["run", "status", "ms_per_step", "offline_s", "offline_whole_s", "online_s",
              "pays_after", *measures, "above_limit", "constant"]]

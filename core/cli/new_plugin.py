@@ -22,6 +22,7 @@ COMMON = "common"
 KINDS = tuple(sorted(p.stem for p in TEMPLATES.glob("*.txt") if p.stem != COMMON))
 USES = {"scene": "`sparsemor run $name` runs it", "study": "`sparsemor study $name` conducts it",
         "charts": "`sparsemor compare` draws them",
+        "error_norm": "`sparsemor compare` and studies measure it",
         "choice": "it is applied to each scene before a run",
         "command": "`sparsemor $name double_pendulum` calls it",
         "paper": "`sparsemor reproduce --paper $name` recomputes it",
@@ -29,7 +30,7 @@ USES = {"scene": "`sparsemor run $name` runs it", "study": "`sparsemor study $na
         "check": "each run is checked by it"}
 """Plugin kind -> how plugins of that kind are used; scene files select those of all other kinds."""
 
-NO_CLASS = ("charts", "choice", "command", "paper", "scene", "study")
+NO_CLASS = ("charts", "choice", "command", "error_norm", "paper", "scene", "study")
 """Plugin kinds whose entry points refer to objects, functions and files."""
 
 

@@ -3,13 +3,14 @@ unknowns.
 
 The combined error divides by the norm of all unknowns together, so that temperatures of 300 K and
 rigid displacements of metres conceal the elastic error. Each block is therefore also measured
-relative to its own change. Where the solution starts from zero, errors relative to the
-instantaneous norm are large for a few steps, so the start-up is reported separately.
+relative to its own change; entry points of the group `sparsemor.error_norm` add further norms,
+which every table and chart of errors then has. Where the solution starts from zero, errors relative
+to the instantaneous norm are large for a few steps, so the start-up is reported separately.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.protocols.layout import Block, FieldKind, Quantity
 from sparsemor.core.protocols.poses import BY_ANGLE
+from sparsemor.core.registry.registry import Registry
 from sparsemor.core.results.run_result import RunResult
 
 TIME_MATCH = 1e-9
@@ -30,6 +32,11 @@ OF_TOLERANCE = 1e3
 at rest add up over the steps."""
 LIMIT = 0.1
 """Error above which a run is marked (relative; rad for angles)."""
+ERROR_NORM = "error_norm"
+"""Group of the entry points of further error norms."""
+ErrorNorm: TypeAlias = Callable[[RunResult, RunResult, IntArray, IntArray], FloatArray]
+"""An error norm: function(reference, run, here, there) -> relative errors (j,) at the stored steps
+`here` (j,) of the reference and `there` (j,) of the run, which are at the same times."""
 _BATCH_ENTRIES = 2**21
 
 
@@ -47,14 +54,14 @@ class Errors:
     """Errors of one run relative to a reference, at their common stored times.
 
     times (j,): s; series: name -> (j,) error at each time. Names: `combined` (Eq. 34), each block
-    `body.field`, each field (maximum over its blocks), and `angle_rad`; blocks: the names
-    `body.field`; late_from: time from which late errors are evaluated, s; present: the series of
-    `combined`, blocks and fields relative to the norm of the reference at the same time;
-    start_up_end: end of the start-up, s; constant: names of blocks and fields that do not change in
-    the reference, whose errors are relative to their norm; least: relative change up to which they
-    count as such; unshared: blocks that only one of the runs has, or that differ in size, and that
-    are not compared; estimated: the series of those
-    blocks and fields whose error the run estimated, by the estimate instead of the reference.
+    `body.field`, each field (maximum over its blocks), `angle_rad`, and further norms
+    (`further_norms`); blocks: the names `body.field`; late_from: time from which late errors are
+    evaluated, s; present: the series of `combined`, blocks and fields relative to the norm of the
+    reference at the same time; start_up_end: end of the start-up, s; constant: names of blocks and
+    fields that do not change in the reference, whose errors are relative to their norm; least:
+    relative change up to which they count as such; unshared: blocks that only one of the runs has,
+    or that differ in size, and that are not compared; estimated: the series of those blocks and
+    fields whose error the run estimated, by the estimate instead of the reference.
     """
 
     times: FloatArray
@@ -170,6 +177,7 @@ def measure_errors(reference: RunResult, run: RunResult, late_from: float = 0.0)
     series |= _per_field(blocks, {name: e / scale[name] for name, e in error.items()})
     if any(map(_turns, blocks)):
         series["angle_rad"] = angle
+    series |= {name: norm(reference, run, here, there) for name, norm in further_norms().items()}
     present = {name: _ratio(e, size[name]) for name, e in error.items()}
     guessed = {name: run.error_estimate(name)[there] / scale[name]
                for name in run.error_estimates if name in error}
@@ -202,9 +210,23 @@ def _largest(series: Mapping[str, FloatArray], when: BoolArray | slice) -> dict[
     return {name: float(e[when].max()) for name, e in series.items() if e[when].size}
 
 
+def further_norms() -> dict[str, ErrorNorm]:
+    """Error norms of the installed distributions, by name."""
+    registry = Registry()
+    return {p.name: registry.load(ERROR_NORM, registry.spelling(p))
+            for p in registry.names(ERROR_NORM)}
+
+
+def measure_titles(kinds: Iterable[FieldKind]) -> dict[str, str]:
+    """Name of each error of a whole run -> title in charts, in the order of tables: combined,
+    fields, angle, further norms."""
+    return {"combined": "all unknowns together", **{k.name: k.label for k in kinds if k.order > 0},
+            "angle_rad": "angle", **{n: n.replace("_", " ") for n in further_norms()}}
+
+
 def measure_names(kinds: Iterable[FieldKind]) -> tuple[str, ...]:
-    """Names of the errors of a whole run, in the order of tables: combined, fields, angle."""
-    return ("combined", *(k.name for k in kinds if k.order > 0), "angle_rad")
+    """Names of the errors of a whole run, in the order of tables."""
+    return tuple(measure_titles(kinds))
 
 
 def common_steps(reference: FloatArray, run: FloatArray) -> tuple[IntArray, IntArray]:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sparsemor.core.protocols.layout import FieldKind
-from sparsemor.core.results.error_norms import LIMIT, Errors
+from sparsemor.core.results.error_norms import LIMIT, Errors, measure_titles
 from sparsemor.core.status import Status
 from sparsemor.plugins.charts.style import (
     LIMIT_COLOUR,
@@ -42,8 +42,7 @@ def error_over_time_figure(
     errors; kinds: kinds of the runs' fields, in the order of the panels; trained_to: end of
     training, s, which is marked, 0 for none.
     """
-    titles = {"combined": "all unknowns together",
-              **{k.name: k.label for k in kinds if k.order > 0}}
+    titles = {m: title for m, title in measure_titles(kinds).items() if m != "angle_rad"}
     names = [m for m in titles if any(_positive(e, m) for e in measured.values())
              and not all(e.still(m) for e in measured.values())]
     end = max((errors.until for errors in measured.values()), default=0.0)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sparsemor.core.protocols.layout import FieldKind, Quantity
-from sparsemor.core.results.error_norms import LIMIT
+from sparsemor.core.results.error_norms import LIMIT, measure_titles
 from sparsemor.core.status import Status
 from sparsemor.plugins.charts.style import (
     COLUMN,
@@ -80,8 +80,8 @@ def work_precision_figure(
     points = [_drawn(p) for p in points]
     reference = None if reference is None else _drawn(reference)
     timed = [p for p in points if p.ms_per_step]
-    titles = {"angle_rad": "angle", **{k.name: k.label for k in kinds if k.order > 0},
-              "combined": "all unknowns together"}
+    titles = measure_titles(kinds)
+    titles = {"angle_rad": titles["angle_rad"], **titles, "combined": titles.pop("combined")}
     measures = [m for m in titles if any(p.errors.get(m, 0.0) > 0.0 for p in timed)]
     if "angle_rad" in measures:
         poses = {k.name for k in kinds if k.quantity is Quantity.POSE}
