@@ -36,7 +36,8 @@ ERROR_NORM = "error_norm"
 """Group of the entry points of further error norms."""
 ErrorNorm: TypeAlias = Callable[[RunResult, RunResult, IntArray, IntArray], FloatArray]
 """An error norm: function(reference, run, here, there) -> relative errors (j,) at the stored steps
-`here` (j,) of the reference and `there` (j,) of the run, which are at the same times."""
+`here` (j,) of the reference and `there` (j,) of the run, which are at the same times; the runs may
+be of other models (`common_blocks`)."""
 _BATCH_ENTRIES = 2**21
 
 
@@ -151,7 +152,7 @@ def measure_errors(reference: RunResult, run: RunResult, late_from: float = 0.0)
     Blocks that only one of the runs has are not compared (`unshared`). Raises InputError when the
     runs have no time, or no block, in common.
     """
-    blocks, unshared = _common_blocks(reference, run)
+    blocks, unshared = common_blocks(reference, run)
     here, there = common_steps(reference.times, run.times)
     error = {b.name: np.zeros(len(here)) for b in blocks}
     size = {b.name: np.zeros(len(here)) for b in blocks}
@@ -256,7 +257,7 @@ def _span(times: FloatArray) -> str:
     return f"{len(times)} steps from {times[0]:g} s, next {times[1]:g} s, to {times[-1]:g} s"
 
 
-def _common_blocks(
+def common_blocks(
     reference: RunResult, run: RunResult
 ) -> tuple[list[Block], tuple[str, ...]]:
     """Blocks of equal name and size, in the order of the reference, and names of all other
