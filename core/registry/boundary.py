@@ -17,7 +17,6 @@ from copy import copy
 from dataclasses import fields
 from functools import cache, wraps
 from importlib import metadata
-from math import isfinite
 from types import CodeType, FunctionType, TracebackType
 from typing import Any, get_type_hints
 
@@ -29,7 +28,7 @@ from sparsemor.core.errors import InputError, PluginError
 from sparsemor.core.protocols.plugin import OWN, PREFIX, Plugin
 from sparsemor.core.registry.contracts import CONTRACTS, members
 from sparsemor.core.registry.value_checks import CHECKS, EVERY_STEP, NAN_ALLOWED
-from sparsemor.core.registry.value_types import NOT_FINITE, is_data, required_type, unfit
+from sparsemor.core.registry.value_types import NOT_FINITE, is_data, required_type, unfit, usual
 from sparsemor.core.status import SolveFailed
 
 _MARK = "_sparsemor_checked"
@@ -89,6 +88,7 @@ def _checked(function: FunctionType, protocol: type, wanted: Any) -> FunctionTyp
     built = hint if is_protocol(hint) or _is_base(hint) else None
     admitted = set[type]()
     lean = EVERY_STEP.get((protocol.__name__, name))
+    as_usual, settled = usual(hint, finite), built is None and (check is None or hint is float)
 
     @wraps(function)
     def call_in_step(self: Any, *given: Any) -> Any:
@@ -105,7 +105,7 @@ def _checked(function: FunctionType, protocol: type, wanted: Any) -> FunctionTyp
     @wraps(function)
     def call(self: Any, *given: Any, **named: Any) -> Any:
         if takes_data:
-            given = tuple([read_only(v) for v in given])
+            given = tuple([v if type(v) is float else read_only(v) for v in given])
             if named:
                 named = {k: read_only(v) for k, v in named.items()}
         try:
@@ -114,9 +114,10 @@ def _checked(function: FunctionType, protocol: type, wanted: Any) -> FunctionTyp
             raise
         except (Exception, SystemExit) as error:
             raise _raised(error, self, function) from error
-        if type(value) is float and hint is float and isfinite(value):
+        fit = as_usual(value)
+        if fit and settled:
             return value
-        wrong = unfit(value, hint, finite)
+        wrong = "" if fit else unfit(value, hint, finite)
         if not wrong and check is not None:
             wrong = check(value, self, dict(zip(names, given, strict=False), **named))
         if wrong and not (NOT_FINITE in wrong and _overflows(given)):
@@ -148,7 +149,7 @@ def read_only(value: Any) -> Any:
         if not value.flags.writeable:
             return value
         view = value.view()
-        view.flags.writeable = False
+        view.setflags(write=False)
         return view
     if isinstance(value, csr_array):
         if not value.has_canonical_format:  # scipy would sort the entries in place later

@@ -5,6 +5,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from functools import cache
+from math import isfinite
 from numbers import Integral, Real
 from typing import Any, Literal, Self, TypeVar, Union, get_args, get_origin, get_type_hints
 
@@ -12,6 +13,7 @@ import numpy as np
 from typing_extensions import get_protocol_members, is_protocol
 
 NOT_FINITE = "values that are not finite"
+_FLOAT = np.dtype(np.float64)
 _KINDS = {np.float64: "f", np.int64: "iu", np.bool_: "b"}
 
 
@@ -86,6 +88,25 @@ def unfit(value: object, hint: Any, finite: bool = True) -> str:
     if not fits(value, hint, exact=False):
         return shown_type(value)
     return NOT_FINITE if finite and not _is_finite(value) else ""
+
+
+def usual(hint: Any, finite: bool = True) -> Callable[[object], bool]:
+    """Quick test that accepts the usual values of an annotation, such as arrays of finite floats;
+    `unfit` decides on all others."""
+    if hint is float:
+        return lambda v: type(v) is float and (isfinite(v) or not finite)
+    if hint is int or hint is bool or hint is str:
+        return lambda v: type(v) is hint
+    of, inner = get_origin(hint), get_args(hint)
+    if of is np.ndarray and get_args(inner[1])[0] is np.float64:
+        # squares of large numbers are not finite, either: `unfit` decides on these
+        return lambda v: type(v) is np.ndarray and v.dtype == _FLOAT and (
+            not finite or isfinite(np.vdot(v, v)))
+    if of is tuple and inner[-1:] != (...,):
+        tests = [usual(h, finite) for h in inner]
+        return lambda v: type(v) is tuple and len(v) == len(tests) and all(
+            [test(part) for test, part in zip(tests, v, strict=True)])
+    return lambda v: False
 
 
 def unfit_arrays(value: Any) -> str:

@@ -1,7 +1,7 @@
 """Displacements far beyond their body, and temperatures beyond those of any material: the run is
 stopped as `diverged`, with the likely cause."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import inf
 
@@ -123,11 +123,15 @@ class Extents:
         """The same with few rows of the atoms (`Extent.few`)."""
         return Extents(tuple(b.few() for b in self.blocks))
 
-    def exceeded(self, x: FloatArray) -> Large | None:
-        """The first block of the unknowns x (n,) with displacements beyond its body or
-        temperatures beyond any material."""
-        for b in self.blocks:
-            if (size := b.size(x)) > BEYOND * b.diagonal:
+    def sizes(self, x: FloatArray) -> list[float]:
+        """Largest displacement or temperature of each block of the unknowns x (n,)."""
+        return [b.size(x) for b in self.blocks]
+
+    def exceeded(self, sizes: Sequence[float]) -> Large | None:
+        """The first block with displacements beyond its body or temperatures beyond any
+        material."""
+        for b, size in zip(self.blocks, sizes, strict=True):
+            if size > BEYOND * b.diagonal:
                 return Large(b.name, size, b.diagonal, b.hot)
         return None
 
@@ -150,19 +154,18 @@ class Growth:
     extent."""
 
     def __init__(self, extents: Extents) -> None:
-        self.blocks = [b for b in extents.blocks if not b.hot]
-        self.last = list[list[float]]()
+        self.blocks = extents.blocks
+        self.last = list[Sequence[float]]()
 
-    def sudden(self, x: FloatArray) -> Large | None:
+    def sudden(self, sizes: Sequence[float]) -> Large | None:
         """The first block whose displacements exceed the body's smallest extent and `SUDDEN` times
-        the largest of `WITHIN` steps before."""
-        sizes = [b.size(x) for b in self.blocks]
+        the largest of `WITHIN` steps before. sizes: those of `Extents.sizes`."""
         before = self.last[0] if len(self.last) == WITHIN else None
         self.last = [*self.last[1 - WITHIN :], sizes]
         if before is None:
             return None
         for b, size, small in zip(self.blocks, sizes, before, strict=True):
-            if 0.0 < small and size > max(b.extent, SUDDEN * small):
+            if 0.0 < small and size > max(b.extent, SUDDEN * small) and not b.hot:
                 return Large(b.name, size, b.diagonal)
         return None
 
@@ -218,9 +221,10 @@ def _smaller(
         state, memory = started(solver, scene.integrator, start)
         extents = Extents.of(model, solver.layout, solver.dictionaries)
         for taken in iterate(FixedStep.of(scene.integrator, solver, h), state, memory, count):
-            x = taken.state.x
-            if not taken.outcome.status.ok or extents.exceeded(x) or any(
-                    b.size(x) > most for b in extents.blocks if not b.hot):
+            sizes = extents.sizes(taken.state.x)
+            if not taken.outcome.status.ok or extents.exceeded(sizes) or any(
+                    size > most for b, size in zip(extents.blocks, sizes, strict=True)
+                    if not b.hot):
                 return False
     except SolveFailed:
         return False

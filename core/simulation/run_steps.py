@@ -230,12 +230,13 @@ class RunSteps:
                     sampled=bool(solver.rows))
             stats.add(seconds, outcome)
             supports = solver.supports(self.memory)
-            if large := extents.exceeded(self.state.x):
+            sizes = extents.sizes(self.state.x)
+            if large := extents.exceeded(sizes):
                 return self._diverged(large)
             for look in self.on_step:
                 if (found := look(stats.done, before, self.state, supports)) is not None:
                     return found
-            if self.growth is not None and (large := self.growth.sudden(self.state.x)):
+            if self.growth is not None and (large := self.growth.sudden(sizes)):
                 self.growth = None  # asked once
                 if (found := self._too_long(large)) is not None:
                     return found

@@ -162,6 +162,12 @@ class Judged:
         square = d.dot(d) if self.gram is None else d.dot(self.gram.dot(d))
         return sqrt(max(float(square), 0.0) / self.n)
 
+    def norms(self, x: FloatArray) -> FloatArray:
+        """The norms of several vectors, the rows of x."""
+        d = x[:, self.at]
+        squares = (d * (d if self.gram is None else d.dot(self.gram))).sum(axis=1)
+        return np.asarray(np.sqrt(np.maximum(squares, 0.0) / self.n))
+
 
 class ControlledSteps(AroundSteps[StepSolver]):
     """Step solver of the output step H with error control, over step solvers of H, H/2, H/4, ...,

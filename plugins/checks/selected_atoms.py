@@ -52,20 +52,19 @@ class SelectedAtoms(Check):
     """Residual that selected atoms and sampled rows leave over all rows."""
 
     order = place("selected_atoms")
-    _run: PreparedRun | None = None
-    _times: frozenset[int] = frozenset()
     _states: list[tuple[State, Mapping[str, BoolArray]]] = PrivateAttr(default_factory=list)
 
     def on_start(self, run: PreparedRun, state: State, whole: bool) -> OnStep | None:
-        self._run, self._times = run, times_of_check(run.steps)
-        self._states = [(s, of) for s, of in self._states if s.t <= state.t]
-        return self._look if run.own_loads and run.model is not None else None
+        times, sampled = times_of_check(run.steps), bool(run.solver.rows)
+        self._states = states = [(s, of) for s, of in self._states if s.t <= state.t]
 
-    def _look(
-        self, done: int, before: State, state: State, active: Mapping[str, BoolArray]
-    ) -> None:
-        if done in self._times and self._run is not None and (active or self._run.solver.rows):
-            self._states.append((self._run.full_order(state), dict(active)))
+        def look(
+            done: int, before: State, now: State, active: Mapping[str, BoolArray]
+        ) -> None:
+            if done in times and (active or sampled):
+                states.append((run.full_order(now), dict(active)))
+
+        return look if run.own_loads and run.model is not None else None
 
     def after_run(self, run: PreparedRun, result: RunResult) -> Findings:
         if run.model is None or not run.own_loads or not self._states:

@@ -49,6 +49,8 @@ SMALLEST = 1e-5
 is a share."""
 CHANGES = 1000
 """Most states whose change since the start is looked at."""
+TOGETHER = 64
+"""Number of states that are looked at together."""
 
 
 class TimeError(Check):
@@ -125,6 +127,8 @@ class Windows:
         self.changes = dict.fromkeys((b.name for b in self.blocks), 0.0)
         self.rates = dict(self.changes)
         self.every = max(1, self.steps // CHANGES)
+        self.moving = run.solver.layout.frames
+        self.seen: list[State] = []
 
     @classmethod
     def of(cls, run: PreparedRun, start: FloatArray | None) -> "Windows | None":
@@ -141,10 +145,9 @@ class Windows:
         self, done: int, before: State, state: State, active: Mapping[str, BoolArray]
     ) -> None:
         """Looks at the step that ended at `state` after `done` steps, from the state `before`."""
-        frames = state.x[self.run.solver.layout.frames].size
-        d = state.a[:frames] - self.older  # over two steps: what alternates is no course
-        self.older = before.a[:frames]
-        self.jerks.append(float(np.sqrt(d.dot(d))))
+        d = state.a[self.moving] - self.older  # over two steps: what alternates is no course
+        self.older = before.a[self.moving]
+        self.jerks.append(sqrt(d.dot(d)))
         if done == 1:
             self.found[0] = 0, _Window(None, before)
         part = 1 + int((done - 1) / self.part)
@@ -155,10 +158,18 @@ class Windows:
             if done - n in range(2, self.length + 1, 2):
                 w.taken.append(state.x)
         if done % self.every == 0 or done == self.steps:
-            for b in self.blocks:
-                self.changes[b.name] = max(
-                    self.changes[b.name], b.norm(state.x - self.origin))
-                self.rates[b.name] = max(self.rates[b.name], b.norm(state.v))
+            self.seen.append(state)
+            if len(self.seen) == TOGETHER or done == self.steps:
+                self._count()
+
+    def _count(self) -> None:
+        """Takes the states seen into the largest changes and rates."""
+        changes = np.stack([s.x for s in self.seen]) - self.origin
+        rates = np.stack([s.v for s in self.seen])
+        for b in self.blocks:
+            self.changes[b.name] = max(self.changes[b.name], float(b.norms(changes).max()))
+            self.rates[b.name] = max(self.rates[b.name], float(b.norms(rates).max()))
+        self.seen = []
 
     def estimated(self) -> tuple[Mapping[str, float], Mapping[str, float]]:
         """Block -> error of its field at the end of the run, and that of a transient at the start,

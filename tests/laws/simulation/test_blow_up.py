@@ -49,14 +49,14 @@ def test_sudden_growth_beyond_the_body_is_suspected_and_slow_growth_is_not() -> 
         x[at] = size
         return x
 
-    assert extents.exceeded(shape(0.69)) is None
-    large = extents.exceeded(shape(0.7))
+    assert extents.exceeded(extents.sizes(shape(0.69))) is None
+    large = extents.exceeded(extents.sizes(shape(0.7)))
     assert large is not None  # twice the diagonal of the free nodes
     assert large.diagonal == pytest.approx(np.hypot(0.4 * 5 / 6, 0.1))
     for sizes, suspected in (([1e-5] * WITHIN + [0.11], True), ([2e-3] * WITHIN + [0.11], False),
                              ([1e-5] * WITHIN + [0.09], False), ([0.0] * WITHIN + [0.11], False)):
         growth = Growth(extents)
-        found = [growth.sudden(shape(s)) for s in sizes]
+        found = [growth.sudden(extents.sizes(shape(s))) for s in sizes]
         assert not any(found[:-1]) and (found[-1] is not None) == suspected
 
 
