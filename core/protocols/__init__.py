@@ -7,166 +7,133 @@ its methods return hold the numbers. Plugins and solvers keep no state between c
 writes only to the memory passed to it.
 """
 
-from sparsemor.core.protocols.basis import Basis, BlockData, Dictionary
-from sparsemor.core.protocols.body import (
-    Body,
-    BodyPlugin,
-    BodyShape,
-    Material,
-    MaterialProperties,
-    MeanTemperature,
-    Part,
-    ProbePlace,
-    StressConstants,
-    StressRecovery,
-    TemperatureProperty,
-)
-from sparsemor.core.protocols.body_frame import (
-    BodyFrame,
-    Frame,
-    FrameArrays,
-    FrameItem,
-    FrameWork,
-)
-from sparsemor.core.protocols.connector import (
-    Connector,
-    ConnectorPlugin,
-    Effect,
-    Load,
-    LoadPlugin,
-)
-from sparsemor.core.protocols.contact import (
-    Contact,
-    ContactPlugin,
-    FrictionLaw,
-    NormalLaw,
-)
-from sparsemor.core.protocols.contributions import (
-    BodyRecord,
-    ConstraintRecord,
-    Equations,
-    FrameRecord,
-    LocalRecord,
-    MatrixRecord,
-    Origin,
-    Records,
-    TableRecord,
-    VectorRecord,
-)
-from sparsemor.core.protocols.integrator import (
-    Function,
-    Integrator,
-    NextStep,
-    Solve,
-    State,
-    StepFormula,
-    StepOutcome,
-    TimeFunction,
-    UpdateRule,
-    UpdateRules,
-)
-from sparsemor.core.protocols.joint import (
-    ForceLaw,
-    Joint,
-    JointPlugin,
-    RecordedForce,
-)
-from sparsemor.core.protocols.layout import Block, FieldKind, Layout, Quantity
-from sparsemor.core.protocols.linear_solver import (
-    DofLocations,
-    Factorized,
-    LinearOutcome,
-    LinearSolver,
-)
-from sparsemor.core.protocols.load_tables import LoadTable, Table, Tabled, TabledAlong
-from sparsemor.core.protocols.mesh import BodySize, Mesh, MeshPlugin, MeshSize
-from sparsemor.core.protocols.plugin import Plugin
-from sparsemor.core.protocols.prescribed_motion import FrameHistory, Stage, SurfaceLoads
-from sparsemor.core.protocols.prescribed_quantities import Differentiable, Held, Prescribed
-from sparsemor.core.protocols.reducer import (
-    AssembledModel,
-    BlockBases,
-    BlockBudget,
-    BlockLinearSolvers,
-    Choice,
-    ErrorAction,
-    ErrorEstimator,
-    ErrorLimit,
-    OfflineProducts,
-    Recording,
-    ReducedProblem,
-    Reducer,
-    StepFactors,
-    TrialRun,
-)
-from sparsemor.core.protocols.sampler import (
-    Preconditioner,
-    RowsKept,
-    Sampler,
-)
-from sparsemor.core.protocols.separable import (
-    Amplitude,
-    ElasticIntegrals,
-    ElasticLocal,
-    ElasticOperators,
-    HeatBody,
-    HeatCoupling,
-    HeatIntegrals,
-    Integrals,
-    LoadColumn,
-    MovingBody,
-    Separated,
-    StressStiffness,
-)
-from sparsemor.core.protocols.sparse_solver import (
-    PROBLEM_FEATURES,
-    Columns,
-    Group,
-    Recovery,
-    Selection,
-    SparseOutcome,
-    SparseProblem,
-    SparseSolver,
-    SparseStart,
-)
-from sparsemor.core.protocols.step_amplitude import StepAmplitude, StepFunction, Stepping, Substep
-from sparsemor.core.protocols.step_solver import (
-    AroundSteps,
-    ManySteps,
-    ResultantSource,
-    StepBlock,
-    StepMemory,
-    StepSolver,
-)
-from sparsemor.core.protocols.term import (
-    LawArrays,
-    LocalCopy,
-    PointArrays,
-    ReducedTerm,
-    ResidualTerm,
-    Term,
-    Trial,
-)
-
-__all__ = [
-    "Amplitude", "AroundSteps", "AssembledModel", "Basis", "Block", "BlockBases", "BlockBudget",
-    "BlockData", "BlockLinearSolvers", "Body", "BodyFrame", "BodyPlugin", "BodyRecord", "BodyShape",
-    "BodySize", "Choice", "Columns", "Connector", "ConnectorPlugin", "ConstraintRecord", "Contact",
-    "ContactPlugin", "Dictionary", "Differentiable", "DofLocations", "Effect", "ElasticIntegrals",
-    "ElasticLocal", "ElasticOperators", "Equations", "ErrorAction", "ErrorEstimator", "ErrorLimit",
-    "Factorized", "FieldKind", "ForceLaw", "Frame", "FrameArrays", "FrameHistory", "FrameItem",
-    "FrameRecord", "FrameWork", "FrictionLaw", "Function", "Group", "HeatBody", "HeatCoupling",
-    "HeatIntegrals", "Held", "Integrals", "Integrator", "Joint", "JointPlugin", "LawArrays",
-    "Layout", "LinearOutcome", "LinearSolver", "Load", "LoadColumn", "LoadPlugin", "LoadTable",
-    "LocalCopy", "LocalRecord", "ManySteps", "Material", "MaterialProperties", "MatrixRecord",
-    "MeanTemperature", "Mesh", "MeshPlugin", "MeshSize", "MovingBody", "NextStep", "NormalLaw",
-    "OfflineProducts", "Origin", "Part", "Plugin", "PointArrays", "Preconditioner", "Prescribed",
-    "ProbePlace", "PROBLEM_FEATURES", "Quantity", "RecordedForce", "Recording", "Records",
-    "Recovery", "ReducedProblem", "ReducedTerm", "Reducer", "ResidualTerm", "ResultantSource",
-    "RowsKept", "Sampler", "Selection", "Separated", "Solve", "SparseOutcome", "SparseProblem",
-    "SparseSolver", "SparseStart", "Stage", "State", "StepAmplitude", "StepBlock", "StepFactors",
-    "StepFormula", "StepFunction", "StepMemory", "StepOutcome", "Stepping", "StepSolver",
-    "StressConstants", "StressRecovery", "StressStiffness", "Substep", "SurfaceLoads", "Table",
-    "Tabled", "TabledAlong", "TableRecord", "TemperatureProperty", "Term", "TimeFunction", "Trial",
-    "TrialRun", "UpdateRule", "UpdateRules", "VectorRecord",
-]
+from sparsemor.core.protocols.basis import Basis as Basis
+from sparsemor.core.protocols.basis import BlockData as BlockData
+from sparsemor.core.protocols.basis import Dictionary as Dictionary
+from sparsemor.core.protocols.body import Body as Body
+from sparsemor.core.protocols.body import BodyPlugin as BodyPlugin
+from sparsemor.core.protocols.body import BodyShape as BodyShape
+from sparsemor.core.protocols.body import Material as Material
+from sparsemor.core.protocols.body import MaterialProperties as MaterialProperties
+from sparsemor.core.protocols.body import MeanTemperature as MeanTemperature
+from sparsemor.core.protocols.body import Part as Part
+from sparsemor.core.protocols.body import ProbePlace as ProbePlace
+from sparsemor.core.protocols.body import StressConstants as StressConstants
+from sparsemor.core.protocols.body import StressRecovery as StressRecovery
+from sparsemor.core.protocols.body import TemperatureProperty as TemperatureProperty
+from sparsemor.core.protocols.body_frame import BodyFrame as BodyFrame
+from sparsemor.core.protocols.body_frame import Frame as Frame
+from sparsemor.core.protocols.body_frame import FrameArrays as FrameArrays
+from sparsemor.core.protocols.body_frame import FrameItem as FrameItem
+from sparsemor.core.protocols.body_frame import FrameWork as FrameWork
+from sparsemor.core.protocols.connector import Connector as Connector
+from sparsemor.core.protocols.connector import ConnectorPlugin as ConnectorPlugin
+from sparsemor.core.protocols.connector import Effect as Effect
+from sparsemor.core.protocols.connector import Load as Load
+from sparsemor.core.protocols.connector import LoadPlugin as LoadPlugin
+from sparsemor.core.protocols.contact import Contact as Contact
+from sparsemor.core.protocols.contact import ContactPlugin as ContactPlugin
+from sparsemor.core.protocols.contact import FrictionLaw as FrictionLaw
+from sparsemor.core.protocols.contact import NormalLaw as NormalLaw
+from sparsemor.core.protocols.contributions import BodyRecord as BodyRecord
+from sparsemor.core.protocols.contributions import ConstraintRecord as ConstraintRecord
+from sparsemor.core.protocols.contributions import Equations as Equations
+from sparsemor.core.protocols.contributions import FrameRecord as FrameRecord
+from sparsemor.core.protocols.contributions import LocalRecord as LocalRecord
+from sparsemor.core.protocols.contributions import MatrixRecord as MatrixRecord
+from sparsemor.core.protocols.contributions import Origin as Origin
+from sparsemor.core.protocols.contributions import Records as Records
+from sparsemor.core.protocols.contributions import TableRecord as TableRecord
+from sparsemor.core.protocols.contributions import VectorRecord as VectorRecord
+from sparsemor.core.protocols.integrator import Function as Function
+from sparsemor.core.protocols.integrator import Integrator as Integrator
+from sparsemor.core.protocols.integrator import NextStep as NextStep
+from sparsemor.core.protocols.integrator import Solve as Solve
+from sparsemor.core.protocols.integrator import State as State
+from sparsemor.core.protocols.integrator import StepFormula as StepFormula
+from sparsemor.core.protocols.integrator import StepOutcome as StepOutcome
+from sparsemor.core.protocols.integrator import TimeFunction as TimeFunction
+from sparsemor.core.protocols.integrator import UpdateRule as UpdateRule
+from sparsemor.core.protocols.integrator import UpdateRules as UpdateRules
+from sparsemor.core.protocols.joint import ForceLaw as ForceLaw
+from sparsemor.core.protocols.joint import Joint as Joint
+from sparsemor.core.protocols.joint import JointPlugin as JointPlugin
+from sparsemor.core.protocols.joint import RecordedForce as RecordedForce
+from sparsemor.core.protocols.layout import Block as Block
+from sparsemor.core.protocols.layout import FieldKind as FieldKind
+from sparsemor.core.protocols.layout import Layout as Layout
+from sparsemor.core.protocols.layout import Quantity as Quantity
+from sparsemor.core.protocols.linear_solver import DofLocations as DofLocations
+from sparsemor.core.protocols.linear_solver import Factorized as Factorized
+from sparsemor.core.protocols.linear_solver import LinearOutcome as LinearOutcome
+from sparsemor.core.protocols.linear_solver import LinearSolver as LinearSolver
+from sparsemor.core.protocols.load_tables import LoadTable as LoadTable
+from sparsemor.core.protocols.load_tables import Table as Table
+from sparsemor.core.protocols.load_tables import Tabled as Tabled
+from sparsemor.core.protocols.load_tables import TabledAlong as TabledAlong
+from sparsemor.core.protocols.mesh import BodySize as BodySize
+from sparsemor.core.protocols.mesh import Mesh as Mesh
+from sparsemor.core.protocols.mesh import MeshPlugin as MeshPlugin
+from sparsemor.core.protocols.mesh import MeshSize as MeshSize
+from sparsemor.core.protocols.plugin import Plugin as Plugin
+from sparsemor.core.protocols.prescribed_motion import FrameHistory as FrameHistory
+from sparsemor.core.protocols.prescribed_motion import Stage as Stage
+from sparsemor.core.protocols.prescribed_motion import SurfaceLoads as SurfaceLoads
+from sparsemor.core.protocols.prescribed_quantities import Differentiable as Differentiable
+from sparsemor.core.protocols.prescribed_quantities import Held as Held
+from sparsemor.core.protocols.prescribed_quantities import Prescribed as Prescribed
+from sparsemor.core.protocols.reducer import AssembledModel as AssembledModel
+from sparsemor.core.protocols.reducer import BlockBases as BlockBases
+from sparsemor.core.protocols.reducer import BlockBudget as BlockBudget
+from sparsemor.core.protocols.reducer import BlockLinearSolvers as BlockLinearSolvers
+from sparsemor.core.protocols.reducer import Choice as Choice
+from sparsemor.core.protocols.reducer import ErrorAction as ErrorAction
+from sparsemor.core.protocols.reducer import ErrorEstimator as ErrorEstimator
+from sparsemor.core.protocols.reducer import ErrorLimit as ErrorLimit
+from sparsemor.core.protocols.reducer import OfflineProducts as OfflineProducts
+from sparsemor.core.protocols.reducer import Recording as Recording
+from sparsemor.core.protocols.reducer import ReducedProblem as ReducedProblem
+from sparsemor.core.protocols.reducer import Reducer as Reducer
+from sparsemor.core.protocols.reducer import StepFactors as StepFactors
+from sparsemor.core.protocols.reducer import TrialRun as TrialRun
+from sparsemor.core.protocols.sampler import Preconditioner as Preconditioner
+from sparsemor.core.protocols.sampler import RowsKept as RowsKept
+from sparsemor.core.protocols.sampler import Sampler as Sampler
+from sparsemor.core.protocols.separable import Amplitude as Amplitude
+from sparsemor.core.protocols.separable import ElasticIntegrals as ElasticIntegrals
+from sparsemor.core.protocols.separable import ElasticLocal as ElasticLocal
+from sparsemor.core.protocols.separable import ElasticOperators as ElasticOperators
+from sparsemor.core.protocols.separable import HeatBody as HeatBody
+from sparsemor.core.protocols.separable import HeatCoupling as HeatCoupling
+from sparsemor.core.protocols.separable import HeatIntegrals as HeatIntegrals
+from sparsemor.core.protocols.separable import Integrals as Integrals
+from sparsemor.core.protocols.separable import LoadColumn as LoadColumn
+from sparsemor.core.protocols.separable import MovingBody as MovingBody
+from sparsemor.core.protocols.separable import Separated as Separated
+from sparsemor.core.protocols.separable import StressStiffness as StressStiffness
+from sparsemor.core.protocols.sparse_solver import PROBLEM_FEATURES as PROBLEM_FEATURES
+from sparsemor.core.protocols.sparse_solver import Columns as Columns
+from sparsemor.core.protocols.sparse_solver import Group as Group
+from sparsemor.core.protocols.sparse_solver import Recovery as Recovery
+from sparsemor.core.protocols.sparse_solver import Selection as Selection
+from sparsemor.core.protocols.sparse_solver import SparseOutcome as SparseOutcome
+from sparsemor.core.protocols.sparse_solver import SparseProblem as SparseProblem
+from sparsemor.core.protocols.sparse_solver import SparseSolver as SparseSolver
+from sparsemor.core.protocols.sparse_solver import SparseStart as SparseStart
+from sparsemor.core.protocols.step_amplitude import StepAmplitude as StepAmplitude
+from sparsemor.core.protocols.step_amplitude import StepFunction as StepFunction
+from sparsemor.core.protocols.step_amplitude import Stepping as Stepping
+from sparsemor.core.protocols.step_amplitude import Substep as Substep
+from sparsemor.core.protocols.step_solver import AroundSteps as AroundSteps
+from sparsemor.core.protocols.step_solver import ManySteps as ManySteps
+from sparsemor.core.protocols.step_solver import ResultantSource as ResultantSource
+from sparsemor.core.protocols.step_solver import StepBlock as StepBlock
+from sparsemor.core.protocols.step_solver import StepMemory as StepMemory
+from sparsemor.core.protocols.step_solver import StepSolver as StepSolver
+from sparsemor.core.protocols.term import LawArrays as LawArrays
+from sparsemor.core.protocols.term import LocalCopy as LocalCopy
+from sparsemor.core.protocols.term import PointArrays as PointArrays
+from sparsemor.core.protocols.term import ReducedTerm as ReducedTerm
+from sparsemor.core.protocols.term import ResidualTerm as ResidualTerm
+from sparsemor.core.protocols.term import Term as Term
+from sparsemor.core.protocols.term import Trial as Trial

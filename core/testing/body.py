@@ -14,8 +14,7 @@ from sparsemor.core.protocols import (
     Quantity,
 )
 from sparsemor.core.protocols.poses import KNOWN
-from sparsemor.core.testing.assembled import derivative, runs, small_scene
-from sparsemor.core.testing.parts import check_parts
+from sparsemor.core.testing.parts import check_parts, derivative, runs, small_scene
 from sparsemor.core.testing.random_inputs import law
 
 

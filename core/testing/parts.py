@@ -1,14 +1,29 @@
-"""Law kit of the parts of an assembled scene: bodies, joints, contacts and loads."""
+"""Law kits of the parts of an assembled scene: bodies, joints, contacts and loads."""
 
 from collections.abc import Mapping, Sequence
+from functools import partial
+from typing import Any
 
 import numpy as np
 
+from sparsemor.core.arrays import FloatArray
 from sparsemor.core.model.assembly import assemble
+from sparsemor.core.model.equations import system_jacobian, system_residual
 from sparsemor.core.model.model import Model
-from sparsemor.core.protocols import Part, Term
+from sparsemor.core.protocols import (
+    ContactPlugin,
+    JointPlugin,
+    Load,
+    LoadPlugin,
+    Part,
+    Quantity,
+    Term,
+)
+from sparsemor.core.protocols.poses import PLANAR_POSE
 from sparsemor.core.scene.scene import Scene
-from sparsemor.core.testing.random_inputs import law
+from sparsemor.core.status import SolveFailed
+from sparsemor.core.testing.in_memory_run import March, march
+from sparsemor.core.testing.random_inputs import law, refused
 from sparsemor.core.testing.term import check_term
 
 
@@ -63,3 +78,180 @@ def _required(required: Mapping[str, object], model: Model) -> None:
         law(bool(np.all(np.diff(own) > 0)), f"the required rows of {name} are not sorted")
         law(own.size == 0 or (own[0] >= 0 and own[-1] < at.stop - at.start),
             f"a required row of {name} is outside the block")
+
+
+Entries = Mapping[str, Any]
+"""Entries of a scene by name: plugins, or mappings as in a scene file."""
+STEP, STEPS = 1e-3, 3
+
+
+def small_scene(bodies: Entries, **others: Entries) -> Scene:
+    """A scene of a few full-order steps of 1 ms. others: `joints`, `contacts`, `loads`."""
+    return Scene.model_validate({
+        "format": 1, "bodies": dict(bodies), "time": {"end": STEPS * STEP, "step": STEP}, **others})
+
+
+def derivative(model: Model, rate: int) -> FloatArray:
+    """Derivative (n, n) of the residual at the start by x (rate 0), v (1) or a (2)."""
+    n, large = model.layout.size, 1e10
+    at = (model.x0, model.v0, np.zeros(n), 0.0)
+    of = partial(system_jacobian, model.layout, model.terms, *at)
+    c = np.zeros((3, n))
+    K = np.asarray(of(c[1], c[2]).toarray())
+    if rate == 0:
+        return K
+    c[rate] = large
+    return np.asarray(of(c[1], c[2]).toarray() - K) / large
+
+
+def start_residual(model: Model) -> FloatArray:
+    """Residual (n,) at the start, with zero accelerations."""
+    zero = np.zeros(model.layout.size)
+    return system_residual(model.layout, model.terms, model.x0, model.v0, zero, 0.0)
+
+
+def runs(scene: Scene) -> March:
+    """Short run of a small scene. Raises AssertionError if a step fails or a value is not
+    finite."""
+    try:
+        done = march(scene)
+    except SolveFailed as error:
+        raise AssertionError(f"a run of {STEPS} steps failed: {error}") from error
+    law(np.isfinite(done.x).all(), f"values of a run of {STEPS} steps are not finite")
+    return done
+
+
+def refuses_absent_bodies(plugin: JointPlugin | ContactPlugin | LoadPlugin) -> None:
+    """Checks that a joint, contact or load on bodies that the scene does not have raises
+    InputError."""
+    refused("a scene without the bodies that it names", lambda: plugin.build("part", {}))
+
+
+def without_unknowns(part: Part) -> None:
+    law(not any(b.size for b in part.blocks()), "a load or contact has no unknowns of its own")
+
+
+def check_joint(plugin: JointPlugin, bodies: Entries, seed: int = 0) -> None:
+    """Laws of a joint: terms that satisfy the laws of a term (`check_term`); constraint rows that
+    are independent and satisfied at the start; reaction forces that do no work along the constraint
+    (their matrix is the transpose of the constraint rows); one name per Lagrange multiplier, if the
+    joint names them; a short run. A force element, such as a spring, has no constraint rows.
+
+    bodies: those that the joint connects, as entries of a scene.
+    """
+    refuses_absent_bodies(plugin)
+    scene = small_scene(bodies, joints={"joint": plugin})
+    check_parts(scene, seed)
+    model = assemble(scene)
+    joint = model.joints["joint"]
+    block = model.layout.multipliers("joint")
+    if block is None:
+        forces = any(len(term.rows) for term in terms_of(model, "joint"))
+        law(forces or bool(joint.adjusted),
+            "it has no multipliers, adds no forces and changes no body")
+    else:
+        law(not joint.components or len(joint.components) == block.size,
+            f"{len(joint.components)} named multipliers of {block.size}")
+        _constraint(model, model.layout[block.name])
+    runs(scene)
+
+
+def _constraint(model: Model, rows: slice) -> None:
+    K = derivative(model, 0)
+    second = model.layout.second
+    G, reactions = K[rows, second], K[second, rows]
+    size = float(np.abs(G).max(initial=0.0))
+    law(size > 0.0, "its constraint rows do not depend on any motion")
+    law(float(np.abs(G - reactions.T).max()) <= 1e-9 * size,
+        "its reaction forces do work: their matrix is not the transposed one of the constraint "
+        "rows")
+    lengths = np.linalg.norm(G, axis=1)
+    law(bool((lengths > 0).all()), "a constraint row does not depend on any motion")
+    least = float(np.linalg.svd(G / lengths[:, None], compute_uv=False)[-1])
+    law(least > 1e-9, "its constraint rows depend on each other")
+    away = float(np.abs(start_residual(model)[rows]).max())
+    law(away <= 1e-8 * max(1.0, _extent(model)),
+        f"its constraint has an error of {away:.3g} at the start")
+
+
+def _extent(model: Model) -> float:
+    """Largest absolute coordinate of the body frames at the start, m or rad."""
+    poses = [model.x0[model.layout[b.name]] for b in model.layout
+             if b.kind.quantity is Quantity.POSE]
+    return float(np.abs(np.concatenate([np.zeros(1), *poses])).max())
+
+
+def check_load(plugin: LoadPlugin, bodies: Entries, seed: int = 0) -> None:
+    """Laws of a load: no unknowns of its own; terms that satisfy the laws of a term (`check_term`)
+    and enter equations of motion or heat, those of heat alone if the plugin declares so; a short
+    run.
+
+    bodies: those that the load acts on, as entries of a scene.
+    """
+    refuses_absent_bodies(plugin)
+    scene = small_scene(bodies, loads={"load": plugin})
+    check_parts(scene, seed)
+    model = assemble(scene)
+    part, layout = model.parts["load"], model.layout
+    without_unknowns(part)
+    rows = np.concatenate([t.rows for t in terms_of(model, "load")] or [np.zeros(0, np.int64)])
+    law(rows.size > 0, "it acts on none of the bodies")
+    law(bool((rows < layout.algebraic.start).all()), "it acts on rows of multipliers")
+    if plugin.acts_on == "temperature":
+        law(bool((rows >= layout.first.start).all()),
+            "it states that it acts on temperatures, and acts on motion too")
+    if isinstance(part, Load) and part.surroundings is not None:
+        law(np.isfinite(part.surroundings(0.0)), "its surroundings have no finite temperature")
+    runs(scene)
+
+
+TRIALS = 20
+
+
+def check_contact(
+    plugin: ContactPlugin, bodies: Entries, seed: int = 0, scale: float = 1e-3
+) -> None:
+    """Laws of a contact: no unknowns of its own; terms that satisfy the laws of a term
+    (`check_term`); forces on both bodies that sum to zero, in the plane also their moments; a short
+    run.
+
+    bodies: two that touch at the start, as entries of a scene. scale: standard deviation of the
+    random changes of their poses and rates (m, rad, per s).
+    """
+    refuses_absent_bodies(plugin)
+    scene = small_scene(bodies, contacts={"contact": plugin})
+    model = assemble(scene)
+    without_unknowns(model.parts["contact"])
+    check_parts(scene, seed)
+    rng, met = np.random.default_rng(seed), False
+    for trial in range(TRIALS):
+        x, v = (s + scale * rng.standard_normal(s.size) for s in (model.x0, model.v0))
+        f = np.zeros(model.layout.size)
+        for term in terms_of(model, "contact"):
+            c = term.columns
+            np.add.at(f, term.rows, term.residual(x[c], v[c], np.zeros(len(c)), 0.0))
+        total, size = _resultant(model, x, f)
+        met = met or size > 0.0
+        law(float(np.abs(total).max(initial=0.0)) <= 1e-9 * size,
+            f"action and reaction differ by {np.abs(total).max(initial=0.0):.3g} of {size:.3g} N "
+            f"(seed {seed}, trial {trial})")
+    law(met, f"the bodies do not touch in {TRIALS} states near the start")
+    runs(scene)
+
+
+def _resultant(model: Model, x: FloatArray, f: FloatArray) -> tuple[FloatArray, float]:
+    """Sum of the forces on all body frames (d,), in the plane with their moments about the origin,
+    and the largest absolute component; for bodies whose frames have unknowns."""
+    found = []
+    for b in model.layout:
+        if b.kind.quantity is not Quantity.POSE:
+            continue
+        at = model.layout[b.name]
+        F, R = f[at], x[at]
+        if b.size == PLANAR_POSE:
+            found.append(np.array([F[0], F[1], F[2] + R[0] * F[1] - R[1] * F[0]]))
+        else:
+            found.append(F[:3])
+    law(len(found) > 1 and len({len(F) for F in found}) == 1,
+        "give two bodies that move, both in the plane or both in space")
+    return np.sum(found, axis=0), float(np.abs(found).max())
