@@ -34,11 +34,11 @@ if TYPE_CHECKING:
     from sparsemor.bodies.joints.force_element import ForceElement as ForceElement
     from sparsemor.bodies.joints.part import JointPart as JointPart
     from sparsemor.bodies.joints.side import Side as Side
-    from sparsemor.bodies.loads.amplitude import NumberOrFunction as NumberOrFunction
-    from sparsemor.bodies.loads.amplitude import amplitude as amplitude
     from sparsemor.bodies.loads.part import LoadPart as LoadPart
+    from sparsemor.bodies.loads.part import NumberOrFunction as NumberOrFunction
+    from sparsemor.bodies.loads.part import amplitude as amplitude
+    from sparsemor.bodies.loads.part import components as components
     from sparsemor.bodies.loads.point_force import write_point_force as write_point_force
-    from sparsemor.bodies.loads.vectors import components as components
     from sparsemor.bodies.material import Isotropic as Isotropic
     from sparsemor.bodies.pose import Pose as Pose
     from sparsemor.bodies.targets import Place as Place
@@ -73,10 +73,8 @@ _HOMES = {
     "joints.force_element": ("Drive", "ForceElement"),
     "joints.part": ("JointPart",),
     "joints.side": ("Side",),
-    "loads.amplitude": ("NumberOrFunction", "amplitude"),
-    "loads.part": ("LoadPart",),
+    "loads.part": ("LoadPart", "NumberOrFunction", "amplitude", "components"),
     "loads.point_force": ("write_point_force",),
-    "loads.vectors": ("components",),
     "material": ("Isotropic",),
     "pose": ("Pose",),
     "targets": ("Place", "Target", "find_body", "find_place", "find_surfaces", "find_target",

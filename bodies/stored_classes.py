@@ -17,8 +17,8 @@ from sparsemor.bodies.frames import (
 from sparsemor.bodies.frames.inertia import Inertia
 from sparsemor.bodies.frames.plane import PlanarFrame
 from sparsemor.bodies.joints.force_element import Drive, ItemForce
-from sparsemor.bodies.loads.amplitude import unit
 from sparsemor.bodies.loads.convection import Film
+from sparsemor.bodies.loads.part import unit
 from sparsemor.bodies.loads.radiation import GreyBody
 from sparsemor.bodies.temperature_curve import TemperatureCurve
 from sparsemor.bodies.terms import dense, material_laws, nonlinear_strains

@@ -11,20 +11,19 @@ from sparsemor.bodies.contact.along_motion import (
     Motion,
     Path,
     Window,
+    chatter_warning,
     relative_motion,
     steps,
     windows,
 )
 from sparsemor.bodies.contact.broad_phase import BroadPhase
-from sparsemor.bodies.contact.chatter import chatter_warning
 from sparsemor.bodies.contact.pieces import pressure
 from sparsemor.bodies.contact.projection import nearest
 from sparsemor.bodies.contact.quadrature import PRESCRIBED, points_along, rule
-from sparsemor.bodies.contact.resultants import names_of, resultants
 from sparsemor.bodies.contact.side import ContactSide
 from sparsemor.bodies.contact.surface import Surface
 from sparsemor.bodies.contact.term import ContactTerm
-from sparsemor.bodies.contact.tractions import Interface, Loads, nodal
+from sparsemor.bodies.contact.tractions import Interface, Loads, names_of, nodal, resultants
 from sparsemor.core import Contact, Equations, FloatArray, IntArray, SurfaceLoads
 
 FLAT = 1e-3

@@ -19,9 +19,8 @@ from typing import Self
 
 import numpy as np
 
-from sparsemor.bodies.contact.cells import FacetCells
 from sparsemor.bodies.contact.clipping import NONE, Parts, joined, left
-from sparsemor.bodies.contact.planes import Planes, area_vector
+from sparsemor.bodies.contact.surface import FacetCells, Planes, area_vector
 from sparsemor.core import BoolArray, FloatArray, FrictionLaw, IntArray, NormalLaw
 
 EDGE = 1_000_000

@@ -5,8 +5,7 @@ import numpy as np
 
 from sparsemor.bodies.contact.broad_phase import BroadPhase
 from sparsemor.bodies.contact.kinematics import Kinematics
-from sparsemor.bodies.contact.planes import Planes
-from sparsemor.bodies.contact.surface import Surface, tree_of
+from sparsemor.bodies.contact.surface import Planes, Surface, tree_of
 from sparsemor.core import FloatArray, IntArray
 
 

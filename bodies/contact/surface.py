@@ -1,17 +1,210 @@
 """Contact surface of a body: its facets, their planes, and the regions of space nearest to each
-facet."""
+facet, its cell.
+
+A cell is the prism over its facet. Where the surface turns by an angle alpha at an edge (in the
+plane: at an end of a segment), the side of the prism inclines into the bisecting plane, which both
+neighbours share. A coplanar neighbour triangle that touches such an edge with one corner only has
+that side too. Cells of polylines tile the neighbourhood; below the corners of curved surfaces in
+space they overlap or leave gaps of the order of depth times angle squared.
+"""
 
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from sparsemor.bodies.body import FloatingBody
-from sparsemor.bodies.contact.cells import FacetCells, cells_of
-from sparsemor.bodies.contact.planes import Planes
-from sparsemor.core import FloatArray, IntArray
+from sparsemor.core import BoolArray, FloatArray, IntArray
+
+
+def area_vector(a: FloatArray) -> FloatArray:
+    """(F, d) outward normals of facets with corners a (F, d, d), of length (d - 1)! times the
+    facet's measure.
+
+    In the plane the body is on the left of a segment, in space corners run counter-clockwise seen
+    from outside.
+    """
+    side = a[:, 1:] - a[:, :1]
+    if a.shape[2] == 2:
+        return np.stack([side[:, 0, 1], -side[:, 0, 0]], axis=1)
+    return np.cross(side[:, 0], side[:, 1])
+
+
+def area_slopes(a: FloatArray, n: FloatArray) -> FloatArray:
+    """(F, d, d) derivative of area_vector(a) . n by each corner of facets a (F, d, d), with
+    constant n (F, d)."""
+    if a.shape[2] == 2:
+        r = np.stack([-n[:, 1], n[:, 0]], axis=1)
+        return np.stack([-r, r], axis=1)
+    opposite = np.roll(a, -1, axis=1) - np.roll(a, -2, axis=1)
+    return np.cross(opposite, n[:, None])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Planes:
+    """Planes of F facets: a corner (F, d), m; outward unit normal n (F, d); gradients g (F, d, d),
+    1/m, of the barycentric coordinates, tangential to the facet."""
+
+    corner: FloatArray
+    n: FloatArray
+    g: FloatArray
+
+    @classmethod
+    def of(cls, b: FloatArray) -> Self:
+        """Planes of facets with corners b (F, d, d), m."""
+        N = area_vector(b)
+        size = (N * N).sum(axis=1, keepdims=True)
+        side = b[:, 1:] - b[:, :1]
+        if b.shape[2] == 2:
+            inner = side / size[:, None]
+        else:
+            inner = np.stack([np.cross(side[:, 1], N), np.cross(N, side[:, 0])],
+                             axis=1) / size[:, None]
+        g = np.concatenate([-inner.sum(axis=1, keepdims=True), inner], axis=1)
+        return cls(b[:, 0], N / np.sqrt(size), g)
+
+    def some(self, chosen: IntArray) -> "Planes":
+        return Planes(self.corner[chosen], self.n[chosen], self.g[chosen])
+
+
+FLAT = 1e-9
+"""tan(alpha / 2) between neighbours below which they count as coplanar: rounding of a mesh file."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FacetCells:
+    """Cells of F facets, each bounded by B planes.
+
+    A point with barycentric coordinates eta (d,) at distance `depth` (m) below the plane of facet f
+    is in the cell if borders[f] @ eta - leans[f] depth >= 0 for all B. borders (F, B, d); leans (F,
+    B): inclination of the sides; jumps (F, B): True where the traction may be discontinuous,
+    because the surface turns or ends there or cells need not tile.
+    """
+
+    borders: FloatArray
+    leans: FloatArray
+    jumps: BoolArray
+
+    def some(self, chosen: IntArray) -> "FacetCells":
+        return FacetCells(self.borders[chosen], self.leans[chosen], self.jumps[chosen])
+
+    def values(self, eta: FloatArray, depth: FloatArray) -> FloatArray:
+        """(P, k, B) values of the border functions of P cells at k points each: eta (P, k, d),
+        depth (P, k), m."""
+        return np.asarray(eta @ self.borders.transpose(0, 2, 1)
+                          - depth[:, :, None] * self.leans[:, None])
+
+
+def reached(
+    middles: FloatArray, radius: FloatArray, planes: Planes, cells: FacetCells, facet: IntArray
+) -> IntArray:
+    """Numbers of the balls that may intersect the cell of their facet.
+
+    middles (P, d), radius (P,): balls, m; facet (P,): number of the facet of each. A ball farther
+    above the facet's plane than its radius is excluded.
+    """
+    rel = middles - planes.corner[facet]
+    depth = -np.einsum("pk,pk->p", rel, planes.n[facet])
+    ok = depth > -radius
+    for border, slope in enumerate(_slopes(planes, cells).T):
+        value = np.einsum("pk,pk->p", rel, planes.g[facet, border]) + (border == 0)
+        value -= cells.leans[facet, border] * depth
+        ok &= value > -radius * slope[facet]
+    return np.flatnonzero(ok)
+
+
+def _slopes(planes: Planes, cells: FacetCells) -> FloatArray:
+    """(F, d), 1/m: gradient norms of the border functions of each facet's own edges."""
+    sizes = np.linalg.norm(planes.g, axis=2)
+    return np.asarray(np.hypot(sizes, cells.leans[:, : sizes.shape[1]]))
+
+
+def cells_of(X: FloatArray, facets: IntArray, planes: Planes) -> FacetCells:
+    """Cells of facets (F, d), node numbers of points X (n, d), m."""
+    other, (F, d) = neighbours(facets), facets.shape
+    turns = _turns(X, facets, planes, other)
+    own = np.broadcast_to(np.eye(d), (F, d, d)), turns * np.linalg.norm(planes.g, axis=2)
+    if d == 2:
+        return FacetCells(*own, (other < 0) | (turns != 0))
+    facet, border, lean = _shared(X, facets, planes, other, turns)
+    count = np.bincount(facet, minlength=F)
+    rank = np.arange(len(facet)) - (np.cumsum(count) - count)[facet]
+    borders = np.ones((F, 3 + int(count.max(initial=0)), 3))  # never below 0 where there is none
+    leans = np.zeros(borders.shape[:2])
+    borders[:, :3], leans[:, :3] = own
+    borders[facet, 3 + rank], leans[facet, 3 + rank] = border, lean
+    corners = np.zeros(len(X), bool)
+    for end in (1, 2):
+        corners[np.roll(facets, -end, axis=1)[turns != 0]] = True
+    jumps = np.repeat(corners[facets].any(axis=1, keepdims=True), borders.shape[1], axis=1)
+    jumps[:, :3] |= other < 0
+    return FacetCells(borders, leans, jumps)
+
+
+def neighbours(facets: IntArray) -> IntArray:
+    """(F, d) number of the facet that shares the edge (in the plane: the end) opposite each corner;
+    -1 if there is none."""
+    n = int(facets.max()) + 1
+    if facets.shape[1] == 2:
+        starts, stops = np.full((2, n), -1)
+        starts[facets[:, 0]] = stops[facets[:, 1]] = np.arange(len(facets))
+        return np.stack([starts[facets[:, 1]], stops[facets[:, 0]]], axis=1)
+    start, stop = np.roll(facets, -1, axis=1), np.roll(facets, -2, axis=1)
+    there, back = (start * n + stop).ravel(), (stop * n + start).ravel()
+    order = np.argsort(there)
+    at = np.minimum(np.searchsorted(there, back, sorter=order), len(order) - 1)
+    found = order[at]
+    return np.where(there[found] == back, found // 3, -1).reshape(facets.shape)
+
+
+def _turns(X: FloatArray, facets: IntArray, planes: Planes, other: IntArray) -> FloatArray:
+    """(F, d) tan(alpha / 2) at the edge opposite each corner, positive for convex edges."""
+    facet, edge = np.nonzero(other >= 0)
+    far = other[facet, edge]
+    n, m = planes.n[facet], planes.n[far]
+    step = X[facets[far]].mean(axis=1) - X[facets[facet]].mean(axis=1)
+    fold = np.maximum(np.linalg.norm(n + m, axis=1), 1e-15)  # 0 at the tip of a crack
+    bend = np.linalg.norm(n - m, axis=1) / fold
+    found = np.zeros(facets.shape)
+    found[facet, edge] = np.where(bend < FLAT, 0.0, np.sign(-(n * step).sum(axis=1)) * bend)
+    return found
+
+
+def _shared(
+    X: FloatArray, facets: IntArray, planes: Planes, other: IntArray, turns: FloatArray
+) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Additional borders for triangles that touch a turned edge with one corner only, are coplanar
+    with the triangle of that edge and lie on its inner side.
+
+    Returns facet (s,), sorted, border (s, 3), m, and inclination (s,), as in `FacetCells`.
+    """
+    F = len(facets)
+    facet, edge = np.nonzero((other >= 0) & (turns == 0))
+    flat = csr_array((np.ones(len(facet)), (facet, other[facet, edge])), shape=(F, F))
+    _, patch = connected_components(flat, directed=False)
+    owner, edge = np.nonzero(turns)
+    ends = [np.roll(facets, -k, axis=1)[owner, edge] for k in (1, 2)]
+    at = csr_array((np.ones(3 * F), (facets.ravel(), np.repeat(np.arange(F), 3))),
+                   shape=(len(X), F))
+    pairs = [at[e].tocoo() for e in ends]
+    which = np.concatenate([p.row for p in pairs])
+    facet = np.concatenate([p.col for p in pairs])
+    kept = (patch[facet] == patch[owner[which]]) & (facet != owner[which])
+    which, facet = which[kept], facet[kept]
+    g = planes.g[owner, edge]
+    inward = (g / np.linalg.norm(g, axis=1, keepdims=True))[which]
+    border = ((X[facets[facet]] - X[ends[0][which]][:, None]) * inward[:, None]).sum(axis=2)
+    size = np.abs(border).max(axis=1)
+    inner = border.min(axis=1) >= -1e-9 * size
+    facet, border, size = facet[inner], border[inner], size[inner]
+    lean = turns[owner, edge][which][inner]
+    key = np.round(np.concatenate([border / size[:, None], lean[:, None]], axis=1), 9)
+    _, first = np.unique(np.concatenate([facet[:, None], key], axis=1), axis=0, return_index=True)
+    return facet[first], border[first], lean[first]
 
 
 @dataclass(frozen=True, eq=False)

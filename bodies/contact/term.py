@@ -9,19 +9,14 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from sparsemor.bodies.contact.broad_phase import BroadPhase
-from sparsemor.bodies.contact.cells import reached
 from sparsemor.bodies.contact.kinematics import Kinematics
-from sparsemor.bodies.contact.motion_bound import Mover
 from sparsemor.bodies.contact.pieces import Overlaps, Pairs, Pieces
-from sparsemor.bodies.contact.planes import Planes
-from sparsemor.bodies.contact.resultants import names_of, resultants
-from sparsemor.bodies.contact.side import ContactSide, Sizes
+from sparsemor.bodies.contact.side import ContactSide, Sizes, found_in, picked, renumbered
 from sparsemor.bodies.contact.step_check import too_deep
-from sparsemor.bodies.contact.surface import radii_of, tree_of
+from sparsemor.bodies.contact.surface import Planes, radii_of, reached, tree_of
 from sparsemor.bodies.contact.tangent import Tangent, summed
-from sparsemor.bodies.contact.tractions import Interface, Loads, nodal
-from sparsemor.bodies.contact.unknowns import found_in, picked, renumbered
-from sparsemor.bodies.contact.verlet_list import FollowedContact
+from sparsemor.bodies.contact.tractions import Interface, Loads, names_of, nodal, resultants
+from sparsemor.bodies.contact.verlet_list import FollowedContact, Mover
 from sparsemor.core import BoolArray, Csr, FloatArray, IntArray, Term, Trial
 from sparsemor.core.model.compressed_local import CompressedLocal
 

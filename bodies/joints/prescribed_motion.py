@@ -8,7 +8,7 @@ from sparsemor.bodies.frames.rotation import across
 from sparsemor.bodies.joints.conditions import conditions_on
 from sparsemor.bodies.joints.part import JointPart
 from sparsemor.bodies.joints.side import unit
-from sparsemor.bodies.loads.amplitude import NumberOrFunction
+from sparsemor.bodies.loads.part import NumberOrFunction
 from sparsemor.core import InputError, JointPlugin, Part
 from sparsemor.core.protocols import Prescribed
 

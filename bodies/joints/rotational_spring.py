@@ -13,7 +13,7 @@ from sparsemor.bodies.frames.springs import (
 )
 from sparsemor.bodies.joints.force_element import Drive, ForceElement
 from sparsemor.bodies.joints.side import Side, unit
-from sparsemor.bodies.loads.amplitude import NumberOrFunction
+from sparsemor.bodies.loads.part import NumberOrFunction
 from sparsemor.core import InputError
 
 

@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 from sparsemor.bodies.frames.springs import Spring
 from sparsemor.bodies.joints.force_element import Drive, ForceElement
 from sparsemor.bodies.joints.side import Side, size_of
-from sparsemor.bodies.loads.amplitude import NumberOrFunction
+from sparsemor.bodies.loads.part import NumberOrFunction
 from sparsemor.bodies.pose import Vector
 from sparsemor.core import FloatArray, InputError
 

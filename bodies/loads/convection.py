@@ -10,8 +10,7 @@ from pydantic import Field
 from sparsemor.bodies.body import FloatingBody
 from sparsemor.bodies.fem.pointwise_law import TEMPERATURE, PointwiseLaw, Response, Variable
 from sparsemor.bodies.fem.surface import surface_load, surface_mass
-from sparsemor.bodies.loads.amplitude import NumberOrFunction
-from sparsemor.bodies.loads.part import LoadPart
+from sparsemor.bodies.loads.part import LoadPart, NumberOrFunction
 from sparsemor.bodies.material import Positive
 from sparsemor.bodies.targets import find_surfaces, surface_notes
 from sparsemor.bodies.temperature_curve import TemperatureCurve

@@ -2,9 +2,7 @@
 
 from collections.abc import Mapping
 
-from sparsemor.bodies.loads.amplitude import NumberOrFunction, amplitude
-from sparsemor.bodies.loads.part import LoadPart
-from sparsemor.bodies.loads.vectors import Vector, components
+from sparsemor.bodies.loads.part import LoadPart, NumberOrFunction, Vector, amplitude, components
 from sparsemor.bodies.targets import all_bodies, find_body
 from sparsemor.core import Body, Equations, FloatArray, LoadPlugin, Part
 

@@ -6,9 +6,7 @@ from typing import Literal
 from sparsemor.bodies.frames import nodal
 from sparsemor.bodies.frames.force_items import BodyForce, SpaceForce
 from sparsemor.bodies.frames.rotation import torque
-from sparsemor.bodies.loads.amplitude import NumberOrFunction, amplitude
-from sparsemor.bodies.loads.part import LoadPart
-from sparsemor.bodies.loads.vectors import Vector, components
+from sparsemor.bodies.loads.part import LoadPart, NumberOrFunction, Vector, amplitude, components
 from sparsemor.bodies.targets import Place, find_place, need_motion
 from sparsemor.core import Amplitude, Equations, FloatArray, LoadPlugin, Part
 from sparsemor.core.protocols import FrameItem

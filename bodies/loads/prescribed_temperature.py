@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from sparsemor.bodies.body import FloatingBody
-from sparsemor.bodies.loads.amplitude import NumberOrFunction
+from sparsemor.bodies.loads.part import NumberOrFunction
 from sparsemor.bodies.targets import find_target, need_field
 from sparsemor.core import (
     Amplitude,

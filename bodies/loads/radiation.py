@@ -8,8 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from sparsemor.bodies.fem.pointwise_law import TEMPERATURE, PointwiseLaw, Response, Variable
-from sparsemor.bodies.loads.amplitude import NumberOrFunction
-from sparsemor.bodies.loads.part import LoadPart
+from sparsemor.bodies.loads.part import LoadPart, NumberOrFunction
 from sparsemor.bodies.mesh.plausibility import celsius_notes
 from sparsemor.bodies.targets import find_surfaces, joined_surfaces, surface_notes
 from sparsemor.core import Amplitude, Effect, Equations, FloatArray, LoadPlugin, Part

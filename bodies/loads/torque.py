@@ -6,8 +6,7 @@ from typing import Literal
 import numpy as np
 
 from sparsemor.bodies.frames.force_items import Moment
-from sparsemor.bodies.loads.amplitude import NumberOrFunction, amplitude
-from sparsemor.bodies.loads.part import LoadPart
+from sparsemor.bodies.loads.part import LoadPart, NumberOrFunction, amplitude
 from sparsemor.bodies.targets import find_place, need_motion
 from sparsemor.core import Equations, InputError, LoadPlugin, Part
 

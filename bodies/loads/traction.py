@@ -7,9 +7,7 @@ import numpy as np
 from pydantic import Field
 
 from sparsemor.bodies.fem.surface import surface_load
-from sparsemor.bodies.loads.amplitude import NumberOrFunction, amplitude
-from sparsemor.bodies.loads.part import LoadPart
-from sparsemor.bodies.loads.vectors import Vector, components
+from sparsemor.bodies.loads.part import LoadPart, NumberOrFunction, Vector, amplitude, components
 from sparsemor.bodies.targets import find_surfaces, surface_notes
 from sparsemor.core import Equations, LoadPlugin, Part
 

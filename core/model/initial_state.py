@@ -1,19 +1,145 @@
 """Consistent initial accelerations, temperature rates and multipliers: the equations of motion and
 the second time derivative of the constraints hold at t = 0. Without them, second-order integrators
-lose an order."""
+lose an order.
+
+The linear system of the whole model is solved by Schur complement: large symmetric positive
+definite blocks are eliminated first. Where it is singular, groups of joints are sought whose
+constraints depend linearly on each other.
+"""
+
+from collections.abc import Sequence
 
 import numpy as np
-from scipy.sparse import block_array, csr_array, hstack
+from scipy.sparse import block_array, csc_array, csgraph, csr_array, diags_array, hstack
+from scipy.sparse.linalg import splu
 
-from sparsemor.core.arrays import Csr, FloatArray
+from sparsemor.core.arrays import Csr, FloatArray, IntArray
 from sparsemor.core.model.constraint_rates import Constraints
-from sparsemor.core.model.dependent_constraints import dependent_joints, in_words
 from sparsemor.core.model.equations import system_jacobian, system_residual
-from sparsemor.core.model.schur_complement import solve_by_blocks
+from sparsemor.core.model.factorizations import solve_or_fail
 from sparsemor.core.notes import Note
 from sparsemor.core.protocols import AssembledModel, State
 from sparsemor.core.protocols.layout import Layout
 from sparsemor.core.status import SolveFailed, Status
+
+FEW = 3000
+"""Number of unknowns up to which a block is not eliminated separately."""
+BORDER = 300
+"""Largest number of columns that couple a block to other unknowns for which elimination pays: each
+costs one solve and n numbers."""
+
+
+def solve_by_blocks(model: AssembledModel, A: Csr, r: FloatArray) -> FloatArray:
+    """Solution A^-1 r of a system of the whole model, A (n, n) csr.
+
+    Mass and capacity matrices of large blocks are factorized by the linear solvers that the user
+    chose. The Schur complement of the remaining unknowns (rigid coordinates, multipliers, small or
+    strongly coupled blocks) is solved as one sparse system. Raises RuntimeError if it is singular.
+    """
+    n = A.shape[0]
+    border = np.ones(n, dtype=np.bool_)
+    parts = []
+    for name in model.reducible():
+        at = model.layout[name]
+        if at.stop - at.start <= FEW:
+            continue
+        own = np.arange(at.start, at.stop)
+        right = csc_array(A[at])
+        coupled = np.setdiff1d(np.flatnonzero(np.diff(right.indptr)), own)
+        below = csc_array(A[:, at]).tocsr()
+        coupled_rows = np.setdiff1d(np.flatnonzero(np.diff(below.indptr)), own)
+        if len(coupled) > BORDER or not border[coupled].all() or not border[coupled_rows].all():
+            continue
+        border[own] = False
+        parts.append((name, own, coupled, right[:, coupled].toarray(), below[coupled_rows],
+                      coupled_rows))
+    rest = np.flatnonzero(border)
+    position = np.full(n, -1)
+    position[rest] = np.arange(len(rest))
+    S, b, answers = A[rest][:, rest].tolil(), r[rest].copy(), []
+    for name, own, coupled, right, below, coupled_rows in parts:
+        factor = model.factorize(name, A[own][:, own].tocsr(), "start")
+        x = solve_or_fail(factor, np.column_stack([r[own], right]), name)
+        answers.append(x)
+        changed = below @ x
+        b[position[coupled_rows]] -= changed[:, 0]
+        _subtract(S, position[coupled_rows], position[coupled], changed[:, 1:])
+    z = np.zeros(n)
+    z[rest] = _scaled(S.tocsc(), b)
+    for (_, own, coupled, *_), x in zip(parts, answers, strict=True):
+        z[own] = x[:, 0] - x[:, 1:] @ z[coupled]
+    return z
+
+
+def _subtract(S: Csr, rows: IntArray, columns: IntArray, values: FloatArray) -> None:
+    if len(rows) and len(columns):
+        S[np.ix_(rows, columns)] = S[np.ix_(rows, columns)].toarray() - values
+
+
+def _scaled(A: Csr, r: FloatArray) -> FloatArray:
+    """Solution of A x = r by sparse LU after symmetric scaling, because rows and columns have very
+    different units (forces, heat, lengths)."""
+    if not len(r):
+        return r
+    size = np.sqrt(np.maximum(abs(A).max(axis=0).toarray().ravel(), 1e-300))
+    S = A.copy()
+    S.data = S.data / (size[S.indices] * np.repeat(size, np.diff(S.indptr)))
+    return np.asarray(splu(S).solve(r / size) / size)
+
+
+MANY = 2000
+"""Number of constraints above which nothing is analysed: time grows with its cube."""
+DEPENDENT = 1e-12
+"""Eigenvalue of G G^T, relative to the largest, up to which it counts as zero."""
+NAMED = 3
+"""Number of groups that are named in a message."""
+SHARE = 1e-6
+"""Share in a dependency above which a constraint takes part in it."""
+
+
+def dependent_joints(layout: Layout, G: Csr) -> list[tuple[str, ...]]:
+    """Groups of joints, by name, with linear dependencies among the rows of the constraint Jacobian
+    G (l, n) of all joints; empty where G has full rank.
+
+    G is scaled to rows of length 1. With an orthonormal basis N of the null space of G G^T, two
+    constraints depend on each other where (N N^T)_ij is not zero.
+    """
+    count = G.shape[0]
+    if not 0 < count <= MANY or not np.isfinite(G.data).all():
+        return []
+    length = np.sqrt(np.asarray(G.multiply(G).sum(axis=1)).ravel())
+    rows = diags_array(1.0 / np.where(length > 0.0, length, 1.0)) @ csr_array(G)
+    values, vectors = np.linalg.eigh((rows @ rows.T).toarray())
+    N = vectors[:, values <= DEPENDENT * values[-1]]
+    together = np.abs(N @ N.T) > SHARE
+    number, labels = csgraph.connected_components(csr_array(together), directed=False)
+    taking_part = together.diagonal()
+    owners = _owners(layout)
+    groups = (tuple(dict.fromkeys(
+        owners[i] for i in np.flatnonzero(taking_part & (labels == k)))) for k in range(number))
+    return [group for group in dict.fromkeys(groups) if group]
+
+
+def in_words(groups: Sequence[Sequence[str]]) -> str:
+    """Groups of redundant joints as part of a sentence, "" for none."""
+    texts = [
+        f"the constraints of {', '.join(group[:-1])} and {group[-1]} depend on each other"
+        if len(group) > 1 else f"the constraints of {group[0]} depend on each other"
+        for group in groups]
+    more = [f"and {len(texts) - NAMED} more such groups"] if len(texts) > NAMED else []
+    return "; ".join(texts[:NAMED] + more)
+
+
+def _owners(layout: Layout) -> list[str]:
+    """Joint of each constraint."""
+    found = [""] * (layout.algebraic.stop - layout.algebraic.start)
+    for b in layout:
+        if b.kind.order == 0:
+            at = layout[b.name]
+            first = at.start - layout.algebraic.start
+            found[first:first + b.size] = [b.owner] * b.size
+    return found
+
 
 LOST = 1.0
 """Largest ratio of stiffness to mass of a row at which the mass is computed accurately as a

@@ -6,14 +6,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sparsemor.bodies.contact.cells import cells_of
 from sparsemor.bodies.contact.clipping import Parts
 from sparsemor.bodies.contact.laws.coulomb import Coulomb
 from sparsemor.bodies.contact.laws.elastic_foundation import ElasticFoundation
 from sparsemor.bodies.contact.pieces import Overlaps, Pairs, Pieces
-from sparsemor.bodies.contact.planes import Planes, area_slopes, area_vector
 from sparsemor.bodies.contact.projection import closest_points, nearest
 from sparsemor.bodies.contact.quadrature import rule
+from sparsemor.bodies.contact.surface import Planes, area_slopes, area_vector, cells_of
 from sparsemor.bodies.mesh.generators.block import BlockMesh
 from sparsemor.core.model.facets import outer_facets
 from sparsemor.core.testing import check_friction_law, check_normal_law

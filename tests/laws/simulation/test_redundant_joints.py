@@ -7,8 +7,7 @@ import pytest
 from scipy.sparse import csr_array
 
 from sparsemor import load, simulate
-from sparsemor.core.model.dependent_constraints import dependent_joints, in_words
-from sparsemor.core.model.initial_state import consistent_state
+from sparsemor.core.model.initial_state import consistent_state, dependent_joints, in_words
 from sparsemor.core.simulation.validation import checked_model
 from sparsemor.core.status import SolveFailed, Status
 

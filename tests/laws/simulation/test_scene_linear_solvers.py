@@ -10,8 +10,7 @@ from sparsemor import load, simulate
 from sparsemor.core import ReducedProblem
 from sparsemor.core.errors import InputError
 from sparsemor.core.model.assembly import assemble
-from sparsemor.core.model.initial_state import consistent_state
-from sparsemor.core.model.schur_complement import solve_by_blocks
+from sparsemor.core.model.initial_state import consistent_state, solve_by_blocks
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.cache import Cache
@@ -125,7 +124,7 @@ def test_training_and_bases_are_solved_by_the_same(tmp_path: Path) -> None:
 
 def test_large_blocks_are_eliminated_at_the_start(monkeypatch: pytest.MonkeyPatch) -> None:
     """Consistent accelerations do not depend on whether blocks are solved on their own."""
-    from sparsemor.core.model import schur_complement as eliminated
+    from sparsemor.core.model import initial_state as eliminated
 
     for scene in (spatial(), load(SCENES / "everything.yaml", FULL)):
         whole = consistent_state(assemble(scene))
@@ -141,7 +140,7 @@ def test_large_blocks_are_eliminated_at_the_start(monkeypatch: pytest.MonkeyPatc
 def test_a_singular_whole_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     from scipy.sparse import csr_array, eye_array
 
-    from sparsemor.core.model import schur_complement as eliminated
+    from sparsemor.core.model import initial_state as eliminated
 
     monkeypatch.setattr(eliminated, "FEW", 0)
     model = assemble(spatial())

@@ -5,8 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sparsemor.bodies.contact.motion_bound import MotionBound, Mover
-from sparsemor.bodies.contact.verlet_list import FollowedContact
+from sparsemor.bodies.contact.verlet_list import FollowedContact, MotionBound, Mover
 from sparsemor.bodies.frames.attitude import attitude
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.model.assembly import assemble
