@@ -106,7 +106,7 @@ from sparsemor.core.protocols.term import Trial as Trial
 from sparsemor.core.registry.hooks import Observer as Observer
 from sparsemor.core.registry.hooks import RunStart as RunStart
 from sparsemor.core.registry.hooks import hookimpl as hookimpl
-from sparsemor.core.registry.optional_packages import require as require
+from sparsemor.core.registry.installed import require as require
 from sparsemor.core.registry.registry import Registry as Registry
 from sparsemor.core.registry.registry import suggestions as suggestions
 from sparsemor.core.registry.slot import Slot as Slot

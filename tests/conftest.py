@@ -8,14 +8,11 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
-from importlib import metadata
 from pathlib import Path
 
 import hypothesis
 import pytest
 from threadpoolctl import threadpool_limits
-
-from installed_once import entry_points
 
 ROOT = Path(__file__).parents[1]
 THIRD_PARTY = Path(__file__).parent / "third_party"
@@ -143,7 +140,6 @@ def pytest_configure(config: pytest.Config) -> None:
     for name in ("FORCE_COLOR", "CLICOLOR_FORCE", "PYTHONWARNINGS", "PYTHONDONTWRITEBYTECODE"):
         os.environ.pop(name, None)
     threadpool_limits(limits=1, user_api="blas")
-    metadata.entry_points = entry_points
     if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # started in the background by a shell
         signal.signal(signal.SIGINT, signal.default_int_handler)
 

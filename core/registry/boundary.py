@@ -16,7 +16,6 @@ from contextlib import contextmanager, suppress
 from copy import copy
 from dataclasses import fields
 from functools import cache, wraps
-from importlib import metadata
 from types import CodeType, FunctionType, TracebackType
 from typing import Any, get_type_hints
 
@@ -27,6 +26,7 @@ from typing_extensions import is_protocol
 from sparsemor.core.errors import InputError, PluginError
 from sparsemor.core.protocols.plugin import OWN, PREFIX, Plugin
 from sparsemor.core.registry.contracts import CONTRACTS, members
+from sparsemor.core.registry.installed import entry_points
 from sparsemor.core.registry.value_checks import CHECKS, EVERY_STEP, NAN_ALLOWED
 from sparsemor.core.registry.value_types import NOT_FINITE, is_data, required_type, unfit, usual
 from sparsemor.core.status import SolveFailed
@@ -222,7 +222,7 @@ def _frames(trace: TracebackType | None) -> list[_Frame]:
 
 def _third_party(trace: TracebackType | None) -> _Frame | None:
     """Innermost frame in the code of a distribution of plugins other than our own."""
-    known = {_root(e.module) for e in _entry_points()} - {OWN}
+    known = {_root(e.module) for e in entry_points()} - {OWN}
     return next((f for f in reversed(_frames(trace)) if _root(f.module) in known), None)
 
 
@@ -270,7 +270,7 @@ def _root(module: str) -> str:
 def _described(cls: type) -> str:
     """Kind, name, distribution and version of a plugin class; for other classes of the package the
     distribution alone."""
-    for e in _entry_points():
+    for e in entry_points():
         if e.value.replace(" ", "") == f"{cls.__module__}:{cls.__qualname__}" and e.dist:
             return f"{e.group.removeprefix(PREFIX)} {e.name} of {e.dist.name} {e.dist.version}"
     return _owner(cls.__module__)
@@ -283,11 +283,5 @@ def _owner(module: str) -> str:
 def _providers() -> Mapping[str, str]:
     """Top-level module -> name and version of the distribution whose plugins it holds."""
     # the name of a distribution is parsed from its metadata at each access: once for each module
-    found = {_root(e.module): e.dist for e in _entry_points() if e.dist}
+    found = {_root(e.module): e.dist for e in entry_points() if e.dist}
     return {module: f"{dist.name} {dist.version}" for module, dist in found.items()}
-
-
-def _entry_points() -> tuple[metadata.EntryPoint, ...]:
-    installed = metadata.entry_points()
-    return tuple(e for group in installed.groups if group.startswith(PREFIX)
-                 for e in installed.select(group=group))

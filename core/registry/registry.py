@@ -12,6 +12,7 @@ from stevedore.driver import DriverManager
 
 from sparsemor.core.errors import InputError
 from sparsemor.core.protocols.plugin import OWN, PREFIX, Plugin
+from sparsemor.core.registry import installed
 from sparsemor.core.registry.boundary import admit
 from sparsemor.core.registry.contracts import refusal
 
@@ -57,9 +58,7 @@ class Registry:
     def _entry_points(self) -> tuple[metadata.EntryPoint, ...]:
         if self._replaced is not None:
             return tuple([e for e in self._replaced if e.group.startswith(PREFIX)])
-        installed = metadata.entry_points()
-        groups = sorted([g for g in installed.groups if g.startswith(PREFIX)])
-        return tuple([e for g in groups for e in installed.select(group=g)])
+        return installed.entry_points()
 
     def kinds(self) -> tuple[str, ...]:
         """Kinds of plugins that the installed distributions offer, sorted."""

@@ -20,6 +20,7 @@ from pydantic import BaseModel
 
 from sparsemor.core.linalg.threads import threads
 from sparsemor.core.protocols.plugin import Plugin
+from sparsemor.core.registry.installed import entry_points
 
 if TYPE_CHECKING:
     from sparsemor.core.scene.scene import Scene
@@ -111,10 +112,9 @@ def code_digest() -> str:
 def _of_commands() -> list[str]:
     """Folders of sparsemor's commands outside of core, on which no run depends either, unless they
     hold checks or choices of runs, too."""
-    folders = [{Path(*e.module.split(".")[1:-1]).as_posix() for group in groups
-                for e in metadata.entry_points(group=f"{PACKAGE}.{group}")
-                if e.module.startswith(f"{PACKAGE}.")} for groups in (
-                    ["command"], ["check", "choice"])]
+    folders = [{Path(*e.module.split(".")[1:-1]).as_posix() for e in entry_points()
+                if e.module.startswith(f"{PACKAGE}.") and e.group in groups} for groups in (
+                    [f"{PACKAGE}.command"], [f"{PACKAGE}.check", f"{PACKAGE}.choice"])]
     return sorted(folders[0] - folders[1])
 
 
@@ -182,10 +182,8 @@ def _origin(root: str) -> tuple[str, str]:
 
 
 def _distribution(root: str) -> str:
-    installed = metadata.entry_points()
-    offered = [e for g in installed.groups if g.startswith(f"{PACKAGE}.")
-               for e in installed.select(group=g) if e.module.partition(".")[0] == root]
-    found = {f"{e.dist.name} {e.dist.version}" for e in offered if e.dist is not None}
+    found = {f"{e.dist.name} {e.dist.version}" for e in entry_points()
+             if e.module.partition(".")[0] == root and e.dist is not None}
     return ", ".join(sorted(found))
 
 

@@ -6,6 +6,7 @@ from importlib.metadata import version
 from sparsemor.core.linalg.threads import described
 from sparsemor.core.model.model import Model, distinct_names
 from sparsemor.core.protocols import StepSolver
+from sparsemor.core.registry.installed import entry_points
 from sparsemor.core.results.metadata import RunHeader
 from sparsemor.core.results.probes import ProbeReader
 from sparsemor.core.scene.run_identity import Identity
@@ -29,12 +30,8 @@ def header_of(
 ) -> RunHeader:
     """Header of the result of a run of `steps` steps. estimates: blocks whose error is
     estimated."""
-    from importlib.metadata import entry_points
-
-    found = entry_points()
-    groups = [g for g in found.groups if g.startswith("sparsemor.")]
     # one reading of metadata for each distribution, not for each of its plugins
-    offering = {e.dist for g in groups for e in found.select(group=g) if e.dist is not None}
+    offering = {e.dist for e in entry_points() if e.dist is not None}
     names = {"sparsemor", "numpy", "scipy", "scikit-fem", "pydantic", *(d.name for d in offering)}
     import platform
 

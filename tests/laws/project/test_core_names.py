@@ -25,7 +25,6 @@ TEXTS = {
     ("results/tables.py", "text.endswith(MARK)"), ("results/tables.py", "t.endswith(MARK)"),
     ("simulation/offline.py", "phase.removesuffix(' run')"),
     ("simulation/workers/local_pool.py", "line.endswith('\\n')"),
-    ("simulation/run_header.py", "g.startswith('sparsemor.')"),  # groups of entry points
 }
 """File and test of the begin or end of a text, none of which is the name of a part."""
 OPTIONS = {Path("simulation/rigid_stage.py"): {"rigid"}, Path("protocols/contact.py"): {"rigid"}}

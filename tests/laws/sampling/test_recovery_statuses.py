@@ -19,7 +19,7 @@ from sparsemor.core.protocols import (
     SparseSolver,
     SparseStart,
 )
-from sparsemor.core.registry import optional_packages as extras
+from sparsemor.core.registry import installed as extras
 from sparsemor.core.status import Status
 from sparsemor.core.testing import check_sparse_solver
 from sparsemor.core.testing.problems import (

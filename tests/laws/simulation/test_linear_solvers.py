@@ -85,7 +85,7 @@ def test_other_options_keep_the_laws(solver: LinearSolver) -> None:
 def test_a_missing_package_is_told_with_its_extra(
     cls: type[Any], name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from sparsemor.core.registry import optional_packages as extras
+    from sparsemor.core.registry import installed as extras
 
     monkeypatch.setattr(extras, "find_spec", lambda module: None)
     with pytest.raises(InputError, match=rf"{PACKAGE[name]}.*sparsemor\[{name}\]"):

@@ -363,7 +363,7 @@ def test_auto_is_for_long_runs(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_without_numba_on_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("sparsemor.core.registry.optional_packages.find_spec", lambda name: None)
+    monkeypatch.setattr("sparsemor.core.registry.installed.find_spec", lambda name: None)
     with pytest.raises(InputError, match="sparsemor\\[fast\\]"):
         heated().solver(compiled="on")
     selected = Case(heated().scene.using({"reducer": SELECTED}), heated().model, heated().snapshots)
