@@ -167,7 +167,7 @@ class Flexible(BodyPlugin):
         gather.check()
         assert mesh is not None
         self._check_dimension(mesh, gather)
-        held = gather("", self._held, mesh)
+        fixed = gather("", self._fixed, mesh)
         T0 = gather("", self._initial_temperature, mesh)
         regions = gather("materials", regions_of, mesh, self.material, self.materials,
                          self.reference_temperature)
@@ -181,7 +181,7 @@ class Flexible(BodyPlugin):
             name=name, X=mesh.points, inertia=MassProperties.of_mesh(m, mesh.points), pose=pose,
             velocity=velocity, moves=self.frame != "fixed", points=mesh.point_sets,
             centres=centres, declared=self.sets, mesh=mesh, thickness=thickness, mass_matrix=m,
-            elasticity=None if held is None else self._elasticity(mesh, m, held, regions, T0),
+            elasticity=None if fixed is None else self._elasticity(mesh, m, fixed, regions, T0),
             heat=self._heat(mesh, regions) if heats else None, T0=T0,
             temperature_limits=self._limits(),
             T_ref=np.full(len(mesh.points), self.reference_temperature),
@@ -256,20 +256,20 @@ class Flexible(BodyPlugin):
     def _model(self, mesh: Mesh) -> Model:
         return self.model or ("plane_stress" if mesh.dimension == 2 else "solid")
 
-    def _held(self, mesh: Mesh) -> IntArray | None:
+    def _fixed(self, mesh: Mesh) -> IntArray | None:
         """Numbers of the displacements that the reference condition fixes at zero; None without an
         elastic field."""
         if "elastic" not in self.fields or self.reference is None:
             return None
-        held = self.reference.held(mesh)
-        if len(held) == mesh.points.size:
-            raise InputError(f"fixes all {len(held)} displacements of the {len(mesh.points)} "
+        fixed = self.reference.fixed(mesh)
+        if len(fixed) == mesh.points.size:
+            raise InputError(f"fixes all {len(fixed)} displacements of the {len(mesh.points)} "
                              "points, so that none is left to solve for: fix fewer points, "
                              "refine the mesh, or leave `elastic` out of fields", "reference")
-        return held
+        return fixed
 
     def _elasticity(
-        self, mesh: Mesh, m: Any, held: IntArray, regions: Sequence[Region], T0: FloatArray
+        self, mesh: Mesh, m: Any, fixed: IntArray, regions: Sequence[Region], T0: FloatArray
     ) -> Elasticity:
         heated = THERMAL.name in self.fields or bool((T0 != self.reference_temperature).any())
         nonlinear = self.strains == "nonlinear"
@@ -278,7 +278,7 @@ class Flexible(BodyPlugin):
             mesh, r.constants, thickness, model, r.cells))
         M = generator(m, np.eye(d))
         return Elasticity(
-            free=np.setdiff1d(np.arange(d * len(mesh.points)), held), stiffness=K,
+            free=np.setdiff1d(np.arange(d * len(mesh.points)), fixed), stiffness=K,
             damping=csr_array(self.damping.mass * M + self.damping.stiffness * K),
             coupling=summed(regions, lambda r: thermoelastic_coupling(
                 mesh, r.constants, thickness, model, r.cells)),

@@ -32,7 +32,7 @@ class Reference(Plugin):
                              "`clamp` (one) and `hold` (sets with components)")
         return self
 
-    def held(self, mesh: Mesh) -> IntArray:
+    def fixed(self, mesh: Mesh) -> IntArray:
         """Sorted numbers d node + component of the fixed displacements."""
         if self.clamp is not None:
             return self._clamped(mesh, self.clamp)
@@ -64,12 +64,12 @@ class Reference(Plugin):
             if max(which) >= d:
                 raise InputError(f"the mesh is plane: there is no z (got {components})", key)
             found += [d * nodes + i for i in which]
-        held = np.unique(np.concatenate(found))
-        free = free_motions(mesh.points, held)
+        fixed = np.unique(np.concatenate(found))
+        free = free_motions(mesh.points, fixed)
         if free:
             raise InputError(f"the body still has {free} rigid motion{'s' * (free > 1)}: hold more "
                              "components, or more points", "reference.hold")
-        return held
+        return fixed
 
     @staticmethod
     def _chord(mesh: Mesh, chord: Sequence[str]) -> IntArray:
@@ -95,10 +95,10 @@ class Reference(Plugin):
         return chord_holds(mesh.points[points], points)
 
 
-def free_motions(X: FloatArray, held: IntArray) -> int:
-    """Number of rigid-body modes of points X (N, d) with zero displacements `held`."""
+def free_motions(X: FloatArray, fixed: IntArray) -> int:
+    """Number of rigid-body modes of points X (N, d) with zero displacements `fixed`."""
     modes = rigid_modes(X)
-    return int(modes.shape[1] - np.linalg.matrix_rank(modes[held], tol=1e-8))
+    return int(modes.shape[1] - np.linalg.matrix_rank(modes[fixed], tol=1e-8))
 
 
 def rigid_modes(X: FloatArray) -> FloatArray:
@@ -122,12 +122,12 @@ def chord_holds(X: FloatArray, points: list[int]) -> IntArray:
     """
     d = X.shape[1]
     along = int(np.argmax(np.abs(X[1] - X[0])))
-    held = [d * points[0] + i for i in range(d)]
-    held += [d * points[1] + i for i in range(d) if i != along]
+    fixed = [d * points[0] + i for i in range(d)]
+    fixed += [d * points[1] + i for i in range(d) if i != along]
     if d == 3:
         normal = np.abs(np.cross(X[1] - X[0], X[2] - X[0]))
-        held.append(3 * points[2] + int(np.argmax(normal)))
-    return np.sort(np.array(held))
+        fixed.append(3 * points[2] + int(np.argmax(normal)))
+    return np.sort(np.array(fixed))
 
 
 def on_a_line(X: FloatArray) -> bool:

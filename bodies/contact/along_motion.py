@@ -10,7 +10,7 @@ import numpy as np
 from sparsemor.bodies.contact.broad_phase import BroadPhase
 from sparsemor.bodies.contact.kinematics import attitude_of, crossed
 from sparsemor.bodies.contact.pieces import Overlaps, Pairs, Pieces
-from sparsemor.bodies.contact.surface import Surface, reached
+from sparsemor.bodies.contact.surface import Surface, balls_in_cells
 from sparsemor.bodies.contact.tractions import Interface
 from sparsemor.core import FloatArray, FrameHistory, IntArray
 
@@ -101,7 +101,7 @@ def windows(
         middles = z[:, i].mean(axis=2)
         here, g = near.pairs(middles.reshape(-1, first.d), second.tree)
         k, f = np.divmod(here, len(i))
-        some = reached(middles[k, f], first.radii[f], planes, cells, g)
+        some = balls_in_cells(middles[k, f], first.radii[f], planes, cells, g)
         k, f, g = k[some], f[some], g[some]
         o, kept = Overlaps.of(Pairs(z[k[:, None], i[f]], rate[k[:, None], i[f]], planes.some(g),
                                     cells.some(g)))

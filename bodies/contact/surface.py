@@ -99,7 +99,7 @@ class FacetCells:
                           - depth[:, :, None] * self.leans[:, None])
 
 
-def reached(
+def balls_in_cells(
     middles: FloatArray, radius: FloatArray, planes: Planes, cells: FacetCells, facet: IntArray
 ) -> IntArray:
     """Numbers of the balls that may intersect the cell of their facet.

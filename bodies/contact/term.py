@@ -13,7 +13,7 @@ from sparsemor.bodies.contact.kinematics import Kinematics
 from sparsemor.bodies.contact.pieces import Overlaps, Pairs, Pieces
 from sparsemor.bodies.contact.side import ContactSide, Sizes, found_in, picked, renumbered
 from sparsemor.bodies.contact.step_check import too_deep
-from sparsemor.bodies.contact.surface import Planes, radii_of, reached, tree_of
+from sparsemor.bodies.contact.surface import Planes, balls_in_cells, radii_of, tree_of
 from sparsemor.bodies.contact.tangent import Tangent, summed
 from sparsemor.bodies.contact.tractions import Interface, Loads, names_of, nodal, resultants
 from sparsemor.bodies.contact.verlet_list import FollowedContact, Mover
@@ -121,7 +121,7 @@ class ContactTerm(Term):
             f, g = f[wanted], g[wanted]
         if first.d == 2:  # they are few
             return f, g
-        some = reached(middles[f], radii_of(corners)[f], planes, second.cells, g)
+        some = balls_in_cells(middles[f], radii_of(corners)[f], planes, second.cells, g)
         return f[some], g[some]
 
     def _temperatures(self, x: FloatArray, t: float) -> FloatArray:

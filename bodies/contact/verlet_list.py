@@ -17,9 +17,9 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from sparsemor.bodies.contact.broad_phase import BroadPhase
-from sparsemor.core import BoolArray, FloatArray, IntArray, ReducedTerm
+from sparsemor.core import BoolArray, FloatArray, IntArray
 from sparsemor.core.model.compressed_local import CompressedLocal
-from sparsemor.core.protocols import LocalCopy
+from sparsemor.core.protocols import DelegatingTerm, LocalCopy
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -126,11 +126,11 @@ class Followable(Protocol):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FollowedContact(ReducedTerm):
+class FollowedContact(DelegatingTerm):
     """Projected contact term of all facets, which builds copies with the facets of a Verlet list
     (`near`)."""
 
-    whole: CompressedLocal
+    term: CompressedLocal
     facets: tuple[IntArray, IntArray]
     bounds: tuple[MotionBound, MotionBound]
     margin: float
@@ -146,46 +146,26 @@ class FollowedContact(ReducedTerm):
 
     @property
     def near_radius(self) -> float:
-        term: Any = self.whole.term
-        return float(term.near.radius)
+        contact: Any = self.term.term
+        return float(contact.near.radius)
 
     @property
     def relocates(self) -> bool:
         return True
 
-    @property
-    def rejects(self) -> bool:
-        return self.whole.rejects
-
-    @property
-    def hides_resultants(self) -> bool:
-        return self.whole.hides_resultants
-
-    @property
-    def elements(self) -> int:
-        return self.whole.elements
-
-    @property
-    def source(self) -> str:
-        return self.whole.source
-
-    @property
-    def histories(self) -> tuple[str, ...]:
-        return self.whole.histories
-
     def residual(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray:
-        return self.whole.residual(x, v, a, t)
+        return self.term.residual(x, v, a, t)
 
     def jacobian(
         self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
     ) -> FloatArray:
-        return self.whole.jacobian(x, v, a, t, c1, c2)
+        return self.term.jacobian(x, v, a, t, c1, c2)
 
     def resultants(self, x: FloatArray, v: FloatArray, t: float) -> Mapping[str, float]:
-        return self.whole.resultants(x, v, t)
+        return self.term.resultants(x, v, t)
 
     def check_step(self, x: FloatArray, v: FloatArray, t: float, h: float) -> str:
-        return self.whole.check_step(x, v, t, h)
+        return self.term.check_step(x, v, t, h)
 
     def moved(self, change: FloatArray, x: FloatArray, beyond: float = 0.0) -> float:
         """Upper bound, m, of the distance that nodes of the two surfaces together move from the
@@ -198,17 +178,17 @@ class FollowedContact(ReducedTerm):
 
     def near(self, x: FloatArray) -> "LocalContact":
         """Contact of the facets in a new Verlet list, built at the reduced state x (k,)."""
-        w = self.whole
-        term: Any = self.whole.term
-        points = term.points(w.offset + w.atoms @ x, 0.0)
+        w = self.term
+        contact: Any = w.term
+        points = contact.points(w.offset + w.atoms @ x, 0.0)
         if points is None:
             return LocalContact(self, x, w)
         middles = [z[f].mean(axis=1) for z, f in zip(points, self.facets, strict=True)]
-        first, second = (_beside(m, other, term.near.radius + self.margin)
+        first, second = (_beside(m, other, contact.near.radius + self.margin)
                          for m, other in (middles, middles[::-1]))
         if not (len(first) and len(second)):
             return LocalContact(self, x, None)
-        some, columns, rows = term.among(first, second)
+        some, columns, rows = contact.among(first, second)
         return LocalContact(self, x, CompressedLocal(
             some, w.atoms[columns], w.offset[columns], np.ascontiguousarray(w.left[:, rows])))
 
@@ -242,14 +222,14 @@ class LocalContact(LocalCopy):
 
     def residual(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray:
         if self.some is None:
-            return np.zeros(len(self.of.whole.left))
+            return np.zeros(len(self.of.term.left))
         return self.some.residual(x, v, a, t)
 
     def jacobian(
         self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
     ) -> FloatArray:
         if self.some is None:
-            return np.zeros((len(self.of.whole.left), len(x)))
+            return np.zeros((len(self.of.term.left), len(x)))
         return self.some.jacobian(x, v, a, t, c1, c2)
 
     def resultants(self, x: FloatArray, v: FloatArray, t: float) -> Mapping[str, float]:

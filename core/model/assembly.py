@@ -9,7 +9,7 @@ import numpy as np
 
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.errors import Gather, InputError
-from sparsemor.core.model.block_operators import close
+from sparsemor.core.model.block_operators import block_operators
 from sparsemor.core.model.body_cache import BodyCache
 from sparsemor.core.model.factorizations import BlockSolvers
 from sparsemor.core.model.features import PROBES, SURFACE_LOADS
@@ -93,7 +93,7 @@ def _assembled(scene: Scene, prescribed: PrescribedQuantities, body_cache: BodyC
     required, loaded = _required(layout, connectors, touched(layout, records))
     return Model(
         layout=layout, parts=parts, by_part={n: tuple(terms.get(n, ())) for n in parts},
-        separated=close(layout, records, scene.time.step), x0=x0, v0=v0,
+        separated=block_operators(layout, records, scene.time.step), x0=x0, v0=v0,
         required=required, loaded=loaded, probes=probes,
         geometry={k: g for b in bodies.values() for k, g in b.geometry().items()},
         solvers=BlockSolvers(scene.linear_solver, scene.linear_solvers),

@@ -45,20 +45,20 @@ from sparsemor.core.protocols.separable import (
 )
 
 
-def close(layout: Layout, records: Records, step: float) -> Separated:
+def block_operators(layout: Layout, records: Records, step: float) -> Separated:
     """Block operators of the recorded contributions, and the couplings and constraints between
     blocks. step: time step, s. Raises InputError for a force or constraint that cannot be evaluated
     on a body with prescribed motion."""
-    closing = _Closing(layout, records)
-    moving = [m for b in records.bodies if (m := closing.mechanics(b)) is not None]
-    heat = [closing.heat(b) for b in layout if closing.field(b.name) is Quantity.TEMPERATURE]
+    operators = _BlockOperators(layout, records)
+    moving = [m for b in records.bodies if (m := operators.mechanics(b)) is not None]
+    heat = [operators.heat(b) for b in layout if operators.field(b.name) is Quantity.TEMPERATURE]
     return Separated(
-        tuple(moving), tuple(heat), closing.border, tuple(closing.targets()),
-        tuple(closing.other()), step, tuple(closing.couplings()))
+        tuple(moving), tuple(heat), operators.border, tuple(operators.targets()),
+        tuple(operators.other()), step, tuple(operators.couplings()))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Closing:
+class _BlockOperators:
     layout: Layout
     records: Records
 

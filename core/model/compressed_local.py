@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from sparsemor.core.arrays import Csr, FloatArray
-from sparsemor.core.protocols import ReducedTerm, Term, Trial
+from sparsemor.core.protocols import DelegatingTerm, Term, Trial
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class CompressedLocal(ReducedTerm):
+class CompressedLocal(DelegatingTerm):
     """Projected term left @ term(offset + atoms xi), restricted to the rows where `left` has
     nonzero columns."""
 
@@ -26,10 +26,6 @@ class CompressedLocal(ReducedTerm):
         kept = term.restrict(used)
         at = np.searchsorted(term.columns, kept.columns)
         return cls(kept, trial.atoms[at], trial.offset[at], left[:, used])
-
-    @property
-    def elements(self) -> int:
-        return self.term.elements
 
     def residual(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray:
         T = self.atoms
@@ -58,23 +54,6 @@ class CompressedLocal(ReducedTerm):
         accepts."""
         T = self.atoms
         return self.term.check_step(self.offset + T @ x, T @ v, t, h)
-
-    @property
-    def source(self) -> str:
-        return self.term.source
-
-    @property
-    def rejects(self) -> bool:
-        return self.term.rejects
-
-    @property
-    def hides_resultants(self) -> bool:
-        return self.term.hides_resultants
-
-    @property
-    def histories(self) -> tuple[str, ...]:
-        """Names of the force resultants that the elements at the sampled rows determine."""
-        return self.term.histories
 
     def resultants(self, x: FloatArray, v: FloatArray, t: float) -> Mapping[str, float]:
         return self.term.resultants(self.offset + self.atoms @ x, self.atoms @ v, t)

@@ -130,6 +130,7 @@ from sparsemor.core.protocols.step_solver import ResultantSource as ResultantSou
 from sparsemor.core.protocols.step_solver import StepBlock as StepBlock
 from sparsemor.core.protocols.step_solver import StepMemory as StepMemory
 from sparsemor.core.protocols.step_solver import StepSolver as StepSolver
+from sparsemor.core.protocols.term import DelegatingTerm as DelegatingTerm
 from sparsemor.core.protocols.term import LawArrays as LawArrays
 from sparsemor.core.protocols.term import LocalCopy as LocalCopy
 from sparsemor.core.protocols.term import PointArrays as PointArrays

@@ -174,6 +174,34 @@ class ReducedTerm(ResidualTerm):
         raise NotImplementedError
 
 
+class DelegatingTerm(ReducedTerm):
+    """Reduced term with the source, elements, names of resultants and rejections of `term`, the
+    term that it projects or another projection of it."""
+
+    __slots__ = ()
+    term: ResidualTerm
+
+    @property
+    def source(self) -> str:
+        return self.term.source
+
+    @property
+    def elements(self) -> int:
+        return self.term.elements
+
+    @property
+    def rejects(self) -> bool:
+        return self.term.rejects
+
+    @property
+    def hides_resultants(self) -> bool:
+        return self.term.hides_resultants
+
+    @property
+    def histories(self) -> tuple[str, ...]:
+        return self.term.histories
+
+
 LawFunction: TypeAlias = Callable[
     [FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray], None]
 """A pointwise law on arrays:

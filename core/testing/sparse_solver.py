@@ -205,7 +205,7 @@ def _selects(
     _selected(recovery, columns, budget, wrong, noisy, f"noisy {where}")
     status = recovery.select(np.full(m, np.nan), np.zeros(k), wrong).status
     law(status is Status.NOT_FINITE, f"a residual of nan ended with {status.value}: {where}")
-    _tells_twins(solver, problem, where)
+    _distinguishes_columns(solver, problem, where)
 
 
 def _selected(
@@ -230,7 +230,7 @@ def _selected(
     return found.support
 
 
-def _tells_twins(solver: SparseSolver, problem: LeastSquares, where: str) -> None:
+def _distinguishes_columns(solver: SparseSolver, problem: LeastSquares, where: str) -> None:
     """Checks that two equal columns are not both selected, unless the status reports it."""
     A, active = problem.A.copy(), np.flatnonzero(problem.support)
     A[:, active[0]] = A[:, active[1]]

@@ -67,9 +67,9 @@ class ErrorControl(StepControl):
             steps.recorder.set_run(full)
             steps.set_run(full, *started(full.solver, run.scene.integrator, run.start))
         else:
-            self.watch(steps, ErrorMonitor(self.limit, run, steps.state, errors.changes))
+            self.monitor_by(steps, ErrorMonitor(self.limit, run, steps.state, errors.changes))
 
-    def watch(self, steps: RunSteps, monitor: ErrorMonitor | None) -> None:
+    def monitor_by(self, steps: RunSteps, monitor: ErrorMonitor | None) -> None:
         """Compares the errors of the steps that follow, None: accepts them."""
         self.monitor, steps.held = monitor, monitor is not None
 
@@ -111,7 +111,7 @@ def fall_back(control: ErrorControl, steps: RunSteps, why: Exceeded) -> None:
     recorder.errors.exact = True
     state, memory = started(full.solver, run.scene.integrator, start)
     steps.stats.full_seconds += time.perf_counter() - begun
-    control.watch(steps, None)
+    control.monitor_by(steps, None)
     steps.switch_run(full, state, memory)
 
 
@@ -159,7 +159,7 @@ def with_more_atoms(
     recorder.errors = ErrorRecord(
         new.estimator, errors.estimator.corrected(states[-1], errors.memory), now, errors.changes)
     stats.full_seconds += time.perf_counter() - begun
-    control.watch(steps, ErrorMonitor(
+    control.monitor_by(steps, ErrorMonitor(
         control.limit, new, solver.start(run.start)[0], recorder.errors.changes))
     steps.switch_run(new, now, memory, many_steps(
         solver, scene.integrator, scene.time.step, steps.steps))

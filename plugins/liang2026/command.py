@@ -47,7 +47,7 @@ def reproduce(
             done = reproduced(
                 scene, quick=quick, out=out, items=words(items) or (), workers=workers,
                 paper=paper, force=force,
-                watch=lambda line: None if quiet or as_json else typer.echo(line, err=True))
+                on_progress=lambda line: None if quiet or as_json else typer.echo(line, err=True))
     except KeyboardInterrupt:
         leave(["interrupted: the same command continues"], INTERRUPTED)
     else:

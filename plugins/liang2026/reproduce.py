@@ -47,15 +47,15 @@ class Reproduction:
 def reproduce(
     scene: str = "", *, quick: bool = False, out: str | Path | None = None,
     items: Sequence[str] = (), workers: int | None = None, paper: str | Path = PAPER,
-    force: bool = False, watch: Callable[[str], None] = lambda line: None,
+    force: bool = False, on_progress: Callable[[str], None] = lambda line: None,
 ) -> Reproduction:
     """Recomputes the figures and tables of a paper and writes pages with the verdicts.
 
     scene: scene whose items are computed ("": all); quick: shorter runs and fewer seeds; out:
     folder, by default `runs/reproduce` or `runs/reproduce-quick`, where a repeated call keeps what
     is complete; items: `fig_4`, `table_2`, ..; workers: number of processes (default: number of
-    processors); paper: packaged paper or paper file; force: replace an earlier reproduction; watch:
-    called for progress with a line of text. Raises InputError before anything is written.
+    processors); paper: packaged paper or paper file; force: replace an earlier reproduction;
+    on_progress: called with a line of text. Raises InputError before anything is written.
     """
     file = PaperFile.read(paper, Registry())
     chosen = chosen_items(file, scene, items)
@@ -68,13 +68,13 @@ def reproduce(
             kind="reproductions only, and this is none",
             writes=(ABOUT, *TABLES, "index.html", *(f"{s}.html" for s in file.scenes))):
         _begin(folder, file, quick, force)
-        work = Work(file, chosen, folder, quick, watch)
+        work = Work(file, chosen, folder, quick, on_progress)
         work.execute(workers or os.cpu_count() or 1)
         results, verdicts = Results(folder, work.failed), []
         for item in chosen:
             with fixed_threads():
                 verdicts.append(judged(item, results, folder / PICTURES))
-            watch(f"{item.id}: {verdicts[-1].grade}")
+            on_progress(f"{item.id}: {verdicts[-1].grade}")
         commands = {i.id: commands_of(file, i, quick) for i in chosen}
         files = [*write_pages(file, verdicts, commands, folder, quick),
                  *_tables(chosen, verdicts, commands, folder)]

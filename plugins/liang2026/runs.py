@@ -35,14 +35,15 @@ RUNS, STUDIES = "runs", "studies"
 class Work:
     """The runs and studies that some items of a paper need, and the runs that those wait for.
 
-    failed: name -> reason why one could not be made; watch: called with a line when one has ended.
+    failed: name -> reason why one could not be made; on_progress: called with a line when one has
+    ended.
     """
 
     file: PaperFile
     items: Sequence[PaperItem]
     folder: Path
     quick: bool
-    watch: Callable[[str], None]
+    on_progress: Callable[[str], None]
     failed: dict[str, str] = field(default_factory=dict)
     _done: int = 0
 
@@ -117,7 +118,7 @@ class Work:
 
     def _ended(self, name: str, reason: str, count: int, what: str) -> None:
         self._done = 1 if self._done >= count else self._done + 1
-        self.watch(f"{self._done} of {count} {what}: {name}{': ' * bool(reason)}{reason}")
+        self.on_progress(f"{self._done} of {count} {what}: {name}{': ' * bool(reason)}{reason}")
         if reason:
             self.failed[name] = reason
 

@@ -60,7 +60,7 @@ class SmoothedAggregation(LinearSolver):
         def column(b: FloatArray, start: FloatArray | None) -> tuple[FloatArray, int]:
             return iterate(A, precondition, b, start, self.rtol, self.max_iterations)
 
-        return Solved("amg", A, _held(levels), column=column, rtol=self.rtol)
+        return Solved("amg", A, _bytes(levels), column=column, rtol=self.rtol)
 
     def expected(self, A: Csr, places: DofLocations | None = None) -> int:
         """Estimated peak memory of the multigrid setup, bytes."""
@@ -89,7 +89,7 @@ def _hierarchy(whole: Any, motions: FloatArray, theta: float) -> Any:
         np.random.set_state(before)
 
 
-def _held(levels: Any) -> int:
+def _bytes(levels: Any) -> int:
     """Memory of the hierarchy's matrices, bytes."""
     matrices = [level.A for level in levels.levels]
     for level in levels.levels[:-1]:  # the coarsest has no transfer to a coarser one

@@ -38,15 +38,15 @@ def study(
 ) -> None:
     """Run a scene under every combination of changes and tabulate errors and cost."""
     from sparsemor.plugins.study.plan import StudyPlan
-    from sparsemor.plugins.study.progress import shown
+    from sparsemor.plugins.study.progress import progress_display
     from sparsemor.plugins.study.run import run_plan
 
     plan = StudyPlan.of(file)
     folder = (out or Path("runs", plan.study.name)).absolute()
     try:
-        with located_in(), shown(plan, quiet or as_json) as watch:
+        with located_in(), progress_display(plan, quiet or as_json) as on_progress:
             done = run_plan(plan, out=folder, workers=workers, scheduler=scheduler,
-                           times=not no_times, force=force, watch=watch)
+                           times=not no_times, force=force, on_progress=on_progress)
     except KeyboardInterrupt:
         _interrupted(plan, folder, as_json, quiet)
     else:

@@ -10,19 +10,19 @@ from sparsemor.plugins.study.columns import cell
 from sparsemor.plugins.study.plan import StudyPlan
 from sparsemor.plugins.study.scheduler import Row, StudyProgress
 
-Watch = Callable[[StudyProgress, Row | None], None]
+OnProgress = Callable[[StudyProgress, Row | None], None]
 """Callback for progress: called after each run with its row, and repeatedly with None while jobs
 run."""
 
 
 @contextmanager
-def shown(plan: StudyPlan, quiet: bool) -> Iterator[Watch]:
+def progress_display(plan: StudyPlan, quiet: bool) -> Iterator[OnProgress]:
     """Context manager: callback that displays the progress of a study; silent with `quiet`."""
     if quiet:
         yield lambda state, row: None
     elif sys.stderr.isatty():
-        with _bar() as watch:
-            yield watch
+        with _bar() as on_progress:
+            yield on_progress
     else:
         yield lambda state, row: _line(plan, state, row)
 
@@ -52,13 +52,13 @@ def _line(plan: StudyPlan, state: StudyProgress, row: Row | None) -> None:
 
 
 @contextmanager
-def _bar() -> Iterator[Watch]:
+def _bar() -> Iterator[OnProgress]:
     from rich.progress import BarColumn, TextColumn
 
     with terminal_bar(BarColumn(), TextColumn("{task.description}")) as bar:
         task: Any = bar.add_task("starting", total=None)
 
-        def watch(state: StudyProgress, row: Row | None) -> None:
+        def on_progress(state: StudyProgress, row: Row | None) -> None:
             bar.update(task, total=state.total, completed=state.done, description=in_words(state))
 
-        yield watch
+        yield on_progress

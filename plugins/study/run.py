@@ -23,7 +23,7 @@ from sparsemor.plugins.study.jobs import DIED
 from sparsemor.plugins.study.journal import WRITES, Journal, is_study
 from sparsemor.plugins.study.plan import StudyPlan
 from sparsemor.plugins.study.pools import Pool, SerialPool
-from sparsemor.plugins.study.progress import Watch, shown
+from sparsemor.plugins.study.progress import OnProgress, progress_display
 from sparsemor.plugins.study.scheduler import Row, Schedule
 
 KEPT = "runs"
@@ -60,16 +60,16 @@ def study(
     it on standard error. Raises InputError before anything is written.
     """
     plan = StudyPlan.of(file, registry)
-    with shown(plan, not progress) as watch:
+    with progress_display(plan, not progress) as on_progress:
         done = run_plan(plan, out=out, workers=workers, scheduler=scheduler, times=times,
-                        registry=registry, watch=watch)
+                        registry=registry, on_progress=on_progress)
     return list(done.rows)
 
 
 def run_plan(
     plan: StudyPlan, *, out: str | Path | None = None, workers: int = 0, scheduler: str = "",
     times: bool = True, force: bool = False, registry: Registry | None = None,
-    watch: Watch = lambda state, row: None,
+    on_progress: OnProgress = lambda state, row: None,
 ) -> StudyOutcome:
     """Executes a prepared study plan, with a callback for progress; other arguments as in `study`.
 
@@ -102,7 +102,7 @@ def run_plan(
                     add_to_listing(folder, [{"part": n} for n in parts if n not in known])
                 with worker_pool(workers, folder, cluster, registry) as (pool, scratch):
                     Schedule(plan, left, pool, rows, scratch, str(kept or "")).go(
-                        journal.add, watch)
+                        journal.add, on_progress)
                 rows = journal.rows()
             rows.sort(key=lambda row: int(row["run"]))
             files = journal.write_table(rows, times)

@@ -87,17 +87,18 @@ class Schedule:
             len(self._plan.runs), self._done, self._failed, len(self._flying), seconds)
 
     def go(
-        self, commit: Callable[[Row], None], watch: Callable[[StudyProgress, Row | None], None]
+        self, commit: Callable[[Row], None],
+        on_progress: Callable[[StudyProgress, Row | None], None],
     ) -> None:
-        """Executes jobs until every run has its row. `commit`: called with each row; `watch`:
+        """Executes jobs until every run has its row. `commit`: called with each row; `on_progress`:
         called with the progress after each row, and repeatedly while jobs run."""
-        self._commit, self._watch = commit, watch
+        self._commit, self._on_progress = commit, on_progress
         while self._ready or self._flying:
             while self._ready and len(self._flying) < self._pool.slots:
                 self._start(heapq.heappop(self._ready)[1])
             if not self._flying:
                 continue
-            watch(self.state, None)
+            on_progress(self.state, None)
             ended = self._pool.next(1.0)
             if ended is not None:
                 self._end(ended)
@@ -164,7 +165,7 @@ class Schedule:
         self._done, self._ended = self._done + 1, self._ended + 1
         self._runs_left -= 1
         self._failed += row["status"] != Status.DONE.value
-        self._watch(self.state, row)
+        self._on_progress(self.state, row)
 
     def _row(self, job: _Job, answer: Answer) -> Row:
         run = job.run

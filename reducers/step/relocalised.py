@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from sparsemor.core import FloatArray, IntArray, ReducedTerm
-from sparsemor.core.protocols import LocalCopy
+from sparsemor.core.protocols import DelegatingTerm, LocalCopy
 
 
 class CopyMemory(Protocol):
@@ -35,28 +35,12 @@ class Coupled:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Relocalised(ReducedTerm):
+class Relocalised(DelegatingTerm):
     """A reduced term evaluated by its local copy, which is renewed where it is no longer exact."""
 
     term: ReducedTerm
     number: int
     memory: CopyMemory
-
-    @property
-    def elements(self) -> int:
-        return self.term.elements
-
-    @property
-    def source(self) -> str:
-        return self.term.source
-
-    @property
-    def rejects(self) -> bool:
-        return self.term.rejects
-
-    @property
-    def histories(self) -> tuple[str, ...]:
-        return self.term.histories
 
     def at(self, x: FloatArray) -> LocalCopy | None:
         """The local copy for a state; None for a state that is not finite."""

@@ -153,7 +153,7 @@ def test_force_keeps_the_earlier_table_until_the_new_one_stands() -> None:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        run_plan(StudyPlan.of("one.yaml"), out="a", force=True, watch=interrupt)
+        run_plan(StudyPlan.of("one.yaml"), out="a", force=True, on_progress=interrupt)
     assert [r["run"] for r in rows_of("a/.replaced")] == [r["run"] for r in earlier]
     run_plan(StudyPlan.of("one.yaml"), out="a")
     assert [r["reducer.basis.count"] for r in rows_of("a")] == [4, 4]
@@ -169,7 +169,7 @@ def test_one_study_at_a_time_in_a_folder() -> None:
             contextvars.Context().run(run_plan, StudyPlan.of("one.yaml"), out="a", force=True)
         found.append(str(error.value))
 
-    run_plan(StudyPlan.of("one.yaml"), out="a", watch=second)
+    run_plan(StudyPlan.of("one.yaml"), out="a", on_progress=second)
     assert found and [r["reducer.basis.count"] for r in rows_of("a")] == [2, 2]
 
 

@@ -98,7 +98,7 @@ def test_a_reduced_step_evaluates_the_facets_near_the_contact() -> None:
         run = pushed(columns)
         term, x, _ = followed(run)
         near = term.near(x[10])
-        assert facets(term.whole.term) == [6, columns]
+        assert facets(term.term.term) == [6, columns]
         solver: Any = run.solver
         state, memory = solver.start(initial(run))
         integrator = scene(["elastic"]).integrator
@@ -144,7 +144,7 @@ def test_facets_left_out_cannot_touch() -> None:
     far = x[10] + np.where(np.arange(x.shape[1]) == 0, 1.01 * term.margin, 0.0)
     assert not near.holds(far) and near.holds(x[11])
     assert term.near(x[10] + np.where(np.arange(x.shape[1]) == 1, SIDE, 0.0)).some is None
-    reach, down = term.whole.term.reach, np.where(np.arange(x.shape[1]) == 1, 1.0, 0.0)
+    reach, down = term.term.term.reach, np.where(np.arange(x.shape[1]) == 1, 1.0, 0.0)
     deep = x[10] - 1.05 * reach * down
     for share in (0.1, 2.0):  # of half a facet in the step: told by the list, and by all facets
         speed = v[10] - share * reach / STEP * down

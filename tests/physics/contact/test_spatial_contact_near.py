@@ -89,7 +89,7 @@ def test_a_reduced_step_evaluates_the_facets_near_the_contact() -> None:
     for columns in (12, 48):
         whole, x, searches = pushed(columns)
         assert isinstance(whole, FollowedContact)
-        assert facets(whole.whole.term) == [32, 12 * columns]
+        assert facets(whole.term.term) == [32, 12 * columns]
         near = whole.near(x)
         assert near.some is not None
         counted.append((facets(near.some.term), searches))
@@ -150,7 +150,7 @@ def test_facets_left_out_cannot_touch(plate: str) -> None:
     whole, x, v = compressed(assemble(scene(24, 1, block=FREE, plate=still)), 3)
     near, rng, k = whole.near(x), np.random.default_rng(2), len(x)
     assert near.some is not None
-    assert facets(near.some.term)[1] < facets(whole.whole.term)[1] == 12 * 24
+    assert facets(near.some.term)[1] < facets(whole.term.term)[1] == 12 * 24
     c1, none, seen = np.full(k, 1.0 / STEP), np.zeros(k), 0
     for there in states(x, whole.margin, rng):
         assert near.holds(there)
@@ -172,12 +172,12 @@ def test_facets_left_out_cannot_touch(plate: str) -> None:
     apart = whole.near(x + 20 * away)
     assert apart.some is None and not apart.residual(x + 20 * away, v, none, 0.0).any()
     x[3] = np.nan
-    assert whole.near(x).some is whole.whole  # nothing can be searched there
+    assert whole.near(x).some is whole.term  # nothing can be searched there
 
 
 def test_a_step_through_the_surface_is_told_by_the_list_as_by_all_facets() -> None:
     whole, x, _ = compressed(assemble(scene(24, 1, block=FREE, plate=TILTED)), 3)
-    near, reach = whole.near(x), whole.whole.term.reach
+    near, reach = whole.near(x), whole.term.term.reach
     down = np.where(np.arange(len(x)) == 2, -1.0, 0.0)
     deep = x + 1.05 * reach * down
     for share in (0.2, 1.0, 20.0):  # of the depth within the step: by the list, and by all
