@@ -20,7 +20,7 @@ _KINDS = {np.float64: "f", np.int64: "iu", np.bool_: "b"}
 def unfit_field(value: Any) -> str:
     """Name, type and value of the first field of a dataclass that is not of its type, "" if all
     are."""
-    for name, hint in _hints(type(value)):  # type: ignore[arg-type]
+    for name, hint, _ in _hints(type(value)):  # type: ignore[arg-type]
         held = getattr(value, name)
         if not fits(held, hint):
             return f"{type(value).__name__}.{name} is {shown_type(held)}"
@@ -28,9 +28,10 @@ def unfit_field(value: Any) -> str:
 
 
 @cache
-def _hints(cls: type[Any]) -> tuple[tuple[str, Any], ...]:
+def _hints(cls: type[Any]) -> tuple[tuple[str, Any, Callable[[object], bool]], ...]:
+    """Name, type and test of usual values of each field of a dataclass."""
     hints = get_type_hints(cls)
-    return tuple((f.name, hints[f.name]) for f in fields(cls) if f.init)
+    return tuple((f.name, h := hints[f.name], usual(h)) for f in fields(cls) if f.init)
 
 
 def fits(value: object, hint: Any, exact: bool = True) -> bool:
@@ -97,13 +98,17 @@ def usual(hint: Any, finite: bool = True) -> Callable[[object], bool]:
         return lambda v: type(v) is float and (isfinite(v) or not finite)
     if hint is int or hint is bool or hint is str:
         return lambda v: type(v) is hint
+    if hint is types.NoneType:
+        return lambda v: v is None
     of, inner = get_origin(hint), get_args(hint)
     if of is np.ndarray and get_args(inner[1])[0] is np.float64:
         # squares of large numbers are not finite, either: `unfit` decides on these
         return lambda v: type(v) is np.ndarray and v.dtype == _FLOAT and (
             not finite or isfinite(np.vdot(v, v)))
+    tests = [usual(h, finite) for h in inner] if of in (Union, types.UnionType, tuple) else []
+    if of in (Union, types.UnionType):
+        return lambda v: any([test(v) for test in tests])
     if of is tuple and inner[-1:] != (...,):
-        tests = [usual(h, finite) for h in inner]
         return lambda v: type(v) is tuple and len(v) == len(tests) and all(
             [test(part) for test, part in zip(tests, v, strict=True)])
     return lambda v: False
@@ -111,8 +116,9 @@ def usual(hint: Any, finite: bool = True) -> Callable[[object], bool]:
 
 def unfit_arrays(value: Any) -> str:
     """Description of the first field of a dataclass that is not of its type or not finite."""
-    for name, hint in _hints(type(value)):  # type: ignore[arg-type]
-        if wrong := unfit(getattr(value, name), hint):
+    for name, hint, as_usual in _hints(type(value)):  # type: ignore[arg-type]
+        held = getattr(value, name)
+        if not as_usual(held) and (wrong := unfit(held, hint)):
             return f"a {type(value).__name__} whose {name} is {wrong}"
     return ""
 

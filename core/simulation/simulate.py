@@ -18,8 +18,7 @@ from sparsemor.core.simulation.admission import admit, kept
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.choices import explicit
 from sparsemor.core.simulation.memory.disk import room_for_result
-from sparsemor.core.simulation.memory.limits import peak
-from sparsemor.core.simulation.memory.use import MemoryUse
+from sparsemor.core.simulation.memory.limits import MemoryUse, peak
 from sparsemor.core.simulation.prepare import build_bases, checked, prepared, reduced, train
 from sparsemor.core.simulation.progress import progress_bar
 from sparsemor.core.simulation.recorder import Recorder

@@ -16,7 +16,6 @@ from sparsemor.core.protocols import (
     ManySteps,
     NextStep,
     State,
-    StepBlock,
     StepFormula,
     StepMemory,
     StepOutcome,
@@ -137,8 +136,8 @@ def iterate(
         if interrupted():
             return
         begun = time.perf_counter()
-        block = _NONE if many is None else many.advance(state, memory, count)
-        if done := len(block):
+        block = None if many is None else many.advance(state, memory, count)
+        if block is not None and (done := len(block)):
             each = (time.perf_counter() - begun) / done
             for i, (n, error) in enumerate(zip(block.iterations, block.remaining, strict=True), 1):
                 state = block.state(i - 1)
@@ -151,9 +150,6 @@ def iterate(
         if not outcome.status.ok:
             return
         count -= 1
-
-
-_NONE = StepBlock()
 
 
 def many_steps(

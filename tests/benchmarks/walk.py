@@ -9,7 +9,8 @@ that is imported is entered, too; files of which a function was called are count
 The walk begins at the function of the command and follows each function once, where it is called
 first, as a reader does: successive functions of one file are a stay, and a stay in a file that was
 left before is a return. The checks at the boundary of plugins (core/registry/boundary.py) and what
-runs on import are not followed. Counted are the first 100 functions, and all up to the first step.
+runs on import are not followed. Counted are all functions up to the first step, and those of the
+main line: functions that have not ended when the step begins, and what they call themselves.
 """
 
 import argparse
@@ -25,7 +26,8 @@ FOLDERS = ("core", "bodies", "integrators", "reducers", "plugins")
 COMMAND = ("core/cli/run.py", "run")
 """File and function of the command."""
 BOUNDARY = "core/registry/boundary.py"
-FIRST = 100
+PARTS = ("<genexpr>", "<lambda>", "<listcomp>", "<dictcomp>", "<setcomp>")
+"""Frames that are parts of a function."""
 STEP = ("core/simulation/time_stepping.py", "__call__")
 """File and function of one time step."""
 
@@ -34,12 +36,13 @@ class Walk:
     """Counts of frames of the package, by a profile function."""
 
     def __init__(self) -> None:
-        self.calls = self.imports = self.depth = self.deepest = self.walked = 0
+        self.calls = self.imports = self.depth = self.deepest = 0
         self.files: set[str] = set()
         self.called: set[str] = set()
         self.functions: set[tuple[str, int]] = set()
         self.stays: list[str] = []
-        self.returns = 0
+        self.made: list[tuple[str, str, int]] = []
+        self.open: list[int] = []
         self.deepest_stack: list[str] = []
         self.known: dict[str, str] = {}
         self.importing = 0
@@ -63,6 +66,8 @@ class Walk:
         if event == "return":
             self.depth -= 1
             self.importing -= name == "<module>"
+            if self.open:
+                self.open.pop()
             return
         self.depth += 1
         self.calls += 1
@@ -75,29 +80,42 @@ class Walk:
         if self.depth > self.deepest:
             self.deepest, self.deepest_stack = self.depth, stack(frame, self)
         self.begun = self.begun or (path, name) == COMMAND
+        if self.begun:
+            caller = self.open[-1] if self.open else -1
+            if name not in PARTS:
+                self.made.append((path, name, caller))
+            self.open.append(caller if name in PARTS else len(self.made) - 1)
         function = path, frame.f_code.co_firstlineno
         if self.begun and not self.importing and path != BOUNDARY and (
                 function not in self.functions):
             self.functions.add(function)
-            self.walked += 1
-            if not self.stays or self.stays[-1] != path:
-                self.returns += path in self.stays
-                self.stays.append(path)
-            if self.walked == FIRST:
-                print(f"first {FIRST} functions: {self.walk()}")
+            self.stays.append(path)
         if (path, name) == STEP:
             sys.setprofile(None)
             raise Reached
 
-    def walk(self) -> str:
-        return (f"{len(self.stays)} stays in {len(set(self.stays))} files, {self.returns} returns "
-                "to a file already left")
+    def main_line(self) -> list[str]:
+        """Files of the functions that have not ended, and of those that they call, in order."""
+        line, seen, files = {*self.open}, set[tuple[str, str]](), []
+        for i, (path, name, caller) in enumerate(self.made):
+            if i in line or caller in line and name != "<module>" and (path, name) not in seen:
+                seen.add((path, name))
+                files.append(path)
+        return files
 
     def report(self) -> None:
-        print(f"before the first step: {self.walk()}")
+        print(f"main line: {stays(self.main_line())}")
+        print(f"before the first step: {stays(self.stays)}")
         print(f"files entered {len(self.files)} (a function called in {len(self.called)}), own "
               f"calls {self.calls} ({self.imports} imports), deepest own stack {self.deepest}:")
         print(*(f"  {line}" for line in self.deepest_stack), sep="\n")
+
+
+def stays(files: list[str]) -> str:
+    """Stays in files by successive functions, and returns among them."""
+    found = [f for f, before in zip(files, ["", *files], strict=False) if f != before]
+    return (f"{len(found)} stays in {len({*found})} files, {len(found) - len({*found})} returns "
+            "to a file already left")
 
 
 class Reached(BaseException):

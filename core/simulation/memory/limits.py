@@ -1,9 +1,10 @@
-"""Memory of this process: peak, resident, and limit. All in bytes."""
+"""Memory of this process, and that of a run: peak, resident, estimate and limit. All in bytes."""
 
 import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
 import psutil
@@ -138,3 +139,20 @@ def gb(size: float) -> str:
     if size >= 1e6 * GIGABYTE:
         return f"{size / GIGABYTE:.3g} GB"
     return f"{size / GIGABYTE:.0f} GB" if size >= 10 * GIGABYTE else f"{size / GIGABYTE:.2g} GB"
+
+
+@dataclass(frozen=True, slots=True)
+class MemoryUse:
+    """Memory of a run, bytes. expected: estimated total, None without an estimate; offline: peak
+    until the first step."""
+
+    expected: float | None
+    offline: int
+
+    def summary(self) -> dict[str, float]:
+        """Summary entries, GB. peak_gb: peak of the process; peak_offline_gb: its peak until the
+        first step; expected_gb: estimate in advance; available_gb: memory limit of the process at
+        the end of the run."""
+        expected = {} if self.expected is None else {"expected_gb": self.expected / GIGABYTE}
+        return {"peak_gb": peak() / GIGABYTE, "peak_offline_gb": self.offline / GIGABYTE,
+                **expected, "available_gb": ceiling() / GIGABYTE}
