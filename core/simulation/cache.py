@@ -28,7 +28,7 @@ SPENT = "spent.json"
 _FILE = re.compile(r"\d{3,}\.npy|manifest\.json|spent\.json")
 """Names of the files of an entry."""
 MACHINE_CODE = "machine_code"
-"""Kind of machine code (kept/machine_code.py)."""
+"""Kind of machine code (reducers/step/compiled/machine_code.py)."""
 _MACHINE_CODE = re.compile(r"[0-9a-f]{32}\.code|\.[0-9a-f]{32}\.part|.+\.nb[ic]")
 _UNREADABLE = (ValueError, KeyError, TypeError, AttributeError, EOFError, MemoryError,
                RecursionError)

@@ -49,7 +49,6 @@ from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.checks import KIND, Checks
 from sparsemor.core.simulation.choices import explicit
 from sparsemor.core.simulation.free_options import FREE, inside, load_functions
-from sparsemor.core.simulation.kept.stored_classes import CLASSES
 from sparsemor.core.simulation.offline import step_count
 from sparsemor.core.simulation.other_start import (
     Initial,
@@ -63,6 +62,7 @@ from sparsemor.core.simulation.progress import progress_bar
 from sparsemor.core.simulation.recorder import Recorder
 from sparsemor.core.simulation.run_steps import RunSteps
 from sparsemor.core.simulation.step_statistics import StepStatistics
+from sparsemor.core.simulation.stored_classes import CLASSES
 from sparsemor.core.simulation.time_stepping import started
 from sparsemor.core.simulation.validation import ESTIMATE, endless, time_faults
 from sparsemor.core.status import SolveFailed

@@ -14,7 +14,7 @@ MODULES = {f"sparsemor.core.{name}" for name in (
     "protocols.poses", "protocols.prescribed_quantities", "protocols.separable",
     "protocols.sparse_solver", "protocols.step_amplitude", "protocols.step_solver",
     "registry.returned_values", "results.error_norms", "scene.expressions", "scene.nested",
-    "simulation.kept.machine_code", "simulation.memory.estimate", "simulation.memory.limits")}
+    "simulation.cache", "simulation.memory.estimate", "simulation.memory.limits")}
 """Modules of core for some plugins, which docs/how-to-write-a-plugin.md lists."""
 PUBLIC = {"sparsemor", "sparsemor.bodies", "sparsemor.core", "sparsemor.core.testing",
           "sparsemor.reducers", *MODULES}

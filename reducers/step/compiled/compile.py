@@ -21,9 +21,9 @@ from types import FunctionType
 from typing import Any, NamedTuple, TypeAlias
 
 from sparsemor.core.protocols.poses import steered, tangent
-from sparsemor.core.simulation.kept.machine_code import MachineCode
 from sparsemor.reducers.step import acceptance
 from sparsemor.reducers.step.compiled import dense, kernel, local, mechanics, prescribed
+from sparsemor.reducers.step.compiled.machine_code import MachineCode
 
 _log = logging.getLogger(__name__)
 FUNCTIONS: tuple[Callable[..., object], ...] = (

@@ -14,7 +14,7 @@ import pytest
 
 import sparsemor
 from sparsemor.core.simulation.cache import Cache
-from sparsemor.core.simulation.kept.machine_code import MachineCode
+from sparsemor.reducers.step.compiled.machine_code import MachineCode
 
 KEY, DATA = "a function", b"\x90" * 1000
 
@@ -133,7 +133,7 @@ COMPILED = """
 import sys
 import numba
 import sparsemor
-from sparsemor.core.simulation.kept.machine_code import MachineCode
+from sparsemor.reducers.step.compiled.machine_code import MachineCode
 from sparsemor.reducers.step.compiled.compile import with_kept_code
 
 def twice(x):

@@ -1,1 +1,0 @@
-"""Machine code, and the classes of which reduced models are kept."""
