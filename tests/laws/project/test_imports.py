@@ -166,7 +166,7 @@ def test_projecting_reducers_import_what_third_parties_may(module: str) -> None:
 
 
 def test_the_check_sees_a_private_import() -> None:
-    assert private(ast.parse("def f():\n    from sparsemor.core.simulation.recorder import Recorder"))
+    assert private(ast.parse("def f():\n    from sparsemor.core.simulation.training import train"))
     assert not private(ast.parse("from sparsemor.core import Term"))
 
 
@@ -181,7 +181,7 @@ def test_the_check_sees_a_breach(folder: str, text: str) -> None:
 
 
 def test_the_check_sees_an_upward_import() -> None:
-    tree = ast.parse("def f():\n    from sparsemor.core.simulation.recorder import Recorder")
+    tree = ast.parse("def f():\n    from sparsemor.core.simulation.training import train")
     assert upward("results", tree) and not upward("analysis", tree)
 
 
