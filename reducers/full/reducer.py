@@ -13,12 +13,12 @@ from sparsemor.reducers.step.blocks.thermal_groups import group_name
 from sparsemor.reducers.step.compiled.stepper import compilable
 from sparsemor.reducers.step.coupled_reduced import (
     ProjectedModel,
-    border_positions,
     dense_equations,
     reduced_general,
 )
 from sparsemor.reducers.step.loop import Loop
 from sparsemor.reducers.step.prepare import constants, stepper, time_table
+from sparsemor.reducers.step.reduced import positions
 from sparsemor.reducers.step.solver import bodies
 from sparsemor.reducers.step.whole_step import WholeNewton, WholeStepper
 from sparsemor.reducers.step_options import StepOptions
@@ -75,7 +75,7 @@ class Full(StepOptions):
                 step, o, model.factorize(m.elastic, D), time_table(step, m) if driven else None))
             done += 1
         equations = FullMechanics(model.layout, found, model.separated.border_targets,
-                                  border_positions(model.layout))
+                                  positions(model.layout))
         made = replace(made, mechanics=made.by_loop(equations), factorizations=done,
                        warming=heat, loop=Loop(model.layout, tol), iterating=equations.iterates)
         if not made.iterating:  # chosen where a factor is too large

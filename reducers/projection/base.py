@@ -220,6 +220,7 @@ def fast(
         n, p = b.thermal, projected.heat[b.thermal]
         local = local_terms(model, b, projected.dictionaries[n], projected.wide(n)) if (
             b.local) else []
+        assert p.left is not None
         heat[n] = CompressedHeat.of(p.tested, p.left, None, c1_first, local)
     wide = {c.rows: projected.wide(c.rows) for c in model.separated.couplings}
     made = stepper(

@@ -11,6 +11,7 @@ unknowns is of second order: the step is solved again with all of them on the ne
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import qr
@@ -29,7 +30,7 @@ from sparsemor.core import (
 from sparsemor.core.linalg.column_subsets import ColumnSubsets
 from sparsemor.core.registry.returned_values import checked_return, prepared_recovery
 from sparsemor.reducers.sparse.memory import SparseMemory
-from sparsemor.reducers.sparse.row_residuals import ElasticRows, RowResidual, ThermalRows
+from sparsemor.reducers.sparse.sampled_block import RangeColumns, SampledElastic, SampledHeat
 from sparsemor.reducers.sparse.supported_steps import (
     Found,
     SelectionFailed,
@@ -37,6 +38,7 @@ from sparsemor.reducers.sparse.supported_steps import (
     SupportedSteps,
     reselected_step,
 )
+from sparsemor.reducers.step.reduced import Reduced
 
 DEPENDENT = 1e-8
 """Distance of a unit column from the span of others below which the rows do not distinguish its
@@ -46,20 +48,37 @@ ROUND_OFF = 100.0 * float(np.finfo(np.float64).eps)
 zero within rounding of its terms."""
 
 
+class BlockRows(NamedTuple):
+    """One block in the residual of all sampled rows: numbers `at` of its unknowns and `rows` of its
+    rows; columns: the operator B (j, k) on its coefficients in the first j rows, zero in the
+    others."""
+
+    name: str
+    at: slice
+    rows: slice
+    budget: int
+    columns: RangeColumns
+
+    @classmethod
+    def of(cls, s: SampledHeat | SampledElastic, residual: Reduced) -> "BlockRows":
+        name = s.block.name
+        return cls(name, residual.layout[name], residual.rows[name], s.block.budget, s.columns)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class BlockSelection:
     """Constant data of the selection in one block. weight: 1 / length^2 of the longest column of B,
     by which squared residuals of several blocks are made comparable; tolerance: residual norm,
     relative to that of the coefficients of unit columns, up to which no exchange is needed."""
 
-    rows: RowResidual
+    rows: BlockRows
     weight: float
     recovery: Recovery
     tolerance: float
 
     @classmethod
     def of(
-        cls, rows: RowResidual, solver: SparseSolver, tolerance: float = 0.0
+        cls, rows: BlockRows, solver: SparseSolver, tolerance: float = 0.0
     ) -> "BlockSelection":
         columns = rows.columns
         return cls(rows, float(columns.lengths.max(initial=1e-300)) ** -2,
@@ -202,13 +221,10 @@ class BlockwiseSelection:
         settled: float,
     ) -> "BlockwiseSelection":
         """settled: tolerance of every block."""
-        layout, mechanics = steps.base.layout, steps.base.mechanics
-        heat: list[RowResidual] = [ThermalRows.of(s, layout[n]) for n, s in steps.heat.items()]
-        bodies: list[RowResidual] = [] if mechanics is None else [
-            ElasticRows.of(steps.elastic[b.elastic_name], i, b.elastic, b.thermal)
-            for i, b in enumerate(mechanics.bodies) if b.elastic_name in steps.elastic]
-        thermal, elastic = ([BlockSelection.of(r, solver, settled) for r in some]
-                     for some in (heat, bodies))
+        residual = steps.mechanics.sampled.all_rows.rows
+        thermal, elastic = ([
+            BlockSelection.of(BlockRows.of(s, residual), solver, settled)
+            for s in blocks.values()] for blocks in (steps.heat, steps.elastic))
         return cls(steps, thermal, elastic, hysteresis, carried,
                    {b.rows.name: b.distinguishable for b in (*thermal, *elastic)})
 
@@ -239,9 +255,10 @@ class BlockwiseSelection:
         self, blocks: Sequence[BlockSelection], at: SolvedStep, memory: SparseMemory
     ) -> Found:
         """Exchanges in blocks that decide together."""
-        step, x, supports = at.step, at.outcome.x, at.supports
-        parts = [b.at(b.rows.residual(step, x, at.now, memory.work), x[b.rows.at],
-                      supports[b.rows.name]) for b in blocks]
+        if not blocks:
+            return {}
+        x, rows = at.outcome.x, self.steps.rows(at, memory)
+        parts = [b.at(rows[b.rows.rows], x[b.rows.at], at.supports[b.rows.name]) for b in blocks]
         bad = next((p for p in parts if not p.current < np.inf), None)
         if bad is not None:
             return SelectionFailed(bad.block.rows.name, Status.NOT_FINITE)

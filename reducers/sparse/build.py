@@ -1,7 +1,10 @@
 """Assembly of a step solver from the sampled rows of each block, for the reducer `sparse`."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Container, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
 
 from sparsemor.core import (
     AssembledModel,
@@ -34,6 +37,11 @@ from sparsemor.reducers.sparse.sampled_block import (
     weigh,
 )
 from sparsemor.reducers.sparse.stepper import SparseStepper
+from sparsemor.reducers.sparse.supported_equations import (
+    ActiveRows,
+    SupportedEquations,
+    SupportedMechanics,
+)
 from sparsemor.reducers.sparse.supported_steps import SupportedSteps
 from sparsemor.reducers.step.blocks.thermal_groups import heat_groups
 from sparsemor.reducers.step.compiled.stepper import compilable, require_numba
@@ -41,6 +49,7 @@ from sparsemor.reducers.step.coupled_reduced import (
     ProjectedBlock,
     ProjectedModel,
     ReducedGeneral,
+    dense_equations,
     reduced_general,
 )
 from sparsemor.reducers.step.operators import TestedElastic, TestedHeat, TestMap
@@ -101,7 +110,6 @@ class Build:
         notes = list(self.notes)
         maps = {n: self._map(n, r) for n, r in rows.items()}
         _, c1, c2, c1_first = self.step
-        prescribed = not self.model.separated.border_size
         for b in self.model.separated.heat:
             n = b.thermal
             source = self._source(whole, n)
@@ -120,8 +128,7 @@ class Build:
                                    self.dictionaries.get(m.thermal), maps[n],
                                    rigid=self.model.separated.rigid_equations))
             block, facts[n] = self._block(n, rows[n], te.block(c1, c2), maps[n], notes)
-            elastic[n] = SampledElastic.of(
-                block, te.under(TestMap(left=block.weight)), prescribed, self.step)
+            elastic[n] = SampledElastic.of(block, te.under(TestMap(left=block.weight)))
         sampled = [*(h.block for h in heat.values()), *(e.block for e in elastic.values())]
         selecting = {block.name for block in sampled if block.selects}
         if self.model.separated.other or selecting & unselectable_blocks(self.model):
@@ -149,20 +156,23 @@ class Build:
     def _projected(
         self, rows: Mapping[str, IntArray], maps: Mapping[str, TestMap],
         heat: Mapping[str, SampledHeat], elastic: Mapping[str, SampledElastic],
+        selecting: Container[str] = ()
     ) -> ProjectedModel:
-        """All equations under the least squares of each block's rows, with all atoms active."""
-        blocks = _blocks(heat, elastic)
+        """All equations: under the least squares of each block's rows, with all atoms active, or of
+        the blocks `selecting` their compressed rows."""
 
-        def weighted(name: str) -> TestMap:
-            P, m = blocks[name].weight, maps[name]
-            return m if P is None else TestMap(m.rows, P if m.left is None else P @ m.left)
+        def projected(s: SampledHeat | SampledElastic) -> ProjectedBlock[Any]:
+            name, P = s.block.name, s.block.weight
+            m = s.forces or maps[name]
+            if P is not None and s.forces is None:
+                m = TestMap(m.rows, P if m.left is None else P @ m.left)
+            if name in selecting:
+                return ProjectedBlock(s.compressed[0], None, m)
+            return ProjectedBlock(s.operators, s.block.left_inverse(None), m)
 
         return ProjectedModel(
-            self.model, self.dictionaries, rows,
-            {n: ProjectedBlock(s.operators, s.block.left_inverse(None), weighted(n))
-             for n, s in heat.items()},
-            {n: ProjectedBlock(s.operators, s.block.left_inverse(None), weighted(n))
-             for n, s in elastic.items()})
+            self.model, self.dictionaries, rows, {n: projected(s) for n, s in heat.items()},
+            {n: projected(s) for n, s in elastic.items()})
 
     def _source(self, whole: Whole | None, name: str) -> Whole | None:
         """Source of the rows of a block; None for rows of D^-1 r, which are not stored for the
@@ -217,10 +227,8 @@ class Build:
         facts: Mapping[str, Mapping[str, float | int | str]], row_set: int, notes: list[Note],
     ) -> Stepper | SparseStepper:
         """Step solver; blocks in which no atoms are selected are condensed here, once."""
-        fixed_heat = {n: h.prepared(None) for n, h in heat.items() if not h.block.selects}
+        fixed_heat = {n: h.on(None) for n, h in heat.items() if not h.block.selects}
         fixed = not any(block.selects for block in _blocks(heat, elastic).values())
-        fixed_elastic = {} if fixed else {
-            n: e.prepared(None) for n, e in elastic.items() if not e.block.selects}
         # D^-1 brings every load to every row
         plain = {n: r for n, r in rows.items() if n not in self.inverted}
         coupled_maps = {c.rows: self._on_all_rows(heat[c.rows], maps[c.rows])
@@ -230,30 +238,42 @@ class Build:
             self.model, fixed_heat, self.dictionaries, coupled_maps, self.step.c1_first)
         o, sizes = self.options, {n: d.atoms.shape[1] for n, d in self.dictionaries.items()}
         base = stepper(
-            self.model, self.model.layout.resized(sizes), self.dictionaries, rows, groups,
-            fixed_elastic, o.tolerances, o.predictor,
-            len(fixed_heat) + (len(elastic) if fixed else len(fixed_elastic)),
+            self.model, self.model.layout.resized(sizes), self.dictionaries, rows, groups, {},
+            o.tolerances, o.predictor,
+            len(fixed_heat) + sum(not e.block.selects for e in elastic.values()),
             fixed and self.offline is not None, self.limits,
             (*unsampled_loads(self.model, plain), *notes),
-            {n: e.operators for n, e in elastic.items()}, facts, visited, not fixed)
+            {n: e.operators for n, e in elastic.items()}, facts, visited, False)
         if fixed:
             projected = self._projected(rows, maps, heat, elastic)
             base = base.with_equations(reduced_general(
                 projected, o.tolerances, o.predictor, ahead=self.offline is not None).equations)
             return compilable(base, o.compiled)
         require_numba(o.compiled)
+        if o.compiled == "on":
+            base = replace(base, notes=(*base.notes, information(
+                "compiled: on has no effect: atoms are selected during the run", "compiled")))
         # all elastic blocks take part in the joint problem
-        whole = o.selection == "joint" and len(fixed_elastic) < len(elastic)
-        selecting = {n: e for n, e in elastic.items() if whole or n not in fixed_elastic}
+        whole = o.selection == "joint" and any(e.block.selects for e in elastic.values())
+        selecting = {n: e for n, e in elastic.items() if whole or e.block.selects}
         selecting_heat = {n: h for n, h in heat.items() if n not in fixed_heat}
         self._refuse(selecting_heat, selecting, base)
-        steps = SupportedSteps(base, selecting_heat, selecting, row_set)
+        residual = dense_equations(
+            self._projected(rows, maps, heat, elastic, {*selecting, *selecting_heat}),
+            ahead=self.offline is not None)
+        m = base.mechanics
+        assert m is not None
+        mechanics = SupportedMechanics(
+            m.bodies, m.n_rigid, m.algebraic, m.targets, m.tol, SupportedEquations(residual),
+            {n: ActiveRows(np.arange(e.block.atoms)) for n, e in elastic.items()})
+        steps = SupportedSteps(replace(base, mechanics=mechanics), mechanics, selecting_heat,
+                               selecting, row_set)
         carried = frozenset(n for n in steps.empty if o.carries(n))
         selection = (
             BlockwiseSelection.of(steps, o.solver, o.hysteresis, bool(carried), o.settled)
             if o.selection == "blocks" else
             JointSelection(steps, o.solver, o.hysteresis, carried, o.polish))
-        return SparseStepper(base, steps, selection, o.every, o.compiled)
+        return SparseStepper(steps.base, steps, selection, o.every)
 
     def _on_all_rows(self, source: SampledHeat, test: TestMap) -> FloatArray:
         """Map (k, n) of forces on all n rows of a block to its coefficients: the left inverse of

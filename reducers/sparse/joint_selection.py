@@ -75,7 +75,7 @@ class JointSelection:
     def elastic(self, at: SolvedStep, memory: SparseMemory) -> Found:
         if not self.steps.elastic:
             return {}
-        problem, start = self._mechanics(at.step, at.outcome.x, at.supports)
+        problem, start = self._mechanics(at.step, at.outcome.x, at.supports, memory)
         out = self._solved(problem, start)
         if not out.status.ok:
             return _failed(problem, out)
@@ -112,7 +112,7 @@ class JointSelection:
                 return insane
         if self.steps.elastic:
             first = {n: self._first(n, memory) for n in self.steps.elastic}
-            problem, start = self._mechanics(step, x, first)
+            problem, start = self._mechanics(step, x, first, memory)
             out = self._solved(problem, start)
             if not out.status.ok:
                 bad = _failed(problem, out)
@@ -120,8 +120,7 @@ class JointSelection:
             for g in problem.groups[:-1]:
                 found[g.name] = out.support[g.start : g.stop]
                 x[base.layout[g.name]] = out.c[g.start : g.stop]
-            y, nr = out.c[problem.k :], problem.mechanics.n_rigid
-            x[:nr], x[problem.mechanics.algebraic] = y[:nr], y[nr:]
+            x[problem.rows.border] = out.c[problem.k :]
             iterations = out.iterations
         if take(found, memory):
             memory.past.restart()  # coefficients may have jumped: the past is no guide
@@ -137,13 +136,11 @@ class JointSelection:
         return HeatProblem.at(self.steps.heat[name], step.r1[at], step.t)
 
     def _mechanics(
-        self, step: StepFormula, x: FloatArray, supports: SupportOf
+        self, step: StepFormula, x: FloatArray, supports: SupportOf, memory: SparseMemory
     ) -> tuple[MechanicsProblem, SparseStart]:
         """Problem of all elastic blocks near the state x, and its start."""
-        mechanics = self.steps.base.mechanics
-        assert mechanics is not None
-        sampled = [self.steps.elastic.get(b.elastic_name) for b in mechanics.bodies]
-        problem = MechanicsProblem(mechanics, sampled, step, x)
+        problem = MechanicsProblem(self.steps.mechanics.working(memory).rows.rows,
+                                   list(self.steps.elastic.values()), step, x)
         c = problem.start()
         support = np.ones(len(c), dtype=np.bool_)
         for g in problem.groups[:-1]:

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Self, TypeAlias, TypeVar
 
-from sparsemor.reducers.sparse.sampled_block import ReducedElastic
+from sparsemor.reducers.sparse.supported_equations import ActiveRows
 from sparsemor.reducers.step.blocks.thermal_block import CompressedHeat
 from sparsemor.reducers.step.memory import Memory
 from sparsemor.reducers.step.solver import Stepper
@@ -26,7 +26,7 @@ class SparseMemory(Memory):
 
     step: int = 0
     heat: dict[Supports, CompressedHeat] = field(default_factory=dict)
-    elastic: dict[Supports, ReducedElastic] = field(default_factory=dict)
+    elastic: dict[Supports, ActiveRows] = field(default_factory=dict)
     steppers: dict[Supports, Stepper] = field(default_factory=dict)
     current: Stepper | None = None
 
@@ -43,6 +43,7 @@ class SparseMemory(Memory):
         """Drops reduced operators of the previous set of rows if that is not used again
         (`fresh`)."""
         self.current = None
+        self.linearised_on = None
         if fresh:
             self.heat, self.elastic, self.steppers = {}, {}, {}
 

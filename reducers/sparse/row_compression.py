@@ -22,12 +22,11 @@ DEPENDENT = 1e-14
 
 class CompactElastic(NamedTuple):
     """Elastic operators and B (l, k) in the compressed rows; B is nonzero in the first `reach` rows
-    only, the frame directions P in the first `first`."""
+    only."""
 
     operators: TestedElastic
     B: FloatArray
     reach: int
-    first: int
 
 
 class CompactHeat(NamedTuple):
@@ -45,14 +44,13 @@ def compact_elastic(t: TestedElastic, B: FloatArray) -> CompactElastic:
     """Compressed rows of B (m, k) and of the elastic operators in the same m sampled rows."""
     m, k = B.shape
     if k >= m:
-        return CompactElastic(t, B, m, m)
+        return CompactElastic(t, B, m)
     Z = np.linalg.qr(_unit(B))[0]
     reach, Z = Z.shape[1], _joined(Z, t.directions)
-    first = Z.shape[1]
     Z = _joined(Z, np.hstack([
         *t.generators, t.damping, t.coupling, t.loads, t.constant[:, None], t.mass,
         *(table.values.T for table in t.tables)]))
-    return CompactElastic(t.under(TestMap(left=Z.T)), Z.T @ B, reach, first)
+    return CompactElastic(t.under(TestMap(left=Z.T)), Z.T @ B, reach)
 
 
 def compact_heat(t: TestedHeat, B: FloatArray, whole: bool = False) -> CompactHeat:

@@ -3,7 +3,6 @@ operators for a support (set of active atoms)."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TypeAlias
 
 import numpy as np
 from scipy.sparse import eye_array
@@ -28,17 +27,13 @@ from sparsemor.core.model.factorizations import solve_or_fail
 from sparsemor.core.protocols import HeatBody
 from sparsemor.core.registry.returned_values import built_weights, sampled_rows
 from sparsemor.reducers.checks import compresses
-from sparsemor.reducers.linalg.active_columns import few
 from sparsemor.reducers.linalg.left_inverse import SAMPLED_RTOL, left_inverse, squares
 from sparsemor.reducers.sparse.row_compression import compact_elastic, compact_heat
-from sparsemor.reducers.step.blocks.compressed_elastic import CompressedElastic
-from sparsemor.reducers.step.blocks.compressed_prescribed import CompressedPrescribed
-from sparsemor.reducers.step.blocks.selected_prescribed import SelectedPrescribed
+from sparsemor.reducers.sparse.supported_equations import ActiveRows
 from sparsemor.reducers.step.blocks.thermal_block import CompressedHeat
 from sparsemor.reducers.step.operators import TestedElastic, TestedHeat, TestMap
 from sparsemor.reducers.trial_bases import local_terms
 
-ReducedElastic: TypeAlias = CompressedElastic | CompressedPrescribed | SelectedPrescribed
 _CHUNK = 256
 """Number of right-hand sides that are solved at once."""
 
@@ -111,51 +106,43 @@ class SampledElastic:
     """Sampled rows of an elastic block and their compressions.
 
     operators: operators in the sampled rows, including the preconditioner. compressed: operators
-    and B in the compressed rows (row_compression.py) where atoms are selected; first: number of
-    these rows in which B or the frame directions are nonzero; range_rows: operators in the
-    compressed rows in which B is nonzero, the only ones that affect a least-squares solution;
-    columns: B in these rows. prescribed: True if the motion of all frames is prescribed; step: step
-    size and factors.
+    and B in the compressed rows (row_compression.py) where atoms are selected; columns: B in the
+    rows in which it is nonzero, the first ones and the only ones that affect a least-squares
+    solution.
     """
 
     block: Sampled
     operators: TestedElastic
     compressed: tuple[TestedElastic, FloatArray]
-    first: int
-    range_rows: TestedElastic
     columns: RangeColumns
-    prescribed: bool
-    step: StepFactors
 
     @classmethod
-    def of(
-        cls, block: Sampled, operators: TestedElastic, prescribed: bool, step: StepFactors
-    ) -> "SampledElastic":
+    def of(cls, block: Sampled, operators: TestedElastic) -> "SampledElastic":
         if not block.selects:
-            return cls(block, operators, (operators, block.B), len(block.B), operators,
-                       RangeColumns.of(block.name, block.B), prescribed, step)
-        t, B, reach, first = compact_elastic(operators, block.B)
+            return cls(block, operators, (operators, block.B), RangeColumns.of(
+                block.name, block.B))
+        t, B, reach = compact_elastic(operators, block.B)
         if reach == len(B):
             t, B = t.by_columns(), np.asfortranarray(B)
-            return cls(block, operators, (t, B), first, t, RangeColumns.of(block.name, B),
-                       prescribed, step)
-        in_range = np.arange(reach)
-        return cls(block, operators, (t, B), first, t.under(TestMap(in_range)),
-                   RangeColumns.of(block.name, B[in_range]), prescribed, step)
+        return cls(block, operators, (t, B), RangeColumns.of(block.name, B[:reach]))
 
-    def prepared(self, support: IntArray | None) -> ReducedElastic:
-        inverse, c1, c2 = self.columns.left_inverse(support), self.step.c1, self.step.c2
-        if self.prescribed and support is not None and few(support, self.block.atoms):
-            return SelectedPrescribed.of(self.range_rows, inverse, support, c1, c2)
-        kind = CompressedPrescribed if self.prescribed else CompressedElastic
-        return kind.of(self.range_rows, inverse, support, c1, c2)
+    @property
+    def forces(self) -> TestMap | None:
+        """Test map of other forces in the rows of `compressed`, None where these are the sampled
+        ones; there are none in blocks whose atoms are selected."""
+        return None if self.block.selects is False else TestMap()
+
+    def on(self, support: IntArray | None) -> ActiveRows:
+        """The active rows on a support, of all atoms if None. Raises SolveFailed."""
+        active = np.arange(self.block.atoms) if support is None else support
+        return ActiveRows(active, self.columns.left_inverse(support))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SampledHeat:
-    """Sampled rows of a thermal block and their compressions; operators, compressed, range_rows,
-    columns: see `SampledElastic`. basis (m, l): basis of the compressed rows in the sampled rows,
-    None where they are the same."""
+    """Sampled rows of a thermal block and their compressions; operators, compressed, columns: see
+    `SampledElastic`; range_rows: operators in the rows of `columns`. basis (m, l): basis of the
+    compressed rows in the sampled rows, None where they are the same."""
 
     block: Sampled
     operators: TestedHeat
@@ -179,14 +166,16 @@ class SampledHeat:
         return cls(block, operators, (t, B), t.under(TestMap(in_range)),
                    RangeColumns.of(block.name, B[in_range]), basis, model, body, c1)
 
-    def prepared(self, support: IntArray | None) -> CompressedHeat:
+    def on(self, support: IntArray | None) -> CompressedHeat:
         inverse = self.columns.left_inverse(support)
         rows = inverse if self.basis is None else inverse @ self.basis[:, : inverse.shape[1]].T
         return CompressedHeat.of(self.range_rows, inverse, support, self.c1, self._local(rows))
 
-    def local_rows(self) -> list[ReducedTerm]:
-        """Local terms in the rows of `compressed`."""
-        return self._local(np.eye(len(self.block.B)) if self.basis is None else self.basis.T)
+    @property
+    def forces(self) -> TestMap | None:
+        """Test map of forces in the rows of `compressed`, None where these are the sampled ones."""
+        P, Z = self.block.weight, self.basis
+        return None if Z is None else TestMap(self.block.rows, Z.T if P is None else Z.T @ P)
 
     def _local(self, rows: FloatArray) -> list[ReducedTerm]:
         """Local terms in combinations `rows` (l, m) of the sampled rows."""

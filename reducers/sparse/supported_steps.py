@@ -9,6 +9,7 @@ import numpy as np
 from sparsemor.core import BoolArray, FloatArray, IntArray, Status, StepFormula, StepOutcome
 from sparsemor.reducers.sparse.memory import SparseMemory, Supports, kept_or_made
 from sparsemor.reducers.sparse.sampled_block import SampledElastic, SampledHeat, numbers
+from sparsemor.reducers.sparse.supported_equations import SupportedMechanics
 from sparsemor.reducers.step.solver import Stepper
 
 ROUNDS = 10
@@ -22,9 +23,11 @@ SupportOf: TypeAlias = Mapping[str, BoolArray]
 @dataclass(frozen=True, slots=True, eq=False)
 class SupportedSteps:
     """Step solvers on any support of the blocks `heat` and `elastic`. base: step solver with the
-    other blocks; row_set: number of the set of sampled rows in the run."""
+    other blocks; mechanics: equations of all bodies; row_set: number of the set of sampled rows in
+    the run."""
 
     base: Stepper
+    mechanics: SupportedMechanics
     heat: Mapping[str, SampledHeat]
     elastic: Mapping[str, SampledElastic]
     row_set: int
@@ -54,9 +57,14 @@ class SupportedSteps:
             key = self.row_set, name, support.tobytes()
             return memory.counted_part(kept, key, lambda: make(numbers(support)))
 
-        return self.base.with_blocks(
-            {n: part(memory.heat, n, h.prepared) for n, h in self.heat.items()},
-            {n: part(memory.elastic, n, e.prepared) for n, e in self.elastic.items()})
+        heat = {n: part(memory.heat, n, h.on) for n, h in self.heat.items()}
+        elastic = {n: part(memory.elastic, n, e.on) for n, e in self.elastic.items()}
+        return replace(self.base, heat={**self.base.heat, **heat},
+                       mechanics=self.mechanics.on(elastic))
+
+    def rows(self, at: "SolvedStep", memory: SparseMemory) -> FloatArray:
+        """Residual of all sampled rows at the solution of a step."""
+        return self.mechanics.working(memory).all_rows.at_solution(at.step, at.outcome)
 
     def accepted(
         self, outcome: StepOutcome, step: StepFormula, memory: SparseMemory
@@ -125,22 +133,23 @@ def reselected_step(
     thermal ones first, because temperatures load the bodies, then elastic ones. None where there is
     no solution on `start`."""
     fresh = start is not memory.supports
-    scales, supports = memory.scales.copy(), start
+    kept, linearised_on, supports = memory.kept, memory.linearised_on, start
 
     def solved(guess: FloatArray | None) -> SolvedStep:
-        memory.scales = scales.copy()  # as if the step had not been solved on other supports
+        # as if the step had not been solved on other supports
+        memory.kept, memory.linearised_on = kept.copy(), linearised_on
         now = steps.on(memory, supports) if fresh or guess is not None else steps.current(memory)
         return SolvedStep(step, now.tried(step, memory, guess), now, supports, fresh)
 
     at = solved(None)
     if not at.outcome.status.ok:
-        memory.scales = scales
+        memory.kept, memory.linearised_on = kept, linearised_on
         return None
     for select in (selects.thermal, selects.elastic):
         for repeated in range(ROUNDS if fresh else 1):
             found = select(replace(at, fresh=False) if repeated else at, memory)
             if isinstance(found, SelectionFailed):
-                memory.scales = scales
+                memory.kept, memory.linearised_on = kept, linearised_on
                 return StepOutcome(
                     at.outcome.x, found.status, found.iterations, found.block, found.detail)
             if not found:

@@ -6,9 +6,10 @@ bases of the blocks and projected by their test maps; local terms visit elements
 rows only.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Generic, TypeVar
+from functools import cache
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
@@ -35,7 +36,7 @@ from sparsemor.reducers.step.frame_step import BodyStep
 from sparsemor.reducers.step.loop import Loop
 from sparsemor.reducers.step.operators import TestedElastic, TestedHeat, TestMap
 from sparsemor.reducers.step.prepare import time_table
-from sparsemor.reducers.step.reduced import Reduced, ReducedBody, ReducedHeat
+from sparsemor.reducers.step.reduced import Reduced, ReducedBody, ReducedHeat, positions
 from sparsemor.reducers.step.relocalised import Coupled
 from sparsemor.reducers.step.solver import Facts, reduce_state
 from sparsemor.reducers.step.whole_step import WholeMemory, WholeStepper, linear_response
@@ -47,21 +48,23 @@ T = TypeVar("T", TestedElastic, TestedHeat)
 @dataclass(frozen=True, slots=True, eq=False)
 class ProjectedBlock(Generic[T]):
     """One block on its trial basis and under its test maps. left (k, l): left inverse of the tested
-    operator, left @ (tested operator) = 1; forces: test map of all other terms."""
+    operator, left @ (tested operator) = 1, None for rows that stay as they are; forces: test map of
+    all other terms."""
 
     tested: T
-    left: FloatArray
+    left: FloatArray | None
     forces: TestMap
 
     @property
     def solved(self) -> T:
         """The rows multiplied by the left inverse, so that the block's own operator is the
         identity."""
-        return self.tested.under(TestMap(left=self.left))
+        return self.tested if self.left is None else self.tested.under(TestMap(left=self.left))
 
     def wide(self, n: int) -> FloatArray:
         """Left inverse times the test map of forces, (k, n), for all n rows of the block."""
-        return self.forces.times(self.left, n)
+        left = np.eye(len(self.tested.constant)) if self.left is None else self.left
+        return self.forces.times(left, n)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,6 +82,14 @@ class ProjectedModel:
     def layout(self) -> Layout:
         return self.model.layout.resized(
             {n: d.atoms.shape[1] for n, d in self.dictionaries.items()})
+
+    @property
+    def row_layout(self) -> Layout | None:
+        """Layout of the rows, where some are not times the left inverse of their block."""
+        blocks: dict[str, ProjectedBlock[Any]] = {**self.heat, **self.elastic}
+        if all(b.left is not None for b in blocks.values()):
+            return None
+        return self.layout.resized({n: len(b.solved.constant) for n, b in blocks.items()})
 
     def wide(self, name: str) -> FloatArray:
         """Left inverse of a block times its test map of forces, (k, n)."""
@@ -138,15 +149,15 @@ def dense_equations(
     their sparse derivatives at each element, which for many atoms costs less than projected points;
     they must be left out of the elastic operators in `projected`. ahead: see
     `reduced_general`."""
-    model, layout = projected.model, projected.layout
-    couple = _Couple(model, layout, projected.dictionaries,
-                     {n: projected.wide(n) for n in projected.dictionaries}, by_elements)
+    model, layout, rows = projected.model, projected.layout, projected.row_layout
+    couple = _Couple(model, layout, rows or layout, projected.dictionaries,
+                     cache(projected.wide), by_elements)
     return Reduced(
         layout,
         [ReducedHeat(layout[n], b.solved) for n, b in projected.heat.items()],
         _bodies(projected, ahead), [couple(t) for t in coupling_terms(model)],
-        model.separated.border_targets, border_positions(layout), model.separated.step,
-        coupling(model))
+        model.separated.border_targets, positions(layout), model.separated.step,
+        coupling(model), rows=rows)
 
 
 def coupling_terms(model: AssembledModel) -> list[Term]:
@@ -170,20 +181,16 @@ def _bodies(projected: ProjectedModel, ahead: bool) -> list[ReducedBody]:
     return found
 
 
-def border_positions(layout: Layout) -> IntArray:
-    """Positions of all rigid unknowns, then of all multipliers."""
-    at = np.arange(layout.size)
-    return np.concatenate([at[layout.frames], at[layout.algebraic]])
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class _Couple:
-    """Projection of a coupling term block by block; wide: block -> test map of forces (k, n)."""
+    """Projection of a coupling term block by block; rows: layout of the rows; wide: test map of
+    forces (l, n) of a block."""
 
     model: AssembledModel
     layout: Layout
+    rows: Layout
     dictionaries: Mapping[str, Dictionary]
-    wide: Mapping[str, FloatArray]
+    wide: Callable[[str], FloatArray]
     by_elements: bool = False
 
     def __call__(self, term: Term) -> Coupled:
@@ -221,7 +228,7 @@ class _Couple:
     def _left(self, at: IntArray) -> tuple[FloatArray, IntArray]:
         tall, numbers = [np.zeros((0, len(at)))], [np.zeros(0, np.int64)]
         for name, some, local in self._parts(at):
-            map_ = self.wide.get(name)
+            map_ = self.wide(name) if name in self.dictionaries else None
             used = np.unique(local) if map_ is None else np.arange(len(map_))
             left = np.zeros((len(used), len(at)))
             if map_ is None:
@@ -229,7 +236,7 @@ class _Couple:
             else:
                 left[:, some] = map_[:, local]
             tall.append(left)
-            numbers.append(self.layout[name].start + used)
+            numbers.append(self.rows[name].start + used)
         return np.vstack(tall), np.concatenate(numbers)
 
 

@@ -40,22 +40,26 @@ class RowsInTime:
 
 
 class Driven:
-    """Rows of one body, times the inverse of its own operator. drive: kappa, mu and sigma.
+    """Rows of one body without its own operator; rows: their numbers; drive: kappa, mu and sigma;
+    table: `RowsInTime`, if it is known.
 
     leading: number of unknowns in which the Jacobian differs from the identity. Of a step: weights
     (g,) = kappa + c1 mu, and the range `turning` of the g in which it has any. Of the last Jacobian
     that `contraction` was evaluated for: its point, weights, and the norm of J - 1.
     """
 
-    def __init__(self, step: BodyStep, tested: TestedElastic, drive: TimeTable) -> None:
-        self.step, self.at, self.generators = step, step.elastic, tested.generators
-        g, k = len(tested.generators), tested.mass.shape[1]
+    def __init__(
+        self, step: BodyStep, tested: TestedElastic, drive: TimeTable, rows: slice,
+        table: TimeTable | None = None,
+    ) -> None:
+        self.step, self.at, self.rows = step, step.elastic, rows
+        self.generators, k = tested.generators, tested.mass.shape[1]
         self.G = np.ascontiguousarray(tested.generators.transpose(0, 2, 1))
-        self.leading = r = min(LEADING, k) if g else 0
+        self.leading = r = min(LEADING, k) if len(self.G) else 0
         self.sizes = np.array([  # Frobenius norms of the leading part and of the rest
             (np.linalg.norm(A[:r, :r]), hypot(float(np.linalg.norm(A[r:])), float(
-                np.linalg.norm(A[:r, r:])))) for A in tested.generators]).reshape(g, 2)
-        self.table = TimeTable.of(RowsInTime(tested, drive), np.array(drive.times))
+                np.linalg.norm(A[:r, r:])))) for A in tested.generators]).reshape(len(self.G), 2)
+        self.table = table or TimeTable.of(RowsInTime(tested, drive), np.array(drive.times))
 
     weights: FloatArray
     guess: FloatArray
@@ -76,7 +80,7 @@ class Driven:
         """Takes over the constants of a step; adds the terms of time, and the rotation at the
         departure d (n,), to r."""
         g, at, table = len(self.G), self.at, self.table.at(step.t)
-        r[at] += table[2 * g :]
+        r[self.rows] += table[2 * g :]
         factors = table[: 2 * g].reshape(2, g)
         acts = np.flatnonzero(factors.any(axis=0))
         self.turning = slice(0, 0)
@@ -97,32 +101,34 @@ class Driven:
             self._add(r, np.multiply.outer(self.weights[self.turning], own))
 
     def _add(self, r: FloatArray, push: FloatArray) -> None:
-        r[self.at] += push.ravel().dot(self.G[self.turning].reshape(push.size, -1))
+        r[self.rows] += push.ravel().dot(self.G[self.turning].reshape(push.size, self.G.shape[2]))
 
     def rotation(self, x: FloatArray, v: FloatArray, t: float) -> FloatArray:
         """Rows (k,) of the rotation at any unknowns x with rates v, (n,) each, at t, s."""
         g, table = len(self.G), self.table.at(t)
         push = np.multiply.outer(table[:g], x[self.at])
         push += np.multiply.outer(table[g : 2 * g], v[self.at])
-        return np.asarray(push.ravel().dot(self.G.reshape(push.size, -1)))
+        return np.asarray(push.ravel().dot(self.G.reshape(push.size, self.G.shape[2])))
 
     def slope(self, t: float, c1: float, size: int | None = None) -> FloatArray:
         """Jacobian of the rotation for dv = c1 dx, in the first `size` unknowns or in all."""
         some = slice(size)
         return np.tensordot(self._weights(t, c1), self.generators[:, some, some], 1)
 
-    def contraction(self, point: Linearisation) -> float:
+    def contraction(self, point: Linearisation, sizes: FloatArray | None = None) -> float:
         """Proved upper bound, in the Euclidean norm, of the ratio of two changes of this step with
-        the Jacobian at a point: |J^-1| |J - dF/dd|; inf where none is known."""
+        the Jacobian at a point: |J^-1| |J - dF/dd|; inf where none is known. sizes: of the matrices
+        with which the iteration is made, if not G_g."""
+        sizes = self.sizes if sizes is None else sizes
         if point is not self.point:
             self.before = self._weights(point.t, point.c[0])
-            self.point, self.size = point, float(np.abs(self.before).dot(self.sizes[:, 0]))
+            self.point, self.size = point, float(np.abs(self.before).dot(sizes[:, 0]))
         if not self.size < SMALL:
             return inf
         if not self.size and not self.turning.stop:
             return 0.0
-        off = np.abs(self.weights - self.before).dot(self.sizes[:, 0])
-        off += np.abs(self.weights).dot(self.sizes[:, 1])
+        off = np.abs(self.weights - self.before).dot(sizes[:, 0])
+        off += np.abs(self.weights).dot(sizes[:, 1])
         return float(off) / (1.0 - self.size)
 
     def _weights(self, t: float, c1: float) -> FloatArray:

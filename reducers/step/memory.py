@@ -52,15 +52,17 @@ class Memory(RunMemory):
     (`Workspace`) and the kept Jacobian of the mechanical iteration, and counts of the steps that it
     did not solve.
 
-    exact, warming: what the iteration with the exact Jacobian keeps, and that of each group of
-    thermal blocks; full_newton_steps: number of steps that
-    it solved; full_newton_next: number of coming steps that begin with it; linear: block ->
+    linearised_on (n,): active unknowns of the kept Jacobian where atoms are selected; exact,
+    warming: what the iteration with the exact Jacobian keeps, and that of each group of thermal
+    blocks; full_newton_steps: number of steps that it solved; full_newton_next: number of coming
+    steps that begin with it; linear: block ->
     iterations of its linear solver; linearized: thermal block -> [T, T', T'', t] at which its kept
     Jacobian was evaluated (`HeatJacobian`).
     """
 
     work: Any
     kept: Kept = field(default_factory=lambda: Kept.of(0))
+    linearised_on: BoolArray | None = None
     exact: Kept = field(default_factory=lambda: Kept.of(0))
     warming: dict[str, Kept] = field(default_factory=dict)
     scales: Scales = field(default_factory=Scales)

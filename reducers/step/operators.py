@@ -210,13 +210,22 @@ class TestedElastic:
             local=tuple(part.under(test, m) for part in self.local))
 
     def by_columns(self) -> "TestedElastic":
-        """These operators with contiguous columns."""
+        """These operators with contiguous columns, of which some are soon read."""
         return replace(
             self, mass=np.asfortranarray(self.mass), damping=np.asfortranarray(self.damping),
             stiffness=np.asfortranarray(self.stiffness),
             coupling=np.asfortranarray(self.coupling),
             generators=np.ascontiguousarray(
                 self.generators.transpose(0, 2, 1)).transpose(0, 2, 1))
+
+    def of_atoms(self, use: IntArray, warm: IntArray) -> "TestedElastic":
+        """These operators, without local terms, for the atoms `use` of the displacements and `warm`
+        of the temperatures."""
+        return replace(
+            self, mass=self.mass[:, use], damping=self.damping[:, use],
+            stiffness=self.stiffness[:, use], generators=self.generators[:, :, use],
+            quadratic=self.quadratic[:, use[:, None], use], functional=self.functional[:, use],
+            coupling=self.coupling[:, warm] if self.coupling.size else self.coupling)
 
     def block(self, c1: float, c2: float) -> FloatArray:
         """Operator D = stiffness + c1 damping + c2 mass of a step, (m, k)."""
@@ -263,6 +272,11 @@ class TestedHeat:
             self, capacity=test(self.capacity), conductivity=test(self.conductivity),
             constant=test(self.constant), loads=test(self.loads),
             tables=test.of_tables(self.tables))
+
+    def of_atoms(self, use: IntArray) -> "TestedHeat":
+        """These operators for some atoms."""
+        return replace(
+            self, capacity=self.capacity[:, use], conductivity=self.conductivity[:, use])
 
     def block(self, c1: float) -> FloatArray:
         """Operator B = c1 C + K of a step, (m, k)."""

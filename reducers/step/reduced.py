@@ -31,7 +31,7 @@ from sparsemor.reducers.step.frame_step import BodyStep
 from sparsemor.reducers.step.loop import Linearisation
 from sparsemor.reducers.step.operators import TestedElastic, TestedHeat
 from sparsemor.reducers.step.rejection import Checked
-from sparsemor.reducers.step.relocalised import CopyMemory, Coupled
+from sparsemor.reducers.step.relocalised import CopyMemory, Coupled, OfAtoms
 from sparsemor.reducers.step.time_tables import TimeTable, plus_loads
 from sparsemor.reducers.step.whole_step import WholeEquations
 
@@ -75,11 +75,12 @@ class ConstantOperator(NamedTuple):
 
 
 class BorderBlocks(NamedTuple):
-    """Derivatives for one body: `corner` (m, m) of its rigid and constraint rows by its m rigid
-    unknowns and joint forces, numbered `at`, `column` (k, m) of its elastic rows by these, `row`
-    (m, k) of the former by its displacements; turning (g,) = kappa + c1 mu."""
+    """Derivatives for one body: `corner` (m, m) of its m rigid and constraint rows (`rows`) by its
+    m rigid unknowns and joint forces, numbered `at`, `column` (l, m) of its elastic rows
+    by these, `row` (m, k) of the former by its displacements; turning (g,) = kappa + c1 mu."""
 
     body: ReducedBody
+    rows: IntArray
     at: IntArray
     corner: FloatArray
     column: FloatArray
@@ -89,35 +90,42 @@ class BorderBlocks(NamedTuple):
 
 class Stack:
     """Bodies of similar size as arrays, first index the body; all are filled up with zeros to the
-    largest one, frames at the front, displacements by unknown number n (no unknown).
+    largest one, frames at the front, displacements by unknown number n and rows by number `height`
+    (none).
 
     b border unknowns (rigid coordinates, then joint forces), p directions, g matrices of the
-    inertia, k displacements of a body. first: position of its border unknowns among all stacked
-    ones. at (B, k): numbers of displacements; G, Q (B, k, g k), P (B, k, p), E (B, p, k).
+    inertia, k displacements and l rows of a body. first: position of its border unknowns among all
+    stacked ones. at (B, k), rows (B, l): numbers of displacements and of their rows; G (B, k, g l),
+    Q (B, k, g k), P (B, k, p), E (B, p, l).
     """
 
-    def __init__(self, bodies: Sequence[ReducedBody], n: int, first: int) -> None:
+    def __init__(
+        self, bodies: Sequence[ReducedBody], rows: Sequence[slice], n: int, height: int, first: int
+    ) -> None:
         self.bodies, frames, B = bodies, [body.step.frame for body in bodies], len(bodies)
         sizes = [0 if body.tested is None else body.tested.mass.shape[1] for body in bodies]
         k, b = max(sizes), max(f.border for f in frames)
         p, g = max(f.p for f in frames), max(f.generators for f in frames)
         self.k, self.b, self.p, self.g, self.sizes = k, b, p, g, sizes
+        self.heights = [at.stop - at.start for at in rows]
+        self.height = max(self.heights)
         self.span = slice(first, first + B * b)
-        self.at = np.full((B, k), n)
-        G, Q = np.zeros((B, k, g, k)), np.zeros((B, k, g, k))
-        self.P, self.E = np.zeros((B, k, p)), np.zeros((B, p, k))
+        self.at, self.rows = np.full((B, k), n), np.full((B, self.height), height)
+        G, Q = np.zeros((B, k, g, self.height)), np.zeros((B, k, g, k))
+        self.P, self.E = np.zeros((B, k, p)), np.zeros((B, p, self.height))
         self.origin = np.zeros((3, B, b))
-        for i, (body, f, s) in enumerate(zip(bodies, frames, sizes, strict=True)):
+        for i, (body, f, s, m) in enumerate(zip(bodies, frames, sizes, self.heights, strict=True)):
             self.origin[0, i, b - f.border :] = body.step.origin
             if (t := body.tested) is None:
                 continue
             self.at[i, :s] = np.arange(body.step.elastic.start, body.step.elastic.stop)
+            self.rows[i, :m] = np.arange(rows[i].start, rows[i].stop)
             for j, A in enumerate(t.generators):
-                G[i, :s, j, :s] = A.T
+                G[i, :s, j, :m] = A.T
             for j, A in enumerate(t.quadratic):
                 Q[i, :s, j, :s] = A.T
-            self.P[i, :s, : f.p], self.E[i, : f.p, :s] = t.functional.T, t.directions.T
-        self.G, self.Q = G.reshape(B, k, g * k), Q.reshape(B, k, g * k)
+            self.P[i, :s, : f.p], self.E[i, : f.p, :m] = t.functional.T, t.directions.T
+        self.G, self.Q = G.reshape(B, k, g * self.height), Q.reshape(B, k, g * k)
         self.reset()
 
     def reset(self) -> None:
@@ -172,31 +180,33 @@ class Stack:
         U = X.take(self.at, axis=1).transpose(1, 0, 2)
         self.products = (U @ self.Q).reshape(B, 3, g, k)
         forms = (self.products.reshape(B, 3 * g, k) @ U[:, 0, :, None]).reshape(B, 3, g)
-        self.turned, self.u = (U[:, :2] @ self.G).reshape(B, 2 * g, k), U[:, 0]
+        self.turned, self.u = (U[:, :2] @ self.G).reshape(B, 2 * g, self.height), U[:, 0]
         return U @ self.P, forms
 
     def forces(self) -> FloatArray:
-        """Terms (B, k) of the frames in the rows of the displacements, after `evaluate`."""
+        """Terms (B, l) of the frames in the rows of the displacements, after `evaluate`."""
         return np.asarray((self.coefficients[:, None, :-1] @ self.turned
                            + self.sigma[:, -1:] @ self.E)[:, 0])
 
-    def blocks(self, i: int, T: FloatArray, at: IntArray, c1: float, c2: float) -> BorderBlocks:
+    def blocks(
+        self, i: int, T: FloatArray, rows: IntArray, at: IntArray, c1: float, c2: float
+    ) -> BorderBlocks:
         """Derivatives for body i after `evaluate`; T (b, m): map of its m rigid unknowns, numbered
-        `at`, to its border unknowns."""
+        `at`, to its border unknowns, whose equations are numbered `rows`."""
         body, w, g, s = self.bodies[i], self.work[i], self.g, self.sizes[i]
         corner = T.T @ w.border[:, :-1] @ T
         if not s:
             none = np.zeros((0, len(at)))
-            return BorderBlocks(body, at, corner, none, none.T, np.zeros(0))
+            return BorderBlocks(body, rows, at, corner, none, none.T, np.zeros(0))
         o, k = self.b - body.step.frame.border, self.k
         rates = np.hstack((self.kappa_y[i, o:], self.mu_y[i, o:])) @ self.turned[i]
-        column = (self.sigma[i, o:-1] @ self.E[i] + rates)[:, :s].T @ T
+        column = (self.sigma[i, o:-1] @ self.E[i] + rates)[:, : self.heights[i]].T @ T
         # derivative of u.Q u by u: both factors depend on it
         back = (self.Q[i].reshape(k * g, k) @ self.u[i]).reshape(k, g).T
         forms = self.products[i] + np.array([1.0, c1, c2])[:, None, None] * back
         row = self.tau[i, o:] @ self.P[i].T + (
             self.quad[i, o:].reshape(self.b - o, 3 * g) @ forms.reshape(3 * g, k))
-        return BorderBlocks(body, at, corner, column, T.T @ row[:, :s],
+        return BorderBlocks(body, rows, at, corner, column, T.T @ row[:, :s],
                             self.coefficients[i, :g] + c1 * self.coefficients[i, g : 2 * g])
 
 
@@ -211,12 +221,20 @@ class Reduced(WholeEquations):
     unknowns for which J is not the identity: all; or all but temperatures, which are then known
     when a step begins (`heat_first`), and all but stiff modes on driven frames, where nothing is
     added to them (`linear`).
+
+    rows: layout of the rows, where these are not times the left inverse of each block's operator
+    but as many as are sampled; then `residual` leaves out the operators D d of the blocks. idle:
+    unknowns that are zero in a step, which d contains as minus the free motion. tables: of `driven`
+    bodies, if they are known.
     """
+
+    idle: IntArray = np.zeros(0, dtype=np.int64)
 
     def __init__(
         self, layout: Layout, heat: Sequence[ReducedHeat], bodies: Sequence[ReducedBody],
         coupled: Sequence[Coupled], targets: Sequence[tuple[int, Amplitude]], border: IntArray,
         h: float, named: Sequence[tuple[str, frozenset[str]]] = (), heat_first: bool = False,
+        rows: Layout | None = None, tables: Sequence[TimeTable | None] = (),
     ) -> None:
         self.layout, self.heat, self.bodies, self.coupled = layout, heat, bodies, coupled
         self.targets, self.border, self.h, self.named = targets, border, h, named
@@ -226,14 +244,56 @@ class Reduced(WholeEquations):
         self.terms_in_heat = any(_inside(c.columns, first) for c in coupled)
         self.known = [c for c in coupled if heat_first and _all_inside(c.columns, first)]
         self.iterated = [c for c in coupled if c not in self.known]
-        self.driven = [Driven(b.step, b.tested, b.drive) for b in bodies
+        self.rows, self.sampled = rows or layout, rows is not None
+        self._at = {layout[b.name].start: self.rows[b.name] for b in layout}
+        self.border_rows = border if rows is None else positions(rows)
+        own = [b for b in bodies if b.tested is not None and b.drive is not None]
+        self.driven = [Driven(b.step, b.tested, b.drive, self.row(b.step.elastic), table)
+                       for b, table in zip(own, tables or [None] * len(own), strict=True)
                        if b.tested is not None and b.drive is not None]
-        self.stacks = _stacks(bodies if len(border) else (), n)
+        self.stacks = self._stacks(bodies if len(border) else ())
         self.linear = heat_first and bool(self.driven) and not (self.iterated or self.known)
         self.solved = self._solved()
         self._maps(border)
-        self.constants, self.thermal = _constants(heat, bodies)
-        self.of_motion = _merged(self.constants, self.atoms)
+        self.constants, self.thermal = self._constants()
+        self.of_motion = _merged(self.constants, self.atoms) if rows is None else [
+            c for c in self.constants if c.of < 2 and c.A.any()]
+        self.of_idle = [c for c in self.constants if c.of == 2]
+
+    def row(self, at: slice) -> slice:
+        """Rows of the block with these unknowns."""
+        return self._at[at.start] if at.stop > at.start else slice(0, 0)
+
+    def _stacks(self, bodies: Sequence[ReducedBody]) -> list[Stack]:
+        """Bodies of similar size together."""
+        groups: dict[int, list[ReducedBody]] = {}
+        for body in bodies:
+            k = 0 if body.tested is None else body.tested.mass.shape[1]
+            groups.setdefault(0 if k <= TOGETHER else k.bit_length(), []).append(body)
+        stacks: list[Stack] = []
+        for members in groups.values():
+            stacks.append(Stack(
+                members, [self.row(b.step.elastic) for b in members], self.layout.size,
+                self.rows.size, stacks[-1].span.stop if stacks else 0))
+        return stacks
+
+    def _constants(self) -> tuple[list[ConstantOperator], list[ConstantOperator]]:
+        """Constant operators of displacements and temperatures, and those by which temperatures
+        act on displacements."""
+        own, thermal = [], []
+        for h in self.heat:
+            rows = self.row(h.at)
+            own += [ConstantOperator(rows, h.at, 0, h.tested.conductivity),
+                    ConstantOperator(rows, h.at, 1, h.tested.capacity)]
+        for b in self.bodies:
+            if (t := b.tested) is None:
+                continue
+            e, rows = b.step.elastic, self.row(b.step.elastic)
+            own += [ConstantOperator(rows, e, 0, t.stiffness),
+                    ConstantOperator(rows, e, 1, t.damping), ConstantOperator(rows, e, 2, t.mass)]
+            if t.coupling.size:
+                thermal.append(ConstantOperator(rows, b.step.thermal, 0, -t.coupling))
+        return own, thermal
 
     def _solved(self) -> IntArray | slice:
         layout = self.layout
@@ -251,7 +311,7 @@ class Reduced(WholeEquations):
         stacked bodies; and for each body, the unknowns that it uses, with their part of the map."""
         width = self.stacks[-1].span.stop if self.stacks else 0
         T: Any = np.zeros((len(border), width))
-        self.used: list[list[tuple[IntArray, FloatArray]]] = []
+        self.used: list[list[tuple[IntArray, IntArray, FloatArray]]] = []
         for stack in self.stacks:
             used = []
             for i, body in enumerate(stack.bodies):
@@ -259,7 +319,8 @@ class Reduced(WholeEquations):
                 own = body.step.to_border
                 T[:, end - len(own) : end] = own.T
                 some = np.any(own != 0.0, axis=0)
-                used.append((border[some], np.ascontiguousarray(own[:, some])))
+                used.append((
+                    self.border_rows[some], border[some], np.ascontiguousarray(own[:, some])))
             self.used.append(used)
         self.T = csr_array(T.T) if T.size > SPARSE else T
 
@@ -289,7 +350,37 @@ class Reduced(WholeEquations):
         first = self.layout.first
         return Reduced(
             self.layout, (), self.bodies, [c for c in self.coupled if not _inside(c.rows, first)],
-            self.targets, self.border, self.h, self.named, True)
+            self.targets, self.border, self.h, self.named, True,
+            self.rows if self.sampled else None, [b.table for b in self.driven])
+
+    def of_atoms(self, use: IntArray) -> "Reduced":
+        """The equations as functions of the unknowns `use`; the others are zero."""
+        layout, old, heat, bodies = self.layout, np.zeros(self.layout.size, np.int64), [], []
+        old[use] = 1
+        numbers = np.cumsum(old) - 1
+        some = {b.name: np.flatnonzero(old[layout[b.name]]) for b in layout}
+        new = layout.resized({n: len(at) for n, at in some.items()})
+        name = {layout[b.name].start: b.name for b in layout}
+        for h in self.heat:
+            n = name[h.at.start]
+            heat.append(ReducedHeat(new[n], h.tested.of_atoms(some[n])))
+        for b in self.bodies:
+            e, T = b.step.elastic, b.step.thermal
+            if b.tested is None or e.stop == e.start:
+                bodies.append(b)
+                continue
+            warm = name[T.start] if T.stop > T.start else ""
+            step = replace(b.step, elastic=new[name[e.start]], thermal=new[warm] if warm else T)
+            bodies.append(ReducedBody(step, b.tested.of_atoms(
+                some[name[e.start]], some[warm] if warm else np.zeros(0, np.int64)), b.drive))
+        coupled = []
+        for c in self.coupled:
+            own = np.flatnonzero(old[c.columns])
+            coupled.append(Coupled(
+                OfAtoms(c.term, own, len(c.columns)), c.rows, numbers[c.columns[own]]))
+        return Reduced(
+            new, heat, bodies, coupled, self.targets, positions(new), self.h, self.named,
+            self.heat_first, self.rows, [b.table for b in self.driven])
 
     @property
     def terms(self) -> list[tuple[ReducedTerm, IntArray]]:
@@ -304,18 +395,27 @@ class Reduced(WholeEquations):
     def begin(self, step: StepFormula, d: FloatArray) -> None:
         """Takes over the constants of a step; d (n,): its first guess, with final temperatures if
         these are known."""
-        n, base, first = self.layout.size, np.zeros(self.layout.size + 1), self.layout.first
-        self.step, motion = step, (step.free, step.free_rate)
+        n, base, first = self.layout.size, np.zeros(self.rows.size + 1), self.layout.first
+        self.step, idle = step, self.idle
+        motion = [step.free, step.free_rate]
+        if len(idle):
+            motion = [step.free.copy(), step.free_rate.copy(), np.zeros(n)]
+            motion[0][idle], motion[2][idle] = 0.0, -step.c2 * step.free[idle]
+            motion[1][idle] -= step.c1 * step.free[idle]
         if not self.linear:
             self.X0, self.R = np.zeros((3, n + 1)), _rates(step)
-            self.X0[:2, :n] = motion
+            self.X0[: len(motion), :n] = motion
+            self.R[:, idle] = 0.0
             self._plus_prescribed(base, step.t)
+        for rows, columns, of, A in self.of_idle if len(idle) else ():
+            base[rows] += A.dot(motion[of][columns])
         for rows, columns, of, A in self.of_motion:
             base[rows] += times(A, motion[of][columns])
         for b in self.driven:
             b.begin(step, d, base)
         if self.heat_first:
-            base[first] = -d[first]
+            if not self.sampled:
+                base[first] = -d[first]
             for rows, columns, _, A in self.thermal:
                 base[rows] += A.dot(step.free[columns] + d[columns])
             if self.known:
@@ -325,7 +425,8 @@ class Reduced(WholeEquations):
     def residual(self, d: FloatArray) -> FloatArray:
         """Residual (n,) at the departure d (n,)."""
         r = self.base.copy()
-        r[self.atoms] += d[self.atoms]
+        if not self.sampled:
+            r[self.atoms] += d[self.atoms]
         for b in self.driven:
             b.add(r, d)
         if self.linear:
@@ -351,11 +452,11 @@ class Reduced(WholeEquations):
         self._evaluate(X, t)
         rows = [stack.H[:, :, -1].ravel() for stack in self.stacks]
         if len(self.border) and rows:
-            r[self.border] += self.T.T.dot(np.concatenate(rows)) if issparse(self.T) else (
+            r[self.border_rows] += self.T.T.dot(np.concatenate(rows)) if issparse(self.T) else (
                 self.T.dot(rows[0] if len(rows) == 1 else np.concatenate(rows)))
         for s in self.stacks:
             if s.k:
-                r[s.at] += s.forces()
+                r[s.rows] += s.forces()
         return _plus(coupled, r, X, t)[:-1]
 
     def _evaluate(
@@ -368,20 +469,24 @@ class Reduced(WholeEquations):
 
     def jacobian(self, at: Linearisation) -> FloatArray:
         """Exact Jacobian of the unknowns `solved`; that of all others is the identity."""
-        c1, c2, c1_first, c2_first = at.c
         if self.linear:
-            J, rows = np.eye(len(np.arange(self.layout.size)[self.solved])), 0
+            c1, J, rows = at.c[0], np.eye(len(np.arange(self.layout.size)[self.solved])), 0
             for b in self.driven:
                 some = slice(rows, rows := rows + b.leading)
                 J[some, some] += b.slope(at.t, c1, b.leading)
             return J
-        of_rate, of_bend = np.full(self.layout.size, c1), np.full(self.layout.size, c2)
-        of_rate[self.layout.first], of_rate[self.layout.algebraic] = c1_first, 0.0
-        of_bend[self.layout.first], of_bend[self.layout.algebraic] = c2_first, 0.0
-        J = self.slope(at.x, at.v, at.a, at.t, of_rate, of_bend)
+        J = self.slope_at(at)
         if isinstance(self.solved, slice):
             return J
         return np.asarray(J[self.solved[:, None], self.solved])
+
+    def slope_at(self, at: Linearisation) -> FloatArray:
+        """Exact Jacobian of all rows by all unknowns."""
+        c1, c2, c1_first, c2_first = at.c
+        of_rate, of_bend = np.full(self.layout.size, c1), np.full(self.layout.size, c2)
+        of_rate[self.layout.first], of_rate[self.layout.algebraic] = c1_first, 0.0
+        of_bend[self.layout.first], of_bend[self.layout.algebraic] = c2_first, 0.0
+        return self.slope(at.x, at.v, at.a, at.t, of_rate, of_bend)
 
     def factorize(self, J: FloatArray) -> Factor:
         return factorized(J)
@@ -393,21 +498,21 @@ class Reduced(WholeEquations):
 
     def prescribed(self, t: float) -> FloatArray:
         """The part (n,) of the residual that depends on the time (s) alone."""
-        r = np.zeros(self.layout.size)
+        r = np.zeros(self.rows.size)
         self._plus_prescribed(r, t)
         for b in self.driven:
-            r[b.at] += b.base(t)
+            r[b.rows] += b.base(t)
         return r
 
     def _plus_prescribed(self, r: FloatArray, t: float) -> None:
         """Adds to r what depends on the time (s) alone, without bodies on driven frames."""
         for i, f in self.targets:
-            r[self.border[i]] -= f(t)
+            r[self.border_rows[i]] -= f(t)
         for h in self.heat:
-            r[h.at] -= plus_loads(h.tested.constant, h.tested, t)
+            r[self.row(h.at)] -= plus_loads(h.tested.constant, h.tested, t)
         for b in self.bodies:
             if b.tested is not None and b.drive is None:
-                r[b.step.elastic] += plus_loads(b.tested.constant, b.tested, t, -1.0)
+                r[self.row(b.step.elastic)] += plus_loads(b.tested.constant, b.tested, t, -1.0)
 
     def residual_at(
         self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, prescribed: FloatArray
@@ -418,7 +523,7 @@ class Reduced(WholeEquations):
         for rows, columns, of, A in (*self.constants, *self.thermal):
             r[rows] += A.dot(X[of, columns])
         for b in self.driven:
-            r[b.at] += b.rotation(x, v, t)
+            r[b.rows] += b.rotation(x, v, t)
         return self._with_terms(r, X, t, self.coupled)
 
     def border_blocks(
@@ -429,14 +534,15 @@ class Reduced(WholeEquations):
         X[:, :-1] = x, v, a
         self._evaluate(X, t, (c1, c2))
         for stack, used in zip(self.stacks, self.used, strict=True):
-            for i, (at, T) in enumerate(used):
-                yield stack.blocks(i, T, at, c1, c2)
+            for i, (rows, at, T) in enumerate(used):
+                yield stack.blocks(i, T, rows, at, c1, c2)
 
     def slope(
         self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
     ) -> FloatArray:
-        """Jacobian (n, n) at a state, for dv = c1 dx and da = c2 dx; c1, c2 (n,)."""
-        layout, J = self.layout, np.zeros((len(x), len(x)))
+        """Jacobian (n, n), or of as many rows as there are, at a state, for dv = c1 dx and da = c2
+        dx; c1, c2 (n,)."""
+        layout, J = self.layout, np.zeros((self.rows.size, len(x)))
         rate, k1, k2 = (float(c.max(initial=0.0)) for c in (
             c1[layout.first], c1[layout.second], c2[layout.second]))
         for rows, columns, of, A in (*self.constants, *self.thermal):
@@ -445,15 +551,16 @@ class Reduced(WholeEquations):
             if factor:
                 J[rows, columns] += factor * A
         for d in self.driven:
-            J[d.at, d.at] += d.slope(t, k1)
+            J[d.rows, d.at] += d.slope(t, k1)
         for b in self.border_blocks(x, v, a, t, k1, k2):
-            J[np.ix_(b.at, b.at)] += b.corner
+            J[np.ix_(b.rows, b.at)] += b.corner
             if b.body.tested is not None:
                 e = b.body.step.elastic
-                J[e, b.at] += b.column
-                J[b.at, e] += b.row
+                rows = self.row(e)
+                J[rows, b.at] += b.column
+                J[b.rows, e] += b.row
                 g = len(b.body.tested.generators)
-                J[e, e] += np.tensordot(b.turning[:g], b.body.tested.generators, 1)
+                J[rows, e] += np.tensordot(b.turning[:g], b.body.tested.generators, 1)
         for c in self.coupled:
             j = c.columns
             part: Any = c.term.jacobian(x[j], v[j], a[j], t, c1[j], c2[j])
@@ -471,6 +578,12 @@ class Reduced(WholeEquations):
     def terms_alone(self) -> "Reduced":
         """The coupling terms without bodies, heat and prescribed values."""
         return Reduced(self.layout, (), (), self.coupled, (), self.border, self.h)
+
+
+def positions(layout: Layout) -> IntArray:
+    """Positions of all rigid unknowns, then of all multipliers."""
+    at = np.arange(layout.size)
+    return np.concatenate([at[layout.frames], at[layout.algebraic]])
 
 
 def _rates(step: StepFormula) -> FloatArray:
@@ -499,38 +612,6 @@ def _inside(at: IntArray, span: slice) -> bool:
 
 def _all_inside(at: IntArray, span: slice) -> bool:
     return bool(((at >= span.start) & (at < span.stop)).all())
-
-
-def _stacks(bodies: Sequence[ReducedBody], n: int) -> list[Stack]:
-    """Bodies of similar size together."""
-    groups: dict[int, list[ReducedBody]] = {}
-    for body in bodies:
-        k = 0 if body.tested is None else body.tested.mass.shape[1]
-        groups.setdefault(0 if k <= TOGETHER else k.bit_length(), []).append(body)
-    stacks: list[Stack] = []
-    for members in groups.values():
-        stacks.append(Stack(members, n, stacks[-1].span.stop if stacks else 0))
-    return stacks
-
-
-def _constants(
-    heat: Sequence[ReducedHeat], bodies: Sequence[ReducedBody]
-) -> tuple[list[ConstantOperator], list[ConstantOperator]]:
-    """Constant operators of displacements and temperatures, and those by which temperatures act on
-    displacements."""
-    own, thermal = [], []
-    for h in heat:
-        own += [ConstantOperator(h.at, h.at, 0, h.tested.conductivity),
-                ConstantOperator(h.at, h.at, 1, h.tested.capacity)]
-    for b in bodies:
-        if (t := b.tested) is None:
-            continue
-        e = b.step.elastic
-        own += [ConstantOperator(e, e, 0, t.stiffness), ConstantOperator(e, e, 1, t.damping),
-                ConstantOperator(e, e, 2, t.mass)]
-        if t.coupling.size:
-            thermal.append(ConstantOperator(e, b.step.thermal, 0, -t.coupling))
-    return own, thermal
 
 
 def _merged(constants: Sequence[ConstantOperator], atoms: slice) -> list[ConstantOperator]:

@@ -35,6 +35,30 @@ class Coupled:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class OfAtoms(DelegatingTerm):
+    """A term as a function of the inputs `some` among `count`; the others are zero."""
+
+    term: ReducedTerm
+    some: IntArray
+    count: int
+
+    def residual(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray:
+        return self.term.residual(self._wide(x), self._wide(v), self._wide(a), t)
+
+    def jacobian(
+        self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
+    ) -> FloatArray:
+        J: FloatArray = self.term.jacobian(
+            self._wide(x), self._wide(v), self._wide(a), t, self._wide(c1), self._wide(c2))
+        return J[:, self.some]
+
+    def _wide(self, x: FloatArray) -> FloatArray:
+        found = np.zeros(self.count)
+        found[self.some] = x
+        return found
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Relocalised(DelegatingTerm):
     """A reduced term evaluated by its local copy, which is renewed where it is no longer exact."""
 

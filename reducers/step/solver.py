@@ -116,16 +116,6 @@ class Stepper(StepSolver[Memory]):
         return replace(self, whole=whole, mechanics=ReducedMechanics(
             m.bodies, m.n_rigid, m.algebraic, m.targets, m.tol, whole))
 
-    def with_blocks(
-        self, heat: Mapping[str, HeatBlock], elastic: Mapping[str, ElasticBlock | PrescribedBlock]
-    ) -> "Stepper":
-        """This step solver with some blocks replaced, by name."""
-        made = replace(self, heat={**self.heat, **heat}, elastic={**self.elastic, **elastic})
-        if self.mechanics is None or isinstance(self.mechanics, PrescribedFrames):
-            return replace(made, mechanics=made.with_mechanics())
-        bordered = {n: b for n, b in elastic.items() if not isinstance(b, PrescribedBlock)}
-        return replace(made, mechanics=self.mechanics.with_blocks(bordered))
-
     def start(self, state: State) -> tuple[State, Memory]:
         reduced = self.reduced(state)
         count = len(list(self.layout))

@@ -28,6 +28,7 @@ from sparsemor.reducers.sparse.block_selection import BlockwiseSelection as Bloc
 from sparsemor.reducers.sparse.joint_problem import HeatProblem, MechanicsProblem
 from sparsemor.reducers.sparse.sampled_block import RangeColumns
 from sparsemor.reducers.sparse.stepper import SparseStepper
+from sparsemor.reducers.sparse.supported_equations import SupportedMechanics
 from tiers import quick
 from tiny_scene import BUDGETS
 
@@ -85,17 +86,19 @@ def test_the_residuals_of_blocks_are_those_of_the_joint_problem(kind: str) -> No
     solver, memory, step, x, now = solved(kind)
     chosen = solver.selection
     assert isinstance(chosen, Blockwise) and len(chosen.heat) == len(chosen.bodies) == 1
-    assert now.mechanics is not None
-    joint = MechanicsProblem(now.mechanics, list(solver.steps.elastic.values()), step, x)
+    assert isinstance(now.mechanics, SupportedMechanics)
+    joint = MechanicsProblem(memory.work.equations.rows.rows,
+                             list(solver.steps.elastic.values()), step, x)
     at = solver.layout["bar.thermal"]
     heat = HeatProblem.at(solver.steps.heat["bar.thermal"], step.r1[at], step.t)
     largest = [np.linalg.norm(s.compressed[1], axis=0).max()
                for s in (solver.steps.heat["bar.thermal"], solver.steps.elastic["bar.elastic"])]
     expected = (largest[0] * heat.residual(x[at]),
-                largest[1] * joint.residual(joint.start())[: joint.m])
+                largest[1] * joint.residual(joint.start())[: len(joint.scale) - joint.border])
+    whole = memory.work.equations.all_rows.residual(*step.at(x - step.free), step.t)
     for block, want in zip((*chosen.heat, *chosen.bodies), expected, strict=True):
         rows = block.rows
-        r, c = rows.residual(step, x, now, memory.work), x[rows.at]
+        r, c = whole[rows.rows], x[rows.at]
         size, terms = np.linalg.norm(r), np.linalg.norm(rows.columns.lengths * c)
         np.testing.assert_allclose(r, want, atol=1e-6 * size)
         support = memory.supports[rows.name]
@@ -110,18 +113,18 @@ def test_the_residuals_of_blocks_are_those_of_the_joint_problem(kind: str) -> No
 def test_the_jacobian_of_sampled_rows_is_the_derivative_of_their_residual(kind: str) -> None:
     """With respect to coefficients, at a state and at one with few nonzero ones; where all frames
     are at rest it does not depend on the coefficients, and is made once."""
-    solver, _, step, x, now = solved(kind)
-    assert now.mechanics is not None
+    solver, memory, step, x, _ = solved(kind)
     problem = MechanicsProblem(
-        now.mechanics, list(solver.steps.elastic.values()), step, x)
+        memory.work.equations.rows.rows, list(solver.steps.elastic.values()), step, x)
+    m = len(problem.scale) - problem.border
     c = problem.start()
     few = np.where(np.arange(len(c)) < problem.k - 2, 0.0, c)
     for at in (c, few):
-        J, size = problem.jacobian(at)[: problem.m], max(1.0, float(np.abs(at).max()))
+        J, size = problem.jacobian(at)[:m], max(1.0, float(np.abs(at).max()))
         for j in range(problem.k):
             d = np.zeros(len(c))
             d[j] = 1e-5 * size
-            change = (problem.residual(at + d) - problem.residual(at - d))[: problem.m]
+            change = (problem.residual(at + d) - problem.residual(at - d))[:m]
             np.testing.assert_allclose(
                 change / (2e-5 * size), J[:, j], atol=1e-6 * np.abs(J[:, j]).max())
     assert (problem.jacobian(few) is problem.jacobian(c)) == (kind == "frame at rest")
@@ -149,9 +152,10 @@ def test_radiation_is_held_at_its_value_in_the_step() -> None:
         assert outcome.status.ok, outcome
         state = advanced(
             scene.integrator.rules(scene.time.step), solver.layout, state, formula, outcome)
-    (block,), now = solver.selection.heat, solver.steps.current(memory)
+    (block,) = solver.selection.heat
     rows, support = block.rows, memory.supports[hot]
-    r = rows.residual(formula, outcome.x, now, memory.work)
+    r = memory.work.equations.all_rows.residual(
+        *formula.at(outcome.x - formula.free), formula.t)[rows.rows]
     J = rows.columns.unit.A[:, support]
     size = np.abs(rows.columns.B @ outcome.x[rows.at]).max()
     assert support.sum() == 4

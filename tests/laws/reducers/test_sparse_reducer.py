@@ -13,7 +13,7 @@ from sparsemor.core.errors import InputError
 from sparsemor.core.linalg.coherence import coherence, condition_number, unit_columns
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.initial_state import consistent_state
-from sparsemor.core.protocols import Selection, SparseOutcome, StepFactors, StepOutcome
+from sparsemor.core.protocols import Selection, SparseOutcome, StepOutcome
 from sparsemor.core.protocols.integrator import step_formula
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.offline import Offline
@@ -24,9 +24,7 @@ from sparsemor.reducers.sparse.build import Whole
 from sparsemor.reducers.sparse.reducer import Sparse
 from sparsemor.reducers.sparse.row_compression import compact_elastic
 from sparsemor.reducers.sparse.sampled_block import Sampled, SampledElastic
-from sparsemor.reducers.sparse.stepper import SparseStepper
 from sparsemor.reducers.step import operators as test_map
-from sparsemor.reducers.step.blocks.compressed_elastic import CompressedElastic
 from sparsemor.reducers.step.operators import TestMap as Map
 from tiny_scene import BUDGETS, FIXED, full, prepared, snapshots
 
@@ -195,7 +193,7 @@ def elastic() -> tuple[test_map.TestedElastic, FloatArray, IntArray]:
 
 def test_turned_rows_keep_every_norm_and_product() -> None:
     t, B, _ = elastic()
-    few, C, reach, first = compact_elastic(t, B)
+    few, C, reach = compact_elastic(t, B)
     assert len(C) <= len(B)
     whole, turned = (np.hstack([b, *s.generators, s.damping, s.coupling, s.loads, s.directions,
                                 s.constant[:, None]]) for s, b in ((t, B), (few, C)))
@@ -204,49 +202,24 @@ def test_turned_rows_keep_every_norm_and_product() -> None:
     np.testing.assert_allclose(
         (turned.T @ turned)[np.ix_(keep, keep)] / np.outer(size[keep], size[keep]),
         (whole.T @ whole)[np.ix_(keep, keep)] / np.outer(size[keep], size[keep]), atol=1e-12)
-    beyond = np.hstack([C, few.directions])[first:]
-    assert np.abs(beyond).max(initial=0.0) < 1e-12 * np.abs(whole).max()
     assert reach == min(C.shape) and np.abs(C[reach:]).max(initial=0.0) < 1e-12 * np.abs(C).max()
 
 
-def test_prepared_arrays_need_only_the_turned_rows_that_the_operator_reaches() -> None:
-    """A support prepared from these is that prepared from all rows."""
+def test_a_support_needs_only_the_turned_rows_that_the_operator_reaches() -> None:
+    """Least squares by these is that by all rows."""
     t, B, rows = elastic()
     d = prepared(reduced()).dictionaries["bar.elastic"]
     block = Sampled("bar.elastic", d, rows, 6, B, None)
-    sampled = SampledElastic.of(block, t, False, StepFactors(1e-3, 1e3, 1e6, 1e3))
+    sampled = SampledElastic.of(block, t)
     assert len(sampled.columns.B) == min(B.shape)
+    turned = sampled.compressed[0]
     for support in (np.arange(6), np.array([0, 3, 4, 7, 9, 13])):
-        one = sampled.prepared(support)
-        all_rows = CompressedElastic.of(t, block.left_inverse(support), support, 1e3, 1e6)
-        assert isinstance(one, CompressedElastic) and one.sizes == all_rows.sizes
-        for name in ("H", "base", "S", "EG"):
-            a, b = getattr(one, name), getattr(all_rows, name)
+        active, left = sampled.on(support)
+        assert left is not None and np.array_equal(active, support)
+        for name in ("mass", "directions", "constant", "loads"):
+            a = left @ getattr(turned, name)[: left.shape[1]]
+            b = block.left_inverse(support) @ getattr(t, name)
             np.testing.assert_allclose(a, b, rtol=0.0, atol=1e-10 * np.abs(b).max(initial=0.0))
-
-
-def test_a_stepper_with_other_blocks_is_one_made_of_them() -> None:
-    solver = prepared(reduced(budgets=BUDGETS))
-    assert isinstance(solver, SparseStepper)
-    supports = {n: np.arange(s.block.atoms) < s.block.budget
-                for n, s in (*solver.steps.heat.items(), *solver.steps.elastic.items())}
-    heat, elastic = (
-        {n: s.prepared(np.flatnonzero(supports[n])) for n, s in some.items()}
-        for some in (solver.steps.heat, solver.steps.elastic))
-    one = solver.base.with_blocks(heat, elastic)
-    other = replace(solver.base, heat={**solver.base.heat, **heat},
-                    elastic={**solver.base.elastic, **elastic})
-    other = replace(other, mechanics=other.with_mechanics())
-    model, scene = full().model, reduced()
-    found = []
-    for stepper in (one, other):
-        state, memory = stepper.start(consistent_state(model))
-        state = scene.integrator.start(stepper.layout, state)
-        rules, h = scene.integrator.rules(scene.time.step), scene.time.step
-        formula = step_formula(rules, stepper.layout, state, h)
-        found.append(stepper.tried(formula, memory).x)
-    assert np.abs(found[0]).max() > 0.0
-    np.testing.assert_array_equal(*found)
 
 
 def test_rows_of_the_whole_are_the_rows_of_the_mesh() -> None:

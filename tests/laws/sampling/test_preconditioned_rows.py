@@ -216,14 +216,14 @@ def test_prepared_rows_come_back_without_being_prepared_again(
         model, integrator, h, Offline.of(model, snapshots()), np.random.default_rng(3)))
     made: list[tuple[int, str, bytes]] = []
     for kind in (SampledElastic, SampledHeat):
-        own = kind.prepared
+        own = kind.on
 
         def counted(block: Any, support: Any, own: Any = own) -> Any:
             name = block.block.name
             made.append((id(block), name, b"" if support is None else support.tobytes()))
             return own(block, support)
 
-        monkeypatch.setattr(kind, "prepared", counted)
+        monkeypatch.setattr(kind, "on", counted)
     monkeypatch.setattr("sparsemor.reducers.sparse.build.inverse_rows", None)
     state, memory = solver.start(consistent_state(model))
     state = integrator.start(solver.layout, state)

@@ -25,7 +25,6 @@ from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.simulation.time_stepping import FixedStep, iterate, started
 from sparsemor.core.testing.in_memory_run import march, scene_of
-from sparsemor.reducers.sparse.stepper import StepsBetween
 from sparsemor.reducers.step.compiled.compile import bound
 from sparsemor.reducers.step.compiled.plan import model_arrays, plan
 from sparsemor.reducers.step.compiled.stepper import CompiledSteps, compilable, wanted
@@ -214,7 +213,7 @@ def test_models_that_are_not_covered_say_why() -> None:
     solver = case.solver()
     (name,) = solver.heat
     whole = replace(solver.heat[name], local=(Unknown(),))
-    made = solver.with_blocks({name: whole}, {})
+    made = replace(solver, heat={name: whole})
     with pytest.raises(NotCompiled, match="not given as arrays"):
         plan(made)
     notes = [n.text for n in compilable(made, "on").notes]
@@ -379,15 +378,3 @@ def test_a_step_that_converges_slowly_is_left_to_the_solver() -> None:
     plain, kernel = (states(case, solver, 25, m) for m in (None, in_python(case, solver)))
     worst = differ(solver, plain, kernel)
     assert all(t.outcome.status.ok for t in kernel) and worst["unknowns"] < 1e-10, worst
-
-
-def test_between_selections_of_atoms() -> None:
-    case = Case(heated().scene.using({"reducer": SELECTED}), heated().model, heated().snapshots)
-    solver = case.solver()
-    step = case.step(solver)
-    many = StepsBetween(solver, step.rules, step.h)
-    many.made = lambda now: in_python(case, now)
-    plain, kernel = states(case, solver, 30), states(case, solver, 30, many)
-    worst = differ(solver, plain, kernel)
-    assert worst["unknowns"] < 1e-10, worst
-    assert sum(not t.whole for t in kernel) >= 15

@@ -12,7 +12,6 @@ from sparsemor.core.simulation.offline_cache import Products
 from sparsemor.core.simulation.rigid_stage import staged
 from sparsemor.core.testing.in_memory_run import march
 from sparsemor.reducers.sparse.stepper import SparseStepper
-from sparsemor.reducers.step.blocks.selected_prescribed import SelectedPrescribed
 
 COARSE = {"bodies.disk.mesh": {"use": "disk", "triangles": 300, "rim": 36, "layers": 1},
           "time.end": 0.06, "reducer.sampler.leading": 50,
@@ -34,5 +33,3 @@ def test_few_atoms_of_complete_bases_hold_every_field() -> None:
         e = np.linalg.norm(d.offset + run.block(name) @ d.atoms.T - truth, axis=1).max()
         assert e < 1e-3 * np.linalg.norm(truth - truth[0], axis=1).max(), name
     assert isinstance(run.solver, SparseStepper)
-    body = run.solver.steps.elastic["disk.elastic"]
-    assert isinstance(body.prepared(np.arange(30)), SelectedPrescribed)

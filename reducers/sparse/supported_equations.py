@@ -1,0 +1,242 @@
+"""Equations of a step on the active atoms of each block, from the residual of all sampled rows.
+
+With the sampled rows R of a block and the left inverse B^+ of its operator on the active atoms they
+are B^+ R = 0, next to the equations of rigid coordinates and joint forces. Atoms that are not
+active have the coefficient zero; their rates, of steps before, are part of R.
+"""
+
+from collections import OrderedDict
+from collections.abc import Mapping, Sequence
+from copy import copy
+from math import inf
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+
+from sparsemor.core import (
+    Amplitude,
+    BoolArray,
+    FloatArray,
+    IntArray,
+    Status,
+    StepFormula,
+    StepOutcome,
+)
+from sparsemor.reducers.linalg.active_columns import NEGLIGIBLE, WIDE
+from sparsemor.reducers.step.acceptance import Tolerances
+from sparsemor.reducers.step.factors import Factor, factorized
+from sparsemor.reducers.step.frame_step import BodyStep
+from sparsemor.reducers.step.loop import Linearisation, StepEquations
+from sparsemor.reducers.step.memory import Memory
+from sparsemor.reducers.step.reduced import Reduced
+from sparsemor.reducers.step.reduced_mechanics import LoopMechanics
+from sparsemor.reducers.step.step_unknowns import StepUnknowns
+
+KEPT = 16
+"""Number of sets of atoms for which the equations are kept."""
+
+
+class ActiveRows(NamedTuple):
+    """An elastic block on its support: its active atoms (s,), and left (s, j), the left inverse of
+    the first j of its rows; None for rows that are times the left inverse already."""
+
+    active: IntArray
+    left: FloatArray | None = None
+
+
+class SampledRows:
+    """Residual of the sampled rows of all blocks, as a function of the unknowns that are not zero.
+
+    A block of many atoms, of which few are active, is evaluated for those that are active or have
+    been: the others have neither coefficients nor rates.
+    """
+
+    def __init__(self, rows: Reduced) -> None:
+        layout = rows.layout
+        self.rows, self.every = rows, np.ones(layout.size, dtype=np.bool_)
+        self.wide = [layout[b.name] for b in layout if b.kind.reducible and b.size >= WIDE]
+        self._kept: OrderedDict[bytes, Reduced] = OrderedDict()
+        self._last: tuple[StepOutcome, FloatArray] | None = None
+
+    def working(self) -> "SampledRows":
+        """The same with working arrays of its own."""
+        return SampledRows(self.rows.working())
+
+    def some(
+        self, needed: BoolArray, *states: FloatArray
+    ) -> tuple[Reduced, IntArray | slice]:
+        """The residual as a function of the unknowns (n,) that are needed or nonzero in one of the
+        states, and the numbers of these."""
+        if not self.wide:
+            return self.rows, slice(None)
+        use = self.every.copy()
+        for at in self.wide:
+            use[at] = needed[at]
+            for z in states:
+                size = np.abs(z[at])
+                use[at] |= size > NEGLIGIBLE * size.max()
+            use[at.start] = True  # a block is never empty
+        key, numbers = use.tobytes(), np.flatnonzero(use)
+        if key not in self._kept:
+            if len(self._kept) >= KEPT:
+                self._kept.popitem(last=False)
+            self._kept[key] = self.rows.of_atoms(numbers)
+        return self._kept[key], numbers
+
+    def at_solution(self, step: StepFormula, solved: StepOutcome) -> FloatArray:
+        """All rows at the solution of a step, evaluated once for all blocks."""
+        if self._last is None or self._last[0] is not solved:
+            x, rates = solved.x, solved.rates
+            v, a = step.at(x - step.free)[1:] if rates is None else rates
+            self._last = solved, self.residual(x, v, a, step.t)
+        return self._last[1]
+
+    def residual(
+        self, x: FloatArray, v: FloatArray, a: FloatArray, t: float
+    ) -> FloatArray:
+        """All rows at a state."""
+        rows, use = self.some(~self.every, x, v, a)
+        return rows.residual_at(x[use], v[use], a[use], t, rows.prescribed(t))
+
+
+class SupportedEquations(StepEquations):
+    """Mechanical equations on a support, for known temperatures. all_rows: rows of all blocks, at
+    the solution of a step; rows: those of mechanics; source: the equations of which these are the
+    working ones of a run."""
+
+    named = ()
+    solved: IntArray
+
+    def __init__(self, residual: Reduced) -> None:
+        self.all_rows, self.rows = SampledRows(residual), SampledRows(residual.after_heat())
+        self.layout, self.of, self.source = residual.layout, None, self
+
+    of: "SupportedMechanics | None"
+
+    def working(self, memory: Any = None) -> Self:
+        own = copy(self)
+        own.all_rows, own.rows, own.of = self.all_rows.working(), self.rows.working(), None
+        return own
+
+    def take(self, of: "SupportedMechanics") -> None:
+        """Continues on the support of `of`."""
+        if self.of is of:
+            return
+        layout, rows = self.layout, self.rows.rows
+        free = of.active.copy()
+        free[layout.first] = False
+        self.of, self.idle = of, np.flatnonzero(~of.active)
+        self.needed = free.copy()
+        self.blocks: list[tuple[IntArray, slice, FloatArray | None]] = []
+        self.sizes: list[FloatArray] = []
+        driven = {d.at.start: d for d in rows.driven} if rows.linear else {}
+        for name, block in of.blocks.items():
+            at, own, left = layout[name], rows.rows[name], block.left
+            if left is not None:
+                own = slice(own.start, own.start + left.shape[1])
+            self.blocks.append((at.start + block.active, own, left))
+            if (d := driven.get(at.start)) is None:
+                continue
+            if left is None:
+                free[at.start + d.leading : at.stop] = False
+                self.sizes.append(d.sizes)
+            else:
+                G = left @ d.generators[:, : left.shape[1], block.active]
+                self.sizes.append(np.stack([np.linalg.norm(G, axis=(1, 2)), np.zeros(len(G))], 1))
+        self.solved = np.flatnonzero(free)
+        self.price = 8 + len(self.solved) // 40
+
+    def begin(self, step: StepFormula, d: FloatArray) -> None:
+        d[self.idle] = -step.free[self.idle]
+        self.step = step
+        self.now, self.use = self.rows.some(self.needed, *step.at(d)[:2], d)
+        if isinstance(self.use, slice):
+            self.now.idle = self.idle
+            self.now.begin(step, d)
+            return
+        use, idle = self.use, np.zeros(len(d), dtype=np.bool_)
+        idle[self.idle] = True
+        self.now.idle = np.flatnonzero(idle[use])
+        before = None if step.before is None else step.before[use]
+        self.now.begin(StepFormula(
+            step.t, step.c1, step.c2, step.c1_first, self.now.layout, step.free[use],
+            step.free_rate[use], step.h, before), d[use])
+
+    def residual(self, d: FloatArray) -> FloatArray:
+        own = d if isinstance(self.use, slice) else d[self.use]
+        R, r = self.now.residual(own), np.zeros(len(d))
+        r[self.rows.rows.border] = R[self.now.border_rows]
+        r[self.idle] = self.step.free[self.idle] + d[self.idle]
+        for at, rows, left in self.blocks:
+            r[at] = d[at] + (R[rows] if left is None else left.dot(R[rows]))
+        return r
+
+    def jacobian(self, at: Linearisation) -> FloatArray:
+        rows, use = self.rows.some(self.needed, at.x, at.v, at.a)
+        J = rows.slope_at(Linearisation(at.x[use], at.v[use], at.a[use], at.t, at.c))
+        columns = self.solved if isinstance(use, slice) else np.searchsorted(use, self.solved)
+        J, n = J[:, columns], self.layout.size
+        whole = np.zeros((n, len(self.solved)))
+        whole[self.rows.rows.border] = J[rows.border_rows]
+        for atoms, span, left in self.blocks:
+            whole[atoms] = J[span] if left is None else left @ J[span]
+        return whole[self.solved]
+
+    def factorize(self, J: FloatArray) -> Factor:
+        return factorized(J)
+
+    def contraction(self, point: Linearisation) -> float:
+        if not self.now.linear:
+            return inf
+        return max(b.contraction(point, sizes)
+                   for b, sizes in zip(self.now.driven, self.sizes, strict=True))
+
+
+class SupportedMechanics(LoopMechanics):
+    """Mechanics of a step on a support. blocks: elastic block -> its active rows; active (n,):
+    unknowns that are not elastic or active."""
+
+    def __init__(
+        self, bodies: Sequence[BodyStep], n_rigid: int, algebraic: slice,
+        targets: Sequence[tuple[int, Amplitude]], tolerances: Tolerances,
+        equations: SupportedEquations, blocks: Mapping[str, ActiveRows],
+    ) -> None:
+        super().__init__(bodies, n_rigid, algebraic, targets, tolerances, equations)
+        self.sampled, self.blocks = equations, blocks
+        self.active = np.ones(equations.layout.size, dtype=np.bool_)
+        for name, block in blocks.items():
+            at = equations.layout[name]
+            self.active[at] = False
+            self.active[at.start + block.active] = True
+
+    def on(self, blocks: Mapping[str, ActiveRows]) -> "SupportedMechanics":
+        """The same on other supports of some blocks."""
+        return SupportedMechanics(self.bodies, self.n_rigid, self.algebraic, self.targets, self.tol,
+                                  self.sampled, {**self.blocks, **blocks})
+
+    def working(self, memory: Memory) -> SupportedEquations:
+        """The equations with the working arrays of a run, whose rows may have changed."""
+        known = memory.work.equations
+        if known is None or known.source is not self.sampled:
+            known = memory.work.equations = self.sampled.working()
+        found: SupportedEquations = known
+        return found
+
+    def alone(self) -> Mapping[str, FloatArray]:
+        found, rows = {}, self.sampled.rows.rows
+        for b in rows.bodies:
+            if b.tested is not None:
+                use, left = self.blocks[b.step.elastic_name]
+                rates = np.hstack([b.tested.damping[:, use], b.tested.mass[:, use]])
+                found[b.step.elastic_name] = -rates if left is None else (
+                    -left @ rates[: left.shape[1]])
+        return found
+
+    def solve(
+        self, step: StepFormula, now: StepUnknowns, memory: Memory
+    ) -> tuple[Status, int, str, str]:
+        self.working(memory).take(self)
+        if memory.linearised_on is None or not np.array_equal(memory.linearised_on, self.active):
+            memory.kept.forget()
+            memory.linearised_on = self.active
+        return super().solve(step, now, memory)
