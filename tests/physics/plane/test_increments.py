@@ -8,7 +8,7 @@ import pytest
 from sparsemor.core.testing.in_memory_run import March, march, scene_of
 
 ALPHA = {"use": "generalized_alpha", "rho_inf": 0.8}
-STEPS = {1e-2: 0.05, 1e-3: 0.01, 1e-4: 1e-3, 1e-5: 1e-4, 1e-6: 2e-5}
+STEPS = {1e-2: 0.05, 1e-3: 0.01, 1e-4: 1e-3, 1e-6: 2e-5}
 """Step, s -> end of the run, s."""
 SOFT, STIFF = 7e7, 7e10
 
@@ -38,11 +38,8 @@ def apart(one: March, other: March, which: str, block: str) -> float:
 
 
 @pytest.mark.full
-@pytest.mark.parametrize("h, E, integrator", [
-    (1e-5, SOFT, ALPHA),
-    *[pytest.param(h, E, use, marks=pytest.mark.full) for h in STEPS for E in (SOFT, STIFF)
-      for use in ({"use": "bdf1"}, {"use": "bdf2"}, {"use": "generalized_alpha", "rho_inf": 0.5},
-                  ALPHA) if (h, E, use) != (1e-5, SOFT, ALPHA)]])
+@pytest.mark.parametrize("integrator", [{"use": "bdf1"}, {"use": "bdf2"}, ALPHA])
+@pytest.mark.parametrize("h, E", [(1e-2, SOFT), (1e-3, STIFF), (1e-4, SOFT), (1e-6, STIFF)])
 def test_no_step_is_too_small(h: float, E: float, integrator: Any) -> None:
     fast, plain = (pendulum(E, h, STEPS[h], integrator, method)
                    for method in ("bordered", "newton"))
