@@ -1,6 +1,5 @@
 """The commands on real scenes: what they print, what they write, and nothing else."""
 
-import csv
 import fcntl
 import json
 import os
@@ -19,7 +18,6 @@ from typer.testing import CliRunner
 
 from sparsemor import load, open_result, simulate
 from sparsemor.core.cli import app
-from sparsemor.plugins.charts import FORMATS
 
 SWING = Path(__file__).parents[1] / "scenes" / "swing.yaml"
 PROGRAM = Path(sys.executable).with_name("sparsemor")
@@ -110,28 +108,6 @@ def test_run_in_words() -> None:
     again, _ = sparsemor("run", SWING, "--set", "time.end=0.05", "--out", "there", "--force")
     assert "cache: " in again and "miss" not in again
     assert sparsemor("run", SWING, "--set", "time.end=0.05", "--quiet") == ("", "")
-
-
-@pytest.mark.full
-def test_compare(tmp_path: Path) -> None:
-    shown = in_json("compare", SWING, "--reducers", "full,galerkin,sparse", "--set",
-                    "time.end=0.1", "--training-end", "1", "--out", "out")
-    assert shown["status"] == "done" and shown["failures"] == []
-    assert [r["run"] for r in shown["runs"]] == ["full", "galerkin", "sparse"]
-    for run in shown["runs"]:
-        assert_summary(run, run["run"], 100)
-        assert open_result(run["out"]).summary["ms_per_step"] == run["ms_per_step"]
-    assert set(shown["errors"]) == {"galerkin", "sparse"}
-    for errors in shown["errors"].values():
-        assert {"combined", "angle_rad", "arm.rigid", "bob.rigid", *BLOCKS} <= set(errors)
-        assert errors["combined"] < 1e-6 and errors["angle_rad"] < 1e-5
-    with Path("out/errors.csv").open(encoding="utf-8") as text:
-        rows = {row["run"]: row for row in csv.DictReader(text)}
-    assert set(rows) == {"full", "galerkin", "sparse"}
-    assert float(rows["sparse"]["arm.elastic"]) == shown["errors"]["sparse"]["arm.elastic"]
-    pictures = {"angles", "deformation", "temperature", "error_over_time", "work_precision"}
-    assert {f"{p}.{kind}" for p in pictures for kind in FORMATS} <= {
-        p.name for p in Path("out").iterdir()}
 
 
 @pytest.mark.slow

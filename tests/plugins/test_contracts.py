@@ -16,7 +16,6 @@ from sparsemor.core.scene.scene import load
 from sparsemor.core.simulation.validation import checked_model
 
 TINY = Path(__file__).parents[1] / "scenes" / "tiny.yaml"
-SAMPLED = {"reducer": "sparse", "reducer.budgets": {"*": {"rows": 12, "atoms": 2}}}
 HEAD = """
 import numpy as np
 from sparsemor.core import BASE

@@ -13,7 +13,6 @@ from sparsemor.core.simulation.simulate import simulate
 
 pytestmark = pytest.mark.full
 
-COARSE = {f"bodies.link{i}.mesh.elements": 320 for i in (1, 2)}
 RATES = [0, 1, 3, 10, 30, 100, 300, 1000]
 HEAT = {"use": "static", "rates": RATES, "orthonormal": True}
 
