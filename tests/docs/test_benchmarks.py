@@ -71,6 +71,7 @@ def test_every_script_runs() -> None:
     assert scripts - apart == {name.split()[0] for name in (*SHORT, *LONG)}
 
 
+@pytest.mark.slow
 def test_models_of_a_box_and_chosen_models_are_measured(printed: Printed) -> None:
     out, text = printed("errors/parameters")
     assert "trained at 9 points" in text and "CPU time of a whole run" in text
