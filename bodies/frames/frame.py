@@ -159,8 +159,8 @@ class SpatialFrame(ItemFrame[SpatialItem]):
 
     def time_derivative(self, order: int, t: float, h: float) -> "SpatialFrame | None":
         """Frame with the partial time derivatives (order 1 or 2) of its items' constraints at time
-        t, s; None if all are zero."""
-        made: list[SpatialItem] = []
+        t, s, by steps of size h, s; None if all are zero."""
+        made: list[SpatialItem] = []  # an item without a derivative keeps its place and its numbers
         for i in self.items:
             made.append(i.time_derivative(order, t, h) or Nothing(
                 i.directions, i.others, i.forces, isinstance(i, Inertia)))

@@ -1,4 +1,5 @@
-"""Prismatic joint: one direction of translation, no rotation."""
+"""Prismatic joint: one direction of translation, no rotation. Its rows: `slide`
+of conditions.py."""
 
 from sparsemor.bodies.frames.rotation import across
 from sparsemor.bodies.joints.between import Between

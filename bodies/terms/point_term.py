@@ -144,6 +144,8 @@ class PointTerm(ReducedTerm):
         return self._rows(response), self._slopes(response, c1)
 
     def _response(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> Response:
+        """The law at all points. kind 0, 1, 2: unknowns, their rates and second rates (of
+        temperatures: second differences over the step)."""
         by_kind = {}
         for kind, unknowns in enumerate((x, v, a)):
             if kind in self.kinds:

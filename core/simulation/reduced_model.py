@@ -235,7 +235,7 @@ class ReducedModel:
     @cached_property
     def free(self) -> tuple[str, ...]:
         """Keys of the scene that a run may change."""
-        return (*FREE, *(key for key in self._functions if not self._why_fixed(key)))
+        return (*FREE, *(key for key in self._load_functions if not self._why_fixed(key)))
 
     @naming_plugins()
     @fixed_threads()
@@ -327,7 +327,7 @@ class ReducedModel:
     # ------------------------------------------------------------------ changes
 
     @cached_property
-    def _functions(self) -> Mapping[str, TimeFunction]:
+    def _load_functions(self) -> Mapping[str, TimeFunction]:
         """Key -> function of time of the loads."""
         return load_functions(self.scene)
 
@@ -361,7 +361,7 @@ class ReducedModel:
 
     def _why_fixed(self, key: str) -> str:
         """Reason why the function of time at `key` cannot change, "" if it can."""
-        function, name = self._functions[key], str(split(key)[1])
+        function, name = self._load_functions[key], str(split(key)[1])
         load = self.scene.loads[name]
         if self.scene.rigid_stage is not None and load.acts_on == "motion":
             return "it acts on the rigid-body pre-simulation, which the model follows"
@@ -391,7 +391,7 @@ class ReducedModel:
             steps_planned=step_count(scene)), notes=(
             *(n for n in run.notes if n.kind not in checks.renewed),
             *checks.again(scene, run.model)))
-        if initial or any(inside(key, k) for key in keys for k in self._functions):
+        if initial or any(inside(key, k) for key in keys for k in self._load_functions):
             made = self._packed.made(_table(scene), _functions(scene))
             solver = run.solver.stepping_alike(made)
             start = started_from(self._meshless[1], initial, run.solver.layout)
@@ -421,7 +421,7 @@ class ReducedModel:
             return self._end_fault(scene)
         if any(inside(key, k) for k in FREE):
             return None
-        function = next((k for k in self._functions if inside(key, k)), None)
+        function = next((k for k in self._load_functions if inside(key, k)), None)
         why = "the model was prepared with it" if function is None else self._why_fixed(function)
         if why and self._declared(key):
             why = f"{why}, and the equations are projected again in a model from memory only"

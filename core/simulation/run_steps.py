@@ -194,7 +194,8 @@ class RunSteps:
     def switch_run(
         self, run: PreparedRun, state: State, memory: StepMemory, many: ManySteps | None = None
     ) -> None:
-        """The same in the middle of a run, with a checkpoint."""
+        """Goes on with the step solver of another run in the middle of this one, and writes a
+        checkpoint."""
         self.set_run(run, state, memory, many)
         self.on_step = self.checks.on_start(self.run, self.state, False)
         self.save()

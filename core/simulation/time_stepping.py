@@ -1,5 +1,5 @@
-"""Time loop of all runs: integrator formula, solution of the step's equations, update of the
-state."""
+"""Successive steps from a state: integrator formula, solution of the step's equations, update of
+the state. Runs record them (run_steps.py)."""
 
 import time
 from collections.abc import Callable, Iterator

@@ -138,7 +138,7 @@ class Search:
         self.sources: dict[str, Source] = {}
         self.tau = 0.0
         self.rejected = ""
-        self.falls: Mapping[str, FloatArray] = {}
+        self.projection_errors: Mapping[str, FloatArray] = {}
         self.lead: dict[str, int] = {}
         self.targets: dict[str, float] = {}
         for name in problem.model.reducible():
@@ -192,11 +192,12 @@ class Search:
         return {n: k + max(2, round(SPARE * k)) if n in whole else k for n, k in met.items()}
 
     def largest(self, problem: ReducedProblem) -> Projection:
-        """The model with as many atoms as there may be. Sets their projection errors and the
-        targets of these."""
+        """The model with as many atoms as there may be. Sets the projection errors of each block by
+        the number of atoms, and the largest ones allowed (`targets`)."""
         most = dict.fromkeys(self.sources, self.auto.most)
         whole = made(self.options("galerkin", most)).project(problem)
-        self.falls = {n: self.ref.projection(n, d) for n, d in whole.dictionaries.items()}
+        self.projection_errors = {
+            n: self.ref.projection(n, d) for n, d in whole.dictionaries.items()}
         self.targets = dict.fromkeys(self.sources, SAFE * self.auto.tolerance)
         return whole
 
@@ -231,8 +232,8 @@ class Search:
     def _needed(self, name: str) -> int:
         """Smallest number of atoms whose projection error meets the block's target; all if none
         does."""
-        met = np.flatnonzero(self.falls[name][1:] <= self.targets[name])
-        return int(met[0]) + 1 if met.size else len(self.falls[name]) - 1
+        met = np.flatnonzero(self.projection_errors[name][1:] <= self.targets[name])
+        return int(met[0]) + 1 if met.size else len(self.projection_errors[name]) - 1
 
     def _grown(
         self, counts: Mapping[str, int], total: Mapping[str, int], trial: TrialRun, aim: float
@@ -326,7 +327,7 @@ class Search:
         if self.moving:
             reasons.append(f"loads move over {', '.join(self.moving)}: atoms of the load tables, "
                            "which need no training")
-        for name, fall in self.falls.items():
+        for name, fall in self.projection_errors.items():
             k = counts[name]
             ten = np.flatnonzero(fall[k:] <= 0.1 * fall[k])
             if name not in self.ref.constant:

@@ -1,4 +1,4 @@
-"""Mechanical equations of a step at full order.
+"""Mechanical equations of a step at full order, with the Schur complement of its displacements.
 
 The rows of displacements are multiplied by the inverse of the body's constant operator
 D = K + c1 C + c2 M, which is factorized once: for the departure d from the free motion u0, v0 of
@@ -205,12 +205,12 @@ class FullMechanics(StepEquations):
         r[self.border] = 0.0
         for i, f in self.targets:
             r[self.border[i]] -= f(self.step.t)
-        for b, w, one, (_, at, T) in zip(
+        for b, w, one, (_, at, to_border) in zip(
                 self.bodies, self.work, self.moved, self.maps, strict=True):
             own = d[b.step.elastic]
             if b.drive is None:
-                products = self._evaluate(b, one, own, X, self.step.t, w, at, T, None)
-                r[at] += w.border[:, -1] @ T
+                products = self._evaluate(b, one, own, X, self.step.t, w, at, to_border, None)
+                r[at] += w.border[:, -1] @ to_border
             if b.ops is None:
                 continue
             if one.known is not None:
@@ -233,12 +233,15 @@ class FullMechanics(StepEquations):
 
     def _evaluate(
         self, b: FullBody, one: Displaced | None, d: FloatArray, X: FloatArray, t: float,
-        work: FrameWork, at: IntArray, T: FloatArray, rates: tuple[float, float] | None,
+        work: FrameWork, at: IntArray, to_border: FloatArray,
+        rates: tuple[float, float] | None,
     ) -> FloatArray:
-        """Evaluates a frame at unknowns X (3, n) at t, s, with derivatives for dv = c1 dx, da = c2
-        dx if c1, c2 are given; returns M_g u, then M_g u' (2 g, n). one: the products of the free
-        motion, to which those of the departure d (n,) are added; None for products anew."""
-        y = X[:, at] @ T.T
+        """Evaluates a frame at unknowns with rates X (3, n) at t, s, with derivatives for dv = c1
+        dx, da = c2 dx if c1, c2 are given; returns M_g u, then M_g u' (2 g, n). at, to_border: the
+        rigid unknowns and joint forces that it reads, and their map to its border. one: the
+        products of the free motion, to which those of the departure d (n,) are added; None for
+        products anew."""
+        y = X[:, at] @ to_border.T
         y[0] += b.step.origin
         if b.step.guide is not None:
             for row, part in zip(y, b.step.guide.at(t), strict=True):
@@ -293,18 +296,18 @@ class FullMechanics(StepEquations):
         if not n:
             return None
         X, parts, corners = np.stack([at.x, at.v, at.a]), [], []
-        for i, (b, w, (used, columns, T)) in enumerate(zip(
+        for i, (b, w, (used, columns, to_border)) in enumerate(zip(
                 self.bodies, self.work, self.maps, strict=True)):
             if b.drive is not None:
                 continue
-            self._evaluate(b, None, _NONE, X, at.t, w, columns, T, at.c[:2])
+            self._evaluate(b, None, _NONE, X, at.t, w, columns, to_border, at.c[:2])
             H = w.border[:, :-1]
             if b.ops is not None and b.E is not None:
-                tau, sigma = T.T @ w.tau, T.T @ w.sigma[:-1]
+                tau, sigma = to_border.T @ w.tau, to_border.T @ w.sigma[:-1]
                 parts.append((i, used, tau, sigma))
-                corner = T.T @ H @ T - tau @ (b.ops.directions.T @ b.E) @ sigma.T
+                corner = to_border.T @ H @ to_border - tau @ (b.ops.directions.T @ b.E) @ sigma.T
             else:
-                corner = T.T @ H @ T
+                corner = to_border.T @ H @ to_border
             corners.append((used, corner))
         return Bordered(summed(n, corners), parts)
 

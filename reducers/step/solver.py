@@ -263,6 +263,8 @@ class Stepper(StepSolver[Memory]):
     def _full_newton(
         self, newton: WholeNewton, step: StepFormula, memory: Memory
     ) -> StepOutcome:
+        """One step with the exact Jacobian of all unknowns, which is kept in memory.exact; the
+        magnitudes of the unknowns are those of memory.kept."""
         outcome = newton.solve(step, memory.past, memory.exact, memory.kept)
         if outcome.status.ok:
             memory.full_newton_steps += 1
