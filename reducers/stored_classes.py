@@ -13,11 +13,10 @@ from sparsemor.reducers.step import (
 from sparsemor.reducers.step.acceptance import Tolerances
 from sparsemor.reducers.step.blocks import thermal_groups
 from sparsemor.reducers.step.blocks.thermal_block import CompressedHeat
-from sparsemor.reducers.step.condensed_newton import Mechanics
 from sparsemor.reducers.step.solver import Stepper
 
 CLASSES: Sequence[object] = (
-    CompressedHeat, Mechanics, Stepper, Tolerances, frame_step.BodyStep,
+    CompressedHeat, Stepper, Tolerances, frame_step.BodyStep,
     frame_step.PrescribedFactors,
     operators.TestedElastic, operators.TestedHeat, operators.TestedLocal, operators.TestMap,
     reduced.Reduced, reduced.ReducedBody, reduced.ReducedHeat,

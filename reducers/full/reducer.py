@@ -49,8 +49,7 @@ class Full(StepOptions):
             rigid = ProjectedModel(model)
             if model.separated.other:
                 return reduced_general(rigid, tol, self.predictor)
-            made = stepper(model, model.layout, {}, {}, {}, {}, tol, self.predictor, 0,
-                           drives=False)
+            made = stepper(model, model.layout, {}, {}, {}, tol, self.predictor, 0)
             return compilable(made.with_equations(dense_equations(rigid)), self.compiled)
         if model.separated.other:
             names = ", ".join(sorted({n for n, _ in coupling(model) if n})) or "a term"
@@ -62,8 +61,8 @@ class Full(StepOptions):
         visited = {b.thermal: sum(t.elements for t in b.local) for b in model.separated.heat}
         visited |= {m.elastic: sum(part.term.elements for part in m.operators.local)
                     for m in model.separated.moving if m.operators is not None}
-        made = stepper(model, model.layout, {}, {}, {}, {}, tol, self.predictor, done,
-                       notes=local_heat_notes(model), visited=visited, drives=False)
+        made = stepper(model, model.layout, {}, {}, {}, tol, self.predictor, done,
+                       notes=local_heat_notes(model), visited=visited)
         found = []
         for m, step in zip(model.separated.moving, bodies(made), strict=True):
             if (o := m.operators) is None:

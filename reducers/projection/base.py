@@ -225,8 +225,8 @@ def fast(
     wide = {c.rows: projected.wide(c.rows) for c in model.separated.couplings}
     made = stepper(
         model, projected.layout, projected.dictionaries, projected.rows,
-        heat_groups(model, heat, projected.dictionaries, wide, c1_first), {}, tolerances,
-        points, len(heat) + len(projected.elastic), True, limits, notes,
+        heat_groups(model, heat, projected.dictionaries, wide, c1_first), tolerances,
+        points, len(heat) + len(projected.elastic), limits, notes,
         {n: p.tested for n, p in projected.elastic.items()}, facts,
-        {n: block.elements for n, block in heat.items()}, False)
+        {n: block.elements for n, block in heat.items()})
     return made.with_equations(reduced_general(projected, tolerances, points).equations)

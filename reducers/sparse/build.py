@@ -238,12 +238,12 @@ class Build:
             self.model, fixed_heat, self.dictionaries, coupled_maps, self.step.c1_first)
         o, sizes = self.options, {n: d.atoms.shape[1] for n, d in self.dictionaries.items()}
         base = stepper(
-            self.model, self.model.layout.resized(sizes), self.dictionaries, rows, groups, {},
+            self.model, self.model.layout.resized(sizes), self.dictionaries, rows, groups,
             o.tolerances, o.predictor,
             len(fixed_heat) + sum(not e.block.selects for e in elastic.values()),
-            fixed and self.offline is not None, self.limits,
+            self.limits,
             (*unsampled_loads(self.model, plain), *notes),
-            {n: e.operators for n, e in elastic.items()}, facts, visited, False)
+            {n: e.operators for n, e in elastic.items()}, facts, visited)
         if fixed:
             projected = self._projected(rows, maps, heat, elastic)
             base = base.with_equations(reduced_general(

@@ -9,9 +9,7 @@ from sparsemor.core import FloatArray, Frame, FrameHistory
 from sparsemor.core.protocols import FrameWork
 from sparsemor.reducers.linalg.active_columns import few
 from sparsemor.reducers.step.blocks.elastic_block import ElasticBlock
-from sparsemor.reducers.step.blocks.prescribed_frame_block import PrescribedBlock
 from sparsemor.reducers.step.operators import TestedElastic
-from sparsemor.reducers.step.time_tables import TimeTable
 
 NONE = np.zeros(0)
 
@@ -28,9 +26,7 @@ class BodyStep:
     frame: equations of the floating frame; to_border, origin: affine map of rigid coordinates and
     multipliers to the pose and attachment forces of this body; elastic, thermal: ranges of its
     unknowns; elastic_name, rigid_name: names of its blocks of displacements and rigid coordinates,
-    "" where it has none; block: elastic block where the step has rigid unknowns or multipliers;
-    prescribed: elastic block where it has none, and `table` its tabulated functions of time; guide:
-    prescribed motion.
+    "" where it has none; block: elastic block of compiled steps; guide: prescribed motion.
     """
 
     name: str
@@ -43,8 +39,6 @@ class BodyStep:
     elastic_name: str
     guide: FrameHistory | None = None
     rigid_name: str = ""
-    prescribed: PrescribedBlock | None = None
-    table: TimeTable | None = None
 
     @property
     def free(self) -> bool:

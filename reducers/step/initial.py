@@ -17,10 +17,10 @@ from sparsemor.core.model.constraint_rates import derivative_along_motion
 from sparsemor.core.protocols import FrameWork
 from sparsemor.core.protocols.prescribed_quantities import time_derivatives
 from sparsemor.reducers.linalg.least_norm import least
-from sparsemor.reducers.step.condensed_newton import Mechanics
 from sparsemor.reducers.step.factors import summed
 from sparsemor.reducers.step.frame_step import NONE, BodyStep, buffers
 from sparsemor.reducers.step.operators import TestedElastic
+from sparsemor.reducers.step.reduced_mechanics import Mechanics
 from sparsemor.reducers.step.time_tables import plus_loads
 
 

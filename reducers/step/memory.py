@@ -6,7 +6,7 @@ from typing import Any, Self
 from sparsemor.core import BoolArray, FloatArray, StepMemory
 from sparsemor.reducers.step.acceptance import Scales
 from sparsemor.reducers.step.blocks.thermal_block import HeatJacobian
-from sparsemor.reducers.step.loop import Kept
+from sparsemor.reducers.step.loop import Kept, StepEquations
 from sparsemor.reducers.step.predictor import Past
 
 
@@ -44,6 +44,22 @@ class RunMemory(StepMemory):
     def newest(self) -> FloatArray:
         """The last state (n,)."""
         return self.past.newest
+
+
+class Workspace:
+    """Working arrays of the steps of one run, which contain no state of it: equations of the
+    mechanics, and the kept Jacobians of thermal blocks, `heat`, which can be computed again. Each
+    thread needs its own."""
+
+    __slots__ = ("equations", "heat")
+
+    def __init__(self, equations: StepEquations) -> None:
+        self.equations = equations
+        self.heat: dict[str, HeatJacobian] = {}
+
+    def separate(self) -> "Workspace":
+        """New arrays of the same sizes."""
+        return Workspace(self.equations.working())
 
 
 @dataclass(eq=False, kw_only=True)

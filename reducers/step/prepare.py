@@ -16,12 +16,11 @@ from sparsemor.core import (
 )
 from sparsemor.core.protocols import MovingBody
 from sparsemor.reducers.step.acceptance import Tolerances
-from sparsemor.reducers.step.blocks.elastic_block import ElasticBlock
-from sparsemor.reducers.step.blocks.prescribed_frame_block import PrescribedBlock
 from sparsemor.reducers.step.blocks.thermal_block import HeatBlock
 from sparsemor.reducers.step.blocks.thermal_groups import group_name
 from sparsemor.reducers.step.frame_step import BodyStep, PrescribedFactors
 from sparsemor.reducers.step.operators import TestedElastic
+from sparsemor.reducers.step.reduced_mechanics import Mechanics
 from sparsemor.reducers.step.solver import Facts, Stepper, bodies
 from sparsemor.reducers.step.time_tables import TimeTable
 
@@ -33,43 +32,34 @@ def constants(integrator: Integrator, h: float) -> tuple[float, float, float]:
 
 def stepper(
     model: AssembledModel, layout: Layout, dictionaries: Mapping[str, Dictionary],
-    rows: Mapping[str, IntArray], heat: Mapping[str, HeatBlock],
-    elastic: Mapping[str, ElasticBlock | PrescribedBlock], tol: Tolerances,
-    points: int, factorizations: int, ahead: bool = True,
-    limits: Mapping[str, float] | None = None,
+    rows: Mapping[str, IntArray], heat: Mapping[str, HeatBlock], tol: Tolerances, points: int,
+    factorizations: int, limits: Mapping[str, float] | None = None,
     notes: tuple[Note, ...] = (), tested: Mapping[str, TestedElastic] | None = None,
-    facts: Facts | None = None, visited: Mapping[str, int] | None = None, drives: bool = True,
+    facts: Facts | None = None, visited: Mapping[str, int] | None = None,
 ) -> Stepper:
     """Block-wise step solver from reduced or full-order blocks, with the elements that one step
     visits.
 
-    points: number of past states to extrapolate; ahead: True if
-    functions of time (prescribed motion and loads) are evaluated now for all their times; tested:
-    projected elastic operators, for consistent initial rates; visited: elements of each thermal
-    block's local terms, where these are not those of `heat`, whose keys are groups of coupled
-    blocks; drives: False where equations have the functions of prescribed frames.
+    points: number of past states to extrapolate; tested: projected elastic operators, for
+    consistent initial rates; visited: elements of each thermal block's local terms, where these are
+    not those of `heat`, whose keys are groups of coupled blocks.
     """
     # constant matrices were assembled once: only local terms visit elements in a step
     elements = {name: 0 for name in model.reducible()}
     elements |= visited or {name: block.elements for name, block in heat.items()}
-    elements |= {n: b.local.elements for n, b in elastic.items() if b.local is not None}
     elements |= {n: sum(part.term.elements for part in t.local)
-                 for n, t in (tested or {}).items() if n not in elastic and t.local}
+                 for n, t in (tested or {}).items() if t.local}
     # unknowns over their limits; those without one are scaled to be caught when not finite only
     sanity = np.full(layout.size, 1e-150)
     for name, limit in (limits or {}).items():
         sanity[layout[name]] = 1.0 / limit
     frames = {m.name: tested[m.elastic].frame for m in model.separated.moving
               if tested and m.elastic in tested}
-    s = Stepper(layout, dictionaries, rows, elements, model.separated, heat, elastic, frames, tol,
-                points, factorizations, limits or {}, sanity, notes, facts or {},
-                tested or {}, hot=_hot(model, layout), iterating=any(
-                    b.iterates for b in elastic.values()))
-    if drives and not model.separated.border_size:
-        s = replace(s, drives={
-            b.name: time_table(b, m, ahead)
-            for b, m in zip(bodies(s), model.separated.moving, strict=True) if b.elastic_name})
-    return replace(s, mechanics=s.with_mechanics())
+    s = Stepper(layout, dictionaries, rows, elements, model.separated, heat, frames, tol, points,
+                factorizations, limits or {}, sanity, notes, facts or {}, tested or {},
+                hot=_hot(model, layout))
+    return replace(s, mechanics=Mechanics(
+        bodies(s), layout.frames.stop, layout.algebraic, model.separated.border_targets, tol))
 
 
 def _hot(model: AssembledModel, layout: Layout) -> tuple[tuple[str, slice | IntArray], ...]:

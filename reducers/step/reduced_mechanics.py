@@ -8,13 +8,33 @@ import numpy as np
 
 from sparsemor.core import Amplitude, FloatArray, Status, StepFormula
 from sparsemor.reducers.step.acceptance import Tolerances
-from sparsemor.reducers.step.condensed_newton import Mechanics
 from sparsemor.reducers.step.frame_step import BodyStep
-from sparsemor.reducers.step.iteration_state import Workspace
 from sparsemor.reducers.step.loop import Loop, StepEquations
-from sparsemor.reducers.step.memory import Memory
+from sparsemor.reducers.step.memory import Memory, Workspace
 from sparsemor.reducers.step.reduced import Reduced
 from sparsemor.reducers.step.step_unknowns import StepUnknowns
+
+
+class Mechanics:
+    """Bodies and constraints of the mechanics of a step. targets: prescribed values of the
+    constraints; size: number of rigid coordinates and multipliers; positions: number of coordinates
+    of each body's position, the first of its rigid ones."""
+
+    def __init__(
+        self, bodies: Sequence[BodyStep], n_rigid: int, algebraic: slice,
+        targets: Sequence[tuple[int, Amplitude]], tolerances: Tolerances,
+    ) -> None:
+        self.bodies, self.n_rigid, self.algebraic = tuple(bodies), n_rigid, algebraic
+        self.size = n_rigid + algebraic.stop - algebraic.start
+        self.targets, self.tol = tuple(targets), tolerances
+        self.positions = [min(3, b.frame.rigid_size - 1) for b in self.bodies]
+
+    def parts(self) -> tuple[Any, ...]:
+        return self.bodies, self.n_rigid, self.algebraic, self.targets, self.tol
+
+    @classmethod
+    def of_parts(cls, *parts: Any) -> "Mechanics":
+        return cls(*parts)
 
 
 class LoopMechanics(Mechanics):
@@ -29,13 +49,19 @@ class LoopMechanics(Mechanics):
         self.equations, self.loop = equations, Loop(equations.layout, tolerances)
 
     def workspace(self) -> Workspace:
-        return Workspace((), None, self.equations.working())
+        return Workspace(self.equations.working())
+
+    def alone(self) -> Mapping[str, FloatArray]:
+        """Reduced elastic block -> (s, 2 s): response of its active coefficients to changes of
+        their r1 and r2 with all other unknowns fixed."""
+        return {}
 
     def solve(
         self, step: StepFormula, now: StepUnknowns, memory: Memory
     ) -> tuple[Status, int, str, str]:
+        """Solves a step in place from the prediction `now`; returns status, number of iterations,
+        block of a failure, and details."""
         equations = memory.work.equations
-        assert equations is not None
         equations.begin(step, now.d)
         ended = self.loop.solve(equations, step, now.d, memory.kept, memory.newest)
         memory.factorizations += memory.kept.factorizations

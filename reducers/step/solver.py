@@ -24,22 +24,16 @@ from sparsemor.core.linalg.least_squares import least_squares_coefficients
 from sparsemor.core.model.constraint_rates import motion_step
 from sparsemor.core.protocols import MovingBody, Separated
 from sparsemor.reducers.step.acceptance import Tolerances
-from sparsemor.reducers.step.blocks.elastic_block import ElasticBlock
-from sparsemor.reducers.step.blocks.prescribed_frame_block import PrescribedBlock
 from sparsemor.reducers.step.blocks.thermal_block import HeatBlock
-from sparsemor.reducers.step.condensed_newton import Mechanics
 from sparsemor.reducers.step.frame_step import BodyStep
 from sparsemor.reducers.step.initial import StartTimes, consistent_start, constraint_errors
-from sparsemor.reducers.step.iteration_state import Workspace
 from sparsemor.reducers.step.loop import Kept, Loop, StepEquations
-from sparsemor.reducers.step.memory import Memory
+from sparsemor.reducers.step.memory import Memory, Workspace
 from sparsemor.reducers.step.operators import TestedElastic
 from sparsemor.reducers.step.predictor import Past, block_starts
-from sparsemor.reducers.step.prescribed_frames import PrescribedFrames
 from sparsemor.reducers.step.reduced import Reduced
-from sparsemor.reducers.step.reduced_mechanics import LoopMechanics, ReducedMechanics
+from sparsemor.reducers.step.reduced_mechanics import LoopMechanics, Mechanics, ReducedMechanics
 from sparsemor.reducers.step.step_unknowns import StepUnknowns
-from sparsemor.reducers.step.time_tables import TimeTable
 from sparsemor.reducers.step.whole_step import WholeNewton, linear_response
 
 STEPS = 10
@@ -53,8 +47,7 @@ Facts = Mapping[str, Mapping[str, float | int | str]]
 class Stepper(StepSolver[Memory]):
     """Block-wise step solver: heat first, then mechanics.
 
-    limits: largest permitted |coefficient| of each block. heat, elastic: block name -> factorized
-    or reduced operators.
+    limits: largest permitted |coefficient| of each block. heat: block name -> reduced operators.
     """
 
     layout: Layout
@@ -63,7 +56,6 @@ class Stepper(StepSolver[Memory]):
     elements_touched: Mapping[str, int]
     separated: Separated
     heat: Mapping[str, HeatBlock]
-    elastic: Mapping[str, ElasticBlock | PrescribedBlock]
     frames: Mapping[str, Frame]
     tolerances: Tolerances
     points: int
@@ -74,8 +66,6 @@ class Stepper(StepSolver[Memory]):
     facts: Facts = field(default_factory=dict)
     tested: Mapping[str, TestedElastic] = field(default_factory=dict)
     mechanics: Mechanics | None = None
-    drives: Mapping[str, TimeTable] = field(default_factory=dict)
-    """Body -> tabulated factors of its frame, where its motion is prescribed."""
     iterating: bool = False
     """True if any elastic block has an iterative linear solver."""
     hot: tuple[tuple[str, slice | IntArray], ...] = ()
@@ -90,16 +80,15 @@ class Stepper(StepSolver[Memory]):
     whole: Reduced | None = None
     """Equations of the whole step of a reduced model, for its linear response."""
 
+    @property
+    def solved(self) -> LoopMechanics:
+        """The mechanics with equations."""
+        assert isinstance(self.mechanics, LoopMechanics)
+        return self.mechanics
+
     def workspace(self) -> Workspace:
         """Working arrays for one run."""
-        return Workspace((), None) if self.mechanics is None else self.mechanics.workspace()
-
-    def with_mechanics(self) -> Mechanics:
-        n_rigid = self.layout.frames.stop
-        kind = Mechanics if self.separated.border_size else PrescribedFrames
-        return kind(
-            bodies(self), n_rigid, self.layout.algebraic, self.separated.border_targets,
-            self.tolerances)
+        return self.solved.workspace()
 
     def by_loop(self, equations: StepEquations) -> Mechanics:
         """The mechanics with these equations, solved by the loop."""
@@ -192,14 +181,11 @@ class Stepper(StepSolver[Memory]):
                 return now.outcome(status, n, name, detail)
             iterations = max(iterations, n)
         if self.mechanics is not None and self.mechanics.bodies:
-            scales = memory.scales.copy() if self.mechanics.local else None
-            status, iterations, block, detail = self.mechanics.solve(step, now, memory)
+            status, iterations, block, detail = self.solved.solve(step, now, memory)
             if self.iterating:
                 for name, count in memory.work.equations.iterations.items():
                     memory.counted(name, count)
             if not status.ok:
-                # iterates that went away from the solution are no sizes of the unknowns
-                memory.scales = scales or memory.scales
                 return self._rescued(
                     now.outcome(status, iterations, block, detail), step, memory)
         return now.outcome(Status.DONE, iterations)
@@ -283,8 +269,7 @@ class Stepper(StepSolver[Memory]):
             for kept in memory.warming.values():
                 if self.loop is not None:
                     self.loop.remember(x, d, step, kept)
-            if self.mechanics is not None:
-                self.mechanics.remember(x, d, step, memory)
+            self.solved.remember(x, d, step, memory)
         return bad or outcome
 
     def _insane(self, x: FloatArray) -> StepOutcome | None:
@@ -312,14 +297,7 @@ class Stepper(StepSolver[Memory]):
         """Reduced elastic block -> (s, 2 s): response of its active coefficients to changes of
         their r1 and r2 with all other unknowns fixed: [-D^-1 D_m, -D^-1 M] projected, with the
         damping D_m."""
-        found = {} if self.mechanics is None else dict(self.mechanics.alone())
-        for name, block in self.elastic.items():
-            at = self.layout[name]
-            rates = block.rates(at.stop - at.start)
-            if rates is not None:
-                use = slice(None) if block.active is None else block.active
-                found[name] = -np.hstack([w[:, use] for w in rates])
-        return found
+        return self.solved.alone()
 
     def response(self, step: StepFormula, x: FloatArray) -> FloatArray | None:
         """Linear response (n, 2 n) of the solution x of a step to changes of [r1; r2]; None where
@@ -342,16 +320,11 @@ class Stepper(StepSolver[Memory]):
 def bodies(s: Stepper) -> Sequence[BodyStep]:
     none, found = slice(0, 0), []
     for m in s.separated.moving:
-        made = s.elastic.get(m.elastic)
-        block, prescribed = (None, made) if isinstance(made, PrescribedBlock) else (made, None)
-        drive = s.drives.get(m.name)
         found.append(BodyStep(
-            m.name, s.frames.get(m.name, m.frame), m.to_border, m.origin, block,
+            m.name, s.frames.get(m.name, m.frame), m.to_border, m.origin, None,
             s.layout[m.elastic] if m.elastic else none,
             s.layout[m.thermal] if m.thermal in s.layout else none, m.elastic, m.guide,
-            rigid_block(s.layout, m), prescribed,
-            prescribed.time_table(drive)
-            if prescribed is not None and drive is not None else None))
+            rigid_block(s.layout, m)))
     return found
 
 

@@ -3,10 +3,6 @@
 import numpy as np
 
 from sparsemor.core import FloatArray, IntArray, Status, StepFormula, StepOutcome
-from sparsemor.reducers.step.blocks.elastic_block import DisplacementBlock
-from sparsemor.reducers.step.blocks.elastic_local import StepForces
-from sparsemor.reducers.step.frame_step import BodyStep
-from sparsemor.reducers.step.predictor import Prediction
 
 
 class StepUnknowns:
@@ -22,25 +18,6 @@ class StepUnknowns:
     def __init__(self, step: StepFormula, d: FloatArray) -> None:
         self.step, self.d, self.remaining = step, d, 0.0
         self.x, self.v, self.a = step.at(d)
-
-    def prediction(self, body: BodyStep, active: IntArray | None) -> Prediction:
-        """Predicted displacements of a body; inactive atoms have the coefficient zero."""
-        at, step = body.elastic, self.step
-        if active is not None:
-            idle = at.start + inactive(at, active)
-            self.d[idle] = -step.free[idle]
-            self.x[idle], self.v[idle] = 0.0, step.free_rate[idle] + step.c1 * self.d[idle]
-            self.a[idle] = step.c2 * self.d[idle]
-        return Prediction(self.x[at], self.v[at], self.a[at], self.x[body.thermal], step.t)
-
-    def local_forces(
-        self, body: BodyStep, block: DisplacementBlock, at: Prediction
-    ) -> StepForces | None:
-        """Local terms of a body's displacements in this step, its temperatures being final."""
-        if block.local is None:
-            return None
-        return StepForces(block.local, at, self.v[body.thermal], self.step.c1, self.step.c2,
-                          block.active)
 
     def move(self, at: slice | IntArray, active: IntArray | None, d: FloatArray) -> None:
         """Adds increments d of the active unknowns (None: all) among those numbered `at`."""

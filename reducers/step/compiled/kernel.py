@@ -1,6 +1,6 @@
 """Steps of a reduced model as functions on arrays (arrays.py), which numba compiles.
 
-The equations are those of predictor.py, thermal_block.py and condensed_newton.py; tests compare
+The equations are those of predictor.py, thermal_block.py and elastic_block.py; tests compare
 both. A step that does not converge at once is left to these (`LEFT`): they have the estimate of
 round-off, acceleration, and the full Newton iteration.
 """

@@ -1,5 +1,5 @@
 """Mechanical equations of one step as functions on arrays (arrays.py): those of
-condensed_newton.py and elastic_block.py, with the same acceptance. Each function goes through all
+elastic_block.py, with the acceptance of acceptance.py. Each function goes through all
 bodies."""
 
 from collections.abc import Sequence
@@ -18,8 +18,9 @@ from sparsemor.reducers.step.compiled.arrays import (
 )
 from sparsemor.reducers.step.compiled.dense import add_product, add_rates, norm, solve_in_place
 from sparsemor.reducers.step.compiled.local import local_rows, rows_of, variables
-from sparsemor.reducers.step.condensed_newton import SLOW
 
+SLOW = 0.2
+"""Ratio of consecutive changes above which a step is left to the uncompiled solver."""
 LEFT = -1
 """Instead of a number of iterations: the step is left to the uncompiled solver."""
 
@@ -161,7 +162,7 @@ def solve_mechanics(
     timed: FloatArray, targets: FloatArray, x: FloatArray, v: FloatArray, a: FloatArray,
     d: FloatArray, free: FloatArray, rate: FloatArray
 ) -> int:
-    """Solves the mechanical equations (condensed_newton.py) and adds their increments to d; returns
+    """Solves the mechanical equations and adds their increments to d; returns
     the number of iterations, or LEFT."""
     nr, count, N, last = m.rigid, len(b.k), len(w.dy), inf
     for i in range(N):

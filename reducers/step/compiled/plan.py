@@ -24,12 +24,11 @@ from sparsemor.reducers.step.compiled.local import NO_LOCAL, LocalArrays
 from sparsemor.reducers.step.compiled.local_plan import local_arrays, points_of
 from sparsemor.reducers.step.compiled.stacked import NO_BODY, array, by_four, number, stacked
 from sparsemor.reducers.step.compiled.timed import NotCompiled, Timed
-from sparsemor.reducers.step.condensed_newton import Mechanics
 from sparsemor.reducers.step.driven import Driven
 from sparsemor.reducers.step.frame_step import BodyStep
 from sparsemor.reducers.step.predictor import block_starts
 from sparsemor.reducers.step.reduced import Reduced
-from sparsemor.reducers.step.reduced_mechanics import ReducedMechanics
+from sparsemor.reducers.step.reduced_mechanics import Mechanics, ReducedMechanics
 from sparsemor.reducers.step.solver import Stepper
 from sparsemor.reducers.step.time_tables import TimeTable
 

@@ -11,8 +11,7 @@ from sparsemor.reducers.step.acceptance import LEAST, TRUSTED, estimated_error
 from sparsemor.reducers.step.compiled.arrays import ModelArrays, PrescribedArrays, RunArrays
 from sparsemor.reducers.step.compiled.dense import add_products, product
 from sparsemor.reducers.step.compiled.local import local_rows, rows_of, variables
-from sparsemor.reducers.step.compiled.mechanics import LEFT
-from sparsemor.reducers.step.condensed_newton import SLOW
+from sparsemor.reducers.step.compiled.mechanics import LEFT, SLOW
 
 
 def solve_prescribed(

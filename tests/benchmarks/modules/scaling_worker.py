@@ -169,9 +169,8 @@ def ahead(solver: StepSolver, repeats: int = 5) -> float:
     if not isinstance(solver, Stepper) or solver.mechanics is None:
         return 0.0
     known: list[TimeTable | None] = [
-        *solver.drives.values(), *(h.prescribed for h in solver.heat.values()
+        *(h.prescribed for h in solver.heat.values()
                                    if isinstance(h, CompressedHeat))]
-    known += [b.table for b in solver.mechanics.bodies if b.table not in known]
     if isinstance(solver.mechanics, ReducedMechanics):
         known += [b.table for b in solver.mechanics.equations.driven]
     asked = [(k.source, np.array(k.times)) for k in known if k is not None and k.rows is not None]
