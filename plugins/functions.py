@@ -47,7 +47,7 @@ class Constant(PiecewiseLinear):
         return self.level
 
 
-class TimeTable(PiecewiseLinear):
+class TabulatedFunction(PiecewiseLinear):
     """Piecewise linear interpolation of tabulated values."""
 
     times: tuple[float, ...] = Field(min_length=2)

@@ -12,7 +12,7 @@ from sparsemor.core.protocols.step_amplitude import StepAmplitude, delay
 from sparsemor.integrators.bdf1 import Bdf1
 from sparsemor.integrators.bdf2 import Bdf2
 from sparsemor.integrators.generalized_alpha import GeneralizedAlpha
-from sparsemor.plugins.functions import Product, Pulse, Sine, SmoothStep, Sum, TimeTable
+from sparsemor.plugins.functions import Product, Pulse, Sine, SmoothStep, Sum, TabulatedFunction
 
 H = 0.01
 ALPHA = {"use": "generalized_alpha", "rho_inf": 0.8}
@@ -55,7 +55,7 @@ def test_sixty_pulses_and_tables(integrator: Any, grid: bool) -> None:
     for i in range(60):  # tables are odd
         made, exact, size = random_function(rng, i, grid)
         options = {k: v for k, v in made.items() if k != "use"}
-        function = TimeTable(**options) if i % 2 else Pulse(**options)
+        function = TabulatedFunction(**options) if i % 2 else Pulse(**options)
         assert abs(delivered(integrator, function, 130) - exact) <= 1e-12 * size
 
 

@@ -18,14 +18,14 @@ from sparsemor.plugins.functions import (
     Sine,
     SmoothStep,
     Sum,
-    TimeTable,
+    TabulatedFunction,
     parse,
 )
 
 ALL: list[TimeFunction] = [
     Constant(level=3.0),
-    TimeTable(times=(0.0, 1.0, 3.0), values=(2.0, 4.0, -2.0)),
-    TimeTable(times=(0.0, 1.0, 3.0), values=(2.0, 4.0, -2.0), outside="zero"),
+    TabulatedFunction(times=(0.0, 1.0, 3.0), values=(2.0, 4.0, -2.0)),
+    TabulatedFunction(times=(0.0, 1.0, 3.0), values=(2.0, 4.0, -2.0), outside="zero"),
     Ramp(start=0.5, end=2.5, initial=1.0, final=-3.0),
     Pulse(start=0.5, duration=1.0, level=7.0),
     Sine(amplitude=2.0, frequency=0.7, phase=0.3, offset=1.0),
@@ -81,7 +81,7 @@ def test_derivatives_from_the_right_with_the_step_as_scale(w: float) -> None:
     known = Prescribed(Sine(amplitude=1.0, frequency=w / (2 * np.pi)), 5.0)
     assert time_derivatives(known, t, h) == pytest.approx(want, rel=1e-14)
     assert time_derivatives(Held(1e7), t, h) == time_derivatives(lambda s: 1e7, t, h) == (0.0, 0.0)
-    corner = TimeTable(times=(0.0, t, 2 * t), values=(0.0, 0.0, 1.0))
+    corner = TabulatedFunction(times=(0.0, t, 2 * t), values=(0.0, 0.0, 1.0))
     assert time_derivatives(corner.value, t, h) == pytest.approx((1 / t, 0.0), abs=1e-6 / t**2)
 
 
@@ -104,7 +104,7 @@ def test_values(function: TimeFunction, points: dict[float, float]) -> None:
 @given(st.floats(-1e3, 1e3), st.lists(st.floats(-1e6, 1e6), min_size=2, max_size=8))
 def test_a_table_agrees_with_linear_interpolation(t: float, values: list[float]) -> None:
     times = tuple(float(i * i) for i in range(len(values)))
-    table = TimeTable(times=times, values=tuple(values))
+    table = TabulatedFunction(times=times, values=tuple(values))
     expected = float(np.interp(t, times, values))
     assert table.value(t) == pytest.approx(expected, rel=1e-9, abs=1e-6)
 
@@ -118,11 +118,11 @@ def test_a_number_is_a_constant_function() -> None:
 @pytest.mark.parametrize(
     ("kind", "options", "words"),
     [
-        (TimeTable, {"times": [0, 1], "values": [1, float("nan")]}, "finite number"),
-        (TimeTable, {"times": [0, float("inf")], "values": [1, 2]}, "finite number"),
-        (TimeTable, {"times": [0, 1, 1], "values": [1, 2, 3]}, r"times\[2\] = 1 does not come"),
-        (TimeTable, {"times": [0, 1, 2], "values": [1, 2]}, "3 times but 2 values"),
-        (TimeTable, {"times": [0], "values": [1]}, "at least 2"),
+        (TabulatedFunction, {"times": [0, 1], "values": [1, float("nan")]}, "finite number"),
+        (TabulatedFunction, {"times": [0, float("inf")], "values": [1, 2]}, "finite number"),
+        (TabulatedFunction, {"times": [0, 1, 1], "values": [1, 2, 3]}, r"2\] = 1 does not come"),
+        (TabulatedFunction, {"times": [0, 1, 2], "values": [1, 2]}, "3 times but 2 values"),
+        (TabulatedFunction, {"times": [0], "values": [1]}, "at least 2"),
         (Ramp, {"start": 2.0, "end": 1.0, "final": 1.0}, "must come after start = 2 s"),
         (Pulse, {"duration": 0.0, "level": 1.0}, "greater than 0"),
         (Constant, {"level": float("inf")}, "finite number"),

@@ -50,7 +50,7 @@ def test_laws_of_a_material(name: str) -> None:
 
 
 def test_an_alloy_is_the_material_of_its_constants() -> None:
-    constants = TABLE["6061-T6"]._asdict()
+    constants = vars(TABLE["6061-T6"])
     one, other = (simulate(scene("bar", **{"bodies.bar.material": m})) for m in (
         {"use": "alloy", "name": "6061-T6"}, constants))
     for block in ("bar.rigid", "bar.elastic", "bar.thermal"):
