@@ -467,6 +467,9 @@ class _Search:
     def failed(
         self, d: FloatArray, status: Status, detail: str = "", at: _Iterate | None = None
     ) -> Ended:
+        if status is Status.NOT_FINITE and self.eq.failed is not None:
+            block, status, detail = self.eq.failed  # of an iterative linear solver
+            return Ended(d, status, self.iterations, inf, block, detail)
         block = ""
         if at is not None:
             broken = ~np.isfinite(self.loop.largest(at.r))
