@@ -12,7 +12,7 @@ from reduced_runs import estimates, learnt
 from sparsemor.bodies.terms.field_kinds import MULTIPLIER, THERMAL
 from sparsemor.core import InputError
 from sparsemor.core.model.assembly import assemble
-from sparsemor.core.model.block_operators import close
+from sparsemor.core.model.block_operators import block_operators
 from sparsemor.core.model.equations import system_jacobian, system_residual
 from sparsemor.core.model.general_terms import general_terms
 from sparsemor.core.model.model import Model
@@ -139,7 +139,7 @@ def test_both_forms_of_all_kinds_of_records_are_the_same_equations() -> None:
         load.vector(rows, rng.standard_normal(load.size(rows)), lambda t: 2.0 + t)
         load.vector(rows, rng.standard_normal(load.size(rows)))
     load.matrix("j.multiplier", "a.thermal", A=csr_array(rng.standard_normal((2, 4))))
-    s = close(layout, records, 0.1)
+    s = block_operators(layout, records, 0.1)
     assert len(s.couplings) == 2 and len(s.other) == 1 and len(s.heat_groups) == 1
     terms = [t for part in general_terms(layout, records).values() for t in part]
     x, v, zero, t = rng.standard_normal(9), rng.standard_normal(9), np.zeros(9), 0.3
