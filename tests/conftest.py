@@ -140,12 +140,9 @@ def pytest_configure(config: pytest.Config) -> None:
     for name in ("FORCE_COLOR", "CLICOLOR_FORCE", "PYTHONWARNINGS", "PYTHONDONTWRITEBYTECODE"):
         os.environ.pop(name, None)
     threadpool_limits(limits=1, user_api="blas")
+    gc.set_threshold(20_000, 20, 50)  # imported modules and collected tests are searched less often
     if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # started in the background by a shell
         signal.signal(signal.SIGINT, signal.default_int_handler)
-
-
-def pytest_collection_finish() -> None:
-    gc.freeze()  # modules and collected tests stay: they are not searched for garbage again
 
 
 @pytest.fixture(autouse=True, scope="session")
