@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.model.assembly import assemble
+from sparsemor.core.model.assembly import assemble, mentioned
 from sparsemor.core.model.equations import system_jacobian, system_residual
 from sparsemor.core.model.model import Model
 from sparsemor.core.protocols import (
@@ -121,10 +121,13 @@ def runs(scene: Scene) -> March:
     return done
 
 
-def refuses_absent_bodies(plugin: JointPlugin | ContactPlugin | LoadPlugin) -> None:
+def refuses_absent_bodies(
+    plugin: JointPlugin | ContactPlugin | LoadPlugin, bodies: Entries
+) -> None:
     """Checks that a joint, contact or load on bodies that the scene does not have raises
-    InputError."""
-    refused("a scene without the bodies that it names", lambda: plugin.build("part", {}))
+    InputError; one whose options name none of them, such as gravity, may be built."""
+    refused("a scene without the bodies that it names", lambda: plugin.build("part", {}),
+            optional=not mentioned(plugin, bodies))
 
 
 def without_unknowns(part: Part) -> None:
@@ -139,7 +142,7 @@ def check_joint(plugin: JointPlugin, bodies: Entries, seed: int = 0) -> None:
 
     bodies: those that the joint connects, as entries of a scene.
     """
-    refuses_absent_bodies(plugin)
+    refuses_absent_bodies(plugin, bodies)
     scene = small_scene(bodies, joints={"joint": plugin})
     check_parts(scene, seed)
     model = assemble(scene)
@@ -188,7 +191,7 @@ def check_load(plugin: LoadPlugin, bodies: Entries, seed: int = 0) -> None:
 
     bodies: those that the load acts on, as entries of a scene.
     """
-    refuses_absent_bodies(plugin)
+    refuses_absent_bodies(plugin, bodies)
     scene = small_scene(bodies, loads={"load": plugin})
     check_parts(scene, seed)
     model = assemble(scene)
@@ -218,7 +221,7 @@ def check_contact(
     bodies: two that touch at the start, as entries of a scene. scale: standard deviation of the
     random changes of their poses and rates (m, rad, per s).
     """
-    refuses_absent_bodies(plugin)
+    refuses_absent_bodies(plugin, bodies)
     scene = small_scene(bodies, contacts={"contact": plugin})
     model = assemble(scene)
     without_unknowns(model.parts["contact"])
