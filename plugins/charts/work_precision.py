@@ -81,7 +81,8 @@ def work_precision_figure(
     reference = None if reference is None else _drawn(reference)
     timed = [p for p in points if p.ms_per_step]
     titles = measure_titles(kinds)
-    titles = {"angle_rad": titles["angle_rad"], **titles, "combined": titles.pop("combined")}
+    first, last = ({n: titles.pop(n)} for n in ("angle_rad", "combined"))
+    titles = first | titles | last
     measures = [m for m in titles if any(p.errors.get(m, 0.0) > 0.0 for p in timed)]
     if "angle_rad" in measures:
         poses = {k.name for k in kinds if k.quantity is Quantity.POSE}
