@@ -117,6 +117,7 @@ def test_no_file_gets_the_number_of_a_closed_stream() -> None:
 
 ENDED = """
 import os, signal, sys, threading
+signal.signal(getattr(signal, sys.argv[1]), getattr(signal, sys.argv[2]))
 import sparsemor.core.cli as cli
 from sparsemor.core.results.files.temporary import TemporaryFolder
 
@@ -125,17 +126,33 @@ def app():
     folder = TemporaryFolder()
     print(folder.path, flush=True)
     os.kill(os.getpid(), getattr(signal, sys.argv[1]))
-    threading.Event().wait(60)
+    threading.Event().wait(float(sys.argv[3]))
 
 cli.app = app
 cli.main()
 """
 
 
+def ended(name: str, handling: str, seconds: float) -> "subprocess.CompletedProcess[str]":
+    """A program with a temporary folder, whose path it prints, that is sent a signal and goes on
+    for `seconds` unless this ends it. handling: that of the signal at its start; without it, tests
+    under nohup would start programs that ignore SIGHUP."""
+    return subprocess.run([sys.executable, "-c", ENDED, name, handling, str(seconds)],
+                          capture_output=True, text=True)
+
+
 @pytest.mark.full
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 @pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP", "SIGINT"])
 def test_a_program_that_is_ended_leaves_no_temporary_folder(name: str) -> None:
-    done = subprocess.run([sys.executable, "-c", ENDED, name], capture_output=True, text=True)
+    done = ended(name, "default_int_handler" if name == "SIGINT" else "SIG_DFL", 60)
     assert (done.returncode, done.stderr) == (130, "interrupted\n")
+    assert done.stdout and not Path(done.stdout.strip()).exists()
+
+
+@pytest.mark.full
+@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+def test_a_program_under_nohup_goes_on_after_a_hangup() -> None:
+    done = ended("SIGHUP", "SIG_IGN", 0)
+    assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout and not Path(done.stdout.strip()).exists()
