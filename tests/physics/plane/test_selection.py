@@ -17,6 +17,7 @@ from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.testing.in_memory_run import March, march
 from sparsemor.reducers.sparse.block_selection import BlockwiseSelection
 from sparsemor.reducers.sparse.stepper import SparseStepper
+from sparsemor.reducers.sparse.supported_steps import SolvedStep
 
 pytestmark = pytest.mark.full
 
@@ -88,9 +89,11 @@ def test_an_exchange_lowers_the_residual_as_foreseen_with_the_other_unknowns_hel
     assert isinstance(solver, SparseStepper) and isinstance(solver.selection, BlockwiseSelection)
     blocks, steps = solver.selection.bodies, solver.steps
 
-    def squared(x: Any, now: Any, memory: Any, supports: Any) -> float:
-        return sum(b.at(b.rows.residual(formula, x, now, memory.work), x[b.rows.at],
-                        supports[b.rows.name]).current for b in blocks)
+    def squared(outcome: Any, now: Any, memory: Any, supports: Any) -> float:
+        solved = SolvedStep(formula, outcome, now, supports, fresh=False)
+        x, rows = outcome.x, steps.rows(solved, memory)
+        return sum(b.at(rows[b.rows.rows], x[b.rows.at], supports[b.rows.name]).current
+                   for b in blocks)
 
     state, memory = solver.start(consistent_state(model))
     state = scene.integrator.start(solver.layout, state)
@@ -108,7 +111,7 @@ def test_an_exchange_lowers_the_residual_as_foreseen_with_the_other_unknowns_hel
         exchanges += 1
         heat = {n: memory.supports[n] for n in steps.heat}
         old = steps.on(other, {**before, **heat})
-        was = squared(old.tried(formula, other).x, old, other, before)
-        now = squared(outcome.x, steps.current(memory), memory, memory.supports)
+        was = squared(old.tried(formula, other), old, other, before)
+        now = squared(outcome, steps.current(memory), memory, memory.supports)
         assert now < 1.02 * 0.9**2 * was
     assert exchanges >= 3
