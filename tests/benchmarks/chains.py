@@ -6,7 +6,7 @@
 Pinned links in the plane that swing under gravity. A figure is the CPU time of one thread, the
 median over windows of steps in which all lengths take turns. The exponent is that of a power law
 fitted to all lengths, and `last` that between the two longest, where constant costs count least.
-With --dense the joint forces of all chains are solved for with dense matrices, for comparison.
+With --dense the Jacobians of all chains are dense matrices, for comparison.
 """
 
 import argparse
@@ -30,7 +30,7 @@ from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.offline_cache import Products
 from sparsemor.core.simulation.simulate import simulate
 from sparsemor.core.simulation.training import offline_of
-from sparsemor.reducers.step.border import sparse
+from sparsemor.reducers.step import factors
 
 BODIES, LOADS, STEPS = (5, 10, 20, 50, 100), (1, 3, 10, 30, 100), (2_000, 10_000, 50_000)
 LENGTH, HEIGHT, STEP = 0.3, 0.03, 1e-3
@@ -142,15 +142,15 @@ def exponents(counts: tuple[int, ...], cost: list[float]) -> tuple[float, float]
 def fill(into: report.Report, given: argparse.Namespace) -> None:
     only = given.only.split(",")
     if given.dense:
-        sparse.DENSE = 10**9
+        factors.MANY = 10**9
     bodies, loads, lengths = (
         ((2, 4), (1, 3), (50, 100)) if given.quick else (BODIES, LOADS, STEPS))
     steps, windows = (3, 2) if given.quick else (30, 9)
     into.settings |= {
         "scene": f"links of {LENGTH:g} m, revolute joints, gravity, generalized_alpha, "
                  f"h = {STEP:g} s; flexible: 320 triangles; galerkin: 8 modes a link",
-        "joint forces": ("dense matrices" if given.dense
-                         else f"sparse matrices beyond {sparse.DENSE} unknowns"),
+        "Jacobians": ("dense matrices" if given.dense
+                      else f"sparse matrices from {factors.MANY} unknowns on"),
         "windows": f"{windows} of {steps} steps, all counts in turn; median, CPU ms"}
     table = into.table("CPU milliseconds per step", ms=".4f", iterations=".2f", start_s=".2f")
     fits = into.table("Exponents of the cost of a step", fitted=".3f", last=".3f")

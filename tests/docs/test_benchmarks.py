@@ -29,6 +29,10 @@ LONG = ("published", "recovery", "samplers", "hyper_reduction", "nonlinear_heat"
         "slider_variants", "slider", "linear_solvers", "brake_disk", "brake_disk_fine", "scaling")
 NOT_TIMED = {"accuracy", "hyper_reduction", "stability", "step_sizes"}
 """All targets of these are of errors, which a short run keeps, too."""
+WITHOUT_ROWS = {
+    "stability": {"Every disagreement"},
+    "scaling": {"The same over longer runs", "Galerkin with given atoms: error of each block"}}
+"""Tables in which a short run has no rows: no prediction is wrong, no run is long."""
 
 
 @pytest.fixture(scope="module")
@@ -39,8 +43,8 @@ def printed(tmp_path_factory: pytest.TempPathFactory) -> Printed:
 
     @cache
     def run(script: str, *words: str) -> tuple[Path, str]:
-        out = folder / script.replace("/", "-") / "".join(words)
-        out.mkdir(parents=True)
+        out = folder / "".join((script.replace("/", "-"), *words))
+        out.mkdir()
         written = [] if script == "errors/advice" else ["--out", out / "out.json"]
         done = subprocess.run(
             [sys.executable, SCRIPTS / f"{script}.py", "--quick", *words, *written],
@@ -60,7 +64,8 @@ def test_a_script_prints_and_writes_its_tables(script: str, printed: Printed) ->
     found = json.loads(out.read_text(encoding="utf-8"))
     assert text.startswith(f"{name}: done") and found["settings"]["threads"].startswith("1 ")
     assert found["tables"] and all(table["title"] in text for table in found["tables"])
-    assert all(table["rows"] for table in found["tables"])
+    empty = {table["title"] for table in found["tables"] if not table["rows"]}
+    assert empty == WITHOUT_ROWS.get(name, set())
     if name in NOT_TIMED:
         assert {target["verdict"] for target in found["targets"]} == {"met"}
 
