@@ -13,6 +13,7 @@ from small_scenes import SCENES, tiny
 from sparsemor import load, open_result, simulate, study
 from sparsemor.core.cli import app
 from sparsemor.core.registry.hooks import hookimpl
+from sparsemor.core.scene.scene import Scene
 from sparsemor.core.status import Status
 from tiers import quick
 
@@ -30,6 +31,9 @@ COARSE: dict[str, dict[str, Any]] = {
         "bodies.disk.mesh": {"use": "disk", "triangles": 300, "rim": 36, "layers": 1},
         "reducer.budgets": {"*": {"rows": 40, "atoms": 10}}},
 }
+COMPLETE = {f"{name}{kind}": name for name in COARSE for kind in ("_published", "_recovered")}
+"""Scenes with complete bases, which take up to a minute to make at their size, by the scene whose
+bodies they have."""
 pytestmark = pytest.mark.usefixtures("here")
 
 
@@ -39,21 +43,27 @@ def in_json(*arguments: object) -> Any:
     return json.loads(done.stdout)
 
 
-@pytest.mark.end_to_end
-@pytest.mark.parametrize("name", quick(
-    [*(f"{name}{kind}" for name in ("double_pendulum", "slider_plate", "brake_disk")
-       for kind in ("", "_published", "_recovered")), "hot_plate", "hot_pendulum"],
-    "double_pendulum"))
-def test_a_packaged_scene_begins(name: str) -> None:
-    """Those with complete bases on a coarse mesh: at their size these take a minute to make."""
-    plain = name.removesuffix("_published").removesuffix("_recovered")
-    scene = load(name, {} if name == plain else COARSE[plain])
+def begins(scene: Scene) -> None:
     end = STEPS * scene.time.step
     run = simulate(scene.using({"time.end": end, "training.end": end}), out="out")
     assert (run.status, run.summary["steps"]) == (Status.DONE, STEPS)
     assert run.times[-1] == pytest.approx(end)
     assert all(np.isfinite(v.to_numpy()).all() for v in run.to_xarray().data_vars.values()
                if v.dtype.kind == "f" and v.name != "step_seconds")
+
+
+@pytest.mark.end_to_end
+@pytest.mark.parametrize("name", [
+    *quick([*COARSE, "hot_plate", "hot_pendulum"], "double_pendulum"),
+    *(pytest.param(name, marks=pytest.mark.slow) for name in COMPLETE)])
+def test_a_packaged_scene_begins(name: str) -> None:
+    begins(load(name))
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("name", COMPLETE)
+def test_a_scene_with_complete_bases_begins_on_a_coarse_mesh(name: str) -> None:
+    begins(load(name, COARSE[COMPLETE[name]]))
 
 
 @pytest.mark.end_to_end
