@@ -56,6 +56,26 @@ def turned_by(pose: FloatArray) -> FloatArray:
     return np.asarray(2.0 * np.arctan2(np.linalg.norm(vector, axis=1), np.abs(scalar)))
 
 
+_LEFT = np.array([
+    [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]],
+    [[0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 0, -1], [0, 0, 1, 0]],
+    [[0, 0, -1, 0], [0, 0, 0, 1], [1, 0, 0, 0], [0, -1, 0, 0]],
+    [[0, 0, 0, -1], [0, 0, -1, 0], [0, 1, 0, 0], [1, 0, 0, 0]]], dtype=np.float64)
+"""Products with 1, i, j, k from the left."""
+
+
+def turns_from(q: FloatArray) -> FloatArray:
+    """Matrices (k, 4, 4, 4) whose sum with the components of quaternions p (k, 4) as weights is the
+    orthogonal matrix by which quaternions, and their derivatives, turn from attitudes q (k, 4) to
+    p; it makes p of q."""
+    return np.asarray(_LEFT @ np.tensordot(q, _LEFT, 1).transpose(0, 2, 1)[:, None])
+
+
+def turns(p: FloatArray, q: FloatArray) -> FloatArray:
+    """The matrices (k, 4, 4) by which attitudes turn from q (k, 4) to p (k, 4)."""
+    return np.asarray((p[:, None] @ turns_from(q).reshape(len(q), 4, 16)).reshape(-1, 4, 4))
+
+
 FAR = 0.5
 """Distance of a guessed quaternion from the direction of its free motion beyond which the latter is
 the guess."""

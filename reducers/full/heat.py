@@ -87,7 +87,7 @@ class FullHeat(StepEquations):
         self.iterations, self.failed = {}, None
         self.base = plus_loads(heat.constant - heat.conductivity @ self.free, heat, step.t)
 
-    def residual(self, d: FloatArray) -> FloatArray:
+    def residual(self, d: FloatArray, slope: bool = False) -> FloatArray:
         r, own = np.zeros(len(d)), d[self.at]
         right = self.base - self._forces(self.free + own, own) if self.local else self.base
         if self.plain:

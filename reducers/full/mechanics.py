@@ -21,8 +21,17 @@ from math import inf
 from typing import NamedTuple, Self
 
 import numpy as np
+from scipy.sparse import vstack
 
-from sparsemor.core import Amplitude, Factorized, FloatArray, IntArray, Layout, StepFormula
+from sparsemor.core import (
+    Amplitude,
+    Csr,
+    Factorized,
+    FloatArray,
+    IntArray,
+    Layout,
+    StepFormula,
+)
 from sparsemor.core.model.factorizations import solve_or_fail, unconverged_note
 from sparsemor.core.protocols import ElasticOperators, FrameWork
 from sparsemor.reducers.linalg.coarse_correction import CoarseCorrection
@@ -36,20 +45,26 @@ from sparsemor.reducers.step.time_tables import TimeTable, plus_loads
 
 PRICE = 2
 """Cost of a new Jacobian in iterations."""
+IN_SPACE = 1
+"""The same in space, where the Jacobian changes with each step of a spin."""
 UNCHANGED = 50
 """The same where no frame has unknowns: it is the identity."""
+
+_NONE = np.zeros(0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FullBody:
     """A body at full order. ops, factor: its operators and the factorized D, None for a rigid body;
-    E (n, p) = D^-1 P; noise (3, n): errors due to rounding K u, C u' and M u'' where these unknowns
-    are 1. Of a body whose frame has no unknowns, `drive`: kappa, mu and sigma as
-    functions of time, and a coarse space for its rotation."""
+    G (g n, n): its matrices M_g, one below the other; E (n, p) = D^-1 P; noise (3, n): errors due
+    to rounding K u, C u' and M u'' where these unknowns are 1. Of a body whose frame has no
+    unknowns, `drive`: kappa, mu and sigma as functions of time, and a coarse space for its
+    rotation."""
 
     step: BodyStep
     ops: ElasticOperators | None = None
     factor: Factorized | None = None
+    G: Csr | None = None
     E: FloatArray | None = None
     noise: FloatArray | None = None
     drive: TimeTable | None = None
@@ -65,11 +80,18 @@ class FullBody:
         terms = np.stack([signs * abs(A).sum(axis=1) for A in (
             ops.stiffness, ops.damping, ops.mass)], axis=1)
         noise = np.ascontiguousarray(solve_or_fail(factor, terms, name).T)
+        G, P = vstack(ops.generators).tocsr() if ops.generators else None, ops.directions
         if drive is not None:
-            return cls(step, ops, factor, None, noise, drive,
+            return cls(step, ops, factor, G, None, noise, drive,
                        CoarseCorrection.of(ops, factor, name))
-        P = ops.directions
-        return cls(step, ops, factor, solve_or_fail(factor, P, name) if P.size else P, noise)
+        return cls(step, ops, factor, G, solve_or_fail(factor, P, name) if P.size else P, noise)
+
+    def turned(self, u: FloatArray) -> FloatArray:
+        """Products M_g u of displacements u (n,) or columns of them (n, m), (g, n) or (m, g, n)."""
+        if self.G is None:
+            return np.zeros((*u.shape[1:], 0, len(u)))
+        products: FloatArray = (self.G @ u).T.reshape(*u.shape[1:], -1, len(u))
+        return products
 
 
 class Displaced:
@@ -126,6 +148,7 @@ class FullMechanics(StepEquations):
     """
 
     exact, named = False, ()
+    seen: FloatArray = _NONE
     iterations: dict[str, int]
 
     def __init__(
@@ -134,7 +157,8 @@ class FullMechanics(StepEquations):
     ) -> None:
         self.layout, self.targets, self.border = layout, targets, border
         self.bodies = [b for b in bodies if b.ops is not None or b.step.to_border.any()]
-        self.price = PRICE if len(border) else UNCHANGED
+        moving = IN_SPACE if layout.quaternions else PRICE
+        self.price = moving if len(border) else UNCHANGED
         self.maps = []
         for b in self.bodies:  # border unknowns that a body uses, and their part of its map
             used = np.flatnonzero(b.step.to_border.any(axis=0))
@@ -152,6 +176,7 @@ class FullMechanics(StepEquations):
         return any(b.factor is not None and b.factor.iterative for b in self.bodies)
 
     def begin(self, step: StepFormula, d: FloatArray) -> None:
+        self.seen = _NONE
         self.step, self.X0 = step, np.stack([step.free, step.free_rate, np.zeros(len(d))])
         layout, self.R = self.layout, np.zeros((3, len(d)))
         self.R[0], self.R[1, layout.second], self.R[2, layout.second] = 1.0, step.c1, step.c2
@@ -177,10 +202,7 @@ class FullMechanics(StepEquations):
             guess = Prediction(one.u, one.v, np.zeros(len(one.u)), T, step.t)
             one.local = StepForces(FullLocal(o.local), guess, rate, step.c1, step.c2, None)
         if b.drive is None:
-            past = np.stack([one.u, one.v], axis=1)
-            one.products = np.empty((2, len(o.generators), len(one.u)))
-            for g, M in enumerate(o.generators):
-                one.products[:, g] = (M @ past).T
+            one.products = b.turned(np.stack([one.u, one.v], axis=1))
             return one
         g, table = len(o.generators), b.drive.at(step.t)
         work.coefficients[: 2 * g], work.sigma[-1] = table[: 2 * g], table[2 * g :]
@@ -188,9 +210,9 @@ class FullMechanics(StepEquations):
         one.weights = kappa + step.c1 * mu
         if work.sigma[-1].any():
             one.h = one.h + o.directions @ work.sigma[-1]
-        for M, k, m in zip(o.generators, kappa, mu, strict=True):
-            if k or m:
-                one.h = one.h + M @ (k * one.u + m * one.v)
+        if kappa.any() or mu.any():
+            past = b.turned(np.stack([one.u, one.v], axis=1))
+            one.h = one.h + kappa @ past[0] + mu @ past[1]
         if not one.weights.any() and one.local is None:
             one.known = self._solved(b, one.h, d[at], one)
             return one
@@ -199,17 +221,19 @@ class FullMechanics(StepEquations):
             self.least = max(self.least, b.coarse.left * float(np.abs(one.weights).sum()))
         return one
 
-    def residual(self, d: FloatArray) -> FloatArray:
+    def residual(self, d: FloatArray, slope: bool = False) -> FloatArray:
         r, X = d.copy(), self.X0 + self.R * d
         r[self.layout.first] = 0.0
         r[self.border] = 0.0
         for i, f in self.targets:
             r[self.border[i]] -= f(self.step.t)
+        rates = (self.step.c1, self.step.c2) if slope else None
+        self.seen = X[0] if slope else _NONE
         for b, w, one, (_, at, to_border) in zip(
                 self.bodies, self.work, self.moved, self.maps, strict=True):
             own = d[b.step.elastic]
             if b.drive is None:
-                products = self._evaluate(b, one, own, X, self.step.t, w, at, to_border, None)
+                products = self._evaluate(b, one, own, X, self.step.t, w, at, to_border, rates)
                 r[at] += w.border[:, -1] @ to_border
             if b.ops is None:
                 continue
@@ -221,10 +245,8 @@ class FullMechanics(StepEquations):
                 right = right + w.coefficients[:-1] @ products
                 if w.sigma.shape[1]:
                     right += b.ops.directions @ w.sigma[-1]
-            else:
-                for M, weight in zip(b.ops.generators, one.weights, strict=True):
-                    if weight:
-                        right = right + M @ (weight * own)
+            elif one.weights.any():
+                right = right + one.weights @ b.turned(own)
             change = own + self._solved(b, right, own, one)
             if b.coarse is not None and b.coarse.Z.size and one.weights.any():
                 change += b.coarse.correction(change, one.weights.tolist())
@@ -250,20 +272,17 @@ class FullMechanics(StepEquations):
         if o is None:
             s, forms, found = np.zeros((3, 0)), np.zeros(0), np.zeros((0, 0))
         else:
-            g = len(o.generators)
-            found = np.empty((3, g, U.shape[1]))
             if one is None:
-                for j, M in enumerate(o.generators):
-                    found[:, j] = (M @ np.ascontiguousarray(U.T)).T
+                found = b.turned(np.ascontiguousarray(U.T))
             else:  # one product with the departure is that of all rates
-                for j, M in enumerate(o.generators):
-                    found[2, j] = M @ d
+                found = np.empty((3, *one.products.shape[1:]))
+                found[2] = b.turned(d)
                 np.add(one.products[0], found[2], out=found[0])
                 np.multiply(found[2], self.step.c1, out=found[1])
                 found[1] += one.products[1]
                 found[2] *= self.step.c2
             s, forms = U @ o.directions, (found @ U[0]).ravel()
-            found = found[:2].reshape(2 * g, U.shape[1])
+            found = found[:2].reshape(-1, U.shape[1])
         work.fresh = rates is not None
         c1, c2 = rates or (0.0, 0.0)
         b.step.frame.evaluate(y[0], y[1], y[2], c1, c2, s, forms, t, work)
@@ -296,11 +315,13 @@ class FullMechanics(StepEquations):
         if not n:
             return None
         X, parts, corners = np.stack([at.x, at.v, at.a]), [], []
+        seen = np.array_equal(at.x, self.seen)  # frames were evaluated with the residual
         for i, (b, w, (used, columns, to_border)) in enumerate(zip(
                 self.bodies, self.work, self.maps, strict=True)):
             if b.drive is not None:
                 continue
-            self._evaluate(b, None, _NONE, X, at.t, w, columns, to_border, at.c[:2])
+            if not seen:
+                self._evaluate(b, None, _NONE, X, at.t, w, columns, to_border, at.c[:2])
             H = w.border[:, :-1]
             if b.ops is not None and b.E is not None:
                 tau, sigma = to_border.T @ w.tau, to_border.T @ w.sigma[:-1]
@@ -330,5 +351,3 @@ class FullMechanics(StepEquations):
                 found[e] = [float(np.abs(z[e]).max()) for z in (at.x, at.v, at.a)] @ b.noise
         return found
 
-
-_NONE = np.zeros(0)

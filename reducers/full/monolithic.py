@@ -68,7 +68,7 @@ class Summed(WholeEquations):
         self.step = step
         self.prescribed = system_residual(self.layout, self.linear, zero, zero, zero, step.t)
 
-    def residual(self, d: FloatArray) -> FloatArray:
+    def residual(self, d: FloatArray, slope: bool = False) -> FloatArray:
         x, v, a = self.step.at(d)
         r = system_residual(self.layout, self.others, x, v, a, self.step.t)
         r += self.K @ x + self.C @ v + self.prescribed

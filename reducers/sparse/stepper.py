@@ -34,7 +34,7 @@ class SparseStepper(AroundSteps[Stepper]):
         reduced = self.base.reduced(state)
         return reduced, SparseMemory(
             past=Past(self.base.points, reduced.x, block_starts(self.layout)),
-            work=self.base.workspace(), kept=Kept.of(len(list(self.layout))),
+            kept=Kept.of(len(list(self.layout))),
             factorizations=self.base.factorizations, supports=self.steps.empty)
 
     def solve(self, step: StepFormula, memory: SparseMemory) -> tuple[StepOutcome, SparseMemory]:

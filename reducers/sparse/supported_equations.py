@@ -101,15 +101,14 @@ class SampledRows:
 
 class SupportedEquations(StepEquations):
     """Mechanical equations on a support, for known temperatures. all_rows: rows of all blocks, at
-    the solution of a step; rows: those of mechanics; source: the equations of which these are the
-    working ones of a run."""
+    the solution of a step; rows: those of mechanics."""
 
     named = ()
     solved: IntArray
 
     def __init__(self, residual: Reduced) -> None:
         self.all_rows, self.rows = SampledRows(residual), SampledRows(residual.after_heat())
-        self.layout, self.of, self.source = residual.layout, None, self
+        self.layout, self.of = residual.layout, None
 
     of: "SupportedMechanics | None"
 
@@ -162,7 +161,7 @@ class SupportedEquations(StepEquations):
             step.t, step.c1, step.c2, step.c1_first, self.now.layout, step.free[use],
             step.free_rate[use], step.h, before), d[use])
 
-    def residual(self, d: FloatArray) -> FloatArray:
+    def residual(self, d: FloatArray, slope: bool = False) -> FloatArray:
         own = d if isinstance(self.use, slice) else d[self.use]
         R, r = self.now.residual(own), np.zeros(len(d))
         r[self.rows.rows.border] = R[self.now.border_rows]
@@ -216,10 +215,7 @@ class SupportedMechanics(LoopMechanics):
 
     def working(self, memory: Memory) -> SupportedEquations:
         """The equations with the working arrays of a run, whose rows may have changed."""
-        known = memory.work.equations
-        if known is None or known.source is not self.sampled:
-            known = memory.work.equations = self.sampled.working()
-        found: SupportedEquations = known
+        found: SupportedEquations = memory.work.of(self.sampled)
         return found
 
     def alone(self) -> Mapping[str, FloatArray]:

@@ -9,6 +9,7 @@ round-off only if it is below the effect on the unknowns of rounding the terms o
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from math import inf
 
 import numpy as np
@@ -24,6 +25,8 @@ STALLED = 0.25
 """Ratio to the previous change from which a change counts as no longer decreasing."""
 MARGIN = 16.0
 """Safety factor of the estimated round-off."""
+NEGLIGIBLE = 0.1
+"""Part of the estimated round-off below which a change counts as zero."""
 
 
 def estimated_error(change: float, before: float, least: float = LEAST) -> float:
@@ -41,8 +44,10 @@ def largest_error(changes: Sequence[float], before: Sequence[float] | None) -> f
     return max(map(estimated_error, changes, before), default=0.0)
 
 
+@cache
 def rounding(n: int) -> FloatArray:
-    """Vector (n,) of the unit round-off with random signs, the same in every call."""
+    """Vector (n,) of the unit round-off with random signs, the same in every call; not to be
+    changed."""
     signs = np.random.default_rng(0).integers(0, 2, n)
     return np.asarray(EPS * (2.0 * signs - 1.0))
 

@@ -9,8 +9,14 @@ with the Jacobian J of an earlier iterate or an earlier step (chord method; Deuf
 10.1007/978-3-642-23899-4, Sec. 2.1). J is renewed where it contracts too slowly, or when the
 iterations that it has cost in excess of its best step reach its price. The iteration ends when the
 error estimated from two changes of this step is below the tolerance (acceptance.py), relative to
-the largest values of each block so far. Full steps are taken even where they increase the residual
-for a moment, as at the kinks of a contact force; only if that persists is a line search used.
+the largest values of each block so far. In space the Jacobian turns with each body,
+
+    d <- d - L J^-1 L^T F(d),   L: identity but for quaternions, which it turns from there to here,
+
+because inertias and arms are constant in body axes. Of a slender body the moment of inertia about
+its axis is a hundredth of that across: without L, J fails after a turn by one degree. Full steps
+are taken even where they increase the residual for a moment, as at the kinks of a contact force;
+only if that persists is a line search used.
 """
 
 from abc import ABC, abstractmethod
@@ -32,11 +38,13 @@ from sparsemor.core import (
     Status,
     StepFormula,
 )
+from sparsemor.core.protocols.poses import turns
 from sparsemor.reducers.step.acceptance import (
     ACCELERATION_ERROR,
     EPS,
     LEAST,
     MARGIN,
+    NEGLIGIBLE,
     STALLED,
     TRUSTED,
     Tolerances,
@@ -72,7 +80,8 @@ class Linearisation(NamedTuple):
 class StepEquations(ABC):
     """Equations F(d) = 0 of one step of a model of n unknowns.
 
-    price: cost of a new Jacobian in iterations with the old one; 0: a new one in each iteration.
+    price: cost of a new Jacobian in iterations with the old one; 1: a new one in each step; 0: in
+    each iteration.
     exact: False if `jacobian` neglects terms, so that an iteration which it does not contract is
     given up. least: lower bound of the ratio of two changes (acceptance.py). solved: unknowns for
     which J is not the identity. named: terms that couple blocks: name in the scene, and the coupled
@@ -101,8 +110,9 @@ class StepEquations(ABC):
         """Takes over the constants of a step; d: the first guess of its departure."""
 
     @abstractmethod
-    def residual(self, d: FloatArray) -> FloatArray:
-        """Residual (n,) at the departure d (n,)."""
+    def residual(self, d: FloatArray, slope: bool = False) -> FloatArray:
+        """Residual (n,) at the departure d (n,). slope: True if the Jacobian there comes next, so
+        that what both need may be kept."""
 
     @abstractmethod
     def jacobian(self, at: Linearisation) -> Any:
@@ -220,6 +230,8 @@ class Loop:
         self.second: BoolArray = np.array([b.kind.order == 2 for b in blocks], dtype=np.bool_)
         self.mixed: BoolArray = np.array(
             [b.kind.quantity is Quantity.POSE for b in blocks], dtype=np.bool_)
+        self.attitudes: IntArray = np.array(
+            layout.quaternions, dtype=np.int64)[:, None] + np.arange(4)
 
     def largest(self, x: FloatArray) -> FloatArray:
         """Largest magnitude (blocks,) in each block of x (n,)."""
@@ -241,7 +253,7 @@ class Loop:
         if ended.status.ok and eq.price:
             kept.least = min(kept.least, ended.iterations)
             kept.debt += ended.iterations - kept.least
-            if kept.debt >= eq.price:
+            if kept.debt >= eq.price or eq.price == 1:
                 kept.forget()
         return ended
 
@@ -259,18 +271,21 @@ class _Search:
         self.c = step.c1, step.c2, step.c1_first, step.c2_first
         self.scale: FloatArray | None = None
         self.point: Linearisation | None = None
+        self.L: FloatArray | None = None
         self.bound = inf
         self.iterations, self.stall, self.least, self.cycles = 0, 0, inf, False
         self.size = self._size(kept.top, kept.rate)
 
     def run(self, d: FloatArray, newest: FloatArray) -> Ended:
-        at = _Iterate(d, self.eq.residual(d))
+        at = _Iterate(d, self.eq.residual(d, self._due()))
         if not np.isfinite(at.r).all():  # the extrapolation led astray
             d = newest - self.step.free
-            at = _Iterate(d, self.eq.residual(d))
+            at = _Iterate(d, self.eq.residual(d, self._due()))
         if not np.isfinite(at.r).all():
             return self.failed(d, Status.NOT_FINITE, at=at)
-        tol, always = self.loop.tol, self.eq.price == 0
+        tol, always, there = self.loop.tol, self.eq.price == 0, self.kept.point
+        if there is not None and len(of := self.loop.attitudes):
+            self.L = turns((self.step.free + at.d)[of], there.x[of])
         self._count(at)
         while True:
             if at.change == inf:
@@ -289,9 +304,10 @@ class _Search:
                 left = max(map(estimated_error, new.moved, at.moved, repeat(self.eq.least)))
                 if left <= tol.remaining:
                     return self._done(new.d - new.dx, left)
-            stalled = new.change >= STALLED * at.change
+            # changes with an old Jacobian that decrease by less than a half may be a slow mode
+            stalled = new.change >= (STALLED if new.fresh or always else SLOW) * at.change
             if stalled and self._rounded(new) and (at.fresh or always or self._rounded(at)):
-                return self._done(new.d, new.change)
+                return self._done(new.d - new.dx, new.change)
             if not (always or new.fresh) and self._slow(new.change, new.change / at.change):
                 if at.fresh and not self.eq.exact and new.change >= SLOW * at.change:
                     return self._unfinished(new)
@@ -311,7 +327,7 @@ class _Search:
         around = self.cycles and at.change > CYCLE  # a full step would lead back into the cycle
         if self.stall <= PATIENCE and not (lost or around):
             d = at.d - at.dx
-            new = _Iterate(d, self.eq.residual(d))
+            new = _Iterate(d, self.eq.residual(d, self._due()))
             if np.isfinite(new.r).all():
                 self._count(new)
                 return new
@@ -333,19 +349,24 @@ class _Search:
 
     def _count(self, at: _Iterate) -> None:
         """Newton change of an iterate, with the kept Jacobian where it has this step's factors."""
-        point = self.kept.point
-        self._turn(at, self.eq.price == 0 or point is None or point.c != self.c)
+        self._turn(at, self._due())
         self.iterations += 1
+
+    def _due(self) -> bool:
+        """True if the next iterate needs its own Jacobian."""
+        point = self.kept.point
+        return self.eq.price == 0 or point is None or point.c != self.c
 
     def _turn(self, at: _Iterate, renew: bool) -> None:
         """Newton change at an iterate; renew: True for its own Jacobian, False for the kept one."""
         kept = self.kept
         if renew:
-            kept.point, kept.factor = Linearisation(*self.step.at(at.d), self.step.t, self.c), None
+            kept.point = Linearisation(*self.step.at(at.d), self.step.t, self.c)
+            kept.factor, self.L = None, None
             kept.least, kept.debt, kept.factorizations = UNKNOWN, 0, kept.factorizations + 1
         if kept.factor is None:
             self._factorize()
-        at.fresh, at.dx = renew, self._solution(at.r)
+        at.fresh, at.dx = renew, self._solution(at.r, self.L)
         at.absolute = self.loop.largest(at.dx)
         if not self.eq.price:  # the textbook method goes far: relative to where it is
             x = self.step.free + at.d
@@ -366,18 +387,26 @@ class _Search:
     def _moved(self, absolute: FloatArray) -> list[float]:
         moved = absolute / self.size
         if self.eq.price:
-            moved *= ~(absolute <= self.kept.noise)  # a change that is not a number counts
+            # a change that is not a number counts
+            moved *= ~(absolute <= NEGLIGIBLE * self.kept.noise)
         found: list[float] = moved.tolist()
         return found
 
-    def _solution(self, r: FloatArray) -> FloatArray:
-        """J^-1 r; J is the identity but for the unknowns `solved`."""
-        factor, at = self.kept.factor, self.eq.solved
+    def _solution(self, r: FloatArray, L: FloatArray | None = None) -> FloatArray:
+        """L J^-1 L^T r; J is the identity but for the unknowns `solved`, and L (k, 4, 4) that but
+        for quaternions."""
+        factor, at, turned = self.kept.factor, self.eq.solved, self.loop.attitudes
         assert factor is not None
+        if L is not None:
+            r = r.copy()
+            r[turned] = (r[turned][:, None] @ L)[:, 0]
         if isinstance(at, slice):
-            return factor.solve(r)
-        dx = r.copy()
-        dx[at] = factor.solve(r[at])
+            dx = factor.solve(r)
+        else:
+            dx = r.copy()
+            dx[at] = factor.solve(r[at])
+        if L is not None:
+            dx[turned] = (L @ dx[turned][:, :, None])[:, :, 0]
         return dx
 
     def _factorize(self) -> None:

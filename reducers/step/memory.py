@@ -51,15 +51,19 @@ class Workspace:
     mechanics, and the kept Jacobians of thermal blocks, `heat`, which can be computed again. Each
     thread needs its own."""
 
-    __slots__ = ("equations", "heat")
+    __slots__ = ("equations", "heat", "source")
 
-    def __init__(self, equations: StepEquations) -> None:
-        self.equations = equations
+    def __init__(self) -> None:
+        self.source: StepEquations | None = None
+        self.equations: Any = None
         self.heat: dict[str, HeatJacobian] = {}
 
-    def separate(self) -> "Workspace":
-        """New arrays of the same sizes."""
-        return Workspace(self.equations.working())
+    def of(self, source: StepEquations) -> Any:
+        """These equations with working arrays, which are made where those of others, as of another
+        step size, are in use."""
+        if self.source is not source:
+            self.source, self.equations = source, source.working()
+        return self.equations
 
 
 @dataclass(eq=False, kw_only=True)
@@ -76,7 +80,7 @@ class Memory(RunMemory):
     Jacobian was evaluated (`HeatJacobian`).
     """
 
-    work: Any
+    work: Workspace = field(default_factory=Workspace)
     kept: Kept = field(default_factory=lambda: Kept.of(0))
     linearised_on: BoolArray | None = None
     exact: Kept = field(default_factory=lambda: Kept.of(0))
@@ -91,7 +95,7 @@ class Memory(RunMemory):
         return {name: value for name, value in vars(self).items() if name != "work"}
 
     def copy(self) -> Self:
-        return replace(super().copy(), scales=self.scales.copy(), work=self.work.separate(),
+        return replace(super().copy(), scales=self.scales.copy(), work=Workspace(),
                        kept=self.kept.copy(), exact=self.exact.copy(),
                        warming={n: k.copy() for n, k in self.warming.items()},
                        linear=dict(self.linear), linearized=dict(self.linearized))

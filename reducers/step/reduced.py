@@ -422,7 +422,7 @@ class Reduced(WholeEquations):
                 _plus(self.known, base, self._motion(d), step.t)
         self.base = base
 
-    def residual(self, d: FloatArray) -> FloatArray:
+    def residual(self, d: FloatArray, slope: bool = False) -> FloatArray:
         """Residual (n,) at the departure d (n,)."""
         r = self.base.copy()
         if not self.sampled:

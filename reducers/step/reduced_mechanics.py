@@ -10,7 +10,7 @@ from sparsemor.core import Amplitude, FloatArray, Status, StepFormula
 from sparsemor.reducers.step.acceptance import Tolerances
 from sparsemor.reducers.step.frame_step import BodyStep
 from sparsemor.reducers.step.loop import Loop, StepEquations
-from sparsemor.reducers.step.memory import Memory, Workspace
+from sparsemor.reducers.step.memory import Memory
 from sparsemor.reducers.step.reduced import Reduced
 from sparsemor.reducers.step.step_unknowns import StepUnknowns
 
@@ -48,9 +48,6 @@ class LoopMechanics(Mechanics):
         super().__init__(bodies, n_rigid, algebraic, targets, tolerances)
         self.equations, self.loop = equations, Loop(equations.layout, tolerances)
 
-    def workspace(self) -> Workspace:
-        return Workspace(self.equations.working())
-
     def alone(self) -> Mapping[str, FloatArray]:
         """Reduced elastic block -> (s, 2 s): response of its active coefficients to changes of
         their r1 and r2 with all other unknowns fixed."""
@@ -61,7 +58,7 @@ class LoopMechanics(Mechanics):
     ) -> tuple[Status, int, str, str]:
         """Solves a step in place from the prediction `now`; returns status, number of iterations,
         block of a failure, and details."""
-        equations = memory.work.equations
+        equations = memory.work.of(self.equations)
         equations.begin(step, now.d)
         ended = self.loop.solve(equations, step, now.d, memory.kept, memory.newest)
         memory.factorizations += memory.kept.factorizations

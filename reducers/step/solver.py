@@ -28,7 +28,7 @@ from sparsemor.reducers.step.blocks.thermal_block import HeatBlock
 from sparsemor.reducers.step.frame_step import BodyStep
 from sparsemor.reducers.step.initial import StartTimes, consistent_start, constraint_errors
 from sparsemor.reducers.step.loop import Kept, Loop, StepEquations
-from sparsemor.reducers.step.memory import Memory, Workspace
+from sparsemor.reducers.step.memory import Memory
 from sparsemor.reducers.step.operators import TestedElastic
 from sparsemor.reducers.step.predictor import Past, block_starts
 from sparsemor.reducers.step.reduced import Reduced
@@ -86,10 +86,6 @@ class Stepper(StepSolver[Memory]):
         assert isinstance(self.mechanics, LoopMechanics)
         return self.mechanics
 
-    def workspace(self) -> Workspace:
-        """Working arrays for one run."""
-        return self.solved.workspace()
-
     def by_loop(self, equations: StepEquations) -> Mechanics:
         """The mechanics with these equations, solved by the loop."""
         m = self.mechanics
@@ -109,7 +105,7 @@ class Stepper(StepSolver[Memory]):
         reduced = self.reduced(state)
         count = len(list(self.layout))
         return reduced, Memory(
-            past=Past(self.points, reduced.x, block_starts(self.layout)), work=self.workspace(),
+            past=Past(self.points, reduced.x, block_starts(self.layout)),
             kept=Kept.of(count), warming={n: Kept.of(count) for n in self.warming},
             factorizations=self.factorizations)
 

@@ -206,21 +206,25 @@ class WholeNewton:
         return Loop(self.equations.layout, self.tolerances)
 
     def solve(self, step: StepFormula, past: Past, kept: Kept, sizes: Kept) -> StepOutcome:
-        """Solves a step from the extrapolation of past states, and if that fails from the newest
-        one. sizes: magnitudes of the unknowns so far."""
+        """Solves a step from the extrapolation of past states with the kept Jacobian; if that
+        fails with a new one in each iteration, and then from the newest state. sizes: magnitudes of
+        the unknowns so far."""
         if not len(kept.top):
             kept.top, kept.rate = (np.zeros(len(past.starts)) for _ in range(2))
         before = self.loop.largest(np.abs(past.ring.rows[:, : past.n]).max(axis=0))
         kept.top = np.maximum(np.maximum(kept.top, sizes.top), before)
         kept.rate = np.maximum(kept.rate, sizes.rate)
-        ended = self._ended(step, past.guess(step), past, kept)
-        if ended.status.ok:
-            return outcome_of(ended, step)
-        kept.forget()
-        second = self._ended(step, past.newest - step.free, past, kept)
-        return outcome_of(second._replace(iterations=ended.iterations + second.iterations), step)
-
-    def _ended(self, step: StepFormula, d: FloatArray, past: Past, kept: Kept) -> Ended:
-        equations = self.equations.working()
-        equations.begin(step, d)
-        return self.loop.solve(equations, step, d, kept, past.newest)
+        guess, newest, iterations = past.guess(step), past.newest - step.free, 0
+        for d, textbook in ((guess, False), (guess, True), (newest, True)):
+            equations = self.equations.working()
+            if textbook:
+                equations.price = 0
+                kept.forget()
+            equations.begin(step, d)
+            ended = self.loop.solve(equations, step, d, kept, past.newest)
+            iterations += ended.iterations
+            if ended.status.ok:
+                break
+        if not ended.status.ok:
+            kept.forget()
+        return outcome_of(ended._replace(iterations=iterations), step)

@@ -33,7 +33,7 @@ class Equations(loop.StepEquations):
 
     def begin(self, step: StepFormula, d: FloatArray) -> None: ...
 
-    def residual(self, d: FloatArray) -> FloatArray:
+    def residual(self, d: FloatArray, slope: bool = False) -> FloatArray:
         return self.f(d)
 
     def jacobian(self, at: Linearisation) -> FloatArray:
