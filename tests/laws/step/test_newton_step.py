@@ -9,7 +9,9 @@ from sparsemor.bodies.terms.field_kinds import RIGID
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.protocols import StepFormula
 from sparsemor.core.protocols.layout import Block, Layout
+from sparsemor.core.protocols.poses import turns
 from sparsemor.core.status import Status
+from sparsemor.core.testing.in_memory_run import march, scene_of
 from sparsemor.reducers.step import loop
 from sparsemor.reducers.step.acceptance import Tolerances
 from sparsemor.reducers.step.factors import Lu
@@ -109,3 +111,20 @@ def test_a_slow_block_is_not_hidden_by_a_quick_one() -> None:
         Layout([Block("one", RIGID, 1), Block("two", RIGID, 1)]), 0)
     out = apart.ended(5.0, 1.0 + 1e-6)
     assert out.status is Status.DONE and abs(out.d[1] - 1.0) < 5e-9
+
+
+def test_a_jacobian_turns_with_the_attitude_of_a_body() -> None:
+    p, q = np.array([[0.1, 0.7, -0.5, 0.5], [0.0, 0.0, 0.6, 0.8]]), np.eye(4)[1:3]
+    L = turns(p, q)
+    np.testing.assert_allclose((L @ q[:, :, None])[:, :, 0], p, atol=1e-15)
+    np.testing.assert_allclose(L @ L.transpose(0, 2, 1), [np.eye(4)] * 2, atol=1e-15)
+    # a slender rod that swings and spins keeps its Jacobian: 2.3 iterations without turns
+    run = march(scene_of({
+        "bodies": {"rod": {"use": "rigid", "mass": 0.8, "center": [0.5, 0.0, 0.0],
+                           "inertia": [1e-4, 0.05, 0.05], "points": {"eye": [0.0, 0.0, 0.0]},
+                           "pose": {"axis": [0, 1, 0], "angle": 0.6, "spin": [1.0, 0.0, 4.0]}}},
+        "joints": {"hook": {"use": "spherical", "between": ["ground", "rod:eye"]}},
+        "loads": {"gravity": {"use": "gravity", "g": [0.0, 0.0, -9.81]}},
+        "integrator": {"use": "generalized_alpha", "rho_inf": 1.0},
+        "time": {"end": 0.3, "step": 1e-3}}))
+    assert np.mean(run.iterations[10:]) <= 1.5
