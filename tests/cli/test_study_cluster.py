@@ -1,4 +1,4 @@
-"""Studies through a real dask scheduler, one of whose workers is killed."""
+"""Long studies, and studies through a real dask scheduler; processes are killed on the way."""
 
 import json
 import os
@@ -16,6 +16,7 @@ from sparsemor import study
 DASK = Path(sys.executable).with_name("dask")
 PROGRAM = Path(sys.executable).with_name("sparsemor")
 SWING = Path(__file__).parents[1] / "scenes" / "swing.yaml"
+FACTORIAL = Path(__file__).parents[1] / "benchmarks" / "studies" / "factorial.yaml"
 TABLE = ("table.csv", "table.jsonl")
 
 STUDY = f"""\
@@ -90,6 +91,39 @@ def test_a_cluster_makes_the_same_table_though_a_worker_dies(
     assert "6 runs: 6 done" in out
     for file in TABLE:
         assert Path("far", file).read_bytes() == Path("whole", file).read_bytes()
+
+
+@pytest.mark.slow
+def test_the_factorial_is_one_table_killed_and_continued_and_on_a_cluster(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("SPARSEMOR_CACHE", str(tmp_path / "cache"))
+    asked = [PROGRAM, "study", FACTORIAL, "--no-times", "--quiet", "--out"]
+    subprocess.run([*asked, "whole", "--workers", "2"], check=True)
+    rows = [json.loads(line) for line in Path("whole/table.jsonl").read_text().splitlines()]
+    assert [r["run"] for r in rows] == list(range(1, 109))
+    assert {r["status"] for r in rows} == {"done"}
+    found = [r for r in rows if r["basis"] == "pod" and r["reducer.solver"] != "omp"]
+    assert len(found) == 24 and all(r["error_elastic"] < 1e-3 for r in found)
+
+    monkeypatch.setenv("SPARSEMOR_CACHE", str(tmp_path / "cache-2"))
+    process = subprocess.Popen([*asked, "killed", "--workers", "2"])
+    wait_for(lambda: committed(Path("killed")) >= 50 or process.poll() is not None, 3000)
+    process.kill()
+    process.wait()
+    assert 50 <= committed(Path("killed")) < 108
+    subprocess.run([*asked, "killed", "--workers", "2"], check=True)
+
+    monkeypatch.setenv("SPARSEMOR_CACHE", str(tmp_path / "cache-3"))
+    with cluster(tmp_path) as (address, workers):
+        process = subprocess.Popen([*asked, "far", "--scheduler", address])
+        wait_for(lambda: committed(Path("far")) >= 20 or process.poll() is not None, 3000)
+        workers[0].kill()
+        assert process.wait(timeout=3600) == 0
+    for other in ("killed", "far"):
+        for file in TABLE:
+            assert Path(other, file).read_bytes() == Path("whole", file).read_bytes()
 
 
 @pytest.mark.slow

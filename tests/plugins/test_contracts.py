@@ -2,6 +2,7 @@
 
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from typer.testing import CliRunner
@@ -13,9 +14,11 @@ from sparsemor.core.errors import InputError
 from sparsemor.core.registry.contracts import CONTRACTS, breaches
 from sparsemor.core.registry.registry import Registry
 from sparsemor.core.scene.scene import load
+from sparsemor.core.simulation.simulate import simulate
 from sparsemor.core.simulation.validation import checked_model
 
 TINY = Path(__file__).parents[1] / "scenes" / "tiny.yaml"
+SAMPLED = {"reducer": "sparse", "reducer.budgets": {"*": {"rows": 12, "atoms": 2}}}
 HEAD = """
 import numpy as np
 from sparsemor.core import BASE
@@ -136,6 +139,44 @@ def test_a_scene_says_where_the_broken_class_is_chosen(distribute, here):
                      "  budgets: {'*': {rows: 12, atoms: 2}}\n  sampler: half\n")
     with pytest.raises(InputError, match=r"scene.yaml:\d+:3: reducer.sampler: sampler plugin"):
         load(scene)
+
+
+RETURNS: dict[str, tuple[dict[str, Any], str, str, str]] = {
+    "rows": ({**SAMPLED, "reducer.sampler": "odd"}, "sampler",
+             "def sample(self, block, m, dictionary, rng, required): return None",
+             "sampler odd of odd-pkg 1.0: Own.sample returned None, where an array of integers"),
+    "far rows": ({**SAMPLED, "reducer.sampler": "odd"}, "sampler",
+                 "def sample(self, block, m, dictionary, rng, required):\n"
+                 "        return np.arange(m) + block.size", "not distinct ones below 51"),
+    "weights": ({**SAMPLED, "reducer.preconditioner": "odd"}, "preconditioner",
+                "def check(self, rows, atoms): return ''\n    def build(self, A): return A[:1]",
+                "Own.build returned an array of shape (1, "),
+    "dictionary": ({"reducer": "galerkin", "reducer.basis": "odd"}, "basis",
+                   "needs_snapshots = False\n    def build(self, data): return data.loads",
+                   "Own.build returned an array of float64"),
+    "step solver": ({"reducer": "odd"}, "reducer",
+                    "def prepare(self, problem): return None",
+                    "Own.prepare returned None, where a StepSolver is required"),
+    "body": ({"bodies.bar": "odd", "joints": {}, "loads": {}, "probes": {}}, "body",
+             "def build(self, name, base): return self",
+             "bodies.bar: body odd of odd-pkg 1.0: Own.build returned an Own, where a Body is"),
+    "load": ({"loads": {"wind": "odd"}}, "load", "def build(self, name, parts): return None",
+             "loads.wind: load odd of odd-pkg 1.0: Own.build returned None, where a Load is"),
+    "mesh": ({"bodies.bar.mesh": "odd"}, "mesh", "def build(self, base): return 3",
+             "Own.build returned 3, where a Mesh is required"),
+}
+
+
+@pytest.mark.parametrize("changes, kind, body, message", RETURNS.values(), ids=list(RETURNS))
+def test_what_a_method_returns_is_checked_where_it_arrives(
+    distribute, here, changes, kind, body, message
+):
+    distribute("odd-pkg", {kind: {"odd": "odd_returns:Own"}},
+               odd_returns=with_base(kind, HEAD.replace("BODY", body)))
+    scene = load(TINY, {"time.end": 0.002, "training.end": 0.002, **changes})
+    with pytest.raises(InputError) as caught:
+        checked_model(scene) if kind in ("body", "load", "mesh") else simulate(scene)
+    assert message in str(caught.value)
 
 
 PART = """

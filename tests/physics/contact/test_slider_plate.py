@@ -229,6 +229,8 @@ def conducting(conductance: float) -> dict[str, Any]:
     pytest.param(UPRIGHT | {"contacts.sole.heat": {"share": 1.0}}, 7.245, id="uniform-all"),
     pytest.param(CENTROID, 4.861, id="centroid"),
     pytest.param(conducting(1e4), 6.031, id="1e4"),
+    pytest.param(conducting(1e5), 5.317, id="1e5"),
+    pytest.param(conducting(1e6), 3.500, id="1e6"),
     pytest.param(conducting(1e9), 3.112, id="perfect"),
     pytest.param(UPRIGHT | conducting(1e9), 2.767, id="uniform-perfect"),
 ])

@@ -17,11 +17,19 @@ GROUPS = ("bodies", "joints", "contacts", "loads")
 WORDS = ("joint", "thermal", "elastic", "rigid", "full", "galerkin", "gravity", "multiplier",
          "contact", "load")
 """Names that code which reads names could take for something else."""
+PENDULUM = {"bodies.link1.mesh.elements": 320, "bodies.link2.mesh.elements": 320,
+            "time.end": 0.01, "training.end": 0.01, "check_stability": "off"}
 SLIDER = {"time.end": 1.5e-5, "training.end": 1.5e-5, "check_stability": "off"}
 SMALL = {"*.elastic": {"rows": 40, "atoms": 4}, "*.thermal": {"rows": 20, "atoms": 3}}
+POD = {"use": "pod", "count": 5}
 REDUCERS: Mapping[str, Any] = {
     "full": "full",
-    "sparse": {"use": "sparse", "basis": {"use": "pod", "count": 5}, "budgets": SMALL}}
+    "galerkin": {"use": "galerkin", "basis": {"use": "craig_bampton", "count": 6},
+                 "bases": {"*.thermal": {"use": "static"}}},
+    "sparse": {"use": "sparse", "basis": POD, "budgets": SMALL},
+    "deim": {"use": "deim", "basis": POD},
+    "ecsw": {"use": "ecsw", "constant": "weighted", "basis": POD},
+}
 
 
 def renamed(scene: Scene, shift: int) -> tuple[Scene, dict[str, str]]:
@@ -60,6 +68,17 @@ def assert_equal_but_for_names(one: RunResult, other: RunResult, names: Mapping[
 
 @pytest.mark.full
 @pytest.mark.parametrize("reducer", REDUCERS)
+def test_a_pendulum_by_other_names(reducer: str, tmp_path: Path) -> None:
+    scene = load("double_pendulum", PENDULUM | {"reducer": REDUCERS[reducer]})
+    other, names = renamed(scene, len(reducer))
+    cache = Cache(tmp_path / "cache")
+    assert_equal_but_for_names(
+        simulate(scene, out=tmp_path / "a", cache=cache),
+        simulate(other, out=tmp_path / "b", cache=cache), names)
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("reducer", ["full", "sparse"])
 def test_a_slider_by_other_names(reducer: str, tmp_path: Path) -> None:
     scene = load("slider_plate", SLIDER | {"reducer": REDUCERS[reducer]})
     other, names = renamed(scene, len(reducer))
@@ -67,3 +86,18 @@ def test_a_slider_by_other_names(reducer: str, tmp_path: Path) -> None:
     assert_equal_but_for_names(
         simulate(scene, out=tmp_path / "a", cache=cache),
         simulate(other, out=tmp_path / "b", cache=cache), names)
+
+
+@pytest.mark.full
+def test_a_load_called_joint_is_no_joint() -> None:
+    """It was taken for one by the begin of its name: two more atoms, another error."""
+    from sparsemor.core.model.assembly import assemble
+
+    scene = load("double_pendulum", PENDULUM)
+    tree = dict(scene.source.tree)
+    tree["loads"] = {"joint": tree["loads"]["gravity"], "heating": tree["loads"]["heating"]}
+    for made in (scene, build(scene.source.of_tree(tree))):
+        data = assemble(made).block_data("link1.elastic")
+        joints = [data.load_names[i] for i in data.joints]
+        assert len(joints) == 4
+        assert not {"joint x", "joint y"} & set(joints)
