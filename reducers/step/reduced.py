@@ -38,6 +38,9 @@ from sparsemor.reducers.step.whole_step import WholeEquations
 TOGETHER = 64
 """Largest number of displacements of bodies whose arrays are filled up to one size; larger bodies
 are stacked with those of half to twice their size."""
+RIGID = 100
+"""Largest number of unknowns of rigid bodies for which each step has its own Jacobian."""
+_NONE = np.zeros(0)
 WHOLE = 250
 """Largest number of coefficients whose constant operators form one matrix."""
 SPARSE = 50_000
@@ -229,6 +232,7 @@ class Reduced(WholeEquations):
     """
 
     idle: IntArray = np.zeros(0, dtype=np.int64)
+    seen: FloatArray = np.zeros(0)
 
     def __init__(
         self, layout: Layout, heat: Sequence[ReducedHeat], bodies: Sequence[ReducedBody],
@@ -239,7 +243,10 @@ class Reduced(WholeEquations):
         self.layout, self.heat, self.bodies, self.coupled = layout, heat, bodies, coupled
         self.targets, self.border, self.h, self.named = targets, border, h, named
         self.heat_first, n, first = heat_first, layout.size, layout.first
-        self.price = 8 + n // 40  # measured: 6 for 65 unknowns, 14 for 260, 31 for 1300
+        # measured: 6 for 65 unknowns, 14 for 260, 31 for 1300; of rigid bodies, whose derivatives
+        # come with the residual, less than an iteration
+        rigid = all(b.tested is None for b in bodies)
+        self.price = 1 if rigid and n <= RIGID else 8 + n // 40
         self.atoms = slice(layout.frames.stop, layout.algebraic.start)
         self.terms_in_heat = any(_inside(c.columns, first) for c in coupled)
         self.known = [c for c in coupled if heat_first and _all_inside(c.columns, first)]
@@ -435,7 +442,10 @@ class Reduced(WholeEquations):
         if not self.heat_first:
             for rows, columns, _, A in self.thermal:
                 r[rows] += A.dot(X[0, columns])
-        return self._with_terms(r, X, self.step.t, self.iterated)
+        rates = (self.step.c1, self.step.c2) if slope else None
+        r = self._with_terms(r, X, self.step.t, self.iterated, rates)
+        self.seen = X[0, :-1] if slope else _NONE
+        return r
 
     def _motion(self, d: FloatArray) -> FloatArray:
         """Unknowns with their rates (3, n + 1) at the departure d (n,)."""
@@ -446,10 +456,11 @@ class Reduced(WholeEquations):
         return X
 
     def _with_terms(
-        self, r: FloatArray, X: FloatArray, t: float, coupled: Sequence[Coupled]
+        self, r: FloatArray, X: FloatArray, t: float, coupled: Sequence[Coupled],
+        rates: tuple[float, float] | None = None
     ) -> FloatArray:
         """r (n + 1,) plus the rows of frames and terms at X (3, n + 1); the last is dropped."""
-        self._evaluate(X, t)
+        self._evaluate(X, t, rates)
         rows = [stack.H[:, :, -1].ravel() for stack in self.stacks]
         if len(self.border) and rows:
             r[self.border_rows] += self.T.T.dot(np.concatenate(rows)) if issparse(self.T) else (
@@ -462,6 +473,7 @@ class Reduced(WholeEquations):
     def _evaluate(
         self, X: FloatArray, t: float, rates: tuple[float, float] | None = None
     ) -> None:
+        self.seen = _NONE
         Y = X[:, self.border]
         Y = self.T.dot(Y.T).T if issparse(self.T) else Y.dot(self.T)
         for stack in self.stacks:
@@ -530,9 +542,10 @@ class Reduced(WholeEquations):
         self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: float, c2: float
     ) -> Iterator[BorderBlocks]:
         """Derivatives for each body at a state, for dv = c1 dx and da = c2 dx."""
-        X = np.zeros((3, len(x) + 1))
-        X[:, :-1] = x, v, a
-        self._evaluate(X, t, (c1, c2))
+        if not np.array_equal(x, self.seen):  # else frames were evaluated with the residual
+            X = np.zeros((3, len(x) + 1))
+            X[:, :-1] = x, v, a
+            self._evaluate(X, t, (c1, c2))
         for stack, used in zip(self.stacks, self.used, strict=True):
             for i, (rows, at, T) in enumerate(used):
                 yield stack.blocks(i, T, rows, at, c1, c2)
