@@ -147,7 +147,7 @@ class FullMechanics(StepEquations):
     forces.
     """
 
-    exact, named = False, ()
+    named = ()
     seen: FloatArray = _NONE
     iterations: dict[str, int]
 
@@ -157,8 +157,10 @@ class FullMechanics(StepEquations):
     ) -> None:
         self.layout, self.targets, self.border = layout, targets, border
         self.bodies = [b for b in bodies if b.ops is not None or b.step.to_border.any()]
-        moving = IN_SPACE if layout.quaternions else PRICE
+        # with a new Jacobian, iterative linear solvers contract no further than their tolerance
+        moving = IN_SPACE if layout.quaternions and not self.iterates else PRICE
         self.price = moving if len(border) else UNCHANGED
+        self.exact = self.iterates  # no whole Jacobian is factorized then, for which to give up
         self.maps = []
         for b in self.bodies:  # border unknowns that a body uses, and their part of its map
             used = np.flatnonzero(b.step.to_border.any(axis=0))
