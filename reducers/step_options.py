@@ -32,8 +32,8 @@ class StepOptions(Reducer):
     """Compile the time step to machine code with numba (`pip install 'sparsemor[fast]'`): `on`,
     `off`, or `auto`, which is on in runs of at least 200 000 steps if numba is installed. It covers
     rigid bodies and reduced flexible ones, in the plane and in space, without contact in the step.
-    Other models, steps that converge slowly, adaptive steps and steps with rows drawn again are
-    solved without it."""
+    Other models, models whose atoms are selected during the run, steps that converge slowly,
+    adaptive steps and steps with rows drawn again are solved without it."""
 
     @property
     def tolerances(self) -> Tolerances:

@@ -65,7 +65,7 @@ class PlanarFrame(ItemFrame[PlanarItem]):
         return FrameArrays(
             np.array(kinds, dtype=np.int64), numbers,
             np.array(self.starts, dtype=np.int64).reshape(-1, 3),
-            tuple(part.amplitude for part in parts), evaluate_parts, (*FUNCTIONS, write))
+            tuple(part.amplitude for part in parts), evaluate_parts, (*FUNCTIONS, write), FUNCTIONS)
 
     def drive(
         self, y: FloatArray, v: FloatArray, a: FloatArray, t: float, work: FrameWork

@@ -235,12 +235,13 @@ def evaluate_parts(
     sigma: FloatArray, tau: FloatArray, border: FloatArray, coefficients: FloatArray,
     sums: FloatArray
 ) -> None:
-    """Equations of a frame in the plane from arrays (core/protocols/body_frame.py)."""
+    """Equations of a frame in the plane from arrays (core/protocols/body_frame.py); without
+    derivatives where c2 is 0."""
     b, elastic = len(y), s.shape[1] > 0
     e, c, columns = exp(1j * y[2]), s.view(np.complex128), sigma.view(np.complex128)
     m = PlaneMotion(
         y, v, complex(y[0], y[1]), e, e.conjugate(), v[2], a[2], complex(a[0], a[1]), c1, c2, 0.0,
-        elastic, c[0], c[1], c[2], forms, True)
+        elastic, c[0], c[1], c[2], forms, c2 != 0.0)
     out = Views(columns[b], columns[:b], tau.view(np.complex128), border[:, :b], border[:, b],
                 coefficients)
     total = sums.view(np.complex128)

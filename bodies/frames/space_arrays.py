@@ -59,7 +59,7 @@ def space_arrays(
     return FrameArrays(
         np.array([FUNCTIONS.index(p.function) for p, _ in parts], dtype=np.int64), numbers,
         np.array([at for _, at in parts], dtype=np.int64).reshape(-1, 3),
-        tuple(p.amplitude for p, _ in parts), evaluate_space, CALLS)
+        tuple(p.amplitude for p, _ in parts), evaluate_space, CALLS, FUNCTIONS)
 
 
 def evaluate_space(
@@ -68,9 +68,11 @@ def evaluate_space(
     sigma: FloatArray, tau: FloatArray, border: FloatArray, coefficients: FloatArray,
     sums: FloatArray
 ) -> None:
-    """Equations of a frame in space from arrays."""
+    """Equations of a frame in space from arrays; without derivatives where c2 is 0."""
     b = len(y)
-    sigma[:], tau[:], border[:] = 0.0, 0.0, 0.0
+    sigma[b], border[:, b] = 0.0, 0.0
+    if c2 != 0.0:
+        sigma[:b], tau[:], border[:, :b] = 0.0, 0.0, 0.0
     if len(kinds) == 0:
         return
     n = int(numbers[0, 0])

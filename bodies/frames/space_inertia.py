@@ -88,6 +88,14 @@ def space_inertia(
     add_torque(m, plus(torque, 1.0, cross(z, acc)), out)
     add(out.rows, 0, mass, m.acc)
     add(out.rows, 0, 1.0, times(m.A, swing))
+    if m.elastic:
+        add(out.sigma, j, 1.0, acc)
+        for f in range(count):
+            value = factor(dual[f], w, w) - dot(axial(dual[f]), al)
+            out.sigma[j + 3 + f] = out.coefficients[f] = value
+            out.coefficients[count + f] = -2.0 * dot(axial(dual[f]), w)
+    if c2 == 0.0:
+        return
     for i in range(3):
         H[i, i] += c2 * mass
         arm = cross(z, vector(m.A[i], 0))
@@ -111,7 +119,6 @@ def space_inertia(
                     factor(dual[f], dw, w) + factor(dual[f], w, dw) - dot(axial(dual[f]), dal))
     if not m.elastic:
         return
-    add(out.sigma, j, 1.0, acc)
     for i in range(3):
         row = vector(m.A[i], 0)
         add(out.sigma_y[i], j, c2, row)
@@ -120,9 +127,6 @@ def space_inertia(
             cross(cross(row, w), w), 1.0, plus(cross(row, plus(al, 2.0 * c1, w)), c2, row)))
     for f in range(count):
         B, at = dual[f], j + 3 + f
-        value = factor(B, w, w) - dot(axial(B), al)
-        out.sigma[at] = out.coefficients[f] = value
-        out.coefficients[count + f] = -2.0 * dot(axial(B), w)
         sign, Bw = -1.0 if 1 <= f <= skew else 1.0, inert(B, w)
         arm = plus(NONE, 1.0 + sign, plus(inert(B, al), 1.0, cross(w, Bw)))
         arm = plus(plus(arm, 2.0 * sign * c1, Bw), sign * c2, axial(B))

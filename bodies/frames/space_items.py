@@ -75,9 +75,12 @@ def add_pull(
     """Derivatives of g f . A z by the attitude and by the displacements of z, which was b."""
     for k in range(m.n):
         out.rows[3 + k] += g * dot(f, times(m.D[k], z))
-    add_bend(out.H, 3, m.n, m.A, g, f, z)
     if m.elastic and kind > 0:
         add(out.sigma, j, g, pull(kind, b, back(m.A, f)))
+    if m.c2 == 0.0:
+        return
+    add_bend(out.H, 3, m.n, m.A, g, f, z)
+    if m.elastic and kind > 0:
         for k in range(m.n):
             slope = pull(kind, b, back(m.D[k], f))
             add(out.sigma_y[3 + k], j, g, slope)
@@ -93,9 +96,10 @@ def unit_length(
         p = m.y[i]
         out.rows[i] += m.y[k] * p
         out.rows[k] += 0.5 * p * p
-        out.H[i, k] += p
-        out.H[k, i] += p
-        out.H[i, i] += m.y[k]
+        if m.c2 != 0.0:
+            out.H[i, k] += p
+            out.H[k, i] += p
+            out.H[i, i] += m.y[k]
 
 
 def space_force(
@@ -115,14 +119,14 @@ def body_force(
     """Load that rotates with the body. numbers: n, sum f (3), sum X x f (3)."""
     f, arm = vector(numbers, 1), vector(numbers, 4)
     add(out.rows, 0, -g, times(m.A, f))
-    for c in range(m.n):
+    for c in range(m.n if m.c2 != 0.0 else 0):
         turned = times(m.D[c], f)
         for i in range(3):
             out.H[i, 3 + c] -= g * turned[i]
     if m.elastic:
         arm = plus(arm, 1.0, vector(m.s, j + 1))
         out.sigma[j] -= g
-        for c in range(m.n):
+        for c in range(m.n if m.c2 != 0.0 else 0):
             add(out.tau[3 + c], j + 1, -g, vector(m.lever[c], 0))
     add_torque(m, (-g * arm[0], -g * arm[1], -g * arm[2]), out)
 
@@ -137,7 +141,7 @@ def moment(
     add_torque(m, (-g * own[0], -g * own[1], -g * own[2]), out)
     if acts:
         add(out.sigma, j, -g, own)
-    if numbers[5] > 0.0:
+    if numbers[5] > 0.0 and m.c2 != 0.0:
         for c in range(m.n):
             slope = back(m.D[c], M)
             for i in range(m.n):
@@ -186,14 +190,18 @@ def constraint(
             gap = plus(gap, -1.0, vector(m.y, o))
             add(out.rows, o, -lam, n)
         add(out.rows, 0, lam, n)
-        for i in range(3):
-            H[k, i] += n[i]
-            H[i, k] += n[i]
-            if others > 0:
-                H[k, o + i] -= n[i]
-                H[o + i, k] -= n[i]
     out.rows[k] += dot(n, gap) - numbers[7]
     add_pull(m, lam, n, z, kind, own, j, out)
+    if m.c2 == 0.0:
+        for i in range(others):
+            out.rows[o + 3 + i] += lam * dot(gap, times(m.far[1 + i], e))
+        return
+    for i in range(3 if slides else 0):
+        H[k, i] += n[i]
+        H[i, k] += n[i]
+        if others > 0:
+            H[k, o + i] -= n[i]
+            H[o + i, k] -= n[i]
     for i in range(m.n):
         slope = dot(n, times(m.D[i], z))
         H[k, 3 + i] += slope

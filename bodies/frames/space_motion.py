@@ -196,7 +196,7 @@ def add_torque(m: SpaceMotion, torque: Vector, out: SpaceSums) -> None:
     constant torque."""
     for k in range(m.n):
         out.rows[3 + k] += dot(vector(m.lever[k], 0), torque)
-    if m.n == 4:  # d (2 G^T torque) / dp
+    if m.n == 4 and m.c2 != 0.0:  # d (2 G^T torque) / dp
         H, (x, y, z) = out.H, torque
         add(H[3], 4, -2.0, torque)
         for i in range(3):

@@ -57,9 +57,9 @@ def space_spring(
     n = (gap[0] / length, gap[1] / length, gap[2] / length)
     rate = dot(n, speed)
     f, across = stiffness * length + damping * rate + g, plus(speed, -rate, n)
-    if others > 0:  # then only the rates of its derivatives are needed
+    if others > 0 and m.c2 != 0.0:  # then only the rates of its derivatives are needed
         turn_rate(m.v, o + 3, others, m.far[0], m.far)
-    for i in range(size):
+    for i in range(size if m.c2 != 0.0 else 0):
         b = vector(by[i], 0)
         along, of_rate = dot(n, b), 0.0
         if 3 <= i < own:
@@ -73,8 +73,10 @@ def space_spring(
     for i in range(size):
         row = i if i < own else o + i - own
         out.rows[row] += dot(F, vector(by[i], 0))
-        for c in range(size):
+        for c in range(size if m.c2 != 0.0 else 0):
             out.H[row, c if c < own else o + c - own] += dot(vector(by[i], 0), vector(d[c], 0))
+    if m.c2 == 0.0:
+        return
     add_bend(out.H, 3, m.n, m.A, 1.0, F, point)
     if others > 0:
         turn(m.y, o + 3, others, m.far)
@@ -151,7 +153,7 @@ def space_rotational_spring(
     relaxed = g * numbers[22]
     phi = counted_angle(numbers, m, o, others, c, s, relaxed)
     moment = stiffness * (phi - relaxed) + damping * rate + (g - relaxed)
-    for i in range(size):
+    for i in range(size if m.c2 != 0.0 else 0):
         slope[i] = (stiffness + damping * m.c1) * along[i]
         for r in range(size):
             if i < m.n and r < m.n:
@@ -170,6 +172,6 @@ def space_rotational_spring(
     for i in range(size):
         row = 3 + i if i < m.n else o + 3 + i - m.n
         out.rows[row] += moment * along[i]
-        for r in range(size):
+        for r in range(size if m.c2 != 0.0 else 0):
             out.H[row, 3 + r if r < m.n else o + 3 + r - m.n] += (
                 along[i] * slope[r] + moment * m.square[i, r])

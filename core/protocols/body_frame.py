@@ -62,8 +62,10 @@ class FrameArrays:
 
     kinds (i,), numbers (i, j), starts (i, 3): of each contribution its kind, constants, and first
     functional, coordinate of another body, and multiplier; amplitudes (i,): None for those without.
-    function: uses numbers and arrays only, and creates no array, so that numba can compile it;
-    calls: the functions that it calls, each after those that it calls itself.
+    function: uses numbers and arrays only, and creates no array, so that numba can compile it; it
+    need not give derivatives where c2 is 0. calls: the functions that it calls, each after those
+    that it calls itself; parts: those of the kinds of contributions, of which only those in use are
+    compiled; none if it has no such functions.
     """
 
     kinds: IntArray
@@ -72,6 +74,7 @@ class FrameArrays:
     amplitudes: tuple[Callable[[float], float] | None, ...]
     function: FrameFunction
     calls: tuple[Callable[..., object], ...]
+    parts: tuple[Callable[..., object], ...] = ()
 
 
 class Frame(Protocol):

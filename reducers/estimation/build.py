@@ -204,7 +204,7 @@ class _Coordinates:
         tested = TestedElastic.of(
             o, m.frame, self.bases[name], self.bases.get(m.thermal), test, rigid=False)
         step = BodyStep(
-            m.name, tested.frame, m.to_border, m.origin, None, layout[name],
+            m.name, tested.frame, m.to_border, m.origin, layout[name],
             layout[m.thermal] if m.thermal in layout else slice(0, 0), name, m.guide)
         warmth = None
         if o.coupling is not None and warm is not None:

@@ -44,7 +44,7 @@ from sparsemor.reducers.sparse.supported_equations import (
 )
 from sparsemor.reducers.sparse.supported_steps import SupportedSteps
 from sparsemor.reducers.step.blocks.thermal_groups import heat_groups
-from sparsemor.reducers.step.compiled.stepper import compilable, require_numba
+from sparsemor.reducers.step.compiled.stepper import compilable, no_effect_of
 from sparsemor.reducers.step.coupled_reduced import (
     ProjectedBlock,
     ProjectedModel,
@@ -249,10 +249,8 @@ class Build:
             base = base.with_equations(reduced_general(
                 projected, o.tolerances, o.predictor, ahead=self.offline is not None).equations)
             return compilable(base, o.compiled)
-        require_numba(o.compiled)
-        if o.compiled == "on":
-            base = replace(base, notes=(*base.notes, information(
-                "compiled: on has no effect: atoms are selected during the run", "compiled")))
+        base = replace(base, notes=(*base.notes, *no_effect_of(
+            o.compiled, "atoms are selected during the run")))
         # all elastic blocks take part in the joint problem
         whole = o.selection == "joint" and any(e.block.selects for e in elastic.values())
         selecting = {n: e for n, e in elastic.items() if whole or e.block.selects}

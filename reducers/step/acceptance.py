@@ -7,8 +7,7 @@ modes, and a fast one may hide a slow one. A change that no longer decreases is 
 round-off only if it is below the effect on the unknowns of rounding the terms of the equations.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cache
 from math import inf
 
@@ -36,14 +35,6 @@ def estimated_error(change: float, before: float, least: float = LEAST) -> float
     return change * ratio / (1.0 - ratio) if ratio < TRUSTED else change
 
 
-def largest_error(changes: Sequence[float], before: Sequence[float] | None) -> float:
-    """Largest estimated error of all parts of the unknowns; before: their changes one iteration
-    earlier, None where there are none or where the previous change was accelerated."""
-    if before is None:
-        return max(changes, default=0.0)
-    return max(map(estimated_error, changes, before), default=0.0)
-
-
 @cache
 def rounding(n: int) -> FloatArray:
     """Vector (n,) of the unit round-off with random signs, the same in every call; not to be
@@ -62,28 +53,3 @@ class Tolerances:
 
 ACCELERATION_ERROR = 1e3
 """Tolerance of the relative error of accelerations, as a multiple of `remaining`."""
-
-
-def reference(size: float, acceleration: float, c2: float, remaining: float) -> float:
-    """Reference magnitude of changes of unknowns of this size: the size itself, or less where an
-    error of `remaining` times it would dominate the accelerations c2 x, but not below round-off."""
-    return min(size, max(ACCELERATION_ERROR * acceleration / c2, 4 * EPS * size / remaining))
-
-
-@dataclass(slots=True)
-class Scales:
-    """Reference magnitudes of the changes, from the steps so far; part of the state between steps.
-
-    elastic, bending: largest |u|^2 and |u''|^2 of each body; floor: |du|^2 of each body due to
-    rounding of rigid
-    coordinates of size 1; acceleration: largest norm of the rigid accelerations of a solved step.
-    """
-
-    elastic: list[float] = field(default_factory=list)
-    bending: list[float] = field(default_factory=list)
-    floor: list[float] = field(default_factory=list)
-    acceleration: float = 0.0
-
-    def copy(self) -> "Scales":
-        """Independent copy."""
-        return Scales(self.elastic[:], self.bending[:], self.floor[:], self.acceleration)

@@ -173,7 +173,7 @@ def _bodies(projected: ProjectedModel, ahead: bool) -> list[ReducedBody]:
         block = projected.elastic.get(m.elastic)
         tested = None if block is None else block.solved
         step = BodyStep(
-            m.name, m.frame if tested is None else tested.frame, m.to_border, m.origin, None,
+            m.name, m.frame if tested is None else tested.frame, m.to_border, m.origin,
             layout[m.elastic] if m.elastic else none,
             layout[m.thermal] if m.thermal in layout else none, m.elastic, m.guide)
         drive = time_table(step, m, ahead) if driven and tested is not None else None

@@ -8,7 +8,6 @@ import numpy as np
 from sparsemor.core import FloatArray, Frame, FrameHistory
 from sparsemor.core.protocols import FrameWork
 from sparsemor.reducers.linalg.active_columns import few
-from sparsemor.reducers.step.blocks.elastic_block import ElasticBlock
 from sparsemor.reducers.step.operators import TestedElastic
 
 NONE = np.zeros(0)
@@ -26,14 +25,13 @@ class BodyStep:
     frame: equations of the floating frame; to_border, origin: affine map of rigid coordinates and
     multipliers to the pose and attachment forces of this body; elastic, thermal: ranges of its
     unknowns; elastic_name, rigid_name: names of its blocks of displacements and rigid coordinates,
-    "" where it has none; block: elastic block of compiled steps; guide: prescribed motion.
+    "" where it has none; guide: prescribed motion.
     """
 
     name: str
     frame: Frame
     to_border: FloatArray
     origin: FloatArray
-    block: ElasticBlock | None
     elastic: slice
     thermal: slice
     elastic_name: str

@@ -257,6 +257,38 @@ class Loop:
                 kept.forget()
         return ended
 
+    def factorize(self, eq: StepEquations, kept: Kept) -> None:
+        """The Jacobian at the kept point, its factorization, and the changes that are due to
+        rounding there."""
+        assert kept.point is not None
+        kept.J = eq.jacobian(kept.point)
+        kept.factor = eq.factorize(kept.J)
+        if eq.price:
+            kept.noise = self.noise(eq, kept, kept.point)
+
+    def noise(self, eq: StepEquations, kept: Kept, at: Linearisation) -> FloatArray:
+        """Effect (blocks,) of rounding the terms of the equations."""
+        return self.largest(self.solution(eq, kept, eq.rounding(kept.J, at)))
+
+    def solution(
+        self, eq: StepEquations, kept: Kept, r: FloatArray, L: FloatArray | None = None
+    ) -> FloatArray:
+        """L J^-1 L^T r; J is the identity but for the unknowns `solved`, and L (k, 4, 4) that but
+        for quaternions."""
+        factor, at, turned = kept.factor, eq.solved, self.attitudes
+        assert factor is not None
+        if L is not None:
+            r = r.copy()
+            r[turned] = (r[turned][:, None] @ L)[:, 0]
+        if isinstance(at, slice):
+            dx = factor.solve(r)
+        else:
+            dx = r.copy()
+            dx[at] = factor.solve(r[at])
+        if L is not None:
+            dx[turned] = (L @ dx[turned][:, :, None])[:, :, 0]
+        return dx
+
     def remember(self, x: FloatArray, d: FloatArray, step: StepFormula, kept: Kept) -> None:
         """Takes the magnitudes of an accepted step into account."""
         np.maximum(kept.top, self.largest(x), out=kept.top)
@@ -365,8 +397,8 @@ class _Search:
             kept.factor, self.L = None, None
             kept.least, kept.debt, kept.factorizations = UNKNOWN, 0, kept.factorizations + 1
         if kept.factor is None:
-            self._factorize()
-        at.fresh, at.dx = renew, self._solution(at.r, self.L)
+            self.loop.factorize(self.eq, kept)
+        at.fresh, at.dx = renew, self.loop.solution(self.eq, kept, at.r, self.L)
         at.absolute = self.loop.largest(at.dx)
         if not self.eq.price:  # the textbook method goes far: relative to where it is
             x = self.step.free + at.d
@@ -392,36 +424,6 @@ class _Search:
         found: list[float] = moved.tolist()
         return found
 
-    def _solution(self, r: FloatArray, L: FloatArray | None = None) -> FloatArray:
-        """L J^-1 L^T r; J is the identity but for the unknowns `solved`, and L (k, 4, 4) that but
-        for quaternions."""
-        factor, at, turned = self.kept.factor, self.eq.solved, self.loop.attitudes
-        assert factor is not None
-        if L is not None:
-            r = r.copy()
-            r[turned] = (r[turned][:, None] @ L)[:, 0]
-        if isinstance(at, slice):
-            dx = factor.solve(r)
-        else:
-            dx = r.copy()
-            dx[at] = factor.solve(r[at])
-        if L is not None:
-            dx[turned] = (L @ dx[turned][:, :, None])[:, :, 0]
-        return dx
-
-    def _factorize(self) -> None:
-        """The Jacobian at the kept point, and the changes that are due to rounding there."""
-        kept = self.kept
-        assert kept.point is not None
-        kept.J = self.eq.jacobian(kept.point)
-        kept.factor = self.eq.factorize(kept.J)
-        if self.eq.price:
-            kept.noise = self._noise(kept.point)
-
-    def _noise(self, at: Linearisation) -> FloatArray:
-        """Effect (blocks,) of rounding the terms of the equations."""
-        return self.loop.largest(self._solution(self.eq.rounding(self.kept.J, at)))
-
     def _size(self, top: FloatArray, rate: FloatArray) -> FloatArray:
         """Magnitudes (blocks,) to which changes are relative: the largest value so far, less where
         an error of the tolerance times that would dominate the accelerations (acceptance.py);
@@ -442,7 +444,8 @@ class _Search:
         converged."""
         noise = self.kept.noise
         if not self.eq.price:
-            noise = self._noise(Linearisation(*self.step.at(at.d), self.step.t, self.c))
+            noise = self.loop.noise(self.eq, self.kept, Linearisation(
+                *self.step.at(at.d), self.step.t, self.c))
         small = at.absolute <= MARGIN * noise
         return bool((small | (np.array(at.moved) <= self.loop.tol.remaining)).all())
 

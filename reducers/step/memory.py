@@ -4,7 +4,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
 from sparsemor.core import BoolArray, FloatArray, StepMemory
-from sparsemor.reducers.step.acceptance import Scales
 from sparsemor.reducers.step.blocks.thermal_block import HeatJacobian
 from sparsemor.reducers.step.loop import Kept, StepEquations
 from sparsemor.reducers.step.predictor import Past
@@ -68,7 +67,7 @@ class Workspace:
 
 @dataclass(eq=False, kw_only=True)
 class Memory(RunMemory):
-    """State between steps of the block-wise solver: adds reference magnitudes, working arrays
+    """State between steps of the block-wise solver: adds working arrays
     (`Workspace`) and the kept Jacobian of the mechanical iteration, and counts of the steps that it
     did not solve.
 
@@ -85,7 +84,6 @@ class Memory(RunMemory):
     linearised_on: BoolArray | None = None
     exact: Kept = field(default_factory=lambda: Kept.of(0))
     warming: dict[str, Kept] = field(default_factory=dict)
-    scales: Scales = field(default_factory=Scales)
     full_newton_steps: int = 0
     full_newton_next: int = 0
     linear: dict[str, int] = field(default_factory=dict)
@@ -95,7 +93,7 @@ class Memory(RunMemory):
         return {name: value for name, value in vars(self).items() if name != "work"}
 
     def copy(self) -> Self:
-        return replace(super().copy(), scales=self.scales.copy(), work=Workspace(),
+        return replace(super().copy(), work=Workspace(),
                        kept=self.kept.copy(), exact=self.exact.copy(),
                        warming={n: k.copy() for n, k in self.warming.items()},
                        linear=dict(self.linear), linearized=dict(self.linearized))

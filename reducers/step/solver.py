@@ -317,7 +317,7 @@ def bodies(s: Stepper) -> Sequence[BodyStep]:
     none, found = slice(0, 0), []
     for m in s.separated.moving:
         found.append(BodyStep(
-            m.name, s.frames.get(m.name, m.frame), m.to_border, m.origin, None,
+            m.name, s.frames.get(m.name, m.frame), m.to_border, m.origin,
             s.layout[m.elastic] if m.elastic else none,
             s.layout[m.thermal] if m.thermal in s.layout else none, m.elastic, m.guide,
             rigid_block(s.layout, m)))

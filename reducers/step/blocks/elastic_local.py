@@ -10,7 +10,6 @@ import numpy as np
 
 from sparsemor.core import FloatArray, IntArray
 from sparsemor.core.protocols import ElasticLocal
-from sparsemor.reducers.step.operators import TestedLocal, TestMap
 from sparsemor.reducers.step.predictor import Prediction
 
 GROWN = 10.0
@@ -56,36 +55,6 @@ class FullLocal:
             if len(hot):
                 x[part.hot], xv[part.hot] = T[hot], rate[hot]
             r[part.rows] += part.term.residual(x, xv, xa, t)
-        return r
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class ReducedLocal:
-    """Local terms on the trial basis, in the `count` rows left (count, m) times the m tested rows:
-    those that depend on temperatures alone, and the others."""
-
-    still: Sequence[TestedLocal]
-    moving: Sequence[TestedLocal]
-    count: int
-
-    @classmethod
-    def of(cls, parts: Sequence[TestedLocal], left: FloatArray) -> "ReducedLocal | None":
-        made = [part.under(TestMap(left=left), left.shape[1]) for part in parts]
-        return cls(tuple(part for part in made if part.still),
-                   tuple(part for part in made if not part.still), len(left)) if made else None
-
-    @property
-    def elements(self) -> int:
-        return sum(part.term.elements for part in (*self.still, *self.moving))
-
-    def rows(
-        self, u: FloatArray, v: FloatArray, a: FloatArray, T: FloatArray, rate: FloatArray,
-        t: float, still: bool,
-    ) -> FloatArray:
-        r = np.zeros(self.count)
-        for part in self.still if still else self.moving:
-            x, xv = np.concatenate((u, T)), np.concatenate((v, rate))
-            r += part.rows(x, xv, np.concatenate((a, np.zeros(len(T)))), t)
         return r
 
 

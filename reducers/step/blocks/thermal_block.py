@@ -186,11 +186,16 @@ class CompressedHeat:
             return HeatOutcome(base, Status.DONE, 1)
         if self.active is not None:  # others may be active in the next step
             return self._iterate(base, T, rate, bend, t, c2, None)._replace(jacobian=None)
-        if kept is not None and (kept.of is not self or kept.factors is None):
-            at, k = kept.at, len(T)
-            kept = self._linearized(
-                at[:k], at[k : 2 * k], at[2 * k : 3 * k], float(at[-1]), at)[1]
-        return self._iterate(base, T, rate, bend, t, c2, kept)
+        return self._iterate(
+            base, T, rate, bend, t, c2, None if kept is None else self.restored(kept))
+
+    def restored(self, kept: HeatJacobian) -> HeatJacobian:
+        """A kept Jacobian of this block with its factors, computed again after a restart."""
+        if kept.of is self and kept.factors is not None:
+            return kept
+        at = kept.at
+        T, rate, bend = at[:-1].reshape(3, -1)
+        return self._linearized(T, rate, bend, float(at[-1]), at)[1]
 
     def _linearized(
         self, T: FloatArray, rate: FloatArray, bend: FloatArray, t: float,

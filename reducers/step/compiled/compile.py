@@ -1,6 +1,6 @@
 """Compilation of the kernel by numba, an optional package (`pip install 'sparsemor[fast]'`).
 
-The functions of dense.py, kernel.py, local.py, mechanics.py and prescribed.py are plain Python;
+The functions of dense.py, kernel.py, local.py, reduced.py and prescribed.py are plain Python;
 numba compiles copies of them, which call each other's compiled forms. Machine code is kept under a
 digest of the sources, so that it is never older than these, where only its user can have written it
 (`MachineCode`): numba's own files are pickles, found by an index that is a pickle.
@@ -22,35 +22,50 @@ from typing import Any, NamedTuple, TypeAlias
 
 from sparsemor.core.protocols.poses import steered, tangent
 from sparsemor.reducers.step import acceptance
-from sparsemor.reducers.step.compiled import dense, kernel, local, mechanics, prescribed
+from sparsemor.reducers.step.compiled import dense, kernel, local, prescribed, reduced
 from sparsemor.reducers.step.compiled.machine_code import MachineCode
 
 _log = logging.getLogger(__name__)
 FUNCTIONS: tuple[Callable[..., object], ...] = (
-    steered, tangent, acceptance.estimated_error, acceptance.reference, dense.add_product,
-    dense.add_rates,
-    dense.add_products, dense.product, dense.solve_in_place, dense.norm,
-    local.evaluate_law, local.variables, local.bends, local.evaluate_points, local.rows_at,
-    local.rows_of,
-    local.local_rows, local.factor_in_place, local.solve_factored, mechanics.begin,
-    mechanics.begin_local, mechanics.add_local, mechanics.functionals, mechanics.combine,
-    mechanics.frames, mechanics.pose, mechanics.add_reduced, mechanics.magnitude,
-    mechanics.displaced, mechanics.solve_mechanics, prescribed.thermal_forces, prescribed.corrected,
-    prescribed.solve_body, prescribed.solve_prescribed, kernel.free_first, kernel.free_motion,
-    kernel.at_departure, kernel.predict, kernel.update, kernel.new_first, kernel.new_state,
-    kernel.accept, kernel.renewed, kernel.iterate_heat, kernel.heated, kernel.heat_ahead,
-    kernel.advance)
+    steered, tangent, acceptance.estimated_error, dense.product, dense.add_product,
+    dense.add_products, local.evaluate_law, local.rows_of, reduced.motion, reduced.add_terms,
+    reduced.begin, reduced.evaluate, reduced.add_bodies, reduced.residual, reduced.turns,
+    reduced.turned, reduced.solution,
+    reduced.moved, reduced.sizes, reduced.solve, reduced.remember, prescribed.corrected,
+    prescribed.solve_body, prescribed.solve_prescribed, prescribed.add_forces,
+    kernel.iterate_heat, kernel.heated, kernel.free_motion, kernel.predict, kernel.accept,
+    kernel.heat_ahead, kernel.advance)
 """Functions of the kernel, each after those that it calls."""
-BARE: tuple[Callable[..., object], ...] = (
-    steered, tangent, acceptance.estimated_error, acceptance.reference, dense.add_product,
-    dense.add_rates,
-    dense.add_products, dense.solve_in_place, dense.norm, mechanics.begin,
-    mechanics.functionals, mechanics.combine, mechanics.frames, mechanics.pose,
-    mechanics.add_reduced, mechanics.magnitude, mechanics.displaced, kernel.free_first,
-    kernel.free_motion, kernel.at_departure, kernel.predict, kernel.update, kernel.new_first,
-    kernel.new_state, kernel.accept)
-"""Functions that create no array and take none out of a list. They, and those of frames, are
-compiled without the counts of references to arrays, which took a third of a step."""
+COUNTED: tuple[Callable[..., object], ...] = (
+    dense.product, dense.add_products, local.rows_of, reduced.add_terms, prescribed.corrected,
+    prescribed.solve_body, prescribed.solve_prescribed, prescribed.add_forces, kernel.iterate_heat,
+    kernel.heated)
+"""Functions that create arrays. All others are compiled without the counts of references to arrays,
+which take a third of a step."""
+
+
+def left(*given: Any) -> int:
+    """Instead of a function that solves what a model does not have."""
+    return reduced.LEFT
+
+
+def left_heat(*given: Any) -> tuple[int, float]:
+    """Instead of the iteration of temperatures, where heat is linear."""
+    return reduced.LEFT, 0.0
+
+
+def not_ahead(*given: Any) -> bool:
+    """Instead of temperatures of all steps at once, where that saves nothing."""
+    return False
+
+
+def no_rows(a: Any, *given: Any) -> Any:
+    """Instead of the rows of terms, where there are none."""
+    return a.offset
+
+
+def nothing(*given: Any) -> None:
+    """Instead of a part of a frame that no body has, or of the sum of no terms."""
 
 
 def installed() -> bool:
@@ -63,21 +78,44 @@ Called: TypeAlias = tuple[Callable[..., object], tuple[Callable[..., object], ..
 
 
 class Functions(NamedTuple):
-    """Functions that belong to a model: that of its frames, None where the motion of all is
-    prescribed, and those of the laws of its local terms."""
+    """Functions that belong to a model: that of its frames, None where no motion is unknown, and
+    those of the laws of its terms. moved: True if it has bodies with prescribed motion; terms: True
+    if its bodies with unknown motion have terms; unused: parts of frames that none of these has.
+    What a model does not have is not compiled."""
 
     frame: Called | None
     laws: tuple[Called, ...]
+    moved: bool = False
+    terms: bool = False
+    unused: tuple[Callable[..., object], ...] = ()
 
     @property
     def all(self) -> list[Callable[..., object]]:
         own = [self.frame] if self.frame is not None else []
         return [f for function, calls in (*own, *self.laws) for f in (*calls, function)]
 
+    @property
+    def instead(self) -> dict[Callable[..., object], Callable[..., object]]:
+        """Functions with what replaces them."""
+        found: dict[Callable[..., object], Callable[..., object]] = dict.fromkeys(
+            self.unused, nothing)
+        if self.frame is None:
+            found[reduced.solve] = left
+        if not self.moved:
+            found |= {prescribed.solve_prescribed: left, prescribed.add_forces: nothing}
+            if self.frame is not None:
+                found[kernel.heat_ahead] = not_ahead
+        if not self.terms:
+            found[reduced.add_terms] = nothing
+        if not self.laws:
+            found |= {kernel.iterate_heat: left_heat, local.rows_of: no_rows}
+        return found
+
 
 def bound(functions: Functions, compiled: Callable[[FunctionType], Any]) -> Any:
     """`kernel.advance` with these functions and `compiled` applied to all."""
     made: dict[str, Any] = {}
+    instead = functions.instead
 
     def with_calls(of: Called) -> Any:
         names: dict[str, Any] = {}
@@ -86,11 +124,12 @@ def bound(functions: Functions, compiled: Callable[[FunctionType], Any]) -> Any:
         return names[of[0].__name__]
 
     def copied(function: Callable[..., object], names: dict[str, Any]) -> Any:
-        assert isinstance(function, FunctionType)
-        return compiled(FunctionType(function.__code__, {**function.__globals__, **names},
-                                     function.__name__, function.__defaults__))
+        own = instead.get(function, function)
+        assert isinstance(own, FunctionType)
+        return compiled(FunctionType(own.__code__, {**own.__globals__, **names},
+                                     own.__name__, own.__defaults__))
 
-    made["evaluate_frame"] = with_calls(functions.frame or (mechanics.evaluate_frame, ()))
+    made["evaluate_frame"] = with_calls(functions.frame or (reduced.evaluate_frame, ()))
     none = with_calls((local.no_law, ()))
     for i in range(local.LAWS):
         made[f"law_{i}"] = with_calls(functions.laws[i]) if i < len(functions.laws) else none
@@ -107,16 +146,13 @@ def compiled_advance(functions: Functions) -> Any:
     njit: Any = numba.njit  # its types lack `_nrt`
     kept = MachineCode(name_of(functions))
     if not kept:
-        _log.warning("compiling the time step once, about a minute; machine code: %s",
+        _log.warning("compiling the time step once, some ten seconds; machine code: %s",
                      kept.folder or "not kept, since no folder is this user's alone")
-    frame = () if functions.frame is None else (functions.frame[0], *functions.frame[1])
-    bare = {f.__code__ for f in (*BARE, mechanics.evaluate_frame, *frame)
-            if isinstance(f, FunctionType)}
-    # sums may be reordered where that makes them several times faster
-    fast, reordered = {"contract"}, {"contract", "reassoc"}
+    counted = {f.__code__ for f in (*COUNTED, no_rows) if isinstance(f, FunctionType)}
+    # sums may be reordered, which makes products several times faster
     return bound(functions, lambda f: with_kept_code(njit(
-        error_model="numpy", _nrt=f.__code__ not in bare,
-        fastmath=reordered if f.__name__ == "solve_factored" else fast)(f), kept))
+        error_model="numpy", _nrt=f.__code__ in counted, fastmath={"contract", "reassoc"})(f),
+        kept))
 
 
 def with_kept_code(compiled: Any, kept: MachineCode) -> Any:
@@ -158,8 +194,9 @@ def name_of(functions: Functions) -> str:
     own = functions.all
     files = sorted({__file__, *(inspect.getfile(f) for f in (*own, *FUNCTIONS))})
     frame = () if functions.frame is None else (functions.frame,)
-    names = repr([[f"{f.__module__}.{f.__qualname__}" for f in (function, *calls)]
-                  for function, calls in (*frame, *functions.laws)])
+    names = repr(([[f"{f.__module__}.{f.__qualname__}" for f in (function, *calls)]
+                   for function, calls in (*frame, *functions.laws)],
+                  sorted(f.__qualname__ for f in functions.instead)))
     versions = [platform.python_version(), *map(version, ("numba", "llvmlite", "numpy"))]
     sources = b"".join(Path(f).read_bytes() for f in files)
     return hashlib.sha256(sources + names.encode() + repr(versions).encode()).hexdigest()[:16]

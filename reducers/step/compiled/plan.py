@@ -1,112 +1,133 @@
 """Arrays of a model for compiled steps, made from its step solver."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from math import comb
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from sparsemor.core import Amplitude, FloatArray, IntArray, Layout, UpdateRules
-from sparsemor.core.protocols import FrameArrays, Held
+from sparsemor.core import FloatArray, IntArray, UpdateRules
+from sparsemor.core.protocols import FrameArrays
+from sparsemor.core.protocols.load_tables import total_load_along
 from sparsemor.reducers.linalg.modal_coordinates import carried
-from sparsemor.reducers.step.blocks.compressed_elastic import CompressedElastic
-from sparsemor.reducers.step.blocks.elastic_block import ElasticBlock
-from sparsemor.reducers.step.blocks.elastic_local import LocalForces, ReducedLocal
-from sparsemor.reducers.step.blocks.thermal_block import CompressedHeat, HeatBlock
+from sparsemor.reducers.step.blocks.thermal_block import CompressedHeat
 from sparsemor.reducers.step.compiled.arrays import (
     BodyArrays,
-    BodyTerms,
+    BodyWork,
     HeatArrays,
     ModelArrays,
     PrescribedArrays,
+    TermArrays,
+    Work,
 )
 from sparsemor.reducers.step.compiled.compile import Called, Functions
-from sparsemor.reducers.step.compiled.local import NO_LOCAL, LocalArrays
-from sparsemor.reducers.step.compiled.local_plan import local_arrays, points_of
-from sparsemor.reducers.step.compiled.stacked import NO_BODY, array, by_four, number, stacked
+from sparsemor.reducers.step.compiled.local_plan import local_arrays
 from sparsemor.reducers.step.compiled.timed import NotCompiled, Timed
 from sparsemor.reducers.step.driven import Driven
 from sparsemor.reducers.step.frame_step import BodyStep
-from sparsemor.reducers.step.predictor import block_starts
-from sparsemor.reducers.step.reduced import Reduced
-from sparsemor.reducers.step.reduced_mechanics import Mechanics, ReducedMechanics
+from sparsemor.reducers.step.loop import Loop
+from sparsemor.reducers.step.reduced import Reduced, ReducedBody
+from sparsemor.reducers.step.reduced_mechanics import ReducedMechanics
 from sparsemor.reducers.step.solver import Stepper
-from sparsemor.reducers.step.time_tables import TimeTable
+from sparsemor.reducers.step.time_tables import Moving, TimeTable
 
-LARGEST_BORDER = 150
-"""Largest number of border unknowns of compiled steps, which solve a dense system."""
+LARGEST = 800
+"""Largest number of unknowns of mechanics in compiled steps, which use an explicit inverse."""
+
+
+class Loads(NamedTuple):
+    """Rows `at` of a residual that depend on time alone: - base - loads amplitudes - tables;
+    amplitude: number of the first amplitude."""
+
+    at: IntArray
+    base: FloatArray
+    loads: FloatArray
+    amplitude: int
+    tables: Sequence[Moving]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plan:
     """Arrays of a model for compiled steps. hot: names of the thermal blocks `heat`; bodies, terms:
-    all bodies with unknown motion, and their local terms; prescribed: each with prescribed motion;
-    frame: function of the frames of the former; laws: functions of the laws of local terms; timed:
-    functions of time; targets: numbers of border unknowns with the functions that prescribe them;
-    border: number of border unknowns; mechanics: the equations that the arrays are made from."""
+    of all bodies with unknown motion; prescribed: each with prescribed motion; functions: those of
+    frames and laws; timed: functions of time; loads: rows that depend on these alone; equations: of
+    the bodies with unknown motion, None where there are none."""
 
     hot: tuple[str, ...]
     heat: tuple[HeatArrays, ...]
     bodies: BodyArrays
-    terms: tuple[BodyTerms, ...]
+    terms: tuple[TermArrays, ...]
     prescribed: tuple[PrescribedArrays, ...]
-    frame: FrameArrays | None
-    laws: tuple[Called, ...]
+    functions: Functions
     timed: Timed
-    targets: tuple[tuple[int, Amplitude], ...]
-    border: int
-    mechanics: Mechanics
+    loads: tuple[Loads, ...]
+    equations: Reduced | None
 
-    @property
-    def functions(self) -> Functions:
-        """Functions that belong to the model, with which the steps are compiled."""
-        frame = None if self.frame is None else (self.frame.function, self.frame.calls)
-        return Functions(frame, self.laws)
-
-    def targets_along(self, times: FloatArray) -> FloatArray:
-        """Prescribed values of the constraints (T, N) at times (T,), s."""
-        found = np.zeros((len(times), self.border))
-        for i, f in self.targets:
-            found[:, i] += f.level if isinstance(f, Held) else [f(t) for t in times.tolist()]
+    def base_along(self, times: FloatArray, timed: FloatArray, n: int) -> FloatArray:
+        """Rows (T, n) that depend on time alone at times (T,), s; timed (T, q): functions of time.
+        The sums of a time are the same whichever the others are."""
+        found = np.zeros((len(times), n))
+        for part in self.loads:
+            rows = np.zeros((len(times), len(part.at))) + part.base
+            for j, load in enumerate(part.loads.T):
+                rows += np.multiply.outer(timed[:, part.amplitude + j], load)
+            if part.tables:
+                rows += total_load_along(part.tables, times)
+            found[:, part.at] -= rows
         return found
 
 
-def plan(s: Stepper, c1: float = 1.0, c2: float = 1.0) -> Plan:
-    """Arrays for the steps of `s` with these factors. Raises NotCompiled, with the reason, where
-    its model contains what compiled steps do not."""
-    mechanics, timed, laws = s.mechanics, Timed(), list[Called]()
+def plan(s: Stepper, c1: float = 1.0) -> Plan:
+    """Arrays for the steps of `s` with this factor of rates. Raises NotCompiled, with the reason,
+    where its model contains what compiled steps do not."""
+    mechanics, timed, laws, loads = s.mechanics, Timed(), list[Called](), list[Loads]()
     if mechanics is None:
         raise NotCompiled("the model has no step of its own blocks")
     if s.warming:
         raise NotCompiled("the model has blocks at full order")
     hot = tuple(name for name, _ in s.hot)
-    heat = tuple(_heat(where, s.heat[name], name, timed, laws) for name, where in s.hot)
-    if isinstance(mechanics, ReducedMechanics) and not mechanics.size:
-        moved = tuple(_prescribed(mechanics.equations, i, c1, timed, laws)
-                      for i in range(len(mechanics.equations.driven)))
-        return Plan(hot, heat, stacked(()), (), moved, None, tuple(laws), timed, (), 0,
-                    mechanics)
-    if not mechanics.size:
-        raise NotCompiled("bodies of full order")
-    if mechanics.size > LARGEST_BORDER:
-        raise NotCompiled(f"{mechanics.size} rigid coordinates and joint forces")
-    frames = [_frame(b) for b in mechanics.bodies]
+    heat = tuple(_heat(s, where, name, timed, laws, loads) for name, where in s.hot)
+    if not isinstance(mechanics, ReducedMechanics):
+        raise NotCompiled("bodies of full order, or atoms that are selected during the run")
+    eq = mechanics.equations
+    if not len(eq.border):
+        moved = tuple(_prescribed(s, eq, b, c1, timed, laws) for b in eq.driven)
+        return Plan(hot, heat, stacked(()), (), moved, Functions(None, tuple(laws), bool(moved)),
+                    timed, tuple(loads), None)
+    if (count := np.arange(s.layout.size)[eq.solved].size) > LARGEST:
+        raise NotCompiled(f"{count} unknowns of mechanics")
+    frames = [_frame(b.step) for b in eq.bodies]
     if len({f.function for f in frames}) > 1:
         raise NotCompiled("frames with different functions")
-    terms: list[BodyTerms] = []
-    bodies = [_body(i, replace(b, block=_condensed(s, b, c1, c2)), f, timed, laws, terms)
-              for i, (b, f) in enumerate(zip(mechanics.bodies, frames, strict=True))]
-    return Plan(hot, heat, stacked(bodies), tuple(terms), (), frames[0], tuple(laws), timed,
-                mechanics.targets, mechanics.size, mechanics)
+    terms = []
+    for c in eq.coupled:
+        name = ", ".join(s.layout.containing(c.rows))
+        local = local_arrays([c.term], name, laws, timed)
+        if (local.reads[:, 2] == 2).any():
+            raise NotCompiled(f"{name} has terms with second differences")
+        terms.append(TermArrays(c in eq.known, c.rows, c.columns, local))
+    bodies = [_body(b, f, eq.border, timed) for b, f in zip(eq.bodies, frames, strict=True)]
+    for b in eq.bodies:
+        if (t := b.tested) is not None:
+            loads.append(Loads(_range(b.step.elastic), -t.constant, t.loads,
+                               timed.amplitudes(t.amplitudes), t.tables))
+    loads += [Loads(eq.border[[i]], np.zeros(1), np.ones((1, 1)), timed.amplitudes([f]), ())
+              for i, f in eq.targets]
+    used = np.unique(np.concatenate([f.kinds for f in frames])).tolist()
+    unused = tuple(f for i, f in enumerate(frames[0].parts) if i not in used)
+    return Plan(hot, heat, stacked(bodies), tuple(terms), (), Functions(
+        (frames[0].function, frames[0].calls), tuple(laws), False, bool(terms), unused),
+        timed, tuple(loads), eq)
 
 
-def _condensed(s: Stepper, b: BodyStep, c1: float, c2: float) -> ElasticBlock | None:
-    """The elastic block of a body with D^-1 applied to all matrices."""
-    if not isinstance(s.mechanics, ReducedMechanics):
-        return b.block
-    tested = next(t.tested for t in s.mechanics.whole.bodies if t.step.name == b.name)
-    if tested is None:
-        return None
-    return CompressedElastic.of(tested, np.eye(len(tested.mass)), None, c1, c2)
+def _range(at: slice) -> IntArray:
+    return np.arange(at.start, at.stop)
+
+
+def _array(values: FloatArray) -> FloatArray:
+    """A contiguous matrix that may be written to; a diagonal has one row."""
+    return np.array(np.atleast_2d(values), dtype=np.float64, order="C")
 
 
 def _frame(b: BodyStep) -> FrameArrays:
@@ -116,78 +137,82 @@ def _frame(b: BodyStep) -> FrameArrays:
     return made
 
 
-def _split(start: int, k: int, active: IntArray | None) -> tuple[IntArray, IntArray]:
-    """Numbers of the active and of the other unknowns of a block of k."""
-    use = np.arange(k) if active is None else active
-    return start + use.astype(np.int64), start + np.setdiff1d(np.arange(k), use).astype(np.int64)
-
-
 def _heat(
-    where: slice | IntArray, block: HeatBlock, name: str, timed: Timed, laws: list[Called]
+    s: Stepper, where: slice | IntArray, name: str, timed: Timed, laws: list[Called],
+    loads: list[Loads]
 ) -> HeatArrays:
-    if not isinstance(block, CompressedHeat):
-        raise NotCompiled(f"{name} is of full order")
-    at = np.arange(where.start, where.stop) if isinstance(where, slice) else where
-    active, idle = _split(0, len(at), block.active)
-    loads = block.loads
-    return HeatArrays(
-        at.astype(np.int64), at[active].astype(np.int64), at[idle].astype(np.int64),
-        array(np.atleast_2d(block.by_rate)), array(np.atleast_2d(block.by_value)),
-        array(loads.base), array(loads.loads), timed.amplitudes(loads.amplitudes),
-        timed.tables(loads.tables),
-        local_arrays(points_of(block.local, name), active, laws, timed), block.rtol,
-        block.max_iterations)
+    block, at = s.heat[name], _range(where) if isinstance(where, slice) else where
+    if not isinstance(block, CompressedHeat) or block.active is not None:
+        raise NotCompiled(f"{name} is of full order, or its atoms are selected during the run")
+    loads.append(Loads(at, block.loads.base, block.loads.loads,
+                       timed.amplitudes(block.loads.amplitudes), block.loads.tables))
+    local = local_arrays(block.local, name, laws, timed)
+    k = len(at) if block.local else 0
+    return HeatArrays(at.astype(np.int64), _array(block.by_rate), _array(block.by_value), local,
+                      block.rtol, block.max_iterations, np.zeros((k, k)), np.zeros(1, np.int64))
 
 
-def _forces(
-    local: LocalForces | None, name: str, k: int, active: IntArray, laws: list[Called], timed: Timed
-) -> tuple[LocalArrays, LocalArrays]:
-    """Local terms of k displacements: those that depend on temperatures alone, as functions of
-    these, and the others."""
-    if local is None:
-        return NO_LOCAL, NO_LOCAL
-    if not isinstance(local, ReducedLocal):
-        raise NotCompiled(f"{name} is of full order")
-    still, moving = (points_of(terms, name) for terms in (local.still, local.moving))
-    return (local_arrays(still, active[:0], laws, timed, k),
-            local_arrays(moving, active, laws, timed))
+def _body(b: ReducedBody, f: FrameArrays, border: IntArray, timed: Timed) -> BodyArrays:
+    """Arrays of a body, without the index of the body."""
+    step, t, k, g, p = b.step, b.tested, 0, 0, b.step.frame.p
+    rows, columns = np.nonzero(step.to_border)
+    P, E, Q, G = np.zeros((0, p)), np.zeros((p, 0)), np.zeros((0, 0)), np.zeros((0, 0))
+    if t is not None:
+        k, g = t.mass.shape[1], len(t.generators)
+        P, E = t.functional.T, t.directions.T
+        G = t.generators.transpose(0, 2, 1).reshape(g * k, k)
+        Q = np.zeros((k, g * k))
+        if len(t.quadratic):
+            Q = t.quadratic.transpose(1, 0, 2).reshape(k, g * k)
+    gains = [-1 if a is None else timed.amplitudes([a]) for a in f.amplitudes]
+    n = step.frame.rigid_size
+    numbers = {
+        "items": len(f.kinds), "kinds": f.kinds, "starts": f.starts.reshape(-1, 3), "gains": gains,
+        "entries": len(rows), "rows": rows, "columns": border[columns],
+        "guide": timed.motion(step.guide, n), "rigid": n, "e": step.elastic.start, "k": k, "g": g}
+    values = {"numbers": f.numbers, "values": step.to_border[rows, columns], "origin": step.origin,
+              "P": P, "E": E, "Q": _by_four(Q), "G": _by_four(G)}
+    made: dict[str, Any] = {name: np.array(v, dtype=np.int64) for name, v in numbers.items()}
+    made |= {name: np.array(v, dtype=np.float64) for name, v in values.items()}
+    return BodyArrays(**made)
 
 
-def _body(
-    i: int, b: BodyStep, f: FrameArrays, timed: Timed, laws: list[Called], terms: list[BodyTerms]
-) -> BodyArrays:
-    """Arrays of body number i, without the index of the body; its local terms are added to
-    `terms`."""
-    rows, columns = (i.astype(np.int64) for i in np.nonzero(b.to_border))
-    gains = np.array([-1 if a is None else timed.amplitudes([a]) for a in f.amplitudes],
-                     dtype=np.int64)
-    n = b.frame.rigid_size
-    made = NO_BODY._replace(
-        items=number(len(f.kinds)), kinds=f.kinds.astype(np.int64), numbers=array(f.numbers),
-        starts=f.starts.astype(np.int64), gains=gains, entries=number(len(rows)), rows=rows,
-        columns=columns, values=array(b.to_border[rows, columns]), origin=array(b.origin),
-        guide=number(timed.motion(b.guide, n)), rigid=number(n), positions=number(min(3, n - 1)))
-    e = b.block
-    if e is None:
-        return made
-    if not isinstance(e, CompressedElastic):
-        raise NotCompiled(f"{b.elastic_name} is of full order")
-    k, kt = b.elastic.stop - b.elastic.start, b.thermal.stop - b.thermal.start
-    active, idle = _split(b.elastic.start, k, e.active)
-    (s, p, g), j = e.sizes, e.H.shape[1] - 3 * k - kt
-    u, v, a, rest = np.split(e.H.T, (k, 2 * k, 3 * k))
-    H = np.concatenate((u, a, rest, v if v.any() else v[:0]))
-    still, local = _forces(e.local, b.elastic_name, k, active - b.elastic.start, laws, timed)
-    if len(still.terms) or len(local.terms):
-        points = np.zeros((2, len(local.offset)))
-        terms.append(BodyTerms(i, still, local, *points))
-    return made._replace(
-        u=number(b.elastic.start), k=number(k), s=number(s), active=active, idle=idle,
-        T=number(b.thermal.start), kt=number(kt), g=number(g), p=number(p),
-        inputs=number(len(H)), H=by_four(H), base=array(e.base), j=number(j),
-        products=by_four(e.S.T), step_products=by_four(e.S[:, active - b.elastic.start].T),
-        E=array(e.EG[:s].T), G=array(e.EG[s:].T), amplitude=number(timed.amplitudes(e.amplitudes)),
-        table=number(timed.tables(e.tables)))
+def _by_four(A: FloatArray) -> FloatArray:
+    """A with rows of zeros up to a number that is a multiple of 4."""
+    return np.pad(A, ((0, -len(A) % 4), (0, 0)))
+
+
+_INT, _FLOAT = np.zeros(0, dtype=np.int64), np.zeros((0, 0))
+_ONE: IntArray = np.array(0, dtype=np.int64)
+NO_BODY = BodyArrays(
+    items=_ONE, kinds=_INT, numbers=_FLOAT, starts=np.zeros((0, 3), dtype=np.int64), gains=_INT,
+    entries=_ONE, rows=_INT, columns=_INT, values=np.zeros(0), origin=np.zeros(0), guide=_ONE,
+    rigid=_ONE, e=_ONE, k=_ONE, g=_ONE, P=_FLOAT, E=_FLOAT, Q=_FLOAT, G=_FLOAT)
+"""A body without anything."""
+
+
+def stacked(bodies: Sequence[BodyArrays]) -> BodyArrays:
+    """Arrays of all bodies from those of each."""
+    made = []
+    for values in zip(*(bodies or (NO_BODY,)), strict=True):
+        sizes = np.array([v.shape for v in values], dtype=np.int64)
+        out = np.zeros((len(values), *sizes.max(axis=0)), dtype=values[0].dtype)
+        for i, v in enumerate(values):
+            at: tuple[Any, ...] = (i, *map(slice, v.shape))
+            out[at] = v
+        made.append(out[: len(bodies)])
+    return BodyArrays(*made)
+
+
+def body_work(b: BodyArrays) -> BodyWork:
+    """Working arrays for these bodies."""
+    (count, n), p, g = b.origin.shape, b.P.shape[2], int(b.g.max(initial=0))
+    sizes: dict[str, tuple[int, ...]] = {
+        "sigma": (n + 1, p), "tau": (n, p), "H": (n, n + 1), "coefficients": (2 * g + 1,),
+        "s": (3, p), "forms": (3 * g,), "y": (3, n), "gains": (b.kinds.shape[1],),
+        "back": (b.G.shape[1] + 4,), "turned": (b.G.shape[1] + 4,)}
+    return BodyWork(**{name: np.zeros((count, *shape)) for name, shape in sizes.items()},
+                    nothing=np.zeros((3, 0)), sums=np.zeros(320))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -206,52 +231,66 @@ class _DrivenRows:
 
 
 def _prescribed(
-    eq: Reduced, number: int, c1: float, timed: Timed, laws: list[Called]
+    s: Stepper, eq: Reduced, d: Driven, c1: float, timed: Timed, laws: list[Called]
 ) -> PrescribedArrays:
-    d = eq.driven[number]
-    b, name = d.step, d.step.elastic_name
+    b, name, r, g = d.step, d.step.elastic_name, d.leading, len(d.G)
     t = next(body.tested for body in eq.bodies if body.step is b)
     assert t is not None
     k, kt = b.elastic.stop - b.elastic.start, b.thermal.stop - b.thermal.start
-    active, idle = _split(b.elastic.start, k, None)
-    still, moving = (points_of([p for p in t.local if p.still == of], name)
-                     for of in (True, False))
-    table, r = TimeTable.of(_DrivenRows(d, c1), np.array(d.table.times)), d.leading
-    width = 2 * len(d.G) + 1 + k
+    table, width = TimeTable.of(_DrivenRows(d, c1), np.array(d.table.times)), 2 * g + 1 + k
     return PrescribedArrays(
-        number, b.elastic.start, k, active, idle, b.thermal.start, kt,
-        _array(-t.mass), _array(-t.stiffness),
-        _array(-t.damping) if t.damping.any() else np.zeros((0, k)),
-        array(t.coupling.T), array(d.G),
-        array(t.generators[:, :r, :r].reshape(len(d.G) * r, r)), timed.table(table, width), width,
-        local_arrays(still, active[:0], laws, timed, k),
-        local_arrays(moving, active - b.elastic.start, laws, timed))
+        [block.name for block in s.layout].index(name), b.elastic.start, k, b.thermal.start, kt,
+        _array(-carried(t.mass)), _array(-carried(t.stiffness)),
+        _array(-carried(t.damping)) if t.damping.any() else np.zeros((0, k)),
+        _array(t.coupling.T), np.array(d.G), _array(t.generators[:, :r, :r].reshape(g * r, r)),
+        timed.table(table, width), width,
+        local_arrays([p for p in t.local if p.still], name, laws, timed, k),
+        local_arrays([p for p in t.local if not p.still], name, laws, timed))
 
 
-def _array(A: FloatArray) -> FloatArray:
-    """A matrix, or a diagonal as one row."""
-    return array(np.atleast_2d(carried(A)))
-
-
-def model_arrays(s: Stepper, rules: UpdateRules, h: float) -> ModelArrays:
+def model_arrays(s: Stepper, p: Plan, rules: UpdateRules, h: float) -> ModelArrays:
     """Constants of the model of `s` for steps of h, s, by an integrator with these rules."""
-    layout: Layout = s.layout
-    bodies = () if s.mechanics is None or not s.mechanics.size else s.mechanics.bodies
+    layout, eq, loop = s.layout, p.equations, Loop(s.layout, s.tolerances)
+    n, q, first = layout.size, len(rules.second.new), layout.first
     c1, c2, c1_first = rules.factors
+    old, new = np.zeros((q, q, n)), np.zeros((q, n))
+    for at, rule, rates in ((layout.second, rules.second, (1.0, c1, c2)),
+                            (first, rules.first, (1.0, c1_first))):
+        old[:, :, at] = rule.old[:, :, None]
+        old[len(rates) - 1, :, at] = 0.0
+        new[:, at] = (rule.new * rates[-1])[:, None]
+        new[: len(rates), at] = np.array(rates)[:, None]
+    new[0] = 1.0
+    whole, atoms = np.zeros((3, 0, 0)), slice(0, 0)
+    if eq is not None:
+        atoms, a = eq.atoms, eq.atoms.stop - eq.atoms.start
+        whole = np.zeros((3, a, a))
+        of_rates = [(c, c.of) for c in eq.constants if c.of < 2]
+        for c, of in (*of_rates, *((c, 2) for c in eq.thermal)):
+            rows, columns = (slice(at.start - atoms.start, at.stop - atoms.start)
+                             for at in (c.rows, c.columns))
+            whole[of, rows, columns] += c.A
+    some = whole != 0.0
+    some_at_all = some.any(axis=2)
+    ends = np.stack((np.where(some_at_all, some.argmax(axis=2), 0), np.where(
+        some_at_all, some.shape[2] - some[:, :, ::-1].argmax(axis=2), 0)), axis=2) if (
+            whole.size) else np.zeros((3, 0, 2), dtype=np.int64)
     weights = np.zeros((s.points + 1, s.points))
     for order in range(1, s.points + 1):
         for j in range(order):
             weights[order, j] = (-1) ** j * comb(order, j + 1)
-
-    def ends(at: slice) -> IntArray:
-        return np.array([at.start, at.stop], dtype=np.int64)
-
+    solved = np.arange(n)[eq.solved if eq is not None else slice(0, 0)]
     return ModelArrays(
-        ends(layout.second), ends(layout.first), ends(layout.algebraic),
-        np.array([ends(b.elastic) for b in bodies], dtype=np.int64).reshape(-1, 2),
-        array(rules.second.new), array(rules.second.old), array(rules.first.new),
-        array(rules.first.old), c1, c2, c1_first, 2.0 * round(h * c1_first - 1.0, 12) / h**2, h,
-        layout.frames.stop,
-        np.array([*block_starts(layout), layout.size], dtype=np.int64), weights,
-        array(s.sanity), s.tolerances.remaining, s.tolerances.max_iterations,
+        old, new, np.array([first.start, first.stop]), np.array([atoms.start, atoms.stop]), whole,
+        ends.astype(np.int64), c1, c2, c1_first, 2.0 * round(h * c1_first - 1.0, 12) / h**2, h,
+        np.append(loop.starts, n), loop.judged, loop.second, solved, weights, np.array(s.sanity),
+        s.tolerances.remaining, s.tolerances.max_iterations,
         np.array(layout.quaternions, dtype=np.int64))
+
+
+def work_of(m: ModelArrays) -> Work:
+    """Working arrays of a step."""
+    (q, n), blocks = m.new.shape, len(m.judged)
+    sizes = ((q, n), (q, n), (3, n + 4), *(5 * [n]), 2 * n, *(5 * [blocks]),
+             (len(m.quaternions), 4, 4))
+    return Work(*(np.zeros(size) for size in sizes))

@@ -1,12 +1,12 @@
 """Step solver whose steps can be compiled."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, fields
-from importlib import import_module
 from itertools import accumulate
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, TypeAlias, cast
 
 import numpy as np
+from scipy.linalg.lapack import dgetri
 
 from sparsemor.core import (
     FloatArray,
@@ -19,24 +19,16 @@ from sparsemor.core import (
     require,
 )
 from sparsemor.core.protocols import ManySteps, StepBlock
-from sparsemor.reducers.step.acceptance import EPS, Scales
-from sparsemor.reducers.step.blocks.thermal_block import HeatJacobian
-from sparsemor.reducers.step.compiled.arrays import (
-    NO_HEAT,
-    NO_KEPT,
-    NO_PRESCRIBED,
-    NO_TERMS,
-    HeatArrays,
-    KeptHeat,
-    ModelArrays,
-    RunArrays,
-)
-from sparsemor.reducers.step.compiled.compile import compiled_advance, installed
-from sparsemor.reducers.step.compiled.plan import Plan, model_arrays, plan
-from sparsemor.reducers.step.compiled.stacked import work_of
+from sparsemor.core.protocols.poses import turns_from
+from sparsemor.core.protocols.step_amplitude import Substep, substep
+from sparsemor.reducers.step.blocks.thermal_block import CompressedHeat
+from sparsemor.reducers.step.compiled.arrays import NO_HEAT, NO_PRESCRIBED, NO_TERM, RunArrays
+from sparsemor.reducers.step.compiled.compile import Functions, compiled_advance, installed
+from sparsemor.reducers.step.compiled.plan import body_work, model_arrays, plan, work_of
 from sparsemor.reducers.step.compiled.timed import NotCompiled
+from sparsemor.reducers.step.factors import Factor, Inverse
+from sparsemor.reducers.step.loop import UNKNOWN, Kept, Linearisation, Loop
 from sparsemor.reducers.step.memory import Memory
-from sparsemor.reducers.step.reduced_mechanics import ReducedMechanics
 from sparsemor.reducers.step.solver import Stepper
 
 Compiled: TypeAlias = Literal["auto", "on", "off"]
@@ -45,6 +37,8 @@ AUTO = 200_000
 about as many uncompiled steps."""
 LONGEST = 400
 """Largest number of steps of a block: functions of time are tabulated for it."""
+AHEAD = 50
+"""Largest number of steps from a state to that of the Jacobian with which it is continued."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,18 +50,13 @@ class CompiledStepper(Stepper):
 
     def many(self, rules: UpdateRules, h: float, steps: int) -> "ManySteps[Memory] | None":
         """Compiled steps of size h, s, for a run of `steps` steps."""
-        return compiled_steps(self, rules, h) if wanted(self.compiled, steps) else None
+        try:
+            return CompiledSteps(self, rules, h) if wanted(self.compiled, steps) else None
+        except NotCompiled:
+            return None
 
     def stepping_alike(self, copy: StepSolver) -> StepSolver:
         return _with(copy, copy.notes, self.compiled) if isinstance(copy, Stepper) else copy
-
-
-def compiled_steps(s: Stepper, rules: UpdateRules, h: float) -> "CompiledSteps | None":
-    """Compiled steps of `s`, of size h, s; None where its model is not covered."""
-    try:
-        return CompiledSteps(plan(s, *rules.factors[:2]), model_arrays(s, rules, h), h)
-    except NotCompiled:
-        return None
 
 
 def compilable(made: Stepper, option: Compiled) -> Stepper:
@@ -75,14 +64,13 @@ def compilable(made: Stepper, option: Compiled) -> Stepper:
     model is not covered. Raises InputError where numba is wanted and not installed."""
     if option == "off":
         return made
-    require_numba(option)
-    notes: tuple[Note, ...] = ()
-    if option == "on":
-        try:
+    reason = ""
+    try:
+        if option == "on":
             plan(made)
-        except NotCompiled as reason:
-            notes = (information(f"compiled: on has no effect: {reason}", "compiled"),)
-    return _with(made, (*made.notes, *notes), option)
+    except NotCompiled as error:
+        reason = str(error)
+    return _with(made, (*made.notes, *no_effect_of(option, reason)), option)
 
 
 def _with(made: Stepper, notes: tuple[Note, ...], option: Compiled) -> CompiledStepper:
@@ -90,10 +78,13 @@ def _with(made: Stepper, notes: tuple[Note, ...], option: Compiled) -> CompiledS
     return CompiledStepper(**{**kept, "notes": notes}, compiled=option)
 
 
-def require_numba(option: Compiled) -> None:
-    """Raises InputError where numba is wanted and not installed."""
+def no_effect_of(option: Compiled, reason: str) -> tuple[Note, ...]:
+    """A note where compiled steps are wanted and there are none for this reason, "" for no reason.
+    Raises InputError where numba is wanted and not installed."""
     if option == "on":
         require("numba", "fast", "compiled: on")
+    return (information(f"compiled: on has no effect: {reason}", "compiled"),) if (
+        option == "on" and reason) else ()
 
 
 def wanted(option: Compiled, steps: int) -> bool:
@@ -102,135 +93,135 @@ def wanted(option: Compiled, steps: int) -> bool:
 
 
 class CompiledSteps:
-    """Steps of size h, s, of one run on the arrays of a plan; working arrays belong to the run.
+    """Steps of size h, s, of one run of a step solver; working arrays belong to the run. Raises
+    NotCompiled where its model is not covered.
 
-    advance_arrays: `kernel.advance`, compiled unless it is given, with `listed` for the lists of
-    tuples of arrays that it takes.
+    code: function that makes `kernel.advance` with the model's functions.
     """
 
     def __init__(
-        self, plan: Plan, model: ModelArrays, h: float,
-        advance_arrays: Callable[..., int] | None = None,
-        listed: Callable[[Sequence[Any], Any], Any] = lambda items, kind: items,
+        self, solver: Stepper, rules: UpdateRules, h: float,
+        code: Callable[[Functions], Callable[..., int]] = compiled_advance
     ) -> None:
-        self.plan, self.model, self.h = plan, model, h
-        self._ahead = LONGEST
-        if advance_arrays is None:
-            advance_arrays, listed = _compiled(plan)
-        self._advance = advance_arrays
-        self._work = work_of(plan.bodies, plan.border)
-        self._heat = listed(plan.heat, NO_HEAT)
-        self._own = [_kept(h, plan.timed.width) for h in plan.heat]
-        self._at: list[FloatArray | None] = [None] * len(self._own)
-        self._kept = listed(self._own, NO_KEPT)
-        self._terms = listed(plan.terms, NO_TERMS)
-        self._prescribed = listed(plan.prescribed, NO_PRESCRIBED)
+        self.solver, self.h, self.plan = solver, h, plan(solver, rules.factors[0])
+        self.model = model_arrays(solver, self.plan, rules, h)
+        m = self.model
+        self._c = m.c1, m.c2, m.c1_first, m.c2_first
+        self._advance = code(self.plan.functions)
+        self._arrays = (
+            self.model, self.plan.heat or (NO_HEAT,), self.plan.bodies,
+            self.plan.terms or (NO_TERM,), self.plan.prescribed or (NO_PRESCRIBED,),
+            work_of(self.model), body_work(self.plan.bodies))
+        self._ahead, self._factor = LONGEST, cast("Factor | None", None)
+        self._inverse, none = np.zeros((0, 0)), np.zeros(0)
+        self._attitudes = np.zeros((0, 4, 4, 4))
+        self._known = none, none, none
+        self._heated: dict[str, FloatArray] = {}
 
     def advance(self, state: State, memory: Memory, count: int) -> StepBlock:
-        """Solves up to `count` steps; none at the start, where reference magnitudes are unknown,
-        and while full Newton steps are due."""
-        mechanics = self.plan.mechanics
-        if isinstance(mechanics, ReducedMechanics) and memory.kept.top.any():
-            _magnitudes(mechanics, state, memory.scales, self.model.c1, self.model.c2)
-        known = memory.scales.floor or not (len(self.plan.bodies.k) or self.plan.prescribed)
-        if not known or memory.full_newton_next:
+        """Solves up to `count` steps; none where reference magnitudes are unknown, as at the start,
+        and none that does not converge even with a Jacobian of the last state."""
+        moves = self.plan.equations is not None or self.plan.prescribed
+        if memory.full_newton_next or (moves and not memory.kept.top.any()):
             return StepBlock()
-        ends = accumulate([self.h] * min(count, self._ahead), next_time, initial=state.t)
-        times = np.array([*ends][1:])
-        run = _run_arrays(state, memory)
+        times, timed, base = self._along(state.t, count)
+        block, due = self._solved(state, memory, times, timed, base)
+        while due and not block and self._lag(state, memory.kept) != 0.0:
+            self._linearize(state, memory)
+            block, due = self._solved(state, memory, times, timed, base)
+        if due and block:
+            self._linearize(block.state(len(block) - 1), memory)
+        if self.plan.prescribed:  # whose heat of all steps is solved first, in vain after a stop
+            done = len(block)
+            self._ahead = min(4 * self._ahead if done == len(times) else 2 * done + 2, LONGEST)
+        return block
+
+    def _solved(
+        self, state: State, memory: Memory, times: FloatArray, timed: FloatArray, base: FloatArray
+    ) -> tuple[StepBlock, bool]:
+        """The steps that are solved with the kept Jacobians, and True if a new one is due."""
+        with substep(Substep(self.h)):
+            self._take_jacobians(state, memory)
+        run = self._run_arrays(state, memory)
         states, effort = np.empty((len(times), *run.z.shape)), np.zeros((len(times), 2))
-        self._load(memory)
-        done = self._advance(
-            self.model, self._heat, self._kept, self.plan.bodies, self._terms, self._work,
-            self._prescribed, run, self.plan.timed.along(times), self.plan.targets_along(times),
-            states, effort)
-        self._store(memory, times)
-        if done:
-            _keep(run, memory)
-        # a step that is left to the uncompiled solver is often followed by others
-        self._ahead = min(4 * self._ahead, LONGEST) if done == len(times) else 2
-        return StepBlock(times[:done].tolist(), states[:done],
-                         effort[:done, 0].astype(int).tolist(), effort[:done, 1].tolist())
-
-    def _load(self, memory: Memory) -> None:
-        """Takes the Jacobians of thermal blocks over from the memory; those of the last call have
-        their factors."""
-        for i, (name, kept) in enumerate(zip(self.plan.hot, self._own, strict=True)):
-            at = memory.linearized.get(name)
-            kept.state[:] = (0 if at is None else 2 if at is self._at[i] else 1), -1
-            if kept.state[0] == 1 and at is not None:
-                kept.at[:] = at[:-1].reshape(3, -1)
-                kept.timed[:] = self.plan.timed.along(at[-1:])[0]
-
-    def _store(self, memory: Memory, times: FloatArray) -> None:
-        """Keeps them in the memory, also those of a step that was not solved: it is tried alike
-        wherever a block begins."""
-        for i, (name, kept) in enumerate(zip(self.plan.hot, self._own, strict=True)):
-            ready, number = kept.state.tolist()
-            if not ready:
+        done = self._advance(*self._arrays, run, timed, base,
+                             np.zeros((3, *base.shape)), states, effort)
+        for name, heat in zip(self.plan.hot, self.plan.heat, strict=True):
+            if heat.inverse.size and not heat.ready[0]:
                 memory.keep(name, None)
-            elif number >= 0:
-                memory.keep(name, HeatJacobian(np.append(kept.at.ravel(), times[number])))
-            self._at[i] = memory.linearized.get(name) if ready == 2 else None
+        if done:
+            memory.past.ring.newest, memory.past.ring.filled = run.at[:2].tolist()
+            memory.past.by_departure = run.by_departure
+            memory.kept.least, memory.kept.debt = run.effort[:2].tolist()
+        block = StepBlock(times[:done].tolist(), states[:done],
+                          effort[:done, 0].astype(int).tolist(), effort[:done, 1].tolist())
+        return block, bool(run.effort[2])
 
+    def _lag(self, state: State, kept: Kept) -> float:
+        """Time, s, since the state of the kept Jacobian, negative where that is yet to come."""
+        return 0.0 if kept.point is None else state.t - kept.point.t
 
-def _kept(h: HeatArrays, width: int) -> KeptHeat:
-    """Working arrays for the Jacobian of a thermal block, with this many functions of time."""
-    s = len(h.active) if len(h.local.terms) else 0
-    return KeptHeat(np.zeros((s, s)), np.zeros(s, dtype=np.int64), np.zeros((3, len(h.at))),
-                    np.zeros(width), np.zeros(2, dtype=np.int64))
+    def _linearize(self, state: State, memory: Memory) -> None:
+        """The kept Jacobian becomes that of a state as far ahead as the old one lies behind: it
+        serves as long before this state as after. It depends on nothing else, so that a resumed run
+        has equal digits."""
+        kept, rigid, x, v = memory.kept, self.solver.layout.frames, state.x.copy(), state.v.copy()
+        tau = min(max(self._lag(state, kept), 0.0), AHEAD * self.h)
+        x[rigid] += tau * (v[rigid] + 0.5 * tau * state.a[rigid])
+        v[rigid] += tau * state.a[rigid]
+        kept.forget()
+        kept.point = Linearisation(x, v, state.a, state.t + tau, self._c)
+        kept.least, kept.debt = UNKNOWN, 0
+        memory.factorizations += 1
 
+    def _along(self, t: float, count: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Times of the next steps, functions of time, and rows that depend on time alone; known
+        ones are not evaluated again."""
+        first = int(np.searchsorted(self._known[0], next_time(t, self.h)))
+        if not (self._known[0][first : first + 1] == next_time(t, self.h)).any():
+            ends = accumulate([self.h] * min(count, LONGEST), next_time, initial=t)
+            times, first = np.array([*ends][1:]), 0
+            timed, n = self.plan.timed.along(times), self.model.new.shape[1]
+            self._known = times, timed, self.plan.base_along(times, timed, n)
+        at = slice(first, first + min(count, self._ahead))
+        times, timed, base = (values[at] for values in self._known)
+        return times, timed, base
 
-def _compiled(plan: Plan) -> tuple[Callable[..., int], Callable[[Sequence[Any], Any], Any]]:
-    """Compiled `kernel.advance` and the function that makes its lists."""
-    numba: Any = import_module("numba")  # optional, and takes half a second to import
+    def _take_jacobians(self, state: State, memory: Memory) -> None:
+        """Takes the kept Jacobians over from the memory, with factors that are computed again after
+        a restart."""
+        kept, equations = memory.kept, self.plan.equations
+        if equations is not None:
+            if kept.point is None or kept.point.c != self._c:
+                self._linearize(state, memory)
+            if kept.factor is None:
+                Loop(self.solver.layout, self.solver.tolerances).factorize(
+                    memory.work.of(equations), kept)
+            if kept.factor is not self._factor:
+                assert isinstance(kept.J, np.ndarray) and kept.point is not None
+                self._factor, at = kept.factor, self.solver.layout.quaternions
+                self._attitudes = turns_from(np.array(
+                    [kept.point.x[i : i + 4] for i in at]).reshape(len(at), 4))
+                self._inverse = (kept.factor if isinstance(kept.factor, Inverse)
+                                 else Inverse(kept.J)).inverse
+        for name, heat in zip(self.plan.hot, self.plan.heat, strict=True):
+            if not heat.inverse.size:
+                continue
+            known, block = memory.jacobian(name), self.solver.heat[name]
+            heat.ready[0] = int(known is not None)
+            if known is not None and known.at is not self._heated.get(name):
+                assert isinstance(block, CompressedHeat)
+                memory.keep(name, known := block.restored(known))
+                assert known.factors is not None
+                heat.inverse[:] = dgetri(*known.factors[:2])[0]
+                self._heated[name] = known.at
 
-    def listed(items: Sequence[Any], example: Any) -> Any:
-        made = numba.typed.List.empty_list(numba.typeof(example))
-        for item in items:
-            made.append(item)
-        return made
-
-    return compiled_advance(plan.functions), listed
-
-
-def _magnitudes(
-    mechanics: ReducedMechanics, state: State, scales: Scales, c1: float, c2: float
-) -> None:
-    """Reference magnitudes of the iteration of compiled steps, where the last step was not one of
-    them."""
-    if not scales.floor:
-        n = len(mechanics.bodies)
-        scales.elastic, scales.bending, scales.floor = [0.0] * n, [0.0] * n, [0.0] * n
-        at = state.x, state.v, state.a, state.t
-        columns = {b.body.step.name: b.column[:, b.at < mechanics.n_rigid]
-                   for b in mechanics.whole.working().border_blocks(*at, c1, c2)}
-        for i, b in enumerate(mechanics.bodies):
-            if b.free:  # of rounding positions of size 1
-                scales.floor[i] = (4 * EPS) ** 2 * float(np.sum(columns[b.name] ** 2))
-    for i, b in enumerate(mechanics.bodies):
-        u, a = state.x[b.elastic], state.a[b.elastic]
-        scales.elastic[i] = max(scales.elastic[i], float(u.dot(u)))
-        scales.bending[i] = max(scales.bending[i], float(a.dot(a)))
-    a = state.a[: mechanics.n_rigid]
-    scales.acceleration = max(scales.acceleration, float(np.sqrt(a.dot(a))))
-
-
-def _run_arrays(state: State, memory: Memory) -> RunArrays:
-    past, scales = memory.past, memory.scales
-    z = np.concatenate((np.stack((state.x, state.v, state.a)), state.memory.T))
-    by_departure = np.zeros(past.n, dtype=np.bool_) if past.by_departure is None else (
-        past.by_departure.copy())
-    return RunArrays(
-        z, past.ring.rows, np.array([past.ring.newest, past.ring.filled]), by_departure,
-        np.array(scales.elastic), np.array(scales.bending), np.array(scales.floor),
-        np.array([scales.acceleration]), np.zeros(1))
-
-
-def _keep(run: RunArrays, memory: Memory) -> None:
-    """Takes the state after the last solved step over into the memory."""
-    past, scales = memory.past, memory.scales
-    past.ring.newest, past.ring.filled = run.at.tolist()
-    past.by_departure = run.by_departure
-    scales.elastic, scales.bending = run.elastic.tolist(), run.bending.tolist()
-    scales.acceleration = float(run.acceleration[0])
+    def _run_arrays(self, state: State, memory: Memory) -> RunArrays:
+        past, kept = memory.past, memory.kept
+        by_departure = np.zeros(past.n, dtype=np.bool_) if past.by_departure is None else (
+            past.by_departure.copy())
+        return RunArrays(
+            np.concatenate((np.stack((state.x, state.v, state.a)), state.memory.T)),
+            past.ring.rows, np.array([past.ring.newest, past.ring.filled]), by_departure, kept.top,
+            kept.rate, kept.noise, self._inverse, self._attitudes,
+            np.array([kept.least, kept.debt, 0]), np.zeros(1))

@@ -4,10 +4,9 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from sparsemor.core import Amplitude, FloatArray, FrameHistory, Table
-from sparsemor.core.protocols.load_tables import total_load_along
+from sparsemor.core import Amplitude, FloatArray, FrameHistory
 from sparsemor.core.protocols.separable import amplitudes_along
-from sparsemor.reducers.step.time_tables import Moving, TimeTable
+from sparsemor.reducers.step.time_tables import TimeTable
 
 
 class NotCompiled(Exception):
@@ -39,16 +38,6 @@ class Timed:
         self._known.append((wanted, self._added(
             lambda times: [amplitudes_along(wanted, times)], len(wanted))))
         return self._known[-1][1]
-
-    def tables(self, tables: Sequence[Moving]) -> int:
-        """Number of the first column of the sum of these loads, -1 for none."""
-        found = [t for t in tables if isinstance(t, Table)]
-        if len(found) < len(tables):
-            raise NotCompiled("loads that move over sampled rows")
-        if not found:
-            return -1
-        return self._added(
-            lambda times: [total_load_along(found, times)], found[0].values.shape[1])
 
     def motion(self, guide: FrameHistory | None, rigid: int) -> int:
         """Number of the first column of a prescribed motion, its rates and second derivatives, -1

@@ -16,7 +16,7 @@ from sparsemor.core.simulation.offline import Offline, step_count
 from sparsemor.core.simulation.simulate import simulate
 from sparsemor.core.testing.in_memory_run import March, march, scene_of
 from sparsemor.reducers.full.monolithic import Summed
-from sparsemor.reducers.step.acceptance import estimated_error, largest_error
+from sparsemor.reducers.step.acceptance import estimated_error
 from sparsemor.reducers.step.loop import Linearisation
 from tiers import quick
 
@@ -237,6 +237,3 @@ def test_estimates_of_the_error_rely_on_two_changes_of_one_part() -> None:
     assert estimated_error(1e-8, 2e-8) == 1e-8  # contracts poorly
     assert estimated_error(1e-8, 1e-7) == pytest.approx(1e-9 / 0.9)
     assert estimated_error(1e-15, 1e-3) == pytest.approx(1e-17 / 0.99)  # not 1e-27
-    # a part that converges slowly is not hidden by one that is done at once
-    assert largest_error([1e-16, 1e-12], [1e-3, 1e-11]) == pytest.approx(1e-13 / 0.9)
-    assert largest_error([1e-16, 1e-12], None) == 1e-12

@@ -26,7 +26,7 @@ from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.simulation.time_stepping import FixedStep, iterate, started
 from sparsemor.core.testing.in_memory_run import march, scene_of
 from sparsemor.reducers.step.compiled.compile import bound
-from sparsemor.reducers.step.compiled.plan import model_arrays, plan
+from sparsemor.reducers.step.compiled.plan import plan
 from sparsemor.reducers.step.compiled.stepper import CompiledSteps, compilable, wanted
 from sparsemor.reducers.step.compiled.timed import NotCompiled
 from sparsemor.reducers.step.memory import Memory
@@ -67,10 +67,8 @@ def trained(s: Scene, reducer: Any, end: float | None = None) -> Case:
 
 def in_python(case: Case, solver: Stepper) -> CompiledSteps:
     h = case.scene.time.step
-    rules = case.scene.integrator.rules(h)
-    made = plan(solver, *rules.factors[:2])
-    return CompiledSteps(made, model_arrays(solver, rules, h), h, bound(
-        made.functions, lambda function: function))
+    return CompiledSteps(solver, case.scene.integrator.rules(h), h, lambda functions: bound(
+        functions, lambda function: function))
 
 
 def states(case: Case, solver: Any, count: int, many: Any = None) -> list[Any]:
@@ -107,8 +105,8 @@ def law(case: Case, count: int, blocks: int = 8) -> None:
     assert worst["unknowns"] < 1e-10 and worst["rates and forces"] < 2e-8, worst
     assert all(t.outcome.status.ok for t in kernel) and len(kernel) == len(plain) == count
     assert sum(not t.whole for t in kernel) >= blocks
-    assert all(
-        0.0 <= t.outcome.remaining <= solver.tolerances.remaining for t in kernel if not t.whole)
+    # where changes are round-off, the last one is the estimate
+    assert all(0.0 <= t.outcome.remaining <= 1e-9 for t in kernel if not t.whole)
 
 
 @cache
@@ -260,9 +258,12 @@ def hot(reducer: str, clamped: bool) -> Case:
 def test_terms_that_depend_on_the_unknowns(reducer: str, clamped: bool) -> None:
     case = hot(reducer, clamped)
     made = plan(case.solver())
-    assert len(made.laws) == 6 and len(made.heat[0].local.terms) == 4
-    (body,) = made.prescribed if clamped else made.terms
-    assert len(body.still.terms) == len(body.local.terms) == 1
+    assert len(made.functions.laws) == 6 and len(made.heat[0].local.terms) == 4
+    if clamped:
+        (body,) = made.prescribed
+        assert len(body.still.terms) == len(body.local.terms) == 1
+    else:
+        assert sorted(t.known for t in made.terms) == [False, True]
     law(case, 30)
 
 
@@ -277,7 +278,7 @@ def test_nonlinear_strains(frame: str) -> None:
         {"use": "galerkin", "basis": {"use": "pod", "count": 6}})
     made = plan(case.solver())
     (body,) = made.terms if frame == "floating" else made.prescribed
-    assert len(body.local.terms) == len(made.laws) == 1
+    assert len(body.local.terms) == len(made.functions.laws) == 1
     law(case, 20)
 
 
@@ -345,7 +346,7 @@ def test_flexible_and_spinning_bodies_in_space(integrator: str) -> None:
                               "use": "sine", "amplitude": 0.2, "frequency": 4}},
         "joints.rope": {"use": "spring_damper", "between": ["bar:right", "wheel:middle"],
                         "stiffness": 300.0, "damping": 1.0}})
-    law(trained(s, GALERKIN), 9, blocks=3)
+    law(trained(s, GALERKIN), 9, blocks=2)
 
 
 def test_heat_alone() -> None:
@@ -371,10 +372,17 @@ def test_without_numba_on_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_step_that_converges_slowly_is_left_to_the_solver() -> None:
-    # changes of the second iteration are round-off at 1e-6 s, which the kernel does not judge
+    # changes of the second iteration are round-off at 1e-6 s
     s = tiny().using({"time.step": 1e-6, "time.end": 3e-5, "training.end": 3e-5})
     case = trained(s, GALERKIN)
     solver = case.solver()
     plain, kernel = (states(case, solver, 25, m) for m in (None, in_python(case, solver)))
     worst = differ(solver, plain, kernel)
     assert all(t.outcome.status.ok for t in kernel) and worst["unknowns"] < 1e-10, worst
+
+
+def test_a_selection_of_atoms_is_not_compiled() -> None:
+    pytest.importorskip("numba")
+    case = Case(heated().scene.using({"reducer": SELECTED}), heated().model, heated().snapshots)
+    notes = [n.text for n in case.solver(compiled="on").notes]
+    assert "compiled: on has no effect: atoms are selected during the run" in notes

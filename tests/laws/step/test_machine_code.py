@@ -45,8 +45,8 @@ def test_a_run_as_machine_code_has_the_results_of_one_without() -> None:
         x, y = plain.block(block), code.block(block)
         assert np.abs(x - y).max() < 1e-10 * max(float(np.abs(x).max()), 1e-3), block
     assert code.status is Status.DONE
-    # machine code condenses the displacements with a constant operator, without an exact Jacobian
-    assert plain.iterations.sum() <= code.iterations.sum() < 1.5 * plain.iterations.sum()
+    # an iteration costs machine code less, so that it keeps a Jacobian for more of them
+    assert plain.iterations.sum() <= code.iterations.sum() < 1.3 * plain.iterations.sum()
 
 
 def test_the_code_is_compiled_once(caplog: pytest.LogCaptureFixture) -> None:
