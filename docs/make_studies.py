@@ -1,7 +1,7 @@
-"""Writes the tables of the pages from those of the packaged studies.
+"""Writes the tables of the pages from those of studies.
 
-    sparsemor study samplers --out runs/samplers
-    python docs/make_studies.py runs/samplers/table.csv     # copies it to docs/measured/studies
+    sparsemor study brake_untf --out runs/brake_untf
+    python docs/make_studies.py runs/brake_untf/table.csv   # copies it to docs/measured/studies
     python docs/make_studies.py                             # writes all tables again
 
 A table stands between `<!-- study NAME: MEASURE by COLUMN, .. -->` and `<!-- end -->`: one line a

@@ -36,10 +36,9 @@ def work_points(comparison: Comparison) -> tuple[list[WorkPoint], WorkPoint]:
 
 def work_notes(comparison: Comparison) -> list[str]:
     """Lines below the work-precision chart: training, cost, and runs that failed."""
-    facts = comparison.facts
     late = [f"errors after {comparison.trained_to:.4g} s, the end of training"]
-    costs = [f"{name}: offline {facts[name].offline_whole_seconds:.3g} s, wall-clock gain "
-             f"{g.once:.3g} with it, {g.again:.3g} in further runs"
+    costs = [f"{name}: wall-clock gain {g.once:.3g} with the offline time, {g.again:.3g} in "
+             "further runs"
              for name, g in comparison.gains.items()]
     return [*late * _after_training(comparison),
             *training_lines(comparison.reference, comparison.runs), *costs,

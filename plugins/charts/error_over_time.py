@@ -10,6 +10,7 @@ from sparsemor.core.results.error_norms import LIMIT, Errors, measure_titles
 from sparsemor.core.status import Status
 from sparsemor.plugins.charts.style import (
     LIMIT_COLOUR,
+    LINE,
     REFERENCE_COLOUR,
     SMALL,
     draw_line,
@@ -48,8 +49,9 @@ def error_over_time_figure(
     end = max((errors.until for errors in measured.values()), default=0.0)
     if not names or end <= 0.0:
         return None
+    entries = len(measured) + sum(bool(errors.estimated) for errors in measured.values())
     figure, panels, clock = time_panels(
-        [("relative error", titles[m]) for m in names], end, 1.4)
+        [("relative error", titles[m]) for m in names], end, 1.4, 0.2 + LINE * -(-entries // 2))
     for measure, axes in zip(names, panels, strict=True):
         top, bottom = 0.0, np.inf
         for number, (run, errors) in enumerate(measured.items()):
@@ -69,14 +71,17 @@ def error_over_time_figure(
                 if (line > 0.0).any():
                     top = max(top, float(line.max()))
                     bottom = min(bottom, float(np.quantile(line[line > 0.0], 0.02)))
+        late = trained_to > 0.5 * end  # texts stand on opposite sides
         if top > limit:
             axes.axhline(limit, color=LIMIT_COLOUR, linewidth=0.8, linestyle=":", zorder=0)
-            axes.text(0.99, limit, f"limit {limit:g}", fontsize=SMALL, color=LIMIT_COLOUR,
-                      ha="right", va="bottom", transform=axes.get_yaxis_transform())
+            axes.text(0.01 if late else 0.99, limit, f"limit {limit:g}", fontsize=SMALL,
+                      color=LIMIT_COLOUR, ha="left" if late else "right", va="bottom",
+                      transform=axes.get_yaxis_transform())
         if trained_to > 0.0:
             axes.axvline(clock.factor * trained_to, color=REFERENCE_COLOUR, linewidth=0.8, zorder=0)
-            axes.text(clock.factor * trained_to, 0.98, " end of training", fontsize=SMALL, va="top",
-                      color="#606060", transform=axes.get_xaxis_transform())
+            axes.text(clock.factor * trained_to, 0.98, " end of training ", fontsize=SMALL,
+                      va="top", ha="right" if late else "left", color="#606060",
+                      transform=axes.get_xaxis_transform())
         axes.set_yscale("log")
         axes.yaxis.set_minor_formatter("")  # within one decade they would run into each other
         upper = 3.0 * min(top, _HIGHEST)

@@ -14,10 +14,12 @@ from sparsemor.core.status import Status
 from sparsemor.plugins.charts.style import (
     COLUMN,
     LIMIT_COLOUR,
+    LINE,
     NORMAL,
     REFERENCE_COLOUR,
     SMALL,
     LineStyle,
+    keep_apart,
     legend_above,
     new_figure,
     plain,
@@ -38,7 +40,8 @@ class WorkPoint:
 
     method: name of the line; budget: value that varies along the line ("30/20 atoms"), or "";
     ms_per_step: computing time, None if no step was taken; errors: measure (`angle_rad`, a field,
-    `combined`) -> maximum over time; offline_seconds: time before the first step, s.
+    `combined`) -> maximum over time; offline_seconds: time before the first step, s; stable: False
+    if the stability check predicts that errors grow.
     """
 
     method: str
@@ -47,6 +50,7 @@ class WorkPoint:
     errors: Mapping[str, float]
     status: Status
     offline_seconds: float | None = None
+    stable: bool = True
 
     @property
     def name(self) -> str:
@@ -65,17 +69,19 @@ class _Range:
 
 def work_precision_figure(
     points: Sequence[WorkPoint], reference: WorkPoint | None, kinds: Sequence[FieldKind],
-    limit: float = LIMIT, notes: Sequence[str] = (),
+    limit: float = LIMIT, notes: Sequence[str] = (), unit: str = "ms/step",
 ) -> "Figure | None":
-    """Work-precision chart: error against ms/step, both logarithmic, one panel per error measure;
-    None if no run has both a time and an error.
+    """Work-precision chart: error against computing time, both logarithmic, one panel per error
+    measure; None if no run has both a time and an error.
 
-    The upper axis shows the speed-up over the reference, whose time is a vertical line. Points of a
-    method are joined in the order of the numbers in their budgets, of which the first and the last
-    stand next to their points. Runs that stopped early are hollow points at the upper edge, named
-    below the chart; a cross marks errors above `limit`. kinds: kinds of the runs' fields; rigid
-    coordinates have a panel of their own only if there is no error of angles. notes: further lines
-    below the chart.
+    The upper axis shows the speed-up over the reference, whose time is a vertical line; the legend
+    the offline time of each method. Points of a method are joined in the order of the numbers in
+    their budgets, of which the first and the last stand next to their points where no other text
+    does; budgets that are no numbers are not joined. Runs that stopped early are hollow points at
+    the upper edge, named below the chart; a cross marks errors above `limit`, a ring runs that are
+    predicted to be unstable. kinds: kinds of the runs' fields; rigid coordinates have a panel of
+    their own only if there is no error of angles. notes: further lines below the chart; unit: of
+    the computing time.
     """
     points = [_drawn(p) for p in points]
     reference = None if reference is None else _drawn(reference)
@@ -91,27 +97,35 @@ def work_precision_figure(
         return None
     methods = list(dict.fromkeys(p.method for p in points))
     stopped = [p for p in points if not p.status.ok]
+    handles = _handles(methods, points)
+    longest = max(len(h.get_label()) for h in handles)
     columns = 2 if len(measures) > 1 else 1
-    rows = -(-len(measures) // columns)
-    figure = new_figure(1.1 * COLUMN * columns, 0.3 + 2.75 * rows)
-    panels = figure.subplots(rows, columns, squeeze=False).ravel()
-    for axes in panels[len(measures):]:
-        axes.set_visible(False)
-    for measure, axes in zip(measures, panels, strict=False):
-        unit = " (rad)" if measure == "angle_rad" else ""
-        relative = "" if unit else "relative "
-        tidy(axes, "computing time (ms/step)", f"largest {relative}error{unit}")
-        _time_axis(axes, timed, reference)
-        axes.set_title(titles[measure], fontsize=NORMAL, loc="left", fontweight="bold")
-        shown = [p for p in timed if measure in p.errors or not p.status.ok]
-        _lines(axes, measure, shown, methods, limit)
-    legend_above(figure, _handles(methods, points), columns=2 if columns == 1 else 4)
+    rows, across = -(-len(measures) // columns), max(1, min(4, 2 * columns, 62 * columns // (
+        longest + 12)))
     below = [_stopped_note(stopped, columns)] if stopped else []
     if any(e > limit for p in timed for m, e in p.errors.items() if m in measures and p.status.ok):
         below.append(f"crossed out: error above {limit:g}")
+    if any(not p.stable for p in timed):
+        below.append("ringed: beyond the stability limit, errors are predicted to grow")
     below += [fill(plain(note), 62 * columns) for note in notes]
+    lines = -(-len(methods) // across) + sum(text.count("\n") + 1 for text in below)
+    figure = new_figure(1.1 * COLUMN * columns, 0.1 + LINE * lines + 2.75 * rows)
+    panels = figure.subplots(rows, columns, squeeze=False).ravel()
+    for axes in panels[len(measures):]:
+        axes.set_visible(False)
+    labels: list[Any] = []
+    for measure, axes in zip(measures, panels, strict=False):
+        radians = " (rad)" if measure == "angle_rad" else ""
+        relative = "" if radians else "relative "
+        tidy(axes, f"computing time ({unit})", f"largest {relative}error{radians}")
+        _time_axis(axes, timed, reference)
+        axes.set_title(titles[measure], fontsize=NORMAL, loc="left", fontweight="bold")
+        shown = [p for p in timed if measure in p.errors or not p.status.ok]
+        labels += _lines(axes, measure, shown, methods, limit)
+    legend_above(figure, handles, columns=across)
     if below:
         figure.supxlabel("\n".join(below), fontsize=SMALL, x=0.01, ha="left")
+    keep_apart(figure, labels)
     return figure
 
 
@@ -121,12 +135,12 @@ def _drawn(point: WorkPoint) -> WorkPoint:
 
 def _lines(
     axes: Any, measure: str, points: Sequence[WorkPoint], methods: Sequence[str], limit: float
-) -> None:
-    """Draws points and lines of one panel; along a line only the first and the last budget are
-    labelled, to limit the amount of text."""
+) -> list[Any]:
+    """Draws points and lines of one panel; returns the labels of the first and the last budget of
+    each line, and of runs that stopped early."""
     from matplotlib.ticker import LogLocator, NullLocator
 
-    limits = _limits(measure, points)
+    limits, labels = _limits(measure, points), []
     axes.set_yscale("log")
     axes.set_ylim(limits.bottom, limits.top)
     axes.yaxis.set_major_locator(LogLocator(numticks=7))
@@ -138,16 +152,22 @@ def _lines(
         # an error of 0 has no place on a logarithmic axis: it stands at the lower edge
         placed = [(p, max(p.errors.get(measure, 0.0), limits.bottom)) for p in ended]
         placed += [(p, limits.edge) for p in own if not p.status.ok]
+        joined = all(_numbers(p.budget) for p in ended)
         axes.plot([p.ms_per_step for p in ended], [y for _, y in placed[:len(ended)]],
-                  color=style.colour, linestyle=style.dash, linewidth=1.1)
+                  color=style.colour, linestyle=style.dash if joined else "none", linewidth=1.1)
         for p, y in placed:
             _marker(axes, p.ms_per_step, y, style, p.status.ok)
             if p.status.ok and p.errors.get(measure, 0.0) > limit:
                 axes.plot([p.ms_per_step], [y], linestyle="none", marker="x", markersize=9,
                           color=LIMIT_COLOUR, clip_on=False, zorder=4)
+            if not p.stable:
+                axes.plot([p.ms_per_step], [y], linestyle="none", marker="o", markersize=10,
+                          color=LIMIT_COLOUR, markerfacecolor="none", clip_on=False, zorder=4)
             if p.budget and (not p.status.ok or p is ended[0] or p is ended[-1]):
-                axes.annotate(p.budget, (p.ms_per_step, y), (5, 4), textcoords="offset points",
-                              fontsize=SMALL, color=style.colour, annotation_clip=False)
+                labels.append(axes.annotate(
+                    p.budget, (p.ms_per_step, y), (5, 4), textcoords="offset points",
+                    fontsize=SMALL, color=style.colour, annotation_clip=False))
+    return labels
 
 
 def _marker(axes: Any, x: float | None, y: float, style: LineStyle, ok: bool) -> None:
@@ -166,8 +186,11 @@ def _limits(measure: str, points: Sequence[WorkPoint]) -> _Range:
 
 
 def _budget_order(p: WorkPoint) -> tuple[list[float], float]:
-    numbers = [float(n) for n in re.findall(r"\d+(?:\.\d+)?(?:e[-+]?\d+)?", p.budget)]
-    return numbers, p.ms_per_step or 0.0
+    return _numbers(p.budget), p.ms_per_step or 0.0
+
+
+def _numbers(budget: str) -> list[float]:
+    return [float(n) for n in re.findall(r"\d+(?:\.\d+)?(?:e[-+]?\d+)?", budget)]
 
 
 def _time_axis(
@@ -212,11 +235,20 @@ def _handles(methods: Sequence[str], points: Sequence[WorkPoint]) -> list[Any]:
     handles = []
     for number, method in enumerate(methods):
         style = style_of(number)
-        ok = any(p.status.ok for p in points if p.method == method)
+        own = [p for p in points if p.method == method]
+        ok = any(p.status.ok for p in own)
         handles.append(Line2D([], [], color=style.colour, linestyle=style.dash, linewidth=1.1,
-                              marker=style.marker, markersize=5.0, label=method,
+                              marker=style.marker, markersize=5.0, label=method + _offline(own),
                               markerfacecolor=style.colour if ok else "white"))
     return handles
+
+
+def _offline(points: Sequence[WorkPoint]) -> str:
+    """Offline time of the runs of a method, least to most, for the legend."""
+    found = sorted({f"{p.offline_seconds:.2g}": p.offline_seconds for p in points
+                    if p.offline_seconds}.items(), key=lambda item: item[1])
+    ends = dict.fromkeys([found[0][0], found[-1][0]]) if found else ()
+    return f", offline {' to '.join(ends)} s" if found else ""
 
 
 def _stopped_note(stopped: Sequence[WorkPoint], columns: int) -> str:

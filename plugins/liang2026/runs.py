@@ -24,7 +24,7 @@ from sparsemor.plugins.liang2026.quantities import split
 from sparsemor.plugins.liang2026.split import SPLIT, write_split
 from sparsemor.plugins.study.file import Study
 from sparsemor.plugins.study.jobs import UNCOMPUTED, completed
-from sparsemor.plugins.study.plan import Run, SceneData, StudyPlan
+from sparsemor.plugins.study.plan import Drawing, Run, SceneData, StudyPlan
 from sparsemor.plugins.study.run import run_plan, worker_pool
 from sparsemor.plugins.study.scheduler import Row, Schedule, StudyProgress
 
@@ -95,7 +95,8 @@ class Work:
             if reason := _reason(partial(add, name, entry)):
                 self._ended(name, reason, count, "runs and studies")
         study = Study.read({"scene": "of each run", "reference": "none", "list": [{}]}, Registry())
-        return StudyPlan(study, tuple(found), {}, (), (), (), (), "")
+        return StudyPlan(
+            study, tuple(found), {}, (), (), (), "", Drawing(study.name, (), "", ()))
 
     def _study(self, name: str, entry: StudyEntry, processes: int) -> None:
         folder = self.folder / STUDIES / name

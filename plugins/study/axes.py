@@ -13,7 +13,7 @@ from sparsemor.core.registry.registry import suggestions
 from sparsemor.core.registry.validation_errors import dotted
 from sparsemor.core.scene.overrides import split
 from sparsemor.core.scene.yaml_reader import KeyPath
-from sparsemor.plugins.study.columns import RESERVED
+from sparsemor.plugins.study.columns import OF_CHARTS, RESERVED
 from sparsemor.plugins.study.file import RandomSubset, Study, StudyFault, StudyFile
 
 LABEL, SEED = "label", "seed"
@@ -232,7 +232,7 @@ def _of_chart(file: StudyFile, points: Sequence[Point]) -> list[StudyFault]:
     named: list[tuple[KeyPath, str]] = [
         (("method",) if isinstance(file.method, str) else ("method", i), name)
         for i, name in enumerate(lines)]
-    if file.budget:
+    if file.budget and file.budget not in OF_CHARTS:
         named.append((("budget",), file.budget))
     return [
         StudyFault(path, f"nothing of that name varies: {suggestions(name, names, 'there are')}")

@@ -10,10 +10,15 @@ from sparsemor.core.results.error_norms import measure_names
 OUTCOME = ("reducer", "status", "message", "reference_status", "above_limit")
 ERROR = "error_"
 """Prefix of the columns of maximum errors over the run."""
+LATE = "late_"
+"""Prefix of the columns of maximum errors from `errors_from` on."""
 SERIES = "error_over_time"
 """Column of errors over time, reduced to the maxima in intervals of growing length."""
 COUNTS = ("steps", "t_end", "iterations", "atoms_all", "atoms_active", "rows_sampled",
-          "factorizations", "support_changes", "elements_touched", "notes", "facts", "constant")
+          "factorizations", "support_changes", "elements_touched", "stable", "notes", "facts",
+          "constant")
+OF_CHARTS = ("atoms_all", "atoms_active", "rows_sampled")
+"""Counts that may vary along a line of the chart."""
 TIMES = ("ms_per_step", "reference_ms_per_step", "speed_up", "offline_s", "offline_total_s",
          "offline_cache", "online_s", "pays_after", "ms_per_step_solver", "repeats", "workers")
 """Columns of computing times and of the machine: the only ones that may differ between two
@@ -33,7 +38,7 @@ named `reducer` or `seed`; it then replaces that column."""
 def error_columns(fields: Iterable[FieldKind], late: bool = True) -> tuple[str, ...]:
     """Names of the error columns of these fields: maximum over the run, from a given time on (with
     `late`), during the first 2 % of the time span, and after it."""
-    prefixes = (ERROR, *(("late_",) if late else ()), "start_up_", "steady_")
+    prefixes = (ERROR, *((LATE,) if late else ()), "start_up_", "steady_")
     measures = measure_names(fields)
     return tuple(f"{prefix}{m}" for prefix in prefixes for m in measures)
 

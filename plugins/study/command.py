@@ -11,11 +11,14 @@ from sparsemor.core.cli.options import (
     Force,
     Json,
     Quiet,
+    Settings,
     leave,
     located_in,
+    located_in_settings,
     path_of,
     print_json,
 )
+from sparsemor.core.scene.overrides import parse_settings
 
 if TYPE_CHECKING:
     from sparsemor.plugins.study import StudyOutcome
@@ -24,8 +27,13 @@ if TYPE_CHECKING:
 
 def study(
     file: Annotated[str, typer.Argument(
-        metavar="STUDY", help="A packaged study's name (`sparsemor plugins study` lists them), or "
-                              "a study file.")],
+        metavar="STUDY", help="A packaged study's name (`sparsemor plugins study` lists them), a "
+                              "study file, or the directory of a study, whose charts are drawn "
+                              "again from its table.")],
+    scene: Annotated[str | None, typer.Argument(
+        metavar="[SCENE]", help="Scene that the study varies, instead of its own: a packaged "
+                                "scene's name, or a scene file.")] = None,
+    settings: Settings = None,
     out: Annotated[Path | None, typer.Option(
         "--out", parser=path_of, metavar="DIRECTORY",
         help="Directory for the table (default: runs/NAME). A stopped study is continued.")] = None,
@@ -37,11 +45,18 @@ def study(
     force: Force = False, as_json: Json = False, quiet: Quiet = False,
 ) -> None:
     """Run a scene under every combination of changes and tabulate errors and cost."""
+    from sparsemor.plugins.study.journal import is_study
     from sparsemor.plugins.study.plan import StudyPlan
     from sparsemor.plugins.study.progress import progress_display
     from sparsemor.plugins.study.run import run_plan
 
-    plan = StudyPlan.of(file)
+    if is_study(Path(file)):
+        _redraw(Path(file), as_json, quiet)
+        return
+    with located_in_settings():
+        overrides = parse_settings(settings or ())
+    with located_in():
+        plan = StudyPlan.of(file, scene=scene, overrides=overrides)
     folder = (out or Path("runs", plan.study.name)).absolute()
     try:
         with located_in(), progress_display(plan, quiet or as_json) as on_progress:
@@ -53,10 +68,27 @@ def study(
         _report(done, as_json, quiet)
 
 
+def _redraw(folder: Path, as_json: bool, quiet: bool) -> None:
+    """Draws the charts of a stored study from its table."""
+    from sparsemor.core.results.files.listing import require_ours
+    from sparsemor.core.results.output_lock import owned
+    from sparsemor.plugins.study.journal import CHARTS, stored
+    from sparsemor.plugins.study.report import draw
+
+    with located_in(), owned(folder):
+        drawing, rows = stored(folder)
+        require_ours(folder, CHARTS)
+        charts = draw(drawing, rows, folder)
+    if as_json:
+        print_json({"status": "done", "out": str(folder), "files": [str(f) for f in charts]})
+    elif not quiet:
+        typer.echo(f"{folder}: {', '.join(path.name for path in charts)}")
+
+
 def _report(done: "StudyOutcome", as_json: bool, quiet: bool) -> None:
     from sparsemor.plugins.study.report import draw, in_words
 
-    charts = draw(done)
+    charts = draw(done.plan.drawing, done.rows, done.folder)
     none = all(row["status"] != "done" for row in done.rows)
     if as_json:
         print_json({"status": "failed" if none else "done", "out": str(done.folder),

@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 from pydantic import Field, ModelWrapValidatorHandler, ValidationError, model_validator
 
-from sparsemor.core.errors import Fault
+from sparsemor.core.errors import Fault, InputError
 from sparsemor.core.protocols.plugin import Plugin
 from sparsemor.core.registry.registry import Registry, suggestions
 from sparsemor.core.registry.validation_errors import custom, dotted, with_advice
@@ -15,6 +15,7 @@ from sparsemor.core.scene.defaults import FULL_ORDER
 from sparsemor.core.scene.source import Source
 from sparsemor.core.scene.yaml_reader import KeyPath, LocatedError, located
 from sparsemor.plugins.study.quantities import QuantityOfInterest
+from sparsemor.plugins.study.subject import Subject
 
 FORMS = ("grid", "list", "random")
 FULL = {"reducer": FULL_ORDER}
@@ -46,8 +47,9 @@ class StudyFile(Plugin):
     """Version of the study format."""
     title: str = ""
     """Title of the study, for its report."""
-    scene: str = Field(min_length=1)
-    """Name of a packaged scene, or path of a scene file relative to the study file."""
+    scene: str = ""
+    """Name of a packaged scene, or path of a scene file relative to the study file; empty: a study
+    of any scene, which is named with the command."""
     changes: dict[str, Any] = Field(default={}, alias="set")
     """Changes to the scene for all runs, including the reference: dotted key -> value."""
     reference: Literal["fixed", "none"] | dict[str, Any] = FULL
@@ -132,23 +134,32 @@ class StudyFile(Plugin):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Study:
-    """Study file after reading and validation of its form."""
+    """Study file after reading and validation of its form.
+
+    scene: the scene that was named with the command, None for that of the file; derived: True if a
+    function of the scene made the contents.
+    """
 
     file: StudyFile
     source: Source
+    scene: Source | None = None
+    derived: bool = False
 
     @property
     def name(self) -> str:
-        return Path(self.source.document.name).stem or "study"
+        own = Path(self.source.document.name).stem or "study"
+        return own if self.scene is None else f"{own}_{self.scene.name}"
 
     @classmethod
-    def read(cls, study: str | Path | Mapping[str, Any], registry: Registry) -> "Study":
-        """Reads a packaged study, a study file or the contents of one as plain data. Raises
-        `LocatedError` with every fault of its form."""
-        source = (Source.of_tree({"format": 1, **study}, registry)
-                  if isinstance(study, Mapping) else Source.read(study, registry, "study"))
+    def read(
+        cls, study: str | Path | Mapping[str, Any], registry: Registry,
+        scene: Source | None = None,
+    ) -> "Study":
+        """Reads a packaged study, a study file or the contents of one as plain data; scene: that it
+        varies instead of its own. Raises `LocatedError` with every fault of its form."""
+        source, derived = _source_of(study, registry, scene)
         try:
-            read = cls(StudyFile.model_validate(source.tree), source)
+            read = cls(StudyFile.model_validate(source.tree), source, scene, derived)
         except ValidationError as error:
             raise source.invalid(error) from None
         reference = read.file.reference
@@ -170,6 +181,30 @@ class Study:
             [Fault(dotted(f.path), f.message) for f in ordered],
             [located(name, place(f.path), dotted(f.path), f.message) if name else
              f"{dotted(f.path)}: {f.message}" for f in ordered])
+
+
+def _source_of(
+    study: str | Path | Mapping[str, Any], registry: Registry, scene: Source | None
+) -> tuple[Source, bool]:
+    """Contents of a study, and whether a function of the scene made them."""
+    if isinstance(study, Mapping):
+        return Source.of_tree({"format": 1, **study}, registry), False
+    made = registry.load("study", study) if isinstance(study, str) and registry.has(
+        "study", study) else None
+    if not callable(made):
+        return Source.read(study, registry, "study"), False
+    if scene is None:
+        message = (f"{study} is a study of any scene: name one, as in "
+                   f"`sparsemor study {study} double_pendulum`")
+        raise LocatedError([Fault("", message)], [message])
+    try:
+        contents = dict(made(Subject.of(scene)))
+    except LocatedError:
+        raise
+    except InputError as error:
+        message = f"{study}: {error}"
+        raise LocatedError([Fault("", message)], [message]) from None
+    return Source.of_tree({"format": 1, **contents}, registry, str(study)), True
 
 
 def _of_fixed(reference: dict[str, Any]) -> list[StudyFault]:

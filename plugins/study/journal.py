@@ -18,12 +18,12 @@ from sparsemor.core.results.files.listing import (
 from sparsemor.core.results.output_directory import OutputDirectory
 from sparsemor.core.results.tables import csv_table
 from sparsemor.plugins.study.columns import TIMES, cell, fact_columns, with_facts
-from sparsemor.plugins.study.plan import StudyPlan
+from sparsemor.plugins.study.plan import Drawing, StudyPlan
 
 STUDY = "study"
 """Kind of the list of a study."""
-WRITES = ("study.json", "table.csv", "table.jsonl", "runs.parquet", "work_precision.png",
-          "work_precision.svg", "error_over_time.png", "error_over_time.svg")
+CHARTS = ("work_precision.png", "work_precision.svg", "error_over_time.png", "error_over_time.svg")
+WRITES = ("study.json", "table.csv", "table.jsonl", "runs.parquet", *CHARTS)
 """Files besides the rows, which are checked when they are read."""
 ABOUT, LINES, CSV = "study.json", "runs.jsonl", "runs.csv"
 
@@ -52,17 +52,18 @@ class Journal:
             if kept.get("digest") != plan.digest:
                 raise InputError(
                     f"{folder} contains another study, or this one before its file, its scene or "
-                    "the program changed: choose another --out, or replace it with --force", "out")
+                    "the program changed: choose another --out, replace it with --force, or draw "
+                    f"its table again by `sparsemor study {folder}`", "out")
         else:
             if not force and OutputDirectory(folder).occupied():
                 raise InputError(f"{folder} is not empty and contains no study: choose another "
                                  "--out", "out")
             OutputDirectory(folder).make()
             add_to_listing(folder, (), STUDY)
-            _replace(folder, ABOUT, json.dumps(
-                {"format": 1, "study": plan.study.name, "digest": plan.digest,
-                 "runs": len(plan.runs), "columns": plan.columns, "settings": plan.settings},
-                indent=2) + "\n")
+        _replace(folder, ABOUT, json.dumps(
+            {"format": 1, "study": plan.study.name, "digest": plan.digest,
+             "runs": len(plan.runs), "columns": plan.columns, "settings": plan.settings,
+             "drawing": plan.drawing.plain()}, indent=2) + "\n")
         return cls(folder, plan.columns)
 
     def rows(self, drop: Sequence[str] = ()) -> list[dict[str, Any]]:
@@ -105,6 +106,20 @@ class Journal:
 def is_study(folder: Path) -> bool:
     """True if a directory contains an earlier study."""
     return (folder / ABOUT).is_file()
+
+
+def stored(folder: Path) -> tuple[Drawing, list[dict[str, Any]]]:
+    """Drawing and rows of the study in a folder, by run. Raises InputError where they cannot be
+    read."""
+    try:
+        about = json.loads((folder / ABOUT).read_text(encoding="utf-8"))
+        drawing = Drawing.of_plain(about["drawing"])
+    except (ValueError, KeyError, TypeError, OSError):
+        raise InputError(f"{folder / ABOUT} is damaged, or of an earlier version of this program: "
+                         "run the study again with --force") from None
+    lines = folder / LINES
+    rows = {row["run"]: row for row in (_whole_lines(lines) if lines.exists() else ())}
+    return drawing, [rows[number] for number in sorted(rows)]
 
 
 def _whole_lines(path: Path) -> Iterator[dict[str, Any]]:

@@ -46,6 +46,7 @@ def measured(
         "factorizations": summary.get("factorizations"),
         "support_changes": summary.get("support_changes"),
         "elements_touched": sum(summary.get("elements_touched", {}).values()),
+        "stable": summary.get("stability", {}).get("stable"),
         "notes": "; ".join(summary.get("notes", ())),
         "facts": summary.get("facts", {}),
         **_cost(run, facts, None if reference is None else run_facts(reference)),

@@ -15,7 +15,7 @@ from sparsemor.core.scene.digest import digest
 from sparsemor.core.scene.independent_of_physics import NOT_PHYSICS, training_physics
 from sparsemor.core.scene.overrides import split
 from sparsemor.core.scene.run_identity import Identity, environment, folder_digest
-from sparsemor.core.scene.scene import Scene, build
+from sparsemor.core.scene.scene import Scene, build, load
 from sparsemor.core.scene.source import Source, packaged
 from sparsemor.core.scene.yaml_reader import KeyPath, LocatedError
 from sparsemor.core.simulation.free_options import kept_options
@@ -29,6 +29,9 @@ from sparsemor.plugins.study.axes import (
 )
 from sparsemor.plugins.study.columns import OUTCOME, RESERVED, columns_of, error_columns
 from sparsemor.plugins.study.file import Study, StudyFault
+
+OF_CHARTS = ("title", "method", "budget")
+"""Keys of a study file that do not change its table."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,13 +86,44 @@ class Run:
         return self.name or str(self.number)
 
 
+@dataclass(frozen=True, slots=True)
+class Drawing:
+    """What the charts of a study need in addition to its rows; it is stored with them.
+
+    name: of the study; lines, budget: columns that distinguish the lines of the chart, and the one
+    along it; fields: kinds of fields that the bodies may have; errors_from: start of the time span
+    of the errors that are drawn, s, 0 for the whole run; trained_to: end of the training runs, s, 0
+    where there is none within the runs, or several; over_time: errors over time are drawn;
+    reference_step: time step of the only reference, s, 0 if there are several.
+    """
+
+    name: str
+    lines: tuple[str, ...]
+    budget: str
+    fields: tuple[FieldKind, ...]
+    errors_from: float = 0.0
+    trained_to: float = 0.0
+    over_time: bool = False
+    reference_step: float = 0.0
+
+    def plain(self) -> dict[str, Any]:
+        """Plain data from which `of_plain` restores the drawing."""
+        return {key: getattr(self, key) for key in self.__dataclass_fields__} | {
+            "fields": [kind.plain() for kind in self.fields]}
+
+    @classmethod
+    def of_plain(cls, data: Mapping[str, Any]) -> "Drawing":
+        return cls(**{**data, "lines": tuple(data["lines"]),
+                      "fields": tuple(map(FieldKind.of_plain, data["fields"]))})
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class StudyPlan:
     """All runs of a study, and key -> scene of the references they are compared with.
 
     columns: of the table; settings: columns of the changed options; axes: those without the details
-    of named alternatives; lines: columns that distinguish the lines of the chart; digest: of
-    everything that determines the results; fields: kinds of fields that the bodies may have.
+    of named alternatives; digest: of everything that determines the results; drawing: of the
+    charts.
     """
 
     study: Study
@@ -98,26 +132,30 @@ class StudyPlan:
     columns: tuple[str, ...]
     settings: tuple[str, ...]
     axes: tuple[str, ...]
-    lines: tuple[str, ...]
     digest: str
-    fields: tuple[FieldKind, ...] = ()
+    drawing: Drawing
 
     @classmethod
     def of(
-        cls, study: str | Path | Mapping[str, Any], registry: Registry | None = None
+        cls, study: str | Path | Mapping[str, Any], registry: Registry | None = None,
+        scene: str | Path | Mapping[str, Any] | None = None,
+        overrides: Mapping[str, Any] | None = None,
     ) -> "StudyPlan":
-        """Plan of a study file or packaged study, or of its contents. Raises `LocatedError` with
-        every fault; nothing is written or run.
+        """Plan of a study file or packaged study, or of its contents. scene: that it varies,
+        instead of its own; overrides: changes to that scene. Raises `LocatedError` with every
+        fault; nothing is written or run.
 
         A value that is invalid in every run is a fault of the file; a value that is invalid only in
-        some combinations makes these runs refused.
+        some combinations makes these runs refused, and so does one that the study derived from the
+        scene.
         """
         plugins = registry or Registry()
-        read = Study.read(study, plugins)
+        read = Study.read(study, plugins, _named_scene(scene, overrides, plugins))
         points = points_of(read)
         maker = _Maker(read, _scene_of(read, plugins))
         runs = [maker.run(number, point) for number, point in enumerate(points, 1)]
-        read.check(maker.never_valid(points))
+        if not read.derived:
+            read.check(maker.never_valid(points))
         maker.check_scene(len(points))
         settings = setting_columns(points)
         fields = ordered(maker.fields)
@@ -128,12 +166,17 @@ class StudyPlan:
         read.check(file.quantity_faults(maker.base.tree, {
             *settings, *RESERVED, *OUTCOME, "seed", *error_columns(fields)}))
         about = digest(
-            read.source.tree, environment(), folder_digest(Path(__file__).parent), maker.identities,
+            {k: v for k, v in read.source.tree.items() if k not in OF_CHARTS},
+            environment(), folder_digest(Path(__file__).parent), maker.identities,
             [[r.refused, dict(r.scene.tree) if r.scene else None] for r in runs],
             {key: dict(s.tree) for key, s in maker.references.items()})
+        steps = {s.tree["time"]["step"] for s in maker.references.values()}
+        drawing = Drawing(
+            read.name, tuple(chart_columns(file, points)), file.budget, fields, file.errors_from,
+            maker.trained.pop() if len(maker.trained) == 1 else 0.0, file.over_time,
+            steps.pop() if len(steps) == 1 else 0.0)
         return cls(read, tuple(runs), maker.references, tuple(columns), tuple(settings),
-                   tuple(axis_columns(points)), tuple(chart_columns(read.file, points)), about,
-                   fields)
+                   tuple(axis_columns(points)), about, drawing)
 
     def only(self, rows: Sequence[Mapping[str, Any]]) -> "StudyPlan":
         """Plan of the runs whose settings contain one of these: column -> value."""
@@ -154,6 +197,7 @@ class _Maker:
     scene_lines: dict[int, list[str]] = field(default_factory=dict)
     identities: dict[str, Any] = field(default_factory=dict)
     fields: list[FieldKind] = field(default_factory=list)
+    trained: set[float] = field(default_factory=set)
     _known: dict[str, Any] = field(default_factory=dict)
 
     def run(self, number: int, point: Point) -> Run:
@@ -186,6 +230,9 @@ class _Maker:
             learns = any(b.needs_snapshots for b in (chosen.shared, *chosen.others.values()))
             boxed = learns and scene.training.parameters is not None
             model = digest(kept_options(scene, boxed), training if learns else "")
+            within = scene.training_end < scene.time.end * (1 - 1e-9)
+            if learns and within and not boxed and not scene.training.overrides:
+                self.trained.add(scene.training_end)
         else:
             training = ""
         own = bool(key) and reducer.full_order and (
@@ -243,7 +290,7 @@ class _Maker:
             words.append(inner + fault.message)
             if label == "set":
                 path: KeyPath = ("set", option)
-            elif label:
+            elif label in ("run", "reference"):
                 path = owners[option]
             else:
                 self.scene_lines.setdefault(number, []).extend(source.lines(InputError([fault])))
@@ -291,10 +338,28 @@ def _compared(dump: Mapping[str, Any]) -> dict[str, Any]:
         "reducer": dump["reducer"], "output": dump["output"]}
 
 
+def _named_scene(
+    scene: str | Path | Mapping[str, Any] | None, overrides: Mapping[str, Any] | None,
+    registry: Registry,
+) -> Source | None:
+    """Scene that was named with the command, with its changes."""
+    if scene is None:
+        if overrides:
+            raise InputError("changes a scene that is named with the command: name one, or write "
+                             "the changes under `set` in the study file", "set")
+        return None
+    return load(scene, overrides, registry=registry).source
+
+
 def _scene_of(study: Study, registry: Registry) -> Source:
     """Scene of the study with the changes under `set` applied; faults are located at the study's
     keys."""
+    if study.scene is not None:
+        return _changed(study, study.scene)
     named = study.file.scene
+    if not named:
+        raise study.locate([StudyFault(("scene",), "is missing: name a scene here, or with the "
+                                       "command, `sparsemor study STUDY SCENE`")])
     neighbour = Path(study.source.document.name).parent / named
     if registry.has("scene", named):
         try:
@@ -305,7 +370,11 @@ def _scene_of(study: Study, registry: Registry) -> Source:
         raise study.locate([StudyFault(
             ("scene",), f"there is no such file next to the study, and no packaged scene is "
             f"called {named!r}: {suggestions(named, packaged(registry, 'scene'), 'packaged')}")])
-    source = Source.read(named if registry.has("scene", named) else neighbour, registry)
+    return _changed(study, Source.read(
+        named if registry.has("scene", named) else neighbour, registry))
+
+
+def _changed(study: Study, source: Source) -> Source:
     try:
         return source.changed(study.file.changes, "set")
     except InputError as error:

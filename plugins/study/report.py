@@ -11,9 +11,8 @@ import numpy as np
 from sparsemor.core.results.error_norms import LIMIT, measure_names
 from sparsemor.core.results.tables import CONSTANT, MARK, marked, text_table
 from sparsemor.core.status import Status
-from sparsemor.plugins.study.columns import ERROR, SERIES, label
-from sparsemor.plugins.study.plan import StudyPlan
-from sparsemor.plugins.study.run import StudyOutcome
+from sparsemor.plugins.study.columns import ERROR, LATE, SERIES, label
+from sparsemor.plugins.study.plan import Drawing, StudyPlan
 
 if TYPE_CHECKING:
     from sparsemor.core.results.error_norms import Errors
@@ -21,13 +20,15 @@ if TYPE_CHECKING:
 
 SHOWN = 60
 """Maximum number of rows of the text table; the files contain all rows."""
+NAMED = 6
+"""Maximum number of runs without a step that are named below the chart."""
 CHART = "work_precision"
 _DECIMAL = {"ms_per_step": ".3g", "speed_up": ".3g"}
 
 
 def in_words(plan: StudyPlan, rows: Sequence[Mapping[str, Any]]) -> str:
     """Text table of the most important columns, and numbers of runs by status."""
-    errors = _errors(plan)
+    errors = _errors(plan.drawing)
     own = plan.study.file.quantities
     names = ["run", *plan.axes, "status", "ms_per_step",
              *(["speed_up"] if plan.study.file.compared else []), *own,
@@ -44,7 +45,7 @@ def counted(plan: StudyPlan, rows: Sequence[Mapping[str, Any]]) -> str:
     """Numbers of runs by status, such as `24 runs: 20 done (2 with an error above 0.1), 3 diverged,
     1 refused`."""
     by_status = Counter(str(row["status"]) for row in rows)
-    above = Counter(str(row["status"]) for row in rows if row.get("above_limit"))
+    above = Counter(str(row["status"]) for row in rows if _above(plan.drawing, row))
     words = [f"{n} {status}" + (
         f" ({above[status]} with an error above {LIMIT:g}, marked {MARK})" if above[status] else "")
         for status, n in by_status.most_common()]
@@ -53,7 +54,14 @@ def counted(plan: StudyPlan, rows: Sequence[Mapping[str, Any]]) -> str:
         words + ([f"{missing} not run yet"] if missing else []))
 
 
-def work_points(plan: StudyPlan, rows: Sequence[Mapping[str, Any]]) -> "list[WorkPoint]":
+def _above(drawing: Drawing, row: Mapping[str, Any]) -> bool:
+    """True if an error of a run that is shown is above the limit."""
+    constant = str(row.get("constant") or "").split()
+    return any((row.get(n) or 0.0) > LIMIT for n, m in _errors(drawing).items()
+               if m not in constant) if drawing.errors_from > 0.0 else bool(row.get("above_limit"))
+
+
+def work_points(drawing: Drawing, rows: Sequence[Mapping[str, Any]]) -> "list[WorkPoint]":
     """Points of the work-precision chart; the study's `method` columns distinguish the lines.
 
     Runs that differ only in the seed are combined into one point with median times and maximum
@@ -63,22 +71,32 @@ def work_points(plan: StudyPlan, rows: Sequence[Mapping[str, Any]]) -> "list[Wor
     groups: dict[tuple[str, str, bool], list[Mapping[str, Any]]] = {}
     for row in rows:
         if row["ms_per_step"] is not None and row["status"] in statuses:
-            method = ", ".join(label(row[n]) for n in plan.lines if row.get(n) is not None)
-            budget = label(row.get(plan.study.file.budget))
-            key = method or plan.study.name, budget, Status(row["status"]).ok
+            key = (_method(drawing, row), label(row.get(drawing.budget)),
+                   Status(row["status"]).ok)
             groups.setdefault(key, []).append(row)
-    errors = _errors(plan)
-    return [_point(method, budget, group, errors)
+    return [_point(method, budget, group, drawing)
             for (method, budget, _), group in groups.items()]
 
 
-def _errors(plan: StudyPlan) -> dict[str, str]:
-    """Column name -> error measure, for the errors over whole runs."""
-    return {f"{ERROR}{m}": m for m in measure_names(plan.fields)}
+def _method(drawing: Drawing, row: Mapping[str, Any]) -> str:
+    """Name of the line of a run."""
+    return ", ".join(label(row[n]) for n in drawing.lines
+                     if row.get(n) is not None) or drawing.name
+
+
+def _errors(drawing: Drawing) -> dict[str, str]:
+    """Column name -> error measure, for the errors from `errors_from` on, or over whole runs."""
+    prefix = LATE if drawing.errors_from > 0.0 else ERROR
+    return {f"{prefix}{m}": m for m in measure_names(drawing.fields)}
+
+
+def _step(row: Mapping[str, Any]) -> float | None:
+    """Time step of a run, s, if it is an axis of the study."""
+    return row.get("time.step") or row.get("set.time.step")
 
 
 def _point(
-    method: str, budget: str, rows: Sequence[Mapping[str, Any]], measures: Mapping[str, str]
+    method: str, budget: str, rows: Sequence[Mapping[str, Any]], drawing: Drawing
 ) -> "WorkPoint":
     from sparsemor.plugins.charts.work_precision import WorkPoint
 
@@ -87,29 +105,56 @@ def _point(
         return median(values) if values else None
 
     errors = {m: max(row[n] for row in rows if row.get(n) is not None)
-              for n, m in measures.items() if any(row.get(n) is not None for row in rows)}
-    return WorkPoint(method, budget, middle("ms_per_step"), errors,
-                     Status(rows[0]["status"]), middle("offline_total_s"))
+              for n, m in _errors(drawing).items() if any(row.get(n) is not None for row in rows)}
+    ms, step = middle("ms_per_step"), _step(rows[0])
+    return WorkPoint(method, budget, ms if ms is None or step is None else 1e-3 * ms / step, errors,
+                     Status(rows[0]["status"]), middle("offline_total_s"),
+                     all(row.get("stable") is not False for row in rows))
 
 
-def draw(done: StudyOutcome) -> list[Path]:
+def draw(drawing: Drawing, rows: Sequence[Mapping[str, Any]], folder: Path) -> list[Path]:
     """Writes the charts work_precision and, if the study requests it, error_over_time as PNG and
     SVG to the study's folder; returns their paths."""
     from sparsemor.plugins.charts import FORMATS, error_over_time_figure
     from sparsemor.plugins.charts.style import saved
     from sparsemor.plugins.charts.work_precision import work_precision_figure
 
+    by_step = any(_step(row) is not None for row in rows)
     figures = {CHART: work_precision_figure(
-        work_points(done.plan, done.rows), _reference(done.rows), done.plan.fields)}
-    if done.plan.study.file.over_time:
+        work_points(drawing, rows), _reference(drawing, rows, by_step), drawing.fields,
+        notes=_notes(drawing, rows), unit="s per simulated s" if by_step else "ms/step")}
+    if drawing.over_time:
         figures[SERIES] = error_over_time_figure(
-            *over_time(done.plan, done.rows), done.plan.fields)
+            *over_time(drawing, rows), drawing.fields, trained_to=drawing.trained_to)
     return [path for name, figure in figures.items() if figure is not None
-            for path in saved(figure, done.folder, name, FORMATS)]
+            for path in saved(figure, folder, name, FORMATS)]
+
+
+def _notes(drawing: Drawing, rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Lines below the work-precision chart: time span of the errors, and runs that are no
+    points."""
+    start, end = drawing.errors_from, drawing.trained_to
+    trained = f", the end of training at {end:.4g} s" if end > 0.0 else ""
+    found = []
+    if start > 0.0:
+        found.append(f"errors after {start:.4g} s" + (
+            ", the end of training" if abs(start - end) <= 1e-9 * start else trained))
+    elif end > 0.0:
+        found.append(f"errors over the whole run{trained}")
+    missing: dict[str, list[str]] = {}
+    for row in rows:
+        if row["ms_per_step"] is None:
+            missing.setdefault(str(row["status"]), []).append(
+                f"{_method(drawing, row)} {label(row.get(drawing.budget))}".strip())
+    for status, names in missing.items():
+        named = list(dict.fromkeys(names))
+        more = f", and {len(named) - NAMED} more" if len(named) > NAMED else ""
+        found.append(f"without a step ({status}): {', '.join(named[:NAMED])}{more}")
+    return found
 
 
 def over_time(
-    plan: StudyPlan, rows: Sequence[Mapping[str, Any]]
+    drawing: Drawing, rows: Sequence[Mapping[str, Any]]
 ) -> "tuple[dict[str, Errors], dict[str, Status]]":
     """Method -> errors over time, and method -> status.
 
@@ -122,8 +167,8 @@ def over_time(
     for row in rows:
         if not row.get(SERIES):
             continue
-        name = ", ".join(label(row[n]) for n in plan.lines if row.get(n) is not None)
-        name, kept = name or plan.study.name, chosen.get(name or plan.study.name)
+        name = _method(drawing, row)
+        kept = chosen.get(name)
         if kept is None or _rank(row) > _rank(kept):
             chosen[name] = row
     made = {}
@@ -138,9 +183,11 @@ def _rank(row: Mapping[str, Any]) -> tuple[bool, float]:
     return row["status"] != Status.DONE.value, float(row["error_combined"] or 0.0)
 
 
-def _reference(rows: Sequence[Mapping[str, Any]]) -> "WorkPoint | None":
+def _reference(
+    drawing: Drawing, rows: Sequence[Mapping[str, Any]], by_step: bool
+) -> "WorkPoint | None":
     """Point of the reference in the work-precision chart; None if the runs have several
-    references."""
+    references. by_step: computing times are those of a simulated second."""
     from sparsemor.plugins.charts.work_precision import WorkPoint
 
     found = {(row["reference_ms_per_step"], row["reference_status"]) for row in rows
@@ -148,6 +195,10 @@ def _reference(rows: Sequence[Mapping[str, Any]]) -> "WorkPoint | None":
     if len(found) != 1:
         return None
     ms, status = found.pop()
+    if by_step:
+        if drawing.reference_step <= 0.0:
+            return None
+        ms *= 1e-3 / drawing.reference_step
     return WorkPoint("reference", "", ms, {}, Status(status))
 
 

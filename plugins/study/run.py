@@ -47,19 +47,22 @@ class StudyOutcome:
 
 
 def study(
-    file: str | Path | Mapping[str, Any], *, out: str | Path | None = None, workers: int = 0,
+    file: str | Path | Mapping[str, Any],
+    scene: str | Path | Mapping[str, Any] | None = None, *,
+    overrides: Mapping[str, Any] | None = None, out: str | Path | None = None, workers: int = 0,
     scheduler: str = "", times: bool = True, registry: Registry | None = None,
     progress: bool = False,
 ) -> list[Row]:
     """Executes a study and returns its table: one mapping per run, in order.
 
-    file: name of a packaged study, path, or the contents of a study file as plain data; out: output
-    folder, by default `runs/NAME`, where a repeated call continues an incomplete study; workers:
-    number of processes on this machine, 0 for none but this process; scheduler: address of a
-    dask.distributed cluster; times: include the columns that depend on the machine; progress: show
-    it on standard error. Raises InputError before anything is written.
+    file: name of a packaged study, path, or the contents of a study file as plain data; scene:
+    name, path or contents of the scene that it varies instead of its own, with changes `overrides`;
+    out: output folder, by default `runs/NAME`, where a repeated call continues an incomplete study;
+    workers: number of processes on this machine, 0 for none but this process; scheduler: address of
+    a dask.distributed cluster; times: include the columns that depend on the machine; progress:
+    show it on standard error. Raises InputError before anything is written.
     """
-    plan = StudyPlan.of(file, registry)
+    plan = StudyPlan.of(file, registry, scene, overrides)
     with progress_display(plan, not progress) as on_progress:
         done = run_plan(plan, out=out, workers=workers, scheduler=scheduler, times=times,
                         registry=registry, on_progress=on_progress)

@@ -12,8 +12,14 @@ from sparsemor.core.registry.registry import Registry
 from sparsemor.plugins.study.jobs import scene_of
 from sparsemor.plugins.study.plan import StudyPlan
 
-DOCS = Path(__file__).parents[2] / "docs"
-STUDIES = [p.name for p in Registry().names("study") if p.distribution == "sparsemor"]
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs"
+_REGISTRY = Registry()
+STUDIES = {p.name: p.name for p in _REGISTRY.names("study") if p.distribution == "sparsemor"
+           and isinstance(_REGISTRY.load("study", p.name), Path)} | {
+    file.stem: str(file) for file in sorted(
+        (ROOT / "tests" / "benchmarks" / "studies" / "ablations").glob("*.yaml"))}
+"""Studies of one scene, whose tables the pages show: name -> packaged name or file."""
 
 
 def maker() -> ModuleType:
@@ -36,7 +42,7 @@ def test_the_tables_of_the_pages_are_those_of_the_studies() -> None:
 @pytest.mark.full
 @pytest.mark.parametrize("name", STUDIES)
 def test_every_packaged_study_plans_and_has_the_table_of_all_its_runs(name: str) -> None:
-    plan = StudyPlan.of(name)
+    plan = StudyPlan.of(STUDIES[name])
     assert not any(run.refused for run in plan.runs)
     with (DOCS / "measured" / "studies" / f"{name}.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
@@ -54,7 +60,7 @@ to 1e-11."""
     ("brake_methods", 5)])
 def test_a_row_of_a_table_comes_out_again(name: str, number: int) -> None:
     """To one percent, but for one row that turns with the kernels the processor gets."""
-    run = StudyPlan.of(name).runs[number - 1]
+    run = StudyPlan.of(STUDIES[name]).runs[number - 1]
     assert run.scene is not None
     scene = scene_of(run.scene.plain())
     errors = compare(reference=simulate(scene.using({"reducer": "full"})),

@@ -64,7 +64,7 @@ def test_a_list_is_one_run_an_item() -> None:
     assert [dict(run.settings) for run in plan.runs] == [
         {"label": "heavy", "bodies.a.mass": 9}, {"seed": 3}, {}]
     assert plan.settings == ("label", "bodies.a.mass", "seed")
-    assert plan.lines == ("label",)
+    assert plan.drawing.lines == ("label",)
 
 
 def test_a_combination_that_only_some_values_refuse_is_a_refused_run() -> None:
