@@ -1,6 +1,6 @@
 """Checks of a reducer's options before the training run, by counting unknowns, rows and atoms."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from typing import Protocol
 
 import numpy as np
@@ -76,10 +76,11 @@ def compresses(preconditioner: Preconditioner, rows: int, atoms: int) -> bool:
 def capability_faults(
     model: AssembledModel, budgets: Mapping[str, RowsAndAtoms], sampler: Sampler,
     solver: SparseSolver,
-    basis: Basis, bases: Mapping[str, Basis], joint_problem: bool,
+    basis: Basis, bases: Mapping[str, Basis], joint_problem: bool, compressed: Container[str],
 ) -> list[Fault]:
     """Missing capabilities of the sparse solver for the problems of this scene, as known before
-    training. joint_problem: True if all elastic blocks are one nonlinear problem.
+    training. joint_problem: True if all elastic blocks are one nonlinear problem; compressed:
+    blocks whose rows are compressed to as many as atoms.
 
     Problems with fewer rows than atoms cannot be predicted where the size of the dictionary is
     unknown; these are checked when the reduced model is prepared.
@@ -97,7 +98,8 @@ def capability_faults(
             continue
         own = default_rows(model, name, sampler, most) if budget.rows is None else budget.rows
         rows = own + required_rows(model, name, sampler)
-        needs = frozenset({"overdetermined"} if rows > most > budget.atoms else ())
+        many = rows > most > budget.atoms and name not in compressed
+        needs = frozenset({"overdetermined"} if many else ())
         why = solver_refusal(name, solver, needs)
         if why:
             faults.append(Fault("solver", why))

@@ -1,7 +1,7 @@
 """Assembly of a step solver from the sampled rows of each block, for the reducer `sparse`."""
 
 from collections.abc import Container, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -29,6 +29,7 @@ from sparsemor.reducers.sparse.joint_selection import JointSelection
 from sparsemor.reducers.sparse.oblique_projection import checked_rows
 from sparsemor.reducers.sparse.options import SparseOptions
 from sparsemor.reducers.sparse.sampled_block import (
+    CompressedRows,
     Sampled,
     SampledElastic,
     SampledHeat,
@@ -81,8 +82,10 @@ class Build:
     """Data from which a step solver is assembled for any set of sampled rows.
 
     atoms: largest number of active atoms of each block, None for the whole dictionary; step: step
-    size and integrator constants; inverted: blocks whose rows are those of D^-1 r; offline:
-    cache, None for rows drawn during the run; notes: findings that do not depend on the rows.
+    size and integrator constants; inverted: blocks whose rows are those of D^-1 r; compressed: all
+    rows of D^-1 r of the blocks whose rows are not sampled; offline: cache, None for rows drawn
+    during the run; notes: findings that do not depend on the rows; weights: facts of
+    the element weights of each block's local terms.
     """
 
     model: AssembledModel
@@ -93,12 +96,15 @@ class Build:
     atoms: Mapping[str, int | None]
     step: StepFactors
     inverted: frozenset[str]
+    compressed: Mapping[str, CompressedRows]
     notes: tuple[Note, ...] = ()
+    weights: Facts = field(default_factory=dict)
 
     def solver(
         self, rows: Mapping[str, IntArray], whole: Whole | None = None, row_set: int = 0
     ) -> StepSolver:
-        """Step solver that evaluates the sampled rows (m,) of each block.
+        """Step solver that evaluates the sampled rows (m,) of each block in `rows`, and all rows of
+        D^-1 r in the others.
 
         whole: take the rows from there instead of from the full-order matrices; row_set: number of
         this set of rows in the run. Raises InputError, or SolveFailed for rows that do not
@@ -108,14 +114,14 @@ class Build:
         elastic: dict[str, SampledElastic] = {}
         facts: dict[str, Mapping[str, float | int | str]] = {}
         notes = list(self.notes)
-        maps = {n: self._map(n, r) for n, r in rows.items()}
+        maps = {n: self._map(n, rows.get(n)) for n in self.atoms}
         _, c1, c2, c1_first = self.step
         for b in self.model.separated.heat:
             n = b.thermal
             source = self._source(whole, n)
             th = (source.heat[n].under(TestMap(rows[n])) if source is not None else
                   TestedHeat.of(b, self.dictionaries[n], maps[n]))
-            block, facts[n] = self._block(n, rows[n], th.block(c1_first), maps[n], notes)
+            block, facts[n] = self._block(n, th.block(c1_first), maps[n], rows.get(n), notes)
             th = th.under(TestMap(left=block.weight))
             heat[n] = SampledHeat.of(block, th, self.model, b, c1_first)
         for m in self.model.separated.moving:
@@ -127,7 +133,7 @@ class Build:
                   TestedElastic.of(m.operators, m.frame, self.dictionaries[n],
                                    self.dictionaries.get(m.thermal), maps[n],
                                    rigid=self.model.separated.rigid_equations))
-            block, facts[n] = self._block(n, rows[n], te.block(c1, c2), maps[n], notes)
+            block, facts[n] = self._block(n, te.block(c1, c2), maps[n], rows.get(n), notes)
             elastic[n] = SampledElastic.of(block, te.under(TestMap(left=block.weight)))
         sampled = [*(h.block for h in heat.values()), *(e.block for e in elastic.values())]
         selecting = {block.name for block in sampled if block.selects}
@@ -162,10 +168,8 @@ class Build:
         the blocks `selecting` their compressed rows."""
 
         def projected(s: SampledHeat | SampledElastic) -> ProjectedBlock[Any]:
-            name, P = s.block.name, s.block.weight
-            m = s.forces or maps[name]
-            if P is not None and s.forces is None:
-                m = TestMap(m.rows, P if m.left is None else P @ m.left)
+            name = s.block.name
+            m = s.forces or maps[name].then(s.block.weight)
             if name in selecting:
                 return ProjectedBlock(s.compressed[0], None, m)
             return ProjectedBlock(s.operators, s.block.left_inverse(None), m)
@@ -179,32 +183,37 @@ class Build:
         whole block."""
         return None if name in self.inverted else whole
 
-    def _map(self, name: str, rows: IntArray) -> TestMap:
-        """Test map of these rows of the residual r, or of D^-1 r with the operator D of a step."""
+    def _map(self, name: str, rows: IntArray | None) -> TestMap:
+        """Test map of these rows of the residual r, or of D^-1 r with the operator D of a step;
+        None for all rows of D^-1 r, compressed."""
+        if rows is None:
+            return TestMap(left=self.compressed[name].left)
         if name not in self.inverted:
             return TestMap(rows=rows)
         operator = self.model.block_data(name, step=self.step).operator
         return TestMap(left=inverse_rows(self.model, self.offline, name, operator, rows))
 
     def _block(
-        self, name: str, rows: IntArray, B: FloatArray, test: TestMap, notes: list[Note]
+        self, name: str, B: FloatArray, test: TestMap, rows: IntArray | None, notes: list[Note]
     ) -> tuple[Sampled, Mapping[str, float | int | str]]:
         """A block with its preconditioner, and the condition and recovery error of its rows; a note
         is added where the rows do not determine the coefficients well."""
-        P, inverted = None, name in self.inverted
+        P, inverted, d = None, name in self.inverted, self.dictionaries[name]
         if inverted:  # D^-1 D atoms, without the rounding of either
-            B = self.dictionaries[name].atoms[rows]
+            B = self.compressed[name].B if rows is None else d.atoms[rows]
         if matched_option(name, dict.fromkeys(self.options.preconditioned, True), False):
             P = weigh(self.offline, self.options.preconditioner, name, B)
-            if P is not None and len(P) < len(rows):
+            if rows is not None and P is not None and len(P) < len(rows):
                 notes.append(self._compressed(name, *B.shape))
-        block = Sampled(name, self.dictionaries[name], rows, self.atoms[name] or B.shape[1],
+        block = Sampled(name, d, test, self.atoms[name] or B.shape[1],
                         B if P is None else P @ B, P)
-        measured = {} if self.offline is None else dict(row_facts(B, P))
+        measured = dict(self.weights.get(name, {}))
+        if self.offline is not None:
+            measured |= row_facts(B, P)
         if block.selects:
             notes += worse_conditioned(name, measured)
         error = None if self.offline is None else checked_rows(
-            self.model, self.offline, block, test, self.step)
+            self.model, self.offline, block, self.step)
         if error is not None:
             measured["row_error"] = error.rows
             notes += [note for note in (error.note(block),) if note is not None]
@@ -231,8 +240,9 @@ class Build:
         fixed = not any(block.selects for block in _blocks(heat, elastic).values())
         # D^-1 brings every load to every row
         plain = {n: r for n, r in rows.items() if n not in self.inverted}
-        coupled_maps = {c.rows: self._on_all_rows(heat[c.rows], maps[c.rows])
-                for c in self.model.separated.couplings}
+        coupled_maps = {
+            c.rows: heat[c.rows].block.on_all_rows(heat[c.rows].columns.left_inverse(None))
+            for c in self.model.separated.couplings}
         visited = {n: block.elements for n, block in fixed_heat.items()}
         groups = fixed_heat if not coupled_maps else heat_groups(
             self.model, fixed_heat, self.dictionaries, coupled_maps, self.step.c1_first)
@@ -272,13 +282,6 @@ class Build:
             if o.selection == "blocks" else
             JointSelection(steps, o.solver, o.hysteresis, carried, o.polish))
         return SparseStepper(steps.base, steps, selection, o.every)
-
-    def _on_all_rows(self, source: SampledHeat, test: TestMap) -> FloatArray:
-        """Map (k, n) of forces on all n rows of a block to its coefficients: the left inverse of
-        the sampled rows times their test map."""
-        block = source.block
-        P, inverse = block.weight, source.columns.left_inverse(None)
-        return test.times(inverse if P is None else inverse @ P, len(block.dictionary.offset))
 
     def _refuse(
         self, selecting_heat: Mapping[str, SampledHeat], selecting: Mapping[str, SampledElastic],

@@ -19,7 +19,6 @@ from sparsemor.core.linalg.least_squares import least_squares_coefficients
 from sparsemor.core.results.error_norms import CONSTANT_CHANGE
 from sparsemor.reducers.sparse.sampled_block import Sampled
 from sparsemor.reducers.states_to_test import states_to_test
-from sparsemor.reducers.step.operators import TestMap
 
 SAMPLED_ROWS = "sampled_rows"
 """Kind of the note on inaccurate sampled rows."""
@@ -47,15 +46,13 @@ class RowError:
             return None
         used = f"{block.budget} of {block.atoms}" if block.selects else f"{block.atoms}"
         return Note(
-            f"the {len(block.rows)} sampled rows of {block.name} do not determine its {used} "
+            f"the {len(block.B)} sampled rows of {block.name} do not determine its {used} "
             f"atoms well enough: test states are recovered with an error of {self.rows:.2g} of "
             f"their largest change (limit {LIMIT:g}; projected on all atoms {self.best:.2g}): take "
             "more rows, another basis or sampler, or residual: preconditioned", SAMPLED_ROWS)
 
 
-def row_error(
-    block: Sampled, states: FloatArray, test: TestMap, D: Csr, slow: Csr
-) -> RowError | None:
+def row_error(block: Sampled, states: FloatArray, D: Csr, slow: Csr) -> RowError | None:
     """Error of coefficients recovered from sampled rows of D x = f and of S x = f,
 
         c = (L P W S A)^-1 L P W S x        with L P W D A = 1 and L = left inverse of the rows,
@@ -84,17 +81,16 @@ def row_error(
         atoms = A if support is None else A[:, support]
         rest = part - atoms @ (own if support is None else own[support])
         for S in (D, slow):
-            seen = inverse @ _rows(block, test, S @ rest)
+            seen = inverse @ _rows(block, S @ rest)
             if S is slow:  # for S = D this matrix is 1
-                across = inverse @ _rows(block, test, S @ atoms)
+                across = inverse @ _rows(block, S @ atoms)
                 seen = np.asarray(np.linalg.lstsq(across, seen, rcond=None)[0], dtype=np.float64)
             worst = max(worst, float(np.linalg.norm(rest - atoms @ seen, axis=0).max()))
     return RowError(worst / change, best / change)
 
 
 def checked_rows(
-    model: AssembledModel, offline: OfflineProducts, block: Sampled, test: TestMap,
-    step: StepFactors
+    model: AssembledModel, offline: OfflineProducts, block: Sampled, step: StepFactors
 ) -> RowError | None:
     """Recovery error of a block's sampled rows at the training snapshots, or at estimated states
     where there was no training run; cached. None where there are no states."""
@@ -110,16 +106,17 @@ def checked_rows(
             return {"error": np.array([])}
         most = _SELECTED if block.selects else min(_STATES, max(_SELECTED, _ENTRIES // data.size))
         at = np.unique(np.linspace(0, states.shape[1] - 1, most).astype(np.int64))
-        found = row_error(block, np.asarray(states[:, at]), test, data.operator, slow)
+        found = row_error(block, np.asarray(states[:, at]), data.operator, slow)
         return {"error": np.array([]) if found is None else np.array([found.rows, found.best])}
 
     weight = np.zeros(0) if block.weight is None else block.weight
     error = offline.remember("row_error", (
-        block.name, block.dictionary.atoms, block.dictionary.offset, block.B, weight, block.rows,
+        block.name, block.dictionary.atoms, block.dictionary.offset, block.B, weight,
+        block.test.rows, block.test.left,
         block.budget, data.operator, slow, offline.trained, span), make)["error"]
     return RowError(float(error[0]), float(error[1])) if len(error) else None
 
 
-def _rows(block: Sampled, test: TestMap, values: FloatArray) -> FloatArray:
-    seen = np.asarray(test(values))
+def _rows(block: Sampled, values: FloatArray) -> FloatArray:
+    seen = np.asarray(block.test(values))
     return seen if block.weight is None else np.asarray(block.weight @ seen)

@@ -6,6 +6,7 @@ from pydantic import Field, field_validator
 
 from sparsemor.core import Basis, Plugin, Preconditioner, Sampler, Slot, SparseSolver, slot_default
 from sparsemor.core.model.block_patterns import matched_option
+from sparsemor.reducers.notes import is_default
 from sparsemor.reducers.step_options import ReducedStepOptions
 
 Residual = Literal["auto", "plain", "preconditioned"]
@@ -16,8 +17,10 @@ class Budget(Plugin):
 
     rows: int | None = Field(default=None, ge=0)
     """Number of sampled rows, in addition to the required ones (those of joints and localized
-    loads); by default twice the number of atoms in the dictionary, or all rows if there are
-    fewer."""
+    loads). By default all rows of D^-1 r, compressed to as many as atoms without loss; where a
+    sampler or preconditioner is named, or rows of r are taken, the smallest of 2, 4, 8 and 16 times
+    the number of atoms whose error is at most 2.2 times that of all rows, in the root mean
+    square."""
     atoms: int | None = Field(default=None, ge=1)
     """Largest number of active atoms; by default all atoms of the dictionary."""
 
@@ -27,16 +30,15 @@ class SparseOptions(ReducedStepOptions):
 
     budgets: dict[str, Budget] = {}
     """Numbers of rows and atoms by block pattern, such as `*.elastic`. A block that matches no
-    pattern uses all atoms of its dictionary and twice as many rows, in addition to the required
-    ones."""
+    pattern uses all atoms of its dictionary."""
     basis: Annotated[Basis, Slot("basis")] = slot_default("pod")
     """Basis of every elastic and thermal block; one that it does not fit takes `pod`, with a
     note."""
     bases: dict[str, Annotated[Basis, Slot("basis")]] = {}
     """Other bases by block pattern, such as `*.thermal`."""
     sampler: Annotated[Sampler, Slot("sampler")] = slot_default("lhs")
-    """Method that chooses the sampled rows. Where it has its default value, `deim` chooses plain
-    rows that `residual: auto` keeps."""
+    """Method that chooses the sampled rows. Where it has its default value, all rows of D^-1 r are
+    taken unless their number is set, and `deim` chooses plain rows that `residual: auto` keeps."""
     preconditioner: Annotated[Preconditioner, Slot("preconditioner")] = slot_default("none")
     """Preconditioner of the sampled rows, in the blocks listed in `preconditioned` (Sec. 3.2 of the
     paper). One that is undefined for more rows than atoms is applied to rows compressed by QR."""
@@ -45,11 +47,15 @@ class SparseOptions(ReducedStepOptions):
     By default the thermal ones, as published."""
     residual: Residual | dict[str, Residual] = "auto"
     """Residual whose rows are sampled, in all blocks or by block pattern. `preconditioned`: D^-1 r,
-    the error that r causes, with the operator D of a step; its least-squares solution is close to
-    Galerkin's, and a step costs the same. `plain`: the residual r, as published. `auto`:
-    preconditioned in each block whose operators are constant, plain where a row of D^-1 r would
-    read all elements of local terms (radiation, material tables, contact) in each step, and where
-    rows are drawn anew during the run."""
+    the error that r causes, with the constant operator D of a step; its least-squares solution is
+    close to Galerkin's, and a step costs the same. Local terms in r (radiation, material tables,
+    nonlinear strains) are sums over few elements with weights that are learned from the training
+    run (`tau`). `plain`: the residual r, as published. `auto`: preconditioned, but plain where
+    local terms have no element weights (contact, or no training run) and where rows are drawn anew
+    during the run."""
+    tau: float = Field(default=1e-6, ge=1e-8, lt=1.0)
+    """Relative error, at the training states, of the weighted sums of local terms, measured by the
+    displacements or temperatures that they cause in a step."""
     resample: int | None = Field(default=None, ge=1)
     """Number of steps after which new rows are drawn (the paper: 1); left out: one draw for the
     run."""
@@ -91,6 +97,14 @@ class SparseOptions(ReducedStepOptions):
         """Option `residual` of a block; `auto` for a block that matches no pattern."""
         table = {"*": self.residual} if isinstance(self.residual, str) else self.residual
         return matched_option(name, table, "auto")
+
+    def samples(self, name: str) -> bool:
+        """True if the rows of a block are sampled even where they are those of D^-1 r."""
+        weighed = matched_option(name, dict.fromkeys(self.preconditioned, True), False)
+        return (self.resample is not None
+                or matched_option(name, self.budgets, Budget()).rows is not None
+                or not is_default(self, "sampler")
+                or weighed and not is_default(self, "preconditioner"))
 
     def carries(self, name: str) -> bool:
         """True if the selection in a block starts from the support of the previous step."""

@@ -25,10 +25,10 @@ from sparsemor.reducers.checks import (
     budget_faults,
     capability_faults,
     coupled_faults,
-    default_rows,
     local_blocks,
     pattern_faults,
     preconditioner_faults,
+    required_rows,
     resampling_faults,
 )
 from sparsemor.reducers.field_options import BASES, counted, of_field
@@ -38,11 +38,17 @@ from sparsemor.reducers.notes import (
     unselected,
     unweighted,
 )
+from sparsemor.reducers.projection.ecsw.element_weights import WeightTraining
 from sparsemor.reducers.sparse.build import Build, Whole
 from sparsemor.reducers.sparse.options import Budget, SparseOptions
 from sparsemor.reducers.sparse.resampling import Resampled, Streams, branched
-from sparsemor.reducers.sparse.residual_rows import inverted_blocks, plain_rows, samplers
-from sparsemor.reducers.sparse.sampled_block import choose_rows
+from sparsemor.reducers.sparse.residual_rows import (
+    inverted_blocks,
+    plain_rows,
+    samplers,
+    unweighed,
+)
+from sparsemor.reducers.sparse.sampled_block import CompressedRows, choose_rows
 from sparsemor.reducers.step.prepare import constants
 from sparsemor.reducers.trial_bases import spanned, trial_bases
 
@@ -105,29 +111,43 @@ class Sparse(SparseOptions):
             n for n, k in sizes.items() if (budgets[n].atoms or k) >= k})
         streams = dict(zip(budgets, problem.rng.spawn(len(budgets)), strict=True))
         inverted, drawn = inverted_blocks(model, self), samplers(model, self)
-        build = Build(model, offline, self, dictionaries, limits,
-                      {n: b.atoms for n, b in budgets.items()}, step, inverted)
+        sampled = [n for n in budgets if n not in inverted or self.samples(n)]
+        counts = {n: budgets[n].rows for n in sampled}
 
         def draw(streams: Streams, keep: OfflineProducts | None) -> dict[str, IntArray]:
-            return {n: choose_rows(model, keep, n, self._rows(model, n, b, dictionaries[n]),
-                                   b.atoms or 10**9, drawn[n], dictionaries[n], streams[n],
-                                   step, n in inverted)
-                    for n, b in budgets.items()}
+            return {n: choose_rows(
+                model, keep, n, counts[n], budgets[n].atoms or 10**9, drawn[n], dictionaries[n],
+                streams[n], step, n in inverted) for n in sampled}
 
         later = {n: rng.spawn(1)[0] for n, rng in streams.items()}
         rows = draw(streams, offline)
-        build = replace(build, notes=(*unfit, *self._idle(model, dictionaries, rows)))
+        counts = {n: len(r) - required_rows(model, n, drawn[n]) for n, r in rows.items()}
+        changing = {m.elastic for m in model.separated.moving if m.operators and m.operators.local}
+        compressed = {n: CompressedRows.of(
+            model, offline, n, step, dictionaries[n].atoms, n in changing)
+            for n in sorted(inverted) if n not in rows or n in local_blocks(model)}
+        weighed, weights = self._weighed(problem, dictionaries, compressed)
+        build = Build(
+            weighed, offline, self, dictionaries, limits,
+            {n: b.atoms for n, b in budgets.items()}, step, inverted,
+            {n: c for n, c in compressed.items() if n not in rows},
+            (*unfit, *self._idle(model, dictionaries, rows), *weights.notes()), weights.facts)
         if self.resample is None:
             return build.solver(rows)
         return self._resampled(build, rows, later, draw)
 
-    def _rows(
-        self, model: AssembledModel, name: str, budget: Budget, dictionary: Dictionary
-    ) -> int:
-        """Number of rows to draw in addition to the required ones."""
-        if budget.rows is not None:
-            return budget.rows
-        return default_rows(model, name, self.sampler, dictionary.atoms.shape[1])
+    def _weighed(
+        self, problem: ReducedProblem, dictionaries: Mapping[str, Dictionary],
+        rows: Mapping[str, CompressedRows]
+    ) -> tuple[AssembledModel, WeightTraining]:
+        """The model with element weights in the local terms of the blocks that have `rows`, and
+        their training."""
+        model, s = problem.model, problem.model.separated
+        training = WeightTraining(model, problem.offline, problem.step, self.tau, dictionaries,
+                                  lambda name: rows[name].left)
+        heat = tuple(training.heat(b) if b.thermal in rows else b for b in s.heat)
+        moving = tuple(training.elastic(m) if m.elastic in rows else m for m in s.moving)
+        return model.with_separated(replace(s, heat=heat, moving=moving)), training
 
     def _idle(
         self, model: AssembledModel, dictionaries: Mapping[str, Dictionary],
@@ -175,7 +195,8 @@ class Sparse(SparseOptions):
             self.basis, self.bases)
         faults += capability_faults(
             model, self.budgets, self.sampler, self.solver, self.basis, self.bases,
-            self.selection == "joint")
+            self.selection == "joint",
+            {n for n in inverted_blocks(model, self) if not self.samples(n)})
         faults += resampling_faults(model, self.resample, self.row_sets)
         faults += self._residual_faults(model)
         if not isinstance(self.carried, bool):
@@ -202,13 +223,14 @@ class Sparse(SparseOptions):
         faults = ([] if isinstance(self.residual, str) else
                   pattern_faults(model, "residual", self.residual))
         inverted = [n for n in model.reducible() if self.residual_of(n) == "preconditioned"]
-        local = local_blocks(model)
+        local, whole = local_blocks(model), unweighed(model, self)
         for name in inverted:
-            if name in local:
+            if name in whole:
                 faults.append(Fault("residual", (
                     f"a row of D^-1 r reads all of r in {name}, and so every element of "
-                    f"{local[name]} in each step: take plain rows there (auto does), or a reducer "
-                    "that evaluates all of them, such as galerkin")))
+                    f"{local[name]} in each step, because {whole[name].format(local[name])}: take "
+                    "plain rows there (auto does), or a reducer that evaluates all of them, such "
+                    "as galerkin")))
         if inverted and self.resample is not None and self.row_sets is None:
             faults.append(Fault("row_sets", (
                 f"each draw of rows of D^-1 r in {', '.join(inverted)} takes solves with the whole "

@@ -1,8 +1,9 @@
 """Residual whose rows are sampled in each block: r, or D^-1 r with the operator D of a step."""
 
-from typing import Any
+from typing import Any, cast
 
-from sparsemor.core import AssembledModel, Note, Registry, Sampler, information
+from sparsemor.core import AssembledModel, Note, Reducer, Registry, Sampler, information
+from sparsemor.core.model.fitting_bases import fitted_bases
 from sparsemor.reducers.checks import local_blocks
 from sparsemor.reducers.notes import is_default
 from sparsemor.reducers.sparse.options import SparseOptions
@@ -16,11 +17,26 @@ PLAIN_ROWS = "plain_rows"
 
 def inverted_blocks(model: AssembledModel, options: SparseOptions) -> frozenset[str]:
     """Blocks whose sampled rows are those of D^-1 r: those for which the option `residual` asks for
-    them, and by default those whose operators are constant in the run."""
-    plain = set(model.reducible()) if _anew(options) else set(local_blocks(model))
+    them, and by default those whose terms are constant or have element weights."""
+    plain = set(model.reducible()) if _anew(options) else set(unweighed(model, options))
     return frozenset(
         name for name in model.reducible() if options.residual_of(name) == "preconditioned"
         or options.residual_of(name) == "auto" and name not in plain)
+
+
+def unweighed(model: AssembledModel, options: SparseOptions) -> dict[str, str]:
+    """Block -> reason why its local terms have no element weights, for blocks with such terms.
+    Terms between bodies need none: a contact visits the facets near it."""
+    bases = fitted_bases(model, cast(Reducer, options)).bases.values()
+    trained = any(basis.needs_snapshots for basis in bases)
+    local = [(b.thermal, b.local) for b in model.separated.heat]
+    local += [(m.elastic, tuple(o.term for o in m.operators.local))
+              for m in model.separated.moving if m.operators is not None]
+    return {
+        name: "{} has no element weights" if trained else
+        "there is no training run from which element weights of {} could be learned"
+        for name, terms in local
+        if terms and not (trained and all(term.weighs_elements for term in terms))}
 
 
 def samplers(model: AssembledModel, options: SparseOptions) -> dict[str, Sampler]:
@@ -28,7 +44,7 @@ def samplers(model: AssembledModel, options: SparseOptions) -> dict[str, Sampler
     the option `residual` keeps plain rows by default."""
     found = dict.fromkeys(model.reducible(), options.sampler)
     if options.resample is None and is_default(options, "sampler"):
-        plain = [n for n in local_blocks(model) if options.residual_of(n) == "auto"]
+        plain = [n for n in unweighed(model, options) if options.residual_of(n) == "auto"]
         points: Any = Registry().get("sampler", POINTS)()
         found |= dict.fromkeys(plain, points)
     return found
@@ -38,14 +54,15 @@ def plain_rows(model: AssembledModel, options: SparseOptions) -> tuple[Note, ...
     """Notes on blocks with plain rows that the default chose, and why."""
     auto = [n for n in model.reducible() if options.residual_of(n) == "auto"]
     local, drawn, anew = local_blocks(model), samplers(model, options), _anew(options)
+    whole = unweighed(model, options)
     reasons: dict[str, list[str]] = {}
     for name in auto:
-        if name not in local and not anew:
+        if name not in whole and not anew:
             continue
         by = "" if drawn[name] == options.sampler else (
             ", chosen by deim (with residual: plain by the option sampler)")
-        why = (f"terms of {local[name]} are evaluated element by element, and a row of D^-1 r "
-               f"would read every element in each step{by}") if name in local else (
+        why = (f"a row of D^-1 r would read every element of {local[name]} in each step, because "
+               f"{whole[name].format(local[name])}{by}") if name in whole else (
             "rows are drawn anew during the run (reducer.resample), and each row of D^-1 takes a "
             "solve with the whole operator: give reducer.row_sets")
         reasons.setdefault(why, []).append(name)

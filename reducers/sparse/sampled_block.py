@@ -3,6 +3,7 @@ operators for a support (set of active atoms)."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import eye_array
@@ -23,16 +24,18 @@ from sparsemor.core import (
 )
 from sparsemor.core.linalg.coherence import coherence, condition_number, unit_columns
 from sparsemor.core.linalg.column_subsets import ColumnSubsets
+from sparsemor.core.linalg.least_squares import orthonormal
+from sparsemor.core.linalg.svd import svd
 from sparsemor.core.model.factorizations import solve_or_fail
 from sparsemor.core.protocols import HeatBody
 from sparsemor.core.registry.returned_values import built_weights, sampled_rows
-from sparsemor.reducers.checks import compresses
+from sparsemor.reducers.checks import compresses, required_rows
 from sparsemor.reducers.linalg.left_inverse import SAMPLED_RTOL, left_inverse, squares
 from sparsemor.reducers.sparse.row_compression import compact_elastic, compact_heat
 from sparsemor.reducers.sparse.supported_equations import ActiveRows
 from sparsemor.reducers.step.blocks.thermal_block import CompressedHeat
 from sparsemor.reducers.step.operators import TestedElastic, TestedHeat, TestMap
-from sparsemor.reducers.trial_bases import local_terms
+from sparsemor.reducers.trial_bases import DEPENDENT, local_terms
 
 _CHUNK = 256
 """Number of right-hand sides that are solved at once."""
@@ -43,13 +46,14 @@ class Sampled:
     """Sampled rows of one block. B (m, k), or (k, k) with a P (k, m), = P times the sampled rows of
     the step's operator D (heat: c1 C + K) times the atoms.
 
-    weight (m, m) or None: the preconditioner P, (k, m) where it needs as few rows as atoms; budget:
-    largest number of active atoms.
+    test: map of the residual to the sampled rows, or to all rows of D^-1 r compressed to as many
+    as atoms; weight (m, m) or None: the preconditioner P, (k, m) where it needs as few rows as
+    atoms; budget: largest number of active atoms.
     """
 
     name: str
     dictionary: Dictionary
-    rows: IntArray
+    test: TestMap
     budget: int
     B: FloatArray
     weight: FloatArray | None
@@ -66,6 +70,11 @@ class Sampled:
         """Left inverse (s, m) of the columns of B on the support, by least squares. Raises
         SolveFailed."""
         return on_support(self.name, self.B, support)
+
+    def on_all_rows(self, left: FloatArray) -> FloatArray:
+        """Combinations left (l, m) of the sampled rows as combinations (l, n) of all n rows."""
+        P = self.weight
+        return self.test.times(left if P is None else left @ P, len(self.dictionary.offset))
 
 
 def on_support(name: str, B: FloatArray, support: IntArray | None) -> FloatArray:
@@ -174,27 +183,33 @@ class SampledHeat:
     @property
     def forces(self) -> TestMap | None:
         """Test map of forces in the rows of `compressed`, None where these are the sampled ones."""
-        P, Z = self.block.weight, self.basis
-        return None if Z is None else TestMap(self.block.rows, Z.T if P is None else Z.T @ P)
+        Z = self.basis
+        return None if Z is None else self.block.test.then(self.block.weight).then(Z.T)
 
     def _local(self, rows: FloatArray) -> list[ReducedTerm]:
         """Local terms in combinations `rows` (l, m) of the sampled rows."""
-        if not self.body.local:
-            return []
-        on_all_rows = np.zeros((len(rows), self.block.dictionary.atoms.shape[0]))
-        P = self.block.weight
-        on_all_rows[:, self.block.rows] = rows if P is None else rows @ P
-        return local_terms(self.model, self.body, self.block.dictionary, on_all_rows)
+        return local_terms(self.model, self.body, self.block.dictionary, self.block.on_all_rows(
+            rows)) if self.body.local else []
+
+
+SPREAD = 2.0
+"""Largest ratio sqrt(m/n) / sigma of m sampled rows of n to which their number is raised; sigma:
+smallest singular value of the sampled rows of an orthonormal basis of the operator's columns. The
+least-squares solution of the sampled rows has at most 1/sigma times the residual of that of all
+rows, and sqrt(1 + SPREAD^2) = 2.2 times for residuals spread evenly over the rows (of D^-1 r, a
+residual is an error of displacements or temperatures)."""
+MOST_TIMES = 16
+"""Largest number of rows, as a multiple of the number of atoms, that is taken for this bound."""
 
 
 def choose_rows(
-    model: AssembledModel, offline: OfflineProducts | None, name: str, rows: int, budget: int,
-    sampler: Sampler,
-    dictionary: Dictionary, rng: np.random.Generator, step: StepFactors,
-    preconditioned: bool = False,
+    model: AssembledModel, offline: OfflineProducts | None, name: str, rows: int | None,
+    budget: int, sampler: Sampler, dictionary: Dictionary, rng: np.random.Generator,
+    step: StepFactors, preconditioned: bool = False,
 ) -> IntArray:
     """Row numbers (m,) drawn by the sampler, including the required ones; cached if `offline` is
-    given.
+    given. rows: number of rows, None for the smallest of 2, 4, 8, 16 times the number of atoms
+    whose solutions are within `SPREAD` of those of all rows.
 
     rng is used for this draw alone; a cached result leaves its state unchanged. preconditioned:
     True for rows of D^-1 r, whose operator is the identity.
@@ -204,8 +219,22 @@ def choose_rows(
         one = eye_array(data.size, format="csr")
         data = replace(data, stiffness=one, mass=0.0 * one, damping=None)
 
+    def draw(count: int) -> IntArray:
+        return sampled_rows(sampler, data, count, dictionary, rng, required)
+
     def make() -> dict[str, IntArray]:
-        return {"rows": sampled_rows(sampler, data, rows, dictionary, rng, required)}
+        if rows is not None:
+            return {"rows": draw(rows)}
+        k, n = dictionary.atoms.shape[1], data.size
+        Q = span(unit_columns(data.operator @ dictionary.atoms))
+        most = n - required_rows(model, name, sampler)
+        count = min(2 * k, most)
+        while True:
+            found = draw(count)
+            sigma = float(svd(Q[found])[1].min(initial=np.inf)) if len(found) >= Q.shape[1] else 0.0
+            if np.sqrt(len(found) / n) <= SPREAD * sigma or count >= min(MOST_TIMES * k, most):
+                return {"rows": found}
+            count = min(2 * count, most)
 
     drawn = repr(rng.bit_generator.state)
     depends = (name, rows, sampler, dictionary.atoms, required, drawn, data.ring, data.stiffness,
@@ -269,22 +298,61 @@ def numbers(support: BoolArray) -> IntArray | None:
     return None if support.all() else np.flatnonzero(support)
 
 
+def span(atoms: FloatArray) -> FloatArray:
+    """Orthonormal basis (n, l) of the span of atoms (n, k): the atoms themselves if they are."""
+    if orthonormal(atoms):
+        return atoms
+    U, s, _ = svd(atoms)
+    return np.ascontiguousarray(U[:, s > DEPENDENT * s.max(initial=0.0)])
+
+
+class CompressedRows(NamedTuple):
+    """All rows of D^-1 r of a block, compressed to as many as its atoms A: left (l, n) times r,
+    with the operator B = left D A (l, k)."""
+
+    left: FloatArray
+    B: FloatArray
+
+    @classmethod
+    def of(
+        cls, model: AssembledModel, offline: OfflineProducts, name: str, step: StepFactors,
+        atoms: FloatArray, changing: bool
+    ) -> "CompressedRows":
+        """Rows Q^T D^-1 r with an orthonormal basis Q of the atoms, whose least-squares solutions
+        are those of all rows of D^-1 r: the error that r causes.
+
+        changing: True where the operator changes in the run. D^-1 r is no error then, and large
+        rotations by bending make its solutions diverge: the rows (A^T D A)^-1 A^T r minimise its
+        energy r^T D^-1 r, and A^T r is the virtual work of the atoms whatever the operator is.
+        """
+        D = model.block_data(name, step=step).operator
+        if changing:
+            return cls(left_inverse(name, atoms.T @ (D @ atoms)) @ atoms.T, np.eye(atoms.shape[1]))
+        Q = span(atoms)
+        return cls(inverse_rows(model, offline, name, D, Q), Q.T @ atoms)
+
+
 def inverse_rows(
-    model: AssembledModel, offline: OfflineProducts | None, name: str, operator: Csr, rows: IntArray
+    model: AssembledModel, offline: OfflineProducts | None, name: str, operator: Csr,
+    rows: IntArray | FloatArray
 ) -> FloatArray:
-    """Rows (m, n) of the inverse of a block's symmetric operator (n, n), for the row numbers `rows`
-    (m,).
+    """Rows (m, n) of the inverse of a block's symmetric operator (n, n): those with the numbers
+    `rows` (m,), or combinations of all, rows^T D^-1 with `rows` (n, m).
 
     One solve per row; cached if `offline` is given.
     """
     def make() -> Mapping[str, FloatArray]:
         factor, n = model.factorize(name, operator, "rows of the inverse"), operator.shape[0]
-        inverse = np.empty((len(rows), n))
-        for first in range(0, len(rows), _CHUNK):
-            part = rows[first : first + _CHUNK]
-            units = np.zeros((n, len(part)))
-            units[part, np.arange(len(part))] = 1.0
-            inverse[first : first + _CHUNK] = solve_or_fail(factor, units, name).T
+        count = rows.shape[-1]
+        inverse = np.empty((count, n))
+        for first in range(0, count, _CHUNK):
+            part = rows[..., first : first + _CHUNK]
+            if part.ndim == 1:
+                right = np.zeros((n, len(part)))
+                right[part, np.arange(len(part))] = 1.0
+            else:
+                right = np.ascontiguousarray(part)
+            inverse[first : first + _CHUNK] = solve_or_fail(factor, right, name).T
         return {"rows": inverse}
 
     stored = make() if offline is None else offline.remember(

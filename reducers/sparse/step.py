@@ -5,7 +5,8 @@ coefficients, x = offset + A c with few c_i nonzero (Eq. 8-16, 32-33). Unknowns 
 c, the rigid coordinates and the joint forces; its equations are the residual R of the full-order
 model, with the rates at the end of the step as the integrator's formula gives them (Eq. 24):
 
-1. draw a few rows S of each block, of R or of D^-1 R with the operator D = K + c1 C + c2 M;
+1. draw a few rows S of each block, of R or of D^-1 R with the operator D = K + c1 C + c2 M; or
+   take all rows of D^-1 R, which are exactly as many as atoms in an orthonormal basis of these;
 2. precondition them by P, a unit-norm tight frame for example (Eq. 29-31);
 3. linearise:  P S R(c + d) = r + B d  with the constant B = P S D A;
 4. select the active atoms, min |r + B d| with at most `budget` nonzeros of c + d (Eq. 25);
@@ -48,17 +49,21 @@ Supports = Mapping[str, BoolArray]
 
 class SampledRows:
     """Preconditioned sample of a block: `rows` P S (m, n) of its residual; B = P S D A (m, k) as
-    columns of unit length and their lengths (k,); and the sparse solver prepared for them."""
+    columns of unit length and their lengths (k,); and the sparse solver prepared for them. rows:
+    number of sampled rows, None for all of D^-1 R."""
 
     def __init__(
         self, model: AssembledModel, name: str, dictionary: Dictionary, step: StepFactors,
-        sampler: Sampler, preconditioner: Preconditioner | None, solver: SparseSolver, rows: int,
-        budget: int, inverted: bool, rng: np.random.Generator,
+        sampler: Sampler, preconditioner: Preconditioner | None, solver: SparseSolver,
+        rows: int | None, budget: int, inverted: bool, rng: np.random.Generator,
     ) -> None:
         D = model.block_data(name, step=step).operator.toarray()
-        drawn = choose_rows(  # 1.
-            model, None, name, rows, budget, sampler, dictionary, rng, step, inverted)
-        S = np.linalg.inv(D)[drawn] if inverted else np.eye(len(D))[drawn]
+        if rows is None:  # 1. all of D^-1 R
+            S = np.linalg.qr(dictionary.atoms)[0].T @ np.linalg.inv(D)
+        else:
+            drawn = choose_rows(
+                model, None, name, rows, budget, sampler, dictionary, rng, step, inverted)
+            S = np.linalg.inv(D)[drawn] if inverted else np.eye(len(D))[drawn]
         P = None if preconditioner is None else weigh(
             None, preconditioner, name, S @ D @ dictionary.atoms)  # 2.
         self.name, self.rows = name, S if P is None else P @ S

@@ -53,6 +53,12 @@ class TestMap:
         chosen = matrix if self.rows is None else matrix[self.rows]
         return chosen if self.left is None else self.left @ chosen
 
+    def then(self, left: FloatArray | None) -> "TestMap":
+        """This map followed by the matrix left (l, m), None for the identity."""
+        if left is None:
+            return self
+        return TestMap(self.rows, left if self.left is None else left @ self.left)
+
     def of_tables(self, tables: Sequence[Table]) -> tuple[Table, ...]:
         """The map applied to tabulated loads (T, n) at each of their T times."""
         chosen = tables if self.rows is None else [t.columns(self.rows) for t in tables]

@@ -1,8 +1,8 @@
 """Energy-conserving sampling and weighting: Galerkin with few, weighted elements."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 from pydantic import Field
@@ -14,15 +14,12 @@ from sparsemor.core import (
     Dictionary,
     Fault,
     FloatArray,
-    IntArray,
     Note,
     OfflineProducts,
-    Term,
     information,
 )
 from sparsemor.core.protocols import (
     ElasticIntegrals,
-    ElasticLocal,
     ElasticOperators,
     HeatBody,
     HeatIntegrals,
@@ -38,17 +35,12 @@ from sparsemor.reducers import (
     TestMap,
     left_inverse,
 )
+from sparsemor.reducers.projection.ecsw.element_weights import STATES, WeightTraining
 from sparsemor.reducers.projection.ecsw.training import (
     CANDIDATES,
-    Trained,
     elastic_equations,
     heat_equations,
-    local_equations,
-    train,
 )
-from sparsemor.reducers.projection.ecsw.training_matrix import WeightEquations
-
-Fact = dict[str, float | int | str]
 
 
 class Ecsw(ProjectionReducer):
@@ -73,7 +65,7 @@ class Ecsw(ProjectionReducer):
     projected over all elements, or `weighted` like local terms. They are projected once, so that a
     step costs the same; `exact` has the errors of local terms alone and less training, and equals
     `galerkin` on bodies without local terms."""
-    states: int = Field(default=200, ge=2)
+    states: int = Field(default=STATES, ge=2)
     """Largest number of training states, evenly spread, for the weights of local terms such as
     radiation or temperature-dependent conductivity."""
     candidates: int = Field(default=CANDIDATES, ge=100)
@@ -106,17 +98,23 @@ class Ecsw(ProjectionReducer):
     ) -> Approximation:
         """The model with element integrals replaced by ECSW-weighted sums, and facts of each
         block's weights."""
+        def left(name: str, K: Csr) -> FloatArray:
+            """Inverse (k, k) of a matrix projected on the atoms of a block."""
+            A = dictionaries[name].atoms
+            return left_inverse(name, A.T @ (K @ A))
+
+        inverses = {b.thermal: left(b.thermal, b.capacity) for b in model.separated.heat
+                    if self._weighs(b.integrals, b.local)}
+        inverses |= {m.elastic: left(m.elastic, m.operators.stiffness)
+                     for m in model.separated.moving if m.operators is not None
+                     and self._weighs(m.operators.integrals, m.operators.local)}
         training = WeightTraining(
-            model, offline, h, self.tau, self.constant == "weighted", self.states,
-            self.candidates, dictionaries)
-        moving = tuple(training.elastic(m) for m in model.separated.moving)
-        heat = tuple(training.heat(b) for b in model.separated.heat)
-        weighed = replace(model.separated, moving=moving, heat=heat)
-        facts = training.facts
-        notes = tuple(
-            Note(f"{n}: no choice of elements repeats the training forces to {self.tau:g}, the "
-                 f"best comes to {f['residual']:.1e}", "ecsw_training")
-            for n, f in facts.items() if float(f["residual"]) > 1.05 * self.tau)
+            model, offline, h, self.tau, dictionaries,
+            lambda name: inverses[name] @ dictionaries[name].atoms.T, self.states,
+            self.candidates)
+        moving = tuple(self._elastic(training, m, inverses) for m in model.separated.moving)
+        heat = tuple(self._heat(training, b, inverses) for b in model.separated.heat)
+        facts, notes = training.facts, training.notes()
         exact = [n for n in dictionaries if n not in facts]
         if exact:
             text = (f"reducer ecsw is galerkin in {', '.join(exact)}: without local terms a step "
@@ -124,116 +122,34 @@ class Ecsw(ProjectionReducer):
                     "those of constant matrices)")
             notes += (information(text, "no_effect") if facts else Note(text, "no_effect"),)
         return Approximation(
-            model.with_separated(weighed), facts,
+            model.with_separated(replace(model.separated, moving=moving, heat=heat)), facts,
             {n: int(f["elements_kept"]) for n, f in facts.items() if "elements_kept" in f}, notes)
 
+    def _weighs(self, integrals: object, local: Sequence[object]) -> bool:
+        """True if the elements of a block are weighed: those of local terms, or all."""
+        return bool(local) or self.constant == "weighted" and integrals is not None
 
-@dataclass(frozen=True, slots=True, eq=False)
-class WeightTraining:
-    """Computation of the weighted operators of one model; collects the reported facts of each
-    block. constant: True if operators with constant properties are weighted, too."""
-
-    model: AssembledModel
-    offline: OfflineProducts
-    h: float
-    tau: float
-    constant: bool
-    states: int
-    candidates: int
-    dictionaries: Mapping[str, Dictionary]
-    facts: dict[str, Fact] = field(default_factory=dict)
-    trained: dict[str, Trained] = field(default_factory=dict)
-
-    def elastic(self, body: MovingBody) -> MovingBody:
-        ops = body.operators
-        if ops is None or (ops.integrals is None if self.constant else not ops.local):
-            return body
-        u = self._trained(body.elastic)
-        T = self._trained(body.thermal) if body.thermal in self.dictionaries else None
-        A = u.dictionary.atoms
-        flexibility = left_inverse(body.elastic, A.T @ (ops.stiffness @ A))
-        if self.constant and ops.integrals is not None:
+    def _elastic(
+        self, training: WeightTraining, body: MovingBody, inverses: Mapping[str, FloatArray]
+    ) -> MovingBody:
+        ops, name = body.operators, body.elastic
+        if self.constant == "weighted" and ops is not None and ops.integrals is not None:
             g = ops.integrals()
-            ops = _weigh_elastic(ops, g, self._weights(
-                body.elastic, "elements", elastic_equations(g, u, T, flexibility)))
-        local = [self._elastic_local(body.elastic, one, u, T, flexibility) for one in ops.local]
-        return replace(body, operators=replace(ops, local=tuple(local)))
+            T = training.at(body.thermal) if body.thermal in training.dictionaries else None
+            ops = _weigh_elastic(ops, g, training.weights(
+                name, "elements", elastic_equations(g, training.at(name), T, inverses[name])))
+            body = replace(body, operators=ops)
+        return training.elastic(body)
 
-    def heat(self, body: HeatBody) -> HeatBody:
-        if body.integrals is None if self.constant else not body.local:
-            return body
-        T, name = self._trained(body.thermal), body.thermal
-        A = T.dictionary.atoms
-        C_inverse = left_inverse(name, A.T @ (body.capacity @ A))
-        if self.constant and body.integrals is not None:
+    def _heat(
+        self, training: WeightTraining, body: HeatBody, inverses: Mapping[str, FloatArray]
+    ) -> HeatBody:
+        name = body.thermal
+        if self.constant == "weighted" and body.integrals is not None:
             g = body.integrals()
-            body = _weigh_heat(body, g, self._weights(
-                name, "elements", heat_equations(g, T, C_inverse)))
-        local = [self._local(name, term, T, C_inverse @ A.T) for term in body.local]
-        return replace(body, local=tuple(local))
-
-    def _local(self, name: str, term: Any, T: Trained, left: FloatArray) -> Term:
-        at, chosen = self.model.layout[name].start, self._chosen(len(T.t))
-        x, v = T.states(term.columns - at, chosen)
-        G = local_equations(term, left[:, term.rows - at], x, v, T.t[chosen])
-        weighted: Term = term.weighted(self._weights(name, "local_elements", G))
-        return weighted
-
-    def _elastic_local(
-        self, name: str, local: ElasticLocal, u: Trained, T: Trained | None,
-        flexibility: FloatArray,
-    ) -> ElasticLocal:
-        """A local term of displacements with element weights, which repeat the displacements that
-        it causes; terms without element contributions remain whole."""
-        term = local.term
-        if not term.weighs_elements:
-            return local
-        chosen, n = self._chosen(len(u.t)), len(local.columns)
-        x, v = np.zeros((n, len(chosen))), np.zeros((n, len(chosen)))
-        x[~local.hot], v[~local.hot] = u.states(local.columns[~local.hot], chosen)
-        if T is not None and local.hot.any():
-            x[local.hot], v[local.hot] = T.states(local.columns[local.hot], chosen)
-        left = flexibility @ u.dictionary.atoms[local.rows].T
-        some = term.weighted(self._weights(name, "local_elements", local_equations(
-            term, left, x, v, u.t[chosen])))
-        at = np.searchsorted(term.columns, some.columns)
-        return ElasticLocal(some, local.rows[np.searchsorted(term.rows, some.rows)],
-                            local.columns[at], local.hot[at])
-
-    def _chosen(self, M: int) -> IntArray:
-        """Numbers of the training states, evenly spread, at which local terms are evaluated."""
-        return np.unique(np.linspace(0, M - 1, min(self.states, M)).round().astype(np.int64))
-
-    def _weights(self, name: str, kind: str, G: WeightEquations) -> FloatArray:
-        """Weights (E,) of the elements or facets of a block for the equations G w = G 1, cached for
-        all blocks with equal equations; adds their number and residual to the block's facts."""
-        def make() -> dict[str, Any]:
-            found = train(G, self.tau, self.candidates)
-            return {"weights": found.values, "residual": np.array(found.residual)}
-
-        stored = self.offline.remember("weights", (self.tau, self.candidates, *G.content), make)
-        w, fact = np.asarray(stored["weights"]), self.facts.setdefault(name, {"tau": self.tau})
-        fact[kind] = int(fact.get(kind, 0)) + len(w)
-        fact[f"{kind}_kept"] = int(fact.get(f"{kind}_kept", 0)) + int(np.count_nonzero(w))
-        fact["residual"] = max(float(fact.get("residual", 0.0)), float(stored["residual"]))
-        return w
-
-    def _trained(self, name: str) -> Trained:
-        if name not in self.trained:
-            snapshots = self.offline.snapshots(name)
-            self.trained[name] = Trained.of(
-                self.dictionaries[name], snapshots, self._times(snapshots.shape[1]))
-        return self.trained[name]
-
-    def _times(self, M: int) -> FloatArray:
-        """Times (M,) of the snapshots, s; snapshots without recorded times count as one per
-        step."""
-        r = self.offline.recording
-        runs, spacing = (1, self.h) if r is None else (r.runs, r.step * r.every)
-        t = np.arange(M // runs) * spacing
-        if r is not None and r.integrator.order > 1:
-            t[-1] = 0.0  # the extra one, made at the start
-        return np.asarray(np.tile(t, runs))
+            body = _weigh_heat(body, g, training.weights(
+                name, "elements", heat_equations(g, training.at(name), inverses[name])))
+        return training.heat(body)
 
 
 def _weigh_elastic(ops: ElasticOperators, g: ElasticIntegrals, w: FloatArray) -> ElasticOperators:

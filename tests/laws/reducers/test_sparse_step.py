@@ -41,7 +41,7 @@ def page(problem: ReducedProblem, reducer: Sparse) -> SparseStep:
         weighted = matched_option(name, dict.fromkeys(reducer.preconditioned, True), False)
         blocks[name] = SampledRows(
             model, name, atoms[name], factors, drawn[name],
-            reducer.preconditioner if weighted else None, reducer.solver, budget.rows or 0,
+            reducer.preconditioner if weighted else None, reducer.solver, budget.rows,
             budget.atoms or atoms[name].atoms.shape[1], name in inverted, rng)
     hot = {b.thermal for b in model.separated.heat}
     return SparseStep(model, atoms, [b for n, b in blocks.items() if n in hot],
@@ -60,9 +60,11 @@ def slowly(*values: Any) -> Any:
     slowly({"budgets": FEW, "residual": "plain", "hysteresis": 0.0, "preconditioner": "untf"}, {}),
     slowly({"budgets": FEW, "solver": "omp"}, {"integrator": "bdf2"}),
     slowly({"budgets": ALL}, HOT),
+    ({}, {}),
+    ({"budgets": {n: {"atoms": b["atoms"]} for n, b in FEW.items()}}, {}),
     ({"budgets": FEW}, HOT),
 ], ids=["all", "plain", "untf", "selection", "plain_selection", "omp", "radiation",
-        "selection_radiation"])
+        "all_rows", "all_rows_selection", "selection_radiation"])
 def test_steps_are_those_of_the_page(options: dict[str, Any], changes: dict[str, Any]) -> None:
     reducer = {"use": "sparse", "basis": {"use": "pod", "count": 10},
                "bases": {"*.thermal": {"use": "pod", "count": 8}}, **options}

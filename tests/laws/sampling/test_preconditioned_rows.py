@@ -10,7 +10,7 @@ import pytest
 from scipy.sparse import csr_array
 
 from small_scenes import everything, everything_assembled, tiny
-from sparsemor import load
+from sparsemor import compare, load, simulate
 from sparsemor.core import ReducedProblem
 from sparsemor.core.errors import InputError
 from sparsemor.core.model.assembly import assemble
@@ -24,7 +24,7 @@ from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.simulation.offline_cache import Products
 from sparsemor.core.testing import check_sampler
-from sparsemor.core.testing.in_memory_run import March, march
+from sparsemor.core.testing.in_memory_run import March, march, scene_of
 from sparsemor.plugins.bases.impulse import Impulse
 from sparsemor.plugins.samplers.deim import DeimPoints
 from sparsemor.plugins.samplers.leverage import Leverage
@@ -105,7 +105,64 @@ def test_samplers_see_the_equations_that_are_sampled() -> None:
     assert np.array_equal(rows[0], rows[1]) and not np.array_equal(rows[0], rows[2])
 
 
+def test_all_rows_are_as_many_as_atoms() -> None:
+    """Without a sampler or a number of rows: the least-squares solution of all rows of D^-1 r."""
+    short = {n: {"rows": full().block(n).shape[1]} for n in full().model.reducible()}
+    all_rows = ran(sparse(budgets=short, sampler={"use": "lhs", "required": False}))
+    compressed = ran(sparse(budgets={}))
+    for name in full().model.reducible():
+        want = all_rows.block(name)
+        np.testing.assert_allclose(compressed.block(name), want, atol=1e-9 * np.abs(want).max())
+        assert compressed.solver.facts[name]["rows"] == want.shape[1] < short[name]["rows"]
+
+
+@pytest.mark.parametrize("inverted", [False, True])
+def test_rows_are_enough_for_their_condition(inverted: bool) -> None:
+    """Where no number is set: 2, 4, 8, ... times the atoms until sqrt(m/n) <= 2 sigma. Atoms that
+    live on few nodes take more than twice their number."""
+    model, name, rng = full().model, "bar.elastic", np.random.default_rng(0)
+    n = model.block_data(name).size
+    for atoms in (np.eye(n)[:, :4], np.linalg.qr(snapshots()[name])[0][:, :4]):
+        d = Dictionary(atoms, np.zeros(n), ("",) * 4)
+        rows = choose_rows(model, None, name, None, 4, LatinHypercube(required=False), d, rng,
+                           STEP, inverted)
+        image = atoms if inverted else model.block_data(name, step=STEP).operator @ atoms
+        sigma = np.linalg.svd(np.linalg.qr(image)[0][rows])[1][-1]
+        assert len(rows) in (8, 16, 32, min(64, n))
+        assert np.sqrt(len(rows) / n) <= 2.0 * sigma or len(rows) == min(64, n)
+
+
 # ------------------------------------------------------------------------ what they bring
+
+
+@pytest.mark.parametrize("k", [
+    {"temperatures": [293.15, 1073.15], "values": [53.3, 27.3]}, pytest.param(
+        40.0, marks=pytest.mark.full)])
+def test_local_terms_are_summed_over_few_elements(k: Any) -> None:
+    """Of k(T) and radiation: the error of galerkin with the same atoms, from fewer elements, whose
+    number does not grow with the mesh."""
+    kept = []
+    for n in (12, 24):
+        scene = scene_of({
+            "bodies": {"b": {
+                "use": "flexible", "thickness": 0.01, "fields": ["thermal"], "frame": "fixed",
+                "mesh": {"use": "rectangle", "size": [0.1, 0.02], "divisions": [n, n // 3]},
+                "material": {"rho": 7850.0, "k": k, "c": 500.0}}},
+            "loads": {"heat": {"use": "heat_flux", "on": ["b:left"], "flux": {
+                          "use": "pulse", "start": 1.0, "duration": 5.0, "level": 4e5}},
+                      "glow": {"use": "radiation", "on": ["b:top", "b:right"], "emissivity": 0.8,
+                               "surroundings": 293.15}},
+            "training": {"overrides": {"loads.heat.flux": {
+                "use": "constant", "level": 1.5e5}}, "end": 10.0},
+            "time": {"end": 10.0, "step": 0.25}, "integrator": "bdf2"})
+        pod = {"basis": {"use": "pod", "count": 6}}
+        whole, best, run = (simulate(scene.using({"reducer": r})) for r in (
+            "full", {"use": "galerkin", **pod}, {"use": "sparse", **pod}))
+        least, error = (compare(whole, x=r).errors["x"]["b.thermal"] for r in (best, run))
+        assert error < 3.0 * least, (error, least)
+        kept.append(run.summary["elements_touched"]["b.thermal"])
+        assert kept[-1] < best.summary["elements_touched"]["b.thermal"]
+    assert kept[1] < 1.5 * kept[0], kept
 
 
 @cache
@@ -149,14 +206,17 @@ def test_default_takes_rows_of_the_error_where_operators_are_constant() -> None:
 
 @pytest.mark.full
 def test_default_keeps_plain_rows_where_a_row_would_read_every_element_and_says_so() -> None:
-    model = everything_assembled()
-    inverted = inverted_blocks(model, Sparse())
+    """Element weights are learned from a training run, which modes do not need."""
+    model, untrained = everything_assembled(), Sparse.model_validate({"basis": "modal"})
     hot = {b.thermal for b in model.separated.heat if b.local}
-    assert hot and inverted == set(model.reducible()) - hot
-    (note,) = plain_rows(model, Sparse())
+    assert hot and inverted_blocks(model, Sparse()) == set(model.reducible())
+    assert not plain_rows(model, Sparse())
+    assert inverted_blocks(model, untrained) == set(model.reducible()) - hot
+    (note,) = plain_rows(model, untrained)
+    assert "no training run" in note.text
     assert note.level is Level.INFORMATION and note.kind == "plain_rows"
     assert "glow" in note.text and "deim" in note.text and all(name in note.text for name in hot)
-    drawn = samplers(model, Sparse())
+    drawn = samplers(model, untrained)
     assert {n for n, s in drawn.items() if isinstance(s, DeimPoints)} == hot
     for options in ({"residual": "plain"}, {"sampler": "leverage"}, {"resample": 2}):
         own = Sparse.model_validate(options)
@@ -250,14 +310,16 @@ def test_bad_options_are_told_by_key(options: dict[str, Any], key: str, words: s
 
 
 @pytest.mark.full
-def test_radiation_would_need_every_element() -> None:
+def test_radiation_without_element_weights_would_need_every_element() -> None:
     model = assemble(everything())
     budgets = {"*.elastic": {"rows": 8}, "*.thermal": {"rows": 0}}
     hot = sum(bool(b.local) for b in model.separated.heat)
     assert hot
     for residual, count in (("preconditioned", hot), ({"*.elastic": "preconditioned"}, 0),
                             ("auto", 0)):
-        faults = Sparse.model_validate({"budgets": budgets, "residual": residual}).check(model)
+        options = {"budgets": budgets, "residual": residual}
+        assert not Sparse.model_validate(options).check(model)
+        faults = Sparse.model_validate({**options, "basis": "modal"}).check(model)
         assert [f.key for f in faults] == ["residual"] * count
         assert all("every element of glow" in f.message for f in faults)
 
