@@ -61,6 +61,7 @@ class Convection(LoadPlugin):
     """Convection: heat flux q = h (T_fluid - T) over the boundary facets of each set."""
 
     acts_on: ClassVar[Effect] = "temperature"
+    levels: ClassVar[tuple[str, ...]] = ("temperature",)
 
     on: Annotated[list[str], Field(min_length=1)]
     """Surfaces `body:set`."""

@@ -60,6 +60,7 @@ class Radiation(LoadPlugin):
     """Radiation: heat loss q = eps sigma (T^4 - T_inf^4) from the boundary facets (T in K)."""
 
     acts_on: ClassVar[Effect] = "temperature"
+    levels: ClassVar[tuple[str, ...]] = ("surroundings",)
 
     on: Annotated[list[str], Field(min_length=1)]
     """Surfaces `body:set`."""

@@ -93,7 +93,7 @@ def covered(scene: Scene, settings: Sequence[str] | None) -> bool:
     """True if the training run of a scene is all of its run, without being named in `--set`."""
     training = scene.training
     return (not any(s.startswith("training") for s in settings or ())
-            and not training.overrides and training.parameters is None
+            and not training.overrides and not training.several
             and scene.training_end >= scene.time.end * (1 - 1e-9))
 
 

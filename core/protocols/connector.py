@@ -66,3 +66,10 @@ class LoadPlugin(ConnectorPlugin):
 
     @abstractmethod
     def build(self, name: str, parts: Mapping[str, Part]) -> Load: ...
+
+    @property
+    def levels(self) -> tuple[str, ...]:
+        """Options whose function of time is a level, such as an ambient temperature, and not an
+        amplitude that is 0 where the load does not act."""
+        return ()
+

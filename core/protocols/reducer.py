@@ -160,7 +160,8 @@ class OfflineProducts(Protocol):
         ...
 
     def learning(self, count: int) -> "OfflineProducts":
-        """Offline data of the first `count` snapshots alone, without a cache."""
+        """Offline data of the first `count` snapshots alone, or of all training runs but the last
+        if there are several, without a cache."""
         ...
 
 

@@ -17,5 +17,7 @@ COMPARED = "full,galerkin,sparse"
 SAMPLED = "sparse"
 """Reducer with a sampler, preconditioner and sparse solver, which a scene takes when an override
 sets such an option that its own reducer lacks."""
+TABLE = "table"
+"""Function of time of the loads of training runs that vary."""
 BASIS = "pod"
 """Basis of blocks that the shared basis of a reducer does not fit."""

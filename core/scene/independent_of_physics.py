@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from typing import Any
 
-from sparsemor.core.scene.parameters import Point
 from sparsemor.core.scene.scene import Scene
 
 IRRELEVANT: Mapping[str, Any] = {
@@ -23,12 +22,13 @@ NOT_PHYSICS = (frozenset(IRRELEVANT) | REDUCTION) - {"parameters"}
 def physics_of(scene: Scene, label: str) -> Scene:
     """Scene with every irrelevant setting reset, so that all scenes of the same physics have the
     same digest. label: origin of the changed keys in messages."""
-    without = {} if scene.training.parameters is None else {"training.parameters": None}
+    without = {f"training.{key}": None for key in ("parameters", "loads")
+               if getattr(scene.training, key) is not None}
     return scene.using({**IRRELEVANT, **without}, label=label)
 
 
-def training_physics(scene: Scene, point: Point | None = None) -> tuple[Scene, Scene]:
-    """Scene of the training run, at one point of the box of parameters if there are several, and
-    the same with every irrelevant setting reset."""
-    training = scene.for_training(point)
+def training_physics(scene: Scene, own: Mapping[str, Any] | None = None) -> tuple[Scene, Scene]:
+    """Scene of the training run, with its own changes if there are several, and the same with
+    every irrelevant setting reset."""
+    training = scene.for_training(own)
     return training, physics_of(training, "training")

@@ -11,6 +11,7 @@ from sparsemor.core.protocols.layout import FieldKind
 from sparsemor.core.protocols.plugin import Plugin
 from sparsemor.core.scene.overrides import split
 from sparsemor.core.scene.parameters import BoxTraining
+from sparsemor.core.scene.varying_loads import VaryingLoads
 
 _NOT_SIZES = frozenset({"tolerance", "max_halvings", "fields"})
 """Options of `Control` that are not reference sizes of a field."""
@@ -73,6 +74,16 @@ class Training(Plugin):
     parameters: BoxTraining | None = None
     """Several training runs, at points of the box of the scene's parameters. Left out: one run,
     with the values of the scene."""
+    loads: VaryingLoads | None = None
+    """Loads that may vary: `varying` for all, names, or names with a range of their function of
+    time, whose default is minus to plus its largest value in the run. Training runs replace them
+    by impulses, steps and ramps, one run for each alone and two for all together. Left out: the
+    loads of the scene."""
+
+    @property
+    def several(self) -> bool:
+        """True if there are several training runs, or one with changes of its own."""
+        return self.parameters is not None or self.loads is not None
 
     @model_validator(mode="after")
     def _of_the_problem(self) -> "Training":

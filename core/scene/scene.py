@@ -39,12 +39,12 @@ from sparsemor.core.scene.options import Initial, Output, Probe, RigidStage, Tim
 from sparsemor.core.scene.overrides import find
 from sparsemor.core.scene.parameters import (
     Parameter,
-    Point,
     number_at,
     parameter_faults,
     values_at,
 )
 from sparsemor.core.scene.source import Source
+from sparsemor.core.scene.varying_loads import LoadTraining
 
 
 def _an_integer(value: object) -> object:
@@ -140,6 +140,9 @@ class Scene(Plugin):
                 lines.append(custom("time", message, ("training", "end"), scene.training_end))
             lines += [custom("parameters", message, at, None) for at, message in parameter_faults(
                 scene.parameters, scene.training.parameters, scene, data)]
+            if (loads := scene._load_training) is not None:
+                lines += [custom("loads", message, ("training", *at), None)
+                          for at, message in loads.faults(scene.training.overrides)]
         if lines:
             raise ValidationError.from_exception_data("Scene", lines)
         return scene
@@ -190,7 +193,35 @@ class Scene(Plugin):
     def training_runs(self) -> int:
         """Number of training runs, the largest one where it is chosen by errors."""
         box = self.training.parameters
-        return 1 if box is None else box.runs(self.parameters)
+        return max(1 if box is None else box.runs(self.parameters), len(self._load_cases))
+
+    @property
+    def training_changes(self) -> list[dict[str, Any]]:
+        """Changes of the scene for each training run; {} for one with its own values. Points of
+        the box and cases of loads take turns where there are more of the others."""
+        box, cases = self.training.parameters, self._load_cases or [{}]
+        points = [{}] if box is None else [values_at(p) for p in box.chosen(self.parameters)]
+        return [{**points[i % len(points)], **cases[i % len(cases)]}
+                for i in range(max(len(points), len(cases)))]
+
+    @property
+    def unvaried_loads(self) -> dict[str, float]:
+        """Functions of time of `training.loads` that no training run varies, because they have one
+        value in this scene, with it."""
+        loads = self._load_training
+        return {} if loads is None else loads.unvaried()
+
+    @property
+    def _load_cases(self) -> list[dict[str, Any]]:
+        loads = self._load_training
+        return [] if loads is None else loads.cases(self.training_end)
+
+    @property
+    def _load_training(self) -> LoadTraining | None:
+        varying = self.training.loads
+        return None if varying is None else LoadTraining(
+            self.loads, varying, self.time.end,
+            [key for p in self.parameters.values() for key in p.keys])
 
     @property
     def point(self) -> dict[str, float]:
@@ -240,20 +271,20 @@ class Scene(Plugin):
         scene._notes = (*scene._notes, *notes)
         return scene
 
-    def for_training(self, point: Point | None = None) -> "Scene":
-        """Full-order scene of the training run of a reduced model, at one point of the box of
-        parameters if there are several runs.
+    def for_training(self, own: Mapping[str, Any] | None = None) -> "Scene":
+        """Full-order scene of the training run of a reduced model; own: its changes, if there are
+        several runs (`training_changes`).
 
         It does not depend on the reducer, so its digest shows whether snapshots can be reused.
         """
         made: dict[object, Scene] = self.__dict__.setdefault("_for_training", {})  # no field
-        key = tuple(sorted((point or {}).items()))
+        key = repr(sorted((own or {}).items()))
         if key not in made:
-            changes = {**self.training.overrides, **values_at(point or {}),
-                       "reducer": {"use": FULL_ORDER, "remaining": LARGEST_ERROR}}
+            changes = {**self.training.overrides, **(own or {}),
+                       "reducer": {"use": FULL_ORDER, "remaining": LARGEST_ERROR},
+                       "training": {"every": self.training.every}}
             changes.setdefault("time.end", self.training_end)
-            tree = self.using(changes, label="training.overrides")
-            made[key] = tree.using({"training": {"every": self.training.every}}, label="training")
+            made[key] = self.using(changes, label="training.overrides")
         return made[key]
 
     def locate(self, error: InputError) -> list[str]:

@@ -155,16 +155,32 @@ class Offline:
         return "" if self.products.cache is None else digest(key)
 
     def learning(self, count: int) -> "Offline":
-        """Offline data of the first `count` snapshots alone, without a cache. For integrators
-        of an order above 1 the last snapshot, made of the initial accelerations, remains."""
+        """Offline data of the first `count` snapshots alone, or of all training runs but the last
+        if there are several, without a cache. For integrators of an order above 1 the last
+        snapshot, made of the initial accelerations, remains."""
+        several = len(self._runs) > 1
         extra = int(self.recording is not None and self.recording.integrator.order > 1)
 
-        def rows() -> Mapping[str, FloatArray]:
-            found = {n: self.snapshots(n).T for n in self._model.reducible()}
-            return {n: np.concatenate([X[:count], X[len(X) - extra:]]) for n, X in found.items()}
+        def first(run: Mapping[str, FloatArray]) -> Mapping[str, FloatArray]:
+            return {n: np.concatenate([X[:count], X[len(X) - extra:]]) for n, X in run.items()}
 
-        return Offline(self._model, lambda: [("", rows)], Products(None), self.manager,
-                       self.recording)
+        def runs() -> Sequence[TrainingRun]:
+            each = self.each_run(self._model.reducible())
+            kept = each[:-1] if several else [first(each[0])]
+            return [("", partial(dict, run)) for run in kept]
+
+        return Offline(self._model, runs, Products(None), self.manager, self._recording)
+
+    def of_blocks(self, model: Model) -> "Offline":
+        """The same training runs for a model with fewer blocks, without a cache."""
+        return Offline(model, lambda: [
+            ("", partial(dict, run)) for run in self.each_run(model.reducible())],
+            Products(None), self.manager, self._recording)
+
+    def each_run(self, names: Sequence[str]) -> Sequence[Mapping[str, FloatArray]]:
+        """Snapshots (M, n) of some blocks in each of the training runs."""
+        rows = {n: np.split(self.snapshots(n).T, len(self._runs)) for n in names}
+        return [{n: X[i] for n, X in rows.items()} for i in range(len(self._runs))]
 
     def remember(
         self, kind: str, depends: Sequence[object], make: Callable[[], Arrays]

@@ -19,7 +19,6 @@ from sparsemor.core.registry.hooks import Manager
 from sparsemor.core.scene.defaults import FULL_ORDER, LARGEST_ERROR
 from sparsemor.core.scene.digest import digest
 from sparsemor.core.scene.independent_of_physics import physics_of, training_physics
-from sparsemor.core.scene.parameters import Point
 from sparsemor.core.scene.run_identity import Identity, origin
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.initial_from_result import started_from_result
@@ -103,20 +102,21 @@ def offline_of(
     """
     mesh, box = mesh_content(model), scene.training.parameters
 
-    def run(point: Point) -> TrainingRun:
-        training, physics = training_physics(scene, point)
+    def run(own: Mapping[str, Any]) -> TrainingRun:
+        training, physics = training_physics(scene, own)
         key = digest(physics.digest(), training.training.every, Identity.of(physics).plain(), mesh)
         return key, partial(train, training, manager, products, body_cache)
 
     def runs() -> Sequence[TrainingRun]:
-        if box is None or not trains(scene, dict.fromkeys(model.reducible(), 0), model):
+        if not scene.training.several or not trains(
+                scene, dict.fromkeys(model.reducible(), 0), model):
             return [run({})]
-        return [run(point) for point in box.chosen(scene.parameters)]
+        return [run(own) for own in scene.training_changes]
 
     def in_parallel(missing: Sequence[str]) -> None:
         assert box is not None and products.cache is not None
-        points = {digest(run(point)[0]): point for point in box.chosen(scene.parameters)}
-        train_in_parallel(scene, {k: points[k] for k in missing}, products.cache, box.workers,
+        changes = {digest(run(own)[0]): own for own in scene.training_changes}
+        train_in_parallel(scene, {k: changes[k] for k in missing}, products.cache, box.workers,
                       lambda done: manager.hook.on_offline(
                           product=f"training runs, {done} of {len(missing)} done"))
 
@@ -140,7 +140,7 @@ def training_steps(scene: Scene) -> int:
     """Number of the first steps of a run at full order that are the training run of the scene's
     reduced models, 0 if none are. (Steps of controlled error, and those after a rigid-body
     pre-simulation, are the same only in a run of the same length.)"""
-    if scene.training.parameters is not None:  # several runs, none with the values of the scene
+    if scene.training.several:  # none with the values of the scene
         return 0
     training, physics = training_physics(scene)
     end, settings = training.time.end, dict[str, Any](training={"every": scene.training.every})

@@ -38,10 +38,10 @@ from sparsemor.core.scene.nested import nested
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.offline import Offline, step_count
-from sparsemor.core.simulation.offline_cache import Products
 from sparsemor.core.simulation.prepare import prepared
 from sparsemor.core.simulation.progress import progress_bar
 from sparsemor.core.simulation.time_stepping import full_state
+from sparsemor.core.simulation.training import offline_of
 from sparsemor.core.status import SolveFailed
 from sparsemor.plugins.stability.check import check_run
 
@@ -133,7 +133,8 @@ def advise(
     scene: Scene, *, tolerance: float | None = None, observers: Sequence[object] = (),
     cache: Cache | None = None, body_cache: BodyCache | None = None, progress: bool = False,
 ) -> Advice:
-    """Fields and reducer for a scene, chosen by trial runs over its training run.
+    """Fields and reducer for a scene, chosen by trial runs over its training run, the last one of
+    several.
 
     tolerance: largest error of each field, relative to its largest change; by default that of the
     scene's own reducer, if that chooses; progress: show it on standard error. Raises InputError for
@@ -162,6 +163,8 @@ def _advice(scene: Scene, cache: Cache, manager: Manager, body_cache: BodyCache)
     model, offline = prepared(training, cache, manager, body_cache)
     if not model.reducible():
         return _rigid(scene, (), time.perf_counter() - begun)
+    if len(scene.training_changes) > 1:
+        offline = offline_of(scene, model, offline.products, manager, body_cache)
     offline.train()
     full, ready = offline.products.spent.total, time.perf_counter()
     options = scene.dump()["reducer"]
@@ -180,7 +183,8 @@ def _advice(scene: Scene, cache: Cache, manager: Manager, body_cache: BodyCache)
     fields = {n: model.layout.block(n).field for n in model.reducible()}
     return Advice(
         smaller.using({"reducer": choice.reducer}, label=CHOSEN), choice, gone, fields,
-        1e3 * full / step_count(training), full, time.perf_counter() - ready)
+        1e3 * full / (scene.training_runs * step_count(training)), full,
+        time.perf_counter() - ready)
 
 
 def _asked(
@@ -219,10 +223,7 @@ def _asked(
         if same and not names:
             return gone, None
         if same:
-            rows = {n: offline.snapshots(n).T for n in names}
-            kept = Offline(smaller, lambda: [("", lambda: rows)], Products(None), tools[1],
-                           offline.recording)
-            choice = choice_for(smaller, kept)
+            choice = choice_for(smaller, offline.of_blocks(smaller))
             if not choice.doubts:
                 return gone, choice
     return (), choice_for(model, offline)
@@ -234,8 +235,10 @@ def _problem(scene: Scene, model: Model, offline: Offline) -> ReducedProblem:
 
 
 def _training(scene: Scene) -> Scene:
-    """The full-order scene of the training run, with the reducer that chooses."""
-    return scene.for_training().using({"reducer": scene.source.tree["reducer"]}, label="training")
+    """The full-order scene of the training run, the last one of several, with the reducer that
+    chooses."""
+    training = scene.for_training(scene.training_changes[-1])
+    return training.using({"reducer": scene.source.tree["reducer"]}, label="training")
 
 
 def _without(scene: Scene, model: Model, gone: Sequence[str]) -> Scene:

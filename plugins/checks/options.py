@@ -1,5 +1,5 @@
-"""Functions of time that never act or change too fast, short training runs, and parameters outside
-their range."""
+"""Functions of time that never act, change too fast or do not vary in training, short training
+runs, and parameters outside their range."""
 
 from collections.abc import Iterator, Mapping
 
@@ -32,7 +32,7 @@ class Options(Check):
     renewed = frozenset({"never_acts", "too_fast", "short_training", OUTSIDE_RANGE})
 
     def on_model(self, scene: Scene, model: Model | None) -> tuple[Note, ...]:
-        return (*unresolved_functions(scene), *outside_ranges(scene),
+        return (*unresolved_functions(scene), *outside_ranges(scene), *unvaried_loads(scene),
                 *(() if model is None else short_training(scene, model)))
 
 
@@ -123,3 +123,13 @@ def outside_ranges(scene: Scene) -> Iterator[Note]:
             yield Note(f"parameter {name} is {value:g}, outside its range "
                        f"{scene.parameters[name].range}: the reduced model was made for this "
                        "range, and its error may be large", OUTSIDE_RANGE)
+
+
+def unvaried_loads(scene: Scene) -> Iterator[Note]:
+    """Warnings of a reduced run about loads that may vary and do not in its training runs."""
+    if not scene.reducer.full_order:
+        for key, value in scene.unvaried_loads.items():
+            name = key.split(".")[1]
+            yield Note(f"{key} is {value:g} at all times, so that no training run varies it: give "
+                       f"its range (training.loads: {{{name}: [smallest, largest]}})",
+                       "unvaried_load")

@@ -325,11 +325,11 @@ def _training_key(scene: Scene) -> str:
     """Digest of all data that determine the training run of a scene; "" if it has none."""
     box = scene.training.parameters
     try:
-        point = None if box is None else box.chosen(scene.parameters)[0]
-        training, physics = training_physics(scene, point)
+        first, *others = scene.training_changes
+        training, physics = training_physics(scene, first)
     except InputError:
         return ""  # the run will say what is wrong
-    return digest(physics.digest(), training.training.every, box, dict(scene.parameters))
+    return digest(physics.digest(), training.training.every, box, dict(scene.parameters), others)
 
 
 def _compared(dump: Mapping[str, Any]) -> dict[str, Any]:

@@ -62,7 +62,8 @@ class Auto(ReducedStepOptions):
 
     Replaced by the reducer that it chooses before a run starts. Fields that do not change in the
     training run are left out. Other bases are learned from the first part of the training run and
-    tried on the whole of it; where loads move, bases need no training. Galerkin projection, or
+    tried on the whole of it, or learned from all but the last of several training runs and tried
+    on that; where loads move, bases need no training. Galerkin projection, or
     ECSW where local terms have many elements. `sparsemor advise` prints all trial runs.
     """
 
@@ -172,19 +173,22 @@ class Search:
         run; of learned bases also spare ones.
 
         The first part is a larger one where bases of a smaller one need far more atoms than bases
-        of the whole, or miss the tolerance on what follows.
+        of the whole, or miss the tolerance on what follows. Of several training runs it is all but
+        the last.
         """
         if not self.trained:
             return {}
         offline, share = self.problem.offline, self.auto.learning
         self.largest(self.problem)
         whole = {n: self._needed(n) for n in self.sources if self._learns(n)}
-        for left in reversed(range(PARTS)):
+        for left in reversed(range(PARTS if self.ref.runs == 1 else 1)):
             self.ref = self.ref.after(share)
+            said = (f"learned from the first {share:.3g} of it" if self.ref.runs == 1 else
+                    f"learned from {self.ref.runs - 1} runs")
             part = replace(self.problem, offline=offline.learning(self.ref.first))
             largest = self.largest(part)
             if not left or all(self._needed(n) <= TELLING * k for n, k in whole.items()):
-                met = self.sized(largest, {}, f"learned from the first {share:.3g} of it")
+                met = self.sized(largest, {}, said)
                 held_out = self.trials[-1].holdout.values()
                 if max(held_out, default=np.inf) <= self.auto.tolerance:
                     break
@@ -302,8 +306,8 @@ class Search:
         reducer = Ecsw(**{k: v for k, v in options.items() if k != "use"})
         if not part:
             return reducer.project(problem)
-        share = self.ref.first / self.ref.count
-        reducer = reducer.model_copy(update={"states": max(2, round(share * reducer.states))})
+        states = max(2, round(self.ref.learned * reducer.states))
+        reducer = reducer.model_copy(update={"states": states})
         few = whole.leading(counts)
         return replace(few, reducer=reducer, approximation=reducer.approximation(
             problem.model, few.dictionaries, problem.offline, problem.step))
@@ -314,10 +318,11 @@ class Search:
         reasons = [self.rejected] if self.rejected else []
         doubts: list[str] = []
         held = next((t for t in reversed(self.trials) if t.holdout), None)
-        last = self.trials[-1]
-        for trial, errors, where in ((held, held.holdout if held else {}, "on the part of the "
-                                      "training run that was held out"),
-                                     (last, last.errors, "over the training run")):
+        last, several = self.trials[-1], self.ref.runs > 1
+        for trial, errors, where in (
+                (held, held.holdout if held else {}, "on the training run that was held out"
+                 if several else "on the part of the training run that was held out"),
+                (last, last.errors, f"over the {'last ' if several else ''}training run")):
             if trial is None or not errors:
                 continue
             name = max(errors, key=lambda n: errors[n])

@@ -10,34 +10,38 @@ import numpy as np
 from sparsemor.core import (
     Dictionary,
     FloatArray,
-    NextStep,
     ReducedProblem,
     State,
-    StepFormula,
-    StepOutcome,
     StepSolver,
-    next_time,
 )
 from sparsemor.core.linalg.snapshots import column_chunks
-from sparsemor.core.model.initial_state import consistent_state
+from sparsemor.core.model.model import Model
+from sparsemor.core.model.resolved_start import resolved_start
 from sparsemor.core.protocols import TrialRun
 from sparsemor.core.results.error_norms import CONSTANT_CHANGE
+from sparsemor.core.simulation.time_stepping import FixedStep, started
 
+LEAST = 1e-6
+"""Largest change of a block in one of several training runs, relative to that in the others, up to
+which the block counts as constant in it."""
 LINEARIZED = 5
 """Number of states of a trial run about which its model is linearised."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrainingReference:
-    """Snapshots of the training run by block, as states of equal distance in time.
+    """Snapshots of the training runs by block, as states of equal distance in time. The last run
+    is that of the trial runs.
 
-    scales: block -> largest change, or the largest norm of a constant block, 1 if that is 0;
-    constant: names of the constant blocks; count: number M of snapshots; every: number of steps
-    from one to the next; first: number of the first one that the bases have not learned.
+    scales: block -> largest change in each run, or the largest norm of a block that is constant in
+    all, 1 if that is 0; infinite in a run in which a block does not change that changes in others;
+    constant: names of the constant blocks; count: number M of snapshots of a run; every: number of
+    steps from one to the next; first: number of the first one of the last run that the bases have
+    not learned.
     """
 
     problem: ReducedProblem
-    scales: Mapping[str, float]
+    scales: Mapping[str, FloatArray]
     constant: frozenset[str]
     count: int
     every: int
@@ -50,33 +54,52 @@ class TrainingReference:
         count, scales, constant = 0, {}, set()
         for name in model.reducible():
             X = problem.offline.snapshots(name)
-            count = X.shape[1] - int(taken is not None and taken.integrator.order > 1)
-            change, size = largest_change(X)
-            if change <= CONSTANT_CHANGE * size:
+            runs = 1 if taken is None else taken.runs
+            count = X.shape[1] // runs - int(taken is not None and taken.integrator.order > 1)
+            found = np.array([largest_change(x) for x in np.split(X, runs, axis=1)])
+            changes, size = found[:, 0], found[:, 1].max()
+            if changes.max() <= CONSTANT_CHANGE * size:
                 constant.add(name)
-                change = size
-            scales[name] = change or 1.0
+                changes = np.full(runs, size or 1.0)
+            scales[name] = np.where(changes > LEAST * changes.max(), changes, np.inf)
         every = 1 if taken is None else taken.every
-        found = cls(problem, scales, frozenset(constant), count, every, 0)
-        return found.after(learning)
+        return cls(problem, scales, frozenset(constant), count, every, 0).after(learning)
+
+    @property
+    def runs(self) -> int:
+        """Number of training runs."""
+        taken = self.problem.offline.recording
+        return 1 if taken is None else taken.runs
 
     def after(self, learning: float) -> "TrainingReference":
-        """The same for bases that learn from another share of the snapshots."""
+        """The same for bases that learn from another share of the snapshots; of several runs, for
+        bases that learn from all but the last."""
         first = min(max(2, round(learning * self.count)), max(self.count - 1, 1))
-        return replace(self, first=first)
+        return replace(self, first=first if self.runs == 1 else 0)
+
+    @property
+    def learned(self) -> float:
+        """Share of the snapshots that the bases have learned."""
+        return self.first / self.count if self.runs == 1 else 1.0 - 1.0 / self.runs
+
+    def of_run(self, name: str, run: int) -> FloatArray:
+        """Snapshots (n, M) of a block in one of the runs, -1 the last."""
+        X = self.problem.offline.snapshots(name)
+        start = run % self.runs * (X.shape[1] // self.runs)
+        return X[:, start:start + self.count]
 
     def projection(self, name: str, d: Dictionary) -> FloatArray:
-        """Largest relative projection error (k + 1,) of the states of a block on the first 0 to k
-        atoms."""
+        """Largest projection error (k + 1,) of the states of a block on the first 0 to k atoms,
+        relative to its largest change in the same run."""
         Q = np.linalg.qr(d.atoms)[0]
-        X = self.problem.offline.snapshots(name)[:, :self.count]
         worst = np.zeros(d.atoms.shape[1] + 1)
-        for _, part in column_chunks(X):
-            x = part - d.offset[:, None]
-            left = np.sum(x * x, axis=0) - np.cumsum((Q.T @ x) ** 2, axis=0)
-            worst[0] = max(worst[0], float(np.sum(x * x, axis=0).max()))
-            np.maximum(worst[1:], left.max(axis=1), out=worst[1:])
-        return np.sqrt(np.maximum(worst, 0.0)) / self.scales[name]
+        for run, scale in enumerate(self.scales[name]):
+            for _, part in column_chunks(self.of_run(name, run)):
+                x = part - d.offset[:, None]
+                size = np.sum(x * x, axis=0)
+                left = np.vstack([size, size - np.cumsum((Q.T @ x) ** 2, axis=0)])
+                np.maximum(worst, left.max(axis=1) / scale**2, out=worst)
+        return np.sqrt(np.maximum(worst, 0.0))
 
     def run(
         self, method: str, solver: StepSolver, holdout: bool
@@ -85,26 +108,21 @@ class TrainingReference:
         its states; none if it fails. holdout: True if its bases have learned the first part
         alone."""
         problem, layout = self.problem, solver.layout
-        h, rules = problem.step, problem.integrator.rules(problem.step)
+        h, integrator = problem.step, problem.integrator
+        assert isinstance(problem.model, Model)
         atoms = {n: d.atoms.shape[1] for n, d in solver.dictionaries.items()}
         kept = {n: np.zeros((k, self.count)) for n, k in atoms.items()}
         ok, steps = True, (self.count - 1) * self.every
         due = {round(i * steps / (LINEARIZED - 1)) for i in range(LINEARIZED)}
         states: list[State] = []
         with np.errstate(all="ignore"):  # overflow ends in a status
-            state, memory = solver.start(consistent_state(problem.model))
-
-            def solve(formula: StepFormula) -> StepOutcome:
-                nonlocal memory
-                outcome, memory = solver.solve(formula, memory)
-                return outcome
-
-            state = problem.integrator.start(layout, state)
+            state, memory = started(
+                solver, integrator, resolved_start(problem.model, integrator, h).state)
+            step = FixedStep.of(integrator, solver, h)
             begun = time.process_time()
             for n in range(steps + 1):
                 if n:
-                    outcome, state = problem.integrator.advance(
-                        solve, NextStep(rules, layout, state, h, next_time(state.t, h)))
+                    outcome, state, memory = step(state, memory)
                     ok = outcome.status.ok
                     if not ok:
                         break
@@ -124,12 +142,12 @@ class TrainingReference:
 
     def _errors(self, name: str, d: Dictionary, c: FloatArray) -> FloatArray:
         """Relative errors (M,) of coefficients c (k, M) of a block."""
-        X = self.problem.offline.snapshots(name)[:, :self.count]
+        X = self.of_run(name, -1)
         found = np.zeros(self.count)
         for at, part in column_chunks(X):
             x = part - d.offset[:, None] - d.atoms @ c[:, at]
             found[at] = np.linalg.norm(x, axis=0)
-        found /= self.scales[name]
+        found /= self.scales[name][-1]
         return np.where(np.isfinite(found), found, np.inf)
 
 

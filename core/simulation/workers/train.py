@@ -27,7 +27,7 @@ def training() -> Execute:
                 tree = dict(job["tree"])
                 scene, _ = training_physics(build(Source(
                     Document(job["name"], tree), tree, Registry(), Path(job["folder"]))),
-                    job["point"])
+                    job["changes"])
                 products = Products(Cache(job["cache"]))
                 products.remember("training", job["key"],
                                   lambda: train(scene, new_manager(()), products))
