@@ -22,6 +22,10 @@ class Cosamp(LinearRecovery):
     """Largest number of exchanges of columns in one linearisation; then the solve ends as not
     converged."""
 
+    @property
+    def keeps_largest(self) -> bool:
+        return True
+
     def recover(self, problem: Penalised) -> Recovered:
         """Coefficients x (k,) with at most `budget` nonzeros per group."""
         A, b, groups = problem.A, problem.b, problem.groups

@@ -18,6 +18,7 @@ from sparsemor.plugins.sparse_solvers.least_squares_on_support import (
     Linearised,
     fit,
     independent,
+    largest,
     pruned,
     widened,
 )
@@ -171,16 +172,6 @@ class GreedyRecovery:
         if not columns.independent(kept):
             kept = independent(columns.A, support & kept, kept, self.solver.rank_rtol)
         return Selection(kept)
-
-
-def largest(sizes: FloatArray, count: int) -> BoolArray:
-    """Mask (k,) of the `count` largest sizes that are not zero."""
-    kept = sizes > 0.0
-    if count <= 0:
-        kept[:] = False
-    elif count < len(sizes):
-        kept[sizes.argpartition(len(sizes) - count)[: len(sizes) - count]] = False
-    return kept
 
 
 def _visible(linear: Linearised, groups: Sequence[Group]) -> BoolArray:

@@ -33,6 +33,10 @@ class LassoLars(LinearRecovery):
         require("sklearn", "lars", "lasso_lars")
         return self
 
+    @property
+    def keeps_largest(self) -> bool:
+        return self.penalty is None
+
     def recover(self, problem: Penalised) -> Recovered:
         """Coefficients x (k,): of the path's end at `penalty`, or the best that keep the
         budgets."""

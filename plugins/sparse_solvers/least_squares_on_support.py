@@ -134,3 +134,13 @@ def pruned(z: FloatArray, active: BoolArray, groups: Sequence[Group]) -> BoolArr
             size = np.where(active[part], np.abs(z[part]), -1.0)
             kept[part][np.argsort(-size, kind="stable")[g.budget :]] = False
     return kept
+
+
+def largest(sizes: FloatArray, count: int) -> BoolArray:
+    """Mask (k,) of the `count` largest sizes that are not zero."""
+    kept = sizes > 0.0
+    if count <= 0:
+        kept[:] = False
+    elif count < len(sizes):
+        kept[sizes.argpartition(len(sizes) - count)[: len(sizes) - count]] = False
+    return kept

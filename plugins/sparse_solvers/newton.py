@@ -23,6 +23,7 @@ from sparsemor.core import (
     SparseStart,
     Status,
 )
+from sparsemor.core.linalg.least_squares import orthonormal
 from sparsemor.core.protocols.sparse_solver import solver_refusal
 from sparsemor.plugins.sparse_solvers.iterates import (
     Visits,
@@ -37,6 +38,7 @@ from sparsemor.plugins.sparse_solvers.least_squares_on_support import (
     Linearised,
     fit,
     independent,
+    largest,
     pruned,
 )
 from sparsemor.plugins.sparse_solvers.penalised import Penalised, PreparedColumns
@@ -156,6 +158,12 @@ class LinearRecovery(SupportNewton):
         `core.protocols.sparse_solver.PROBLEM_FEATURES`."""
         return frozenset(PROBLEM_FEATURES)
 
+    @property
+    def keeps_largest(self) -> bool:
+        """True if the solution for orthonormal columns is that of the `budget` largest
+        coefficients A^T b, the best support."""
+        return False
+
     @abstractmethod
     def recover(self, problem: Penalised) -> Recovered:
         """Sparse coefficients x (k,) with A x = b; more active columns than budgeted are pruned
@@ -181,7 +189,9 @@ class LinearRecovery(SupportNewton):
         refused = solver_refusal("this problem", self, frozenset(shape))
         if refused:
             raise InputError(refused)
-        return PreparedRecovery(self, J, PreparedColumns.of(J, budget))
+        direct = self.keeps_largest and orthonormal(J)
+        return PreparedRecovery(
+            self, J, PreparedColumns.of(J, budget), budget if direct else None)
 
     def chooser(self, groups: Sequence[Group], support: BoolArray) -> Choose:
         found: Support | None = None
@@ -220,11 +230,13 @@ class LinearRecovery(SupportNewton):
 @dataclass(frozen=True, slots=True, eq=False)
 class PreparedRecovery:
     """Recovery by a solver that starts from no support: sparse x with J x = J c - r, for constant
-    columns J (m, k)."""
+    columns J (m, k). largest: number of active columns where they are those of the largest
+    coefficients, since columns are orthonormal."""
 
     solver: LinearRecovery
     J: FloatArray
     columns: PreparedColumns
+    largest: int | None
 
     def select(self, r: FloatArray, c: FloatArray, support: BoolArray) -> Selection:
         """Support of the largest recovered coefficients, without linearly dependent columns."""
@@ -232,6 +244,9 @@ class PreparedRecovery:
         size = float(np.sqrt(b.dot(b)))
         if not size < np.inf:
             return Selection(support, Status.NOT_FINITE)
+        if self.largest is not None:
+            x = np.abs(b.dot(self.J))
+            return Selection(largest(np.where(x > 100.0 * EPS * size, x, 0.0), self.largest))
         problem = self.columns.with_right(b)
         left = float(np.sqrt(problem.b.dot(problem.b)))
         if left <= 100.0 * EPS * size:

@@ -23,6 +23,10 @@ class OrthogonalMatchingPursuit(LinearRecovery):
     tolerance: float = Field(default=1e-12, ge=0.0, lt=1.0)
     """Residual norm, relative to the right-hand side, at which no more columns are added."""
 
+    @property
+    def keeps_largest(self) -> bool:
+        return True
+
     def recover(self, problem: Penalised) -> Recovered:
         """Coefficients x (k,) of least squares on the chosen columns."""
         A, b = problem.A, problem.b

@@ -9,7 +9,7 @@ whose factors the sparse solver computes once (`SparseSolver.prepare`). The effe
 unknowns is of second order: the step is solved again with all of them on the new support.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -242,23 +242,24 @@ class BlockwiseSelection:
     def thermal(self, at: SolvedStep, memory: SparseMemory) -> Found:
         changed: dict[str, BoolArray] = {}
         for block in self.heat:
-            found = self._exchanged([block], at, memory)
+            rows = self.steps.rows(at, memory)[block.rows.rows]
+            found = self._exchanged([block], at, {block.rows.name: rows})
             if isinstance(found, SelectionFailed):
                 return found
             changed |= found
         return changed
 
     def elastic(self, at: SolvedStep, memory: SparseMemory) -> Found:
-        return self._exchanged(self.bodies, at, memory)
+        if not self.bodies:
+            return {}
+        return self._exchanged(self.bodies, at, self.steps.elastic_rows(at, memory))
 
     def _exchanged(
-        self, blocks: Sequence[BlockSelection], at: SolvedStep, memory: SparseMemory
+        self, blocks: Sequence[BlockSelection], at: SolvedStep, rows: Mapping[str, FloatArray]
     ) -> Found:
-        """Exchanges in blocks that decide together."""
-        if not blocks:
-            return {}
-        x, rows = at.outcome.x, self.steps.rows(at, memory)
-        parts = [b.at(rows[b.rows.rows], x[b.rows.at], at.supports[b.rows.name]) for b in blocks]
+        """Exchanges in blocks that decide together, from the rows of each."""
+        x = at.outcome.x
+        parts = [b.at(rows[b.rows.name], x[b.rows.at], at.supports[b.rows.name]) for b in blocks]
         bad = next((p for p in parts if not p.current < np.inf), None)
         if bad is not None:
             return SelectionFailed(bad.block.rows.name, Status.NOT_FINITE)

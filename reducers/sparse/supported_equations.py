@@ -170,6 +170,19 @@ class SupportedEquations(StepEquations):
             r[at] = d[at] + (R[rows] if left is None else left.dot(R[rows]))
         return r
 
+    def at_solution(
+        self, step: StepFormula, solved: StepOutcome, operators: Mapping[str, FloatArray]
+    ) -> dict[str, FloatArray]:
+        """Rows of each elastic block at the solution of the step that was solved last; operators:
+        of the first rows on their atoms, (j, k), which the equations of the step leave out."""
+        d = solved.x - step.free if solved.rates is None else step.departure(
+            solved.x, *solved.rates)
+        R, found = self.now.residual(d if isinstance(self.use, slice) else d[self.use]), {}
+        for name, B in operators.items():
+            found[name] = r = R[self.rows.rows.rows[name]].copy()
+            r[: len(B)] += B.dot(np.where(self.needed[at := self.layout[name]], d[at], 0.0))
+        return found
+
     def jacobian(self, at: Linearisation) -> FloatArray:
         rows, use = self.rows.some(self.needed, at.x, at.v, at.a)
         J = rows.slope_at(Linearisation(at.x[use], at.v[use], at.a[use], at.t, at.c))

@@ -66,6 +66,11 @@ class SupportedSteps:
         """Residual of all sampled rows at the solution of a step."""
         return self.mechanics.working(memory).all_rows.at_solution(at.step, at.outcome)
 
+    def elastic_rows(self, at: "SolvedStep", memory: SparseMemory) -> Mapping[str, FloatArray]:
+        """The same of each elastic block, by the equations with which the step was solved."""
+        return self.mechanics.working(memory).at_solution(
+            at.step, at.outcome, {n: e.columns.B for n, e in self.elastic.items()})
+
     def accepted(
         self, outcome: StepOutcome, step: StepFormula, memory: SparseMemory
     ) -> StepOutcome:

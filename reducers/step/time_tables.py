@@ -2,7 +2,7 @@
 
 from bisect import bisect_left
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -30,6 +30,8 @@ class TimeTable:
     near: float = 0.0
     single: Callable[[float], FloatArray] | None = None
     """The same function at one time, where that is cheaper."""
+    last: list[tuple[float, FloatArray]] = field(default_factory=list, compare=False)
+    """The last time that is not in the table, and the values there."""
 
     @classmethod
     def of(
@@ -55,8 +57,10 @@ class TimeTable:
             i = bisect_left(self.times, t - self.near)
             if i < len(self.times) and self.times[i] - t <= self.near:
                 return np.asarray(self.rows[i])
-        return np.asarray(self.source(np.array([t]))[0]) if self.single is None else (
-            self.single(t))
+        if not self.last or self.last[0][0] != t:
+            self.last[:] = [(t, np.asarray(self.source(np.array([t]))[0]) if self.single is None
+                             else self.single(t))]
+        return self.last[0][1]
 
     def along(self, times: FloatArray) -> FloatArray:
         """Values (T, m) at times (T,), s; at the tabulated times the rows themselves, not a

@@ -10,11 +10,16 @@ from sparsemor.core.testing import installed
 ACTIVE = 5
 
 
-@pytest.mark.parametrize("name", ["cosamp", "greedy_gauss_newton", "omp"])
-@pytest.mark.parametrize("shape", [(60, 32), (60, 70)])
-def test_prepare_selects_what_solve_selects(name: str, shape: tuple[int, int]) -> None:
+@pytest.mark.parametrize("name", ["cosamp", "greedy_gauss_newton", "lasso_lars", "omp"])
+@pytest.mark.parametrize(("shape", "orthonormal"), [
+    ((60, 32), False), ((60, 70), False), ((60, 32), True), ((32, 32), True)])
+def test_prepare_selects_what_solve_selects(
+    name: str, shape: tuple[int, int], orthonormal: bool
+) -> None:
+    """Of orthonormal columns, as of all rows of D^-1 r, the largest coefficients."""
     rng, solver = np.random.default_rng(5), installed("sparse_solver")[name]()
     A = rng.standard_normal(shape)
+    A = np.linalg.qr(A)[0] if orthonormal else A
     columns = ColumnSubsets(A / np.linalg.norm(A, axis=0), 1e-12)
     own, default = solver.prepare(columns, ACTIVE), SparseSolver.prepare(solver, columns, ACTIVE)
     assert type(own) is not type(default)
@@ -28,3 +33,6 @@ def test_prepare_selects_what_solve_selects(name: str, shape: tuple[int, int]) -
         found = [r.select(columns.A @ c - b, c, wrong) for r in (own, default)]
         assert found[0].status.ok and found[1].status.ok
         assert np.array_equal(found[0].support, found[1].support)
+        if orthonormal:
+            largest = np.argsort(-np.abs(b @ columns.A))[:ACTIVE]
+            assert set(largest) == set(np.flatnonzero(found[0].support))
