@@ -21,6 +21,7 @@ from sparsemor.core.cli.options import (
     load_with,
     located_in,
     out_option,
+    owners_of,
     place_for_result,
     print_json,
     progress,
@@ -29,6 +30,7 @@ from sparsemor.core.cli.options import (
 )
 from sparsemor.core.errors import InputError
 from sparsemor.core.model.body_cache import BodyCache
+from sparsemor.core.notes import folded
 from sparsemor.core.results.atomic_files import writing
 from sparsemor.core.results.files.listing import add_part
 from sparsemor.core.results.output_directory import COMPARISON, OutputDirectory
@@ -231,6 +233,7 @@ def _report(
         typer.echo(str(comparison))
         typer.echo(f"table{' and charts' * charts}: {directory}")
     if not quiet:
-        warn([f"{name}: {note}" for name, s in summaries.items() for note in s.get("notes", ())])
+        warn(folded({name: s.get("notes", ()) for name, s in summaries.items()},
+                    owners_of(results[reference])))
     if failed:
         leave(failed, FAILED)

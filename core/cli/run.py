@@ -19,12 +19,14 @@ from sparsemor.core.cli.options import (
     located_in,
     located_in_settings,
     out_option,
+    owners_of,
     place_for_result,
     print_json,
     progress,
     warn,
 )
 from sparsemor.core.errors import InputError
+from sparsemor.core.notes import folded
 from sparsemor.core.results.error_norms import LIMIT
 from sparsemor.core.results.model_format import is_model_file
 from sparsemor.core.results.solver_report import solvers_in_words
@@ -66,9 +68,9 @@ def run(
             typer.echo(in_words(summary))
             typer.echo(f"result: {directory}")
         if not quiet:
-            warn(summary.get("notes", ()))
+            warn(folded({"": summary.get("notes", ())}, owners_of(result)))
         if not (quiet or as_json):  # programs find it in the summary
-            inform(summary.get("information", ()))
+            inform(folded({"": summary.get("information", ())}, owners_of(result)))
 
 
 def _kept(scene: str, resume: bool) -> "ReducedModel | None":
@@ -112,7 +114,7 @@ def in_words(summary: Mapping[str, Any]) -> str:
         lines.append(("memory", f"{held['peak_gb']:.2g} GB at most"))
     for name in ("rows", "atoms", "atoms_active", "elements_touched", "probes"):
         lines += [(name.replace("_", " "), f"{k}: {_short(v)}")
-                  for k, v in _entries(summary.get(name))]
+                  for k, v in _entries(summary.get(name)) if v != 0]
     width = max(len(label) for label, _ in lines)
     return "\n".join(f"{label:<{width}}  {value}" for label, value in lines if value is not None)
 

@@ -6,7 +6,7 @@ import pytest
 
 from small_scenes import tiny
 from sparsemor import load, simulate
-from sparsemor.core.notes import Level, Note, information, kinds, sentences
+from sparsemor.core.notes import Level, Note, folded, information, kinds, sentences
 from sparsemor.plugins.stability.survey import unsampled
 
 SLIDER = "tests/scenes/small_slider.yaml"
@@ -44,3 +44,24 @@ def test_only_unsampled_loads_are_counted_as_such() -> None:
                  information("how a step is solved"))
 
     assert unsampled(Solver()) == 1
+
+
+def test_one_fact_about_several_runs_and_blocks_is_one_line() -> None:
+    far = "{} left its range in {} % of the steps, by up to {} of its change: train longer"
+    stiff = "the elements of {0} are too stiff by {1} %: set bodies.{0}.order: 2"
+    runs = {
+        "galerkin": [far.format("rod.elastic", 47, 0.94), far.format("rod.thermal", 45, 1e-3),
+                     stiff.format("rod", 5)],
+        "sparse": [far.format("rod.elastic", 40, -2.5), far.format("rod.thermal", 1, 3),
+                   "another fact"]}
+    assert folded(runs, ["rod", "crank"]) == [
+        f"galerkin, sparse: {runs['galerkin'][0]} (also rod.thermal)",
+        f"galerkin: {runs['galerkin'][2]}", "sparse: another fact"]
+    one = {"": [stiff.format("rod", 5.5), stiff.format("crank", 12), "3 atoms"]}
+    assert folded(one, ["rod", "crank"]) == [f"{one[''][0]} (also crank)", "3 atoms"]
+    lists = {"a": ["the error is about rod.elastic 5 %, crank.elastic 3.7 % of it"],
+             "b": ["the error is about crank.elastic 5 % of it", "4 atoms"]}
+    assert folded(lists, ["rod", "crank"]) == [f"a, b: {lists['a'][0]}", "b: 4 atoms"]
+    assert folded({"a": [far.format("rod.elastic", 1, 1)], "b": [far.format("crank.thermal", 1, 1)]},
+                  ["rod", "crank"])[0].endswith("train longer (also b: crank.thermal)")
+    assert folded({"": []}, []) == folded({}, ["rod"]) == []
