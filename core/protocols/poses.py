@@ -47,12 +47,15 @@ def unit_attitude(pose: FloatArray) -> FloatArray:
     return np.concatenate([pose[:3], pose[3:] / np.linalg.norm(pose[3:])])
 
 
-def turned_by(pose: FloatArray) -> FloatArray:
-    """Rotation angle (j,), 0 to pi rad, from the first of the poses (j, 7) to each of them."""
-    (p0, *e0), p, e = pose[0, 3:], pose[:, 3], pose[:, 4:]
-    # the product of a quaternion with the first one's conjugate
-    scalar = p0 * p + e @ np.array(e0)
-    vector = p0 * e - p[:, None] * np.array(e0) - np.cross(e, e0)
+def angle_between(first: FloatArray, pose: FloatArray) -> FloatArray:
+    """Rotation angle (j,), rad, from poses `first` (j, n) or (1, n) to poses (j, n): of spatial
+    ones 0 to pi."""
+    if pose.shape[1] in BY_ANGLE:
+        return np.asarray(np.abs(pose[:, -1] - first[:, -1]))
+    p0, e0, p, e = first[:, 3], first[:, 4:], pose[:, 3], pose[:, 4:]
+    # the product of a quaternion with the conjugate of the first
+    scalar = p0 * p + (e * e0).sum(axis=1)
+    vector = p0[:, None] * e - p[:, None] * e0 - np.cross(e, e0)
     return np.asarray(2.0 * np.arctan2(np.linalg.norm(vector, axis=1), np.abs(scalar)))
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.protocols.layout import Block, FieldKind, Quantity
-from sparsemor.core.protocols.poses import BY_ANGLE
+from sparsemor.core.protocols.poses import KNOWN, angle_between
 from sparsemor.core.registry.registry import Registry
 from sparsemor.core.results.run_result import RunResult
 
@@ -146,7 +146,7 @@ def measure_errors(reference: RunResult, run: RunResult, late_from: float = 0.0)
     Error of a block: |x_ref - x|(t) / max over t of |x_ref - x_ref(0)|; if the reference is
     constant (that change is at most `constant_change` of max |x_ref|), relative to max |x_ref|, and
     absolute if that is 0 too. Instantaneous relative error of a block: |x_ref - x|(t) / |x_ref|(t),
-    0 where x_ref = 0. angle_rad: maximum error over all rotations described by one angle, rad.
+    0 where x_ref = 0. angle_rad: maximum error over the rotations of all bodies, rad.
     late_from: time from which late errors are evaluated, s.
 
     Blocks that only one of the runs has are not compared (`unshared`). Raises InputError when the
@@ -158,6 +158,8 @@ def measure_errors(reference: RunResult, run: RunResult, late_from: float = 0.0)
     size = {b.name: np.zeros(len(here)) for b in blocks}
     scale = {b.name: 0.0 for b in blocks}
     angle = np.zeros(len(here))
+    turning = [b for b in blocks if b.kind.quantity is Quantity.POSE and b.size in KNOWN and (
+        b.owner in reference.scene.get("bodies", (b.owner,)))]  # else a massless frame of a joint
     for b in blocks:
         start = reference.block(b.name, slice(0, 1))
         for part in _batches(len(here), b.size):
@@ -165,8 +167,9 @@ def measure_errors(reference: RunResult, run: RunResult, late_from: float = 0.0)
             difference = x_ref - run.block(b.name, there[part])
             error[b.name][part], size[b.name][part] = _norms(difference), _norms(x_ref)
             scale[b.name] = max(scale[b.name], float(_norms(x_ref - start).max()))
-            if _turns(b):
-                angle[part] = np.maximum(angle[part], np.abs(difference[:, -1]))
+            if b in turning:
+                angle[part] = np.maximum(
+                    angle[part], angle_between(x_ref, x_ref - difference))
     least = constant_change(reference.scene)
     constant = {name for name in scale if scale[name] <= least * float(size[name].max())}
     for name in constant:
@@ -176,7 +179,7 @@ def measure_errors(reference: RunResult, run: RunResult, late_from: float = 0.0)
     times = reference.times[here]
     series = {"combined": _combined(list(error.values()), list(size.values()))}
     series |= _per_field(blocks, {name: e / scale[name] for name, e in error.items()})
-    if any(map(_turns, blocks)):
+    if turning:
         series["angle_rad"] = angle
     series |= {name: norm(reference, run, here, there) for name, norm in further_norms().items()}
     present = {name: _ratio(e, size[name]) for name, e in error.items()}
@@ -271,11 +274,6 @@ def common_blocks(
         listed = ", ".join(sorted({f"{b.name} ({b.size})" for b in odd}))
         raise InputError(f"the runs have no unknowns in common: {listed}")
     return common, tuple(sorted({b.name for b in odd}))
-
-
-def _turns(block: Block) -> bool:
-    """True if the last entry of a block is the rotation angle of a frame, rad."""
-    return block.kind.quantity is Quantity.POSE and block.size in BY_ANGLE
 
 
 def _batches(count: int, size: int) -> Iterator[slice]:

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.protocols.layout import Quantity
-from sparsemor.core.protocols.poses import FREE_POSE, KNOWN, PLANAR_POSE, SPINNING_POSE, turned_by
+from sparsemor.core.protocols.layout import Block, Quantity
+from sparsemor.core.protocols.poses import KNOWN, PLANAR_POSE, SPINNING_POSE, angle_between
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.plugins.charts.fields import NO_RUNS
 from sparsemor.plugins.charts.style import (
@@ -52,8 +52,8 @@ def angles_figure(
     """Rotation angles of all runs over time (as Figs. 4 and 17 of the paper); None if no body
     rotates.
 
-    One panel per body whose rotation is one angle, and one for the angular velocity of bodies that
-    rotate about a fixed axis in space. name: label of the reference, if there are other runs. A
+    One panel per body, and one for the angular velocity of bodies that rotate about a fixed axis in
+    space. name: label of the reference, if there are other runs. A
     cross marks the end of a run that stopped early.
     """
     shown = turning(reference)
@@ -88,8 +88,9 @@ def angles_figure(
 
 
 def turning(run: RunResult) -> Curves:
-    """Rotation curves of a run: degrees for planar bodies; rad and rad/s for bodies that rotate
-    about a fixed axis in space, computed in the run or prescribed by the rigid pre-simulation.
+    """Rotation curves of a run: degrees for planar bodies, and from the start for free bodies in
+    space; rad and rad/s for bodies that rotate about a fixed axis in space, computed in the run or
+    prescribed by the rigid pre-simulation.
 
     A result contains no rates of the unknowns: the angular velocity is the derivative of the
     parabola through three stored angles. The rates of a rigid pre-simulation are stored.
@@ -98,10 +99,14 @@ def turning(run: RunResult) -> Curves:
     if len(run.times) < 2:
         return found
     for b in run.layout:
-        if b.kind.quantity is Quantity.POSE and b.size in (PLANAR_POSE, SPINNING_POSE):
-            angle = run.block(b.name)[:, -1]
+        if _is_pose_of_body(run, b):
+            pose = run.block(b.name)
+            angle = pose[:, -1]
             if b.size == PLANAR_POSE:
                 found[b.owner, "angle (°)"] = Curve(run.times, np.degrees(angle))
+            elif b.size > SPINNING_POSE:
+                found[b.owner, "turned (°)"] = Curve(
+                    run.times, np.degrees(angle_between(pose[:1], pose)))
             else:
                 found |= _spin(b.owner, run.times, angle, rate_of(run.times, angle))
     stage = run.stage()
@@ -132,7 +137,13 @@ def moving_bodies(run: RunResult) -> Poses:
         return {body: (stage.times, stage.frames[body].pose) for body in sorted(stage.moves)}
     least = PLANAR_POSE if run.scene.get("contacts") else PLANAR_POSE + 1
     return {b.owner: (run.times, run.block(b.name)) for b in run.layout
-            if b.kind.quantity is Quantity.POSE and b.size in KNOWN and b.size >= least}
+            if _is_pose_of_body(run, b) and b.size >= least}
+
+
+def _is_pose_of_body(run: RunResult, block: Block) -> bool:
+    """True for the rigid coordinates of a body, False for those of a massless frame of a joint."""
+    return (block.kind.quantity is Quantity.POSE and block.size in KNOWN
+            and block.owner in run.scene.get("bodies", (block.owner,)))
 
 
 def positions_figure(moving: Poses) -> "Figure | None":
@@ -165,8 +176,8 @@ def _moved(moving: Poses, what: str) -> dict[str, FloatArray]:
     found = {}
     for body, (_, pose) in moving.items():
         if what == "turned":
-            found[body] = (
-                turned_by(pose) if pose.shape[1] == FREE_POSE else pose[:, -1] - pose[0, -1])
+            found[body] = (angle_between(pose[:1], pose) if pose.shape[1] > SPINNING_POSE
+                           else pose[:, -1] - pose[0, -1])
         elif what != "z moved" or pose.shape[1] != PLANAR_POSE:
             column = pose[:, _AXES.index(what)]
             found[body] = column - column[0]

@@ -11,7 +11,8 @@ import numpy as np
 from sparsemor.core.results.error_norms import LIMIT, measure_names
 from sparsemor.core.results.tables import CONSTANT, MARK, marked, text_table
 from sparsemor.core.status import Status
-from sparsemor.plugins.study.columns import ERROR, LATE, SERIES, label
+from sparsemor.plugins.study.axes import LABEL
+from sparsemor.plugins.study.columns import ERROR, LATE, OF_CHARTS, SERIES, label
 from sparsemor.plugins.study.plan import Drawing, StudyPlan
 
 if TYPE_CHECKING:
@@ -30,7 +31,10 @@ def in_words(plan: StudyPlan, rows: Sequence[Mapping[str, Any]]) -> str:
     """Text table of the most important columns, and numbers of runs by status."""
     errors = _errors(plan.drawing)
     own = plan.study.file.quantities
-    names = ["run", *plan.axes, "status", "ms_per_step",
+    axes = [n for n in plan.axes if LABEL not in plan.axes or not any(
+        isinstance(row.get(n), dict) for row in rows)]  # which the label names
+    counts = [n for n in (plan.study.file.budget,) if n in OF_CHARTS]
+    names = ["run", *axes, *counts, "status", "ms_per_step",
              *(["speed_up"] if plan.study.file.compared else []), *own,
              *(n for n in [*errors][1:] if any(row.get(n) is not None for row in rows))]
     head = [errors.get(n, n).replace("_", " ") for n in names]

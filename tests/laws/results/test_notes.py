@@ -62,6 +62,6 @@ def test_one_fact_about_several_runs_and_blocks_is_one_line() -> None:
     lists = {"a": ["the error is about rod.elastic 5 %, crank.elastic 3.7 % of it"],
              "b": ["the error is about crank.elastic 5 % of it", "4 atoms"]}
     assert folded(lists, ["rod", "crank"]) == [f"a, b: {lists['a'][0]}", "b: 4 atoms"]
-    assert folded({"a": [far.format("rod.elastic", 1, 1)], "b": [far.format("crank.thermal", 1, 1)]},
-                  ["rod", "crank"])[0].endswith("train longer (also b: crank.thermal)")
+    apart = {"a": [far.format("rod.elastic", 1, 1)], "b": [far.format("crank.thermal", 1, 1)]}
+    assert folded(apart, ["rod", "crank"])[0].endswith("train longer (also b: crank.thermal)")
     assert folded({"": []}, []) == folded({}, ["rod"]) == []

@@ -8,10 +8,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from sparsemor import load, simulate
+from sparsemor.bodies.terms.field_kinds import BODY_KINDS
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.model.facets import outer_facets
+from sparsemor.core.protocols.layout import Block
 from sparsemor.core.protocols.mesh import Mesh
-from sparsemor.core.protocols.poses import turned_by
+from sparsemor.core.protocols.poses import angle_between
+from sparsemor.core.results.error_norms import measure_errors
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.plugins.charts import surface_pyvista, write_run_charts
@@ -29,6 +32,7 @@ from sparsemor.plugins.charts.time_histories import (
     turning,
 )
 from sparsemor.plugins.charts.view import VIEWS, BodySurface, front_facing, paint
+from written_runs import TIMES, write_run
 
 SCENE = """\
 format: 1
@@ -235,7 +239,8 @@ def test_pictures_of_a_run_in_space(
 def test_speed_is_that_of_the_parabola(run: RunResult) -> None:
     """Nothing brakes the wheel: 5 rad/s; and 5 t^2 has the speed 10 t at any spacing."""
     curves = turning(run)
-    assert set(curves) == {("wheel", "angle (rad)"), ("wheel", "angular speed (rad/s)")}
+    assert set(curves) == {("wheel", "angle (rad)"), ("wheel", "angular speed (rad/s)"),
+                           ("bar", "turned (°)")}
     np.testing.assert_allclose(curves["wheel", "angular speed (rad/s)"].values, 5.0, rtol=1e-9)
     np.testing.assert_allclose(curves["wheel", "angle (rad)"].values, 5.0 * run.times, rtol=1e-9)
     t = np.array([0.0, 0.1, 0.15, 0.4, 0.41])
@@ -246,7 +251,8 @@ def test_speed_is_that_of_the_parabola(run: RunResult) -> None:
 def test_angle_and_speed_have_a_panel_each(run: RunResult) -> None:
     figure = angles_figure(run, {"again": run}, "full")
     assert figure is not None
-    assert [a.get_ylabel() for a in figure.axes] == ["angle (rad)", "angular speed (rad/s)"]
+    assert [a.get_ylabel() for a in figure.axes] == [
+        "turned (°)", "angle (rad)", "angular speed (rad/s)"]
     for axes in figure.axes:
         assert [line.get_label() for line in axes.lines] == ["full (reference)", "again"]
         assert np.array_equal(axes.lines[0].get_ydata(), axes.lines[1].get_ydata())
@@ -260,7 +266,7 @@ def test_turn_of_a_quaternion() -> None:
                                  + [others.as_quat(scalar_first=True)])
     pose[1, 3:] *= -1.0  # the same attitude
     expected = (others * first.inv()).magnitude()
-    np.testing.assert_allclose(turned_by(pose), [0.0, 0.0, *expected], atol=1e-7)
+    np.testing.assert_allclose(angle_between(pose[:1], pose), [0.0, 0.0, *expected], atol=1e-7)
 
 
 def test_positions_in_space(run: RunResult) -> None:
@@ -295,3 +301,20 @@ def test_probes(run: RunResult) -> None:
     (line,) = (line for line in bent.axes[0].lines if line.get_label() == "tip")
     np.testing.assert_allclose(
         np.asarray(line.get_ydata()), 1e6 * np.linalg.norm(run.probe("tip")[:, 3:6], axis=1))
+
+
+def test_the_error_of_angles_is_that_of_bodies_in_space_not_of_massless_frames(
+    tmp_path: Path
+) -> None:
+    blocks = (Block("arm", BODY_KINDS[0], 7), Block("strut.first", BODY_KINDS[0], 7))
+    x = np.zeros((3, 14))
+    x[:, [3, 10]] = 1.0
+    other = x.copy()
+    for start, angle in ((3, 0.02), (10, 0.5)):
+        other[2, start] = np.cos(0.5 * angle)
+        other[2, start + 2] = np.sin(0.5 * angle)
+    ran = [write_run(tmp_path / name, x=values, times=TIMES[:3], blocks=blocks,
+                     scene={"bodies": {"arm": {}}}) for name, values in (("a", x), ("b", other))]
+    assert measure_errors(*ran).worst["angle_rad"] == pytest.approx(0.02)
+    assert set(turning(ran[1])) == {("arm", "turned (°)")}
+    assert turning(ran[1])["arm", "turned (°)"].values[-1] == pytest.approx(np.degrees(0.02))
