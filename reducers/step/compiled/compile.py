@@ -138,6 +138,11 @@ def bound(functions: Functions, compiled: Callable[[FunctionType], Any]) -> Any:
     return made["advance"]
 
 
+def has_code(functions: Functions) -> bool:
+    """True if an earlier run has kept machine code for models with these functions."""
+    return bool(MachineCode(name_of(functions), make=False))
+
+
 @cache
 def compiled_advance(functions: Functions) -> Any:
     """Compiled `kernel.advance` for models with these functions."""

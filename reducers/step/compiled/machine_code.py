@@ -24,10 +24,12 @@ _WRITE = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
 
 class MachineCode:
     """Kept machine code with one name, a digest of its sources: bytes by key, which describes a
-    function, its types and the processor. folder: None if no place is private."""
+    function, its types and the processor. folder: None if no place is private; make: False not to
+    make one."""
 
-    def __init__(self, name: str) -> None:
-        self.folder = next((f for root in _roots() if (f := _own_folder(root / name))), None)
+    def __init__(self, name: str, make: bool = True) -> None:
+        self.folder = next(
+            (f for root in _roots() if (f := _own_folder(root / name, make))), None)
 
     def __bool__(self) -> bool:
         """True if something is kept."""
@@ -69,12 +71,14 @@ def _roots() -> Iterator[Path]:
         yield own_cache_folder() / MACHINE_CODE
 
 
-def _own_folder(folder: Path) -> Path | None:
-    """The folder, made if need be; None unless it belongs to this user, who alone can write."""
+def _own_folder(folder: Path, make: bool) -> Path | None:
+    """The folder, made if need be and wanted; None unless it belongs to this user, who alone can
+    write."""
     with suppress(OSError):
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        with suppress(FileExistsError):
-            folder.mkdir(mode=0o700)
+        if make:
+            folder.parent.mkdir(parents=True, exist_ok=True)
+            with suppress(FileExistsError):
+                folder.mkdir(mode=0o700)
         if _private(folder.lstat(), stat.S_ISDIR):
             return folder
     return None

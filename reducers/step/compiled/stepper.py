@@ -23,7 +23,12 @@ from sparsemor.core.protocols.poses import turns_from
 from sparsemor.core.protocols.step_amplitude import Substep, substep
 from sparsemor.reducers.step.blocks.thermal_block import CompressedHeat
 from sparsemor.reducers.step.compiled.arrays import NO_HEAT, NO_PRESCRIBED, NO_TERM, RunArrays
-from sparsemor.reducers.step.compiled.compile import Functions, compiled_advance, installed
+from sparsemor.reducers.step.compiled.compile import (
+    Functions,
+    compiled_advance,
+    has_code,
+    installed,
+)
 from sparsemor.reducers.step.compiled.plan import body_work, model_arrays, plan, work_of
 from sparsemor.reducers.step.compiled.timed import NotCompiled
 from sparsemor.reducers.step.factors import Factor, Inverse
@@ -32,9 +37,9 @@ from sparsemor.reducers.step.memory import Memory
 from sparsemor.reducers.step.solver import Stepper
 
 Compiled: TypeAlias = Literal["auto", "on", "off"]
-AUTO = 200_000
-"""Smallest number of steps of a run that `auto` compiles: the first compilation takes as long as
-about as many uncompiled steps."""
+AUTO, KEPT = 80_000, 2_000
+"""Smallest number of steps of a run for which `auto` compiles, and takes machine code that an
+earlier run has kept: compilation and loading take as long as about as many uncompiled steps."""
 LONGEST = 400
 """Largest number of steps of a block: functions of time are tabulated for it."""
 AHEAD = 50
@@ -51,7 +56,8 @@ class CompiledStepper(Stepper):
     def many(self, rules: UpdateRules, h: float, steps: int) -> "ManySteps[Memory] | None":
         """Compiled steps of size h, s, for a run of `steps` steps."""
         try:
-            return CompiledSteps(self, rules, h) if wanted(self.compiled, steps) else None
+            return CompiledSteps(self, rules, h) if wanted(
+                self.compiled, steps, lambda: has_code(plan(self).functions)) else None
         except NotCompiled:
             return None
 
@@ -87,9 +93,12 @@ def no_effect_of(option: Compiled, reason: str) -> tuple[Note, ...]:
         option == "on" and reason) else ()
 
 
-def wanted(option: Compiled, steps: int) -> bool:
-    """True if the steps of a run are to be compiled."""
-    return option == "on" or (option == "auto" and steps >= AUTO and installed())
+def wanted(option: Compiled, steps: int, kept: Callable[[], bool]) -> bool:
+    """True if the steps of a run are to be compiled; kept: whether there is machine code of an
+    earlier run."""
+    if option != "auto":
+        return option == "on"
+    return installed() and steps >= KEPT and (steps >= AUTO or kept())
 
 
 class CompiledSteps:

@@ -357,9 +357,17 @@ def test_heat_alone() -> None:
 
 def test_auto_is_for_long_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     from sparsemor.reducers.step.compiled import stepper
-    assert wanted("on", 1) and not wanted("off", 10**9) and not wanted("auto", 100)
-    monkeypatch.setattr(stepper, "installed", lambda: False)
-    assert not wanted("auto", 10**9)
+    def yes() -> bool:
+        return True
+
+    def no() -> bool:
+        return False
+
+    assert wanted("on", 1, no) and not wanted("off", 10**9, yes)
+    assert wanted("auto", 10**5, no) and not wanted("auto", 5000, no)
+    assert wanted("auto", 5000, yes) and not wanted("auto", 100, yes)
+    monkeypatch.setattr(stepper, "installed", no)
+    assert not wanted("auto", 10**9, yes)
 
 
 def test_without_numba_on_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:

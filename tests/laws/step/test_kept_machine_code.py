@@ -121,6 +121,11 @@ def test_without_a_private_place_nothing_is_kept(caches: Path) -> None:
     assert kept.folder is None and not kept and kept.read(KEY) is None
 
 
+def test_a_look_makes_no_folder(caches: Path) -> None:
+    assert not MachineCode("code", make=False)
+    assert not list(caches.rglob("code"))
+
+
 def test_removal_takes_what_is_ours(caches: Path) -> None:
     _, file = written()
     (file.parent / "kernel.advance-1.py311.nbi").write_bytes(b"1234")  # of an earlier version

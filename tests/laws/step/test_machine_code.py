@@ -56,6 +56,18 @@ def test_the_code_is_compiled_once(caplog: pytest.LogCaptureFixture) -> None:
     assert not [r for r in caplog.records if "compiling" in r.message]
 
 
+def test_auto_takes_code_that_was_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It does not compile a short run, but takes the machine code of an earlier one."""
+    monkeypatch.setattr("sparsemor.reducers.step.compiled.stepper.KEPT", 10)
+    compiled = simulate(heated("on"))
+    auto = simulate(heated("auto"))
+    for block in BLOCKS:
+        assert np.array_equal(compiled.block(block), auto.block(block)), block
+    monkeypatch.setattr("sparsemor.reducers.step.compiled.stepper.has_code", lambda of: False)
+    monkeypatch.setattr("sparsemor.reducers.step.compiled.stepper.CompiledSteps", None)
+    simulate(heated("auto"))
+
+
 class StopsAt:
     """Asks for the end of the run, as Ctrl-C does, after a step."""
 
