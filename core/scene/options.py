@@ -77,7 +77,7 @@ class Training(Plugin):
     loads: VaryingLoads | None = None
     """Loads that may vary: `varying` for all, names, or names with a range of their function of
     time, whose default is minus to plus its largest value in the run. Training runs replace them
-    by impulses, steps and ramps, one run for each alone and two for all together. Left out: the
+    by impulses, steps and ramps, one run for each alone and three for all together. Left out: the
     loads of the scene."""
 
     @property

@@ -21,7 +21,7 @@ VaryingLoads = (Literal["varying"] | Annotated[list[str], Field(min_length=1)]
 """All loads, or those of these names, with a range or without."""
 LoadFault = tuple[tuple[str | int, ...], str]
 """Location below `training`, and message."""
-TOGETHER = 2
+TOGETHER = 3
 """Number of training runs in which all loads vary at once."""
 SAMPLES = 1000
 """Number of times at which the largest value of a function is looked for."""
@@ -126,9 +126,12 @@ class LoadTraining:
 
     def unvaried(self) -> dict[str, float]:
         """Functions of time that would vary but for their range, with their value: amplitudes that
-        are 0 in this scene, and levels by name that are constant."""
-        return {v.key: v.base for v in self._each() if isinstance(v, Varying)
-                and v.far == v.near and not (v.level and isinstance(self.varying, str))}
+        are 0 in this scene, and constant levels, if they are named or nothing else varies."""
+        found = [v for v in self._each() if isinstance(v, Varying)]
+        still = {v.key: v.base for v in found if v.far == v.near}
+        amplitudes = {v.key for v in found if not v.level}
+        return still if len(still) == len(found) or not isinstance(self.varying, str) else {
+            key: value for key, value in still.items() if key in amplitudes}
 
     def _each(self) -> Iterator[Varying | LoadFault]:
         """Each function of time that may vary, or its fault."""

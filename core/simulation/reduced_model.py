@@ -17,6 +17,7 @@ from sparsemor.core.errors import Fault, InputError, PluginError, check_count
 from sparsemor.core.linalg.threads import described, fixed_threads
 from sparsemor.core.model.body_cache import BodyCache
 from sparsemor.core.model.initial_state import START
+from sparsemor.core.model.resolved_start import FAR
 from sparsemor.core.notes import Note
 from sparsemor.core.protocols import (
     State,
@@ -394,7 +395,8 @@ class ReducedModel:
         if initial or any(inside(key, k) for key in keys for k in self._load_functions):
             made = self._packed.made(_table(scene), _functions(scene))
             solver = run.solver.stepping_alike(made)
-            start = started_from(self._meshless[1], initial, run.solver.layout)
+            start = self._resolved(made, started_from(
+                self._meshless[1], initial, run.solver.layout))
             run = replace(run, solver=solver, start=start, own_loads=False, estimator=None,
                           extents=self._extents, offline=None,
                           notes=(*run.notes, *_without_estimate(run)),
@@ -403,6 +405,16 @@ class ReducedModel:
                 notes = start_notes(made, start, initial, run.solver.layout)
                 run = replace(run, notes=(*(n for n in run.notes if n.kind != START), *notes))
         return run
+
+    def _resolved(self, solver: StepSolver, start: State) -> State:
+        """The start with the accelerations that the loads of `solver` cause, where a step resolves
+        them (`resolved_start`)."""
+        if self.scene.rigid_stage is not None:
+            return start
+        a, h = solver.start(start)[0].a, self.scene.time.step
+        far = (size > FAR * b.diagonal for b, size in zip(
+            self._extents.blocks, self._extents.sizes(0.5 * h * h * a), strict=True) if not b.hot)
+        return start if any(far) else replace(start, a=a)
 
     def _scene_with(self, overrides: Mapping[str, Any] | Scene) -> Scene:
         return overrides if isinstance(overrides, Scene) else self.scene.using(

@@ -27,6 +27,7 @@ from sparsemor.core.simulation.offline import STATE, Offline, TrainingRun, full_
 from sparsemor.core.simulation.offline_cache import Products, mesh_content
 from sparsemor.core.simulation.rigid_stage import staged
 from sparsemor.core.simulation.workers.training_runs import train_in_parallel
+from sparsemor.core.status import SolveFailed
 
 TRAINING = "training run"
 """Prefix of messages about failures of the training run."""
@@ -105,7 +106,8 @@ def offline_of(
     def run(own: Mapping[str, Any]) -> TrainingRun:
         training, physics = training_physics(scene, own)
         key = digest(physics.digest(), training.training.every, Identity.of(physics).plain(), mesh)
-        return key, partial(train, training, manager, products, body_cache)
+        make = partial(train, training, manager, products, body_cache)
+        return key, make if scene.training.loads is None else partial(_under_loads, make)
 
     def runs() -> Sequence[TrainingRun]:
         if not scene.training.several or not trains(
@@ -125,6 +127,17 @@ def offline_of(
                           training.time.end)
     return Offline(model, runs, products, manager, recording, origin(type(scene.reducer)),
                    in_parallel if box is not None and box.workers > 1 else None)
+
+
+def _under_loads(make: Callable[[], Mapping[str, FloatArray]]) -> Mapping[str, FloatArray]:
+    """A training run under loads that vary; its failure advises on their ranges."""
+    try:
+        return make()
+    except SolveFailed as error:
+        raise SolveFailed(
+            error.status, error.time, error.block, error.detail, phase=error.phase,
+            advice="the scene does not bear all that training.loads declares: give ranges that a "
+            "run can have, such as {push: [0.5, 1]}, or name fewer loads") from None
 
 
 def snapshot_keeper(scene: Scene, model: Model, offline: Offline) -> SnapshotCollector | None:

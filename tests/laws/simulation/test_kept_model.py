@@ -86,6 +86,26 @@ def test_other_loads_give_the_run_of_a_new_model(file: Path) -> None:
     assert_equal(model().run(), simulate(scene()))  # the model itself is as it was
 
 
+@pytest.mark.parametrize(("scale", "near"), [(1.0, 1e-9), (1e9, 1e-2)])
+def test_a_load_that_jumps_at_the_start_accelerates_as_in_a_new_model(
+    scale: float, near: float, tmp_path: Path
+) -> None:
+    """The model's own load begins at 0. scale: of load and stiffness; where it is large, a step
+    resolves no vibration, and no accelerations are those of an implicit Euler step, nearly."""
+    pull, up = "loads.pull.factor", {"use": "ramp", "end": 0.01, "final": 1.0}
+    beam = load(Path(__file__).parents[3] / "docs/examples/cantilever.yaml", {
+        "time.end": 0.01, "bodies.beam.mesh.divisions": [8, 2], "bodies.beam.material.E":
+        7.0e10 * scale, "training.overrides": {pull: 1.0}, pull: up, "loads.pull.force": [
+            0.0, -1000.0 * scale]})
+    model = reduce(beam)
+    model.save(tmp_path / "beam.model")
+    fresh = simulate(beam.using({pull: 1.0})).block("beam.elastic")
+    for kept in (model, load_model(tmp_path / "beam.model")):
+        run = kept.run({pull: 1.0})
+        x = run.coefficients("beam.elastic") @ model.run().atoms("beam.elastic").T
+        assert np.abs(x - fresh).max() <= near * np.abs(fresh).max()
+
+
 @pytest.mark.full
 def test_every_function_of_time_that_may_change_is_that_of_a_new_model(tmp_path: Path) -> None:
     """Every kind of load, with convection and radiation: all functions at once."""

@@ -10,7 +10,9 @@ from small_scenes import tiny
 from sparsemor import InputError, reduce, simulate
 from sparsemor.core.results.error_norms import measure_errors
 from sparsemor.core.scene.scene import Scene
+from sparsemor.core.simulation import training
 from sparsemor.core.simulation.training import training_steps
+from sparsemor.core.status import SolveFailed, Status
 from sparsemor.plugins.checks.options import unvaried_loads
 
 FLUX, PUSH = "loads.heating.flux", "loads.push.factor"
@@ -28,9 +30,9 @@ def varying(loads: Any, **changes: Any) -> Scene:
 def test_each_load_varies_alone_and_all_together() -> None:
     scene = varying("varying")
     one, other, *together = scene.training_changes
-    assert set(one) == set(other) == {FLUX, PUSH} and len(together) == 2
+    assert set(one) == set(other) == {FLUX, PUSH} and len(together) == 3
     assert one[PUSH] == other[FLUX] == 0.0
-    assert scene.training_runs == 4 and training_steps(scene) == 0
+    assert scene.training_runs == 5 and training_steps(scene) == 0
     for changes in together:
         assert all(changes[key]["use"] == "table" for key in (FLUX, PUSH))
     for own, key, large in ((one, FLUX, 1.0e6), (other, PUSH, -2.0)):
@@ -80,7 +82,7 @@ def test_a_scene_without_loads_is_refused() -> None:
 
 def test_loads_of_one_value_do_not_vary_and_a_model_reports_it() -> None:
     still = varying("varying", **{PUSH: 0.0})
-    assert list(still.unvaried_loads) == [PUSH] and len(still.training_changes) == 3
+    assert list(still.unvaried_loads) == [PUSH] and len(still.training_changes) == 4
     assert list(varying(["film", "push"]).unvaried_loads) == ["loads.film.temperature"]
     assert varying({"push": [0.0, 1.0]}, **{PUSH: 0.0}).unvaried_loads == {}
     assert varying(["push"], **{PUSH: 0.0}).training_changes == [{}]
@@ -101,3 +103,15 @@ def test_auto_holds_for_loads_that_no_training_run_had(tolerance: float) -> None
         full = simulate(scene.using({**loads, "reducer": "full"}))
         errors = measure_errors(full, model.run(loads))
         assert max(errors.series[n].max() for n in ("bar.elastic", "bar.thermal")) <= tolerance
+
+
+def test_a_training_run_that_fails_under_loads_advises_on_their_ranges(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def fails(*_: object) -> None:
+        raise SolveFailed(Status.NOT_CONVERGED, 0.01, "bar.elastic", "training run")
+
+    monkeypatch.setattr(training, "train", fails)
+    scene = varying({"push": [-9.0, 9.0]}, reducer="galerkin")
+    with pytest.raises(SolveFailed, match=r"t = 0.01 s in bar.elastic.*training.loads declares"):
+        simulate(scene)
