@@ -105,6 +105,14 @@ class FloatingBody(Body):
         return int(self.X.shape[1])
 
     @property
+    def total_mass(self) -> float | None:
+        return None if self.inertia is None else self.inertia.mass
+
+    @property
+    def set_sizes(self) -> Mapping[str, int]:
+        return {name: len(nodes) for name, nodes in self.points.items()}
+
+    @property
     def notes(self) -> tuple[Note, ...]:
         """Warnings about its mesh, sets and bending stiffness."""
         if "bending" not in self._found:

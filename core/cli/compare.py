@@ -21,7 +21,6 @@ from sparsemor.core.cli.options import (
     load_with,
     located_in,
     out_option,
-    owners_of,
     place_for_result,
     print_json,
     progress,
@@ -88,7 +87,8 @@ def compare(
                 writes += drawing.usual_files(tuple(scenes))
         with place_for_result(directory, resume, force, writes, tuple(scenes)):
             results, failures = _run_all(scenes, directory, resume, quiet or as_json, body_cache)
-        _report(results, failures, directory, as_json, quiet, charts, error_limit)
+        _report(results, failures, directory, as_json, quiet, charts, error_limit,
+                [*loaded.bodies, *loaded.joints])
 
 
 def covered(scene: Scene, settings: Sequence[str] | None) -> bool:
@@ -200,7 +200,7 @@ def _drawn(file: Path) -> None:
 
 def _report(
     results: "dict[str, RunResult]", failures: dict[str, SolveFailed], directory: Path,
-    as_json: bool, quiet: bool, charts: bool, error_limit: float,
+    as_json: bool, quiet: bool, charts: bool, error_limit: float, owners: Sequence[str],
 ) -> None:
     from sparsemor.core.analysis.compare import compare as compared
 
@@ -233,7 +233,6 @@ def _report(
         typer.echo(str(comparison))
         typer.echo(f"table{' and charts' * charts}: {directory}")
     if not quiet:
-        warn(folded({name: s.get("notes", ()) for name, s in summaries.items()},
-                    owners_of(results[reference])))
+        warn(folded({name: s.get("notes", ()) for name, s in summaries.items()}, owners))
     if failed:
         leave(failed, FAILED)

@@ -13,7 +13,7 @@ from contextlib import (
 )
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TextIO, TypeVar
+from typing import Annotated, Any, TextIO, TypeVar
 
 import typer
 
@@ -28,9 +28,6 @@ from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.scene.yaml_reader import LocatedError
 from sparsemor.core.simulation.progress import progress_bar
 from sparsemor.core.status import SolveFailed, Status
-
-if TYPE_CHECKING:
-    from sparsemor.core.results.run_result import RunResult
 
 T = TypeVar("T")
 
@@ -235,11 +232,6 @@ def warn(notes: Sequence[str]) -> None:
     """Prints warnings about a run on standard error."""
     for note in notes:
         typer.echo(f"warning: {note}", err=True)
-
-
-def owners_of(result: "RunResult") -> list[str]:
-    """Names of the bodies and joints of a run."""
-    return list(dict.fromkeys(block.owner for block in result.layout))
 
 
 def inform(notes: Sequence[str]) -> None:

@@ -31,21 +31,26 @@ from sparsemor.core.scene.source import Source
 
 
 def validate(scene: SceneName, settings: Settings = None, as_json: Json = False) -> None:
-    """Check a scene file and build its parts, without running it."""
+    """Check a scene file and build its parts, without running it: nodes, unknowns, masses, first
+    frequencies and sets of its bodies."""
     with exit_codes(as_json):
         loaded = load_with(scene, settings)
         with located_in(loaded):
-            from sparsemor.core.notes import Level, sentences
+            from sparsemor.core.analysis.bodies import body_facts, in_words
+            from sparsemor.core.notes import Level, folded, sentences
             from sparsemor.core.simulation.checks import Checks
             from sparsemor.core.simulation.validation import checked_model
 
-            found = sentences(Checks.of(loaded).of_model(
-                loaded, checked_model(loaded)), Level.WARNING)
+            model = checked_model(loaded)
+            found = sentences(Checks.of(loaded).of_model(loaded, model), Level.WARNING)
+            bodies = body_facts(model, loaded.bodies)
         if as_json:
-            print_json({"status": "done", "scene": loaded.dump(), "notes": found})
+            print_json({"status": "done", "scene": loaded.dump(), "notes": found,
+                        "bodies": {name: facts.plain() for name, facts in bodies.items()}})
         else:
-            warn(found)
+            warn(folded({"": found}, loaded.bodies))
             typer.echo(f"{loaded.name}: valid ({', '.join(loaded.bodies)})")
+            typer.echo(in_words(bodies))
 
 
 def schema() -> None:

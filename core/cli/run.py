@@ -19,7 +19,6 @@ from sparsemor.core.cli.options import (
     located_in,
     located_in_settings,
     out_option,
-    owners_of,
     place_for_result,
     print_json,
     progress,
@@ -67,10 +66,11 @@ def run(
         elif not quiet:
             typer.echo(in_words(summary))
             typer.echo(f"result: {directory}")
+        owners = [*loaded.bodies, *loaded.joints]
         if not quiet:
-            warn(folded({"": summary.get("notes", ())}, owners_of(result)))
+            warn(folded({"": summary.get("notes", ())}, owners))
         if not (quiet or as_json):  # programs find it in the summary
-            inform(folded({"": summary.get("information", ())}, owners_of(result)))
+            inform(folded({"": summary.get("information", ())}, owners))
 
 
 def _kept(scene: str, resume: bool) -> "ReducedModel | None":

@@ -381,6 +381,16 @@ class Body(Part):
         return None
 
     @property
+    def total_mass(self) -> float | None:
+        """Mass, kg; None if it has none or does not report it."""
+        return None
+
+    @property
+    def set_sizes(self) -> Mapping[str, int]:
+        """Set of points -> number of its points."""
+        return {}
+
+    @property
     def mesh(self) -> Mesh | None:
         """Its mesh, which is part of the cache key of offline results; None without one."""
         return None

@@ -158,7 +158,7 @@ def _lines(
         for p, y in placed:
             _marker(axes, p.ms_per_step, y, style, p.status.ok)
             if p.status.ok and p.errors.get(measure, 0.0) > limit:
-                axes.plot([p.ms_per_step], [y], linestyle="none", marker="x", markersize=9,
+                axes.plot([p.ms_per_step], [y], linestyle="none", marker="x", markersize=6,
                           color=LIMIT_COLOUR, clip_on=False, zorder=4)
             if not p.stable:
                 axes.plot([p.ms_per_step], [y], linestyle="none", marker="o", markersize=10,

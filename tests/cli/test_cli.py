@@ -155,6 +155,7 @@ def test_validate_also_builds_the_parts(monkeypatch):
     def check(scene):
         if scene.bodies["a"].mass > 100:
             raise InputError("too heavy to hold", "bodies.a.mass")
+        return SimpleNamespace(bodies={}, layout=(), separated=SimpleNamespace(moving=()))
 
     checked_by(monkeypatch, check)
     monkeypatch.setattr(Checks, "of_model", lambda checks, scene, model: (
