@@ -54,12 +54,13 @@ def bending_notes(
     warning above `WARNED`."""
     share = excess_stiffness(mesh, e, thickness)
     if share > NOTED:
-        text = (f"the linear elements of {body} are too stiff: loads that bend it into its lowest "
-                f"modes displace it {100 * share:.2g} % less than with quadratic elements on the "
-                f"same mesh; set bodies.{body}.order: 2, or where that is not possible take more "
-                "elements over the height")
-        yield Note(text, "stiff_in_bending") if share > WARNED else (
-            information(text, "stiff_in_bending"))
+        less = (f"loads that bend it into its lowest modes displace it {100 * share:.2g} % less "
+                "than with quadratic elements on the same mesh")
+        yield Note(f"the linear elements of {body} are too stiff: {less}; set bodies.{body}.order: "
+                   "2, or where that is not possible take more elements over the height",
+                   "stiff_in_bending") if share > WARNED else information(
+            f"body {body} has linear elements: {less} (bodies.{body}.order: 2)",
+            "stiff_in_bending")
 
 
 @dataclass(slots=True, eq=False)

@@ -29,8 +29,11 @@ def work_points(comparison: Comparison) -> tuple[list[WorkPoint], WorkPoint]:
     """Points of the work-precision chart: one per run, and the reference. Errors are those after
     the end of training, if late errors are measured from there."""
     errors = comparison.late_errors if _after_training(comparison) else comparison.errors
-    found = {name: WorkPoint(name, "", f.ms_per_step, errors.get(name, {}), f.status,
-                             f.offline_whole_seconds) for name, f in comparison.facts.items()}
+    runs = {comparison.name: comparison.reference, **comparison.runs}
+    found = {name: WorkPoint(
+        name, "", f.ms_per_step, errors.get(name, {}), f.status, f.offline_whole_seconds,
+        runs[name].summary.get("stability", {}).get("stable") is not False)
+        for name, f in comparison.facts.items()}
     return [found[run] for run in comparison.runs], found[comparison.name]
 
 

@@ -130,8 +130,10 @@ def energy_notes(lost: float | None, h: float) -> tuple[Note, ...]:
     """Note on a large loss. lost: of `energy_lost`; h: time step, s."""
     if lost is None or not lost > LIMIT:
         return ()
-    text = (
-        f"the integrator takes energy from the motion: in this run about {100.0 * lost:.2g} % of "
-        f"the largest kinetic energy (noted above {100.0 * LIMIT:g} %): take one of second order "
-        f"(generalized_alpha, bdf2), or a step much smaller than {h:g} s")
-    return (Note(text, ENERGY_LOST) if lost > WARNED else information(text, ENERGY_LOST),)
+    takes = (f"the integrator takes energy from the motion: in this run about {100.0 * lost:.2g} % "
+             "of the largest kinetic energy")
+    if lost <= WARNED:
+        return (information(f"{takes}; one of second order (generalized_alpha, bdf2) takes less",
+                            ENERGY_LOST),)
+    return (Note(f"{takes} (noted above {100.0 * LIMIT:g} %): take one of second order "
+                 f"(generalized_alpha, bdf2), or a step much smaller than {h:g} s", ENERGY_LOST),)

@@ -67,17 +67,21 @@ def undershoot(model: Model, result: RunResult) -> tuple[Note, ...]:
 
 
 def _note(body: str, T: float, t: float, floor: float, top: float) -> Note:
-    share = (floor - T) / (top - T)
-    text = (
+    share = 100 * (floor - T) / (top - T)
+    avoid = (f"bodies.{body}.capacity: lumped (linear elements only), a finer mesh where heat "
+             "enters, or a longer time.step")
+    if floor <= 0.0 or floor - T < LARGE * floor:
+        return information(
+            f"body {body}: heat enters faster than its elements resolve, so that temperatures fall "
+            f"up to {floor - T:.3g} K below the lowest initial, prescribed or surrounding one "
+            f"({share:.2g} % of their range, {T:.4g} K at {t:.4g} s); this is avoided by {avoid}; "
+            "in a reduced run it may be the basis", "undershoot")
+    return Note(
         f"body {body}: its temperature falls to {T:.4g} K at {t:.4g} s, {floor - T:.3g} K below "
-        f"every initial, prescribed and surrounding one (at least {floor:.4g} K), "
-        f"{100 * share:.2g} % of the range of temperatures. A consistent capacity matrix causes "
-        "this where heat enters faster than the elements resolve: use "
-        f"bodies.{body}.capacity: lumped (linear elements only), a finer mesh where heat enters, "
-        "or a longer time.step; in a reduced run it may be the basis: take more atoms of its "
-        "temperatures")
-    large = floor > 0.0 and floor - T >= LARGE * floor
-    return Note(text, "undershoot") if large else information(text, "undershoot")
+        f"every initial, prescribed and surrounding one (at least {floor:.4g} K), {share:.2g} % of "
+        "the range of temperatures. A consistent capacity matrix causes this where heat enters "
+        f"faster than the elements resolve: use {avoid}; in a reduced run it may be the basis: "
+        "take more atoms of its temperatures", "undershoot")
 
 
 def _looked_at(count: int) -> IntArray:
