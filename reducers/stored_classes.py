@@ -1,7 +1,16 @@
-"""Classes of which the step solvers of kept reduced models are made (`Plugin.stored_classes`)."""
+"""Classes of which the step solvers and error estimators of kept reduced models are made
+(`Plugin.stored_classes`)."""
 
 from collections.abc import Sequence
 
+from sparsemor.reducers.estimation import (
+    coupled_errors,
+    error_space,
+    estimator,
+    modal_steps,
+    reduced_states,
+    residuals,
+)
 from sparsemor.reducers.step import (
     frame_step,
     operators,
@@ -18,6 +27,10 @@ from sparsemor.reducers.step.solver import Stepper
 CLASSES: Sequence[object] = (
     CompressedHeat, Stepper, Tolerances, frame_step.BodyStep,
     frame_step.PrescribedFactors,
+    coupled_errors.CoupledErrors, coupled_errors.ReducedBlock, error_space.ErrorSpace,
+    estimator.BlockErrors, estimator.ErrorModel, modal_steps.ModalSteps, reduced_states.InAtoms,
+    reduced_states.InModes, reduced_states.Projected, residuals.ElasticResidual,
+    residuals.HeatResidual,
     operators.TestedElastic, operators.TestedHeat, operators.TestedLocal, operators.TestMap,
     reduced.Reduced, reduced.ReducedBody, reduced.ReducedHeat,
     reduced_mechanics.ReducedMechanics,

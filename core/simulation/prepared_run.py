@@ -39,12 +39,13 @@ class PreparedRun:
     """A run up to its first step: everything that further runs of the same model share.
 
     solver: step solver; start: state from which it starts, of the full-order model, or in the
-    unknowns of a solver without mesh; header: of the result; probes, forces, given: what is
-    recorded next to the unknowns; trained_to: end of the training run of its bases, s, if there was
-    one. model: assembled model, estimator: of the error, and offline data, None where they are not
-    at hand; own_loads: False if the run has other loads than that model; extents: of the bodies,
-    where the model, or the atoms of the solver, are not at hand. notes, summary, kept, changes:
-    what is known, and found by checks, before the first step (`Findings`).
+    unknowns of a solver without mesh, full_start: then that of the full-order model for the
+    estimator; header: of the result; probes, forces, given: what is recorded next to the unknowns;
+    trained_to: end of the training run of its bases, s, if there was one. model: assembled model,
+    estimator: of the error, and offline data, None where they are not at hand; own_loads: False if
+    the run has other loads than that model; extents: of the bodies, where the model, or the atoms
+    of the solver, are not at hand. notes, summary, kept, changes: what is known, and found by
+    checks, before the first step (`Findings`).
     """
 
     scene: Scene
@@ -59,6 +60,7 @@ class PreparedRun:
     estimator: ErrorEstimator | None = None
     offline: Offline | None = None
     own_loads: bool = True
+    full_start: State | None = None
     forces: tuple[ForceReader, ...] = ()
     extents: Extents = Extents(())
     summary: Mapping[str, Any] = field(default_factory=dict)

@@ -20,6 +20,7 @@ from sparsemor.core.model.initial_state import START
 from sparsemor.core.model.resolved_start import FAR
 from sparsemor.core.notes import Note
 from sparsemor.core.protocols import (
+    ErrorEstimator,
     State,
     StepMemory,
     StepSolver,
@@ -64,7 +65,7 @@ from sparsemor.core.simulation.recorder import Recorder
 from sparsemor.core.simulation.run_steps import RunSteps
 from sparsemor.core.simulation.step_statistics import StepStatistics
 from sparsemor.core.simulation.stored_classes import CLASSES
-from sparsemor.core.simulation.time_stepping import started
+from sparsemor.core.simulation.time_stepping import full_state, started
 from sparsemor.core.simulation.validation import ESTIMATE, endless, time_faults
 from sparsemor.core.status import SolveFailed
 
@@ -317,6 +318,7 @@ class ReducedModel:
             "solver": solver, "start": start, "header": replace(header, scene={}, estimates=()),
             "extents": self._extents.few(),
             "model": None, "estimator": None, "own_loads": True, "offline": None,
+            "full_start": None,
             "given": run.given if fields else {}, "probes": tuple(
                 replace(p, place=replace(p.place, displacement=None, temperature=None))
                 for p in run.probes),
@@ -397,14 +399,30 @@ class ReducedModel:
             solver = run.solver.stepping_alike(made)
             start = self._resolved(made, started_from(
                 self._meshless[1], initial, run.solver.layout))
-            run = replace(run, solver=solver, start=start, own_loads=False, estimator=None,
-                          extents=self._extents, offline=None,
-                          notes=(*run.notes, *_without_estimate(run)),
-                          header=replace(run.header, estimates=()))
+            estimator = None if initial else self._estimator_of(scene)
+            run = replace(
+                run, solver=solver, start=start, own_loads=False, estimator=estimator,
+                extents=self._extents, offline=None,
+                full_start=None if estimator is None else replace(
+                    self._run.start, a=full_state(run.solver, start).a))
+            if estimator is None:
+                run = replace(run, notes=(*run.notes, *_without_estimate(run)),
+                              header=replace(run.header, estimates=()))
             if initial:
                 notes = start_notes(made, start, initial, run.solver.layout)
                 run = replace(run, notes=(*(n for n in run.notes if n.kind != START), *notes))
         return run
+
+    def _estimator_of(self, scene: Scene) -> ErrorEstimator | None:
+        """The estimator of the model for the loads of a scene; None where there is none, or where
+        its terms need the mesh."""
+        named, plugins = ({**_functions(s), "integrator": s.integrator}
+                          for s in (self.scene, scene))
+        try:
+            return None if self._run.estimator is None else Packed.of(
+                self._run.estimator, _table(self.scene), named).made(_table(scene), plugins)
+        except PackedError:
+            return None
 
     def _resolved(self, solver: StepSolver, start: State) -> State:
         """The start with the accelerations that the loads of `solver` cause, where a step resolves
@@ -466,8 +484,8 @@ def _without_estimate(run: PreparedRun) -> tuple[Note, ...]:
     """Note on a run without the error estimate that its model has."""
     return () if not run.header.estimates else (Note(
         "reducer.error_estimate has no effect in this run of a kept model: the estimate needs the "
-        "mesh. Runs of the model in memory with its own loads and start have it, and so has "
-        "`sparsemor run` of the scene", "no_effect"),)
+        "mesh. Runs of the model in memory with its own start, and its own loads or others where "
+        "all terms are linear, have it, and so has `sparsemor run` of the scene", "no_effect"),)
 
 
 def _table(scene: Scene) -> Table:

@@ -72,7 +72,8 @@ class RunSteps:
         complete(self.memory, StepMemory, scene.reducer, "start", "reducer")
         self.many = many_steps(self.solver, scene.integrator, scene.time.step, run.steps)
         if run.estimator is not None:
-            recorder.errors = ErrorRecord(run.estimator, run.start, self.state, run.changes)
+            recorder.errors = ErrorRecord(
+                run.estimator, run.full_start or run.start, self.state, run.changes)
         self.checks = Checks.of(scene)
         self.control = self.checks.control(run)
         if self.control is not None:

@@ -42,7 +42,7 @@ class ErrorAction(Check):
         limit = run.scene.reducer.error_limit
         if limit.action == "warn":
             return None
-        if run.estimator is None or run.model is None:
+        if run.estimator is None or run.model is None or not run.own_loads:
             raise InputError(
                 f"action: {limit.action} needs the estimate and the assembled model, which this "
                 "reduced model does not have: take action: warn, or run its scene",

@@ -10,7 +10,7 @@ import pytest
 
 from reduced_runs import errors, estimates, learnt, model_of, states
 from small_scenes import everything, tiny
-from sparsemor import load_model, reduce
+from sparsemor import InputError, load_model, reduce
 from sparsemor.bodies.terms.weak_term import WeakTerm
 from sparsemor.core.analysis.compare import compare
 from sparsemor.core.model.equations import system_residual
@@ -216,14 +216,40 @@ def test_a_result_has_the_estimate_at_its_stored_steps() -> None:
 
 
 @pytest.mark.full
-def test_a_kept_run_with_other_loads_says_that_it_has_no_estimate(tmp_path: Path) -> None:
-    model = reduce(reduced_scene(tiny(), error_estimate=1))
-    other = {"loads.heating.flux": {"use": "constant", "level": 5e5}}
+def test_a_kept_run_with_other_loads_has_an_estimate_and_one_from_a_file_says_no(
+    tmp_path: Path,
+) -> None:
+    scene = reduced_scene(tiny(), error_estimate=1)
+    model = reduce(scene)
+    other = {"loads.heating.flux": {"use": "ramp", "end": 0.02, "final": -5e5}}
     model.save(tmp_path / "bar.model")
-    own, changed, read = model.run(), model.run(other), load_model(tmp_path / "bar.model").run()
-    assert own.error_estimates and not changed.error_estimates and not read.error_estimates
+    changed, read = model.run(other), load_model(tmp_path / "bar.model").run()
+    turned = model.run(initial={"bar.rigid": ([0.0, 0.0, 0.1], [0.0, 0.0, 0.0])})
+    assert not read.error_estimates and not turned.error_estimates
     assert [sum("error_estimate has no effect" in n for n in r.summary["notes"])
-            for r in (own, changed, read)] == [0, 1, 1]
+            for r in (changed, read, turned)] == [0, 1, 1]
+    full = simulate(scene.using({**other, "reducer": "full"}))
+    ratio = compare(full, kept=changed).effectivity["kept"]
+    assert set(changed.error_estimates) == {"bar.rigid", "bar.elastic", "bar.thermal"}
+    assert all(0.7 < ratio[n] < 1.5 for n in changed.error_estimates), ratio
+    own = compare(simulate(scene.using({"reducer": "full"})), kept=model.run()).effectivity["kept"]
+    assert all(0.7 < own[n] < 1.5 for n in changed.error_estimates), "the model is as it was"
+
+
+@pytest.mark.full
+def test_a_kept_run_with_other_loads_does_not_fall_back_on_the_loads_of_its_model() -> None:
+    limit = {"every": 1, "tolerance": 1e-6, "action": "fall_back"}
+    model = reduce(reduced_scene(tiny(), error_estimate=limit))
+    with pytest.raises(InputError, match="needs the estimate and the assembled model"):
+        model.run({"loads.heating.flux": 5e5})
+
+
+@pytest.mark.full
+def test_properties_that_follow_temperature_alone_have_an_estimate() -> None:
+    """alpha(T) of a fixed bar: a local term of displacements that reads no displacement."""
+    curve = {"temperatures": [280.0, 900.0], "values": [1e-5, 2e-5]}
+    scene = reduced_scene(tiny().using({"bodies.bar.material.alpha": curve}), error_estimate=10)
+    assert "bar.elastic" in simulate(scene).error_estimates
 
 
 @pytest.mark.full
