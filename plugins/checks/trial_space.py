@@ -7,7 +7,7 @@ one.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, partial
 from typing import Any, ClassVar
 
@@ -76,7 +76,8 @@ class TrialSpace:
     (`ExpectedStates.responses`). trained: True if there was a training run.
     axes (r, k): orthonormal coordinates y = axes c, along the principal axes of the training, of
     coefficients c (k,) of the atoms; (0, k) where y = c; low, high (r,): range of y, both empty
-    without training.
+    without training. superposed: True where every state under the loads of the scene, as any
+    functions of time, is a superposition of states that training had.
     """
 
     name: str
@@ -91,6 +92,7 @@ class TrialSpace:
     axes: FloatArray
     low: FloatArray
     high: FloatArray
+    superposed: bool = False
 
     def note(self) -> Note | None:
         """Warning about the projection error of the atoms, None if it is below the limit."""
@@ -145,6 +147,8 @@ class TrialSpaces(Check):
         spaces = trial_spaces(
             run.model, run.offline, bases, scene.time.step, scene.time.end, run.physics,
             partial(run.first_states, FIRST) if new else None, run.constant_change)
+        if scene.training.loads == "varying" and not scene.unvaried_loads:
+            spaces = tuple(replace(s, superposed=_constant(run.model, s.name)) for s in spaces)
         notes = [note for space in spaces if (note := space.note()) is not None]
         if notes and scene.check_trial_space == "refuse":
             raise InputError([Fault("check_trial_space", note.text) for note in notes])
@@ -155,6 +159,17 @@ class TrialSpaces(Check):
         return Findings(general=beyond_training(
             run.kept.get(TRIAL_SPACE, ()), result, run.trained_to or 0.0, run.solver.facts,
             run.own_loads))
+
+
+def _constant(model: AssembledModel, name: str) -> bool:
+    """True if the equations of a block have constant operators, under loads that are functions of
+    time."""
+    separated = model.separated
+    heat = {b.thermal: not b.local and not b.tables for b in separated.heat}
+    moved = {m.elastic: m.operators is not None and not (
+        m.operators.local or m.operators.generators or m.operators.tables) and heat.get(
+            m.thermal, True) and not separated.border_size for m in separated.moving}
+    return not separated.between and {**heat, **moved}.get(name, False)
 
 
 def _equal(one: Mapping[str, Dictionary], other: Mapping[str, Dictionary]) -> bool:
@@ -312,6 +327,8 @@ def beyond_training(
               "(training.overrides)")
     for space in spaces:
         if not len(space.low) or space.change == 0.0:
+            continue
+        if space.superposed and not longer:
             continue
         near_best = facts.get(space.name, {}).get("norm") == "D^-1"
         if near_best and own_loads and space.run_tested and not longer and (

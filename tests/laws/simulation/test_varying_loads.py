@@ -115,3 +115,13 @@ def test_a_training_run_that_fails_under_loads_advises_on_their_ranges(
     scene = varying({"push": [-9.0, 9.0]}, reducer="galerkin")
     with pytest.raises(SolveFailed, match=r"t = 0.01 s in bar.elastic.*training.loads declares"):
         simulate(scene)
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("loads", ["varying", ["heating"]])
+def test_superpositions_of_training_are_in_its_range(loads: Any) -> None:
+    """Ten times the load: the same shapes, if all loads vary. The bar swings, so that this holds
+    for its temperatures alone."""
+    model = reduce(varying(loads, reducer={"use": "galerkin", "basis": {"use": "pod", "count": 9}}))
+    notes = [n for n in model.run({FLUX: 1.0e7}).summary["notes"] if "left the range" in n]
+    assert any("bar.thermal" in n for n in notes) == (loads != "varying")
