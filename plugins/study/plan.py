@@ -93,8 +93,9 @@ class Drawing:
     name: of the study; lines, budget: columns that distinguish the lines of the chart, and the one
     along it; fields: kinds of fields that the bodies may have; errors_from: start of the time span
     of the errors that are drawn, s, 0 for the whole run; trained_to: end of the training runs, s, 0
-    where there is none within the runs, or several; over_time: errors over time are drawn;
-    reference_step: time step of the only reference, s, 0 if there are several.
+    where there is none within the runs, or several; elsewhere: they have other loads; over_time:
+    errors over time are drawn; reference_step: time step of the only reference, s, 0 if there are
+    several.
     """
 
     name: str
@@ -105,6 +106,7 @@ class Drawing:
     trained_to: float = 0.0
     over_time: bool = False
     reference_step: float = 0.0
+    elsewhere: bool = False
 
     def plain(self) -> dict[str, Any]:
         """Plain data from which `of_plain` restores the drawing."""
@@ -174,7 +176,7 @@ class StudyPlan:
         drawing = Drawing(
             read.name, tuple(chart_columns(file, points)), file.budget, fields, file.errors_from,
             maker.trained.pop() if len(maker.trained) == 1 else 0.0, file.over_time,
-            steps.pop() if len(steps) == 1 else 0.0)
+            steps.pop() if len(steps) == 1 else 0.0, maker.elsewhere)
         return cls(read, tuple(runs), maker.references, tuple(columns), tuple(settings),
                    tuple(axis_columns(points)), about, drawing)
 
@@ -198,6 +200,7 @@ class _Maker:
     identities: dict[str, Any] = field(default_factory=dict)
     fields: list[FieldKind] = field(default_factory=list)
     trained: set[float] = field(default_factory=set)
+    elsewhere: bool = False
     _known: dict[str, Any] = field(default_factory=dict)
 
     def run(self, number: int, point: Point) -> Run:
@@ -231,7 +234,9 @@ class _Maker:
             boxed = learns and scene.training.parameters is not None
             model = digest(kept_options(scene, boxed), training if learns else "")
             within = scene.training_end < scene.time.end * (1 - 1e-9)
-            if learns and within and not boxed and not scene.training.overrides:
+            other = bool(scene.training.overrides) or scene.training.several
+            self.elsewhere |= learns and other
+            if learns and within and not other:
                 self.trained.add(scene.training_end)
         else:
             training = ""

@@ -126,7 +126,7 @@ def draw(drawing: Drawing, rows: Sequence[Mapping[str, Any]], folder: Path) -> l
     by_step = any(_step(row) is not None for row in rows)
     figures = {CHART: work_precision_figure(
         work_points(drawing, rows), _reference(drawing, rows, by_step), drawing.fields,
-        notes=_notes(drawing, rows), unit="s per simulated s" if by_step else "ms/step")}
+        notes=chart_notes(drawing, rows), unit="s per simulated s" if by_step else "ms/step")}
     if drawing.over_time:
         figures[SERIES] = error_over_time_figure(
             *over_time(drawing, rows), drawing.fields, trained_to=drawing.trained_to)
@@ -134,7 +134,7 @@ def draw(drawing: Drawing, rows: Sequence[Mapping[str, Any]], folder: Path) -> l
             for path in saved(figure, folder, name, FORMATS)]
 
 
-def _notes(drawing: Drawing, rows: Sequence[Mapping[str, Any]]) -> list[str]:
+def chart_notes(drawing: Drawing, rows: Sequence[Mapping[str, Any]]) -> list[str]:
     """Lines below the work-precision chart: time span of the errors, and runs that are no
     points."""
     start, end = drawing.errors_from, drawing.trained_to
@@ -143,8 +143,9 @@ def _notes(drawing: Drawing, rows: Sequence[Mapping[str, Any]]) -> list[str]:
     if start > 0.0:
         found.append(f"errors after {start:.4g} s" + (
             ", the end of training" if abs(start - end) <= 1e-9 * start else trained))
-    elif end > 0.0:
-        found.append(f"errors over the whole run{trained}")
+    elif end > 0.0 or drawing.elsewhere:
+        found.append("errors over the whole run" + (
+            "; training had other loads" if drawing.elsewhere else trained))
     missing: dict[str, list[str]] = {}
     for row in rows:
         if row["ms_per_step"] is None:

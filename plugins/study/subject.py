@@ -55,7 +55,7 @@ class Subject:
     def trains_elsewhere(self) -> bool:
         """True if the training run has other loads or parameters than the run."""
         training = self.scene.training
-        return bool(training.overrides) or training.parameters is not None
+        return bool(training.overrides) or training.several
 
     @property
     def training_end(self) -> float:

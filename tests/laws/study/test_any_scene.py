@@ -8,7 +8,8 @@ import pytest
 
 from sparsemor import InputError, study
 from sparsemor.core.registry.registry import Registry
-from sparsemor.plugins.study.plan import StudyPlan
+from sparsemor.plugins.study.plan import Drawing, StudyPlan
+from sparsemor.plugins.study.report import chart_notes
 
 HERE = Path(__file__).parents[2]
 SWING, HEATED, RIGID = (HERE / "scenes" / "swing.yaml", HERE / "scenes" / "heated_disk.yaml",
@@ -44,6 +45,17 @@ def test_methods_are_those_that_are_installed_and_atoms_those_of_the_scene() -> 
                 "2": (2, 1), "4": (4, 2), "5": (5, 3), "7": (7, 4), "8": (8, 4)}
 
 
+def test_the_chart_says_which_part_of_a_run_is_outside_training() -> None:
+    halves = of("methods", SWING).drawing
+    assert chart_notes(halves, []) == [
+        f"errors after {halves.errors_from:g} s, the end of training"]
+    given = of("methods", SWING, **{"training.end": 0.012}).drawing
+    assert given.errors_from == given.trained_to == 0.012
+    other = of("methods", SWING, **{"training.overrides": {"time.step": 1e-3}}).drawing
+    assert chart_notes(other, []) == ["errors over the whole run; training had other loads"]
+    assert Drawing.of_plain(json.loads(json.dumps(given.plain()))) == given
+
+
 def test_rigid_bodies_alone_have_integrators_only() -> None:
     assert {run.reducer for run in of("integrators", RIGID).runs} == {"full"}
     for name in ANY[:-1]:
@@ -65,7 +77,7 @@ def test_a_chart_is_drawn_again_from_the_table(
 
     monkeypatch.chdir(tmp_path)
     changes = {"time.end": 0.02, "reducer": {
-        "use": "galerkin", "basis": {"use": "pod", "count": 4}}}
+        "use": "galerkin", "basis": {"use": "pod", "count": 2}}}
     rows = study("methods", SWING, overrides=changes, out="a")
     assert len(rows) == len({(row["method"], row["atoms"]) for row in rows})
     assert all(row["late_elastic"] is not None for row in rows if row["status"] == "done")
