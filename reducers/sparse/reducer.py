@@ -11,6 +11,7 @@ from sparsemor.core import (
     BlockBudget,
     Dictionary,
     Fault,
+    FloatArray,
     InputError,
     IntArray,
     Note,
@@ -48,7 +49,7 @@ from sparsemor.reducers.sparse.residual_rows import (
     samplers,
     unweighed,
 )
-from sparsemor.reducers.sparse.sampled_block import CompressedRows, choose_rows
+from sparsemor.reducers.sparse.sampled_block import CompressedRows, choose_rows, effect_of_rows
 from sparsemor.reducers.step.prepare import constants
 from sparsemor.reducers.trial_bases import spanned, trial_bases
 
@@ -125,12 +126,14 @@ class Sparse(SparseOptions):
         changing = {m.elastic for m in model.separated.moving if m.operators and m.operators.local}
         compressed = {n: CompressedRows.of(
             model, offline, n, step, dictionaries[n].atoms, n in changing)
-            for n in sorted(inverted) if n not in rows or n in local_blocks(model)}
-        weighed, weights = self._weighed(problem, dictionaries, compressed)
+            for n in sorted(inverted) if n not in rows}
+        effects = {n: effect_of_rows(model, offline, n, step, dictionaries[n].atoms, rows[n])
+                   if n in rows else compressed[n].left
+                   for n in sorted(inverted) if n in local_blocks(model)}
+        weighed, weights = self._weighed(problem, dictionaries, effects)
         build = Build(
             weighed, offline, self, dictionaries, limits,
-            {n: b.atoms for n, b in budgets.items()}, step, inverted,
-            {n: c for n, c in compressed.items() if n not in rows},
+            {n: b.atoms for n, b in budgets.items()}, step, inverted, compressed,
             (*unfit, *self._idle(model, dictionaries, rows), *weights.notes()), weights.facts)
         if self.resample is None:
             return build.solver(rows)
@@ -138,15 +141,15 @@ class Sparse(SparseOptions):
 
     def _weighed(
         self, problem: ReducedProblem, dictionaries: Mapping[str, Dictionary],
-        rows: Mapping[str, CompressedRows]
+        effects: Mapping[str, FloatArray]
     ) -> tuple[AssembledModel, WeightTraining]:
-        """The model with element weights in the local terms of the blocks that have `rows`, and
-        their training."""
+        """The model with element weights in the local terms of some blocks, and their training;
+        effects (k, n): of forces on all rows of such a block on its coefficients."""
         model, s = problem.model, problem.model.separated
         training = WeightTraining(model, problem.offline, problem.step, self.tau, dictionaries,
-                                  lambda name: rows[name].left)
-        heat = tuple(training.heat(b) if b.thermal in rows else b for b in s.heat)
-        moving = tuple(training.elastic(m) if m.elastic in rows else m for m in s.moving)
+                                  effects.__getitem__)
+        heat = tuple(training.heat(b) if b.thermal in effects else b for b in s.heat)
+        moving = tuple(training.elastic(m) if m.elastic in effects else m for m in s.moving)
         return model.with_separated(replace(s, heat=heat, moving=moving)), training
 
     def _idle(

@@ -32,11 +32,12 @@ def unweighed(model: AssembledModel, options: SparseOptions) -> dict[str, str]:
     local = [(b.thermal, b.local) for b in model.separated.heat]
     local += [(m.elastic, tuple(o.term for o in m.operators.local))
               for m in model.separated.moving if m.operators is not None]
-    return {
-        name: "{} has no element weights" if trained else
-        "there is no training run from which element weights of {} could be learned"
-        for name, terms in local
-        if terms and not (trained and all(term.weighs_elements for term in terms))}
+    why = "" if trained else (
+        "there is no training run from which element weights of {} could be learned")
+    if options.resample is not None:
+        why = "the element weights of {} are learned for one set of rows"
+    return {name: why or "{} has no element weights" for name, terms in local
+            if terms and (why or not all(term.weighs_elements for term in terms))}
 
 
 def samplers(model: AssembledModel, options: SparseOptions) -> dict[str, Sampler]:

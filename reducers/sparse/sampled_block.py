@@ -332,6 +332,17 @@ class CompressedRows(NamedTuple):
         return cls(inverse_rows(model, offline, name, D, Q), Q.T @ atoms)
 
 
+def effect_of_rows(
+    model: AssembledModel, offline: OfflineProducts, name: str, step: StepFactors,
+    atoms: FloatArray, rows: IntArray
+) -> FloatArray:
+    """Map (k, n) of forces on all rows of a block to the coefficients that the sampled rows of
+    D^-1 r recover."""
+    D = model.block_data(name, step=step).operator
+    return left_inverse(name, atoms[rows], sampled=True) @ inverse_rows(
+        model, offline, name, D, rows)
+
+
 def inverse_rows(
     model: AssembledModel, offline: OfflineProducts | None, name: str, operator: Csr,
     rows: IntArray | FloatArray

@@ -179,7 +179,7 @@ def arguments(given: Sequence[str] | None = None) -> argparse.Namespace:
     kind.add_argument("--constants", action="store_true")
     kind.add_argument("--screening", action="store_true")
     parser.add_argument("--scene", nargs="+", choices=[*recovered_scenes.LIMITS],
-                        default=[*recovered_scenes.LIMITS], help="of --packaged and --screening")
+                        default=[*recovered_scenes.LIMITS], help="of whole scenes")
     parser.add_argument("--atoms", type=int, nargs=2, default=[8, 5], metavar="N",
                         help="elastic and thermal atoms active in the pendulum")
     parser.add_argument("--end", type=float, default=0.1, help="of the pendulum's run, s")

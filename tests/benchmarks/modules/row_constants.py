@@ -6,17 +6,25 @@ length. delta: largest |s^2 - 1| over singular values s of B on random supports 
 budget, a lower bound of the restricted isometry constant; leading: the same for the first columns;
 below 1 all combinations of such a support are told apart. Recovery: the last snapshot from its
 sampled forces alone, from an empty support.
+
+Then, with few POD atoms A in each block of the packaged scenes, all of them active or half of them
+selected: what the constants of S, the sampled rows of r, of P r (UNTF) and of D^-1 r, say of the
+recovery of a state x from S D x, and what happens. bound: norm of (S D A)^+ S D, by which the
+part of x outside the atoms can grow; grown: by which it grows, the largest of the snapshots;
+ratio: error of half of the atoms, selected from the sampled rows, relative to the best half.
 """
 
 import argparse
 import time
+from collections.abc import Sequence
 from typing import Any
 
 import common
 import numpy as np
 from modules import report
+from modules.recovered_scenes import QUICK, case_of
 
-from sparsemor.core.arrays import FloatArray
+from sparsemor.core.arrays import Csr, FloatArray
 from sparsemor.core.linalg.coherence import coherence, condition_number, unit_columns
 from sparsemor.core.linalg.column_subsets import ColumnSubsets
 from sparsemor.core.protocols import StepFactors
@@ -34,6 +42,8 @@ SOLVERS: dict[str, tuple[str, dict[str, Any]]] = {
 }
 SUPPORTS = 100
 """Random supports of which the worst counts."""
+ATOMS, STATES = 16, 40
+"""Atoms of a block, and states from which half of them are selected."""
 
 
 def fill(out: report.Report, given: argparse.Namespace) -> None:
@@ -76,6 +86,70 @@ def fill(out: report.Report, given: argparse.Namespace) -> None:
                          ms=max(ms for _, ms, _ in runs),
                          status=", ".join(sorted({status for _, _, status in runs})))
         report.progress(field)
+    few_atoms(out, given)
+
+
+def few_atoms(out: report.Report, given: argparse.Namespace) -> None:
+    table = out.table(f"{ATOMS} POD atoms, {2 * ATOMS} rows by Latin hypercube or all", sigma=".1e",
+                      coherence=".2f", delta=".2f", bound=".1e", grown=".1e", ratio=".1e")
+    for scene in given.scene:
+        case = case_of(scene, QUICK if given.quick else {})
+        h = case.scene.time.step
+        for name in case.model.reducible():
+            x = np.asarray(case.reference[name]).T
+            step = StepFactors(h, *constants(case.scene.integrator, h))
+            data = case.model.block_data(name, x, step)
+            if np.ptp(x) <= 1e-12 * np.abs(x).max():
+                continue
+            A = Pod(count=ATOMS).build(data).atoms
+            for kind, of in _kinds(data.operator, A, given.seeds).items():
+                found = [_amplified(S, SD, A, x) for S, SD in of]
+                table.add(scene=scene, block=name, rows=kind, m=len(of[0][0]), **{
+                    key: (min if key == "sigma" else max)(one[key] for one in found)
+                    for key in found[0]})
+        report.progress(scene)
+
+
+def _kinds(
+    D: Csr, A: FloatArray, seeds: Sequence[int]
+) -> dict[str, list[tuple[FloatArray, FloatArray]]]:
+    """Of each kind of rows S and seed: B = S D A (m, k) and S D (m, n)."""
+    found: dict[str, list[tuple[FloatArray, FloatArray]]] = {}
+    DA, n = np.asarray(D @ A), len(A)
+    for seed in seeds:
+        rows = np.sort(np.random.default_rng(seed).choice(n, min(2 * A.shape[1], n), replace=False))
+        SD = D[rows].toarray()
+        Q, R = np.linalg.qr(DA[rows])  # UNTF is undefined for more rows than atoms
+        P = UnitNormTightFrame().build(R) @ Q.T
+        one = np.zeros((len(rows), n))
+        one[np.arange(len(rows)), rows] = 1.0
+        for kind, part in (("r", (DA[rows], SD)), ("r, UNTF", (P @ DA[rows], P @ SD)),
+                           ("D^-1 r", (A[rows], one))):
+            found.setdefault(kind, []).append(part)
+    found["D^-1 r, all"] = [(A.T @ A, A.T)]
+    return found
+
+
+def _amplified(B: FloatArray, SD: FloatArray, A: FloatArray, x: FloatArray) -> dict[str, float]:
+    U, half, lengths = unit_columns(B), B.shape[1] // 2, np.linalg.norm(B, axis=0)
+    inverse = np.linalg.pinv(U, rcond=1e-13) / lengths[:, None]
+    c = A.T @ x
+    rest = x - A @ c
+    left = np.linalg.norm(rest, axis=0)
+    seen = left > 1e-10 * np.linalg.norm(x, axis=0).max()
+    error = np.linalg.norm(rest - A @ (inverse @ (SD @ rest)), axis=0)
+    best = chosen = 0.0
+    for i in np.linspace(0, x.shape[1] - 1, STATES).astype(np.int64):
+        order = np.argsort(-np.abs(c[:, i]))
+        best = max(best, float(np.hypot(np.linalg.norm(c[order[half:], i]), left[i])))
+        solver = Registry().get("sparse_solver", "omp")()
+        picked = solver.prepare(ColumnSubsets(np.ascontiguousarray(U), 1e-12), half).select(
+            -(SD @ x[:, i]), np.zeros(len(c)), np.zeros(len(c), dtype=np.bool_)).support
+        own = np.linalg.lstsq(B[:, picked], SD @ x[:, i], rcond=None)[0]
+        chosen = max(chosen, float(np.linalg.norm(A[:, picked] @ own - x[:, i])))
+    return {"sigma": float(np.linalg.svd(U, compute_uv=False)[-1]), "coherence": coherence(B),
+            "delta": delta(U[:, :half]), "bound": float(np.linalg.norm(inverse @ SD, 2)),
+            "grown": float((error[seen] / left[seen]).max(initial=1.0)), "ratio": chosen / best}
 
 
 def constants_of(B: FloatArray, s: int, rng: np.random.Generator) -> dict[str, float]:

@@ -156,10 +156,12 @@ def test_local_terms_are_summed_over_few_elements(k: Any) -> None:
                 "use": "constant", "level": 1.5e5}}, "end": 10.0},
             "time": {"end": 10.0, "step": 0.25}, "integrator": "bdf2"})
         pod = {"basis": {"use": "pod", "count": 6}}
-        whole, best, run = (simulate(scene.using({"reducer": r})) for r in (
-            "full", {"use": "galerkin", **pod}, {"use": "sparse", **pod}))
-        least, error = (compare(whole, x=r).errors["x"]["b.thermal"] for r in (best, run))
-        assert error < 3.0 * least, (error, least)
+        whole, best, run, sampled = (simulate(scene.using({"reducer": r})) for r in (
+            "full", {"use": "galerkin", **pod}, {"use": "sparse", **pod},
+            {"use": "sparse", **pod, "sampler": "leverage"}))
+        least, error, other = (
+            compare(whole, x=r).errors["x"]["b.thermal"] for r in (best, run, sampled))
+        assert error < 3.0 * least and other < 4.0 * least, (error, other, least)
         kept.append(run.summary["elements_touched"]["b.thermal"])
         assert kept[-1] < best.summary["elements_touched"]["b.thermal"]
     assert kept[1] < 1.5 * kept[0], kept
