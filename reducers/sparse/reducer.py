@@ -45,6 +45,7 @@ from sparsemor.reducers.sparse.options import Budget, SparseOptions
 from sparsemor.reducers.sparse.resampling import Resampled, Streams, branched
 from sparsemor.reducers.sparse.residual_rows import (
     inverted_blocks,
+    own_terms,
     plain_rows,
     samplers,
     unweighed,
@@ -120,16 +121,16 @@ class Sparse(SparseOptions):
                 model, keep, n, counts[n], budgets[n].atoms or 10**9, drawn[n], dictionaries[n],
                 streams[n], step, n in inverted) for n in sampled}
 
+        heat = {b.thermal for b in model.separated.heat}
         later = {n: rng.spawn(1)[0] for n, rng in streams.items()}
         rows = draw(streams, offline)
         counts = {n: len(r) - required_rows(model, n, drawn[n]) for n, r in rows.items()}
-        changing = {m.elastic for m in model.separated.moving if m.operators and m.operators.local}
+        local, atoms = own_terms(model), {n: d.atoms for n, d in dictionaries.items()}
         compressed = {n: CompressedRows.of(
-            model, offline, n, step, dictionaries[n].atoms, n in changing)
+            model, offline, n, step, atoms[n], n in local and n not in heat)
             for n in sorted(inverted) if n not in rows}
-        effects = {n: effect_of_rows(model, offline, n, step, dictionaries[n].atoms, rows[n])
-                   if n in rows else compressed[n].left
-                   for n in sorted(inverted) if n in local_blocks(model)}
+        effects = {n: effect_of_rows(model, offline, n, step, atoms[n], rows[n])
+                   if n in rows else compressed[n].left for n in local if n in inverted}
         weighed, weights = self._weighed(problem, dictionaries, effects)
         build = Build(
             weighed, offline, self, dictionaries, limits,

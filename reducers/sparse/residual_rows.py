@@ -2,7 +2,7 @@
 
 from typing import Any, cast
 
-from sparsemor.core import AssembledModel, Note, Reducer, Registry, Sampler, information
+from sparsemor.core import AssembledModel, Note, Reducer, Registry, Sampler, Term, information
 from sparsemor.core.model.fitting_bases import fitted_bases
 from sparsemor.reducers.checks import local_blocks
 from sparsemor.reducers.notes import is_default
@@ -29,15 +29,20 @@ def unweighed(model: AssembledModel, options: SparseOptions) -> dict[str, str]:
     Terms between bodies need none: a contact visits the facets near it."""
     bases = fitted_bases(model, cast(Reducer, options)).bases.values()
     trained = any(basis.needs_snapshots for basis in bases)
-    local = [(b.thermal, b.local) for b in model.separated.heat]
-    local += [(m.elastic, tuple(o.term for o in m.operators.local))
-              for m in model.separated.moving if m.operators is not None]
     why = "" if trained else (
         "there is no training run from which element weights of {} could be learned")
     if options.resample is not None:
         why = "the element weights of {} are learned for one set of rows"
-    return {name: why or "{} has no element weights" for name, terms in local
-            if terms and (why or not all(term.weighs_elements for term in terms))}
+    return {name: why or "{} has no element weights" for name, terms in own_terms(model).items()
+            if why or not all(term.weighs_elements for term in terms)}
+
+
+def own_terms(model: AssembledModel) -> dict[str, tuple[Term, ...]]:
+    """Block -> its terms that are evaluated element by element, without those between bodies."""
+    heat = {b.thermal: tuple(b.local) for b in model.separated.heat}
+    elastic = {m.elastic: tuple(o.term for o in m.operators.local)
+               for m in model.separated.moving if m.operators is not None}
+    return {name: terms for name, terms in (heat | elastic).items() if terms}
 
 
 def samplers(model: AssembledModel, options: SparseOptions) -> dict[str, Sampler]:

@@ -337,10 +337,9 @@ def effect_of_rows(
     atoms: FloatArray, rows: IntArray
 ) -> FloatArray:
     """Map (k, n) of forces on all rows of a block to the coefficients that the sampled rows of
-    D^-1 r recover."""
+    D^-1 r recover, those of least norm where the rows are fewer than the atoms."""
     D = model.block_data(name, step=step).operator
-    return left_inverse(name, atoms[rows], sampled=True) @ inverse_rows(
-        model, offline, name, D, rows)
+    return np.asarray(np.linalg.pinv(atoms[rows]) @ inverse_rows(model, offline, name, D, rows))
 
 
 def inverse_rows(
