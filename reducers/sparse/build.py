@@ -276,11 +276,12 @@ class Build:
             {n: ActiveRows(np.arange(e.block.atoms)) for n, e in elastic.items()})
         steps = SupportedSteps(replace(base, mechanics=mechanics), mechanics, selecting_heat,
                                selecting, row_set)
+        gain = o.least_gain(not {*selecting, *selecting_heat} <= self.inverted)
         carried = frozenset(n for n in steps.empty if o.carries(n))
         selection = (
-            BlockwiseSelection.of(steps, o.solver, o.hysteresis, bool(carried), o.settled)
+            BlockwiseSelection.of(steps, o.solver, gain, bool(carried), o.settled)
             if o.selection == "blocks" else
-            JointSelection(steps, o.solver, o.hysteresis, carried, o.polish))
+            JointSelection(steps, o.solver, gain, carried, o.polish))
         return SparseStepper(steps.base, steps, selection, o.every)
 
     def _refuse(

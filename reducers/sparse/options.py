@@ -71,11 +71,12 @@ class SparseOptions(ReducedStepOptions):
     the step on the previous support, with rigid coordinates, joint forces and temperatures held;
     `joint`, as published: all elastic blocks together with rigid coordinates and joint forces in
     one nonlinear problem (Eq. 25), which is exact and many times slower."""
-    hysteresis: float = Field(default=0.3, ge=0.0, lt=1.0)
+    hysteresis: float | None = Field(default=None, ge=0.0, lt=1.0)
     """Fraction by which another support must lower the norm of the residual to replace the previous
     one. Each exchange is a jump in velocities that takes some steps to decay. 0: any better support
-    does. Applies where a selection starts from the step's solution on the previous support
-    (`carried` and `polish`)."""
+    does. By default 0 where atoms are selected from rows of D^-1 r alone, whose residual is an
+    error, otherwise 0.3. Applies where a selection starts from the step's solution on the
+    previous support (`carried` and `polish`)."""
     settled: float = Field(default=0.0, ge=0.0, lt=1.0)
     """Norm of the residual, relative to that of the coefficients, up to which a support is kept and
     no other is sought; at least round-off. With `residual: preconditioned` it is a relative error
@@ -105,6 +106,11 @@ class SparseOptions(ReducedStepOptions):
                 or matched_option(name, self.budgets, Budget()).rows is not None
                 or not is_default(self, "sampler")
                 or weighed and not is_default(self, "preconditioner"))
+
+    def least_gain(self, plain: bool) -> float:
+        """The option `hysteresis`, or its default; plain: True if atoms are selected from rows
+        of r."""
+        return (0.3 if plain else 0.0) if self.hysteresis is None else self.hysteresis
 
     def carries(self, name: str) -> bool:
         """True if the selection in a block starts from the support of the previous step."""

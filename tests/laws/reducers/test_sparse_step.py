@@ -44,8 +44,9 @@ def page(problem: ReducedProblem, reducer: Sparse) -> SparseStep:
             reducer.preconditioner if weighted else None, reducer.solver, budget.rows,
             budget.atoms or atoms[name].atoms.shape[1], name in inverted, rng)
     hot = {b.thermal for b in model.separated.heat}
-    return SparseStep(model, atoms, [b for n, b in blocks.items() if n in hot],
-                      [b for n, b in blocks.items() if n not in hot], reducer.hysteresis)
+    return SparseStep(
+        model, atoms, [b for n, b in blocks.items() if n in hot],
+        [b for n, b in blocks.items() if n not in hot], reducer.least_gain(not inverted))
 
 
 def slowly(*values: Any) -> Any:
