@@ -326,7 +326,7 @@ def beyond_training(
               "compare it with full order, or train on a run that covers this one "
               "(training.overrides)")
     for space in spaces:
-        if not len(space.low) or space.change == 0.0:
+        if not len(space.low) or space.change == 0.0 or not result.reduced(space.name):
             continue
         if space.superposed and not longer:
             continue

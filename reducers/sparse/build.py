@@ -263,8 +263,10 @@ class Build:
             o.compiled, "atoms are selected during the run")))
         # all elastic blocks take part in the joint problem
         whole = o.selection == "joint" and any(e.block.selects for e in elastic.values())
-        selecting = {n: e for n, e in elastic.items() if whole or e.block.selects}
-        selecting_heat = {n: h for n, h in heat.items() if n not in fixed_heat}
+        selecting = {n: replace(e, block=e.block.without_map())
+                     for n, e in elastic.items() if whole or e.block.selects}
+        selecting_heat = {n: h if h.body.local else replace(h, block=h.block.without_map())
+                          for n, h in heat.items() if n not in fixed_heat}
         self._refuse(selecting_heat, selecting, base)
         residual = dense_equations(
             self._projected(rows, maps, heat, elastic, {*selecting, *selecting_heat}),

@@ -71,6 +71,10 @@ class Sampled:
         SolveFailed."""
         return on_support(self.name, self.B, support)
 
+    def without_map(self) -> "Sampled":
+        """The block for steps that need no rows of other forces, without an array of its size."""
+        return replace(self, test=TestMap())
+
     def on_all_rows(self, left: FloatArray) -> FloatArray:
         """Combinations left (l, m) of the sampled rows as combinations (l, n) of all n rows."""
         P = self.weight

@@ -59,28 +59,16 @@ def test_cantilever_bends_as_a_beam(solve: Solve) -> None:
 
 
 def test_radiating_plate_balances_its_heat(solve: Solve) -> None:
-    """Sampled rows touch few of the 60 facets that radiate; the end is that of full order."""
+    """Few of the 60 facets that radiate have weights; the end is that of full order."""
     scene = load(FOLDER / "radiating_plate.yaml")
     run, full = solve(scene), solve(scene, "full")
     touched = run.summary["elements_touched"]["plate.thermal"]
-    assert touched == _touched(run) and 0 < touched < 30
+    assert 0 < touched < 30
     assert full.summary["elements_touched"] == {"plate.thermal": 60}
-    assert run.summary["rows"] == {"plate.thermal": 60}
     top, bottom = run.probe("top")[-1, -1], run.probe("bottom")[-1, -1]
     np.testing.assert_allclose((top, bottom), (944.152, 893.506), atol=1e-2)
     assert compare(reference=full, sampled=run).errors["sampled"]["thermal"] < 1e-4
     _check_energy(full)
-
-
-def _touched(run: RunResult) -> int:
-    """Facets of the radiating edges that have an end among the sampled nodes."""
-    points, sampled = run.points("plate"), set(run.rows("plate.thermal").tolist())
-    count = 0
-    for axis, value in ((1, 0.05), (0, 0.0), (0, 0.2)):
-        on = np.flatnonzero(np.isclose(points[:, axis], value))
-        edge = on[np.argsort(points[on, 1 - axis])].tolist()
-        count += sum(bool(sampled & set(pair)) for pair in zip(edge, edge[1:], strict=False))
-    return count
 
 
 def _check_energy(run: RunResult) -> None:

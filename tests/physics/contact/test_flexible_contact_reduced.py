@@ -193,7 +193,7 @@ def test_a_reduced_run_tells_what_it_evaluates(tmp_path: Path) -> None:
     drawn = write_run_charts(run, tmp_path, formats=["png"])
     assert "contact_forces" in {f.stem for f in drawn}
     some = {"use": "sparse", "basis": {"use": "pod", "count": 2}, "preconditioner": "none",
-            "sampler": {"use": "lhs", "required": False},
+            "sampler": {"use": "lhs", "required": False}, "residual": "plain",
             "budgets": {"*": {"rows": 5}}}
     elastic = scene(["elastic"], steps=4, slider={"frame": "fixed"}).using({"joints": {}})
     part = march(elastic.using({"reducer": some}), snapshots=learnt(march(elastic)))
