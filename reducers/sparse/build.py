@@ -212,7 +212,8 @@ class Build:
             measured |= row_facts(B, P)
         if block.selects:
             notes += worse_conditioned(name, measured)
-        error = None if self.offline is None else checked_rows(
+        # all rows recover the best of the active atoms: only a sample may not
+        error = None if self.offline is None or rows is None else checked_rows(
             self.model, self.offline, block, self.step)
         if error is not None:
             measured["row_error"] = error.rows
