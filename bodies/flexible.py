@@ -29,6 +29,7 @@ from sparsemor.bodies.reference import Reference
 from sparsemor.bodies.terms.field_kinds import BODY_KINDS, ELASTIC, THERMAL
 from sparsemor.bodies.terms.inertia import generator
 from sparsemor.bodies.terms.material_laws import heat_laws, stress_laws
+from sparsemor.bodies.terms.modal_damping import modal_factors
 from sparsemor.core import (
     BodyPlugin,
     Fault,
@@ -58,7 +59,8 @@ def _isotropic(materials: Any) -> Any:
 
 
 class Damping(Plugin):
-    """Rayleigh damping, mass * M + stiffness * K, of the displacement rates in the body frame.
+    """Damping of the displacement rates in the body frame: Rayleigh damping, mass * M + stiffness
+    * K, and modal damping, 2 ratio omega of the lowest elastic modes with angular frequency omega.
 
     Rigid motion is not damped, so a body that is split into two has slightly different damping.
     """
@@ -67,6 +69,16 @@ class Damping(Plugin):
     """Factor of the mass matrix, 1/s."""
     stiffness: float = Field(default=0.0, ge=0)
     """Factor of the stiffness matrix, s."""
+    ratio: Annotated[float, Field(ge=0)] | Annotated[
+        list[Annotated[float, Field(ge=0)]], Field(min_length=1)] | None = None
+    """Damping ratio (1: critical) of the lowest elastic modes: one number for `modes` of them, or a
+    list, one each. Higher modes have Rayleigh damping only."""
+    modes: int = Field(default=20, ge=1)
+    """Number of modes that one `ratio` damps; all elastic modes when there are fewer."""
+    modes_of: Literal["free", "held"] | None = None
+    """The modes are those of the body alone in space (`free`), or `held` by its reference
+    conditions, as where a joint holds a clamped set. When not given: `free` for a floating frame,
+    `held` otherwise."""
 
 
 def body_size(mesh: MeshSize, elastic: bool, thermal: bool) -> BodySize:
@@ -112,7 +124,7 @@ class Flexible(BodyPlugin):
     reference: Reference | None = None
     """Reference conditions of the elastic field."""
     damping: Damping = Damping()
-    """Rayleigh damping of the elastic field."""
+    """Rayleigh and modal damping of the elastic field."""
     frame: Literal["floating", "fixed", "spinning"] = "floating"
     """Motion of the body frame. `fixed`: it stays at its pose and has no unknowns. `spinning`: in
     space, it rotates about the z axis alone, by an angle."""
@@ -277,9 +289,16 @@ class Flexible(BodyPlugin):
         K = summed(regions, lambda r: elastic_stiffness(
             mesh, r.constants, thickness, model, r.cells))
         M = generator(m, np.eye(d))
+        ratio, held = self.damping.ratio, self.damping.modes_of == "held" or (
+            self.damping.modes_of is None and self.frame != "floating")
+        gather = Gather()
+        modal = None if ratio is None else gather(
+            "damping", modal_factors, K, M, fixed if held else fixed[:0],
+            0 if held else d * (d + 1) // 2, ratio, self.damping.modes)
+        gather.check()
         return Elasticity(
             free=np.setdiff1d(np.arange(d * len(mesh.points)), fixed), stiffness=K,
-            damping=csr_array(self.damping.mass * M + self.damping.stiffness * K),
+            damping=csr_array(self.damping.mass * M + self.damping.stiffness * K), modal=modal,
             coupling=summed(regions, lambda r: thermoelastic_coupling(
                 mesh, r.constants, thickness, model, r.cells)),
             regions=tuple((r.cells, law(r.constants, model)) for r in regions),

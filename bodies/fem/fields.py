@@ -9,6 +9,16 @@ from sparsemor.bodies.fem.elasticity import Law
 from sparsemor.bodies.fem.pointwise_law import PointwiseLaw, StressLaw
 from sparsemor.core import Csr, FloatArray, IntArray, Mesh, StressConstants, TimeFunction
 
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ModalFactors:
+    """Damping matrix L diag(c) L^T of all displacements: L (d N, p) = M Phi, kg^(1/2); c (p,) =
+    2 zeta omega, 1/s."""
+
+    L: FloatArray
+    c: FloatArray
+
+
 Cells: TypeAlias = IntArray | None
 """Numbers of cells, None for all cells of a body."""
 
@@ -18,7 +28,8 @@ class Elasticity:
     """Constant matrices of an elastic body over all d N displacements; `free` (n,): numbers of the
     unknown ones.
 
-    coupling (d N, N): thermal forces K_fT; damping: Rayleigh, a mass + b stiffness. regions: cells
+    coupling (d N, N): thermal forces K_fT; damping: Rayleigh, a mass + b stiffness; modal:
+    modal damping. regions: cells
     of each material, with the constants of their element matrices. laws: stress beyond that of
     constant properties and linear strains, and its cells: of properties that depend on temperature
     and of nonlinear strains. nonlinear: True for Green-Lagrange strains. recoverable: True if
@@ -29,6 +40,7 @@ class Elasticity:
     stiffness: Csr
     damping: Csr
     coupling: Csr
+    modal: ModalFactors | None = None
     regions: tuple[tuple[Cells, Law], ...] = ()
     laws: tuple[tuple[StressLaw, Cells], ...] = ()
     nonlinear: bool = False

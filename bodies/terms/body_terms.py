@@ -8,6 +8,7 @@ from scipy.sparse import csr_array
 from sparsemor.bodies.fem.fields import Elasticity, HasFields, Heat
 from sparsemor.bodies.fem.pointwise_law import PointwiseLaw, StressLaw
 from sparsemor.bodies.fem.quadrature import Quadrature, on_cells, on_facets
+from sparsemor.bodies.terms.modal_damping import ModalDamping
 from sparsemor.bodies.terms.weak_term import NodalField, WeakTerm
 from sparsemor.core import Amplitude, Csr, Equations, FloatArray, IntArray, Quantity
 
@@ -17,6 +18,9 @@ def write_elasticity(body: HasFields, equations: Equations, e: Elasticity) -> No
     F, Kt = e.free, e.coupling[e.free]
     block, thermal = f"{body.name}.elastic", f"{body.name}.thermal"
     equations.matrix(block, block, A=e.stiffness[F][:, F], B=e.damping[F][:, F])
+    if e.modal is not None:
+        at, L = equations.numbers(block), e.modal.L[F]
+        equations.local([block], ModalDamping(at, at, L, e.modal.c, L))
     for law, cells in e.laws:
         _write_stress(body, equations, law, cells)
     assert body.T0 is not None and body.T_ref is not None

@@ -228,6 +228,7 @@ class _BlockOperators:
         mass = sum(added, inertia.generators[0])
         coupling = [-m.A for m in here if m.columns == thermal and m.A is not None]
         constant, loads, timed = self._loads(block)
+        local = [self._elastic_local(t, block, thermal) for t in self._local(block)]
         return ElasticOperators(
             mass=mass, damping=_sum([m.B for m in own], (n, n)),
             stiffness=_sum([m.A for m in own], (n, n)),
@@ -237,7 +238,8 @@ class _BlockOperators:
             constant=constant, loads=loads, amplitudes=_amplitudes(timed), columns=columns,
             load_names=tuple(r.name for r in timed), integrals=body.elastic_integrals,
             tables=self._tables(block), stress_stiffness=body.stress_stiffness,
-            local=tuple(self._elastic_local(t, block, thermal) for t in self._local(block)))
+            local=tuple(part for part in local if not part.term.damps),
+            damps=tuple(part for part in local if part.term.damps))
 
     def heat(self, of: Block) -> HeatBody:
         """Heat equation of one temperature block."""

@@ -147,6 +147,7 @@ class ElasticOperators:
     integrals: internal force by elements, if the body offers it. tables: loads that move over the
     body. local: terms evaluated element by element, which read u and the body's temperatures only.
     stress_stiffness: for checks of results, if the body offers it.
+    damps: terms of the damping that are no sparse matrices (`Term.damps`).
     """
 
     mass: Csr
@@ -164,6 +165,17 @@ class ElasticOperators:
     tables: tuple[LoadTable, ...] = ()
     local: tuple[ElasticLocal, ...] = ()
     stress_stiffness: StressStiffness | None = None
+    damps: tuple[ElasticLocal, ...] = ()
+
+    def damping_force(self, v: FloatArray) -> FloatArray:
+        """Whole damping force on u with rates v, (n,) or columns (n, j)."""
+        found = np.asarray(self.damping @ v)
+        for part in self.damps:
+            zero = np.zeros(len(part.columns))
+            for force, rate in zip(found.reshape(len(v), -1).T, v.reshape(len(v), -1).T,
+                                   strict=True):
+                force[part.rows] += part.term.residual(zero, rate[part.columns], zero, 0.0)
+        return found
 
 
 @dataclass(frozen=True, slots=True, eq=False)

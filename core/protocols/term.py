@@ -95,6 +95,12 @@ class Term(ResidualTerm):
         return False
 
     @property
+    def damps(self) -> bool:
+        """True if the residual is C v with a constant symmetric C that is not sparse: it is part of
+        the damping of its block, and reduced models contain its projection."""
+        return False
+
+    @property
     def exact_in_time(self) -> bool:
         """True if `time_derivative` is that of its constraint equations; otherwise the initial
         accelerations use finite differences in time."""

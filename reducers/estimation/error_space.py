@@ -9,7 +9,7 @@ changes: a rational Krylov space of two poles (Druskin and Simoncini 2011, doi
 most important directions otherwise.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,17 +38,18 @@ PROPORTIONAL = 1e-8
 @dataclass(frozen=True, slots=True, eq=False)
 class Operators:
     """Constant operators (n, n) of one block: stiffness K, damping C, mass M; of heat conductivity
-    and capacity, and no mass."""
+    and capacity, and no mass. damping_force: of displacements, with what is not sparse."""
 
     stiffness: Csr
     damping: Csr
     mass: Csr | None
+    damping_force: Callable[[FloatArray], FloatArray] | None = None
 
     @classmethod
     def of(cls, source: HeatBody | ElasticOperators) -> "Operators":
         if isinstance(source, HeatBody):
             return cls(source.conductivity, source.capacity, None)
-        return cls(source.stiffness, source.damping, source.mass)
+        return cls(source.stiffness, source.damping, source.mass, source.damping_force)
 
     @property
     def numbers(self) -> tuple[FloatArray, ...]:
@@ -149,7 +150,9 @@ def in_modes(E: FloatArray, operators: Operators) -> ErrorSpace:
     stiffness = np.maximum(values, 0.0)  # below 0 by round-off only
     if heat:
         return ErrorSpace(modes, W, stiffness, one, zero, 0.0)
-    C = projected(operators.damping, modes)
+    assert operators.damping_force is not None
+    C = modes.T @ operators.damping_force(modes)
+    C = 0.5 * (C + C.T)
     damping = np.diagonal(C).copy()
     sizes = np.sqrt(np.abs(np.outer(damping, damping)))
     between = float(np.abs(C - np.diag(damping)).max(initial=0.0))
@@ -166,7 +169,7 @@ def residual_columns(
     if isinstance(source, HeatBody):
         found = [source.conductivity @ basis, source.capacity @ atoms]
     else:
-        found = [source.stiffness @ basis, source.damping @ atoms, source.mass @ atoms,
+        found = [source.stiffness @ basis, source.damping_force(atoms), source.mass @ atoms,
                  *(M @ basis for M in source.generators), source.directions]
         if source.coupling is not None:
             found.append(source.coupling @ heat)

@@ -199,10 +199,11 @@ class FullMechanics(StepEquations):
         if o.coupling is not None:
             h -= o.coupling @ T
         one.h = plus_loads(h, o, step.t, -1.0)
-        if o.local:
+        if o.local or o.damps:
             rate = step.free_rate[b.step.thermal] + step.c1_first * d[b.step.thermal]
             guess = Prediction(one.u, one.v, np.zeros(len(one.u)), T, step.t)
-            one.local = StepForces(FullLocal(o.local), guess, rate, step.c1, step.c2, None)
+            one.local = StepForces(
+                FullLocal((*o.local, *o.damps)), guess, rate, step.c1, step.c2, None)
         if b.drive is None:
             one.products = b.turned(np.stack([one.u, one.v], axis=1))
             return one

@@ -1,7 +1,7 @@
 """Operators and test maps of one block in a projection-based reducer, and a model with cheaper
 operators."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -26,13 +26,14 @@ class LinearOperators:
 
     For heat, `stiffness` is the conductivity, `damping` the capacity, and there is no mass.
     `operator`: D = stiffness + c1 damping + c2 mass, where v = c1 x + r1 and a = c2 x + r2 in a
-    step.
+    step. damping_force: the whole damping as a function of v, with what is not sparse.
     """
 
     stiffness: Csr
     damping: Csr
     mass: Csr | None
     operator: Csr
+    damping_force: Callable[[FloatArray], FloatArray]
 
     @classmethod
     def of(
@@ -40,15 +41,16 @@ class LinearOperators:
     ) -> "LinearOperators":
         if isinstance(source, HeatBody):
             K, C = source.conductivity, source.capacity
-            return cls(K, C, None, K + c1_first * C)
+            return cls(K, C, None, K + c1_first * C, lambda v: np.asarray(C @ v))
         assert source.operators is not None
         o = source.operators
-        return cls(o.stiffness, o.damping, o.mass, o.stiffness + c1 * o.damping + c2 * o.mass)
+        return cls(o.stiffness, o.damping, o.mass, o.stiffness + c1 * o.damping + c2 * o.mass,
+                   o.damping_force)
 
     def force(self, x: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
         """Residual of the linear operators, stiffness x + damping v + mass a, for (n,) or (n, M)
         arrays."""
-        f = self.stiffness @ x + self.damping @ v
+        f = self.stiffness @ x + self.damping_force(v)
         return np.asarray(f if self.mass is None else f + self.mass @ a)
 
 

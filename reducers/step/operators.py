@@ -175,12 +175,12 @@ class TestedElastic:
             Kt = push(ops.coupling)
             constant = constant - Kt @ heat.offset
             coupling = np.asarray(Kt @ heat.atoms)
-        k, turns, damped = T.shape[1], ops.generators, bool(ops.damping.nnz)
+        k, turns, damped = T.shape[1], ops.generators, bool(ops.damping.nnz or ops.damps)
         none = np.zeros((0, len(constant), k))
         mass = np.asarray(test(ops.mass @ T))
         return cls(
             frame=frame, mass=mass,
-            damping=np.asarray(test(ops.damping) @ T) if damped else np.zeros(mass.shape),
+            damping=np.asarray(test(ops.damping_force(T))) if damped else np.zeros(mass.shape),
             stiffness=np.asarray(test(ops.stiffness) @ T),
             generators=np.stack([np.asarray(push(M @ T)) for M in turns]) if turns else none,
             directions=np.asarray(push(P)), coupling=coupling, loads=np.asarray(push(ops.loads)),
