@@ -47,6 +47,7 @@ from sparsemor.core.protocols.contact import FrictionLaw as FrictionLaw
 from sparsemor.core.protocols.contact import NormalLaw as NormalLaw
 from sparsemor.core.protocols.contributions import Equations as Equations
 from sparsemor.core.protocols.integrator import Function as Function
+from sparsemor.core.protocols.integrator import HeldFunction as HeldFunction
 from sparsemor.core.protocols.integrator import Integrator as Integrator
 from sparsemor.core.protocols.integrator import NextStep as NextStep
 from sparsemor.core.protocols.integrator import Solve as Solve

@@ -46,6 +46,8 @@ from sparsemor.core.protocols.contributions import Records as Records
 from sparsemor.core.protocols.contributions import TableRecord as TableRecord
 from sparsemor.core.protocols.contributions import VectorRecord as VectorRecord
 from sparsemor.core.protocols.integrator import Function as Function
+from sparsemor.core.protocols.integrator import HeldFunction as HeldFunction
+from sparsemor.core.protocols.integrator import HeldValues as HeldValues
 from sparsemor.core.protocols.integrator import Integrator as Integrator
 from sparsemor.core.protocols.integrator import NextStep as NextStep
 from sparsemor.core.protocols.integrator import Solve as Solve

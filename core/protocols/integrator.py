@@ -1,7 +1,9 @@
 """Time integration: states, step formulas of an integrator, and functions of time."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import ulp
@@ -386,3 +388,49 @@ class TimeFunction(ABC):
 
 class Function(Plugin, TimeFunction):
     """Function of time as a plugin."""
+
+
+class HeldValues:
+    """Present values of held functions in a run. reads: number of values that were read."""
+
+    def __init__(self, values: "Iterable[tuple[HeldFunction, float]]" = ()) -> None:
+        self.values, self.reads = {id(f): value for f, value in values}, 0
+
+
+_NONE = HeldValues()
+_HELD: ContextVar[HeldValues] = ContextVar("held", default=_NONE)
+
+
+@contextmanager
+def holding(held: HeldValues) -> Iterator[None]:
+    """Held functions that are evaluated inside have these values."""
+    token = _HELD.set(held)
+    try:
+        yield
+    finally:
+        _HELD.reset(token)
+
+
+def held_reads() -> int:
+    """Number of values of held functions that were read in this run: what is made of them serves
+    one step only."""
+    return _HELD.get().reads
+
+
+class HeldFunction(TimeFunction):
+    """Function of time whose values are not known before the run, such as an input: each is that
+    during one step and at its end (zero-order hold). A run sets it by `holding`; `start` is the
+    value before the first step."""
+
+    start: float = 0.0
+
+    def value(self, t: float) -> float:
+        held = _HELD.get()
+        held.reads += 1
+        return held.values.get(id(self), self.start)
+
+    def rate(self, t: float) -> float:
+        return 0.0
+
+    def curvature(self, t: float) -> float:
+        return 0.0

@@ -29,7 +29,7 @@ from sparsemor.core.protocols import (
 from sparsemor.core.protocols.plugin import Plugin
 from sparsemor.core.registry.boundary import naming_plugins
 from sparsemor.core.registry.hooks import new_manager
-from sparsemor.core.registry.registry import Registry
+from sparsemor.core.registry.registry import Registry, suggestions
 from sparsemor.core.registry.value_types import unfit_field
 from sparsemor.core.results.arrays_in_memory import MemoryWriter, fixed_in_memory
 from sparsemor.core.results.atomic_files import replace_file
@@ -64,6 +64,7 @@ from sparsemor.core.simulation.progress import progress_bar
 from sparsemor.core.simulation.recorder import Recorder
 from sparsemor.core.simulation.run_steps import RunSteps
 from sparsemor.core.simulation.step_statistics import StepStatistics
+from sparsemor.core.simulation.stepper import Input, Stepper
 from sparsemor.core.simulation.stored_classes import CLASSES
 from sparsemor.core.simulation.time_stepping import full_state, started
 from sparsemor.core.simulation.validation import ESTIMATE, endless, time_faults
@@ -307,9 +308,44 @@ class ReducedModel:
         Raises InputError for a model that cannot be stored, and, with `fields`, for one that was
         read from a file without them.
         """
-        bases = self._run.header.dictionaries.values()
-        if fields and not all(len(d.offset) for d in bases):
+        if fields and not self._has_fields:
             raise InputError("this model was read from a file without fields", "fields")
+        replace_file(Path(path), self._dump(fields))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _unpacked, (self._dump(self._has_fields), None)
+
+    def stepper(
+        self, inputs: Sequence[str] = (), outputs: Sequence[str] = ()
+    ) -> Stepper:
+        """Steps from outside: inputs set and outputs read between them.
+
+        inputs: keys of functions of time of loads and joints (`loads.push.factor`,
+        `joints.crank.angle`), whose values are set from the first step on; outputs: names, by
+        default all (`outputs_of`). Raises InputError for others.
+        """
+        known = self._inputs
+        faults = [
+            Fault("inputs", f"no function of time is at {k!r}: {suggestions(k, known, 'inputs')}")
+            for k in inputs if k not in known]
+        if not faults:
+            faults = [Fault(key, f"cannot be an input: {why}")
+                      for key in inputs if (why := self._why_fixed(key))]
+        if faults:
+            raise InputError(faults)
+        run, set_by = self._run, {key: Input(known[key].value(0.0)) for key in inputs}
+        if set_by:
+            with usable(self._file_name):
+                made = self._packed.made(_table(self.scene), {**_functions(self.scene), **set_by})
+                run = replace(run, solver=run.solver.stepping_alike(made), start=self._meshless[1],
+                              offline=None)
+        return Stepper(self, replace(run, extents=self._extents), set_by, outputs)
+
+    @property
+    def _has_fields(self) -> bool:
+        return all(len(d.offset) for d in self._run.header.dictionaries.values())
+
+    def _dump(self, fields: bool) -> bytes:
         run = self._run
         solver, start = self._meshless
         header = run.header if fields else replace(
@@ -325,7 +361,7 @@ class ReducedModel:
             "notes": (*run.notes, *_without_estimate(run))}
         del parts["scene"]
         about = {"scene": run.scene.dump(), "name": run.scene.name}
-        replace_file(Path(path), replace(self._pack(parts), about=about).dump())
+        return replace(self._pack(parts), about=about).dump()
 
     # ------------------------------------------------------------------ changes
 
@@ -333,6 +369,11 @@ class ReducedModel:
     def _load_functions(self) -> Mapping[str, TimeFunction]:
         """Key -> function of time of the loads."""
         return load_functions(self.scene)
+
+    @cached_property
+    def _inputs(self) -> Mapping[str, TimeFunction]:
+        """Key -> function of time of loads and joints."""
+        return dict(functions_of_time({"loads": self.scene.loads, "joints": self.scene.joints}))
 
     def _pack(self, value: object) -> Packed:
         try:
@@ -364,9 +405,9 @@ class ReducedModel:
 
     def _why_fixed(self, key: str) -> str:
         """Reason why the function of time at `key` cannot change, "" if it can."""
-        function, name = self._load_functions[key], str(split(key)[1])
-        load = self.scene.loads[name]
-        if self.scene.rigid_stage is not None and load.acts_on == "motion":
+        function, (kind, name) = self._inputs[key], map(str, split(key)[:2])
+        if self.scene.rigid_stage is not None and (
+                kind == "joints" or self.scene.loads[name].acts_on == "motion"):
             return "it acts on the rigid-body pre-simulation, which the model follows"
         if any(f is function for s in self._run.given.values() for _, f in s.given) or any(
                 f is function for p in self._run.probes for _, f in p.place.given):

@@ -9,6 +9,7 @@ import numpy as np
 
 from sparsemor.core import Amplitude, FloatArray, Table
 from sparsemor.core.protocols import Tabled
+from sparsemor.core.protocols.integrator import held_reads
 from sparsemor.core.protocols.load_tables import total_load, total_load_along
 from sparsemor.core.protocols.separable import amplitudes_along, evaluate_amplitudes
 
@@ -22,7 +23,8 @@ Source = Callable[[FloatArray], FloatArray]
 @dataclass(frozen=True, slots=True, eq=False)
 class TimeTable:
     """Function of time with tabulated values: rows (T, m) at the increasing `times`; at any other
-    time `source` is evaluated. Returned values are shared and must not be modified."""
+    time `source` is evaluated. Returned values are shared and must not be modified. Values that
+    depend on held functions are not kept."""
 
     source: Source
     times: tuple[float, ...] = ()
@@ -42,7 +44,10 @@ class TimeTable:
         if not len(times):
             return cls(source, single=single)
         near = NEAR * float(np.diff(times).min()) if len(times) > 1 else 0.0
-        return cls(source, tuple(times.tolist()), source(times), near, single)
+        reads, rows = held_reads(), source(times)
+        if held_reads() != reads:
+            return cls(source, single=single)
+        return cls(source, tuple(times.tolist()), rows, near, single)
 
     def parts(self) -> tuple[Any, ...]:
         return self.source, np.array(self.times), self.single
@@ -57,10 +62,13 @@ class TimeTable:
             i = bisect_left(self.times, t - self.near)
             if i < len(self.times) and self.times[i] - t <= self.near:
                 return np.asarray(self.rows[i])
-        if not self.last or self.last[0][0] != t:
-            self.last[:] = [(t, np.asarray(self.source(np.array([t]))[0]) if self.single is None
-                             else self.single(t))]
-        return self.last[0][1]
+        if self.last and self.last[0][0] == t:
+            return self.last[0][1]
+        reads, values = held_reads(), (np.asarray(self.source(np.array([t]))[0])
+                                       if self.single is None else self.single(t))
+        if held_reads() == reads:
+            self.last[:] = [(t, values)]
+        return values
 
     def along(self, times: FloatArray) -> FloatArray:
         """Values (T, m) at times (T,), s; at the tabulated times the rows themselves, not a

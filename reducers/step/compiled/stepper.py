@@ -19,6 +19,7 @@ from sparsemor.core import (
     require,
 )
 from sparsemor.core.protocols import ManySteps, StepBlock
+from sparsemor.core.protocols.integrator import held_reads
 from sparsemor.core.protocols.poses import turns_from
 from sparsemor.core.protocols.step_amplitude import Substep, substep
 from sparsemor.reducers.step.blocks.thermal_block import CompressedHeat
@@ -124,7 +125,7 @@ class CompiledSteps:
         self._ahead, self._factor = LONGEST, cast("Factor | None", None)
         self._inverse, none = np.zeros((0, 0)), np.zeros(0)
         self._attitudes = np.zeros((0, 4, 4, 4))
-        self._known = none, none, none
+        self._known, self._foreseen = (none, none, none), True
         self._heated: dict[str, FloatArray] = {}
 
     def advance(self, state: State, memory: Memory, count: int) -> StepBlock:
@@ -188,10 +189,15 @@ class CompiledSteps:
         ones are not evaluated again."""
         first = int(np.searchsorted(self._known[0], next_time(t, self.h)))
         if not (self._known[0][first : first + 1] == next_time(t, self.h)).any():
-            ends = accumulate([self.h] * min(count, LONGEST), next_time, initial=t)
-            times, first = np.array([*ends][1:]), 0
+            longest = LONGEST if self._foreseen else 1
+            ends = accumulate([self.h] * min(count, longest), next_time, initial=t)
+            times, first, reads = np.array([*ends][1:]), 0, held_reads()
             timed, n = self.plan.timed.along(times), self.model.new.shape[1]
-            self._known = times, timed, self.plan.base_along(times, timed, n)
+            known = times, timed, self.plan.base_along(times, timed, n)
+            if held_reads() != reads:  # they serve this step only
+                self._foreseen, (times, timed, base) = False, (a[:1] for a in known)
+                return times, timed, base
+            self._known = known
         at = slice(first, first + min(count, self._ahead))
         times, timed, base = (values[at] for values in self._known)
         return times, timed, base

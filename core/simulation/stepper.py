@@ -1,0 +1,230 @@
+"""A reduced model that is stepped from outside: inputs are set and outputs read between steps."""
+
+from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.errors import Fault, InputError
+from sparsemor.core.linalg.threads import threads
+from sparsemor.core.protocols import State, StepMemory
+from sparsemor.core.protocols.integrator import HeldFunction, HeldValues, holding
+from sparsemor.core.protocols.layout import Quantity
+from sparsemor.core.protocols.poses import FREE_POSE, PLANAR_POSE, SPINNING_POSE
+from sparsemor.core.registry.boundary import naming_plugins
+from sparsemor.core.registry.registry import suggestions
+from sparsemor.core.results.probes import ForceReader, ProbeReader, rate_columns
+from sparsemor.core.results.saved_state import Saved, SavedError
+from sparsemor.core.simulation.checks import Checks
+from sparsemor.core.simulation.prepared_run import PreparedRun
+from sparsemor.core.simulation.step_control import step_of
+from sparsemor.core.simulation.time_stepping import iterate, many_steps, started
+from sparsemor.core.status import SolveFailed, Status
+
+if TYPE_CHECKING:
+    from sparsemor.core.simulation.reduced_model import ReducedModel
+
+COORDINATES = {PLANAR_POSE: ("x", "y", "angle"), SPINNING_POSE: ("x", "y", "z", "angle"),
+               FREE_POSE: ("x", "y", "z", "q0", "q1", "q2", "q3")}
+"""Number of rigid coordinates of a frame -> their names; q: unit quaternion."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Input(HeldFunction):
+    """Input of a stepper in the place of a function of time; start: its value at the beginning."""
+
+    start: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Output:
+    """Quantity that a stepper gives: its unit, and the column `at` of what a probe or a force
+    element gives, or of the unknowns x (rate: of their rates)."""
+
+    unit: str
+    at: int
+    reader: ProbeReader | ForceReader | None = None
+    rate: bool = False
+
+
+def outputs_of(run: PreparedRun) -> Mapping[str, Output]:
+    """Name -> quantity of all that a run records and of its rigid coordinates: `tip.u_y` of probe
+    tip, `crank.rigid.angle` and `crank.rigid.angle_rate` of a body, `hinge.force_x` of a joint."""
+    found, header = dict[str, Output](), run.header
+    for p in run.probes:
+        head = p.header()
+        found |= {f"{p.name}.{c}": Output(unit, i, p)
+                  for i, (c, unit) in enumerate(zip(head.components, head.units, strict=True))}
+    for f in run.forces:
+        found[f"{f.name}.{_word(f.component[0])}"] = Output(f.component[1], 0, f)
+    for b in run.solver.layout:
+        first = run.solver.layout[b.name].start
+        if b.name in header.multipliers:
+            found |= {f"{b.owner}.{_word(name)}": Output(unit, first + i)
+                      for i, (name, unit) in enumerate(header.multipliers[b.name])}
+        elif b.kind.quantity is Quantity.POSE:
+            for i, name in enumerate(COORDINATES.get(b.size, ())):
+                unit = "m" if name in "xyz" else "rad" if name == "angle" else "1"
+                found[f"{b.name}.{name}"] = Output(unit, first + i)
+                found[f"{b.name}.{name}_rate"] = Output(f"{unit}/s", first + i, rate=True)
+    return found
+
+
+def _word(name: str) -> str:
+    return name.replace(" ", "_")
+
+
+class Stepper:
+    """Steps of a reduced model, one after the other, from its start.
+
+    t: time, s; inputs: key of a function of time in the scene -> its present value; outputs:
+    name -> unit. An input has its value in a whole step and at the step's end: set the value of
+    t + h, then step. Made by `ReducedModel.stepper`; a pickled stepper goes on where it was.
+    """
+
+    @np.errstate(all="ignore")
+    def __init__(
+        self, model: "ReducedModel", run: PreparedRun, inputs: Mapping[str, Input],
+        outputs: Sequence[str],
+    ) -> None:
+        from threadpoolctl import ThreadpoolController
+
+        self._model, self._run, self._threads = model, run, ThreadpoolController()
+        self.step_size = run.scene.time.step
+        """Size h of a step, s."""
+        self._inputs, self._values = dict(inputs), dict[str, float]()
+        self._step = step_of(run.solver, run.scene.integrator, self.step_size)
+        self._many = many_steps(run.solver, run.scene.integrator, self.step_size, run.steps)
+        self._begin = started(run.solver, run.scene.integrator, run.start)
+        known = outputs_of(run)
+        faults = [Fault("outputs", f"no output is called {n!r}: {suggestions(n, known, 'outputs')}")
+                  for n in outputs if n not in known]
+        if faults:
+            raise InputError(faults)
+        self._outputs = {n: known[n] for n in outputs or known}
+        self._rates = rate_columns(run.forces)
+        self.reset()
+
+    def __repr__(self) -> str:
+        return (f"<Stepper {self._run.scene.name}, t = {self.t:g} s, {len(self._inputs)} inputs, "
+                f"{len(self._outputs)} outputs>")
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _restored, (self._model, tuple(self._inputs), tuple(self._outputs), self.saved())
+
+    @property
+    def t(self) -> float:
+        return self._state.t
+
+    @property
+    def inputs(self) -> Mapping[str, float]:
+        return dict(self._values)
+
+    @property
+    def outputs(self) -> Mapping[str, str]:
+        return {name: output.unit for name, output in self._outputs.items()}
+
+    def reset(self) -> None:
+        """Goes back to the start; inputs have their first values again."""
+        state, memory = self._begin
+        self._state, self._memory, self._done = state, memory.copy(), 0
+        self._values = {key: f.start for key, f in self._inputs.items()}
+        self._look()
+
+    def set(self, key: str, value: float) -> None:
+        """Value of an input in the next steps. Raises InputError for no input and no number."""
+        if key not in self._inputs:
+            raise InputError(f"no input is called {key!r}: "
+                             f"{suggestions(key, self._inputs, 'inputs')}", "inputs")
+        if not np.isfinite(number := float(value)):
+            raise InputError(f"an input must be finite (got {value})", key)
+        self._values[key] = number
+
+    @naming_plugins()
+    @np.errstate(all="ignore")
+    def step(self, count: int = 1) -> float:
+        """Takes `count` steps and returns the time after them, s. Raises SolveFailed for a step
+        that fails; the state is the one before it."""
+        run, solver = self._run, self._run.solver
+        if run.header.stage is not None and self._done + count > run.steps:
+            raise InputError(f"the model follows a rigid motion that ends at "
+                             f"{run.scene.time.end:g} s", "time.end")
+        with self._threads.limit(limits=threads(), user_api="blas"), self._holding():
+            for taken in iterate(self._step, self._state, self._memory, count, many=self._many):
+                if not taken.outcome.status.ok:
+                    raise SolveFailed(taken.outcome.status, self.t + self.step_size,
+                                      taken.outcome.block, taken.outcome.detail,
+                                      sampled=bool(solver.rows))
+                if large := run.extents.exceeded(run.extents.sizes(taken.state.x)):
+                    raise SolveFailed(Status.DIVERGED, taken.state.t, large.block, large.detail)
+                before, self._state, self._memory = self._state, taken.state, taken.memory
+                self._done += 1
+                for look in self._on_step:
+                    failure = look(self._done, before, self._state, solver.supports(self._memory))
+                    if failure is not None:
+                        raise failure
+        return self.t
+
+    def get(self, name: str) -> float:
+        """Present value of one output."""
+        return float(self.values((name,))[0])
+
+    def values(self, names: Sequence[str] = ()) -> FloatArray:
+        """Present values of the named outputs, or of all. Raises InputError for another name."""
+        s, read, found = self._state, dict[int, FloatArray](), list[float]()
+        for name in names or self._outputs:
+            if name not in self._outputs:
+                raise InputError(f"no output is called {name!r}: "
+                                 f"{suggestions(name, self._outputs, 'outputs')}", "outputs")
+            of = self._outputs[name]
+            if of.reader is None:
+                found.append(float((s.v if of.rate else s.x)[of.at]))
+                continue
+            if id(of.reader) not in read:
+                t, x = np.array([s.t]), s.x[None]
+                rates = {first: s.v[None, at] for first, at in self._rates.items()}
+                with self._holding():
+                    read[id(of.reader)] = np.atleast_1d(np.squeeze(
+                        of.reader(t, x) if isinstance(of.reader, ProbeReader)
+                        else of.reader(t, x, rates), axis=0))
+            found.append(float(read[id(of.reader)][of.at]))
+        return np.array(found)
+
+    def saved(self) -> bytes:
+        """Present state with the values of the inputs, for `restore`."""
+        s = self._state
+        return Saved.of(self._kept(s, self._memory), "stepper").dump()
+
+    def restore(self, saved: bytes) -> None:
+        """Goes on from a state that `saved` of a stepper of this model gave. Raises InputError for
+        other data."""
+        state, memory = self._begin
+        try:
+            found = Saved.load(saved).into(self._kept(state, memory.copy()), "stepper")
+        except SavedError as error:
+            raise InputError(f"this is no state of this model ({error})", "state") from None
+        t, x, v, a, past, self._memory, self._done, values = found
+        self._state = State(t, x, v, a, past)
+        for key, value in values.items():
+            self.set(key, value)
+        self._look()
+
+    def _kept(self, s: State, memory: StepMemory) -> tuple[Any, ...]:
+        return (s.t, s.x, s.v, s.a, s.memory, memory, self._done, dict(self.inputs))
+
+    def _holding(self) -> AbstractContextManager[None]:
+        return holding(HeldValues((f, self._values[key]) for key, f in self._inputs.items()))
+
+    def _look(self) -> None:
+        self._on_step = Checks.of(self._run.scene).on_start(self._run, self._state, False)
+
+
+def _restored(
+    model: "ReducedModel", inputs: Sequence[str], outputs: Sequence[str], saved: bytes
+) -> Stepper:
+    made = model.stepper(inputs, outputs)
+    made.restore(saved)
+    return made
