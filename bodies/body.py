@@ -192,6 +192,11 @@ class FloatingBody(Body):
         return FieldInertia(nodal.along(self._nodal_masses(), self.d)[F],
                             about(m, self.X, B)[F], [generator(m, b)[F][:, F] for b in B])
 
+    def _first(self) -> FloatArray | None:
+        """(n, d) mass of the free displacements along each axis, kg."""
+        return None if self.mass_matrix is None else self._functionals(
+            nodal.along(self._nodal_masses(), self.d))
+
     def _nodal_masses(self) -> FloatArray:
         assert self.mass_matrix is not None
         return np.asarray(self.mass_matrix.sum(axis=1)).ravel()
@@ -213,9 +218,7 @@ class FloatingBody(Body):
         """Adds the weight of the deformed body: nodal masses times g (d,), m/s^2."""
         if self.inertia is None:
             return
-        write_weight(equations, self, self.inertia, g, amplitude, (
-            None if self.mass_matrix is None else self._functionals(
-                nodal.along(self._nodal_masses(), self.d))))
+        write_weight(equations, self, self.inertia, g, amplitude, self._first())
 
     def body_force(self, equations: Equations, forces: FloatArray, amplitude: Amplitude) -> None:
         """Adds nodal forces (N, d), N, that rotate with the body frame."""
@@ -248,13 +251,16 @@ class FloatingBody(Body):
     def geometry(self) -> Mapping[str, tuple[FloatArray, IntArray]]:
         """Elastic and thermal block name -> node coordinates (n, d), m, and component (n,) of each
         unknown."""
-        points, found, d = self.X, {}, self.d
+        found = {}
         if self.elasticity is not None:
-            free = self.elasticity.free
-            found[f"{self.name}.elastic"] = (points[free // d], free % d)
+            found[f"{self.name}.elastic"] = self._places(self.elasticity.free)
         if self.heat is not None:
-            found[f"{self.name}.thermal"] = (points[self.heat.free], 0 * self.heat.free)
+            found[f"{self.name}.thermal"] = (self.X[self.heat.free], 0 * self.heat.free)
         return found
+
+    def _places(self, free: IntArray) -> tuple[FloatArray, IntArray]:
+        """Node coordinates (n, d), m, and components (n,) of free displacements."""
+        return self.X[free // self.d], free % self.d
 
     def shape(self) -> BodyShape | None:
         """Geometry of the body for storage with the results; None for a body without a mesh."""
@@ -284,10 +290,8 @@ class FloatingBody(Body):
         return f"{centre.how}, is {centre.shift:.3g} m from the mean of its facets"
 
     def displacement_of(self, which: str) -> FloatArray | None:
-        if self.elasticity is None:
-            return None
-        weights = self.centre_of(which, self.points[which]).weights
-        return nodal.along(weights, self.d)[self.elasticity.free]
+        return self._functionals(nodal.along(
+            self.centre_of(which, self.points[which]).weights, self.d))
 
     def rotation_of(self, which: str, key: str) -> FloatArray | None:
         """Mean rotation of the set, by least squares."""
@@ -305,8 +309,8 @@ class FloatingBody(Body):
             raise InputError(
                 f"the points of '{self.name}:{which}' {where}, so their mean rotation is "
                 f"undefined: attach to {what}", key) from None
-        found = turns[self.elasticity.free, : 2 * self.d - 3]
-        return found if found.any() else None
+        found = self._functionals(turns[:, : 2 * self.d - 3])
+        return found if found is not None and found.any() else None
 
     def deforms_at(self, which: str) -> bool:
         e = self.elasticity
@@ -338,12 +342,9 @@ class FloatingBody(Body):
         """Probe at a material point: the centre of a named set, or the node nearest to body
         coordinates (d,), m."""
         weights, point = self._probed(at)
-        displacement: FloatArray | None = None
         temperature: FloatArray | None = None
         prescribed: tuple[tuple[float, TimeFunction], ...] = ()
-        if self.elasticity is not None:
-            every = np.asarray(np.kron(weights[:, None], np.eye(len(point))))
-            displacement = every[self.elasticity.free]
+        displacement = self._functionals(nodal.along(weights, self.d))
         if self.heat is not None:
             temperature = weights[self.heat.free]
             prescribed = tuple((float(weights[n].sum()), f) for n, f in self.heat.prescribed)

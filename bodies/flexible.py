@@ -14,7 +14,7 @@ from scipy.sparse import csr_array
 
 from sparsemor.bodies.body import FloatingBody
 from sparsemor.bodies.fem.elasticity import Model, elastic_stiffness, law, thermoelastic_coupling
-from sparsemor.bodies.fem.fields import Elasticity, Heat
+from sparsemor.bodies.fem.fields import Elasticity, Heat, ModalFactors
 from sparsemor.bodies.fem.quadratic import with_midpoints
 from sparsemor.bodies.fem.stress import SimplexStress
 from sparsemor.bodies.fem.volume import capacity, conductivity, lumped, scalar_mass
@@ -32,6 +32,7 @@ from sparsemor.bodies.terms.material_laws import heat_laws, stress_laws
 from sparsemor.bodies.terms.modal_damping import modal_factors
 from sparsemor.core import (
     BodyPlugin,
+    Csr,
     Fault,
     FieldKind,
     FloatArray,
@@ -79,6 +80,20 @@ class Damping(Plugin):
     """The modes are those of the body alone in space (`free`), or `held` by its reference
     conditions, as where a joint holds a clamped set. When not given: `free` for a floating frame,
     `held` otherwise."""
+
+    def of(
+        self, K: Csr, M: Csr, fixed: IntArray, d: int, floating: bool
+    ) -> tuple[Csr, ModalFactors | None]:
+        """Rayleigh damping matrix, and factors of modal damping, of a body in d dimensions with
+        stiffness K and mass M (n, n), of which its reference conditions fix the unknowns `fixed`.
+        InputError under `damping`."""
+        held = self.modes_of == "held" or (self.modes_of is None and not floating)
+        gather = Gather()
+        modal = None if self.ratio is None else gather(
+            "damping", modal_factors, K, M, fixed if held else fixed[:0],
+            0 if held else d * (d + 1) // 2, self.ratio, self.modes)
+        gather.check()
+        return csr_array(self.mass * M + self.stiffness * K), modal
 
 
 def body_size(mesh: MeshSize, elastic: bool, thermal: bool) -> BodySize:
@@ -289,16 +304,10 @@ class Flexible(BodyPlugin):
         K = summed(regions, lambda r: elastic_stiffness(
             mesh, r.constants, thickness, model, r.cells))
         M = generator(m, np.eye(d))
-        ratio, held = self.damping.ratio, self.damping.modes_of == "held" or (
-            self.damping.modes_of is None and self.frame != "floating")
-        gather = Gather()
-        modal = None if ratio is None else gather(
-            "damping", modal_factors, K, M, fixed if held else fixed[:0],
-            0 if held else d * (d + 1) // 2, ratio, self.damping.modes)
-        gather.check()
+        damping, modal = self.damping.of(K, M, fixed, d, self.frame == "floating")
         return Elasticity(
             free=np.setdiff1d(np.arange(d * len(mesh.points)), fixed), stiffness=K,
-            damping=csr_array(self.damping.mass * M + self.damping.stiffness * K), modal=modal,
+            damping=damping, modal=modal,
             coupling=summed(regions, lambda r: thermoelastic_coupling(
                 mesh, r.constants, thickness, model, r.cells)),
             regions=tuple((r.cells, law(r.constants, model)) for r in regions),

@@ -79,8 +79,8 @@ class Target:
     def facets(self, key: str) -> IntArray:
         """(F, d) boundary facets of the set; InputError for a body without a mesh."""
         if self.body.mesh is None:
-            raise InputError(f"{self.text!r}: body {self.body.name!r} is rigid and has no surface "
-                             "to integrate over; use point_force", key)
+            raise InputError(f"{self.text!r}: body {self.body.name!r} has no mesh, and so no "
+                             "surface to integrate over; use point_force", key)
         try:
             return boundary_facets(self.body.mesh, self.nodes, self.text.partition(":")[2])
         except InputError as error:
@@ -195,7 +195,7 @@ def need_field(target: Target, field: str, key: str) -> None:
     body = target.body
     if field == "mechanical":
         need_motion(body, key)
-    if field == "thermal" and body.mesh is None:
+    if field == "thermal" and body.mesh is None and not (body.heat or body.elasticity):
         raise InputError(f"body {body.name!r} is rigid and has no temperature: make it flexible "
                          "with `fields: [thermal]`, or drop this load", key)
     if field == "thermal" and body.heat is None:

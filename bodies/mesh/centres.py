@@ -57,12 +57,19 @@ class Centre:
     how: str
 
     @classmethod
-    def of_points(cls, X: FloatArray, nodes: IntArray) -> "Centre":
-        """Mean of single points, number `nodes` of X (N, d)."""
-        weights = np.zeros(len(X))
-        weights[nodes] = 1.0 / len(nodes)
-        mean = weights @ X
-        return cls(weights, mean, weights, mean, "the mean of its points")
+    def of_points(
+        cls, X: FloatArray, nodes: IntArray, weights: FloatArray | None = None,
+        given: FloatArray | None = None,
+    ) -> "Centre":
+        """Mean of single points, number `nodes` of X (N, d), with weights (len(nodes),), equal ones
+        if None; given (d,): position of the centre, m, instead. InputError as in `centre_of_set`.
+        """
+        even = np.zeros(len(X))
+        even[nodes] = 1.0 / len(nodes) if weights is None else weights / weights.sum()
+        mean = even @ X
+        if given is None:
+            return cls(even, mean, even, mean, "the mean of its points")
+        return cls(_moved(even, X, given), given, even, mean, "the given point")
 
     @property
     def shift(self) -> float:

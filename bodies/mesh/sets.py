@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import ClassVar
 
 import numpy as np
 from pydantic import model_validator
@@ -33,6 +34,7 @@ class PointSet(Plugin):
     """Position [x, y] or [x, y, z], m: the nearest point of the mesh (the lowest number on a tie).
     """
 
+    ways: ClassVar[tuple[str, ...]] = ("box", "where", "nearest")
     centre: list[float] | None = None
     """Centre of the set, m (body axes), for joints, forces, torques and probes on it, instead of
     the mean of its facets or the centre of the circle or cylinder on which they lie. Without `box`,
@@ -40,11 +42,11 @@ class PointSet(Plugin):
 
     @model_validator(mode="after")
     def _one(self) -> "PointSet":
-        options = [name for name in ("box", "where", "nearest") if getattr(self, name) is not None]
+        options = [name for name in self.ways if getattr(self, name) is not None]
         if len(options) != 1 and (options or self.centre is None):
             raise InputError(
                 f"{' and '.join(options) or 'nothing'} given; a point set takes exactly one of "
-                "box, where, nearest"
+                f"{', '.join(self.ways)}"
             )
         if any(low > high for low, high in self.box or ()):
             raise InputError(f"box {self.box}: each pair is [lower, upper]", "box")
@@ -66,7 +68,7 @@ class PointSet(Plugin):
     @property
     def only_centre(self) -> bool:
         """True for the centre of a set that the mesh has."""
-        return self.box is None and self.where is None and self.nearest is None
+        return all(getattr(self, name) is None for name in self.ways)
 
     def contains(self, points: FloatArray, mesh: Mesh) -> BoolArray:
         """(n,) True for the positions (n, d), m, on a mesh that `box` or `where` contains."""

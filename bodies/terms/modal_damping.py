@@ -58,7 +58,11 @@ def _lowest(K: Csr, M: Csr, count: int) -> tuple[FloatArray, FloatArray]:
     shift-invert Lanczos with a small negative shift, as K may be singular."""
     n = K.shape[0]
     if n <= _DENSE or 3 * count >= n:
-        values, shapes = linalg.eigh(K.toarray(), M.toarray(), subset_by_index=(0, count - 1))
+        try:
+            values, shapes = linalg.eigh(K.toarray(), M.toarray(), subset_by_index=(0, count - 1))
+        except linalg.LinAlgError:
+            raise InputError("modes of so few unknowns need a positive definite mass matrix, and "
+                             "that of this body is singular", "ratio") from None
         return values, shapes
     shift = -1e-2 * float(K.diagonal().sum() / M.diagonal().sum()) / n
     start = np.random.default_rng([n, count]).standard_normal(n)  # the same modes each time

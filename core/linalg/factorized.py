@@ -152,7 +152,7 @@ def rigid_motions(places: DofLocations) -> FloatArray:
     X = places.coordinates - places.coordinates.mean(axis=0)
     size = max(float(np.abs(X).max(initial=0.0)), np.finfo(np.float64).tiny)
     pairs = [(i, j) for i in range(d) for j in range(i + 1, d)]
-    unit = np.eye(d + len(pairs))[places.component]
+    unit = np.eye(d + len(pairs) + 1)[places.component]  # the last: modal coordinates
     # (y, z), (z, x), (x, y): the rotation about x, y, z, or in the plane the only one
     turns = [np.einsum("ni,ij,nj->n", unit[:, :d], _turn(d, i, j), X / size)
              + (1.0 if (i, j) != (0, 2) else -1.0) / size * unit[:, d + axis]

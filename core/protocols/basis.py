@@ -22,7 +22,8 @@ class BlockData:
     order: order in time of the equations.
     mass, stiffness, damping: (n, n) csr; capacity and conductivity for heat; damping None: zero.
     coordinates: (n, d) reference position of each unknown's node, m.
-    component: (n,) 0..d-1 for displacements, d and up for rotations, 0 for temperatures.
+    component: (n,) 0..d-1 for displacements, d and up for rotations, -1 for modal coordinates, 0
+        for temperatures.
     loads: (n, j) unit load vectors: forces or heat, inertia, weight, joint forces, constant load.
     load_names: (j,) distinct descriptions ("gravity y", "joint B x").
     joints: numbers of the joint-force columns P of `loads`; P^T u are displacements at the joints.

@@ -272,7 +272,8 @@ class Body(Part):
 
     def geometry(self) -> Mapping[str, tuple[FloatArray, IntArray]]:
         """Reducible block -> node coordinates (n, d), m, and component (n,) of its unknowns:
-        0..d-1 for displacements, d and up for rotations, 0 for temperatures."""
+        0..d-1 for displacements, d and up for rotations, -1 for modal coordinates, each of which
+        is a node, 0 for temperatures."""
         return {}
 
     # ------------------------------------------------------------------ motion of its frame

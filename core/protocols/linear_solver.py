@@ -12,8 +12,8 @@ from sparsemor.core.status import Status
 @dataclass(frozen=True, slots=True, eq=False)
 class DofLocations:
     """Node and component of each unknown: coordinates (n, d) of its node, m; component (n,), 0..d-1
-    for displacements, d and up for rotations, 0 for temperatures. Unknowns of one node are
-    adjacent."""
+    for displacements, d and up for rotations, -1 for modal coordinates, 0 for temperatures.
+    Unknowns of one node are adjacent."""
 
     coordinates: FloatArray
     component: IntArray

@@ -8,7 +8,7 @@ from sparsemor.core import BlockData, Csr, FloatArray, InputError, IntArray
 from sparsemor.core.model.model import distinct_names
 from sparsemor.core.model.moving_loads import loaded_columns
 
-AXES = "xyz"
+AXES = ("x", "y", "z", "about x", "about y", "about z", "mode")
 
 
 def unit_loads(data: BlockData, patches: int | None) -> tuple[FloatArray, list[str]]:

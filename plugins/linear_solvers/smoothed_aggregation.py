@@ -110,7 +110,7 @@ def _whole_nodes(A: Csr, places: DofLocations | None) -> tuple[Any, IntArray, Fl
     motions = rigid_motions(places)
     if not is_vector_field(places):
         return _short(A), np.arange(n), motions
-    X, component = places.coordinates, places.component
+    X, component = places.coordinates, np.maximum(places.component, 0)
     d = max(X.shape[1], int(component.max()) + 1)  # more with rotations
     new = np.ones(n, dtype=np.bool_)
     new[1:] = (np.diff(component) <= 0) | np.any(np.diff(X, axis=0) != 0.0, axis=1)

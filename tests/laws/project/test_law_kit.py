@@ -140,8 +140,8 @@ def test_laws_of_a_reducer(name: str, integrator: str) -> None:
 
 @pytest.mark.full
 def test_laws_of_bodies_joints_and_loads() -> None:
-    scenes = [*(load(SCENES / name) for name in ("everything.yaml", "everything_in_space.yaml")),
-              scene_of(driven())]
+    scenes = [*(load(SCENES / name) for name in (
+        "everything.yaml", "everything_in_space.yaml", "matrices.yaml")), scene_of(driven())]
     for scene in scenes:
         check_parts(scene)
     for kind, key in (("body", "bodies"), ("joint", "joints"), ("load", "loads")):

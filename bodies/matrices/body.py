@@ -1,0 +1,127 @@
+"""Built body from matrices: unknowns of nodes and modes instead of a mesh."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from sparsemor.bodies.body import FloatingBody
+from sparsemor.bodies.frames import nodal
+from sparsemor.bodies.frames.floating import FieldInertia, inertia_matrices
+from sparsemor.bodies.frames.moments import MassProperties
+from sparsemor.bodies.matrices.unknowns import Unknowns
+from sparsemor.bodies.mesh.centres import Centre
+from sparsemor.core import Csr, FloatArray, InputError, IntArray
+
+ROUND_OFF = 1e-6
+"""Largest relative deviation of matrices from what a free body has: files have few digits."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class MatrixBody(FloatingBody):
+    """One body whose matrices are given. mass (n, n): of all unknowns; weights: set -> weights of
+    its nodes, in their order, where they are given."""
+
+    unknowns: Unknowns
+    mass: Csr | None = None
+    weights: Mapping[str, FloatArray] = field(default_factory=dict)
+
+    def _functionals(self, vectors: FloatArray) -> FloatArray | None:
+        e = self.elasticity
+        return None if e is None else np.asarray(self.unknowns.displacements[e.free] @ vectors)
+
+    def _field_inertia(self) -> FieldInertia | None:
+        """Inertia of the free unknowns: M_g = (M B_g + B_g M) / 2, which is m (x) B_g for the mass
+        matrix m (x) I of solids, and M times the field B_g x."""
+        e, M, u = self.elasticity, self.mass, self.unknowns
+        if e is None or M is None or self.inertia is None:
+            return None
+        B = inertia_matrices(self.pose)
+        matrices = []
+        for b in B:
+            by_node = u.matrix(b)
+            matrices.append((0.5 * (M @ by_node + by_node @ M)).tocsr()[e.free][:, e.free])
+        about = np.stack([M @ u.field(b) for b in B], axis=1)
+        return FieldInertia((M @ u.rigid_modes[:, : self.d])[e.free], about[e.free], matrices)
+
+    def _first(self) -> FloatArray | None:
+        e, M = self.elasticity, self.mass
+        return None if e is None or M is None else np.asarray(
+            M @ self.unknowns.rigid_modes[:, : self.d])[e.free]
+
+    def _places(self, free: IntArray) -> tuple[FloatArray, IntArray]:
+        return self.unknowns.places(free)
+
+    def deforms_at(self, which: str) -> bool:
+        e = self.elasticity
+        return e is not None and bool(
+            np.isin(self.points[which], self.unknowns.node[e.free]).any())
+
+    def rotation_of(self, which: str, key: str) -> FloatArray | None:
+        """Mean rotation of the set: of its nodes where they have rotations, else by least squares.
+        """
+        e, u = self.elasticity, self.unknowns
+        if e is None:
+            return None
+        weights, r = self.centre_of(which, self.points[which]).even, 2 * self.d - 3
+        turning = np.bincount(u.node[u.component >= self.d], minlength=len(self.X))
+        if (turning[self.points[which]] < r).any():
+            return FloatingBody.rotation_of(self, which, key)
+        found = np.asarray(u.rotations[e.free] @ nodal.along(weights, r))
+        return found if found.any() else None
+
+    def centre_of(self, which: str, nodes: IntArray) -> Centre:
+        if which not in self._centres:
+            self._centres[which] = Centre.of_points(
+                self.X, nodes, self.weights.get(which), self.centres.get(which))
+        return self._centres[which]
+
+    def _probed(self, at: str | Sequence[float]) -> tuple[FloatArray, FloatArray]:
+        if isinstance(at, str) or len(at) != self.d:
+            return FloatingBody._probed(self, at)
+        weights = np.zeros(len(self.X))
+        weights[np.argmin(np.linalg.norm(self.X - np.array(at), axis=1))] = 1.0
+        return weights, weights @ self.X
+
+
+def mass_properties(M: Csr, u: Unknowns, written: str, free: bool) -> MassProperties:
+    """Mass, first and second moments from the products of M (n, n) with the rigid-body modes.
+    free: M is that of a body without supports.
+
+    InputError where they are those of no body: the mass differs between directions, or moments of
+    inertia are impossible, as when rows of M are missing.
+    """
+    d, modes = u.d, u.rigid_modes
+    G = modes.T @ (M @ modes)
+    size = float(np.abs(G[:d, :d]).max(initial=0.0))
+    mass = float(np.trace(G[:d, :d]) / d)
+    if not mass > 0.0 or free and np.abs(G[:d, :d] - mass * np.eye(d)).max() > ROUND_OFF * size:
+        along = ", ".join(f"{m:.6g}" for m in np.diag(G)[:d])
+        raise InputError(f"'{written}': the mass of a translation along {'xyz'[:d]} is {along} kg, "
+                         "and that of a body is positive and the same in all directions: take the "
+                         "mass matrix of all unknowns, before supports are eliminated", "mass")
+    if d == 2:
+        moment, J = np.array([G[1, 2], -G[0, 2]]), float(G[2, 2])
+        return MassProperties(mass, moment, 0.5 * J * np.eye(2))
+    S, J3 = G[:3, 3:], G[3:, 3:]
+    moment = 0.5 * np.array([S[1, 2] - S[2, 1], S[2, 0] - S[0, 2], S[0, 1] - S[1, 0]])
+    arm = float(np.sqrt(max(np.trace(J3), 0.0) * mass))
+    second = 0.5 * np.trace(J3) * np.eye(3) - J3
+    least = float(np.linalg.eigvalsh(second - np.outer(moment, moment) / mass)[0])
+    if free and (np.abs(S + S.T).max() > ROUND_OFF * arm or least < -ROUND_OFF * np.trace(J3)):
+        raise InputError(f"'{written}': no body has its moments of inertia (J = "
+                         f"{np.array2string(np.diag(J3), precision=4)} kg m2 about the origin): "
+                         "do its unknowns belong to these nodes, in this order?", "mass")
+    return MassProperties(mass, moment, second)
+
+
+def motion_error(matrix: Csr, modes: FloatArray) -> float:
+    """Largest |A v| / |A| |v| of rigid-body modes v (n, k), zero for a matrix that resists only
+    deformation."""
+    if not matrix.nnz:
+        return 0.0
+    found = np.abs(matrix @ modes).max(axis=0, initial=0.0)
+    size = (abs(matrix) @ np.abs(modes)).max(axis=0, initial=0.0)
+    return float(np.max(np.where(size > 0.0, found / np.where(size > 0.0, size, 1.0), 0.0)))

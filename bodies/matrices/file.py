@@ -1,0 +1,192 @@
+"""Files of matrices and nodes that the options of a body name as `FILE` or `FILE:NAME`."""
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+from scipy.sparse import tril, triu
+
+from sparsemor.bodies.matrices.formats import arrays, calculix, matlab, text
+from sparsemor.bodies.matrices.formats.content import FileMatrix, table
+from sparsemor.bodies.mesh.formats.abaqus_statements import (
+    data_words,
+    integer,
+    key_of,
+    real,
+    statements,
+)
+from sparsemor.bodies.mesh.formats.content import BadLine, Numbering, decoded
+from sparsemor.core import Csr, FloatArray, InputError, IntArray
+
+T = TypeVar("T")
+FORMATS: dict[str, Callable[[Path, str], FileMatrix]] = {
+    ".npy": arrays.read, ".npz": arrays.read, ".mat": matlab.read, ".mtx": text.read,
+    ".sti": calculix.read, ".mas": calculix.read}
+"""Reader of each ending."""
+_NAMED = re.compile(r"(.+\.(?:npz|mat)):(\w+)", re.IGNORECASE)
+_LETTERS = 200
+
+
+def place_of(base: Path, written: str) -> tuple[Path, str]:
+    """Path and name of an array in it, of `FILE` or `FILE:NAME`."""
+    named = _NAMED.fullmatch(written)
+    return (base / named[1], named[2]) if named else (base / written, "")
+
+
+def files_of(base: Path, written: str) -> list[Path]:
+    """The file, and the one that belongs to it."""
+    path = place_of(base, written)[0]
+    return [path, *([calculix.unknowns_of(path)] if FORMATS.get(path.suffix.lower())
+                    is calculix.read else [])]
+
+
+def read_matrix(base: Path, written: str, key: str) -> FileMatrix:
+    """Matrix of a file without stored zeros; InputError under `key`."""
+    path, name = place_of(base, written)
+    reader = FORMATS.get(path.suffix.lower())
+    if reader is None:
+        raise InputError(f"'{written}' has none of the supported formats: its name must end in "
+                         f"{', '.join(FORMATS)} (with :NAME for one of several arrays)", key)
+    found = _read(path, written, key, lambda: reader(path, name))
+    if not np.isfinite(found.matrix.data).all():
+        raise InputError(f"'{written}' has entries that are not finite", key)
+    found.matrix.eliminate_zeros()
+    return found
+
+
+def symmetric(written: str, matrix: Csr, key: str) -> Csr:
+    """The matrix with both its triangles: files may have one alone. InputError for a matrix that
+    is not square or not symmetric to 1e-6."""
+    if matrix.shape[0] != matrix.shape[1]:
+        raise InputError(f"'{written}' is not square: {matrix.shape[0]} x {matrix.shape[1]}", key)
+    upper, lower = triu(matrix, 1, format="csr"), tril(matrix, -1, format="csr")
+    if bool(upper.nnz) != bool(lower.nnz):
+        return matrix + (upper + lower).T.tocsr()
+    size = float(abs(matrix).max()) if matrix.nnz else 0.0
+    off = float(abs(matrix - matrix.T).max()) if matrix.nnz else 0.0
+    if off > 1e-6 * size:
+        raise InputError(f"'{written}' is not symmetric: entries and their mirror images differ by "
+                         f"up to {off:.3g}, the largest entry is {size:.3g}", key)
+    return 0.5 * (matrix + matrix.T).tocsr()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FileNodes:
+    """Nodes of a file: numbers (N,), positions (N, 2 or 3) in its unit; sets: name -> rows."""
+
+    labels: IntArray
+    X: FloatArray
+    sets: Mapping[str, IntArray] = field(default_factory=dict)
+
+    @property
+    def numbering(self) -> Numbering:
+        return Numbering(self.labels)
+
+
+def read_nodes(base: Path, written: str, key: str) -> FileNodes:
+    """Nodes of a file: an array (N, 2 or 3), numbered from 1; lines `number, x, y, z` of a `.csv`
+    or `.txt`; or *NODE and *NSET of an Abaqus or CalculiX input file. InputError under `key`."""
+    path, name = place_of(base, written)
+    kind = path.suffix.lower()
+    if kind not in (".inp", ".csv", ".txt", ".npy", ".npz", ".mat"):
+        raise InputError(f"'{written}': nodes are in a file .inp, .csv, .txt, .npy, .npz or .mat",
+                         key)
+    if kind == ".inp":
+        found = _read(path, written, key, lambda: _input_file(decoded(path.read_bytes())))
+    elif kind in (".csv", ".txt"):
+        found = _read(path, written, key, lambda: _lines(path.read_text("latin-1")))
+    else:
+        X = read_matrix(base, written, key).matrix.toarray()
+        found = FileNodes(np.arange(1, len(X) + 1), X)
+    if found.X.ndim != 2 or found.X.shape[1] not in (2, 3) or not len(found.X):
+        raise InputError(f"'{written}': nodes have two or three coordinates (got an array of shape "
+                         f"{found.X.shape})", key)
+    again = found.numbering.repeated()
+    if again is not None:
+        raise InputError(f"'{written}': there are two nodes {again}", key)
+    return found
+
+
+def _lines(content: str) -> FileNodes:
+    width = 4 if len(content.partition("\n")[0].replace(",", " ").split()) > 3 else 3
+    values = table(content, width)
+    labels = values[:, 0].astype(np.int64)
+    if (labels != values[:, 0]).any():
+        raise InputError("a line has the number of the node, a whole number, and its coordinates")
+    return FileNodes(labels, values[:, 1:])
+
+
+def _input_file(lines: list[str]) -> FileNodes:
+    labels, X, named = list[int](), list[list[float]](), dict[str, list[IntArray]]()
+    spelled = dict[str, str]()
+
+    def add(options: Mapping[str, str], members: list[int]) -> None:
+        name = key_of(options["NSET"])
+        spelled.setdefault(name, options["NSET"].strip('"'))
+        named.setdefault(name, []).append(np.array(members, dtype=np.int64))
+
+    for line, keyword, options, body in statements(lines):
+        word = f"*{keyword}"
+        if keyword in ("INSTANCE", "INCLUDE", "NGEN") or (
+                keyword in ("NODE", "NSET") and "INPUT" in options):
+            raise BadLine(line, word, "not supported: write all nodes and sets into one file, "
+                          "without parts and instances")
+        rows = [(at, data_words(text)[0]) for at, text in body]
+        if keyword == "NODE":
+            new = [integer(words[0], at, word) for at, words in rows if words]
+            labels += new
+            X += [[real(w, at, word) for w in [*words[1:], "", "", ""][:3]]
+                  for at, words in rows if words]
+            if "NSET" in options:
+                add(options, new)
+        elif keyword == "NSET" and "NSET" in options:
+            members, known = list[int](), Numbering(np.array(labels, dtype=np.int64))
+            for at, words in rows:
+                if "GENERATE" in options:
+                    first, last, step = (integer(w, at, word) for w in [*words, "1"][:3])
+                    members += known.between(first, last, step).tolist()
+                else:
+                    for w in words:
+                        members += named[key_of(w)][0].tolist() if key_of(w) in named else [
+                            integer(w, at, word)]
+            add(options, members)
+    numbers = Numbering(np.array(labels, dtype=np.int64))
+    sets = {}
+    for name, parts in named.items():
+        found = np.unique(numbers.rows(np.concatenate(parts)))
+        sets[name] = sets[spelled[name]] = found[found >= 0]
+    return FileNodes(np.array(labels, dtype=np.int64), np.array(X).reshape(-1, 3), sets)
+
+
+def read_unknowns(base: Path, written: str, key: str) -> IntArray:
+    """(n, 2) node number and direction of each unknown; node 0 for one without a place."""
+    path, _ = place_of(base, written)
+    if path.suffix.lower() in (".csv", ".txt"):
+        values = _read(path, written, key, lambda: table(path.read_text("latin-1"), 2))
+    else:
+        values = read_matrix(base, written, key).matrix.toarray()
+    found = values.astype(np.int64)
+    if values.ndim != 2 or values.shape[1] != 2 or (found != values).any():
+        raise InputError(f"'{written}': unknowns are rows of two whole numbers, node and direction "
+                         "(1 to 6)", key)
+    return found
+
+
+def _read(path: Path, written: str, key: str, read: Callable[[], T]) -> T:
+    if not path.is_file():
+        raise InputError(
+            f"there is no file '{written}'; paths start at the folder of the scene", key)
+    try:
+        return read()
+    except InputError as error:
+        text = error.faults[0].message
+        raise InputError(f"{written}{text}" if text.startswith(":") else f"'{written}': {text}",
+                         key) from None
+    except Exception as error:  # each reader fails in its own way; whatever it is, it is the file
+        text = " ".join(str(error).replace(str(path), written).split())[:_LETTERS]
+        raise InputError(f"'{written}' cannot be read as {path.suffix}: {text} "
+                         f"({type(error).__name__})", key) from None
+

@@ -1,0 +1,435 @@
+"""Body from matrices of another code: mass, stiffness, damping, heat, nodes, without a mesh."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+from scipy.sparse import csr_array, diags_array
+
+from sparsemor.bodies.fem.fields import Elasticity, Heat
+from sparsemor.bodies.flexible import Damping
+from sparsemor.bodies.frames.moments import MassProperties
+from sparsemor.bodies.matrices import checks
+from sparsemor.bodies.matrices.body import MatrixBody, mass_properties
+from sparsemor.bodies.matrices.file import (
+    FileNodes,
+    files_of,
+    read_matrix,
+    read_nodes,
+    read_unknowns,
+    symmetric,
+)
+from sparsemor.bodies.matrices.formats.content import FileMatrix
+from sparsemor.bodies.matrices.unknowns import Unknowns
+from sparsemor.bodies.mesh.expression import FormulaText, evaluate_formula
+from sparsemor.bodies.mesh.formats.content import Numbering
+from sparsemor.bodies.mesh.sets import PointSet, find_set, given_centres, with_sets
+from sparsemor.bodies.pose import Pose
+from sparsemor.bodies.reference import Reference
+from sparsemor.bodies.terms.field_kinds import BODY_KINDS, ELASTIC, THERMAL
+from sparsemor.core import (
+    BodyPlugin,
+    Csr,
+    FieldKind,
+    FloatArray,
+    Gather,
+    InputError,
+    IntArray,
+    Mesh,
+    Note,
+    Plugin,
+    information,
+)
+
+MECHANICAL, THERMAL_KEYS = ("mass", "stiffness", "damping_matrix"), ("conductivity", "capacity")
+
+
+class NodeSet(PointSet):
+    """Named set of nodes: by their numbers, or as in meshes by `box`, `where` or `nearest`; or the
+    centre of a set of the file."""
+
+    nodes: list[int] | None = Field(default=None, min_length=1)
+    """Numbers of the nodes in the file."""
+    weights: list[float] | None = Field(default=None, min_length=1)
+    """Weights of `nodes` in the mean displacement of the set, such as those of a distributing
+    coupling (RBE3); equal by default."""
+
+    ways: ClassVar[tuple[str, ...]] = ("nodes", *PointSet.ways)
+
+    @model_validator(mode="after")
+    def _weighted(self) -> "NodeSet":
+        count = 0 if self.nodes is None else len(self.nodes)
+        if self.weights is not None and (len(self.weights) != count or min(self.weights) <= 0.0):
+            raise InputError(f"give a positive weight for each of the {count} `nodes`", "weights")
+        return self
+
+
+class Units(Plugin):
+    """Units of the matrices and nodes in SI units; seconds and kelvins in any case."""
+
+    length: float = Field(default=1.0, gt=0)
+    """Metres per length unit: 1e-3 for mm."""
+    mass: float = Field(default=1.0, gt=0)
+    """Kilograms per mass unit: 1e3 for t, as with N and mm."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Files:
+    """Content of the files in SI units, of unknowns in one order."""
+
+    nodes: FileNodes
+    unknowns: Unknowns
+    mechanical: Mapping[str, Csr]
+    thermal: Mapping[str, Csr]
+    coupling: Csr | None
+    notes: tuple[Note, ...]
+
+
+class Matrices(BodyPlugin):
+    """Flexible body from matrices of another code in a floating frame of reference, without a mesh.
+
+    Files are `.npy`, `.npz`, `.mat`, `.mtx` (Matrix Market, or `*MATRIX GENERATE` of Abaqus), or
+    `.sti` and `.mas` (CalculiX), with `:NAME` for one of several arrays. Unknowns are displacements
+    of nodes, rotations of nodes, and modal coordinates, as of a superelement. Matrices are those of
+    the free body, without supports.
+    """
+
+    field_kinds: ClassVar[tuple[FieldKind, ...]] = BODY_KINDS
+
+    nodes: str = Field(min_length=1)
+    """File of the nodes: an array (N, 2 or 3), numbered from 1; a `.csv` or `.txt` with lines
+    `number, x, y, z`; an Abaqus or CalculiX `.inp`, whose node sets are sets of the body."""
+    mass: str | None = None
+    """File of the mass matrix M; not needed for heat alone."""
+    stiffness: str | None = None
+    """File of the stiffness matrix K."""
+    damping_matrix: str | None = None
+    """File of the viscous damping matrix C."""
+    conductivity: str | None = None
+    """File of the conductivity matrix K_T, one temperature for each node."""
+    capacity: str | None = None
+    """File of the heat capacity matrix C_T."""
+    coupling: str | None = None
+    """File of the thermal forces K_fT (unknowns, nodes), N/K."""
+    unknowns: str | None = None
+    """File with a row of node and direction (1 to 3 displacements, 4 to 6 rotations) for each
+    unknown, node 0 for one without a place. By default as the matrix file says, or the same
+    directions at all nodes in their order, followed by `modes`."""
+    modes: int = Field(default=0, ge=0)
+    """Number of unknowns without a place at the end, such as those of fixed-interface modes."""
+    units: Units = Units()
+    """Units of the files."""
+    sets: dict[str, NodeSet] = {}
+    """Additional named sets of nodes."""
+    fields: list[Literal["elastic", "thermal"]] | None = None
+    """Fields of the body; by default those whose matrices are given, and `[]`: a rigid body."""
+    reference: Reference | None = None
+    """Reference conditions of the elastic field; not needed in a fixed frame if the matrices are
+    supported."""
+    damping: Damping = Damping()
+    """Rayleigh and modal damping of the elastic field, added to `damping_matrix`."""
+    frame: Literal["floating", "fixed", "spinning"] = "floating"
+    """Motion of the body frame. `fixed`: it stays at its pose and has no unknowns. `spinning`: in
+    space, it rotates about the z axis alone, by an angle."""
+    pose: Pose = Pose()
+    """Initial position and rotation of the frame, and their rates."""
+    reference_temperature: float = 293.15
+    """Stress-free temperature, K."""
+    initial_temperature: float | FormulaText | None = None
+    """Initial temperature, K, a number or a formula in x, y (and z); the reference temperature when
+    not given."""
+
+    @model_validator(mode="after")
+    def _complete(self) -> "Matrices":
+        missing = [key for field, keys in ((ELASTIC.name, ("stiffness", "mass")),
+                                           (THERMAL.name, THERMAL_KEYS))
+                   if field in self.selected_fields
+                   for key in keys if getattr(self, key) is None]
+        if self.frame != "fixed" and self.mass is None and "mass" not in missing:
+            missing.append("mass")
+        if missing:
+            raise InputError(f"the matrices {', '.join(dict.fromkeys(missing))} are missing")
+        if ELASTIC.name in self.selected_fields and not self._supported and self.reference is None:
+            raise InputError("missing: the elastic field needs a reference condition, such as "
+                             "{clamp: left} or {chord: [a, b]}, or its displacements hold rigid "
+                             "motion", "reference")
+        return self
+
+    @property
+    def _supported(self) -> bool:
+        """True if the matrices may be those of a body with supports."""
+        return self.frame == "fixed" and self.reference is None
+
+    @property
+    def immobile(self) -> bool:
+        return self.frame == "fixed" and ELASTIC.name not in self.selected_fields
+
+    @property
+    def selected_fields(self) -> Sequence[str]:
+        if self.fields is not None:
+            return self.fields
+        return [name for name, key in ((ELASTIC.name, "stiffness"), (THERMAL.name, "conductivity"))
+                if getattr(self, key) is not None]
+
+    @property
+    def stored_classes(self) -> Sequence[object]:
+        from sparsemor.bodies.stored_classes import CLASSES
+
+        return CLASSES
+
+    def files(self, base: Path) -> Sequence[Path]:
+        """All files: their content identifies a run and its cached results."""
+        named = (self.nodes, self.unknowns, self.coupling, *(
+            getattr(self, key) for key in (*MECHANICAL, *THERMAL_KEYS)))
+        return list(dict.fromkeys(f for n in named if n for f in files_of(base, n)))
+
+    def build(self, name: str, base: Path) -> MatrixBody:
+        files = self._read(base)
+        u, heats = files.unknowns, THERMAL.name in self.selected_fields
+        mesh = self._points(files)
+        gather = Gather()
+        centres = gather("sets", given_centres, mesh, self.sets)
+        weights = gather("sets", self._weights, files.nodes)
+        T0 = gather("", self._initial_temperature, mesh.points)
+        start = gather("", self.pose.start, u.d, self.frame == "spinning" and u.d == 3)
+        if self.frame == "spinning" and u.d == 2:
+            gather("", _refuse_spinning)
+        fixed = gather("", self._fixed, mesh, u)
+        inertia = gather("", self._inertia, files.mechanical, u)
+        gather("", self._check, files, mesh)
+        gather.check()
+        assert centres is not None and weights is not None and T0 is not None
+        assert start is not None
+        M = files.mechanical.get("mass")
+        return MatrixBody(
+            name=name, X=mesh.points, inertia=inertia, pose=start[0], velocity=start[1],
+            moves=self.frame != "fixed", points=mesh.point_sets, centres=centres, weights=weights,
+            declared=self.sets, unknowns=u, mass=M,
+            elasticity=None if fixed is None else self._elasticity(files, fixed),
+            heat=Heat(np.arange(len(mesh.points)), files.thermal["capacity"],
+                      files.thermal["conductivity"]) if heats else None,
+            T0=T0, T_ref=np.full(len(mesh.points), self.reference_temperature),
+            mesh_notes=(*files.notes, *self._notes(name, u, M, inertia)))
+
+    # ------------------------------------------------------------------ files
+
+    def _read(self, base: Path) -> _Files:
+        gather = Gather()
+        nodes = gather("", read_nodes, base, self.nodes, "nodes")
+        given = gather("", read_unknowns, base, self.unknowns, "unknowns") if self.unknowns else (
+            np.zeros((0, 2), np.int64))
+        read = {key: gather("", read_matrix, base, text, key)
+                for key in (*MECHANICAL, *THERMAL_KEYS, "coupling")
+                if (text := getattr(self, key)) is not None}
+        gather.check()
+        assert nodes is not None and given is not None
+        found = {k: m for k, m in read.items() if m is not None}
+        labels, same = self._labels(nodes, given, {k: found[k] for k in MECHANICAL if k in found})
+        u, notes = self._unknowns(nodes, labels)
+        N, n = len(nodes.labels), u.size
+        for key, shape in (*((k, (n, n)) for k in same), *((k, (N, N)) for k in THERMAL_KEYS),
+                           ("coupling", (n, N))):
+            m = same.get(key) if key in same else (found[key].matrix if key in found else None)
+            if m is not None and m.shape != shape:
+                what = f"{n} unknowns" if shape[0] == n else f"{N} nodes"
+                gather(key, _refuse_size, getattr(self, key), m.shape, shape, what)
+        gather.check()
+        energy = self.units.mass * self.units.length**2
+        by = diags_array(np.where((u.component >= 0) & (u.component < u.d),
+                                  1.0 / self.units.length, 1.0))
+        mechanical = {k: gather("", symmetric, getattr(self, k), (energy * by @ m @ by).tocsr(), k)
+                      for k, m in same.items()}
+        thermal = {k: gather("", symmetric, getattr(self, k), energy * found[k].matrix, k)
+                   for k in THERMAL_KEYS if k in found}
+        gather.check()
+        return _Files(
+            nodes, u, {k: m for k, m in mechanical.items() if m is not None},
+            {k: m for k, m in thermal.items() if m is not None},
+            (energy * by @ found["coupling"].matrix).tocsr() if "coupling" in found else None,
+            notes)
+
+    def _labels(
+        self, nodes: FileNodes, given: IntArray, read: Mapping[str, FileMatrix]
+    ) -> tuple[IntArray, dict[str, Csr]]:
+        """(n, 2) node and direction of each unknown, and the matrices in their order."""
+        named = {k: m for k, m in read.items() if len(m.labels)}
+        labels = given
+        if not len(given) and named:
+            labels = np.unique(np.concatenate([m.labels for m in named.values()]), axis=0)
+        elif not len(given) and read:
+            labels = self._in_order(nodes, *next(iter(read.items())))
+        found = {}
+        for key, m in read.items():
+            at = _rows(labels, m.labels, key, getattr(self, key)) if key in named else np.arange(
+                m.matrix.shape[0])
+            wide = m.matrix.tocoo()
+            n = len(labels) if key in named else m.matrix.shape[0]
+            found[key] = csr_array((wide.data, (at[wide.row], at[wide.col])), shape=(n, n))
+        return labels, found
+
+    def _in_order(self, nodes: FileNodes, key: str, m: FileMatrix) -> IntArray:
+        """The same directions at all nodes, in their order, then `modes`."""
+        N, n = len(nodes.labels), m.matrix.shape[0] - self.modes
+        d = nodes.X.shape[1]
+        each = {2 * N: (1, 2), d * N: tuple(range(1, d + 1)), 6 * N: (1, 2, 3, 4, 5, 6)}
+        if d == 2:
+            each[3 * N] = (1, 2, 6)
+        if n not in each:
+            raise InputError(
+                f"'{getattr(self, key)}' has {m.matrix.shape[0]} unknowns, which is no multiple of "
+                f"the {N} nodes by 2, 3 or 6{f', and {self.modes} modes' * bool(self.modes)}: say "
+                "with `unknowns` to which node and direction each belongs", key)
+        if (np.diff(nodes.labels) < 0).any():
+            raise InputError(
+                f"the nodes of '{self.nodes}' are not in the order of their numbers, and "
+                f"'{getattr(self, key)}' does not say to which each row belongs: say so with "
+                "`unknowns`", "nodes")
+        directions = each[n]
+        labels = np.column_stack([np.repeat(nodes.labels, len(directions)),
+                                  np.tile(directions, N)])
+        return np.concatenate([labels, np.zeros((self.modes, 2), np.int64)]).astype(np.int64)
+
+    def _unknowns(self, nodes: FileNodes, labels: IntArray) -> tuple[Unknowns, tuple[Note, ...]]:
+        X, notes = nodes.X, []
+        node = nodes.numbering.rows(labels[:, 0])
+        away = np.setdiff1d(labels[node < 0, 0], [0])
+        if away.size:
+            notes.append(information(
+                f"{self.nodes}: {away.size} nodes of the matrices ({checks.some(away)}) have no "
+                "position: their unknowns are taken as those of modes", "matrix_nodes"))
+        if X.shape[1] == 3 and len(labels) and np.isin(labels[node >= 0, 1], (1, 2, 6)).all():
+            if np.ptp(X[:, 2]) > 1e-9 * float(np.ptp(X, axis=0).max()):
+                raise InputError(f"'{self.nodes}': the matrices are of displacements along x and "
+                                 f"y alone, and its nodes have z from {X[:, 2].min():.6g} to "
+                                 f"{X[:, 2].max():.6g}", "nodes")
+            X = X[:, :2]
+        try:
+            return Unknowns.of_labels(self.units.length * X, node, labels[:, 1]), tuple(notes)
+        except InputError as error:
+            raise error.under("unknowns" if self.unknowns else "stiffness") from None
+
+    # ------------------------------------------------------------------ parts of the body
+
+    def _points(self, files: _Files) -> Mesh:
+        """Nodes and sets as a mesh without cells."""
+        named = dict(files.nodes.sets)
+        gather, at = Gather(), files.nodes.numbering
+        for name, one in self.sets.items():
+            if one.nodes is not None:
+                rows = at.rows(np.array(one.nodes))
+                if name in named:
+                    gather(f"sets.{name}", _refuse, f"'{self.nodes}' has a set '{name}' already: "
+                           "take another name")
+                elif (rows < 0).any() or len(np.unique(rows)) < len(rows):
+                    gather(f"sets.{name}.nodes", _refuse, f"'{self.nodes}' has no node "
+                           f"{one.nodes[int(np.argmin(rows))]}" if (rows < 0).any() else
+                           "a node is given twice")
+                else:
+                    named[name] = np.sort(rows)
+        gather.check()
+        X = files.unknowns.X
+        mesh = Mesh(X, np.zeros((0, X.shape[1] + 1), np.int64), named)
+        try:
+            return with_sets(mesh, {k: s for k, s in self.sets.items()
+                                    if s.nodes is None})
+        except InputError as error:
+            raise error.under("sets") from None
+
+    def _weights(self, nodes: FileNodes) -> dict[str, FloatArray]:
+        found = {}
+        for name, one in self.sets.items():
+            if one.nodes is not None and one.weights is not None:
+                order = np.argsort(nodes.numbering.rows(np.array(one.nodes)))
+                found[name] = np.array(one.weights)[order]
+        return found
+
+    def _fixed(self, mesh: Mesh, u: Unknowns) -> IntArray | None:
+        """Numbers of the unknowns that the reference condition fixes at zero; None without an
+        elastic field."""
+        if ELASTIC.name not in self.selected_fields:
+            return None
+        if self.reference is None:
+            return np.zeros(0, np.int64)
+        if u.turning and self.reference.clamp is not None:
+            nodes = find_set(mesh, self.reference.clamp, "reference.clamp")
+            fixed = np.flatnonzero(np.isin(u.node, nodes))
+        else:
+            fixed = u.numbers(self.reference.fixed(mesh), "reference")
+        modes = u.rigid_modes / np.maximum(np.abs(u.rigid_modes).max(axis=0), 1e-300)
+        free = modes.shape[1] - int(np.linalg.matrix_rank(modes[fixed], tol=1e-8))
+        if free:
+            raise InputError(f"the body still has {free} rigid motion{'s' * (free > 1)}: fix more "
+                             "nodes", "reference")
+        if len(fixed) == u.size:
+            raise InputError(f"fixes all {u.size} unknowns, so that none is left to solve for",
+                             "reference")
+        return fixed
+
+    def _elasticity(self, files: _Files, fixed: IntArray) -> Elasticity:
+        found, u = files.mechanical, files.unknowns
+        K, N = found["stiffness"], len(u.X)
+        C, modal = self.damping.of(K, found["mass"], fixed, u.d, self.frame == "floating")
+        C = C + found["damping_matrix"] if "damping_matrix" in found else C
+        return Elasticity(
+            free=np.setdiff1d(np.arange(u.size), fixed), stiffness=K, damping=csr_array(C),
+            modal=modal,
+            coupling=csr_array((u.size, N)) if files.coupling is None else files.coupling,
+            recoverable=False)
+
+    def _inertia(self, found: Mapping[str, Csr], u: Unknowns) -> MassProperties | None:
+        return mass_properties(found["mass"], u, str(self.mass), not self._supported) if (
+            "mass" in found) else None
+
+    def _check(self, files: _Files, mesh: Mesh) -> None:
+        gather, free = Gather(), not self._supported
+        for key, matrix in files.mechanical.items():
+            gather(key, checks.check_mechanical, key, getattr(self, key), matrix, files.unknowns,
+                   free)
+        for key, matrix in files.thermal.items():
+            gather(key, checks.check_thermal, key, getattr(self, key), matrix)
+        if files.coupling is not None and free:
+            gather("coupling", checks.check_forces, str(self.coupling), files.coupling,
+                   files.unknowns)
+        gather.check()
+
+    def _initial_temperature(self, X: FloatArray) -> FloatArray:
+        T0 = self.initial_temperature
+        if isinstance(T0, str):
+            return evaluate_formula(T0, X, "initial_temperature")
+        return np.full(len(X), self.reference_temperature if T0 is None else float(T0))
+
+    def _notes(
+        self, name: str, u: Unknowns, M: Csr | None, inertia: MassProperties | None
+    ) -> Iterator[Note]:
+        yield from checks.size_notes(name, u.X, None if inertia is None else inertia.mass)
+        if M is not None and inertia is not None and ELASTIC.name in self.selected_fields:
+            yield from checks.moment_notes(name, u, M, inertia)
+
+
+def _rows(labels: IntArray, wanted: IntArray, key: str, written: str) -> IntArray:
+    """Rows of wanted labels (k, 2) among labels (n, 2)."""
+    rows = Numbering(labels[:, 0] * 8 + labels[:, 1]).rows(wanted[:, 0] * 8 + wanted[:, 1])
+    if (rows < 0).any():
+        node, direction = wanted[int(np.argmin(rows))]
+        raise InputError(f"'{written}' has the unknown {direction} of node {node}, which is not "
+                         "in the file of unknowns", key)
+    return rows
+
+
+def _refuse(message: str) -> None:
+    raise InputError(message)
+
+
+def _refuse_spinning() -> None:
+    raise InputError("the nodes are plane: its frame is `floating`", "frame")
+
+
+def _refuse_size(
+    written: str, found: tuple[int, int], needed: tuple[int, int], what: str
+) -> None:
+    raise InputError(f"'{written}' is {found[0]} x {found[1]}, and the body has {what}: "
+                     f"{needed[0]} x {needed[1]} is needed")
+
