@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from sparsemor.bodies.joints.force_element import Drive as Drive
     from sparsemor.bodies.joints.force_element import ForceElement as ForceElement
     from sparsemor.bodies.joints.part import JointPart as JointPart
+    from sparsemor.bodies.joints.relative import Relative as Relative
     from sparsemor.bodies.joints.side import Side as Side
     from sparsemor.bodies.loads.part import LoadPart as LoadPart
     from sparsemor.bodies.loads.part import NumberOrFunction as NumberOrFunction
@@ -72,6 +73,7 @@ _HOMES = {
     "joints.conditions": ("Conditions", "conditions_between", "conditions_on", "constant"),
     "joints.force_element": ("Drive", "ForceElement"),
     "joints.part": ("JointPart",),
+    "joints.relative": ("Relative",),
     "joints.side": ("Side",),
     "loads.part": ("LoadPart", "NumberOrFunction", "amplitude", "components"),
     "loads.point_force": ("write_point_force",),

@@ -12,7 +12,9 @@ from sparsemor.bodies.frames import (
     items,
     joint_items,
     moments,
+    relative,
     springs,
+    transmission,
 )
 from sparsemor.bodies.frames.inertia import Inertia
 from sparsemor.bodies.frames.plane import PlanarFrame
@@ -32,6 +34,8 @@ CLASSES: Sequence[object] = (
     items.Nothing, items.UnitLength, joint_items.MeanPoint, joint_items.Reaction,
     joint_items.Rotation, items.Wrench, material_laws.Conduction, material_laws.Departure,
     material_laws.Expansion, material_laws.Softening, material_laws.StoredHeat, moments.Moments,
-    nonlinear_strains.NonlinearStrains, springs.RotationalSpringItem,
-    springs.SpatialRotationalSpring, springs.Spring,
+    nonlinear_strains.NonlinearStrains, relative.Angle, relative.Distance, relative.PlaneAngle,
+    relative.RelativeItem, springs.RotationalSpringItem,
+    springs.SpatialRotationalSpring, springs.Spring, transmission.Shifted,
+    transmission.Transmission, transmission.Turned,
 )

@@ -15,6 +15,7 @@ from sparsemor.bodies.frames.frame import ItemFrame
 from sparsemor.bodies.frames.items import PlanarItem
 from sparsemor.bodies.frames.plane_items import FUNCTIONS, NUMBERS, PlaneFunction, evaluate_parts
 from sparsemor.bodies.frames.plane_motion import SUMS, PlaneMotion, Views, views, write
+from sparsemor.bodies.frames.plane_springs import relative_law
 from sparsemor.core import Amplitude, FloatArray
 from sparsemor.core.protocols import FrameArrays, FrameWork
 
@@ -65,7 +66,8 @@ class PlanarFrame(ItemFrame[PlanarItem]):
         return FrameArrays(
             np.array(kinds, dtype=np.int64), numbers,
             np.array(self.starts, dtype=np.int64).reshape(-1, 3),
-            tuple(part.amplitude for part in parts), evaluate_parts, (*FUNCTIONS, write), FUNCTIONS)
+            tuple(part.amplitude for part in parts), evaluate_parts,
+            (relative_law, *FUNCTIONS, write), FUNCTIONS)
 
     def drive(
         self, y: FloatArray, v: FloatArray, a: FloatArray, t: float, work: FrameWork

@@ -17,7 +17,11 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from sparsemor.bodies.frames.plane_motion import SUMS, Numbers, PlaneMotion, Total, Views, write
-from sparsemor.bodies.frames.plane_springs import rotational_spring, spring
+from sparsemor.bodies.frames.plane_springs import (
+    relative,
+    rotational_spring,
+    spring,
+)
 from sparsemor.core import Amplitude, FloatArray, IntArray, Table
 
 PlaneFunction: TypeAlias = Callable[
@@ -223,9 +227,9 @@ class PlaneReaction:
 
 FUNCTIONS: tuple[PlaneFunction, ...] = (
     inertia, body_force, space_force, attachment, rotation, slide, moment, spring,
-    rotational_spring)
+    rotational_spring, relative)
 """Functions of parts; the position is the kind of part in `evaluate_parts`."""
-NUMBERS = 11
+NUMBERS = 17
 """Largest number of constants of a part."""
 
 
@@ -265,6 +269,8 @@ def evaluate_parts(
             moment(own, g, m, j, o, k, total, out)
         elif kind == 7:
             spring(own, g, m, j, o, k, total, out)
-        else:
+        elif kind == 8:
             rotational_spring(own, g, m, j, o, k, total, out)
+        else:
+            relative(own, g, m, j, o, k, total, out)
     write(total, m.fresh, out)

@@ -75,3 +75,101 @@ def rotational_spring(
         out.rows[o + 2] = -moment
         out.H[2, o + 2] = out.H[o + 2, 2] = -slope
         out.H[o + 2, o + 2] = slope
+
+
+def relative_law(
+    kind: float, a: float, b: float, c: float, d: float, q: float, rate: float, load: float
+) -> tuple[float, float, float, float]:
+    """Force f that acts against a relative coordinate q, and its derivatives by q, its rate and the
+    magnitude of joint forces `load`.
+
+    kind 0: a q + b q'. 1, a stop: with the depth s beyond a (below) or b (above) c s (1 + d s')
+    against it, never less than zero (Hunt and Crossley 1975, doi 10.1115/1.3423596, with the
+    exponent 1). 2, friction: (a + b load) w (3 - w^2) / 2, w = q' / c in [-1, 1].
+    """
+    if kind == 0.0:
+        return a * q + b * rate, a, b, 0.0
+    if kind == 1.0:
+        side = 1.0 if q > b else -1.0
+        depth = q - b if q > b else a - q
+        grip = 1.0 + d * side * rate
+        if depth <= 0.0 or grip <= 0.0:
+            return 0.0, 0.0, 0.0, 0.0
+        return side * c * depth * grip, c * grip, c * d * depth, 0.0
+    w, limit = min(1.0, max(-1.0, rate / c)), a + b * load
+    share = w * (1.5 - 0.5 * w * w)
+    return limit * share, 0.0, limit * 1.5 / c * (1.0 - w * w), b * share
+
+
+def relative(
+    numbers: Numbers, g: float, m: PlaneMotion, j: int, o: int, k: int, total: Total, out: Views
+) -> None:
+    """Force by a law of a relative coordinate of two frames (relative.py).
+
+    numbers: law (5), sign, 1 for a distance and 0 for an angle, 1 where the other body's
+    coordinates are unknowns, number of joint forces that the law reads; own point (2), axis of the
+    other body (2), value that counts as zero; coordinates of a body at rest (3).
+    """
+    sign, slides, moves, forces = numbers[5], numbers[6] > 0.0, numbers[7] > 0.0, int(numbers[8])
+    x, y, angle, v, turn = numbers[14], numbers[15], numbers[16], 0j, 0.0
+    if moves:
+        x, y, angle, turn = m.y[o], m.y[o + 1], m.y[o + 2], m.v[o + 2]
+        v = complex(m.v[o], m.v[o + 1])
+    n = exp(1j * angle) * complex(numbers[11], numbers[12])
+    if not slides:
+        n = 0j
+    rz = m.e * complex(numbers[9], numbers[10])
+    gap = n.conjugate() * (m.r + rz - complex(x, y))
+    arm, one = n.conjugate() * rz, 0.0 if slides else 1.0
+    q = gap.real - numbers[13] + one * (m.y[2] - angle)
+    # derivatives of q by the coordinates of both
+    by = (n.real, n.imag, one - arm.imag, -n.real, -n.imag, gap.imag - one)
+    mixed = (-n.imag, n.real, arm.real, n.imag, -n.real, -gap.real)
+    rates = (m.v[0], m.v[1], m.w, v.real, v.imag, turn)
+    rate = 0.0
+    for i in range(6):
+        rate += by[i] * rates[i]
+    square = 0.0
+    for i in range(forces):
+        square += m.y[k + i] * m.y[k + i]
+    load: float = square**0.5
+    f, by_q, by_rate, by_load = relative_law(
+        numbers[0], numbers[1], numbers[2], numbers[3], numbers[4], sign * q, sign * rate, load)
+    f *= sign
+    total[0] += f * complex(by[0], by[1])
+    rows, H, size = out.rows, out.H, 6 if moves else 3
+    for i in range(3, size):
+        rows[o + i - 3] = f * by[i]
+    turned = 0.0  # the last column of the second derivative, times the rates
+    for i in range(6):
+        turned += mixed[i] * rates[i]
+    for i in range(size):
+        bent = mixed[i] * turn if i < 5 else turned
+        if i == 2:
+            bent -= arm.real * m.w
+        slope = (by_q + m.c1 * by_rate) * by[i] + by_rate * bent
+        fx, fy, fz = by[0] * slope, by[1] * slope, by[2] * slope
+        if i == 2:
+            fz -= f * arm.real
+        if i == 5:
+            fx, fy, fz = fx + f * mixed[0], fy + f * mixed[1], fz + f * mixed[2]
+        if i == 0:
+            total[4], total[2] = total[4] + complex(fx, fy), total[2] + fz
+        elif i == 1:
+            total[5], total[2] = total[5] + complex(fx, fy), total[2] + 1j * fz
+        elif i == 2:
+            total[1], total[3] = total[1] + complex(fx, fy), total[3] + complex(f * by[2], fz)
+        else:
+            H[0, o + i - 3], H[1, o + i - 3], H[2, o + i - 3] = fx, fy, fz
+        for r in range(3, size):
+            both = by[r] * slope
+            if i == 5:
+                both += f * mixed[r]
+            elif r == 5:
+                both += f * mixed[i]
+            H[o + r - 3, i if i < 3 else o + i - 3] = both
+    for r in range(forces):
+        share = sign * by_load * m.y[k + r] / load if load > 0.0 else 0.0
+        rows[k + r] = 0.0
+        for i in range(size):
+            H[i if i < 3 else o + i - 3, k + r] = share * by[i]

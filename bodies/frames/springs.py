@@ -18,7 +18,7 @@ from sparsemor.bodies.frames.attitude import Attitude, Free, attitude, vector_ra
 from sparsemor.bodies.frames.items import EYE, Item
 from sparsemor.bodies.frames.motion import Motion, Sums
 from sparsemor.bodies.frames.space_springs import space_rotational_spring, space_spring
-from sparsemor.core import Amplitude, FloatArray
+from sparsemor.core import Amplitude, FloatArray, IntArray
 from sparsemor.core.protocols.poses import points_in_space, vectors_in_space
 from sparsemor.core.protocols.separable import amplitudes_along
 
@@ -240,7 +240,11 @@ class SpatialRotationalSpring(SpringItem):
         near = self.nearly(own, other, relaxed)
         return np.asarray(raw + 2.0 * np.pi * np.floor((near - raw) / (2.0 * np.pi) + 0.5))
 
-    def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
+    def relative(
+        self, m: Motion, o: int, relaxed: FloatArray
+    ) -> tuple[IntArray, float, FloatArray, FloatArray]:
+        """Numbers of the attitude coordinates of both bodies (n,), the relative angle, rad, and its
+        first (n,) and second (n, n) derivative by them; relaxed (1,): angle without deflection."""
         far = attitude((m.y[o : o + self.others] if self.others else self.place)[3:])
         at = np.arange(m.at.start, m.at.stop)
         if self.others:
@@ -251,17 +255,25 @@ class SpatialRotationalSpring(SpringItem):
         along = (c * s1 - s * c1) / size  # derivative of phi
         bend = (np.outer(s1, c1) - np.outer(c1, s1) + c * s2 - s * c2) / size - np.outer(
             along, 2.0 * (c * c1 + s * s1) / size)
-        rates = m.v[at]
-        relaxed = self.relaxed_at(np.array([m.t]))
         phi = self.counted(np.arctan2([s], [c]), m.y[None, m.at], m.y[
             None, o + 3 : o + self.others] if self.others else self.place[None, 3:], relaxed)
-        moment = (self.stiffness * float((phi - relaxed)[0]) + self.damping * float(
+        return at, float(phi[0]), along, bend
+
+    def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
+        relaxed = self.relaxed_at(np.array([m.t]))
+        at, phi, along, bend = self.relative(m, o, relaxed)
+        rates = m.v[at]
+        moment = (self.stiffness * (phi - float(relaxed[0])) + self.damping * float(
             along.dot(rates)) + self.drive(m.t))
         slope = (self.stiffness + self.damping * m.c1) * along + self.damping * bend.dot(rates)
         out.rows[at] += moment * along
         out.H[np.ix_(at, at)] += np.outer(along, slope) + moment * bend
 
-    def along(self, times: FloatArray, own: Along, other: Along) -> tuple[FloatArray, FloatArray]:
+    def turned(
+        self, own: Along, other: Along, relaxed: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Relative angles (T,) along given motion, their rates, and moments (T, 3) on the own side
+        per unit of moment."""
         d, e = vectors_in_space(own[0], self.own), (self.first, self.second)
         f = [vectors_in_space(other[0], x) for x in e]
         c, s = ((d * x).sum(axis=1) for x in f)
@@ -269,11 +281,15 @@ class SpatialRotationalSpring(SpringItem):
         c1, s1 = ((turning * x + d * vector_rates(*other, y)).sum(axis=1)
                   for x, y in zip(f, e, strict=True))
         size = c * c + s * s
-        relaxed = self.relaxed_at(times)
         phi = self.counted(np.arctan2(s, c), own[0][:, 3:], other[0][:, 3:], relaxed)
-        M = (self.stiffness * (phi - relaxed) + self.damping * (c * s1 - s * c1) / size
-             + amplitudes_along((self.drive,), times)[:, 0])
         by_turn = np.cross(d, c[:, None] * f[1] - s[:, None] * f[0]) / size[:, None]
+        return phi, (c * s1 - s * c1) / size, by_turn
+
+    def along(self, times: FloatArray, own: Along, other: Along) -> tuple[FloatArray, FloatArray]:
+        relaxed = self.relaxed_at(times)
+        phi, rate, by_turn = self.turned(own, other, relaxed)
+        M = (self.stiffness * (phi - relaxed) + self.damping * rate
+             + amplitudes_along((self.drive,), times)[:, 0])
         return M, np.hstack([0 * by_turn, M[:, None] * by_turn])
 
     def _cosine(

@@ -209,6 +209,13 @@ class Conditions:
                      len(far.pose) if far.reads else 0, far.pose)
         self._of_both(item, side.displacement, np.eye(len(lines)))
 
+    def add_item(self, side: Side, item: Item, reads: str = "") -> None:
+        """Constraint equations item = 0, one for each of its multipliers, evaluated with the frame
+        of a side; reads: name of the other body whose rigid coordinates it reads."""
+        assert side.body is not None
+        self._add(side.body, item, None, np.eye(item.forces), reads)
+        self._close(item.forces, [constant(0.0)] * item.forces)
+
     def _of_both(self, item: Item, vectors: FloatArray | None, C: FloatArray) -> None:
         """Adds constraints evaluated with the own side that read the coordinates of the other."""
         body = self.own.body

@@ -157,6 +157,11 @@ class ForceElement(JointPlugin):
     between: tuple[str, str]
     """The two sides: each a set `body:set`, or `ground`."""
 
+    @property
+    def acts_on_rotations(self) -> bool:
+        """`turns`, unless it depends on options."""
+        return self.turns
+
     def build(self, name: str, parts: Mapping[str, Part]) -> ForceElementPart:
         ends = sides_of(parts, self.between, self.dimensions)
         bodies = [s.body for s in ends if s.body is not None]
@@ -167,7 +172,7 @@ class ForceElement(JointPlugin):
             if not end.flexible:
                 sides.append(end)
                 continue
-            frame = massless_frame(f"{name}.{which}", end, self.turns)
+            frame = massless_frame(f"{name}.{which}", end, self.acts_on_rotations)
             assert frame.body is not None
             sides.append(frame)
             held.append(self._held(name, end, frame))
@@ -187,16 +192,16 @@ class ForceElement(JointPlugin):
         first = ends[0].body is not None
         own, other = ends if first else ends[::-1]
         item = self.item(own, other, first)
-        if self.turns:
+        if self.acts_on_rotations:
             for side in ends:  # refuses a set without a mean rotation
                 _ = side.turning
         return ForceElementPart(
             name, (own, other), item, self._law(item, first), self.recorded, prescribed=True,
-            turns=self.turns)
+            turns=self.acts_on_rotations)
 
     def _law(self, item: SpringItem, first: bool) -> ItemForce:
         """Force that is recorded: of a rotational one the moment on the first side."""
-        return ItemForce(item, -1.0 if self.turns and first else 1.0)
+        return ItemForce(item, -1.0 if self.acts_on_rotations and first else 1.0)
 
     @abstractmethod
     def item(self, own: Side, other: Side, first: bool) -> SpringItem:
@@ -208,7 +213,7 @@ class ForceElement(JointPlugin):
         zero."""
         made = Conditions(name, end, frame)
         made.meet()
-        if self.turns:
+        if self.acts_on_rotations:
             made.no_turn()
         elif end.d == 2:
             made.linear([(frame, np.array([[0.0, 0.0, 1.0]]))], [constant(0.0)])

@@ -1,0 +1,118 @@
+"""Bushing: springs and dampers between two frames along and about the axes of one of them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Annotated, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from sparsemor.bodies.frames.relative import LINEAR, RelativeItem
+from sparsemor.bodies.joints.force_element import ForceElement, ForceElementPart, ItemForce
+from sparsemor.bodies.joints.relative import relative_item
+from sparsemor.bodies.joints.side import Side, unit
+from sparsemor.bodies.pose import Vector
+from sparsemor.core import Equations, FloatArray, InputError, Part, Table
+
+Size = Annotated[float, Field(ge=0.0)]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SeveralForces(ForceElementPart):
+    """Force element of several items: `item` and `more`."""
+
+    more: tuple[RelativeItem, ...] = ()
+
+    def contribute(self, equations: Equations) -> None:
+        ForceElementPart.contribute(self, equations)
+        own, other = self.sides
+        assert own.body is not None
+        reads = f"{other.reads}.rigid" if other.reads else ""
+        for item in () if self.prescribed else self.more:
+            equations.frame(own.body.name, item, reads=reads)
+
+    def _reactions(self, equations: Equations) -> Table:
+        first = ForceElementPart._reactions(self, equations)
+        motion, values = [s.motion for s in self.sides], first.values
+        for item in self.more:
+            _, wrench = item.along(first.times, *(m.along(first.times)[:2] for m in motion))
+            values = values + np.hstack([wrench, -wrench])
+        return Table(first.times, values)
+
+
+class Bushing(ForceElement):
+    """Elastic bushing: springs and dampers on the relative displacement of two points along the
+    axes of the second side, and on the relative angles about them, all relaxed at the start.
+
+    Forces stiffness q + damping q', N or N m. Angles about several axes are independent to first
+    order: for large ones about one axis only. Results store the force on the first side along the
+    first axis.
+    """
+
+    turns: ClassVar[bool] = True
+    recorded: ClassVar[tuple[str, str]] = ("force", "N")
+
+    stiffness: list[Size]
+    """Stiffness along each axis, N/m: two numbers in the plane, three in space."""
+    damping: list[Size] | None = None
+    """Damping along each axis, N s/m; zero when not given."""
+    turning_stiffness: list[Size] | None = None
+    """Stiffness about each axis, N m/rad: one number in the plane, three in space; zero when not
+    given."""
+    turning_damping: list[Size] | None = None
+    """Damping about each axis, N m s/rad; zero when not given."""
+    axis: Vector | None = None
+    """Direction of the first axis at the start (space axes); x when not given."""
+    second_axis: tuple[float, float, float] | None = None
+    """In space: direction of the second axis, perpendicular to the first; y when not given."""
+
+    def build(self, name: str, parts: Mapping[str, Part]) -> SeveralForces:
+        made = super().build(name, parts)
+        own, other = made.sides
+        assert isinstance(made.item, RelativeItem)
+        return SeveralForces(**{f.name: getattr(made, f.name) for f in fields(made)},
+                             more=self._items(own, other, made.item.sign > 0.0)[1:])
+
+    def item(self, own: Side, other: Side, first: bool) -> RelativeItem:
+        return self._items(own, other, first)[0]
+
+    def _law(self, item: object, first: bool) -> ItemForce:
+        assert isinstance(item, RelativeItem)
+        return ItemForce(item, -1.0)
+
+    def _items(self, own: Side, other: Side, first: bool) -> tuple[RelativeItem, ...]:
+        d, axes = own.d, self._axes(own.d)
+        found = []
+        for key, count, motion in (("", d, "slide"), ("turning_", 2 * d - 3, "turn")):
+            k = self._numbers(f"{key}stiffness", count)
+            c = self._numbers(f"{key}damping", count)
+            about = axes if d == 3 or motion == "slide" else np.zeros((1, 2))
+            found += [relative_item(motion, e, own, other, first, (LINEAR, ki, ci, 0.0, 0.0))
+                      for e, ki, ci in zip(about, k, c, strict=True)]
+        if not any(i.law[1] or i.law[2] for i in found):
+            raise InputError("it does nothing: give a stiffness or a damping", "stiffness")
+        return tuple(i for n, i in enumerate(found) if not n or i.law[1] or i.law[2])
+
+    def _numbers(self, key: str, count: int) -> list[float]:
+        given: list[float] | None = getattr(self, key)
+        if given is None:
+            return [0.0] * count
+        if len(given) != count:
+            raise InputError(f"give {count} number{'s' if count > 1 else ''} (got {given})", key)
+        return given
+
+    def _axes(self, d: int) -> FloatArray:
+        e = np.eye(d)[0] if self.axis is None else unit(self.axis, d)
+        if d == 2:
+            if self.second_axis is not None:
+                raise InputError("the bodies are plane: drop it", "second_axis")
+            return np.array([e, [-e[1], e[0]]])
+        given = self.second_axis
+        if given is None and self.axis is not None:
+            raise InputError("missing: with an axis in space give the second one too",
+                             "second_axis")
+        f = np.eye(3)[1] if given is None else unit(given, 3, "second_axis")
+        if abs(e @ f) > 1e-9:
+            raise InputError(f"is perpendicular to axis (their cosine is {e @ f:.3g})",
+                             "second_axis")
+        return np.array([e, f, np.cross(e, f)])
