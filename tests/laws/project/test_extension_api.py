@@ -33,14 +33,13 @@ def test_the_page_lists_the_other_modules() -> None:
 
 
 BODIES = {
-    "BODY_KINDS", "Between", "Conditions", "DenseTerm", "Drive",
-    "ELASTIC", "FieldInertia", "FloatingBody", "ForceElement", "Isotropic",
-    "JointPart", "LoadPart", "MULTIPLIER", "MassProperties", "NumberOrFunction", "Place",
-    "PlanePart", "PointwiseLaw", "Pose", "RIGID",
+    "BODY_KINDS", "Between", "Conditions", "DenseTerm", "Drive", "ELASTIC", "FieldInertia",
+    "FloatingBody", "ForceElement", "Isotropic", "JointPart", "LoadPart", "MULTIPLIER",
+    "MassProperties", "NumberOrFunction", "Place", "PlanePart", "PointwiseLaw", "Pose", "RIGID",
     "Relative", "Response", "RigidItem", "Side", "SpringItem", "TEMPERATURE", "TEMPERATURE_RATE",
-    "THERMAL", "Target", "Variable", "amplitude", "components", "conditions_between", "conditions_on",
-    "constant", "curve_at", "displacement_gradient", "find_body", "find_place", "find_surfaces",
-    "find_target", "inertia_matrices", "need_field", "need_motion", "numbers_of",
+    "THERMAL", "Target", "Variable", "amplitude", "components", "conditions_between",
+    "conditions_on", "constant", "curve_at", "displacement_gradient", "find_body", "find_place",
+    "find_surfaces", "find_target", "inertia_matrices", "need_field", "need_motion", "numbers_of",
     "temperature_gradient", "write_frame", "write_point_force", "write_weight",
 }
 REDUCERS = {
