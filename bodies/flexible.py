@@ -1,7 +1,8 @@
-"""Flexible body in a floating frame of reference: linear or quadratic triangles or tetrahedra,
-elastic and thermal fields.
+"""Flexible body in a floating frame of reference: finite elements of first or second order, elastic
+and thermal fields.
 
-The mesh determines the dimension: triangles make a planar body, tetrahedra a body in space.
+The mesh determines the dimension: triangles and quadrilaterals make a planar body, tetrahedra,
+wedges and hexahedra a body in space.
 """
 
 from collections.abc import Mapping, Sequence
@@ -15,8 +16,8 @@ from scipy.sparse import csr_array
 from sparsemor.bodies.body import FloatingBody
 from sparsemor.bodies.fem.elasticity import Model, elastic_stiffness, law, thermoelastic_coupling
 from sparsemor.bodies.fem.fields import Elasticity, Heat, ModalFactors
-from sparsemor.bodies.fem.quadratic import with_midpoints
-from sparsemor.bodies.fem.stress import SimplexStress
+from sparsemor.bodies.fem.quadratic import with_midpoints, without_midpoints
+from sparsemor.bodies.fem.stress import CellStress
 from sparsemor.bodies.fem.volume import capacity, conductivity, lumped, scalar_mass
 from sparsemor.bodies.frames.moments import MassProperties
 from sparsemor.bodies.material import Region, constants_at, curves, regions_of, require, summed
@@ -115,10 +116,12 @@ class Flexible(BodyPlugin):
     """Mesh plugin."""
     sets: dict[str, PointSet] = {}
     """Additional named point sets."""
-    order: Literal[1, 2] = 1
-    """Polynomial degree of displacements and temperatures in each element. 2: a further node in the
-    middle of each edge; sets, which are found among the corners, contain the midpoints of their
-    edges."""
+    order: Literal[1, 2] | None = None
+    """Polynomial degree of displacements and temperatures in each element. 2: further nodes on its
+    edges, and inside quadrilaterals and hexahedra; sets, which are found among the corners, contain
+    those between their corners. 1: by the corners, with straight edges. Not given: 2 where the mesh
+    file has cells of second order, and for an elastic body of quadrilaterals, wedges or hexahedra,
+    which of first order are too stiff in bending; otherwise 1."""
     thickness: float | None = Field(default=None, gt=0)
     """Thickness of a planar body, m."""
     material: Annotated[Material, Slot("material")] = slot_default("isotropic")
@@ -176,16 +179,17 @@ class Flexible(BodyPlugin):
         """Estimated size of the body before it is meshed; None where the mesh plugin cannot
         estimate it."""
         mesh = self.mesh.expected()
-        return None if mesh is None else body_size(mesh.quadratic() if self._quadratic else mesh,
+        second = self.order == 2 and bool(self.fields)
+        return None if mesh is None else body_size(mesh.quadratic() if second else mesh,
                          ELASTIC.name in self.fields, THERMAL.name in self.fields)
 
     @classmethod
     def stress_recovery(
         cls, points: FloatArray, cells: IntArray, constants: FloatArray, region: IntArray,
         nonlinear: bool,
-    ) -> SimplexStress:
+    ) -> CellStress:
         """Strain and stress of a body from its stored displacements and temperatures."""
-        return SimplexStress(points, cells, constants, region, nonlinear)
+        return CellStress(points, cells, constants, region, nonlinear)
 
     def build(self, name: str, base: Path) -> FloatingBody:
         gather = Gather()
@@ -214,11 +218,6 @@ class Flexible(BodyPlugin):
             T_ref=np.full(len(mesh.points), self.reference_temperature),
             mesh_notes=(*mesh.notes, *mesh_notes(name, mesh, self.sets, regions[0].constants.rho)))
 
-    @property
-    def _quadratic(self) -> bool:
-        """True if the elements are quadratic: a rigid body has no field to interpolate."""
-        return self.order == 2 and bool(self.fields)
-
     def _mesh(self, base: Path) -> Mesh:
         try:
             mesh = checked_return(self.mesh.build(base), Mesh, self.mesh, "build")
@@ -229,7 +228,15 @@ class Flexible(BodyPlugin):
             mesh = with_sets(mesh, self.sets)
         except InputError as error:
             raise error.under("sets") from None
-        return with_midpoints(mesh) if self._quadratic else mesh
+        order = self.order
+        if not self.fields:  # no field to interpolate
+            order = mesh.order
+        elif order is None:
+            bends = ELASTIC.name in self.fields and mesh.cells.shape[1] > mesh.dimension + 1
+            order = 2 if bends else mesh.order
+        if order == mesh.order:
+            return mesh
+        return with_midpoints(mesh) if order == 2 else without_midpoints(mesh)
 
     def _check_options(self, gather: Gather) -> None:
         """Checks that need no mesh."""
@@ -244,10 +251,6 @@ class Flexible(BodyPlugin):
                 if field in self.fields:
                     gather(key, require, constants_at(material, self.reference_temperature),
                            needed[field], field)
-        if self._quadratic and THERMAL.name in self.fields and self.capacity == "lumped":
-            gather.faults.append(Fault(
-                "capacity", "row sums of quadratic elements vanish or are negative at their "
-                "corners: take consistent, or order: 1"))
 
     def _materials(self) -> dict[str, Material]:
         """Materials by their input keys."""
@@ -262,8 +265,12 @@ class Flexible(BodyPlugin):
                 for name, curve in curves(material).items() if name in used}
 
     def _check_dimension(self, mesh: Mesh, gather: Gather) -> None:
-        """Checks that depend on the dimension of the mesh."""
+        """Checks that depend on the dimension and order of the mesh."""
         plane = mesh.dimension == 2
+        if mesh.order == 2 and THERMAL.name in self.fields and self.capacity == "lumped":
+            gather.faults.append(Fault(
+                "capacity", "row sums of quadratic elements vanish or are negative at their "
+                "corners: take consistent, or order: 1"))
         if plane and self.thickness is None:
             gather.faults.append(Fault("thickness", "missing: the mesh is plane (m)"))
         if not plane and self.thickness is not None:

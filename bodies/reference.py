@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 from pydantic import model_validator
 
+from sparsemor.bodies.fem.elasticity import rigid_modes
 from sparsemor.bodies.mesh.plausibility import LARGEST
 from sparsemor.bodies.mesh.sets import find_set
 from sparsemor.core import FloatArray, InputError, IntArray, Mesh, Plugin
@@ -99,18 +100,6 @@ def free_motions(X: FloatArray, fixed: IntArray) -> int:
     """Number of rigid-body modes of points X (N, d) with zero displacements `fixed`."""
     modes = rigid_modes(X)
     return int(modes.shape[1] - np.linalg.matrix_rank(modes[fixed], tol=1e-8))
-
-
-def rigid_modes(X: FloatArray) -> FloatArray:
-    """(d N, 3 or 6) rigid-body modes of points X (N, d), of unit order."""
-    d = X.shape[1]
-    arm = (X - X.mean(axis=0)) / max(float(np.ptp(X, axis=0).max()), 1e-300)
-    turns = [(0, 1)] if d == 2 else [(1, 2), (2, 0), (0, 1)]
-    modes = np.zeros((len(X), d, d + len(turns)))
-    modes[:, range(d), range(d)] = 1.0
-    for k, (i, j) in enumerate(turns):
-        modes[:, i, d + k], modes[:, j, d + k] = -arm[:, j], arm[:, i]
-    return modes.reshape(-1, modes.shape[2])
 
 
 def chord_holds(X: FloatArray, points: list[int]) -> IntArray:

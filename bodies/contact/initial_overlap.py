@@ -6,7 +6,7 @@ from sparsemor.bodies.body import FloatingBody
 from sparsemor.bodies.contact.projection import nearest
 from sparsemor.bodies.contact.surface import Surface
 from sparsemor.core import BoolArray, FloatArray, InputError
-from sparsemor.core.model.facets import outer_facets
+from sparsemor.core.model.facets import linear_surface
 
 OVERLAP = 0.1
 """Largest admissible initial penetration, as a fraction of the smallest facet of both surfaces."""
@@ -63,7 +63,7 @@ def within(body: FloatingBody, z: FloatArray) -> BoolArray:
     """(n,) True for points z (n, d) in space inside the undeformed body in its initial pose: its
     boundary subtends the full (solid) angle there."""
     assert body.mesh is not None
-    corners = placed(body, body.X)[outer_facets(body.mesh)]
+    corners = placed(body, body.X)[linear_surface(body.mesh.nodes, body.d)]
     share = np.zeros(len(z))
     for part in np.array_split(np.arange(len(z)), 1 + len(z) * len(corners) // AT_ONCE):
         share[part] = _view(corners[None] - z[part, None, None]).sum(axis=1)

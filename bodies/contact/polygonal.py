@@ -13,6 +13,7 @@ from sparsemor.bodies.contact.part import ContactPart
 from sparsemor.bodies.contact.quadrature import enough_points, rule
 from sparsemor.bodies.contact.surface import Surface
 from sparsemor.bodies.contact.tractions import Interface
+from sparsemor.bodies.fem.surface import divided
 from sparsemor.bodies.targets import find_target
 from sparsemor.core import (
     ContactPlugin,
@@ -108,11 +109,7 @@ class Polygonal(ContactPlugin):
                 raise InputError(
                     f"{text!r}: body {body.name!r} has no mesh, so it has no surface that "
                     "could touch; give its shape as a flexible body with `fields: []`", key)
-            if body.mesh.order == 2:
-                raise InputError(
-                    f"{text!r}: contact surfaces are facets of linear elements, and body "
-                    f"{body.name!r} has quadratic ones: take order: 1 for it", key)
-            return body, target.facets(key)
+            return body, divided(body.mesh, target.facets(key))
 
         gather = Gather()
         found = [gather("", find, text, f"between.{i}") for i, text in enumerate(self.between)]

@@ -1,4 +1,4 @@
-"""Finite-element matrices of linear and quadratic simplices; common functions for 2-D and 3-D."""
+"""Finite-element matrices of cells of all kinds; common functions for 2-D and 3-D."""
 
 from sparsemor.bodies.fem.elasticity import (
     Law,

@@ -1,9 +1,9 @@
 """Bending stiffness of a mesh of linear elements, compared with quadratic ones on the same mesh.
 
-Linear triangles and tetrahedra cannot bend without shear, so a mesh with few of them over the
-height is too stiff. The loads are those of the body's lowest modes phi, f = rho phi (with a
-reference condition that only prevents rigid motion, without their resultant, so that the condition
-does not act). With the stiffness K_1 of the linear and K_2 of the quadratic elements,
+Linear elements cannot bend without shear, so a mesh with few of them over the height is too stiff.
+The loads are those of the body's lowest modes phi, f = rho phi (with a reference condition that
+only prevents rigid motion, without their resultant, so that the condition does not act). With the
+stiffness K_1 of the linear and K_2 of the quadratic elements,
 
     share = 1 - (f . u_1) / (f . u_2),    K_1 u_1 = P^T f,    K_2 u_2 = f,
 
@@ -12,19 +12,20 @@ preconditioned by P K_1^-1 P^T and the diagonal of the midpoints: f . u grows in
 truncated iteration underestimates the share. K_2 is never assembled.
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 from scipy.linalg import eigh
+from scipy.sparse import csr_array, diags_array
 from scipy.sparse.linalg import splu
 
+from sparsemor.bodies.fem.elasticity import rigid_modes
 from sparsemor.bodies.fem.fields import Elasticity
 from sparsemor.bodies.fem.quadratic import with_midpoints
-from sparsemor.bodies.mesh.simplices import EDGES, gradients, signed_measures
-from sparsemor.bodies.reference import rigid_modes
-from sparsemor.core import FloatArray, IntArray, Mesh, Note, information
+from sparsemor.bodies.fem.volume import on_cells
+from sparsemor.core import FloatArray, Mesh, Note, information
+from sparsemor.core.protocols.cells import KINDS, by_kind
 
 LARGEST = {2: 60_000, 3: 20_000}
 """Number of free displacements, by dimension, above which the comparison is left out: it would take
@@ -63,35 +64,6 @@ def bending_notes(
             "stiff_in_bending")
 
 
-@dataclass(slots=True, eq=False)
-class _Shapes:
-    """Quadratic shape functions at d + 1 points of each cell, exact for degree 2.
-
-    values (p, q): of q nodes at p points; slopes (E, p, q, d), 1/m; weights (E,): volume of a
-    point, m^d.
-    """
-
-    nodes: IntArray
-    values: FloatArray
-    slopes: FloatArray
-    weights: FloatArray
-
-    @classmethod
-    def of(cls, mesh: Mesh) -> "_Shapes":
-        d = mesh.dimension
-        grad = gradients(mesh)
-        b = (d + 2 - np.sqrt(d + 2.0)) / ((d + 1) * (d + 2))
-        at = b + (1.0 - (d + 1) * b) * np.eye(d + 1)
-        i, j = EDGES[:, : mesh.midpoints.shape[1]]
-        values = np.hstack([at * (2.0 * at - 1.0), 4.0 * at[:, i] * at[:, j]])
-        slopes = np.concatenate([
-            (4.0 * at - 1.0)[None, :, :, None] * grad[:, None],
-            4.0 * (at[None, :, i, None] * grad[:, None, j]
-                   + at[None, :, j, None] * grad[:, None, i])], axis=2)
-        weights = np.abs(signed_measures(mesh.points, mesh.cells)) / (d + 1)
-        return cls(mesh.nodes, values, slopes, weights)
-
-
 class _Comparison:
     """Linear and quadratic elements of one mesh. u (n, j): j fields of nodal displacements, unknown
     number d node + component."""
@@ -100,18 +72,16 @@ class _Comparison:
         self.d, self.e = mesh.dimension, e
         self.fine = with_midpoints(Mesh(mesh.points, mesh.cells))
         self.corners, self.n = len(mesh.points), len(self.fine.points)
-        self.shapes = _Shapes.of(self.fine)
-        self.ends = np.zeros((self.n - self.corners, 2), np.int64)
-        i, j = EDGES[:, : self.fine.midpoints.shape[1]]
-        self.ends[self.fine.midpoints - self.corners] = np.stack(
-            [mesh.cells[:, i], mesh.cells[:, j]], axis=2)
-        self.lam, self.mu = np.zeros((2, len(mesh.cells)))
+        self.shapes = on_cells(self.fine, 0)
+        self.P = csr_array(_interpolation(self.fine, self.corners, self.n))
+        lam, mu = np.zeros((2, len(mesh.cells)))
         for cells, law in e.regions:
             here: Any = slice(None) if cells is None else cells
-            self.lam[here], self.mu[here] = thickness * law.lam, thickness * law.mu
+            lam[here], mu[here] = thickness * law.lam, thickness * law.mu
+        self.laws = [(lam[here], mu[here]) for here, _ in self.shapes]
         self.held = np.ones((self.corners, self.d), np.bool_)
         self.held.reshape(-1)[e.free] = False
-        self.free = ~np.concatenate([self.held, self.held[self.ends].all(axis=1)]).ravel()
+        self.free = (self.P @ ~self.held > 0.0).ravel()
         self.solver: Any = splu(e.stiffness[e.free][:, e.free].tocsc())
         rigid = rigid_modes(mesh.points)
         determinate = np.count_nonzero(self.held) == rigid.shape[1]
@@ -171,24 +141,21 @@ class _Comparison:
         return np.hstack([self._inertia_of(V[:, k : k + 6]) for k in range(0, V.shape[1], 6)])
 
     def _inertia_of(self, V: FloatArray) -> FloatArray:
-        s, u = self.shapes, self.prolonged(V)
-        at = np.einsum("pq,eqm->epm", s.values, u.reshape(self.n, -1)[s.nodes])
-        return self._gathered(np.einsum("e,pq,epm->eqm", s.weights, s.values, at), V.shape[1])
+        u = self.prolonged(V).reshape(self.n, -1)
+        return self._gathered([
+            at.shape.values @ (at.weights[:, :, None] * (at.shape.values.swapaxes(1, 2)
+                                                         @ u[at.shape.nodes]))
+            for _, at in self.shapes], V.shape[1])
 
     # ------------------------------------------------------------------ operators
 
     def prolonged(self, V: FloatArray) -> FloatArray:
         """(d n, j) linear fields (d corners, j) at all nodes."""
-        at = V.reshape(self.corners, self.d, -1)
-        return np.concatenate([at, at[self.ends].mean(axis=1)]).reshape(self.d * self.n, -1)
+        return np.asarray(self.P @ V.reshape(self.corners, -1)).reshape(self.d * self.n, -1)
 
     def restricted(self, f: FloatArray) -> FloatArray:
         """(d corners, j) loads (d n, j) on linear fields: the transpose of `prolonged`."""
-        whole = f.reshape(self.n, self.d, -1)
-        found = whole[: self.corners].copy()
-        for end in self.ends.T:
-            np.add.at(found, end, 0.5 * whole[self.corners:])
-        return found.reshape(self.d * self.corners, -1)
+        return np.asarray(self.P.T @ f.reshape(self.n, -1)).reshape(self.d * self.corners, -1)
 
     def coarse(self, f: FloatArray) -> FloatArray:
         """(d corners, j) displacements K_1^-1 P^T f of the linear elements."""
@@ -198,31 +165,52 @@ class _Comparison:
 
     def stiffness(self, u: FloatArray) -> FloatArray:
         """(d n, j) forces K_2 u, N."""
-        s, j = self.shapes, u.shape[1]
-        at = u.reshape(self.n, self.d, j)[s.nodes]
-        grad = np.einsum("eqaj,epqb->epabj", at, s.slopes, optimize=True)
-        stress = self.mu[:, None, None, None, None] * (grad + grad.swapaxes(2, 3))
-        trace = self.lam[:, None, None] * np.einsum("epaaj->epj", grad)
-        for a in range(self.d):
-            stress[:, :, a, a] += trace
-        stress *= s.weights[:, None, None, None, None]
-        return self._gathered(np.einsum("epabj,epqb->eqaj", stress, s.slopes, optimize=True), j)
+        j, found = u.shape[1], []
+        for (_, at), (lam, mu) in zip(self.shapes, self.laws, strict=True):
+            G = at.shape.gradients
+            assert G is not None
+            grad = np.einsum("eiaj,eibq->eqabj", u.reshape(self.n, self.d, j)[at.shape.nodes], G,
+                             optimize=True)
+            stress = mu[:, None, None, None, None] * (grad + grad.swapaxes(2, 3))
+            trace = lam[:, None, None] * np.einsum("eqaaj->eqj", grad)
+            for a in range(self.d):
+                stress[:, :, a, a] += trace
+            stress *= at.weights[:, :, None, None, None]
+            found.append(np.einsum("eqabj,eibq->eiaj", stress, G, optimize=True))
+        return self._gathered(found, j)
 
     def midpoint_diagonal(self) -> FloatArray:
         """(d n, 1) inverse diagonal of K_2 at the free midpoints, zero at the corners."""
-        s = self.shapes
-        square = np.einsum("e,epqa->eqa", s.weights, s.slopes**2)
-        own = (self.lam + self.mu)[:, None, None] * square + (
-            self.mu[:, None] * square.sum(axis=2))[:, :, None]
-        total = self._gathered(own, 1)
+        found = []
+        for (_, at), (lam, mu) in zip(self.shapes, self.laws, strict=True):
+            assert at.shape.gradients is not None
+            square = np.einsum("eq,eiaq->eia", at.weights, at.shape.gradients**2)
+            found.append((lam + mu)[:, None, None] * square + (
+                mu[:, None] * square.sum(axis=2))[:, :, None])
+        total = self._gathered(found, 1)
         total[: self.d * self.corners] = np.inf
         total[~self.free] = np.inf
         return np.asarray(1.0 / total)
 
-    def _gathered(self, values: FloatArray, count: int) -> FloatArray:
-        """(d n, j) sums over the cells of values (E, q, ...) at their nodes."""
-        flat = values.reshape(self.shapes.nodes.size, -1)
-        at = self.shapes.nodes.ravel()
-        found: FloatArray = np.stack(
-            [np.bincount(at, column, self.n) for column in flat.T], axis=1, dtype=np.float64)
+    def _gathered(self, parts: Sequence[FloatArray], count: int) -> FloatArray:
+        """(d n, j) sums over the cells of values (E, q, ...) of each kind at their nodes."""
+        found = np.zeros((self.n, self.d * count))
+        for (_, at), values in zip(self.shapes, parts, strict=True):
+            flat, nodes = values.reshape(at.shape.nodes.size, -1), at.shape.nodes.ravel()
+            for column, own in enumerate(flat.T):
+                found[:, column] += np.bincount(nodes, own, self.n)
         return found.reshape(self.d * self.n, count)
+
+
+def _interpolation(fine: Mesh, corners: int, n: int) -> Any:
+    """(n, corners) values of linear fields at all nodes: the means of the corners around them."""
+    rows, columns = [np.arange(corners)], [np.arange(corners)]
+    for here, own in by_kind(fine.cells, fine.dimension):
+        for i, between in enumerate(KINDS[fine.dimension, own.shape[1]].further):
+            middle, first = np.unique(fine.midpoints[here, i], return_index=True)
+            rows.append(np.repeat(middle, len(between)))
+            columns.append(own[first][:, list(between)].ravel())
+    found = csr_array((np.ones(sum(map(len, rows))), (
+        np.concatenate(rows), np.concatenate(columns))), shape=(n, corners))
+    found.data[:] = 1.0
+    return diags_array(1.0 / found.sum(axis=1)) @ found

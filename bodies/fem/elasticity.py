@@ -1,4 +1,4 @@
-"""Isotropic thermoelasticity of linear or quadratic simplices: plane stress, plane strain, 3-D.
+"""Isotropic thermoelasticity: plane stress, plane strain, 3-D.
 
 sigma = lam tr(eps) I + 2 mu eps - beta dT I, with constants that depend on the model.
 """
@@ -6,8 +6,10 @@ sigma = lam tr(eps) I + 2 mu eps - beta dT I, with constants that depend on the 
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
+import numpy as np
+
 from sparsemor.bodies.material import Constants, require
-from sparsemor.core import Csr, InputError, IntArray, Mesh
+from sparsemor.core import Csr, FloatArray, InputError, IntArray, Mesh
 
 Model: TypeAlias = Literal["plane_stress", "plane_strain", "solid"]
 
@@ -82,3 +84,15 @@ def _check_model(mesh: Mesh, model: Model) -> None:
         raise InputError(
             f"{model} does not suit a {mesh.dimension}-D mesh: take {' or '.join(allowed)}", "model"
         )
+
+
+def rigid_modes(X: FloatArray) -> FloatArray:
+    """(d N, 3 or 6) rigid-body modes of points X (N, d), of unit order."""
+    d = X.shape[1]
+    arm = (X - X.mean(axis=0)) / max(float(np.ptp(X, axis=0).max()), 1e-300)
+    turns = [(0, 1)] if d == 2 else [(1, 2), (2, 0), (0, 1)]
+    modes = np.zeros((len(X), d, d + len(turns)))
+    modes[:, range(d), range(d)] = 1.0
+    for k, (i, j) in enumerate(turns):
+        modes[:, i, d + k], modes[:, j, d + k] = -arm[:, j], arm[:, i]
+    return modes.reshape(-1, modes.shape[2])

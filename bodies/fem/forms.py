@@ -1,71 +1,321 @@
-"""Weak forms of a thermoelastic body in scikit-fem notation, for any dimension.
+"""Element matrices of a thermoelastic body from scikit-fem's elements, for all kinds of cells.
 
     mass        w u v                   stiffness  lam div u div v + 2 mu eps(u) : eps(v)
     conduction  w grad u . grad v       expansion  w T div v
-    flux        w v on facets           normal     w v . n on facets
 
 u, v: trial and test functions, scalar (temperature, one displacement component) or vector with the
-unknown number d * node + component. Import this module only for assembly: the import of scikit-fem
-takes longer than reading a scene.
+unknown number d * node + component. Numbers of unknowns are those of the nodes of the mesh. Cells
+are mapped by their own shape functions (isoparametric), triangles and tetrahedra with straight
+edges by an affine map. Import this module only for assembly: the import of scikit-fem takes longer
+than reading a scene.
 """
 
-import math
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 import skfem
-from scipy.sparse import csr_array, diags_array
-from skfem.helpers import ddot, div, dot, grad, sym_grad
+from scipy.sparse import csr_array
+from skfem.element.element_h1 import ElementH1
 from skfem.quadrature import get_quadrature
+from skfem.refdom import RefLine, RefQuad, RefTri, RefWedge
 
-from sparsemor.core import BoolArray, Csr, FloatArray, IntArray, Mesh
+from sparsemor.bodies.fem.quadrature import Quadrature, from_basis
+from sparsemor.core import Csr, FloatArray, IntArray, Mesh
+from sparsemor.core.model.facets import cell_facets, facet_keys, group_equal_rows
+from sparsemor.core.protocols.cells import KINDS, CellKind, corners_of
 
-CHUNK = 1 << 15
-"""Number of linear cells assembled at a time, which limits additional memory to about 100 MB; a
-quarter as many quadratic ones."""
+CHUNK = 5_000_000
+"""Number of entries of element matrices that are assembled at a time, about 40 MB."""
 ROUND_OFF = 1e-14
 """Entries no larger than this, relative to the largest of their row and column, are cancelled sums.
 """
-_MESHES = {2: skfem.MeshTri, 3: skfem.MeshTet}
-_ELEMENTS = {(2, 1): skfem.ElementTriP1, (3, 1): skfem.ElementTetP1,
-             (2, 2): skfem.ElementTriP2, (3, 2): skfem.ElementTetP2}
-"""Scalar elements by dimension and order. Numbers of unknowns are those of the nodes, because
-midpoints are numbered as scikit-fem numbers edges (`edges`)."""
-_FACET_EDGES = {2: np.array([[0, 1]]), 3: np.array([[0, 1], [1, 2], [0, 2]])}
-"""Local corners of the edges of a facet, by dimension."""
+STRAIGHT = 1e-13
+"""Distance of a node from the middle of its edge, relative to coordinates, that is round-off."""
 
 
-def mass(u: Any, v: Any, w: Any) -> Any:
-    return w.weight * u * v
+class ElementWedge2(ElementH1):  # type: ignore[misc]
+    """Wedge of second order with 18 nodes: products of quadratic functions of the triangle and of
+    the height, which scikit-fem does not have."""
+
+    maxdeg: ClassVar[int] = 4
+    refdom = RefWedge
+    doflocs = KINDS[3, 6].nodes
+    _pairs: ClassVar[list[tuple[int, int]]] = [
+        (next(i for i, y in enumerate(KINDS[2, 3].nodes) if np.array_equal(y, x[:2])),
+         (0.0, 1.0, 0.5).index(x[2])) for x in KINDS[3, 6].nodes]
+    """Node of the quadratic triangle and of the line (ends, middle) of each node."""
+
+    def lbasis(self, X: FloatArray, i: int) -> tuple[FloatArray, FloatArray]:
+        flat, up = self._pairs[i]
+        f, df = skfem.ElementTriP2().lbasis(X[:2], flat)
+        g, dg = skfem.ElementLineP2().lbasis(X[2:], up)
+        return f * g, np.array([df[0] * g, df[1] * g, f * dg[0]])
 
 
-def conduction(u: Any, v: Any, w: Any) -> Any:
-    return w.weight * dot(grad(u), grad(v))
+@dataclass(repr=False)
+class _MeshWedge2(skfem.MeshWedge1):  # type: ignore[misc]
+    elem: Any = ElementWedge2
 
 
-def stiffness(u: Any, v: Any, w: Any) -> Any:
-    return w.lam * div(u) * div(v) + 2 * w.mu * ddot(sym_grad(u), sym_grad(v))
+_GRIDS: dict[tuple[int, int], Any] = {
+    (2, 3): skfem.MeshTri, (2, 6): skfem.MeshTri2, (2, 4): skfem.MeshQuad, (2, 9): skfem.MeshQuad2,
+    (3, 4): skfem.MeshTet, (3, 10): skfem.MeshTet2, (3, 6): skfem.MeshWedge1, (3, 18): _MeshWedge2,
+    (3, 8): skfem.MeshHex, (3, 27): skfem.MeshHex2}
+"""scikit-fem's meshes by dimension and number of nodes of a cell."""
 
 
-def expansion(temperature: Any, v: Any, w: Any) -> Any:
-    return w.weight * temperature * div(v)
+class _Numbers(NamedTuple):
+    """Numbers of the unknowns of each cell (q, E), and of all unknowns: instead of scikit-fem's."""
+
+    element_dofs: IntArray
+    N: int
 
 
-def flux(v: Any, w: Any) -> Any:
-    return w.weight * v
+class Space(NamedTuple):
+    """Cells of one kind. element: scikit-fem's, of the order of the mesh; to_ours (q,): positions
+    of our nodes in its order, ours (q,): the reverse; curved: True where some edge is not straight.
+    """
+
+    kind: CellKind
+    order: int
+    element: Any
+    to_ours: IntArray
+    ours: IntArray
+    curved: bool
+
+    @classmethod
+    def of(cls, mesh: Mesh, nodes: IntArray) -> "Space":
+        """Space on cells with the given nodes (n, q)."""
+        d, q = mesh.dimension, nodes.shape[1]
+        kind = KINDS[d, corners_of(d, q)]
+        element = _GRIDS[d, q].elem()
+        away = np.abs(kind.nodes[:q, None] - element.doflocs).sum(axis=2)
+        to_ours = away.argmin(axis=1)
+        return cls(kind, mesh.order, element, to_ours, np.argsort(to_ours),
+                   mesh.order == 2 and _curved(mesh, kind, nodes))
+
+    @property
+    def simplex(self) -> bool:
+        return len(self.kind.turns) == 1
+
+    def grid(self, mesh: Mesh, nodes: IntArray) -> Any:
+        """scikit-fem's mesh of the cells with the given nodes (n, q)."""
+        d, p, points = mesh.dimension, len(self.kind.places), np.ascontiguousarray(mesh.points.T)
+        affine = self.simplex and not self.curved
+        own = nodes[:, self.ours]
+        corners = np.ascontiguousarray(own[:, :p].T)
+        made = _GRIDS[d, p if affine else nodes.shape[1]](points, corners, sort_t=False,
+                                                          validate=False)
+        made._dofs = _Numbers(own.T, len(mesh.points))
+        return made
+
+    def basis(self, mesh: Mesh, nodes: IntArray, rule: tuple[FloatArray, FloatArray]) -> Any:
+        """Scalar scikit-fem basis on cells with the given nodes (n, q), at the points and weights
+        of a quadrature rule."""
+        return skfem.Basis(self.grid(mesh, nodes), self.element, quadrature=rule,
+                           dofs=_Numbers(nodes[:, self.ours].T, len(mesh.points)),
+                           disable_doflocs=True)
+
+    def degree(self, degree: int) -> int:
+        """Degree of an integrand in these cells that has the given one with linear triangles: each
+        of two shape functions, or their gradients, has one more with quadratic ones, and a curved
+        map adds to it; in wedges and hexahedra that along each axis."""
+        if self.simplex:
+            return degree if self.order == 1 else max(degree + 2, 2 * degree) + 2 * self.curved
+        return self.order * max(2, degree) + 1
+
+    def rule(self, degree: int) -> tuple[FloatArray, FloatArray]:
+        """Points (d, Q) and weights (Q,) in the reference cell for an integrand that has the given
+        degree with linear triangles."""
+        return rule(self.element.refdom, self.degree(degree))
 
 
-def normal(v: Any, w: Any) -> Any:
-    return w.weight * dot(v, w.n)
+def folded(mesh: Mesh) -> IntArray:
+    """Numbers of the cells, other than straight triangles and tetrahedra, whose map has a
+    determinant that is not positive at a node or quadrature point."""
+    found = [np.zeros(0, np.int64)]
+    for here, nodes, space in spaces(mesh):
+        if space.curved or not space.simplex:
+            at = np.hstack([np.array(space.element.doflocs).T, space.rule(0)[0], space.rule(2)[0]])
+            DF = space.grid(mesh, nodes)._mapping().DF(at)
+            found.append(here[(np.linalg.det(DF.transpose(2, 3, 0, 1)) <= 0.0).any(axis=1)])
+    return np.sort(np.concatenate(found))
+
+
+def rule(refdom: Any, degree: int) -> tuple[FloatArray, FloatArray]:
+    """Points and weights of scikit-fem's quadrature of a reference cell, exact for this degree."""
+    if refdom is not RefWedge:
+        return get_quadrature(refdom, max(degree, 1))  # type: ignore[no-any-return]
+    (x, v), (z, w) = (get_quadrature(r, degree) for r in (RefTri, RefLine))
+    return (np.vstack([np.repeat(x, z.shape[1], axis=1), np.tile(z, x.shape[1])]),
+            np.outer(v, w).ravel())
+
+
+def _curved(mesh: Mesh, kind: CellKind, nodes: IntArray) -> bool:
+    """True if a further node of cells with nodes (n, q) is not the mean of its corners."""
+    X, p = mesh.points, len(kind.places)
+    least = STRAIGHT * float(np.abs(X).max())
+    return any(float(np.abs(X[nodes[:, p + i]] - X[nodes[:, list(corners)]].mean(axis=1)).max(
+        initial=0.0)) > least for i, corners in enumerate(kind.further))
+
+
+def spaces(mesh: Mesh, cells: IntArray | None = None) -> Iterator[tuple[IntArray, IntArray, Space]]:
+    """Positions in `cells` (numbers, all if None) of the cells of each kind, their nodes (n, q) in
+    the order of the mesh, and their space."""
+    for here, nodes in mesh.parts:
+        space = Space.of(mesh, nodes)
+        if cells is None:
+            yield here, nodes, space
+            continue
+        at = np.full(len(mesh.cells), -1)
+        at[here] = np.arange(len(here))
+        mine = np.flatnonzero(at[cells] >= 0)
+        if len(mine):
+            yield mine, nodes[at[cells[mine]]], space
+
+
+def cell_quadratures(
+    mesh: Mesh, degree: int, cells: IntArray | None = None, gradients: bool = True,
+    at_nodes: bool = False, positive: bool = False,
+) -> list[tuple[IntArray, Quadrature]]:
+    """Positions in `cells` (numbers, all if None) of the cells of each kind, and their quadrature.
+
+    degree: of the integrand with linear triangles or tetrahedra, for which it is exact with
+    straight edges of either order. at_nodes: the points are the nodes of the cell, with equal
+    weights; positive: all weights are, by a higher degree where they would not be.
+    """
+    found = []
+    for here, nodes, space in spaces(mesh, cells):
+        points, weights = chosen = space.rule(degree)
+        more = degree
+        while positive and not (chosen[1] > 0.0).all():
+            more += 1
+            chosen = space.rule(more)
+        if at_nodes or (space.simplex and space.degree(degree) <= 1):
+            # one point is exact for linear integrands; scikit-fem takes three or more
+            points = np.array(space.element.doflocs).T
+            points = points if at_nodes else points.mean(axis=1, keepdims=True)
+            whole = weights.sum()
+            chosen = points, np.full(points.shape[1], whole / points.shape[1])
+        found.append((here, from_basis(space.basis(mesh, nodes, chosen), gradients)))
+    return found
+
+
+def facet_quadratures(
+    mesh: Mesh, facets: IntArray, degree: int, gradients: bool = False
+) -> list[tuple[IntArray, Quadrature, FloatArray]]:
+    """Positions in `facets` (F, w), rows of corner numbers, of those of each shape; their
+    quadrature, exact for integrands of this degree with linear triangles and tetrahedra and theirs
+    with others of straight edges; outward unit normals (d, n, Q). Without gradients the nodes of a
+    facet are its own, else those of its cell."""
+    d, near = mesh.dimension, np.zeros(len(mesh.points), np.bool_)
+    near[facets] = True
+    some = np.flatnonzero(np.count_nonzero(near[mesh.cells], axis=1) >= d)
+    rows, owner = cell_facets(mesh.cells[some], d)
+    wide = [np.pad(r, ((0, 0), (0, 4 - r.shape[1])), mode="edge") if d == 3 else r
+            for r in (rows, facets)]
+    group, first, _ = group_equal_rows(facet_keys(np.concatenate(wide)))
+    at = first[group[len(rows):]]  # the first cell with this facet
+    shapes: dict[tuple[int, int, int], list[tuple[IntArray, Any, FloatArray]]] = {}
+    start = 0
+    for here, nodes, space in spaces(mesh, some):
+        count = len(space.kind.facets)
+        for k, facet in enumerate(space.kind.facets):
+            mine = np.flatnonzero((at >= start) & (at < start + len(here) * count)
+                                  & ((at - start) % count == k))
+            if len(mine):
+                own = nodes[(at[mine] - start) // count]
+                q, normals = _on_facet(mesh, space, own, facet, degree, gradients)
+                key = len(facet), int(q.shape.nodes.shape[1]), int(q.weights.shape[1])
+                shapes.setdefault(key, []).append((mine, q, normals))
+        start += len(here) * count
+    found = []
+    for parts in shapes.values():
+        mine = np.concatenate([m for m, _, _ in parts])
+        order = np.argsort(mine, kind="stable")
+        found.append((mine[order], Quadrature.joined([q for _, q, _ in parts], order),
+                      np.concatenate([n for _, _, n in parts], axis=1)[:, order]))
+    return found
+
+
+def _on_facet(
+    mesh: Mesh, space: Space, nodes: IntArray, facet: tuple[int, ...], degree: int, gradients: bool
+) -> tuple[Quadrature, FloatArray]:
+    """Quadrature and outward unit normals (d, n, Q) on the facet with these local corners of cells
+    with the nodes (n, q)."""
+    d, corners = mesh.dimension, np.array([space.kind.places[i] for i in facet])
+    refdom: Any = {2: RefLine, 3: RefTri, 4: RefQuad}[len(facet)]
+    flat = space._replace(kind=KINDS[2, 3] if len(facet) < 4 else KINDS[2, 4])
+    xi, weights = rule(refdom, flat.degree(degree))
+    sides = (corners[[1, -1] if d == 3 else [1]] - corners[0]).T  # (d, d - 1)
+    points = corners[0][:, None] + sides @ xi
+    basis = space.basis(mesh, nodes, (points, weights))
+    tangents = np.einsum("ij...,jk->ki...", basis.mapping.DF(points), sides)
+    normals = np.cross(tangents[0], tangents[1], axis=0) if d == 3 else np.stack(
+        [tangents[0, 1], -tangents[0, 0]])
+    size = np.linalg.norm(normals, axis=0)
+    found = from_basis(basis, gradients)
+    if not gradients:
+        own = [*facet, *(i for i, c in enumerate(space.kind.further, len(space.kind.places))
+                         if set(c) <= set(facet) and mesh.order == 2)]
+        found = found.at_nodes(space.to_ours[own])
+    return Quadrature(found.shape, size * weights, found.coordinates), normals / size
+
+
+# ---------------------------------------------------------------------- element matrices
+
+def mass(at: Quadrature, weight: float) -> FloatArray:
+    phi = at.shape.values
+    return np.asarray((phi * (weight * at.weights)[:, None]) @ phi.transpose(0, 2, 1))
+
+
+def conduction(at: Quadrature, weight: float) -> FloatArray:
+    G, w = _gradients(at)
+    n = G.shape[1]
+    return np.asarray((G * (weight * w)[:, None, None]).reshape(len(G), n, -1)
+                      @ G.reshape(len(G), n, -1).transpose(0, 2, 1))
+
+
+def stiffness(at: Quadrature, lam: float, mu: float) -> FloatArray:
+    G, w = _gradients(at)
+    E, n, d, Q = G.shape
+    flat = G.reshape(E, n * d, Q)
+    H = ((flat * w[:, None]) @ flat.transpose(0, 2, 1)).reshape(E, n, d, n, d)
+    K = lam * H + mu * H.transpose(0, 1, 4, 3, 2)
+    trace = mu * np.einsum("eiaja->eij", H)
+    for a in range(d):
+        K[:, :, a, :, a] += trace
+    return K.reshape(E, n * d, n * d)
+
+
+def expansion(at: Quadrature, weight: float) -> FloatArray:
+    G = at.shape.gradients
+    assert G is not None
+    E, n, d, _ = G.shape
+    phi = at.shape.values * (weight * at.weights)[:, None]
+    phi = phi.sum(axis=2, keepdims=True) if G.shape[3] == 1 else phi
+    return np.asarray(G.reshape(E, n * d, -1) @ phi.transpose(0, 2, 1))
+
+
+def _gradients(at: Quadrature) -> tuple[FloatArray, FloatArray]:
+    """Gradients (E, n, d, R) and weights (E, R), R = 1 where they are constant in each cell."""
+    G = at.shape.gradients
+    assert G is not None
+    return G, at.weights.sum(axis=1, keepdims=True) if G.shape[3] == 1 else at.weights
+
+
+Form = Callable[..., FloatArray]
+"""Element matrices (E, p, q) from a quadrature and weights."""
 
 
 def matrix(
-    form: Any, mesh: Mesh, order: int, *, rows: bool = False, columns: bool = False,
+    form: Form, mesh: Mesh, order: int, *, rows: bool = False, columns: bool = False,
     cells: IntArray | None = None, **weights: float,
 ) -> Csr:
     """Matrix of a bilinear form on all cells, or on those with the given numbers; order: degree of
-    the integrand with linear elements, for which it is exact; so it is with quadratic ones.
+    the integrand with linear triangles, for which it is exact; so it is with others.
 
     rows, columns: the test or trial function is a vector: d N unknowns instead of N. Entries that
     cancel to round-off are dropped, so that a symmetric form has a symmetric pattern.
@@ -73,55 +323,75 @@ def matrix(
     d, n = mesh.dimension, len(mesh.points)
     shape = (d * n if rows else n, d * n if columns else n)
     whole = csr_array(shape)
-    for part in _chunks(form, mesh, order, rows, columns, cells, weights):
-        chunk = csr_array(part.tocsr())
+    for _, _, at, values in _chunks(form, mesh, order, cells, weights):
+        i, j = (_unknowns(at.shape.nodes, d if vector else 1) for vector in (rows, columns))
+        chunk = csr_array((values.ravel(), (
+            np.broadcast_to(i[:, :, None], values.shape).ravel().astype(np.int32),
+            np.broadcast_to(j[:, None, :], values.shape).ravel().astype(np.int32))), shape=shape)
         chunk.sum_duplicates()
         chunk.eliminate_zeros()
-        chunk.resize(shape)  # scikit-fem stops at the last point that a cell uses
         whole = chunk if not whole.nnz else whole + chunk
     return _without_round_off(whole)
 
 
 def elements(
-    form: Any, mesh: Mesh, order: int, *, rows: bool = False, columns: bool = False,
+    form: Form, mesh: Mesh, order: int, *, rows: bool = False, columns: bool = False,
     cells: IntArray | None = None, **weights: float,
 ) -> FloatArray:
     """(E, p, q) element matrices of a bilinear form on all cells, or on those with the given
     numbers; unknown number is d * node + component for vectors, with the nodes of a cell in the
-    order of `mesh.nodes`."""
+    order of `mesh.nodes`, and zeros for repeated ones of mixed meshes."""
     d, nodes = mesh.dimension, mesh.nodes.shape[1]
     p, q = (nodes * d if vector else nodes for vector in (rows, columns))
-    return np.concatenate([  # scikit-fem keeps its entries by trial, test function and cell
-        part.data.reshape(q, p, -1).transpose(2, 1, 0)
-        for part in _chunks(form, mesh, order, rows, columns, cells, weights)])
+    found = np.zeros((len(mesh.cells) if cells is None else len(cells), p, q))
+    for here, space, _, values in _chunks(form, mesh, order, cells, weights):
+        i, j = (_unknowns(space.to_ours[None], d if vector else 1)[0] for vector in (rows, columns))
+        found[here, : len(i), : len(j)] = values[:, i][:, :, j]
+    return found
 
 
-def facet_matrix(form: Any, mesh: Mesh, facets: IntArray, **weights: float) -> Csr:
-    """(N, N) matrix of a scalar bilinear form on boundary facets (F, d) of point numbers.
-
-    Entries of other points are round-off and are dropped.
-    """
-    basis = _facet_basis(mesh, facets, vector=False)
-    whole = csr_array(skfem.BilinearForm(form).assemble(basis, **weights))
-    whole.resize((len(mesh.points), len(mesh.points)))
-    here = diags_array(_on(mesh, facets).astype(float))
-    kept = csr_array(here @ whole @ here)
-    kept.sum_duplicates()
-    kept.eliminate_zeros()
-    return kept
+def facet_matrix(mesh: Mesh, facets: IntArray, weight: float) -> Csr:
+    """(N, N) matrix of the form `mass` on facets (F, w) of corner numbers."""
+    n = len(mesh.points)
+    whole = csr_array((n, n))
+    for _, at, _ in facet_quadratures(mesh, facets, 2):
+        values, i = mass(at, weight), at.shape.nodes
+        whole = whole + csr_array((values.ravel(), (
+            np.broadcast_to(i[:, :, None], values.shape).ravel(),
+            np.broadcast_to(i[:, None, :], values.shape).ravel())), shape=(n, n))
+    whole.sum_duplicates()
+    return whole
 
 
-def facet_vector(
-    form: Any, mesh: Mesh, facets: IntArray, *, vector: bool = False, **weights: float
-) -> FloatArray:
-    """(N,) or, for vectors, (N, d) linear form on boundary facets (F, d) of point numbers; zero at
-    all other points."""
-    basis = _facet_basis(mesh, facets, vector)
-    values = skfem.LinearForm(form).assemble(basis, **weights)
-    whole = np.zeros(len(mesh.points) * (mesh.dimension if vector else 1))
-    whole[:len(values)] = values
-    whole[~np.repeat(_on(mesh, facets), mesh.dimension if vector else 1)] = 0.0
-    return whole.reshape(-1, mesh.dimension) if vector else whole
+def facet_vector(mesh: Mesh, facets: IntArray, normal: bool = False) -> FloatArray:
+    """(N,) integrals of the shape functions over facets (F, w) of corner numbers, or, (N, d), of
+    those times the outward normal."""
+    found = np.zeros((len(mesh.points), mesh.dimension if normal else 1))
+    for _, at, n in facet_quadratures(mesh, facets, 1):
+        factors = n if normal else np.ones((1, *at.weights.shape))
+        values = np.einsum("eiq,deq->eid", np.broadcast_to(
+            at.shape.values, (len(at.weights), *at.shape.values.shape[1:])), factors * at.weights)
+        np.add.at(found, at.shape.nodes, values)
+    return found if normal else found[:, 0]
+
+
+def _unknowns(nodes: IntArray, d: int) -> IntArray:
+    """(E, q d) numbers of the unknowns of cells with the nodes (E, q)."""
+    return np.asarray((d * nodes[:, :, None] + np.arange(d)).reshape(len(nodes), -1))
+
+
+def _chunks(
+    form: Form, mesh: Mesh, order: int, cells: IntArray | None, weights: dict[str, float]
+) -> Iterator[tuple[IntArray, Space, Quadrature, FloatArray]]:
+    """Positions in `cells`, space, quadrature and element matrices, in scikit-fem's order of nodes,
+    of some cells of one kind at a time."""
+    for here, nodes, space in spaces(mesh, cells):
+        points, w = space.rule(order)
+        some = max(CHUNK // (nodes.shape[1] * mesh.dimension)**2, 1)
+        for start in range(0, len(here), some):
+            own = slice(start, start + some)
+            at = from_basis(space.basis(mesh, nodes[own], (points, w)))
+            yield here[own], space, at, form(at, **weights)
 
 
 def _without_round_off(A: Csr) -> Csr:
@@ -133,95 +403,3 @@ def _without_round_off(A: Csr) -> Csr:
     A.data[size.data <= ROUND_OFF] = 0.0
     A.eliminate_zeros()
     return A
-
-
-def edges(mesh: Mesh) -> tuple[IntArray, IntArray]:
-    """Edges of a mesh: corners (M, 2), and (E, 3 or 6) numbers of the edges of each cell, (0, 1),
-    (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)."""
-    whole = _mesh(mesh)
-    ends, of = (whole.facets, whole.t2f) if mesh.dimension == 2 else (whole.edges, whole.t2e)
-    return np.asarray(ends.T, np.int64), np.asarray(of.T, np.int64)
-
-
-def _on(mesh: Mesh, facets: IntArray) -> BoolArray:
-    """(N,) True for nodes of the facets."""
-    found: BoolArray = np.zeros(len(mesh.points), dtype=np.bool_)
-    found[facets] = True
-    if mesh.order == 2:
-        ends, corners = np.sort(edges(mesh)[0], axis=1), len(mesh.corners)
-        sides = facets[:, _FACET_EDGES[mesh.dimension]].reshape(-1, 2)
-        keys, sought = (a @ np.array([corners, 1]) for a in (ends, np.sort(sides, axis=1)))
-        found[corners:] = np.isin(keys, sought)
-    return found
-
-
-def _chunks(
-    form: Any, mesh: Mesh, order: int, rows: bool, columns: bool, cells: IntArray | None,
-    weights: dict[str, float],
-) -> Iterator[Any]:
-    whole, chosen = _mesh(mesh), np.arange(len(mesh.cells)) if cells is None else cells
-    some = CHUNK // mesh.order**2
-    for start in range(0, len(chosen), some):
-        scalar = skfem.Basis(whole, _element(mesh), intorder=max(_degree(mesh, order), 1),
-                             elements=chosen[start : start + some])
-        vector = scalar.with_element(skfem.ElementVector(_element(mesh)))
-        trial, test = (vector if columns else scalar), (vector if rows else scalar)
-        yield skfem.BilinearForm(form).coo_data(trial, test, **weights)
-
-
-def _element(mesh: Mesh) -> Any:
-    return _ELEMENTS[mesh.dimension, mesh.order]()
-
-
-def _degree(mesh: Mesh, degree: int) -> int:
-    """Degree of an integrand on this mesh that has the given one with linear elements: each of two
-    shape functions, or their gradients, has one more with quadratic elements."""
-    return degree if mesh.order == 1 else max(degree + 2, 2 * degree)
-
-
-def cell_basis(
-    mesh: Mesh, order: int, cells: IntArray | None = None, at_nodes: bool = False,
-    positive: bool = False,
-) -> Any:
-    """Scalar scikit-fem basis on all cells, or on those with the given numbers; order: degree of
-    the integrand with linear elements, for which the quadrature is exact; so it is with quadratic
-    ones. at_nodes: the points are the nodes of the cell, with equal weights; positive: all weights
-    are, by a higher degree where they would not be."""
-    whole, element, degree = _mesh(mesh), _element(mesh), _degree(mesh, order)
-    while positive and not (get_quadrature(element.refdom, degree)[1] > 0.0).all():
-        degree += 1
-    chosen = np.arange(len(mesh.cells)) if cells is None else cells
-    if degree > 1 and not at_nodes:
-        return skfem.Basis(whole, element, intorder=degree, elements=chosen)
-    points = np.array(element.doflocs).T
-    if not at_nodes:  # one point is exact for linear integrands; scikit-fem takes three or more
-        points = points.mean(axis=1, keepdims=True)
-    count = points.shape[1]
-    weights = np.full(count, 1.0 / (math.factorial(mesh.dimension) * count))
-    return skfem.Basis(whole, element, elements=chosen, quadrature=(points, weights))
-
-
-def facet_basis(mesh: Mesh, facets: IntArray, degree: int) -> Any:
-    """Scalar scikit-fem basis on boundary facets (F, d) of corner numbers, in their order, with
-    quadrature that is exact for integrands of this degree with linear elements, and for theirs with
-    quadratic ones."""
-    return _facet_basis(mesh, facets, False, degree)
-
-
-def _mesh(mesh: Mesh) -> Any:
-    return _MESHES[mesh.dimension](
-        np.ascontiguousarray(mesh.corners.T), np.ascontiguousarray(mesh.cells.T), sort_t=False)
-
-
-def _facet_basis(mesh: Mesh, facets: IntArray, vector: bool, degree: int = 2) -> Any:
-    """scikit-fem basis on given boundary facets, identified by their sorted points."""
-    whole, wanted = _mesh(mesh), np.sort(facets, axis=1)
-    own = whole.facets.T
-    keys, sought = (np.ravel_multi_index(a.T, (len(mesh.corners),) * mesh.dimension)
-                    for a in (own, wanted))
-    order = np.argsort(keys)
-    found = order[np.searchsorted(keys, sought, sorter=order)]
-    element = _element(mesh)
-    return skfem.FacetBasis(
-        whole, skfem.ElementVector(element) if vector else element, facets=found,
-        intorder=_degree(mesh, degree))

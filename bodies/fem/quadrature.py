@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from sparsemor.core import FloatArray, IntArray, Mesh
+from sparsemor.core import FloatArray, IntArray
 
 EQUAL = 1e-12
 """Largest difference of shape functions or gradients, relative to their size, at which they count
@@ -55,19 +56,37 @@ class Quadrature:
     weights: FloatArray
     coordinates: FloatArray
 
+    @classmethod
+    def joined(cls, parts: Sequence[Quadrature], order: IntArray) -> Quadrature:
+        """Quadrature of the elements of all parts, in the given order (E,)."""
+        values = [q.shape.values for q in parts]
+        same = all(len(v) == 1 and np.abs(v - values[0]).max() <= EQUAL for v in values)
+        steep = [q.shape.gradients for q in parts if q.shape.gradients is not None]
+        wide = max((g.shape[3] for g in steep), default=0)
+        return cls(
+            ShapeFunctions(
+                np.concatenate([q.shape.nodes for q in parts])[order],
+                values[0] if same else np.concatenate([np.broadcast_to(
+                    q.shape.values, (len(q.weights), *q.shape.values.shape[1:]))
+                    for q in parts])[order],
+                np.concatenate([np.broadcast_to(g, (*g.shape[:3], wide)) for g in steep])[order]
+                if steep else None),
+            np.concatenate([q.weights for q in parts])[order],
+            np.concatenate([q.coordinates for q in parts], axis=1)[:, order])
+
+    def at_nodes(self, own: IntArray) -> Quadrature:
+        """Quadrature with some of the nodes of each element, by their positions."""
+        return replace(self, shape=ShapeFunctions(
+            self.shape.nodes[:, own], self.shape.values[:, own], None))
+
 
 def from_basis(basis: Any, gradients: bool = True) -> Quadrature:
-    """Quadrature of a scikit-fem `Basis` or `FacetBasis` of any scalar element.
-
-    gradients: False for laws without gradients; on facets, nodes whose shape functions vanish there
-    are then left out.
-    """
+    """Quadrature of a scikit-fem `Basis` of any scalar element; gradients: False for laws without
+    gradients."""
     nodes = basis.element_dofs.T.astype(np.int64)
     values = np.stack([np.asarray(b[0]) for b in basis.basis], axis=1)  # (E, n, Q)
     slopes = np.stack([np.asarray(b[0].grad) for b in basis.basis], axis=1) if gradients else None
-    if slopes is None:
-        nodes, values = _without_vanishing(nodes, values)
-    else:
+    if slopes is not None:
         slopes = slopes.transpose(2, 1, 0, 3)  # (d, n, E, Q)
         size = np.abs(slopes).max(initial=0.0)
         if np.ptp(slopes, axis=3).max(initial=0.0) <= EQUAL * size:
@@ -78,36 +97,3 @@ def from_basis(basis: Any, gradients: bool = True) -> Quadrature:
         ShapeFunctions(nodes, np.ascontiguousarray(values), None if slopes is None else
                        np.ascontiguousarray(slopes)),
         np.array(basis.dx), np.array(basis.global_coordinates()))
-
-
-def _without_vanishing(nodes: IntArray, values: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Nodes (E, m) and values (E, m, Q) without shape functions that vanish at all points of an
-    element; unchanged where their number differs between elements."""
-    acts = np.abs(values).max(axis=2) > EQUAL
-    count = np.unique(acts.sum(axis=1))
-    if len(count) != 1 or count[0] == nodes.shape[1]:
-        return nodes, values
-    at = np.argsort(~acts, axis=1, kind="stable")[:, : count[0]]
-    return np.take_along_axis(nodes, at, 1), np.take_along_axis(values, at[:, :, None], 1)
-
-
-def on_cells(
-    mesh: Mesh, degree: int, cells: IntArray | None = None, *, gradients: bool = True,
-    at_nodes: bool = False, positive: bool = False,
-) -> Quadrature:
-    """Quadrature of the cells of a mesh (all, or those with the given numbers), exact for
-    polynomials of this degree. at_nodes: points at the nodes with equal weights, as for lumped
-    matrices; positive: without negative weights."""
-    from sparsemor.bodies.fem import forms
-
-    return from_basis(forms.cell_basis(mesh, degree, cells, at_nodes, positive), gradients)
-
-
-def on_facets(
-    mesh: Mesh, facets: IntArray, degree: int, *, gradients: bool = False
-) -> Quadrature:
-    """Quadrature of boundary facets (F, d) of point numbers, in their order, exact for polynomials
-    of this degree."""
-    from sparsemor.bodies.fem import forms
-
-    return from_basis(forms.facet_basis(mesh, facets, degree), gradients)

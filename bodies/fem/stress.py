@@ -10,20 +10,20 @@ stress along their boundary jumps.
 """
 
 from functools import cached_property
-from itertools import combinations
 
 import numpy as np
 
-from sparsemor.core import FloatArray, IntArray
+from sparsemor.core import FloatArray, IntArray, Mesh
+from sparsemor.core.protocols.cells import by_kind, corners_of, padded
 
 
-class SimplexStress:
+class CellStress:
     """Strain and stress of one body at its nodes, once for each material of their cells.
 
-    points (N, d); cells (E, 3, 4, 6 or 10); constants (R, 5): lam, mu, beta, and lam, beta of the
-    stress across the plane, of each material; region (E,): material of each cell; nonlinear: True
-    for Green-Lagrange strains. nodes (P,): node of each value; own (E, q): number of the value at
-    the nodes of each cell (`_by_material`).
+    points (N, d); cells (E, q): as `Mesh.nodes`; constants (R, 5): lam, mu, beta, and lam, beta of
+    the stress across the plane, of each material; region (E,): material of each cell; nonlinear:
+    True for Green-Lagrange strains. nodes (P,): node of each value; own (E, q): number of the value
+    at the nodes of each cell (`_by_material`).
     """
 
     def __init__(
@@ -38,24 +38,27 @@ class SimplexStress:
     @cached_property
     def _slopes(self) -> tuple[FloatArray, FloatArray]:
         """(E, q, q, d) derivatives of the q shape functions of each cell at each of its q nodes
-        (second axis), 1/m; (E,) volumes, as multiples of that of a unit simplex."""
-        d, q = self.points.shape[1], self.cells.shape[1]
-        corners = self.points[self.cells[:, : d + 1]]
-        edges = corners[:, 1:] - corners[:, :1]
-        of_corners = np.linalg.inv(edges).transpose(0, 2, 1)  # (E, d, d)
-        grad = np.concatenate([-of_corners.sum(axis=1, keepdims=True), of_corners], axis=1)
-        volumes = np.abs(np.linalg.det(edges))
-        if q == d + 1:
-            return np.repeat(grad[:, None], q, axis=1), volumes
-        pairs = [(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)][: q - d - 1]
-        assert set(map(frozenset, pairs)) == set(map(frozenset, combinations(range(d + 1), 2)))
-        at = np.eye(d + 1)
-        places = np.concatenate([at, [0.5 * (at[i] + at[j]) for i, j in pairs]])  # (q, d + 1)
-        ends = [(4.0 * places[:, i] - 1.0)[None, :, None] * grad[:, None, i]
-                for i in range(d + 1)]
-        middles = [4.0 * (places[:, i][None, :, None] * grad[:, None, j]
-                          + places[:, j][None, :, None] * grad[:, None, i]) for i, j in pairs]
-        return np.stack([*ends, *middles], axis=2), volumes
+        (second axis), 1/m; (E,) volumes, m^d."""
+        from sparsemor.bodies.fem import forms
+
+        E, q = self.cells.shape
+        d, kinds = self.points.shape[1], by_kind(self.cells, self.points.shape[1])
+        at = [here for here, _ in kinds]
+        corners = [corners_of(d, own.shape[1]) for _, own in kinds]
+        further = [own[:, p:] for (_, own), p in zip(kinds, corners, strict=True)]
+        mesh = Mesh(self.points, padded([own[:, :p] for (_, own), p in zip(
+            kinds, corners, strict=True)], at), midpoints=padded(further, at))
+        slopes, volumes = np.zeros((E, q, q, d)), np.zeros(E)
+        for here, nodes, space in forms.spaces(mesh):
+            points = np.array(space.element.doflocs).T
+            basis = space.basis(mesh, nodes, (points, np.ones(points.shape[1])))
+            grad = np.stack([np.asarray(b[0].grad) for b in basis.basis])  # (m, d, n, m)
+            own = grad[space.to_ours][:, :, :, space.to_ours].transpose(2, 3, 0, 1)
+            m = nodes.shape[1]
+            slopes[here, :m, :m] = own
+            slopes[here, m:] = slopes[here, m - 1 : m]  # of repeated nodes
+            volumes[here] = basis.dx.mean(axis=1)
+        return slopes, volumes
 
     def strain(self, u: FloatArray, heating: FloatArray) -> FloatArray:
         """(P, 3, 3) strain for displacements u (N, d), m, and temperatures above the stress-free
@@ -121,6 +124,7 @@ class SimplexStress:
         """(P, 3, 3) mean of values (E, q, 3, 3) at nodes over the cells of one material."""
         n, at = len(self.nodes), self.own.ravel()
         weights = np.repeat(self._slopes[1], self.cells.shape[1])
+        weights[1:][(np.diff(self.cells, axis=1, prepend=-1) == 0).ravel()[1:]] = 0.0  # repeated
         total = np.bincount(at, weights, n)
         flat = values.reshape(-1, 9)
         sums = np.stack([np.bincount(at, weights * column, n) for column in flat.T], axis=1)

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.sparse import csr_array, eye_array, kron
 
 from sparsemor.bodies.fem.fields import HasFields
-from sparsemor.bodies.fem.quadrature import on_cells
+from sparsemor.bodies.fem.volume import on_cells
 from sparsemor.core import Csr, FloatArray
 
 
@@ -27,22 +27,24 @@ def stress_stiffness(
     rise = (body.T0 if T is None else T) - body.T_ref
     found = csr_array((N, N))
     for cells, law in e.regions:
-        at = on_cells(mesh, 0, cells)
-        nodes, gradients = at.shape.nodes, at.shape.gradients
-        assert gradients is not None
-        G = np.einsum("eni,enjq->ijeq", u[nodes], gradients)
-        strain = (G + G.swapaxes(0, 1)) / 2.0
-        if e.nonlinear:
-            strain = strain + np.einsum("kieq,kjeq->ijeq", G, G) / 2.0
-        stress = 2.0 * law.mu * strain
-        heating = (rise[nodes][:, None, :] @ at.shape.values)[:, 0]
-        stress[range(d), range(d)] += law.lam * np.einsum("iieq->eq", strain) - law.beta * heating
-        weighted = stress * (body.thickness * at.weights)
-        wide = np.broadcast_to(gradients, (*gradients.shape[:3], weighted.shape[3]))
-        local = np.einsum("enaq,abeq,embq->enm", wide, weighted, wide, optimize=True)
-        rows = np.broadcast_to(nodes[:, :, None], local.shape)
-        columns = np.broadcast_to(nodes[:, None, :], local.shape)
-        found = found + csr_array((local.ravel(), (rows.ravel(), columns.ravel())), shape=(N, N))
+        for _, at in on_cells(mesh, 0, cells):
+            nodes, gradients = at.shape.nodes, at.shape.gradients
+            assert gradients is not None
+            G = np.einsum("eni,enjq->ijeq", u[nodes], gradients)
+            strain = (G + G.swapaxes(0, 1)) / 2.0
+            if e.nonlinear:
+                strain = strain + np.einsum("kieq,kjeq->ijeq", G, G) / 2.0
+            stress = 2.0 * law.mu * strain
+            heating = (rise[nodes][:, None, :] @ at.shape.values)[:, 0]
+            stress[range(d), range(d)] += law.lam * np.einsum("iieq->eq", strain)
+            stress[range(d), range(d)] -= law.beta * heating
+            weighted = stress * (body.thickness * at.weights)
+            wide = np.broadcast_to(gradients, (*gradients.shape[:3], weighted.shape[3]))
+            local = np.einsum("enaq,abeq,embq->enm", wide, weighted, wide, optimize=True)
+            rows = np.broadcast_to(nodes[:, :, None], local.shape)
+            columns = np.broadcast_to(nodes[:, None, :], local.shape)
+            found = found + csr_array((local.ravel(), (rows.ravel(), columns.ravel())),
+                                      shape=(N, N))
     whole = csr_array(kron(found, eye_array(d), format="csr"))
     F = e.free
     return e.stiffness[F][:, F], whole[F][:, F]

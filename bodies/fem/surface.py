@@ -1,17 +1,18 @@
-"""Boundary facets of simplices, and integrals over them.
+"""Boundary facets, and integrals over them.
 
-A facet is a row of d corner numbers, ordered for an outward normal.
+A facet is a row of corner numbers, ordered for an outward normal; where some have four corners,
+those of three repeat the last.
 """
 
 import numpy as np
 
-from sparsemor.bodies.mesh.simplices import rows_among
+from sparsemor.bodies.fem.quadrature import Quadrature
 from sparsemor.core import Csr, FloatArray, InputError, IntArray, Mesh
-from sparsemor.core.model.facets import cell_facets, facet_numbers
+from sparsemor.core.model.facets import cell_facets, facet_numbers, linear_facets, rows_among
 
 
 def boundary_facets(mesh: Mesh, nodes: IntArray, name: str = "") -> IntArray:
-    """(F, d) boundary facets of the set of that name with the points `nodes`, ordered for outward
+    """(F, w) boundary facets of the set of that name with the points `nodes`, ordered for outward
     normals (`set_facets`).
 
     InputError when there are none: the set is inside the body, or a single point.
@@ -31,41 +32,58 @@ def boundary_facets(mesh: Mesh, nodes: IntArray, name: str = "") -> IntArray:
 
 
 def set_facets(mesh: Mesh, nodes: IntArray, name: str = "") -> IntArray:
-    """(F, d) boundary facets of a set, ordered for outward normals, possibly none.
+    """(F, w) boundary facets of a set, ordered for outward normals, possibly none.
 
     Those that the mesh tags with the name; else those of the cells that it tags, and of any cell
     where it tags none, with all points in `nodes`.
     """
-    number, count = facet_numbers(mesh.cells)
+    facets, owner = cell_facets(mesh.cells, mesh.dimension)
+    number, count = facet_numbers(facets)
     outer = count[number] == 1
     if name in mesh.cell_sets and name not in mesh.facet_sets:
         tagged = np.zeros(len(mesh.cells), dtype=np.bool_)
         tagged[mesh.cell_sets[name]] = True
-        outer &= np.repeat(tagged, mesh.dimension + 1)
-    facets = cell_facets(mesh.cells)[outer]
+        outer &= tagged[owner]
+    facets = facets[outer]
     return np.asarray(facets[
         rows_among(facets, mesh.facet_sets[name]) if name in mesh.facet_sets
         else np.isin(facets, nodes).all(axis=1)])
 
 
+def divided(mesh: Mesh, facets: IntArray) -> IntArray:
+    """(S, d) segments or triangles between the nodes of boundary facets (F, w): two triangles of a
+    quadrilateral, and twice (in space, four times) as many with cells of second order."""
+    rows, of = linear_facets(mesh.nodes, mesh.dimension)
+    chosen = rows_among(cell_facets(mesh.cells, mesh.dimension)[0], facets)
+    return np.asarray(rows[chosen[of]])
+
+
 def facet_normals(mesh: Mesh, facets: IntArray) -> FloatArray:
-    """(F, d) outward normals whose length is the facet's measure, m (2-D) or m2 (3-D)."""
-    sides = mesh.points[facets[:, 1:]] - mesh.points[facets[:, :1]]
+    """(F, d) integrals of the outward normal over the facets: in their direction, with the facet's
+    measure, m (2-D) or m2 (3-D), as length where it is flat."""
+    a = mesh.points[facets]
     if mesh.dimension == 2:
-        return np.stack([sides[:, 0, 1], -sides[:, 0, 0]], axis=1)
-    return np.asarray(np.cross(sides[:, 0], sides[:, 1]) / 2)
+        side = a[:, 1] - a[:, 0]
+        return np.stack([side[:, 1], -side[:, 0]], axis=1)
+    return np.asarray(np.cross(a[:, 2] - a[:, 0], a[:, -1] - a[:, 1]) / 2 if a.shape[1] == 4 else (
+        np.cross(a[:, 1] - a[:, 0], a[:, 2] - a[:, 0]) / 2))
 
 
 def facet_measures(mesh: Mesh, facets: IntArray) -> FloatArray:
     """(F,) length (m) or area (m2) of each facet."""
-    return np.asarray(np.linalg.norm(facet_normals(mesh, facets), axis=1))
+    from sparsemor.bodies.fem import forms
+
+    found = np.zeros(len(facets))
+    for here, at, _ in forms.facet_quadratures(mesh, facets, 1):
+        found[here] = at.weights.sum(axis=1)
+    return found
 
 
 def surface_load(mesh: Mesh, facets: IntArray, thickness: float = 1.0) -> FloatArray:
     """(N,) integral of phi_i over the facets, m2. Times a flux (W/m2) it is nodal heat (W)."""
     from sparsemor.bodies.fem import forms
 
-    return forms.facet_vector(forms.flux, mesh, facets, weight=thickness)
+    return thickness * forms.facet_vector(mesh, facets)
 
 
 def surface_normal_load(mesh: Mesh, facets: IntArray, thickness: float = 1.0) -> FloatArray:
@@ -73,7 +91,7 @@ def surface_normal_load(mesh: Mesh, facets: IntArray, thickness: float = 1.0) ->
     (N)."""
     from sparsemor.bodies.fem import forms
 
-    return forms.facet_vector(forms.normal, mesh, facets, vector=True, weight=thickness)
+    return thickness * forms.facet_vector(mesh, facets, normal=True)
 
 
 def surface_mass(mesh: Mesh, facets: IntArray, weight: float) -> Csr:
@@ -83,4 +101,14 @@ def surface_mass(mesh: Mesh, facets: IntArray, weight: float) -> Csr:
     """
     from sparsemor.bodies.fem import forms
 
-    return forms.facet_matrix(forms.mass, mesh, facets, weight=weight)
+    return forms.facet_matrix(mesh, facets, weight)
+
+
+def on_facets(
+    mesh: Mesh, facets: IntArray, degree: int, *, gradients: bool = False
+) -> list[Quadrature]:
+    """Quadrature of the facets (F, w) of each shape, rows of corner numbers, exact for polynomials
+    of this degree."""
+    from sparsemor.bodies.fem import forms
+
+    return [at for _, at, _ in forms.facet_quadratures(mesh, facets, degree, gradients)]

@@ -1,9 +1,22 @@
-"""Scalar matrices of linear and quadratic simplices: mass, capacity, conductivity."""
+"""Integrals over cells, and scalar matrices: mass, capacity, conductivity."""
 
 import numpy as np
 from scipy.sparse import csr_array, diags_array
 
+from sparsemor.bodies.fem.quadrature import Quadrature
 from sparsemor.core import Csr, IntArray, Mesh
+
+
+def on_cells(
+    mesh: Mesh, degree: int, cells: IntArray | None = None, *, gradients: bool = True,
+    at_nodes: bool = False, positive: bool = False,
+) -> list[tuple[IntArray, Quadrature]]:
+    """Quadrature of the cells of each kind (all, or those with the given numbers), with their
+    positions among them; exact for polynomials of this degree. at_nodes: points at the nodes with
+    equal weights, as for lumped matrices; positive: without negative weights."""
+    from sparsemor.bodies.fem import forms
+
+    return forms.cell_quadratures(mesh, degree, cells, gradients, at_nodes, positive)
 
 
 def scalar_mass(mesh: Mesh, weight: float, cells: IntArray | None = None) -> Csr:

@@ -17,17 +17,23 @@ the smallest change (in the norm weighted by 1 / w) whose weighted mean position
 still reproduce every displacement that is linear in the position, rotations included.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from math import factorial
 
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from sparsemor.bodies.mesh.simplices import EDGES
-from sparsemor.core import FloatArray, InputError, IntArray, Mesh
-from sparsemor.core.model.facets import cell_facets, outer_facets
+from sparsemor.bodies.fem.quadrature import Quadrature
+from sparsemor.bodies.mesh.simplices import triangulated
+from sparsemor.core import BoolArray, FloatArray, InputError, IntArray, Mesh
+from sparsemor.core.model.facets import (
+    cell_facets,
+    facet_keys,
+    facet_numbers,
+    rows_among,
+)
+from sparsemor.core.protocols.cells import KINDS, by_kind
 
 ROUND = 1e-3
 """Largest distance of a point from a fitted circle or cylinder, relative to its radius."""
@@ -40,9 +46,6 @@ can be moved."""
 NO_CELLS = np.zeros(0, np.int64)
 FAR = 1e2
 """Distance of the points from an axis, relative to their extent, at which a fit has failed."""
-QUADRATIC = {1: (1 / 6, 2 / 3), 2: (0.0, 1 / 3), 3: (-1 / 20, 1 / 5)}
-"""Mean of the quadratic shape functions of corners and midpoints over a simplex, by dimension."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Centre:
@@ -85,58 +88,96 @@ def centre_of_set(
 
     InputError for a given position off the line or plane on which all points of the set lie.
     """
-    pieces = _pieces(mesh, nodes, name)
-    even = _integrals(mesh, pieces)
+    facets, even = _integrals(mesh, nodes, name)
     even /= even.sum()
     mean = even @ mesh.points
-    point, how, surface = given, "the given point", pieces.shape[1] == mesh.dimension
+    point, how, surface = given, "the given point", len(facets) > 0
     if point is None and surface:
-        point, how = _of_revolution(mesh.points, pieces, mean)
+        point, how = _of_revolution(mesh.points, facets, mean)
     if point is None:
         what = {True: "its facets", False: "its cells, edges or points"}[surface]
         return Centre(even, mean, even, mean, f"the mean of {what}")
     return Centre(_moved(even, mesh.points, point), point, even, mean, how)
 
 
-def _pieces(mesh: Mesh, nodes: IntArray, name: str) -> IntArray:
-    """Simplices (n, k + 1) of a set as corner numbers: facets or cells that the mesh tags, boundary
-    facets, cells, inner facets or edges, the first of them that contain all its points; else its
-    boundary facets, else its points."""
-    corners = nodes[nodes < len(mesh.corners)]
+def _integrals(mesh: Mesh, nodes: IntArray, name: str) -> tuple[IntArray, FloatArray]:
+    """Segments or triangles (n, d) between the corners of a set's facets, none where it is no
+    surface, and the integrals (N,) of the shape functions over the set.
+
+    A set is made of facets or cells that the mesh tags, boundary facets, cells, inner facets or
+    edges, the first of them that contain all its points; else of its boundary facets, else of its
+    points.
+    """
+    from sparsemor.bodies.fem import forms
+
+    d, corners = mesh.dimension, nodes[nodes < len(mesh.corners)]
     inside = np.zeros(len(mesh.points), dtype=np.bool_)
     inside[corners] = True
+    near = np.flatnonzero(np.count_nonzero(inside[mesh.cells], axis=1) > 1)
+    every, _ = cell_facets(mesh.cells, d)
+    number, count = facet_numbers(every)
+    outer, own = every[count[number] == 1], every[inside[every].all(axis=1)]
+    outer, tagged = outer[inside[outer].all(axis=1)], mesh.facet_sets.get(name, every[:0])
+    cells = mesh.cell_sets.get(name, NO_CELLS)
+    whole = near[inside[mesh.cells[near]].all(axis=1)]
 
-    def among(pieces: IntArray) -> IntArray:
-        return pieces[inside[pieces].all(axis=1)]
+    def complete(rows: IntArray) -> bool:
+        return len(rows) > 0 and len(np.unique(rows)) == len(corners)
 
-    near = mesh.cells[np.count_nonzero(inside[mesh.cells], axis=1) > 1]
-    if not len(near):
-        return corners[:, None]
-    facets = among(outer_facets(mesh))
-    ends = near[:, EDGES.T[: 3 * mesh.dimension - 3]].reshape(-1, 2)
-    tagged = (mesh.facet_sets.get(name, facets[:0]), mesh.cells[mesh.cell_sets.get(name, NO_CELLS)])
-    for found in (*tagged, facets, among(near), among(cell_facets(near)), among(ends)):
-        if len(np.unique(found)) == len(corners):
-            return np.unique(np.sort(found, axis=1), axis=0)
-    return facets if len(facets) else corners[:, None]
+    facets = every[:0]
+    if complete(tagged):
+        facets = every[rows_among(every, tagged)]
+    elif complete(mesh.cells[cells]):
+        return facets, _sums(mesh, forms.cell_quadratures(mesh, 1, cells, gradients=False))
+    elif complete(outer):
+        facets = outer
+    elif complete(mesh.cells[whole]):
+        return facets, _sums(mesh, forms.cell_quadratures(mesh, 1, whole, gradients=False))
+    elif complete(own):
+        facets = own
+    elif d == 3 and complete((edges := _edges(mesh, near, inside))[:, :2]):
+        return facets, _along(mesh, edges)
+    else:
+        facets = outer
+    if not len(facets):
+        weights = np.zeros(len(mesh.points))
+        weights[corners] = 1.0
+        return facets, weights
+    once = np.unique(facet_keys(facets), axis=0, return_index=True)[1]
+    facets = facets[once]
+    return triangulated(facets), forms.facet_vector(mesh, facets)
 
 
-def _integrals(mesh: Mesh, pieces: IntArray) -> FloatArray:
-    """(N,) sum over simplices (n, k + 1) of the integrals of the shape functions."""
-    X, k, weights = mesh.points, pieces.shape[1] - 1, np.zeros(len(mesh.points))
-    from_first = X[pieces[:, 1:]] - X[pieces[:, :1]]
-    gram = from_first @ from_first.transpose(0, 2, 1)
-    size = np.sqrt(np.linalg.det(gram)) / factorial(k)
-    corner, middle = (1.0 / (k + 1), 0.0) if mesh.order == 1 or k == 0 else QUADRATIC[k]
-    np.add.at(weights, pieces, corner * size[:, None])
-    if middle:
-        n, sides = len(mesh.corners), EDGES.T
-        keys, sought = (np.sort(ends, axis=2) @ np.array([n, 1]) for ends in (
-            mesh.cells[:, sides[: mesh.midpoints.shape[1]]], pieces[:, sides[: k * (k + 1) // 2]]))
-        order = np.argsort(keys, axis=None)
-        found = order[np.searchsorted(keys.ravel(), sought, sorter=order)]
-        np.add.at(weights, mesh.midpoints.ravel()[found], middle * size[:, None])
-    return weights
+def _sums(mesh: Mesh, parts: Sequence[tuple[IntArray, Quadrature]]) -> FloatArray:
+    """(N,) integrals of the shape functions over cells."""
+    found = np.zeros(len(mesh.points))
+    for _, at in parts:
+        np.add.at(found, at.shape.nodes, (at.shape.values * at.weights[:, None]).sum(axis=2))
+    return found
+
+
+def _edges(mesh: Mesh, near: IntArray, inside: BoolArray) -> IntArray:
+    """(n, 2 or 3) nodes of the edges of the cells `near` with both ends inside."""
+    rows = []
+    for here, own in by_kind(mesh.cells[near], mesh.dimension):
+        edges = np.array(KINDS[mesh.dimension, own.shape[1]].edges)
+        parts = [own[:, edges]]
+        if mesh.order == 2:
+            parts.append(mesh.midpoints[near[here], : len(edges), None])
+        rows.append(np.concatenate(parts, axis=2).reshape(len(own) * len(edges), 1 + mesh.order))
+    found = np.concatenate(rows)
+    found = found[inside[found[:, :2]].all(axis=1)]
+    first = np.unique(np.sort(found[:, :2], axis=1), axis=0, return_index=True)[1]
+    return found[first]
+
+
+def _along(mesh: Mesh, edges: IntArray) -> FloatArray:
+    """(N,) integrals of the shape functions along edges (n, 2 or 3), straight ones exactly."""
+    found = np.zeros(len(mesh.points))
+    size = np.linalg.norm(mesh.points[edges[:, 1]] - mesh.points[edges[:, 0]], axis=1)
+    shares = (1 / 6, 1 / 6, 2 / 3) if edges.shape[1] == 3 else (0.5, 0.5)
+    np.add.at(found, edges, size[:, None] * np.array(shares))
+    return found
 
 
 def _moved(even: FloatArray, X: FloatArray, point: FloatArray) -> FloatArray:

@@ -4,9 +4,10 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from sparsemor.bodies.mesh.simplices import longest_edges, signed_measures
+from sparsemor.bodies.mesh.simplices import corner_measures, longest_edges
 from sparsemor.core import Fault, FloatArray, InputError, IntArray, Mesh
-from sparsemor.core.model.facets import facet_numbers, group_equal_rows
+from sparsemor.core.model.facets import cell_facets, facet_numbers, group_equal_rows
+from sparsemor.core.protocols.cells import KINDS, by_kind
 
 SHOWN = 5
 FLAT = 1e-12
@@ -16,11 +17,12 @@ FLAT = 1e-12
 def check_mesh(mesh: Mesh) -> None:
     """Checks a mesh; InputError with every fault.
 
-    Faults: points that are not finite, cells that refer to missing points, inverted, degenerate and
-    duplicate cells, facets of more than two cells, points in no cell, and parts that are not
-    connected by facets (two cells that share one point only form a hinge).
+    Faults: points that are not finite, cells that refer to missing points, inverted, degenerate,
+    folded and duplicate cells, facets of more than two cells, points in no cell, and parts that are
+    not connected by facets (two cells that share one point only form a hinge).
     """
     faults = _broken(mesh) or _cells(mesh) + _connections(mesh)
+    faults = faults or _bent(mesh)
     if faults:
         raise InputError([Fault("mesh", message) for message in faults])
 
@@ -40,12 +42,17 @@ def _centre(mesh: Mesh, cell: int) -> str:
 
 def _broken(mesh: Mesh) -> list[str]:
     n, d = mesh.points.shape
-    if d not in (2, 3) or mesh.cells.ndim != 2 or mesh.cells.shape[1] != d + 1:
+    if mesh.cells.ndim != 2 or (d, mesh.cells.shape[1]) not in KINDS or (len(mesh.cells) and any(
+            (d, own.shape[1]) not in KINDS for _, own in by_kind(mesh.cells, d))):
         return [f"points of {d} coordinates and cells of shape {mesh.cells.shape} do not make a "
-                "mesh of triangles (2-D) or tetrahedra (3-D)"]
+                "mesh of triangles and quadrilaterals (2-D) or tetrahedra, wedges and hexahedra "
+                "(3-D)"]
     if not len(mesh.cells):
         return ["there are no cells"]
     faults = []
+    if mesh.midpoints.size and not len(mesh.corners) <= mesh.midpoints.min() <= (
+            mesh.midpoints.max()) < n:
+        faults.append("midpoints are not numbered after the corners, or leave the mesh")
     infinite = np.flatnonzero(~np.isfinite(mesh.points).all(axis=1))
     if infinite.size:
         faults.append(f"{infinite.size} points are not finite: {some(infinite)}")
@@ -56,14 +63,18 @@ def _broken(mesh: Mesh) -> list[str]:
 
 
 def _cells(mesh: Mesh) -> list[str]:
-    measure = signed_measures(mesh.points, mesh.cells)
-    flat = np.abs(measure) <= FLAT * longest_edges(mesh.points, mesh.cells) ** mesh.dimension
+    measure = corner_measures(mesh.points, mesh.cells)
+    least = FLAT * longest_edges(mesh.points, mesh.cells) ** mesh.dimension
+    flat = (np.abs(measure) <= least[:, None]).any(axis=1)
+    inverted = (measure < 0).all(axis=1)
     kind, first, _ = group_equal_rows(np.sort(mesh.cells, axis=1))
     again = first[kind] != np.arange(len(mesh.cells))
     faults = []
     for bad, what in (
-        (~flat & (measure < 0), "inverted (their points run the wrong way round)"),
+        (~flat & inverted, "inverted (their points run the wrong way round)"),
         (flat, "degenerate (their points lie on one line or plane)"),
+        (~flat & ~inverted & (measure < 0).any(axis=1), "folded over (an angle above 180 degrees, "
+         "or points in another order)"),
         (again, "duplicates of earlier cells"),
     ):
         numbers = np.flatnonzero(bad)
@@ -75,16 +86,29 @@ def _cells(mesh: Mesh) -> list[str]:
     return faults
 
 
+def _bent(mesh: Mesh) -> list[str]:
+    """Cells that are folded over inside or by their curved edges: the determinant of their map is
+    not positive at a node or quadrature point."""
+    if mesh.order == 1 and mesh.cells.shape[1] == mesh.dimension + 1:
+        return []
+    from sparsemor.bodies.fem import forms
+
+    found = forms.folded(mesh)
+    return [f"{found.size} of {len(mesh.cells)} cells are folded over inside or by their "
+            f"curved edges: {some(found)}; the first is at {_centre(mesh, int(found[0]))}: mesh it "
+            "finer there, or optimise the mesh"] if found.size else []
+
+
 def _connections(mesh: Mesh) -> list[str]:
     faults = []
-    unused = np.setdiff1d(np.arange(len(mesh.points)), mesh.cells)
+    unused = np.setdiff1d(np.arange(len(mesh.corners)), mesh.cells)
     if unused.size:
         faults.append(
-            f"{unused.size} of {len(mesh.points)} points are in no cell: {some(unused)}; "
+            f"{unused.size} of {len(mesh.corners)} points are in no cell: {some(unused)}; "
             f"the first is at {_place(mesh.points[unused[0]])}"
         )
-    number, count = facet_numbers(mesh.cells)
-    owner = np.repeat(np.arange(len(mesh.cells)), mesh.dimension + 1)
+    facets, owner = cell_facets(mesh.cells, mesh.dimension)
+    number, count = facet_numbers(facets)
     crowded = np.unique(owner[count[number] > 2])
     name = "edge" if mesh.dimension == 2 else "face"
     if crowded.size:

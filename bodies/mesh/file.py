@@ -1,33 +1,56 @@
-"""Mesh from a file, converted to linear simplices."""
+"""Mesh from a file."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from pydantic import Field
 
+from sparsemor.bodies.fem.quadratic import with_midpoints
 from sparsemor.bodies.mesh.check import check_mesh, some
 from sparsemor.bodies.mesh.formats import abaqus, gmsh, nastran, other
-from sparsemor.bodies.mesh.formats.content import QUADRATIC, SIMPLEX, BadLine, CellBlock, Content
+from sparsemor.bodies.mesh.formats.content import CELLS, BadLine, CellBlock, Content
 from sparsemor.bodies.mesh.formats.counts import difference
 from sparsemor.bodies.mesh.groups import Sets, sets_of
-from sparsemor.bodies.mesh.simplices import EDGES, rows_among, signed_measures
-from sparsemor.core import FloatArray, InputError, IntArray, Mesh, MeshPlugin, Note, information
-from sparsemor.core.model.facets import cell_facets, facet_numbers
+from sparsemor.bodies.mesh.simplices import corner_measures
+from sparsemor.core import (
+    BoolArray,
+    FloatArray,
+    InputError,
+    IntArray,
+    Mesh,
+    MeshPlugin,
+    Note,
+    information,
+)
+from sparsemor.core.model.facets import (
+    cell_facets,
+    facet_numbers,
+    group_equal_rows,
+    rows_among,
+)
+from sparsemor.core.protocols.cells import KINDS, by_kind, padded
 from sparsemor.core.simulation.memory.limits import bounded_address_space
 
 FORMATS = {
     ".msh": "gmsh", ".inp": "abaqus", ".vtk": "vtk", ".vtu": "vtu", ".bdf": "nastran",
     ".fem": "nastran", ".nas": "nastran", ".mesh": "medit", ".meshb": "medit", ".med": "med"}
 """File name extensions, and the name of their format. meshio supports more formats, but their
-readers do not terminate on some damaged files, or they contain neither triangles nor tetrahedra."""
+readers do not terminate on some damaged files, or they contain no cells of a body."""
 OWN: dict[str, Callable[[bytes, str], Content]] = {
     "gmsh": gmsh.read, "abaqus": abaqus.read, "nastran": nastran.read}
 """Readers of this package; meshio reads the other formats (decision 0032)."""
-STRAIGHT = 1e-3
-"""Distance of a quadratic cell's node from the middle of its edge, relative to the edge, up to
-which the edge is straight: files may have few digits."""
+STRAIGHT = 1e-6
+"""Distance of a node from the middle of its edge, relative to the edge, up to which the edge is
+straight."""
+SAME = 1e-3
+"""Distance between the nodes that two cells have on one edge, relative to it, up to which they are
+the same."""
+TURNED: Mapping[tuple[int, int], list[int]] = {
+    (2, 3): [0, 2, 1], (2, 4): [0, 3, 2, 1], (3, 4): [0, 1, 3, 2], (3, 6): [3, 4, 5, 0, 1, 2],
+    (3, 8): [4, 5, 6, 7, 0, 1, 2, 3]}
+"""Corners of inverted cells in positive orientation, by dimension and number of corners."""
 BASE, PER_BYTE = 2**28, 200
 """Memory limit for reading a file: a constant, bytes, and bytes per byte of the file."""
 _MOST_LETTERS = 200
@@ -35,17 +58,17 @@ _MOST_LETTERS = 200
 
 
 class MeshFile(MeshPlugin):
-    """Mesh file of triangles or tetrahedra.
+    """Mesh file of triangles and quadrilaterals (2-D), or tetrahedra, wedges and hexahedra (3-D).
 
     Gmsh (msh), Abaqus (inp), VTK (vtk, vtu), Nastran (bdf, fem, nas), Medit (mesh, meshb) or Salome
     (med, with the package h5py).
 
-    The simplices of the highest dimension become the body; groups of the file become sets with the
-    cells, facets and points that the file tags. Unused points are dropped. Quadratic triangles and
-    tetrahedra are read by their corners if their edges are straight; the order of the elements is
-    an option of the body. Inverted cells are reoriented, unless they overlap others. A line that
-    cannot be read is an error, and so is a number of cells that differs from a plain count of the
-    lines of the file.
+    The cells of the highest dimension become the body; groups of the file become sets with the
+    cells, facets and points that the file tags. Unused points are dropped. Cells of second order
+    keep their curved edges; what a file has inside facets and cells is not read but follows from
+    the edges, so that serendipity cells (quad8, wedge15, hexahedron20) become complete ones.
+    Inverted cells are reoriented, unless they overlap others. A line that cannot be read is an
+    error, and so is a number of cells that differs from a plain count of the lines of the file.
     """
 
     path: str = Field(min_length=1)
@@ -111,7 +134,7 @@ def _reason(error: BaseException, full: Path, written: str) -> str:
 def _clean(content: Content, scale: float, name: str) -> Mesh:
     d = max((block.dimension for block in content.blocks), default=0)
     chosen = [i for i, block in enumerate(content.blocks) if block.dimension == d]
-    cells = _simplices(content, d, [content.blocks[i] for i in chosen])
+    cells = _corners(content, d, [content.blocks[i] for i in chosen])
     points = scale * _coordinates(content.points, cells, d)
     used = np.unique(cells)
     new = np.full(len(points), -1, dtype=np.int64)
@@ -120,6 +143,9 @@ def _clean(content: Content, scale: float, name: str) -> Mesh:
     mesh = Mesh(points[used], _oriented(points[used], new[cells]), sets.points,
                 facet_sets=sets.facets, cell_sets=sets.cells, notes=content.notes)
     check_mesh(mesh)
+    ends, middles = _edge_nodes([content.blocks[i] for i in chosen])
+    if len(ends):
+        check_mesh(mesh := _unfolded(mesh, *_bent(points, new, ends, middles), name))
     return replace(mesh, notes=(*mesh.notes, *_others(content, d, name),
                                 *_notes(mesh, sets, name)))
 
@@ -145,7 +171,7 @@ def _notes(mesh: Mesh, sets: Sets, name: str) -> list[Note]:
         notes.append(information(
             f"{name}: no point of the groups {', '.join(sets.empty)[:200]} is in a cell of the "
             "body: they are left out", "mesh_file"))
-    facets = cell_facets(mesh.cells)
+    facets, _ = cell_facets(mesh.cells, mesh.dimension)
     for key, tagged in sets.facets.items():
         lost = int(np.count_nonzero(~rows_among(tagged, facets)))
         if lost:
@@ -157,46 +183,98 @@ def _notes(mesh: Mesh, sets: Sets, name: str) -> list[Note]:
     return notes
 
 
-def _simplices(content: Content, d: int, blocks: Sequence[CellBlock]) -> IntArray:
-    wrong = [b for b in blocks if d < 2 or b.kind not in (SIMPLEX[d], QUADRATIC[d])]
+def _corners(content: Content, d: int, blocks: Sequence[CellBlock]) -> IntArray:
+    """(E, p) corners of the cells of all blocks."""
+    wrong = [b for b in blocks if d < 2 or b.kind not in CELLS]
     if wrong or not blocks:
         found = ", ".join(sorted({b.kind for b in blocks})) or "no cells"
         at = next((f"{b.place.strip()} has " for b in wrong if b.place), "")
         raise InputError(
-            f"{at}its highest cells are {found}; a body is made of triangles (2-D) or tetrahedra "
-            "(3-D) only, linear or quadratic: mesh it with those"
+            f"{at}its highest cells are {found}; a body is made of triangles and quadrilaterals "
+            "(2-D) or tetrahedra, wedges and hexahedra (3-D), of first or second order: mesh it "
+            "with those"
         )
     for block in blocks:
         cells = block.nodes
         bad = np.flatnonzero(((cells < 0) | (cells >= len(content.points))).any(axis=1))
         if bad.size:
             raise InputError(f"{bad.size} cells name points that do not exist: {some(bad)}")
-        _check_straight(content.points, cells[:, : d + 1], cells[:, d + 1 :])
-    return np.concatenate([block.nodes[:, : d + 1] for block in blocks])
+    stops = np.cumsum([len(b.nodes) for b in blocks])
+    return np.asarray(padded([b.nodes[:, : CELLS[b.kind][1]] for b in blocks], [
+        np.arange(stop - len(b.nodes), stop) for b, stop in zip(blocks, stops, strict=True)]))
 
 
-def _check_straight(points: FloatArray, cells: IntArray, midpoints: IntArray) -> None:
-    """InputError if the nodes (E, 0, 3 or 6) of quadratic cells are not in the middle of their
-    edges."""
-    first, second = (points[cells[:, ends]] for ends in EDGES[:, : midpoints.shape[1]])
-    away = np.linalg.norm(points[midpoints] - (first + second) / 2, axis=2)
-    bent = np.flatnonzero((away > STRAIGHT * np.linalg.norm(second - first, axis=2)).any(axis=1))
-    if bent.size:
-        raise InputError(
-            f"{bent.size} of {len(cells)} quadratic cells have curved edges, or nodes that are not "
-            f"in their middle: {some(bent)}; write linear cells, or a finer mesh with straight "
-            "edges")
+def _edge_nodes(blocks: Sequence[CellBlock]) -> tuple[IntArray, IntArray]:
+    """Ends (m, 2) and node (m,) of the edges of cells of second order, once for each cell."""
+    ends, middles = [np.zeros((0, 2), np.int64)], [np.zeros(0, np.int64)]
+    for block in blocks:
+        d, p, q = CELLS[block.kind]
+        if q > p:
+            edges = np.array(KINDS[d, p].edges)
+            ends.append(block.nodes[:, edges].reshape(-1, 2))
+            middles.append(block.nodes[:, p : p + len(edges)].ravel())
+    return np.concatenate(ends), np.concatenate(middles)
+
+
+def _bent(
+    points: FloatArray, new: IntArray, ends: IntArray, middles: IntArray
+) -> tuple[IntArray, FloatArray]:
+    """Ends (m, 2), numbers in the body, and positions (m, d), m, of the nodes of edges that are not
+    straight; InputError where cells have different ones on the same edge."""
+    number, first, _ = group_equal_rows(np.sort(ends, axis=1))
+    own, at = ends[first], points[middles[first]]
+    size = np.linalg.norm(points[own[:, 1]] - points[own[:, 0]], axis=1)
+    apart = np.linalg.norm(points[middles] - at[number], axis=1) > SAME * size[number]
+    if apart.any():
+        shown = ", ".join(f"{x:.6g}" for x in at[number[np.flatnonzero(apart)[0]]])
+        raise InputError(f"{len(np.unique(number[apart]))} edges of cells of second order have "
+                         f"different nodes in two cells, the first at ({shown}): the cells do not "
+                         "fit together, or their nodes are in another order")
+    bent = np.linalg.norm(at - points[own].mean(axis=1), axis=1) > STRAIGHT * size
+    return new[own[bent]], at[bent]
+
+
+def _unfolded(linear: Mesh, edges: IntArray, places: FloatArray, name: str) -> Mesh:
+    """Mesh of second order with nodes at places (m, d) on edges (m, 2) with these ends. Where they
+    fold a cell over, as mesh generators do at the bores of coarse meshes, all edges of the cell are
+    bent half as much, until they do not; a note says so."""
+    from sparsemor.bodies.fem import forms
+
+    made = mesh = with_midpoints(linear, edges, places)
+    n, straight = len(linear.points), linear.points[edges].mean(axis=1)
+    keys = np.sort(edges, axis=1) @ np.array([n, 1])
+    eased: BoolArray = np.zeros(len(edges), np.bool_)
+    bend, bad = np.ones(len(edges)), np.zeros(0, np.int64)
+    while (now := forms.folded(mesh)).size:
+        bad = np.union1d(bad, now)
+        own = np.concatenate([np.sort(cells[:, np.array(KINDS[linear.dimension, cells.shape[1]]
+                                                        .edges)].reshape(-1, 2), axis=1)
+                              for _, cells in by_kind(linear.cells[now], linear.dimension)])
+        here = np.isin(keys, own @ np.array([n, 1]))
+        if not bend[here].any():
+            break  # folded over by their corners: the check of the mesh says so
+        eased = eased | here
+        bend = np.where(here, 0.5 * bend * (bend > 1e-2), bend)
+        mesh = with_midpoints(linear, edges, straight + bend[:, None] * (places - straight))
+    if not bad.size:
+        return mesh
+    away = np.linalg.norm(mesh.points - made.points, axis=1).max()
+    return replace(mesh, notes=(*mesh.notes, Note(
+        f"{name}: {bad.size} of {len(mesh.cells)} cells are folded over by their curved edges "
+        f"({some(bad)}): {np.count_nonzero(eased)} edges are bent less, by up to {away:.3g} m; "
+        "optimise the mesh of second order (Gmsh: Mesh.HighOrderOptimize), or make it finer",
+        "mesh_file")))
 
 
 def _coordinates(points: FloatArray, cells: IntArray, d: int) -> FloatArray:
-    """(n, d) coordinates of the points; a plane mesh may have a third, constant one."""
+    """(n, d) coordinates of the points; those of a plane mesh may have a third, constant one."""
     if points.shape[1] < d:
-        raise InputError(f"its points have {points.shape[1]} coordinates, and tetrahedra take 3")
+        raise InputError(f"its points have {points.shape[1]} coordinates, and solids take 3")
     across = points[np.unique(cells), d:]
     extent = float(np.ptp(points[np.unique(cells)], axis=0).max())
     if across.size and float(np.ptp(across)) > 1e-9 * extent:
         raise InputError(
-            f"its triangles do not lie in the plane z = constant (z from {across.min():.6g} to "
+            f"its cells do not lie in the plane z = constant (z from {across.min():.6g} to "
             f"{across.max():.6g}); a shell in space is not supported"
         )
     return points[:, :d]
@@ -205,17 +283,25 @@ def _coordinates(points: FloatArray, cells: IntArray, d: int) -> FloatArray:
 def _oriented(points: FloatArray, cells: IntArray) -> IntArray:
     """Cells in positive orientation: mesh generators write each surface in its own. InputError
     where cells lie on one side of a facet that they share, so that they overlap."""
-    inverted = signed_measures(points, cells) < 0
-    turned = np.where(inverted[:, None], cells[:, [*range(cells.shape[1] - 2), -1, -2]], cells)
+    inverted = np.asarray((corner_measures(points, cells) < 0).all(axis=1))
+    d, kinds = points.shape[1], by_kind(cells, points.shape[1])
+    turned = np.asarray(padded(
+        [np.where(inverted[here][:, None], own[:, TURNED[d, own.shape[1]]], own)
+         for here, own in kinds], [here for here, _ in kinds]))
     if inverted.all() or not inverted.any():
         return turned
-    facets = cell_facets(turned)
-    number, _ = facet_numbers(turned)
-    ahead = facets[:, 0] < facets[:, 1]
-    if facets.shape[1] == 3:  # sign of the permutation that sorts the three corners
-        ahead = ahead ^ (facets[:, 1] < facets[:, 2]) ^ (facets[:, 0] < facets[:, 2])
+    facets, owner = cell_facets(turned, d)
+    number, _ = facet_numbers(facets)
+    first = facets.argmin(axis=1)
+    before, after = (facets[np.arange(len(facets)), (first + k) % facets.shape[1]]
+                     for k in (-1, 1))
+    ahead = after < before if facets.shape[1] > 2 else first == 0
+    if facets.shape[1] == 4:  # of three corners the last is repeated
+        three = facets[:, 2] == facets[:, 3]
+        a, b, c = facets[three, :3].T
+        ahead[three] = (a < b) ^ (b < c) ^ (a < c)
     total = np.bincount(number, weights=np.where(ahead, 1.0, -1.0))
-    folded = np.flatnonzero(np.abs(total[number]) > 1) // cells.shape[1]
+    folded = np.unique(owner[np.abs(total[number]) > 1])
     if folded.size:
         bad = np.intersect1d(folded, np.flatnonzero(inverted))
         raise InputError(

@@ -5,13 +5,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from sparsemor.bodies.mesh.formats.content import QUADRATIC, SIMPLEX, Content, MeshGroup
+from sparsemor.bodies.mesh.formats.content import CELLS, Content, MeshGroup
 from sparsemor.core import InputError, IntArray
+from sparsemor.core.model.facets import facet_keys
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sets:
-    """Sets of a body: name -> sorted point numbers, facets (F, d), sorted cell numbers; names of
+    """Sets of a body: name -> sorted point numbers, facets (F, w), sorted cell numbers; names of
     the groups that contain nothing of the body."""
 
     points: dict[str, IntArray] = field(default_factory=dict)
@@ -43,8 +44,8 @@ def sets_of(content: Content, d: int, chosen: Sequence[int], new: IntArray) -> S
                 inside.append(nodes)
             else:
                 low.append(_renumbered(nodes, new))
-                if block.dimension == d - 1 and block.kind in (SIMPLEX[d - 1], QUADRATIC[d - 1]):
-                    facets.append(nodes[:, :d])
+                if block.dimension == d - 1 and block.kind in CELLS:
+                    facets.append(nodes[:, : CELLS[block.kind][1]])
         low += [_renumbered(f, new) for f in facets]
         points = _union(low)
         if not points.size:
@@ -55,9 +56,11 @@ def sets_of(content: Content, d: int, chosen: Sequence[int], new: IntArray) -> S
         sets.points[name] = points
         if cells:
             sets.cells[name] = _union(cells)
-        there = [new[f][(new[f] >= 0).all(axis=1)] for f in facets if f.shape[1:] == (d,)]
+        there = [new[f][(new[f] >= 0).all(axis=1)] for f in facets if f.shape[1] >= d]
         if sum(map(len, there)):
-            sets.facets[name] = np.unique(np.sort(np.concatenate(there), axis=1), axis=0)
+            wide = max(f.shape[1] for f in there)
+            sets.facets[name] = np.unique(facet_keys(np.concatenate([
+                np.pad(f, ((0, 0), (0, wide - f.shape[1])), mode="edge") for f in there])), axis=0)
     return sets
 
 

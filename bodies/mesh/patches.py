@@ -3,6 +3,7 @@
 import numpy as np
 
 from sparsemor.bodies.mesh.sets import PointSet
+from sparsemor.bodies.mesh.simplices import triangulated
 from sparsemor.core import FloatArray, InputError, IntArray, Mesh
 from sparsemor.core.model.facets import outer_facets
 
@@ -20,7 +21,7 @@ def cut_measures(mesh: Mesh, declared: PointSet, facets: IntArray) -> tuple[floa
     Facets next to them on the same side of the body, with some corners in the set and some not, are
     the cut ones: the share of each that is in the patch is found by sampling.
     """
-    outer = outer_facets(mesh)
+    outer, facets = triangulated(outer_facets(mesh)), triangulated(facets)
     inside = np.isin(outer, facets)
     ours = _measures(mesh, facets)
     total = float(np.linalg.norm(ours, axis=1).sum())

@@ -7,6 +7,7 @@ from typing import ClassVar
 import numpy as np
 from pydantic import model_validator
 
+from sparsemor.bodies.fem.quadratic import with_further
 from sparsemor.bodies.mesh.centres import centre_of_set
 from sparsemor.bodies.mesh.expression import ConditionText, evaluate_condition
 from sparsemor.core import (
@@ -53,12 +54,12 @@ class PointSet(Plugin):
         return self
 
     def members(self, mesh: Mesh) -> IntArray:
-        """Sorted numbers of the points; InputError when there are none, or for another dimension.
+        """Sorted numbers of the corners; InputError when there are none, or for another dimension.
         """
         if self.nearest is not None:
             found = self._nearest(mesh)
         else:
-            found = np.flatnonzero(self.contains(mesh.points, mesh))
+            found = np.flatnonzero(self.contains(mesh.corners, mesh))
         if not found.size:
             low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
             extent = " x ".join(f"[{a:.6g}, {b:.6g}]" for a, b in zip(low, high, strict=True))
@@ -83,7 +84,7 @@ class PointSet(Plugin):
 
     def _nearest(self, mesh: Mesh) -> IntArray:
         _same_dimension(len(self.nearest or ()), mesh, "nearest")
-        distance = np.linalg.norm(mesh.points - np.array(self.nearest), axis=1)
+        distance = np.linalg.norm(mesh.corners - np.array(self.nearest), axis=1)
         return np.array([np.argmin(distance)])
 
 
@@ -102,7 +103,7 @@ def with_sets(mesh: Mesh, sets: Mapping[str, PointSet]) -> Mesh:
             faults.append(Fault(name, f"the mesh has a set '{name}' already: take another name"))
             continue
         try:
-            found[name] = declared.members(mesh)
+            found[name] = with_further(mesh, declared.members(mesh))
         except InputError as error:
             faults.extend(error.under(name).faults)
     if faults:

@@ -1,15 +1,12 @@
-"""Measures of simplices and gradients of their shape functions, in 2-D and 3-D."""
+"""Measures of cells, in 2-D and 3-D."""
 
 from math import factorial
 
 import numpy as np
 
-from sparsemor.core import BoolArray, FloatArray, IntArray, Mesh
-from sparsemor.core.model.facets import group_equal_rows
-
-EDGES = np.array([[0, 1, 0, 0, 1, 2], [1, 2, 2, 3, 3, 3]])
-"""Local corners of the edges of a simplex, in the order of midpoints; a triangle has the first
-three."""
+from sparsemor.core import FloatArray, IntArray
+from sparsemor.core.model.facets import SIMPLICES
+from sparsemor.core.protocols.cells import KINDS, by_kind, padded
 
 
 def edge_vectors(points: FloatArray, cells: IntArray) -> FloatArray:
@@ -29,14 +26,19 @@ def longest_edges(points: FloatArray, cells: IntArray) -> FloatArray:
     return np.asarray(np.linalg.norm(edges, axis=2).max(axis=1))
 
 
-def gradients(mesh: Mesh) -> FloatArray:
-    """(E, d + 1, d) gradient of each corner's linear shape function, 1/m, constant in a cell."""
-    inner = np.linalg.inv(edge_vectors(mesh.points, mesh.cells)).transpose(0, 2, 1)
-    return np.concatenate([-inner.sum(axis=1, keepdims=True), inner], axis=1)
+def corner_measures(points: FloatArray, cells: IntArray) -> FloatArray:
+    """(E, j) measure, m2 or m3, of the simplex of the edges that meet at each corner of a cell, of
+    a simplex at one; all positive for a positively oriented cell that is not folded over."""
+    d = points.shape[1]
+    kinds = by_kind(cells, d)
+    return np.asarray(padded([np.linalg.det(edge_vectors(points, own[:, np.array(
+        KINDS[d, own.shape[1]].turns)].reshape(-1, d + 1))).reshape(len(own), -1) / factorial(d)
+        for _, own in kinds], [here for here, _ in kinds]))
 
 
-def rows_among(rows: IntArray, others: IntArray) -> BoolArray:
-    """(R,) True for the rows of an integer array (R, 2 to 4), entries >= 0, whose numbers are those
-    of one of the rows of another, in any order."""
-    number, _, _ = group_equal_rows(np.sort(np.concatenate([others, rows]), axis=1))
-    return np.isin(number[len(others):], number[:len(others)])
+def triangulated(facets: IntArray) -> IntArray:
+    """Segments or triangles (S, d) between the corners of facets (F, w)."""
+    if facets.shape[1] < 4:
+        return facets
+    found = facets[:, np.array(SIMPLICES[4, False])].reshape(-1, 3)
+    return np.asarray(found[(np.diff(np.sort(found, axis=1), axis=1) > 0).all(axis=1)])

@@ -7,7 +7,9 @@ from scipy.sparse import csr_array
 
 from sparsemor.bodies.fem.fields import Elasticity, HasFields, Heat
 from sparsemor.bodies.fem.pointwise_law import PointwiseLaw, StressLaw
-from sparsemor.bodies.fem.quadrature import Quadrature, on_cells, on_facets
+from sparsemor.bodies.fem.quadrature import Quadrature
+from sparsemor.bodies.fem.surface import on_facets
+from sparsemor.bodies.fem.volume import on_cells
 from sparsemor.bodies.terms.modal_damping import ModalDamping
 from sparsemor.bodies.terms.weak_term import NodalField, WeakTerm
 from sparsemor.core import Amplitude, Csr, Equations, FloatArray, IntArray, Quantity
@@ -71,35 +73,37 @@ def _write_stress(
         write_law(body, equations, law, None, cells)
         return
     assert body.mesh is not None
-    term, (block,) = law_term(body, equations, law, on_cells(body.mesh, law.degree, cells))
-    n, first = equations.size(block), int(equations.numbers(block)[0])
-    zero = np.zeros(len(term.columns))
-    force = np.zeros(n)
-    force[term.rows - first] = term.residual(zero, zero, zero, 0.0)
-    K = term.jacobian(zero, zero, zero, 0.0, zero, zero).tocoo()
-    at = term.rows[K.row] - first, term.columns[K.col] - first
-    equations.matrix(block, block, A=csr_array((K.data, at), shape=(n, n)))
-    equations.vector(block, -force)
+    for _, points in on_cells(body.mesh, law.degree, cells):
+        term, (block,) = law_term(body, equations, law, points)
+        n, first = equations.size(block), int(equations.numbers(block)[0])
+        zero = np.zeros(len(term.columns))
+        force = np.zeros(n)
+        force[term.rows - first] = term.residual(zero, zero, zero, 0.0)
+        K = term.jacobian(zero, zero, zero, 0.0, zero, zero).tocoo()
+        at = term.rows[K.row] - first, term.columns[K.col] - first
+        equations.matrix(block, block, A=csr_array((K.data, at), shape=(n, n)))
+        equations.vector(block, -force)
 
 
 def write_law(
     body: HasFields, equations: Equations, law: PointwiseLaw, facets: IntArray | None,
     cells: IntArray | None, *, at_nodes: bool = False,
 ) -> None:
-    """Adds a pointwise law over boundary facets (F, d) of point numbers, or over cells by their
-    numbers, all if None; times the thickness of the body. at_nodes: quadrature at the nodes of the
-    cells, as for a lumped capacity matrix."""
+    """Adds a pointwise law over boundary facets (F, w) of corner numbers, or over cells by their
+    numbers, all if None; a term for each kind of them, times the thickness of the body. at_nodes:
+    quadrature at the nodes of the cells, as for a lumped capacity matrix."""
     assert body.mesh is not None
     steep = any(v.axis is not None for v in (*law.reads, *law.tests))
     # a capacity with a peak at a point of negative weight would take heat away
     stores = any(v.rate for v in law.reads)
-    points = on_cells(
+    kinds = [at for _, at in on_cells(
         body.mesh, law.degree, cells, gradients=steep, at_nodes=at_nodes,
-        positive=stores) if facets is None else (
+        positive=stores)] if facets is None else (
         on_facets(body.mesh, facets, law.degree, gradients=steep))
-    term, blocks = law_term(body, equations, law, points)
-    if len(term.rows):
-        equations.local(blocks, term)
+    for points in kinds:
+        term, blocks = law_term(body, equations, law, points)
+        if len(term.rows):
+            equations.local(blocks, term)
 
 
 def law_term(

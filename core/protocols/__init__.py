@@ -26,6 +26,7 @@ from sparsemor.core.protocols.body_frame import Frame as Frame
 from sparsemor.core.protocols.body_frame import FrameArrays as FrameArrays
 from sparsemor.core.protocols.body_frame import FrameItem as FrameItem
 from sparsemor.core.protocols.body_frame import FrameWork as FrameWork
+from sparsemor.core.protocols.cells import CellKind as CellKind
 from sparsemor.core.protocols.connector import Connector as Connector
 from sparsemor.core.protocols.connector import ConnectorPlugin as ConnectorPlugin
 from sparsemor.core.protocols.connector import Effect as Effect

@@ -1,4 +1,4 @@
-"""Meshes of simplices with named point sets; interface of mesh plugins; mesh sizes."""
+"""Meshes with named point sets; interface of mesh plugins; mesh sizes."""
 
 from abc import abstractmethod
 from collections.abc import Mapping
@@ -10,21 +10,24 @@ import numpy as np
 
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.notes import Note
+from sparsemor.core.protocols.cells import KINDS, by_kind, padded
 from sparsemor.core.protocols.plugin import Plugin
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mesh:
-    """Mesh of triangles (2-D) or tetrahedra (3-D) with straight edges.
+    """Mesh of triangles and quadrilaterals (2-D) or tetrahedra, wedges and hexahedra (3-D), with
+    straight or, of second order, curved edges.
 
-    points: (N, d) reference positions, m. cells: (E, d + 1) point numbers of the corners,
-    positively oriented. point_sets: name -> sorted point numbers. A surface (line in 2-D) is also a
-    point set; its facets are the boundary facets with all corners in the set, unless the mesh names
-    them. facet_sets: name -> corner numbers (F, d) of the facets that a file tags, those inside the
-    body included; cell_sets: name -> sorted numbers of the cells that it tags. midpoints: (E, 3 or
-    6) point numbers of the edges' midpoints of quadratic elements, edges (0, 1), (1, 2), (0, 2),
-    (0, 3), (1, 3), (2, 3) of the corners, numbered after all corners; (E, 0) for linear elements.
-    Mesh plugins return linear ones. notes: warnings about what was read.
+    points: (N, d) reference positions, m. cells: (E, p) point numbers of the corners in the order
+    of `protocols/cells.py`, positively oriented; where kinds are mixed, rows of kinds with fewer
+    corners repeat their last one. point_sets: name -> sorted point numbers. A surface (line in 2-D)
+    is also a point set; its facets are the boundary facets with all corners in the set, unless the
+    mesh names them. facet_sets: name -> corner numbers (F, d or 4) of the facets that a file tags,
+    those inside the body included; cell_sets: name -> sorted numbers of the cells that it tags.
+    midpoints: (E, m) point numbers of the further nodes of cells of second order, in the order of
+    `CellKind.further`, rows filled up as those of `cells`, numbered after all corners; (E, 0) for
+    first order. notes: warnings about what was read.
     """
 
     points: FloatArray
@@ -51,8 +54,20 @@ class Mesh:
 
     @property
     def nodes(self) -> IntArray:
-        """(E, 3, 4, 6 or 10) point numbers of all nodes of each cell: corners, then midpoints."""
-        return np.hstack([self.cells, self.midpoints]) if self.midpoints.size else self.cells
+        """(E, q) point numbers of all nodes of each cell: corners, then midpoints; where kinds are
+        mixed, shorter rows repeat their last number."""
+        if not self.midpoints.size:
+            return self.cells
+        kinds = by_kind(self.cells, self.dimension)
+        found: IntArray = padded([np.hstack([cells, self.midpoints[here, : len(KINDS[
+            self.dimension, cells.shape[1]].further)]]) for here, cells in kinds],
+            [here for here, _ in kinds])
+        return found
+
+    @property
+    def parts(self) -> list[tuple[IntArray, IntArray]]:
+        """Numbers (n,) and nodes (n, q), corners first, of the cells of each kind."""
+        return by_kind(self.nodes, self.dimension)
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,6 +6,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from sparsemor.core.protocols import StepOutcome
+from sparsemor.core.protocols.cells import KINDS
 from sparsemor.core.registry.value_types import NOT_FINITE, shown_type, unfit_arrays
 
 Check: TypeAlias = Callable[[Any, Any, Mapping[str, Any]], str]
@@ -73,9 +74,8 @@ def _mesh(value: Any, _: Any, given: Mapping[str, Any]) -> str:
     if wrong := unfit_arrays(value):
         return wrong
     points, cells = np.shape(value.points), np.shape(value.cells)
-    if len(points) != 2 or points[1] not in (2, 3) or len(cells) != 2 or (
-            cells[1] != points[1] + 1) or not cells[0]:
-        return f"points {points} and cells {cells} instead of (N, d) and (E, d + 1)"
+    if len(points) != 2 or len(cells) != 2 or (points[1], cells[1]) not in KINDS or not cells[0]:
+        return f"points {points} and cells {cells} instead of (N, d) and (E, corners)"
     low, high = value.cells.min(), value.cells.max()
     return "" if low >= 0 and high < points[0] else (
         f"cells with corners {low} to {high} of {points[0]} points")

@@ -165,5 +165,5 @@ class Products:
 
 def mesh_content(model: Model) -> list[object]:
     """Points, cells and sets of every mesh of a model, for cache keys."""
-    return [[m.points, m.cells, dict(m.point_sets), dict(m.facet_sets), dict(m.cell_sets)]
+    return [[m.points, m.nodes, dict(m.point_sets), dict(m.facet_sets), dict(m.cell_sets)]
             for body in model.bodies.values() if (m := body.mesh) is not None]

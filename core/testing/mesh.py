@@ -5,12 +5,13 @@ from pathlib import Path
 import numpy as np
 
 from sparsemor.core.protocols import MeshPlugin
+from sparsemor.core.protocols.cells import KINDS, by_kind
 from sparsemor.core.protocols.mesh import Mesh
 from sparsemor.core.testing.random_inputs import law
 
 
 def check_mesh_plugin(plugin: MeshPlugin, base: Path | None = None) -> None:
-    """Laws of a mesh: well-formed, positively oriented simplices that use every point, sorted point
+    """Laws of a mesh: well-formed, positively oriented cells that use every point, sorted point
     sets, and the same mesh from a second build. base: folder of the scene file, by default the
     working one."""
     folder = Path.cwd() if base is None else base
@@ -24,7 +25,7 @@ def check_mesh_plugin(plugin: MeshPlugin, base: Path | None = None) -> None:
         law(bool(np.all(np.diff(cells) > 0)) and (cells >= 0).all() and (
             cells < len(mesh.cells)).all(), f"cell set {name} is not sorted, or leaves the mesh")
     for name, facets in mesh.facet_sets.items():
-        law(facets.shape[1:] == (mesh.dimension,) and (facets >= 0).all() and (
+        law(facets.shape[1:] in ((mesh.dimension,), (4,)) and (facets >= 0).all() and (
             facets < len(mesh.points)).all(), f"facet set {name} leaves the mesh")
     law(not {*mesh.cell_sets, *mesh.facet_sets} - {*mesh.point_sets},
         "a set of cells or facets has no points")
@@ -42,10 +43,12 @@ def _points_and_cells(mesh: Mesh) -> None:
     n, d = mesh.points.shape
     law(d in (2, 3), f"points have {d} coordinates, not 2 or 3")
     law(bool(np.isfinite(mesh.points).all()), "a point is not finite")
-    law(mesh.cells.ndim == 2 and mesh.cells.shape[1] == d + 1 and len(mesh.cells) > 0,
-        f"cells of shape {mesh.cells.shape} are no simplices of {d} dimensions")
-    law(np.array_equal(np.unique(mesh.cells), np.arange(n)),
+    law(mesh.cells.ndim == 2 and (d, mesh.cells.shape[1]) in KINDS and len(mesh.cells) > 0,
+        f"cells of shape {mesh.cells.shape} are of no kind in {d} dimensions")
+    law(np.array_equal(np.unique(mesh.nodes), np.arange(n)),
         "a cell names a point that does not exist, or a point is in no cell")
-    edges = mesh.points[mesh.cells[:, 1:]] - mesh.points[mesh.cells[:, :1]]
-    measure = np.linalg.det(edges)
-    law(bool((measure > 0).all()), f"{int((measure <= 0).sum())} cells are inverted or flat")
+    bad = 0
+    for _, own in by_kind(mesh.cells, d):
+        a = mesh.points[own[:, np.array(KINDS[d, own.shape[1]].turns)]]
+        bad += int((np.linalg.det(a[:, :, 1:] - a[:, :, :1]) <= 0).any(axis=1).sum())
+    law(bad == 0, f"{bad} cells are inverted or flat")

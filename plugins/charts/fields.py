@@ -7,7 +7,7 @@ from types import MappingProxyType
 import numpy as np
 
 from sparsemor.core.arrays import FloatArray, IntArray
-from sparsemor.core.model.facets import cell_facets, facet_numbers, subdivided
+from sparsemor.core.model.facets import linear_surface, plane_triangles
 from sparsemor.core.protocols.layout import Quantity
 from sparsemor.core.results.fields import Derived, Field
 from sparsemor.core.results.run_result import RunResult
@@ -48,16 +48,15 @@ def values_of(run: RunResult, body: str, step: int, quantity: Field) -> FloatArr
 
 
 def field_mesh(run: RunResult, body: str, quantity: Field) -> tuple[IntArray, IntArray, IntArray]:
-    """Nodes (P,) of the points at which a field has values, its cells as linear simplices (E, d +
-    1), and its outer facets (F, d). Stress and strain have several points at a node between
-    materials, where they jump."""
-    cells = run.cells(body)
+    """Nodes (P,) of the points at which a field has values; triangles (T, 3) on them: of all cells
+    of a plane body, of the surface of another one; and its outer segments or triangles (F, d).
+    Stress and strain have several points at a node between materials, where they jump."""
+    cells, d = run.cells(body), run.points(body).shape[1]
     nodes, own = np.arange(len(run.points(body))), cells
     if isinstance(quantity, Derived) and run.has(body, quantity):
         nodes, own = run.stress_mesh(body)
-    number, count = facet_numbers(subdivided(cells))
-    drawn = subdivided(own)
-    return nodes, drawn, np.asarray(cell_facets(drawn)[count[number] == 1])
+    outer = linear_surface(cells, d, own) if len(cells) else np.zeros((0, d), np.int64)
+    return nodes, outer if d == 3 or not len(cells) else plane_triangles(own), outer
 
 
 def scale_of(

@@ -40,9 +40,9 @@ if TYPE_CHECKING:
 
 
 def drawable_bodies(run: RunResult) -> list[str]:
-    """Planar bodies with a mesh of triangles."""
+    """Planar bodies with a mesh."""
     return [body for body in run.bodies
-            if run.points(body).shape[1] == 2 and run.cells(body).shape[1:] in ((3,), (6,))
+            if run.points(body).shape[1] == 2 and len(run.cells(body))
             and ((frame := run.layout.of(body, Quantity.POSE)) is None
                  or frame.size == PLANAR_POSE)]
 

@@ -57,8 +57,9 @@ class _Skin:
 
 
 def solid_bodies(run: RunResult) -> list[str]:
-    """Bodies with a mesh of tetrahedra."""
-    return [body for body in run.bodies if run.cells(body).shape[1:] in ((4,), (10,))]
+    """Bodies in space with a mesh."""
+    return [body for body in run.bodies if run.points(body).shape[1] == 3
+            and len(run.cells(body))]
 
 
 def surface_figures(

@@ -31,7 +31,7 @@ class Series(Protocol):
     def close(self) -> None: ...
 
 
-_WRITERS: Mapping[str, Callable[[Path, str, IntArray], Series]] = {
+_WRITERS: Mapping[str, Callable[[Path, str, IntArray, int], Series]] = {
     "vtu": VtuSeries, "xdmf": XdmfSeries}
 
 
@@ -87,7 +87,8 @@ def export(
 
 
 def _write(run: RunResult, plan: ExportPlan, body: str, folder: Path) -> str:
-    series = _WRITERS[plan.format](folder, body, exported_mesh(run, body, plan.fields[body])[1])
+    series = _WRITERS[plan.format](folder, body, exported_mesh(run, body, plan.fields[body])[1],
+                                   run.points(body).shape[1])
     for step in plan.steps.tolist():
         series.write(step, float(run.times[step]), frame_at(run, body, step, plan.fields[body]))
     series.close()

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core.protocols.cells import KINDS, by_kind, corners_of
 from sparsemor.core.results.run_result import RunResult
 
 
@@ -47,6 +48,12 @@ def exported_mesh(run: RunResult, body: str, fields: Sequence[str]) -> tuple[Int
     if {"stress", "strain"} & set(fields):
         return run.stress_mesh(body)
     return np.arange(len(run.points(body))), run.cells(body)
+
+
+def named_cells(cells: IntArray, d: int) -> list[tuple[str, IntArray]]:
+    """Name in meshio and nodes (n, q) of the cells of each kind among cells (E, q)."""
+    return [(KINDS[d, p].names[own.shape[1] > p], own) for _, own in by_kind(cells, d)
+            for p in [corners_of(d, own.shape[1])]]
 
 
 def _turned(run: RunResult, body: str, step: int, tensors: FloatArray) -> FloatArray:

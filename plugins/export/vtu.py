@@ -4,19 +4,17 @@ from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
 from sparsemor.core.arrays import IntArray
-from sparsemor.plugins.export.snapshot import BodySnapshot
-
-_NAMES = {3: "triangle", 4: "tetra", 6: "triangle6", 10: "tetra10"}
+from sparsemor.plugins.export.snapshot import BodySnapshot, named_cells
 
 
 class VtuSeries:
     """Writer of `body.pvd` and `body/body_STEP.vtu` (compressed float64 data)."""
 
-    def __init__(self, folder: Path, body: str, cells: IntArray) -> None:
+    def __init__(self, folder: Path, body: str, cells: IntArray, d: int) -> None:
         self.file = folder / f"{body}.pvd"
         self._folder = folder / body
         self._folder.mkdir()
-        self._cells = [(_NAMES[cells.shape[1]], cells.astype("int32"))]
+        self._cells = [(name, own.astype("int32")) for name, own in named_cells(cells, d)]
         self._lines: list[str] = []
 
     def write(self, step: int, time: float, frame: BodySnapshot) -> None:

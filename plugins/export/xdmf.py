@@ -10,23 +10,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsemor.core.arrays import IntArray
-from sparsemor.plugins.export.snapshot import BodySnapshot
+from sparsemor.plugins.export.snapshot import BodySnapshot, named_cells
 
 _KINDS = {1: "Scalar", 3: "Vector", 9: "Tensor"}
-_TOPOLOGY = {3: "Triangle", 4: "Tetrahedron", 6: "Triangle_6", 10: "Tetrahedron_10"}
+_TOPOLOGY = {"triangle": ("Triangle", 4), "triangle6": ("Triangle_6", 36),
+             "quad": ("Quadrilateral", 5), "quad9": ("Quadrilateral_9", 35),
+             "tetra": ("Tetrahedron", 6), "tetra10": ("Tetrahedron_10", 38),
+             "wedge": ("Wedge", 8), "wedge18": ("Wedge_18", 41),
+             "hexahedron": ("Hexahedron", 9), "hexahedron27": ("Hexahedron_27", 50)}
+"""Name of each kind of cells, and its number in mixed topologies."""
 
 
 class XdmfSeries:
     """Writer of `body.xdmf` and little-endian binary files in `body/`: cells once, points and
     fields per step."""
 
-    def __init__(self, folder: Path, body: str, cells: IntArray) -> None:
+    def __init__(self, folder: Path, body: str, cells: IntArray, d: int) -> None:
         self.file = folder / f"{body}.xdmf"
         self._body = body
         (folder / body).mkdir()
+        kinds = named_cells(cells, d)
+        name = _TOPOLOGY[kinds[0][0]][0] if len(kinds) == 1 else "Mixed"
+        rows = kinds[0][1] if len(kinds) == 1 else np.concatenate([np.insert(
+            own, 0, _TOPOLOGY[kind][1], axis=1).ravel() for kind, own in kinds])
         self._topology = (
-            f'<Topology TopologyType="{_TOPOLOGY[cells.shape[1]]}" NumberOfElements="{len(cells)}">'
-            f"{self._item('cells', cells.astype('<i4'))}</Topology>")
+            f'<Topology TopologyType="{name}" NumberOfElements="{len(cells)}">'
+            f"{self._item('cells', rows.astype('<i4'))}</Topology>")
         self._grids: list[str] = []
 
     def write(self, step: int, time: float, frame: BodySnapshot) -> None:

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.model.facets import outer_facets, subdivided
-from sparsemor.core.protocols.mesh import Mesh
+from sparsemor.core.model.facets import linear_surface, plane_triangles
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.plugins.charts.planar_fields import drawable_bodies
 from sparsemor.plugins.charts.style import COLUMN, NORMAL, PAGE, SMALL, new_figure, plain
@@ -56,9 +55,11 @@ def geometry_figure(run: RunResult) -> "Figure | None":
 
 def _lines(run: RunResult, body: str, solid: bool) -> FloatArray:
     """(l, 2, 2) ends of the edges that are drawn of a body, m."""
-    cells, corners = subdivided(run.cells(body)), run.positions(body, 0)
-    if solid:
-        triangles = outer_facets(Mesh(run.points(body), cells))
+    cells, corners = run.cells(body), run.positions(body, 0)
+    if not solid:
+        cells = plane_triangles(cells)
+    else:
+        triangles = linear_surface(cells, 3)
         corners = VIEWS[0].rotated(corners)
         cells = triangles[front_facing(corners[triangles])]
     edges = np.concatenate([cells[:, [0, 1]], cells[:, [1, 2]], cells[:, [2, 0]]])

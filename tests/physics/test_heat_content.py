@@ -9,7 +9,7 @@ import pytest
 from pydantic import ValidationError
 
 from sparsemor import load, simulate
-from sparsemor.bodies.fem.quadrature import on_cells
+from sparsemor.bodies.fem.volume import on_cells
 from sparsemor.bodies.mesh.generators.block import BlockMesh
 from sparsemor.bodies.mesh.generators.rectangle import Rectangle
 from sparsemor.bodies.temperature_curve import TemperatureCurve
@@ -130,7 +130,8 @@ def test_melting_behind_a_jump_of_a_prescribed_temperature() -> None:
     BlockMesh(size=(1.0, 1.0, 1.0), divisions=(2, 2, 2))], ids=["plane", "space"])
 @pytest.mark.parametrize("degree", [1, 2, 3, 4, 7])
 def test_no_point_takes_heat_away(mesh: Any, degree: int) -> None:
-    weights = on_cells(mesh.build(Path()), degree, positive=True).weights
+    ((_, points),) = on_cells(mesh.build(Path()), degree, positive=True)
+    weights = points.weights
     assert weights.min() > 0.0
     assert weights.sum() == pytest.approx(1.0)
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from sparsemor.bodies.fem import Model, law
-from sparsemor.bodies.fem.stress import SimplexStress
+from sparsemor.bodies.fem.stress import CellStress
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.protocols import Material, Mesh
 
@@ -15,7 +15,7 @@ def cell_stress(
     stress-free one dT (N,): the mean over the nodes of a cell, which for linear fields is the value
     at its centroid."""
     s = law(material, model)
-    made = SimplexStress(
+    made = CellStress(
         mesh.points, mesh.nodes, np.array([[s.lam, s.mu, s.beta, s.lam_out, s.beta_out]]),
         np.zeros(len(mesh.nodes), np.int64))
     return np.asarray(made.stress_in_cells(u.reshape(len(mesh.points), -1), dT).mean(axis=1))

@@ -10,9 +10,10 @@ MODULES = {f"sparsemor.core.{name}" for name in (
     "model.factorizations", "model.fitting_bases", "model.initial_state",
     "model.linear_equations", "model.model", "model.moving_loads",
     "model.points_outside", "model.resolved_start",
-    "protocols", "protocols.integrator", "protocols.layout", "protocols.load_tables",
-    "protocols.poses", "protocols.prescribed_quantities", "protocols.separable",
-    "protocols.sparse_solver", "protocols.step_amplitude", "protocols.step_solver",
+    "protocols", "protocols.cells", "protocols.integrator", "protocols.layout",
+    "protocols.load_tables", "protocols.poses", "protocols.prescribed_quantities",
+    "protocols.separable", "protocols.sparse_solver", "protocols.step_amplitude",
+    "protocols.step_solver",
     "registry.returned_values", "results.error_norms", "scene.expressions", "scene.nested",
     "simulation.cache", "simulation.memory.estimate", "simulation.memory.limits",
     "simulation.time_stepping")}

@@ -66,12 +66,14 @@ _FAMILIES = (
     ("wedge15", r"(C3D15|DC3D15|AC3D15)[A-Z]*"),
     ("hexahedron", r"(C3D8|DC3D8|DCC3D8|AC3D8|SC8|CSS8)[A-Z]*"),
     ("hexahedron20", r"(C3D20|DC3D20|AC3D20)[A-Z]*"),
+    ("quad9", r"(S9|M3D9)[A-Z]*"),
+    ("hexahedron27", r"C3D27[A-Z]*"),
 )
 """Type of cells, and the element types of that shape: stress, heat, coupled, acoustic."""
 _CELLS = tuple((kind, re.compile(pattern)) for kind, pattern in _FAMILIES)
 _NODES = {"vertex": 1, "line": 2, "line3": 3, "triangle": 3, "triangle6": 6, "quad": 4, "quad8": 8,
           "tetra": 4, "tetra10": 10, "pyramid": 5, "wedge": 6, "wedge15": 15, "hexahedron": 8,
-          "hexahedron20": 20}
+          "hexahedron20": 20, "quad9": 9, "hexahedron27": 27}
 def read(data: bytes, name: str) -> Content:
     """Content of an input file; InputError with the line and the keyword of what cannot be read."""
     return _Reader(name).read(decoded(data))

@@ -7,15 +7,24 @@ from functools import cached_property
 import numpy as np
 
 from sparsemor.bodies.mesh.formats.abaqus_statements import integer, key_of, shown
-from sparsemor.bodies.mesh.formats.content import BadLine, CellBlock, MeshGroup, Numbering
+from sparsemor.bodies.mesh.formats.content import (
+    CELLS,
+    BadLine,
+    CellBlock,
+    MeshGroup,
+    Numbering,
+)
 from sparsemor.core import BoolArray, IntArray
-from sparsemor.core.model.facets import facet_numbers
+from sparsemor.core.model.facets import cell_facets, facet_numbers
+from sparsemor.core.protocols.cells import KINDS, padded
 
-_FACES = {2: ((0, 1), (1, 2), (2, 0)), 3: ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0))}
-"""Corners of the faces S1, S2, ... of a triangle and of a tetrahedron."""
-FACETS_OF = {2: np.array([(0, 1), (1, 2), (2, 0)]),
-             3: np.array([(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)])}
-"""Corners of the facets in the order of `facet_numbers`."""
+_FACES = {
+    "triangle": ((0, 1), (1, 2), (2, 0)), "quad": ((0, 1), (1, 2), (2, 3), (3, 0)),
+    "tetra": ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0)),
+    "wedge": ((0, 1, 2), (3, 5, 4), (0, 3, 4, 1), (1, 4, 5, 2), (2, 5, 3, 0)),
+    "hexahedron": ((0, 1, 2, 3), (4, 7, 6, 5), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 3),
+                   (3, 7, 4, 0))}
+"""Corners of the faces S1, S2, ... of each kind of cells."""
 MODEL = ""
 """Name of the scope outside parts and assembly."""
 
@@ -241,35 +250,38 @@ class AbaqusSets:
         if d == self.top - 1 and face in ("", "SPOS", "SNEG"):
             group.cells.append((b, rows))
             return
-        if block.kind not in ("triangle", "triangle6", "tetra", "tetra10") or d != self.top:
+        if block.kind not in CELLS or d != self.top or d < 2:
             raise BadLine(line, entry.keyword, f"face {face or 'of all sides'!r} of {block.kind} "
-                          "cells: only faces S1, S2, ... of triangles and tetrahedra, and SPOS, "
-                          "SNEG of the facets of a solid, are supported")
-        corners = block.nodes[rows, : d + 1]
+                          "cells: only faces S1, S2, ... of solids and plane cells, and SPOS, SNEG "
+                          "of the facets of a solid, are supported")
         if not face:
-            group.facets.append(self._free(b, rows))
+            group.facets.extend(self._free(b, rows))
             return
-        sides = {f"S{n}": side for n, side in enumerate(_FACES[d], 1)}
+        corners = CELLS[block.kind][1]
+        sides = {f"S{n}": side for n, side in enumerate(
+            _FACES[KINDS[d, corners].names[0]], 1)}
         if face not in sides:
             raise BadLine(line, entry.keyword, f"face {face[:40]!r} of {block.kind} cells: they "
                           f"have {', '.join(sides)}")
-        group.facets.append(corners[:, sides[face]])
+        group.facets.append(block.nodes[rows][:, list(sides[face])])
 
-    def _free(self, b: int, rows: IntArray) -> IntArray:
-        """(F, d) facets of cells that belong to no other cell."""
-        first, free = self._free_facets
-        sides = FACETS_OF[self.top]
-        own = (first[b] + rows)[:, None] * (self.top + 1) + np.arange(self.top + 1)
-        return np.asarray(self.blocks[b].nodes[rows][:, sides][free[own]])
+    def _free(self, b: int, rows: IntArray) -> list[IntArray]:
+        """(F, w) facets of cells that belong to no other cell."""
+        first, facets, owner, free = self._free_facets
+        mine = free & np.isin(owner, first[b] + rows)
+        return [facets[mine]] if mine.any() else []
 
     @cached_property
-    def _free_facets(self) -> tuple[dict[int, int], BoolArray]:
-        """Number of the first cell of each block of the highest dimension among all of those; True
-        for each facet of these cells that belongs to no other cell."""
+    def _free_facets(self) -> tuple[dict[int, int], IntArray, IntArray, BoolArray]:
+        """Number of the first cell of each block of the highest dimension among all of those;
+        facets of these cells, the cell of each, and True for those that belong to no other cell."""
         d = self.top
-        solids = [i for i, block in enumerate(self.blocks) if block.dimension == d]
-        sizes = [len(self.blocks[i].nodes) for i in solids]
-        number, count = facet_numbers(
-            np.concatenate([self.blocks[i].nodes[:, : d + 1] for i in solids]))
-        first = dict(zip(solids, np.cumsum([0, *sizes]).tolist(), strict=False))
-        return first, np.asarray(count[number] == 1)
+        solids = [i for i, block in enumerate(self.blocks)
+                  if block.dimension == d and block.kind in CELLS]
+        stops = np.cumsum([0, *(len(self.blocks[i].nodes) for i in solids)]).tolist()
+        cells = padded([self.blocks[i].nodes[:, : CELLS[self.blocks[i].kind][1]] for i in solids],
+                       [np.arange(a, b) for a, b in zip(stops, stops[1:], strict=False)])
+        facets, owner = cell_facets(cells, d)
+        number, count = facet_numbers(facets)
+        return (dict(zip(solids, stops, strict=False)), facets, owner,
+                np.asarray(count[number] == 1))

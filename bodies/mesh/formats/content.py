@@ -8,8 +8,16 @@ import numpy as np
 
 from sparsemor.core import FloatArray, InputError, IntArray, Note
 
-SIMPLEX = {1: "line", 2: "triangle", 3: "tetra"}
-QUADRATIC = {1: "line3", 2: "triangle6", 3: "tetra10"}
+CELLS = {
+    "vertex": (0, 1, 1), "line": (1, 2, 2), "line3": (1, 2, 3),
+    "triangle": (2, 3, 3), "triangle6": (2, 3, 6), "triangle7": (2, 3, 7),
+    "quad": (2, 4, 4), "quad8": (2, 4, 8), "quad9": (2, 4, 9),
+    "tetra": (3, 4, 4), "tetra10": (3, 4, 10), "wedge": (3, 6, 6), "wedge15": (3, 6, 15),
+    "wedge18": (3, 6, 18), "hexahedron": (3, 8, 8), "hexahedron20": (3, 8, 20),
+    "hexahedron24": (3, 8, 24), "hexahedron27": (3, 8, 27)}
+"""Dimension, and numbers of corners and nodes, of the cells that a body is made of, by their names
+in meshio: corners, then nodes of the edges, in the order of `CellKind.edges`, then others, which
+are not read."""
 INTEGER = re.compile(r"[+-]?\d{1,18}", re.ASCII)
 """A whole number that fits in 64 bits."""
 _DIMENSION = (("vertex", 0), ("line", 1), ("triangle", 2), ("quad", 2), ("polygon", 2),
@@ -27,7 +35,7 @@ def dimension_of(kind: str) -> int:
 @dataclass(frozen=True, slots=True, eq=False)
 class CellBlock:
     """Cells of one type: nodes (m, p), point numbers, corners first, then midpoints in the order
-    of `EDGES`; place: line and keyword of the file, if known, such as `:67: *ELEMENT`."""
+    of `CellKind.edges`; place: line and keyword of the file, if known, such as `:67: *ELEMENT`."""
 
     kind: str
     nodes: IntArray

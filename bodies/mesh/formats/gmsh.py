@@ -31,8 +31,13 @@ TYPES = {
 """Number of a type of elements -> type of cells, and its number of nodes."""
 WORD = ("point", "curve", "surface", "volume")
 """Gmsh's term for a group of each dimension; a tag 3 of lines without a name is `curve_3`."""
-_TETRA10 = [0, 1, 2, 3, 4, 5, 6, 7, 9, 8]
-"""Gmsh's nodes of a quadratic tetrahedron in the order of `EDGES`."""
+_ORDER = {
+    "tetra10": [0, 1, 2, 3, 4, 5, 6, 7, 9, 8],
+    "wedge15": [*range(6), 6, 9, 7, 12, 14, 13, 8, 10, 11],
+    "hexahedron20": [*range(8), 8, 11, 13, 9, 16, 18, 19, 17, 10, 12, 14, 15]}
+"""Gmsh's corners and nodes of edges in the order of `CellKind.edges`, where that is another."""
+_ORDER |= {"wedge18": _ORDER["wedge15"] + [15, 16, 17],
+           "hexahedron27": _ORDER["hexahedron20"] + [*range(20, 27)]}
 _REFUSED = {
     "$PartitionedEntities": "partitioned meshes are not supported: save it in one piece",
     "$NOD": "format 1 is not supported: save it as 4.1 (Mesh.MshFileVersion = 4.1)",
@@ -162,7 +167,7 @@ class _Reader:
             if (rows < 0).any():
                 raise BadLine(lines["$Elements"], "$Elements",
                               f"there is no node {given[rows < 0][0]}")
-            rows = rows[:, _TETRA10] if kind == "tetra10" else rows
+            rows = rows[:, _ORDER[kind]] if kind in _ORDER else rows
             tags = found.tags
             if self.version != "4.1":
                 rows, tags = _once(rows, tags)

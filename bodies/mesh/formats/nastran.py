@@ -30,6 +30,10 @@ ELEMENTS = {
     "CBAR": (("line", 2),), "CBEAM": (("line", 2),), "CROD": (("line", 2),),
     "CTUBE": (("line", 2),), "CONROD": (("line", 2),), "PLOTEL": (("line", 2),)}
 """Card -> types of cells that it can describe, and their numbers of nodes."""
+_ORDER = {"wedge15": [*range(9), 12, 13, 14, 9, 10, 11],
+          "hexahedron20": [*range(12), 16, 17, 18, 19, 12, 13, 14, 15]}
+"""Nodes in the order of `CellKind.edges`, where that is another: Nastran has those of the edges
+between both ends before those of the second one."""
 _CORNERS_ONLY = {"CTRIA3", "CTRIAR", "CQUAD4", "CQUADR", "CBAR", "CBEAM", "CROD", "CTUBE",
                  "CONROD", "PLOTEL"}
 """Cards with other fields after their nodes."""
@@ -121,6 +125,7 @@ class _Reader:
             bad = np.argwhere(rows < 0)
             if bad.size:
                 raise found[bad[0][0]][0].fail(f"there is no grid {given[tuple(bad[0])]}")
+            rows = rows[:, _ORDER[kind]] if kind in _ORDER else rows
             blocks.append(CellBlock(kind, rows, f":{found[0][0].line}: {card_name}"))
             properties = np.array([p for _, p, _ in found], dtype=np.int64)
             for number in np.unique(properties[properties != 0]):

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from sparsemor.bodies.mesh.formats.content import (
-    QUADRATIC,
-    SIMPLEX,
+    CELLS,
     CellBlock,
     Content,
     MeshGroup,
@@ -54,10 +53,10 @@ def content_of(raw: Any) -> Content:
     for number, block in enumerate(raw.cells):
         if not len(block.data):
             continue
-        kind, d = str(block.type), dimension_of(str(block.type))
+        kind = str(block.type)
+        dimension_of(kind)
         nodes = np.asarray(block.data, dtype=np.int64)
-        count = d + 1 if kind == SIMPLEX.get(d) else (
-            (d + 1) * (d + 2) // 2 if kind == QUADRATIC.get(d) else None)
+        count = CELLS[kind][2] if kind in CELLS else None
         if count is not None and nodes.shape[1:] != (count,):
             raise ValueError(f"cells of shape {nodes.shape}, where (n, {count}) is expected")
         new[number] = len(blocks)

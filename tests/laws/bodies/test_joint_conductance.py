@@ -48,7 +48,7 @@ def test_two_welded_bars_share_their_heat(order: int) -> None:
     run = march(welded({"conductance": 50.0}, 1000.0, order))
     assert means(run) == pytest.approx((343.15, 343.15), abs=0.01)
     total = energy(run, "a") + energy(run, "b")
-    np.testing.assert_allclose(total, total[0], rtol=1e-12)
+    np.testing.assert_allclose(total, total[0], rtol=4e-12)  # round-off of 100 steps
 
 
 def test_a_small_conductance_is_the_resistance_of_the_pair() -> None:

@@ -133,10 +133,12 @@ def test_cells_in_either_orientation_are_turned(tmp_path: Path) -> None:
 FILES: dict[str, tuple[Any, list[Any], str]] = {
     "folded": (flat([[0, 0], [1, 0], [1, 1], [0.9, 0.2]]), [("triangle", HALVES)],
                "1 of 2 cells are inverted and overlap"),
-    "quads": (flat(SQUARE), [("quad", [[0, 1, 2, 3]])], "highest cells are quad"),
-    "quads beside triangles": (
-        flat([*SQUARE, [2, 0]]), [("quad", [[0, 1, 2, 3]]), ("triangle", [[1, 4, 2]])],
-        "highest cells are quad, triangle",
+    "pyramid": ([*flat(SQUARE), [0.5, 0.5, 1.0]], [("pyramid", [[0, 1, 2, 3, 4]])],
+                "highest cells are pyramid"),
+    "pyramid beside a tetrahedron": (
+        [*flat(SQUARE), [0.5, 0.5, 1.0], [2, 0, 0]],
+        [("pyramid", [[0, 1, 2, 3, 4]]), ("tetra", [[1, 5, 2, 4]])],
+        "highest cells are pyramid, tetra",
     ),
     "lines": (flat(SQUARE), [("line", [[0, 1]])], "highest cells are line"),
     "shell": (

@@ -114,7 +114,8 @@ FAULTY = {
     "outside": (mesh(cells=[[0, 1, 7]]), "name points outside 0..3: 0"),
     "not finite": (mesh([[0, 0], [1, 0], [np.nan, 1], [0, 1]]), "1 points are not finite: 2"),
     "empty": (mesh(cells=np.zeros((0, 3))), "there are no cells"),
-    "wrong shape": (mesh(cells=[[0, 1, 2, 3]]), "do not make a mesh"),
+    "wrong shape": (mesh(cells=[[0, 1, 2, 3, 0]]), "do not make a mesh"),
+    "folded quad": (mesh(cells=[[0, 1, 3, 2]]), "1 of 1 cells are folded over"),
 }
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sparsemor.bodies.fem.quadrature import on_facets
+from sparsemor.bodies.fem.surface import on_facets
 from sparsemor.bodies.frames import rotation as rot
 from sparsemor.bodies.frames.force_items import Moment
 from sparsemor.bodies.frames.frame import SpatialFrame
@@ -180,7 +180,7 @@ def test_reactions_do_the_work_of_the_constraints(model: Model, name: str) -> No
 def test_radiation_of_a_triangle_is_integrated_exactly() -> None:
     """T^4 phi is of degree 5: against integrals of monomials in area coordinates."""
     mesh = Mesh(np.vstack([np.zeros(3), np.eye(3)]), np.array([[0, 1, 2, 3]]))
-    points = on_facets(mesh, np.array([[0, 2, 1]]), GreyBody.degree)
+    (points,) = on_facets(mesh, np.array([[0, 2, 1]]), GreyBody.degree)
     phi, weights = points.shape.values[0], 2.0 * points.weights[0]
     assert sorted(points.shape.nodes[0].tolist()) == [0, 1, 2]
     for a, b, c in product(range(6), repeat=3):

@@ -375,7 +375,8 @@ def test_edges_of_quadratic_triangles(tmp_path: Path) -> None:
             "*ELEMENT, TYPE=CPS6, ELSET=ALL\n1, 1,2,3,4,5,6\n"
             "*ELEMENT, TYPE=T3D3, ELSET=SIDE\n2, 1,4,2\n")
     mesh = build(tmp_path, "a.inp", text)
-    assert mesh.facet_sets["SIDE"].tolist() == [[0, 1]] == [mesh.point_sets["SIDE"].tolist()]
+    assert mesh.facet_sets["SIDE"].tolist() == [[0, 1]]
+    assert mesh.point_sets["SIDE"].tolist() == [0, 1, 3]
 
 
 def test_groups_without_elements_are_named(tmp_path: Path) -> None:

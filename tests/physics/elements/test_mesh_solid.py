@@ -255,4 +255,4 @@ def test_distinct_rows_are_those_of_numpy(width: int) -> None:
     np.testing.assert_array_equal(number, number_.reshape(-1))
     np.testing.assert_array_equal(first, first_)
     np.testing.assert_array_equal(count, count_)
-    assert len(cell_facets(np.array([[0, 1, 2, 3]]))) == 4
+    assert len(cell_facets(np.array([[0, 1, 2, 3]]), 3)[0]) == 4

@@ -10,7 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from sparsemor import load_model, reduce, simulate
-from sparsemor.bodies.fem.stress import SimplexStress
+from sparsemor.bodies.fem.stress import CellStress
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.scene.scene import Scene
@@ -128,7 +128,7 @@ def test_a_turned_bar_has_no_stress() -> None:
     """Green-Lagrange strains of a rotation vanish; a stretch along the turned axis gives the
     stress of the stretch in turned axes."""
     X = np.array([[0, 0], [2, 0], [0, 1], [1, 0], [1, 0.5], [0, 0.5]], dtype=float)
-    recovery = SimplexStress(X, np.arange(6)[None], np.array([[0.0, E / 2, 0.0, 0.0, 0.0]]),
+    recovery = CellStress(X, np.arange(6)[None], np.array([[0.0, E / 2, 0.0, 0.0, 0.0]]),
                               np.zeros(1, int), nonlinear=True)
     c, s = np.cos(0.7), np.sin(0.7)
     A = np.array([[c, -s], [s, c]])

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from sparsemor import export, simulate
-from sparsemor.bodies.fem.stress import SimplexStress
+from sparsemor.bodies.fem.stress import CellStress
 from sparsemor.core.errors import InputError
 from sparsemor.core.results.fields import FIELDS, Derived
 from sparsemor.core.results.run_result import RunResult
@@ -73,7 +73,7 @@ def test_quadratic_displacements_are_exact_in_quadratic_cells() -> None:
     points = np.array([[0, 0], [2, 0], [0, 1], [1, 0], [1, 0.5], [0, 0.5]], dtype=float)
     cells = np.arange(6)[None]
     u = np.stack([points[:, 0] ** 2, points[:, 0] * points[:, 1]], axis=1)
-    made = SimplexStress(points, cells, np.array([[1.0, 1.0, 0.0, 1.0, 1.0]]), np.zeros(1, int))
+    made = CellStress(points, cells, np.array([[1.0, 1.0, 0.0, 1.0, 1.0]]), np.zeros(1, int))
     eps = made.strain(u, np.zeros(6))
     assert eps[:, 0, 0] == pytest.approx(2 * points[:, 0])
     assert eps[:, 1, 1] == pytest.approx(points[:, 0])

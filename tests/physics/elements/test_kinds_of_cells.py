@@ -1,0 +1,248 @@
+"""Quadrilaterals, wedges, hexahedra and curved cells of second order: exact integrals, files,
+orders of convergence, bending."""
+
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import meshio
+import numpy as np
+import pytest
+from scipy.sparse.linalg import spsolve
+
+from sparsemor.bodies import fem as fe
+from sparsemor.bodies.fem import forms
+from sparsemor.bodies.fem.quadratic import with_midpoints
+from sparsemor.bodies.fem.stress import CellStress
+from sparsemor.bodies.material import Isotropic
+from sparsemor.bodies.mesh.centres import centre_of_set
+from sparsemor.bodies.mesh.check import check_mesh
+from sparsemor.bodies.mesh.file import MeshFile
+from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core.model.facets import cell_facets, linear_surface, outer_facets
+from sparsemor.core.protocols.cells import KINDS, by_kind
+from sparsemor.core.protocols.mesh import Mesh
+
+STEEL = Isotropic(E=2e11, nu=0.3, rho=1000, alpha=1e-5)
+
+
+SPLIT = {"triangle": ((0, 1, 2), (0, 2, 3)), "wedge": ((0, 1, 2, 4, 5, 6), (0, 2, 3, 4, 6, 7))}
+"""Parts of a quadrilateral or hexahedron."""
+
+
+def grid(kind: str, divisions: tuple[int, ...], size: tuple[float, ...]) -> Mesh:
+    """Box of one kind of cells, or of several: `mixed` has the kinds in turn along x."""
+    d = len(size)
+    n = np.array(divisions)
+    at = np.stack(np.meshgrid(*(np.arange(k + 1) for k in n), indexing="ij"), axis=-1)
+    number = np.arange(at[..., 0].size).reshape(at.shape[:-1])
+    corners = [tuple(c) for c in np.array(KINDS[d, 2**d].places, dtype=int)]
+    rows = []
+    for cell in np.ndindex(*n):
+        box = [int(number[tuple(np.add(cell, c))]) for c in corners]
+        which = kind if kind != "mixed" else (("quad", "triangle"), ("hexahedron", "wedge"))[
+            d - 2][cell[0] % 2]
+        rows += [[box[i] for i in part] for part in SPLIT.get(which, (range(2**d),))]
+    wide = max(map(len, rows))
+    cells = np.array([[*r, *[r[-1]] * (wide - len(r))] for r in rows])
+    X = (at.reshape(-1, d) / n) * size
+    ends = {"left": np.flatnonzero(X[:, 0] == 0.0), "right": np.flatnonzero(X[:, 0] == size[0])}
+    return Mesh(X, cells, ends)
+
+
+KIND = [("quad", 2), ("wedge", 3), ("hexahedron", 3), ("mixed", 2), ("mixed", 3)]
+
+
+def sheared(mesh: Mesh) -> Mesh:
+    """The mesh under a quadratic map, with straight edges."""
+    X = mesh.points + 0.1 * mesh.points[:, ::-1] * mesh.points[:, [1, *range(mesh.dimension)[1:]]]
+    return Mesh(X, mesh.cells, mesh.point_sets)
+
+
+@pytest.fixture(params=KIND, ids=lambda p: f"{p[0]}{p[1]}")
+def linear(request: pytest.FixtureRequest) -> Mesh:
+    kind, d = request.param
+    return grid(kind, (3, 2, 2)[:d], (1.0, 0.6, 0.4)[:d])
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_linear_fields_have_exact_integrals(linear: Mesh, order: int) -> None:
+    """Patch test on distorted cells: volume, surface, rigid motion and constant strain."""
+    mesh = sheared(linear)
+    check_mesh(mesh)
+    mesh = with_midpoints(mesh) if order == 2 else mesh
+    d, X = mesh.dimension, mesh.points
+    M, K = fe.scalar_mass(mesh, 1.0), fe.conductivity(mesh, 1.0)
+    outer = outer_facets(mesh)
+    normals = fe.surface_normal_load(mesh, outer)
+    volume = float(np.sum(normals * X) / d)  # divergence theorem
+    assert M.sum() == pytest.approx(volume, rel=1e-12)
+    assert fe.surface_mass(mesh, outer, 1.0).sum() == pytest.approx(
+        fe.facet_measures(mesh, outer).sum(), rel=1e-12)
+    assert fe.surface_load(mesh, outer).sum() == pytest.approx(
+        fe.facet_measures(mesh, outer).sum(), rel=1e-12)
+    slope = np.arange(1.0, d + 1.0)
+    np.testing.assert_allclose(K @ (X @ slope), normals @ slope, atol=1e-13)
+    model: fe.Model = "solid" if d == 3 else "plane_strain"
+    stiff = fe.elastic_stiffness(mesh, STEEL, 1.0, model)
+    strain = np.arange(1.0, d * d + 1.0).reshape(d, d)
+    strain = strain + strain.T
+    law = fe.law(STEEL, model)
+    stress = law.lam * np.trace(strain) * np.eye(d) + 2.0 * law.mu * strain
+    u = (X @ strain).ravel()
+    np.testing.assert_allclose(stiff @ u, (normals @ stress).ravel(),
+                               atol=1e-12 * np.abs(stress).max())
+    push = fe.thermoelastic_coupling(mesh, STEEL, 1.0, model) @ np.ones(len(X))
+    np.testing.assert_allclose(push, law.beta * normals.ravel(), atol=1e-13 * law.beta)
+    found = CellStress(X, mesh.nodes, np.array([[law.lam, law.mu, law.beta, law.lam, law.beta]]),
+                       np.zeros(len(mesh.cells), np.int64)).stress(
+        u.reshape(-1, d), np.zeros(len(X)))
+    np.testing.assert_allclose(found[:, :d, :d], np.broadcast_to(stress, (len(X), d, d)),
+                               rtol=1e-9)
+    whole = forms.elements(forms.conduction, mesh, 0, weight=1.0)
+    again = np.zeros((len(X), len(X)))
+    for cell, local in zip(mesh.nodes, whole, strict=True):
+        np.add.at(again, np.ix_(cell, cell), local)
+    np.testing.assert_allclose(again, K.toarray(), atol=1e-13)
+
+
+def test_every_kind_is_ordered_as_it_says(linear: Mesh) -> None:
+    """Facets look outwards, turns are positive, the surface is closed."""
+    d = linear.dimension
+    X = linear.points
+    facets, owner = cell_facets(linear.cells, d)
+    middles = np.array([X[np.unique(c)].mean(axis=0) for c in linear.cells])
+    out = X[facets].mean(axis=1) - middles[owner]
+    assert (np.sum(fe.facet_normals(linear, facets) * out, axis=1) > 0.0).all()
+    for mesh in (linear, with_midpoints(linear)):
+        a = mesh.points[linear_surface(mesh.nodes, d)]
+        size = np.linalg.det(a).sum() / (2.0 if d == 2 else 6.0)
+        assert size == pytest.approx(np.prod(np.ptp(X, axis=0)), rel=1e-12)
+    centre = centre_of_set(linear, linear.point_sets["right"], name="right").point
+    np.testing.assert_allclose(centre, [1.0, 0.3, 0.2][:d], atol=1e-12)
+    assert sum(len(own) for _, own in by_kind(linear.cells, d)) == len(linear.cells)
+
+
+def test_files_of_every_kind_are_read(linear: Mesh, tmp_path: Path) -> None:
+    """Written by meshio, of first order, and of second with curved edges: the same mesh."""
+    d = linear.dimension
+
+    def build(mesh: Mesh, name: str) -> Mesh:
+        blocks = [(KINDS[d, own.shape[1]].names[0] if mesh.order == 1 else {
+            6: "triangle6", 9: "quad9", 18: "wedge18", 27: "hexahedron27"}[own.shape[1]], own)
+            for _, own in mesh.parts]
+        points = np.pad(mesh.points, ((0, 0), (0, 3 - d)))
+        meshio.Mesh(points, blocks).write(tmp_path / name)
+        return MeshFile(path=name).build(tmp_path)
+
+    found = build(linear, "a.vtu")
+    assert fe.scalar_mass(found, 1.0).sum() == pytest.approx(np.prod(np.ptp(linear.points, axis=0)))
+    mesh = with_midpoints(linear)
+    bent = mesh.points + 0.05 * np.sin(3.0 * mesh.points[:, ::-1])
+    first = found.order
+    curved = build(Mesh(bent, mesh.cells, midpoints=mesh.midpoints), "b.vtu")
+    assert (first, curved.order) == (1, 2)
+    own = Mesh(bent, mesh.cells, midpoints=mesh.midpoints)
+    volume = fe.scalar_mass(own, 1.0).sum()
+    assert fe.scalar_mass(curved, 1.0).sum() == pytest.approx(volume, rel=1e-3)
+
+
+def ring(kind: str, n: int) -> Mesh:
+    """Ring 1 <= r <= 2 (of thickness 0.5 in space), a quarter, with curved cells of second order:
+    wedges and triangles have curved diagonals."""
+    d = 2 if kind in ("triangle", "quad") else 3
+    flat = grid(kind, (n, 2 * n, max(n // 2, 1))[:d], (1.0, 1.0, 0.5)[:d])
+    mesh = with_midpoints(flat)
+    r, angle = 1.0 + mesh.points[:, 0], 0.5 * np.pi * mesh.points[:, 1]
+    X = np.column_stack([r * np.cos(angle), r * np.sin(angle), *mesh.points.T[2:]])
+    return Mesh(X, mesh.cells, midpoints=mesh.midpoints)
+
+
+def errors(mesh: Mesh) -> tuple[float, float]:
+    """Errors of u (L2, m) and of the stress at the nodes (rms, relative to mu), of a quarter of a
+    ring whose boundary has the displacements of the solution u = grad log r."""
+    d, X = mesh.dimension, mesh.points
+    law = fe.law(STEEL, "solid" if d == 3 else "plane_strain")
+
+    def exact(x: FloatArray) -> FloatArray:  # div u = 0, curl-free: in equilibrium
+        r2 = x[:, 0] ** 2 + x[:, 1] ** 2
+        u = np.zeros_like(x)
+        u[:, :2] = x[:, :2] / r2[:, None]
+        return u
+
+    u = exact(X)
+    held = np.unique(boundary(mesh))
+    K = fe.elastic_stiffness(mesh, STEEL, 1.0, "solid" if d == 3 else "plane_strain")
+    fixed = (d * held[:, None] + np.arange(d)).ravel()
+    free = np.setdiff1d(np.arange(d * len(X)), fixed)
+    found = u.ravel().copy()
+    found[free] = spsolve(K[free][:, free].tocsc(), -(K[free][:, fixed] @ found[fixed]))
+    at = forms.cell_quadratures(mesh, 4)
+    error, whole = 0.0, 0.0
+    for _, q in at:
+        x = q.coordinates.reshape(d, -1).T
+        local = np.einsum("eiq,eid->eqd", np.broadcast_to(q.shape.values, (
+            len(q.weights), *q.shape.values.shape[1:])), found.reshape(-1, d)[q.shape.nodes])
+        error += float(q.weights.ravel() @ ((local.reshape(-1, d) - exact(x)) ** 2).sum(axis=1))
+        whole += float(q.weights.sum())
+    stress = CellStress(X, mesh.nodes, np.array([[law.lam, law.mu, law.beta, law.lam, law.beta]]),
+                        np.zeros(len(mesh.cells), np.int64)).stress(
+        found.reshape(-1, d), np.zeros(len(X)))
+    x, y = X[:, 0], X[:, 1]
+    r4 = (x**2 + y**2) ** 2
+    right = np.zeros((len(X), 3, 3))
+    right[:, 0, 0], right[:, 1, 1] = (y**2 - x**2) / r4, (x**2 - y**2) / r4
+    right[:, 0, 1] = right[:, 1, 0] = -2.0 * x * y / r4
+    off = np.sqrt(np.mean((stress - 2.0 * law.mu * right) ** 2)) / law.mu
+    return float(np.sqrt(error / whole)), float(off)
+
+
+def boundary(mesh: Mesh) -> IntArray:
+    """Nodes of the boundary."""
+    return np.unique(linear_surface(mesh.nodes, mesh.dimension))
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("kind", ["triangle", "quad", "wedge", "hexahedron"])
+def test_curved_cells_of_second_order_converge(kind: str) -> None:
+    """Displacements of order 3, stress of order 2."""
+    sizes = (4, 8, 16) if kind in ("triangle", "quad") else (2, 4, 6)
+    found = [errors(ring(kind, n)) for n in sizes]
+    for (n, (u, s)), (m, (v, t)) in pairwise(zip(sizes, found, strict=True)):
+        assert np.log(u / v) / np.log(m / n) > 2.7
+        assert np.log(s / t) / np.log(m / n) > 1.7
+
+
+def body(kind: str, d: int, tmp_path: Path, **options: Any) -> dict[str, Any]:
+    """Cantilever of length 1 and height 0.1 with one cell over the height."""
+    mesh = grid(kind, (10, 1, 1)[:d], (1.0, 0.1, 0.1)[:d])
+    meshio.Mesh(np.pad(mesh.points, ((0, 0), (0, 3 - d))), [
+        (KINDS[d, own.shape[1]].names[0], own) for _, own in mesh.parts]).write(tmp_path / "b.vtu")
+    return {"use": "flexible", "mesh": {"use": "file", "path": str(tmp_path / "b.vtu")},
+            "material": {"E": 2e11, "nu": 0.3, "rho": 7800.0}, "fields": ["elastic"],
+            **({"thickness": 0.1} if d == 2 else {}),
+            "sets": {"left": {"where": "x < 1e-9"}, "right": {"where": "x > 0.999999999"}},
+            "reference": {"clamp": "left"}, "frame": "fixed", **options}
+
+
+@pytest.mark.parametrize(("kind", "d"), KIND)
+def test_a_cantilever_with_one_cell_over_its_height(kind: str, d: int, tmp_path: Path) -> None:
+    """By default of second order: the deflection is that of beam theory, with shear, within 2 %."""
+    from sparsemor.bodies.body import FloatingBody
+    from sparsemor.core.model.assembly import assemble
+    from sparsemor.core.testing.in_memory_run import scene_of
+
+    made = assemble(scene_of({"bodies": {"b": body(kind, d, tmp_path)},
+                              "time": {"end": 1.0, "step": 1.0}})).parts["b"]
+    assert isinstance(made, FloatingBody) and made.elasticity is not None
+    assert made.mesh is not None and made.mesh.order == 2
+    free = made.elasticity.free
+    load = fe.surface_load(made.mesh, fe.boundary_facets(made.mesh, made.points["right"]),
+                           0.1 if d == 2 else 1.0) / 0.01
+    f = np.zeros(made.mesh.points.shape)
+    f[:, 1] = load
+    u = np.zeros(f.size)
+    u[free] = spsolve(made.elasticity.stiffness[free][:, free].tocsc(), f.ravel()[free])
+    tip = float(load @ u.reshape(f.shape)[:, 1])
+    beam = 1.0 / (3.0 * 2e11 * 0.1**4 / 12.0) + 1.0 / (5.0 / 6.0 * 2e11 / 2.6 * 0.01)
+    assert tip == pytest.approx(beam, rel=0.025 if kind == "wedge" else 0.02)
