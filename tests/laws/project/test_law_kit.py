@@ -54,6 +54,7 @@ OPTIONS: dict[tuple[str, str], dict[str, Any]] = {
     ("mesh", "rectangle"): {"size": (2.0, 1.0), "divisions": (4, 3)},
     ("mesh", "unstructured"): {"size": (2.0, 1.0), "divisions": (4, 2), "elements": 24},
     ("mesh", "file"): {"path": "bar.vtk"},
+    ("mesh", "gmsh"): {"geometry": "square.geo", "size": 0.3},
     ("mesh", "block"): {"size": (2.0, 1.0, 0.5), "divisions": (3, 2, 1)},
     ("reducer", "sparse"): {"budgets": BUDGETS},
     ("basis", "dictionary"): {"bases": ["pod", "modal"]},
@@ -124,6 +125,10 @@ def test_laws_of_a_mesh(name: str, tmp_path: Path) -> None:
     points = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
     meshio.Mesh(points, [("triangle", np.array([[0, 1, 2], [0, 2, 3]]))]).write(
         tmp_path / "bar.vtk")
+    if name == "gmsh":
+        pytest.importorskip("gmsh", exc_type=(ImportError, OSError))  # type: ignore[arg-type]
+        (tmp_path / "square.geo").write_text(
+            'SetFactory("OpenCASCADE");\nRectangle(1) = {0, 0, 0, 1, 1};\n')
     check_mesh_plugin(made("mesh", name), tmp_path)
 
 

@@ -1,0 +1,87 @@
+"""Meshes of geometry files by Gmsh: mass and bores of the geometry, sets by rules, bad input."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from sparsemor.bodies.fem import scalar_mass
+from sparsemor.bodies.mesh.centres import centre_of_set
+from sparsemor.bodies.mesh.gmsh_mesh import FaceRule, GmshMesh
+from sparsemor.core.errors import InputError
+from sparsemor.core.testing import check_mesh_plugin
+
+
+def plate(folder: Path) -> float:
+    """Writes plate.step, 60 x 40 x 10 mm with bores of radius 8, 4 and 4 mm; its volume, m^3."""
+    gmsh = pytest.importorskip("gmsh", exc_type=(ImportError, OSError))  # type: ignore[arg-type]
+    gmsh.initialize(readConfigFiles=False, interruptible=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        occ = gmsh.model.occ
+        whole = occ.addBox(0, 0, 0, 60, 40, 10)
+        bores = [(3, occ.addCylinder(x, y, -1, 0, 0, 12, r))
+                 for x, y, r in ((20, 20, 8), (45, 10, 4), (45, 30, 4))]
+        occ.cut([(3, whole)], bores)
+        occ.synchronize()
+        gmsh.write(str(folder / "plate.step"))
+    finally:
+        gmsh.finalize()
+    return (0.06 * 0.04 - np.pi * (0.008**2 + 2 * 0.004**2)) * 0.01
+
+
+@pytest.mark.full
+def test_a_plate_of_a_step_file(tmp_path: Path) -> None:
+    volume = plate(tmp_path)
+    rules: dict[str, Any] = {
+        "large": {"cylinder": 1}, "small": {"radius": 0.004, "nearest": [0.045, 0.03, 0.0]},
+        "top": {"nearest": [0.03, 0.003, 0.01]}}
+    plugin = GmshMesh(geometry="plate.step", size=0.008, faces={
+        name: FaceRule(**rule) for name, rule in rules.items()})
+    mesh = plugin.build(tmp_path)
+    check_mesh_plugin(plugin, tmp_path)
+    assert mesh.order == 2
+    assert scalar_mass(mesh, 1.0).sum() == pytest.approx(volume, rel=1e-4)
+    for name, where in (("large", [0.02, 0.02]), ("small", [0.045, 0.03])):
+        found = centre_of_set(mesh, mesh.point_sets[name], name=name).point
+        np.testing.assert_allclose(found, [*where, 0.005], atol=1e-9)
+    assert np.allclose(mesh.points[mesh.point_sets["top"], 2], 0.01)
+    several = plugin.model_copy(update={"faces": {"small": FaceRule(cylinder=2)}})
+    with pytest.raises(InputError, match="2 cylinders have this radius") as refused:
+        several.build(tmp_path)
+    assert refused.value.faults[0].key == "faces.small"
+    missing = plugin.model_copy(update={"faces": {"bore": FaceRule(radius=0.005)}})
+    with pytest.raises(InputError, match="radii: 0.008, 0.004, 0.004 m"):
+        missing.build(tmp_path)
+    (tmp_path / "bad.step").write_text("no geometry")
+    with pytest.raises(InputError, match="Gmsh cannot mesh 'bad.step'") as refused:
+        GmshMesh(geometry="bad.step", size=0.01).build(tmp_path)
+    assert refused.value.faults[0].key == "geometry"
+
+
+@pytest.mark.full
+def test_a_script_with_a_physical_curve(tmp_path: Path) -> None:
+    pytest.importorskip("gmsh", exc_type=(ImportError, OSError))  # type: ignore[arg-type]
+    (tmp_path / "disk.geo").write_text(
+        'SetFactory("OpenCASCADE");\nDisk(1) = {1, 2, 0, 3};\nPhysical Surface("whole") = {1};\n'
+        'Physical Curve("rim") = {1};\n')
+    mesh = GmshMesh(geometry="disk.geo", size=1.0e-3, scale=1.0e-3).build(tmp_path)
+    assert mesh.dimension == 2 and set(mesh.point_sets) == {"whole", "rim"}
+    assert scalar_mass(mesh, 1.0).sum() == pytest.approx(np.pi * 9e-6, rel=1e-4)
+    found = centre_of_set(mesh, mesh.point_sets["rim"], name="rim").point
+    np.testing.assert_allclose(found, [1e-3, 2e-3], atol=1e-12)
+
+
+@pytest.mark.parametrize(("options", "words"), [
+    ({"geometry": "rod.msh"}, "its name must end in .step"),
+    ({"geometry": "rod.step"}, "there is no file"),
+    ({"geometry": "unit.step", "scale": 1e-3}, "have their unit")])
+def test_bad_input(options: dict[str, Any], words: str, tmp_path: Path) -> None:
+    (tmp_path / "unit.step").touch()
+    with pytest.raises(InputError, match=words):
+        GmshMesh(size=1e-3, **options).build(tmp_path)
+    for rule in ({}, {"cylinder": 1, "radius": 2.0}):
+        with pytest.raises(ValidationError, match="takes `cylinder` or `radius`"):
+            FaceRule(**rule)  # type: ignore[arg-type]
