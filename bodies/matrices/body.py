@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from sparsemor.bodies.body import FloatingBody
 from sparsemor.bodies.frames import nodal
@@ -21,55 +22,71 @@ ROUND_OFF = 1e-6
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class MatrixBody(FloatingBody):
-    """One body whose matrices are given. mass (n, n): of all unknowns; weights: set -> weights of
-    its nodes, in their order, where they are given."""
+    """One body whose matrices are given.
+
+    mass (n, n): of all unknowns of the nodes; shapes (n, k): values of these for each of k
+    generalized coordinates, which then are its displacement unknowns; None: they are the unknowns
+    of the nodes. weights: set -> weights of its nodes, in their order, where they are given.
+    """
 
     unknowns: Unknowns
     mass: Csr | None = None
+    shapes: FloatArray | None = None
     weights: Mapping[str, FloatArray] = field(default_factory=dict)
 
+    def _own(self, vectors: FloatArray) -> FloatArray:
+        """(k, p) products of functionals (n, p) of the unknowns of the nodes with its own."""
+        assert self.elasticity is not None
+        return np.asarray(vectors[self.elasticity.free] if self.shapes is None else (
+            self.shapes.T @ vectors))
+
     def _functionals(self, vectors: FloatArray) -> FloatArray | None:
-        e = self.elasticity
-        return None if e is None else np.asarray(self.unknowns.displacements[e.free] @ vectors)
+        return None if self.elasticity is None else self._own(
+            self.unknowns.displacements @ vectors)
 
     def _field_inertia(self) -> FieldInertia | None:
         """Inertia of the free unknowns: M_g = (M B_g + B_g M) / 2, which is m (x) B_g for the mass
         matrix m (x) I of solids, and M times the field B_g x."""
-        e, M, u = self.elasticity, self.mass, self.unknowns
+        e, M, u, T = self.elasticity, self.mass, self.unknowns, self.shapes
         if e is None or M is None or self.inertia is None:
             return None
         B = inertia_matrices(self.pose)
         matrices = []
         for b in B:
             by_node = u.matrix(b)
-            matrices.append((0.5 * (M @ by_node + by_node @ M)).tocsr()[e.free][:, e.free])
-        about = np.stack([M @ u.field(b) for b in B], axis=1)
-        return FieldInertia((M @ u.rigid_modes[:, : self.d])[e.free], about[e.free], matrices)
+            found = (0.5 * (M @ by_node + by_node @ M)).tocsr()
+            matrices.append(found[e.free][:, e.free] if T is None else csr_array(T.T @ (found @ T)))
+        first = self._first()
+        assert first is not None
+        return FieldInertia(
+            first, self._own(np.stack([M @ u.field(b) for b in B], axis=1)), matrices)
 
     def _first(self) -> FloatArray | None:
-        e, M = self.elasticity, self.mass
-        return None if e is None or M is None else np.asarray(
-            M @ self.unknowns.rigid_modes[:, : self.d])[e.free]
+        return None if self.elasticity is None or self.mass is None else self._own(
+            self.mass @ self.unknowns.rigid_modes[:, : self.d])
 
     def _places(self, free: IntArray) -> tuple[FloatArray, IntArray]:
-        return self.unknowns.places(free)
+        u = self.unknowns
+        return (u if self.shapes is None else Unknowns.modal_of(u.X, len(free))).places(free)
 
     def deforms_at(self, which: str) -> bool:
-        e = self.elasticity
-        return e is not None and bool(
-            np.isin(self.points[which], self.unknowns.node[e.free]).any())
+        if self.elasticity is None:
+            return False
+        here = np.isin(self.unknowns.node, self.points[which]).astype(np.float64)
+        return bool((self.unknowns.node[self.elasticity.free][:, None] == self.points[which]).any()
+                    if self.shapes is None else (here @ np.abs(self.shapes)).any())
 
     def rotation_of(self, which: str, key: str) -> FloatArray | None:
         """Mean rotation of the set: of its nodes where they have rotations, else by least squares.
         """
-        e, u = self.elasticity, self.unknowns
-        if e is None:
+        u, r = self.unknowns, 2 * self.d - 3
+        if self.elasticity is None:
             return None
-        weights, r = self.centre_of(which, self.points[which]).even, 2 * self.d - 3
+        weights = self.centre_of(which, self.points[which]).even
         turning = np.bincount(u.node[u.component >= self.d], minlength=len(self.X))
         if (turning[self.points[which]] < r).any():
             return FloatingBody.rotation_of(self, which, key)
-        found = np.asarray(u.rotations[e.free] @ nodal.along(weights, r))
+        found = self._own(u.rotations @ nodal.along(weights, r))
         return found if found.any() else None
 
     def centre_of(self, which: str, nodes: IntArray) -> Centre:

@@ -11,7 +11,7 @@ from sparsemor.bodies.matrices.body import ROUND_OFF, motion_error
 from sparsemor.bodies.matrices.unknowns import Unknowns
 from sparsemor.bodies.mesh.check import some
 from sparsemor.bodies.mesh.plausibility import HEAVY, LARGEST
-from sparsemor.core import Csr, FloatArray, InputError, Note
+from sparsemor.core import Csr, FloatArray, InputError, IntArray, Note
 
 __all__ = ["check_forces", "check_mechanical", "check_thermal", "moment_notes", "size_notes",
            "some"]
@@ -52,6 +52,27 @@ def check_mechanical(key: str, written: str, A: Csr, u: Unknowns, free: bool) ->
     if free and count > 1:
         raise InputError(f"'{written}' is of {count} pieces that nothing connects: make a body of "
                          "each")
+
+
+def rigid_coordinates(T: FloatArray, u: Unknowns) -> tuple[IntArray, FloatArray]:
+    """Numbers of the rigid-body modes of which shapes T (n, k) are capable, and the coordinates
+    (k, number) that make them."""
+    modes = u.rigid_modes / np.maximum(np.linalg.norm(u.rigid_modes, axis=0), 1e-300)
+    q = np.linalg.lstsq(T, modes, rcond=1e-12)[0]
+    able = np.flatnonzero(np.linalg.norm(T @ q - modes, axis=0) <= 1e-6)
+    return able, q[:, able]
+
+
+def check_reduced(written: str, A: Csr, T: FloatArray, u: Unknowns, free: bool) -> None:
+    """InputError for a stiffness or damping matrix of generalized coordinates with shapes T (n, k)
+    that has negative values x.A x or resists rigid-body motion."""
+    _check_definite(written, A)
+    _, q = rigid_coordinates(T, u)
+    error = motion_error(A, q) if free and q.size else 0.0
+    if error > ROUND_OFF:
+        raise InputError(f"'{written}' resists rigid-body motion q: |A q| is {error:.2g} of "
+                         "|A| |q|, and zero for a free body: are its coordinates in the order of "
+                         "the shapes?")
 
 
 def _check_definite(written: str, A: Csr) -> None:
@@ -110,8 +131,9 @@ def moment_notes(name: str, u: Unknowns, M: Csr, mass: MassProperties) -> Iterat
     """
     X = u.field(np.eye(u.d))
     exact, found = float(np.trace(mass.second)), float(X @ (M @ X))
-    if abs(found - exact) > LINEAR * abs(exact):
+    if len(u.modal) or abs(found - exact) > LINEAR * abs(exact):
         yield Note(
-            f"{name}: its nodes represent {found / exact:.1%} of its moments of inertia: "
-            "centrifugal and Coriolis loads on its deformation are approximate, rigid-body inertia "
-            "is exact; more interface nodes, spread over the body, improve them", "few_nodes")
+            f"{name}: centrifugal and Coriolis loads on its deformation are approximate, as its "
+            f"nodes represent {found / exact:.1%} of its moments of inertia (rigid-body inertia is "
+            "exact): give `shapes` with the mass matrix of all nodes, or keep spins far below its "
+            "frequencies", "few_nodes")

@@ -1,13 +1,14 @@
 """Body from matrices of another code: mass, stiffness, damping, heat, nodes, without a mesh."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
-from scipy.sparse import csr_array, diags_array
+from scipy.linalg import null_space
+from scipy.sparse import csr_array, diags_array, eye_array
 
 from sparsemor.bodies.fem.fields import Elasticity, Heat
 from sparsemor.bodies.flexible import Damping
@@ -78,10 +79,12 @@ class Units(Plugin):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Files:
-    """Content of the files in SI units, of unknowns in one order."""
+    """Content of the files in SI units, of unknowns in one order; stiffness and damping matrices
+    are those of the coordinates of `shapes`, if there are any."""
 
     nodes: FileNodes
     unknowns: Unknowns
+    shapes: FloatArray | None
     mechanical: Mapping[str, Csr]
     thermal: Mapping[str, Csr]
     coupling: Csr | None
@@ -120,6 +123,11 @@ class Matrices(BodyPlugin):
     directions at all nodes in their order, followed by `modes`."""
     modes: int = Field(default=0, ge=0)
     """Number of unknowns without a place at the end, such as those of fixed-interface modes."""
+    shapes: str | None = None
+    """File of the shapes (n, k) of k generalized coordinates, as values of all n unknowns of the
+    nodes: of constraint modes and fixed-interface modes, or of eigenmodes. `stiffness` and
+    `damping_matrix` are then those of the coordinates, or of all unknowns; `mass` is that of all
+    unknowns, or the masses of the nodes (N, 1)."""
     units: Units = Units()
     """Units of the files."""
     sets: dict[str, NodeSet] = {}
@@ -152,7 +160,8 @@ class Matrices(BodyPlugin):
             missing.append("mass")
         if missing:
             raise InputError(f"the matrices {', '.join(dict.fromkeys(missing))} are missing")
-        if ELASTIC.name in self.selected_fields and not self._supported and self.reference is None:
+        if ELASTIC.name in self.selected_fields and not self._supported and (
+                self.reference is None and self.shapes is None):
             raise InputError("missing: the elastic field needs a reference condition, such as "
                              "{clamp: left} or {chord: [a, b]}, or its displacements hold rigid "
                              "motion", "reference")
@@ -182,7 +191,7 @@ class Matrices(BodyPlugin):
 
     def files(self, base: Path) -> Sequence[Path]:
         """All files: their content identifies a run and its cached results."""
-        named = (self.nodes, self.unknowns, self.coupling, *(
+        named = (self.nodes, self.unknowns, self.coupling, self.shapes, *(
             getattr(self, key) for key in (*MECHANICAL, *THERMAL_KEYS)))
         return list(dict.fromkeys(f for n in named if n for f in files_of(base, n)))
 
@@ -198,21 +207,24 @@ class Matrices(BodyPlugin):
         if self.frame == "spinning" and u.d == 2:
             gather("", _refuse_spinning)
         fixed = gather("", self._fixed, mesh, u)
+        own = None if fixed is None or files.shapes is None else gather(
+            "", self._relative, files.shapes, fixed, u)
         inertia = gather("", self._inertia, files.mechanical, u)
         gather("", self._check, files, mesh)
         gather.check()
         assert centres is not None and weights is not None and T0 is not None
         assert start is not None
         M = files.mechanical.get("mass")
+        shapes = None if own is None or files.shapes is None else files.shapes @ own
         return MatrixBody(
             name=name, X=mesh.points, inertia=inertia, pose=start[0], velocity=start[1],
             moves=self.frame != "fixed", points=mesh.point_sets, centres=centres, weights=weights,
-            declared=self.sets, unknowns=u, mass=M,
-            elasticity=None if fixed is None else self._elasticity(files, fixed),
+            declared=self.sets, unknowns=u, mass=M, shapes=shapes,
+            elasticity=None if fixed is None else self._elasticity(files, fixed, own),
             heat=Heat(np.arange(len(mesh.points)), files.thermal["capacity"],
                       files.thermal["conductivity"]) if heats else None,
             T0=T0, T_ref=np.full(len(mesh.points), self.reference_temperature),
-            mesh_notes=(*files.notes, *self._notes(name, u, M, inertia)))
+            mesh_notes=(*files.notes, *self._notes(name, files, inertia)))
 
     # ------------------------------------------------------------------ files
 
@@ -222,34 +234,65 @@ class Matrices(BodyPlugin):
         given = gather("", read_unknowns, base, self.unknowns, "unknowns") if self.unknowns else (
             np.zeros((0, 2), np.int64))
         read = {key: gather("", read_matrix, base, text, key)
-                for key in (*MECHANICAL, *THERMAL_KEYS, "coupling")
+                for key in (*MECHANICAL, *THERMAL_KEYS, "coupling", "shapes")
                 if (text := getattr(self, key)) is not None}
         gather.check()
         assert nodes is not None and given is not None
         found = {k: m for k, m in read.items() if m is not None}
-        labels, same = self._labels(nodes, given, {k: found[k] for k in MECHANICAL if k in found})
+        N, T = len(nodes.labels), found["shapes"].matrix.toarray() if "shapes" in found else None
+        if T is not None and found.get("mass") and found["mass"].matrix.shape == (N, 1):
+            each = np.repeat(found["mass"].matrix.toarray().ravel(), nodes.X.shape[1])
+            found["mass"] = FileMatrix(diags_array(each, format="csr"))
+        labels, same = self._labels(nodes, given, {
+            k: found[k] for k in MECHANICAL[: None if T is None else 1] if k in found})
         u, notes = self._unknowns(nodes, labels)
-        N, n = len(nodes.labels), u.size
-        for key, shape in (*((k, (n, n)) for k in same), *((k, (N, N)) for k in THERMAL_KEYS),
-                           ("coupling", (n, N))):
-            m = same.get(key) if key in same else (found[key].matrix if key in found else None)
+        n = u.size
+        if T is not None and len(T) != n:
+            raise InputError(f"'{self.shapes}' has {len(T)} rows, and the mass matrix "
+                             f"'{self.mass}' {n}: with shapes it is that of all unknowns of the "
+                             "nodes, or the masses of the nodes (N, 1)", "shapes")
+        k = n if T is None else T.shape[1]
+        for key in MECHANICAL[1:]:
+            if T is not None and key in found:
+                A = found[key].matrix
+                same[key] = csr_array(T.T @ (A @ T)) if A.shape == (n, n) and k != n else A
+        for key, shape, what in (
+                ("mass", (n, n), f"{n} unknowns"), ("coupling", (n, N), f"{n} unknowns"),
+                *((key, (k, k), f"{k} {'unknowns' if T is None else 'shapes'}")
+                  for key in MECHANICAL[1:]),
+                *((key, (N, N), f"{N} nodes") for key in THERMAL_KEYS)):
+            m = same.get(key, found[key].matrix if key in found else None)
             if m is not None and m.shape != shape:
-                what = f"{n} unknowns" if shape[0] == n else f"{N} nodes"
                 gather(key, _refuse_size, getattr(self, key), m.shape, shape, what)
         gather.check()
         energy = self.units.mass * self.units.length**2
         by = diags_array(np.where((u.component >= 0) & (u.component < u.d),
                                   1.0 / self.units.length, 1.0))
-        mechanical = {k: gather("", symmetric, getattr(self, k), (energy * by @ m @ by).tocsr(), k)
-                      for k, m in same.items()}
+        by = by @ diags_array(self._scale(u, same.get("mass")))
+        into = {key: by if T is None or key == "mass" else eye_array(k) for key in same}
+        mechanical = {key: gather("", symmetric, getattr(self, key),
+                                  (energy * into[key] @ m @ into[key]).tocsr(), key)
+                      for key, m in same.items()}
         thermal = {k: gather("", symmetric, getattr(self, k), energy * found[k].matrix, k)
                    for k in THERMAL_KEYS if k in found}
         gather.check()
         return _Files(
-            nodes, u, {k: m for k, m in mechanical.items() if m is not None},
+            nodes, u, None if T is None else T / by.diagonal()[:, None],
+            {k: m for k, m in mechanical.items() if m is not None},
             {k: m for k, m in thermal.items() if m is not None},
             (energy * by @ found["coupling"].matrix).tocsr() if "coupling" in found else None,
             notes)
+
+    def _scale(self, u: Unknowns, M: Csr | None) -> FloatArray:
+        """(n,) factors of the coordinates without a place, which make them displacements, m, whose
+        kinetic energy is that of the whole mass."""
+        scale = np.ones(u.size)
+        if M is not None and len(u.modal):
+            own, along = M.diagonal()[u.modal], u.rigid_modes[:, : u.d]
+            whole = float(np.trace(along.T @ (M @ along))) / u.d
+            scale[u.modal] = np.sqrt(np.where(own > 0.0, max(whole, 0.0) / np.where(
+                own > 0.0, own, 1.0), 1.0)) / self.units.length
+        return scale
 
     def _labels(
         self, nodes: FileNodes, given: IntArray, read: Mapping[str, FileMatrix]
@@ -363,13 +406,34 @@ class Matrices(BodyPlugin):
         if free:
             raise InputError(f"the body still has {free} rigid motion{'s' * (free > 1)}: fix more "
                              "nodes", "reference")
-        if len(fixed) == u.size:
+        if len(fixed) == u.size and self.shapes is None:
             raise InputError(f"fixes all {u.size} unknowns, so that none is left to solve for",
                              "reference")
         return fixed
 
-    def _elasticity(self, files: _Files, fixed: IntArray) -> Elasticity:
+    def _relative(self, T: FloatArray, fixed: IntArray, u: Unknowns) -> FloatArray:
+        """(k, j) basis of the coordinates of shapes T (n, k) that keep the unknowns `fixed` at
+        zero. InputError if none is left, or if they hold rigid motion."""
+        size = np.linalg.norm(T, axis=0)
+        if not size.all():
+            raise InputError(f"'{self.shapes}': shape {int(np.argmin(size)) + 1} is zero", "shapes")
+        own = null_space(T[fixed] / size, rcond=1e-9) / size[:, None] if len(fixed) else (
+            np.eye(T.shape[1]))
+        if not own.size:
+            raise InputError("no combination of the shapes is zero there: fix fewer nodes",
+                             "reference")
+        if not self._supported and self.reference is None and len(
+                checks.rigid_coordinates(T, u)[0]):
+            raise InputError("missing: the shapes hold rigid motion; give a reference condition, "
+                             "such as {clamp: left} or {chord: [a, b]}", "reference")
+        return np.asarray(own / np.abs(T @ own).max(axis=0))
+
+    def _elasticity(
+        self, files: _Files, fixed: IntArray, own: FloatArray | None
+    ) -> Elasticity:
         found, u = files.mechanical, files.unknowns
+        if own is not None and files.shapes is not None:
+            return self._of_shapes(files, files.shapes, own)
         K, N = found["stiffness"], len(u.X)
         C, modal = self.damping.of(K, found["mass"], fixed, u.d, self.frame == "floating")
         C = C + found["damping_matrix"] if "damping_matrix" in found else C
@@ -379,6 +443,28 @@ class Matrices(BodyPlugin):
             coupling=csr_array((u.size, N)) if files.coupling is None else files.coupling,
             recoverable=False)
 
+    def _of_shapes(self, files: _Files, T: FloatArray, own: FloatArray) -> Elasticity:
+        found, N, Z = files.mechanical, len(files.unknowns.X), T @ own
+        K, M = own.T @ (found["stiffness"] @ own), Z.T @ (found["mass"] @ Z)
+        K, M = csr_array(0.5 * (K + K.T)), csr_array(0.5 * (M + M.T))
+        none, d = np.zeros(0, np.int64), files.unknowns.d
+        able = len(checks.rigid_coordinates(T, files.unknowns)[0]) == d * (d + 1) // 2
+        if self.damping.modes_of == "free" and not able:
+            raise InputError("the shapes hold no rigid motion: their modes are `held`",
+                             "damping.modes_of")
+        if able and self.damping.modes_of != "held" and self.frame == "floating":
+            whole = csr_array(T.T @ (found["mass"] @ T))
+            C, modal = self.damping.of(found["stiffness"], whole, none, d, True)
+            C, modal = own.T @ (C @ own), modal and replace(modal, L=own.T @ modal.L)
+        else:
+            C, modal = self.damping.of(K, M, none, d, False)
+        if "damping_matrix" in found:
+            C = C + csr_array(own.T @ (found["damping_matrix"] @ own))
+        return Elasticity(
+            free=np.arange(own.shape[1]), stiffness=K, damping=csr_array(C), modal=modal,
+            coupling=csr_array((own.shape[1], N)) if files.coupling is None else csr_array(
+                Z.T @ files.coupling), recoverable=False)
+
     def _inertia(self, found: Mapping[str, Csr], u: Unknowns) -> MassProperties | None:
         return mass_properties(found["mass"], u, str(self.mass), not self._supported) if (
             "mass" in found) else None
@@ -386,8 +472,12 @@ class Matrices(BodyPlugin):
     def _check(self, files: _Files, mesh: Mesh) -> None:
         gather, free = Gather(), not self._supported
         for key, matrix in files.mechanical.items():
-            gather(key, checks.check_mechanical, key, getattr(self, key), matrix, files.unknowns,
-                   free)
+            if files.shapes is None or key == "mass":
+                gather(key, checks.check_mechanical, key, getattr(self, key), matrix,
+                       files.unknowns, free)
+            else:
+                gather(key, checks.check_reduced, getattr(self, key), matrix, files.shapes,
+                       files.unknowns, free)
         for key, matrix in files.thermal.items():
             gather(key, checks.check_thermal, key, getattr(self, key), matrix)
         if files.coupling is not None and free:
@@ -402,10 +492,12 @@ class Matrices(BodyPlugin):
         return np.full(len(X), self.reference_temperature if T0 is None else float(T0))
 
     def _notes(
-        self, name: str, u: Unknowns, M: Csr | None, inertia: MassProperties | None
+        self, name: str, files: _Files, inertia: MassProperties | None
     ) -> Iterator[Note]:
+        u, M = files.unknowns, files.mechanical.get("mass")
         yield from checks.size_notes(name, u.X, None if inertia is None else inertia.mass)
-        if M is not None and inertia is not None and ELASTIC.name in self.selected_fields:
+        if M is not None and inertia is not None and ELASTIC.name in self.selected_fields and (
+                self.frame != "fixed"):
             yield from checks.moment_notes(name, u, M, inertia)
 
 

@@ -42,6 +42,12 @@ class Unknowns:
             raise InputError("an unknown is there twice: each has a node and direction of its own")
         return cls(X, node, component)
 
+    @classmethod
+    def modal_of(cls, X: FloatArray, count: int) -> "Unknowns":
+        """Unknowns without a place of nodes X (N, d)."""
+        none = np.full(count, MODAL, dtype=np.int64)
+        return cls(X, none, none)
+
     @property
     def size(self) -> int:
         return len(self.node)
@@ -92,13 +98,12 @@ class Unknowns:
         return np.stack([*moved, *(self.field(G) for G in GENERATORS[self.d])], axis=1)
 
     def matrix(self, B: FloatArray) -> Csr:
-        """(n, n) matrix of B on the displacements of each node; on rotations and modal coordinates
-        of its skew part (in space, on rotations) and its mean tr B / d, as if they had no
-        preferred direction."""
+        """(n, n) matrix of B on the displacements of each node; (tr B - B^T) / 2 on its rotations,
+        in the plane tr B / 2, as for a rigid isotropic piece of the body at the node; and its mean
+        tr B / d on modal coordinates."""
         mean = float(np.trace(B)) / self.d * (self.component < 0)
         found = diags_array(mean, format="csr")
-        skew, r = 0.5 * (B - B.T), 2 * self.d - 3
-        turned = np.trace(B) / self.d * np.eye(r) + (skew if self.d == 3 else 0.0)
+        turned = 0.5 * (np.trace(B) * np.eye(2 * self.d - 3) - (B.T if self.d == 3 else 0.0))
         for P, each in ((self.displacements, B), (self.rotations, turned)):
             found = found + P @ kron(eye_array(len(self.X)), csr_array(each), format="csr") @ P.T
         return found.tocsr()
@@ -115,9 +120,8 @@ class Unknowns:
 
     def places(self, mine: IntArray) -> tuple[FloatArray, IntArray]:
         """Coordinates (k, d), m, and component (k,) of some unknowns; each modal one has a place of
-        its own next to the middle of the body, and component -1."""
-        X = self.X[np.maximum(self.node, 0)].copy()
-        size = max(float(np.ptp(self.X, axis=0).max()), 1.0)
-        at = self.modal
-        X[at] = self.X.mean(axis=0) + 1e-6 * size * np.arange(1, len(at) + 1)[:, None]
+        its own on the diagonal of the body's box, and component -1."""
+        X, at = self.X[np.maximum(self.node, 0)].copy(), self.modal
+        low, size = self.X.min(axis=0), np.ptp(self.X, axis=0)
+        X[at] = low + np.linspace(0.0, 1.0, len(at))[:, None] * size
         return X[mine], self.component[mine]

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 from scipy.io import mmwrite, savemat
+from scipy.linalg import eigh
 from scipy.sparse import csr_matrix, kron, save_npz
 
 from sparsemor.bodies.body import FloatingBody
@@ -58,3 +59,28 @@ def instead(
         sets[which] = {"nodes": (used + 1).tolist(), "weights": centre.weights[used].tolist()}
     new = {"use": "matrices", **exported(body, folder, kind), "sets": sets, **kept}
     return {**scene, "bodies": {**scene["bodies"], name: new}}
+
+
+def superelement(
+    body: FloatingBody, interface: Any, modes: int, folder: Path, whole: bool = False
+) -> dict[str, Any]:
+    """Options of the Craig-Bampton superelement of a body with the given interface nodes and number
+    of fixed-interface modes: u = [1 0; -K_ii^-1 K_ib, Phi] (u_b, q); whole: with the shapes and the
+    mass matrix of all nodes."""
+    e, m, d = body.elasticity, body.mass_matrix, body.d
+    assert e is not None and m is not None
+    K, M = e.stiffness.toarray(), np.kron(m.toarray(), np.eye(d))
+    b = (d * np.asarray(interface)[:, None] + np.arange(d)).ravel()
+    i = np.setdiff1d(np.arange(len(K)), b)
+    shapes = eigh(K[np.ix_(i, i)], M[np.ix_(i, i)], subset_by_index=(0, modes - 1))[1]
+    T = np.zeros((len(K), len(b) + modes))
+    T[b, np.arange(len(b))] = 1.0
+    T[i, : len(b)] = -np.linalg.solve(K[np.ix_(i, i)], K[np.ix_(i, b)])
+    T[np.ix_(i, len(b) + np.arange(modes))] = shapes
+    files = {"mass": T.T @ M @ T, "stiffness": T.T @ K @ T, "nodes": body.X[interface]}
+    if whole:
+        files |= {"mass": M, "shapes": T, "nodes": body.X}
+    for key, value in files.items():
+        np.save(folder / f"super_{key}.npy", value)
+    return {"use": "matrices", **({} if whole else {"modes": modes}),
+            **{k: str(folder / f"super_{k}.npy") for k in files}}

@@ -1,0 +1,152 @@
+"""Bodies from matrices with rotations and with generalized coordinates: beams, superelements."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.linalg import block_diag, eigh
+
+from exported_matrices import built, superelement
+from frame_beam import beam, saved
+from reduced_runs import learnt
+from sparsemor.bodies.frames import rotation as rot
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.errors import InputError
+from sparsemor.core.testing.in_memory_run import March, march, scene_of
+
+SOLID: dict[str, Any] = {
+    "use": "flexible", "fields": ["elastic"], "material": {"E": 2e8, "nu": 0.3, "rho": 1100},
+    "mesh": {"use": "block", "lower": [0.0, 0.0, 0.0], "size": [0.5, 0.1, 0.06],
+             "divisions": [4, 1, 1]},
+    "reference": {"clamp": "left"}, "damping": {"ratio": 0.02, "modes": 4},
+    "pose": {"position": [0.3, -0.2, 0.1], "axis": [1, 2, 3], "angle": 0.4,
+             "spin": [1.0, -2.0, 4.0]}}
+REST: dict[str, Any] = {
+    "joints": {"hinge": {"use": "revolute", "between": ["ground", "bar:left"], "axis": [0, 1, 0]}},
+    "loads": {"weight": {"use": "gravity", "g": [0.0, 0.0, -9.81]},
+              "push": {"use": "point_force", "on": "bar:right", "force": [0.0, 0.0, 3.0]}},
+    "time": {"end": 0.02, "step": 1e-3}, "probes": {"tip": {"body": "bar", "at": "right"}}}
+
+
+def tip(run: March) -> FloatArray:
+    """(T, d) position of the probe in space."""
+    probe, maps = run.model.probes[0], run.solver.dictionaries
+    u = run.block("bar.elastic")
+    if "bar.elastic" in maps:
+        u = maps["bar.elastic"].offset + u @ maps["bar.elastic"].atoms.T
+    assert probe.displacement is not None
+    y, z = run.block("bar.rigid"), probe.point + u @ probe.displacement
+    if len(probe.point) == 2:
+        turned = [np.array([[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]]) for a in y[:, 2]]
+    else:
+        turned = [rot.rotation(p) for p in y[:, 3:]]
+    return np.stack([r + A @ at for r, A, at in zip(y[:, : len(probe.point)], turned, z,
+                                                  strict=True)])
+
+
+def part(folder: Path, modes: int, whole: bool) -> dict[str, Any]:
+    """Superelement of the solid with its two ends as interface."""
+    body = built(scene_of({"bodies": {"bar": SOLID}, "time": REST["time"]}), "bar")
+    ends = np.unique(np.concatenate([body.points["left"], body.points["right"]]))
+    nodes = np.arange(len(body.X)) if whole else ends
+    sets = {}
+    for which in ("left", "right"):
+        at, centre = body.points[which], body.centre_of(which, body.points[which])
+        sets[which] = {"nodes": (np.searchsorted(nodes, at) + 1).tolist(),
+                       "weights": centre.weights[at].tolist()}
+    kept = {k: SOLID[k] for k in ("reference", "damping", "pose")}
+    return {**superelement(body, ends, modes, folder, whole), "sets": sets, **kept}
+
+
+def path_of(bar: dict[str, Any], **changes: Any) -> March:
+    return march(scene_of({**REST, "bodies": {"bar": bar}, **changes}))
+
+
+def test_shapes_that_span_all_displacements_are_the_mesh(tmp_path: Path) -> None:
+    one, two = path_of(SOLID), path_of(part(tmp_path, 36, True))  # of 36 unknowns inside
+    assert two.block("bar.elastic").shape == one.block("bar.elastic").shape
+    np.testing.assert_allclose(tip(two), tip(one), rtol=0.0, atol=1e-9)
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("reducer", [
+    {"use": "galerkin", "basis": {"use": "modal", "count": 6}},
+    {"use": "sparse", "basis": {"use": "pod", "count": 4}},
+    {"use": "deim", "basis": {"use": "pod", "count": 4}},
+    {"use": "ecsw", "basis": {"use": "pod", "count": 4}}], ids=str)
+@pytest.mark.parametrize("whole", [True, False])
+def test_reduced_superelements(reducer: dict[str, Any], whole: bool, tmp_path: Path) -> None:
+    bar = part(tmp_path, 6, whole)
+    full = path_of(bar)
+    got = march(scene_of({**REST, "bodies": {"bar": bar}, "reducer": reducer}), model=full.model,
+                snapshots=learnt(full))
+    np.testing.assert_allclose(tip(got), tip(full), rtol=0.0, atol=3e-4)
+
+
+def test_without_shapes_rigid_inertia_is_exact_and_the_rest_is_noted(tmp_path: Path) -> None:
+    body = built(scene_of({"bodies": {"bar": SOLID}, "time": REST["time"]}), "bar")
+    found = built(scene_of({"bodies": {"bar": part(tmp_path, 6, False)}, "time": REST["time"]}),
+                  "bar")
+    assert body.inertia is not None and found.inertia is not None
+    np.testing.assert_allclose(found.inertia.mass, body.inertia.mass, rtol=1e-12)
+    np.testing.assert_allclose(found.inertia.moment, body.inertia.moment, rtol=1e-12)
+    np.testing.assert_allclose(found.inertia.second, body.inertia.second, rtol=0.0,
+                               atol=1e-12 * body.inertia.second.max())
+    assert [n.kind for n in found.notes] == ["few_nodes"]
+
+
+def test_shapes_with_rigid_motion_need_a_reference(tmp_path: Path) -> None:
+    bar = {k: v for k, v in part(tmp_path, 2, True).items() if k != "reference"}
+    with pytest.raises(InputError, match="reference"):
+        built(scene_of({"bodies": {"bar": bar}, "time": REST["time"]}), "bar")
+
+
+# ---------------------------------------------------------------------- nodes with rotations
+
+def mast(folder: Path, d: int, turn: FloatArray | None = None) -> dict[str, Any]:
+    """Beam of four elements, its axis turned within the body frame."""
+    X, M, K = beam(4, 0.5, d=d)
+    if turn is not None:
+        T = block_diag(*(2 * len(X) * [turn]))
+        X, M, K = X @ turn.T, T @ M @ T.T, T @ K @ T.T
+    folder.mkdir(exist_ok=True)
+    return {"use": "matrices", **saved(folder, X, mass=M, stiffness=K), "damping": {
+        "stiffness": 1e-4}, "sets": {"left": {"nodes": [1]}, "right": {"nodes": [5]}},
+        "reference": {"clamp": "left"}}
+
+
+def swing(bar: dict[str, Any], d: int, h: float) -> FloatArray:
+    """Path of a turning beam on a hinge under its weight and a torque at its end."""
+    space = {"axis": [0, 0, 1]} if d == 3 else {}
+    return tip(march(scene_of({
+        **REST, "time": {"end": 0.02, "step": h}, "bodies": {"bar": bar},
+        "joints": {"hinge": {"use": "revolute", "between": ["ground", "bar:left"], **space}},
+        "loads": {"weight": {"use": "gravity", "g": [0.0, -9.81, 0.0][:d]},
+                  "turn": {"use": "torque", "on": "bar:right",
+                           "torque": 2.0 if d == 2 else [0.0, 0.0, 2.0]}}})))
+
+
+@pytest.mark.full
+def test_a_beam_with_rotations_swings_in_space_as_in_the_plane(tmp_path: Path) -> None:
+    """But for the time error, as one steps an angle and the other a quaternion; and as with its
+    axis turned within the body frame."""
+    turn = rot.rotation(rot.about((0.3, -0.5, 0.8), 1.1))
+    pose = {"axis": [0.3, -0.5, 0.8], "angle": -1.1, "spin": [0.0, 0.0, -8.0]}
+    far = []
+    for h in (1e-3, 5e-4):
+        flat = swing({**mast(tmp_path / "a", 2), "pose": {"spin": -8.0}}, 2, h)
+        solid = swing({**mast(tmp_path / "b", 3), "pose": {"spin": [0.0, 0.0, -8.0]}}, 3, h)
+        far.append(np.abs(solid[:, :2] - flat).max())
+        turned = swing({**mast(tmp_path / "c", 3, turn), "pose": pose}, 3, h)
+        np.testing.assert_allclose(turned, solid, rtol=0.0, atol=1e-11)
+    assert far[0] < 3e-7 and far[1] < 0.28 * far[0]
+
+
+def test_frequency_of_a_cantilever_with_rotations(tmp_path: Path) -> None:
+    body = built(scene_of({"bodies": {"bar": mast(tmp_path, 2)}, "time": REST["time"]}), "bar")
+    e = body.elasticity
+    assert e is not None
+    M = np.load(tmp_path / "mass.npy")[np.ix_(e.free, e.free)]
+    first = np.sqrt(eigh(e.stiffness[e.free][:, e.free].toarray(), M, eigvals_only=True)[0])
+    np.testing.assert_allclose(first, 1.8751041**2 * np.sqrt(40.0 / 2.0) / 0.5**2, rtol=1e-4)
