@@ -80,7 +80,7 @@ class Target:
         """(F, d) boundary facets of the set; InputError for a body without a mesh."""
         if self.body.mesh is None:
             raise InputError(f"{self.text!r}: body {self.body.name!r} has no mesh, and so no "
-                             "surface to integrate over; use point_force", key)
+                             "surface to integrate over; use point_force, or load_vector", key)
         try:
             return boundary_facets(self.body.mesh, self.nodes, self.text.partition(":")[2])
         except InputError as error:

@@ -11,13 +11,24 @@ from scipy.sparse import csr_array
 from sparsemor.bodies.body import FloatingBody
 from sparsemor.bodies.frames import nodal
 from sparsemor.bodies.frames.floating import FieldInertia, inertia_matrices
+from sparsemor.bodies.frames.force_items import BodyForce
 from sparsemor.bodies.frames.moments import MassProperties
+from sparsemor.bodies.frames.rotation import torque
 from sparsemor.bodies.matrices.unknowns import Unknowns
 from sparsemor.bodies.mesh.centres import Centre
-from sparsemor.core import Csr, FloatArray, InputError, IntArray
+from sparsemor.core import Amplitude, Csr, Equations, FloatArray, InputError, IntArray
 
 ROUND_OFF = 1e-6
 """Largest relative deviation of matrices from what a free body has: files have few digits."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NodalLoads:
+    """Loads on nodes: forces (N, d), N, moments (N, r), N m, in axes of the body, heat (N,), W."""
+
+    forces: FloatArray
+    moments: FloatArray
+    heat: FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -27,12 +38,14 @@ class MatrixBody(FloatingBody):
     mass (n, n): of all unknowns of the nodes; shapes (n, k): values of these for each of k
     generalized coordinates, which then are its displacement unknowns; None: they are the unknowns
     of the nodes. weights: set -> weights of its nodes, in their order, where they are given.
+    load_vectors: nodal loads by name.
     """
 
     unknowns: Unknowns
     mass: Csr | None = None
     shapes: FloatArray | None = None
     weights: Mapping[str, FloatArray] = field(default_factory=dict)
+    load_vectors: Mapping[str, NodalLoads] = field(default_factory=dict)
 
     def _own(self, vectors: FloatArray) -> FloatArray:
         """(k, p) products of functionals (n, p) of the unknowns of the nodes with its own."""
@@ -64,6 +77,20 @@ class MatrixBody(FloatingBody):
     def _first(self) -> FloatArray | None:
         return None if self.elasticity is None or self.mass is None else self._own(
             self.mass @ self.unknowns.rigid_modes[:, : self.d])
+
+    def load_vector(
+        self, equations: Equations, loads: NodalLoads, amplitude: Amplitude
+    ) -> None:
+        """Adds nodal loads times an amplitude."""
+        if loads.heat.any():
+            self.heat_load(equations, loads.heat, amplitude)
+        if self.immobile or not (loads.forces.any() or loads.moments.any()):
+            return
+        item = BodyForce(loads.forces.sum(axis=0), torque(self.X, loads.forces).sum(axis=0)
+                         + loads.moments.sum(axis=0), amplitude)
+        vectors = self.unknowns.displacements @ nodal.with_torques(loads.forces)
+        vectors[:, 0] += self.unknowns.rotations @ loads.moments.ravel()
+        equations.frame(self.name, item, None if self.elasticity is None else self._own(vectors))
 
     def _places(self, free: IntArray) -> tuple[FloatArray, IntArray]:
         u = self.unknowns

@@ -26,6 +26,8 @@ FORMATS: dict[str, Callable[[Path, str], FileMatrix]] = {
     ".npy": arrays.read, ".npz": arrays.read, ".mat": matlab.read, ".mtx": text.read,
     ".sti": calculix.read, ".mas": calculix.read}
 """Reader of each ending."""
+TABLES = (".csv", ".txt")
+"""Endings of tables of numbers."""
 _NAMED = re.compile(r"(.+\.(?:npz|mat)):(\w+)", re.IGNORECASE)
 _LETTERS = 200
 
@@ -91,12 +93,12 @@ def read_nodes(base: Path, written: str, key: str) -> FileNodes:
     or `.txt`; or *NODE and *NSET of an Abaqus or CalculiX input file. InputError under `key`."""
     path, name = place_of(base, written)
     kind = path.suffix.lower()
-    if kind not in (".inp", ".csv", ".txt", ".npy", ".npz", ".mat"):
+    if kind not in (".inp", *TABLES, ".npy", ".npz", ".mat"):
         raise InputError(f"'{written}': nodes are in a file .inp, .csv, .txt, .npy, .npz or .mat",
                          key)
     if kind == ".inp":
         found = _read(path, written, key, lambda: _input_file(decoded(path.read_bytes())))
-    elif kind in (".csv", ".txt"):
+    elif kind in TABLES:
         found = _read(path, written, key, lambda: _lines(path.read_text("latin-1")))
     else:
         X = read_matrix(base, written, key).matrix.toarray()
@@ -161,11 +163,16 @@ def _input_file(lines: list[str]) -> FileNodes:
     return FileNodes(np.array(labels, dtype=np.int64), np.array(X).reshape(-1, 3), sets)
 
 
+def read_table(base: Path, written: str, columns: int, key: str) -> FloatArray:
+    """(k, columns) numbers of a text file; InputError under `key`."""
+    path = base / written
+    return _read(path, written, key, lambda: table(path.read_text("latin-1"), columns))
+
+
 def read_unknowns(base: Path, written: str, key: str) -> IntArray:
     """(n, 2) node number and direction of each unknown; node 0 for one without a place."""
-    path, _ = place_of(base, written)
-    if path.suffix.lower() in (".csv", ".txt"):
-        values = _read(path, written, key, lambda: table(path.read_text("latin-1"), 2))
+    if Path(written).suffix.lower() in TABLES:
+        values = read_table(base, written, 2, key)
     else:
         values = read_matrix(base, written, key).matrix.toarray()
     found = values.astype(np.int64)

@@ -14,12 +14,14 @@ from sparsemor.bodies.fem.fields import Elasticity, Heat
 from sparsemor.bodies.flexible import Damping
 from sparsemor.bodies.frames.moments import MassProperties
 from sparsemor.bodies.matrices import checks
-from sparsemor.bodies.matrices.body import MatrixBody, mass_properties
+from sparsemor.bodies.matrices.body import MatrixBody, NodalLoads, mass_properties
 from sparsemor.bodies.matrices.file import (
+    TABLES,
     FileNodes,
     files_of,
     read_matrix,
     read_nodes,
+    read_table,
     read_unknowns,
     symmetric,
 )
@@ -117,6 +119,10 @@ class Matrices(BodyPlugin):
     """File of the heat capacity matrix C_T."""
     coupling: str | None = None
     """File of the thermal forces K_fT (unknowns, nodes), N/K."""
+    load_vectors: dict[str, str] = {}
+    """Files of nodal loads by name, for the load `load_vector`: lines `node, direction, value` of a
+    `.csv` or `.txt`, with directions 1 to 3 of forces, 4 to 6 of moments and 11 of heat; or an
+    array with a row of forces, or of forces and moments, for each node."""
     unknowns: str | None = None
     """File with a row of node and direction (1 to 3 displacements, 4 to 6 rotations) for each
     unknown, node 0 for one without a place. By default as the matrix file says, or the same
@@ -191,7 +197,8 @@ class Matrices(BodyPlugin):
 
     def files(self, base: Path) -> Sequence[Path]:
         """All files: their content identifies a run and its cached results."""
-        named = (self.nodes, self.unknowns, self.coupling, self.shapes, *(
+        named = (self.nodes, self.unknowns, self.coupling, self.shapes,
+                 *self.load_vectors.values(), *(
             getattr(self, key) for key in (*MECHANICAL, *THERMAL_KEYS)))
         return list(dict.fromkeys(f for n in named if n for f in files_of(base, n)))
 
@@ -202,6 +209,8 @@ class Matrices(BodyPlugin):
         gather = Gather()
         centres = gather("sets", given_centres, mesh, self.sets)
         weights = gather("sets", self._weights, files.nodes)
+        loads = {key: gather(f"load_vectors.{key}", self._loads, base, text, files)
+                 for key, text in self.load_vectors.items()}
         T0 = gather("", self._initial_temperature, mesh.points)
         start = gather("", self.pose.start, u.d, self.frame == "spinning" and u.d == 3)
         if self.frame == "spinning" and u.d == 2:
@@ -219,6 +228,7 @@ class Matrices(BodyPlugin):
         return MatrixBody(
             name=name, X=mesh.points, inertia=inertia, pose=start[0], velocity=start[1],
             moves=self.frame != "fixed", points=mesh.point_sets, centres=centres, weights=weights,
+            load_vectors={key: one for key, one in loads.items() if one is not None},
             declared=self.sets, unknowns=u, mass=M, shapes=shapes,
             elasticity=None if fixed is None else self._elasticity(files, fixed, own),
             heat=Heat(np.arange(len(mesh.points)), files.thermal["capacity"],
@@ -388,6 +398,31 @@ class Matrices(BodyPlugin):
                 order = np.argsort(nodes.numbering.rows(np.array(one.nodes)))
                 found[name] = np.array(one.weights)[order]
         return found
+
+    def _loads(self, base: Path, written: str, files: _Files) -> NodalLoads:
+        N, d = files.unknowns.X.shape
+        r, values = 2 * d - 3, np.zeros((N, 12))
+        if Path(written).suffix.lower() in TABLES:
+            node, direction, size = read_table(base, written, 3, "").T
+            rows = files.nodes.numbering.rows(node.astype(np.int64))
+            allowed = [1, 2, 6, 11] if d == 2 else [1, 2, 3, 4, 5, 6, 11]
+            if (rows < 0).any():
+                raise InputError(f"'{self.nodes}' has no node {node[int(np.argmin(rows))]:.0f}")
+            if not np.isin(direction, allowed).all():
+                raise InputError(f"'{written}': directions are {allowed}, 11 of heat (got "
+                                 f"{direction[~np.isin(direction, allowed)][0]:g})")
+            np.add.at(values, (rows, direction.astype(np.int64)), size)
+        else:
+            found = read_matrix(base, written, "").matrix.toarray()
+            if found.shape not in ((N, d), (N, d + r)):
+                raise InputError(f"'{written}' is {found.shape[0]} x {found.shape[1]}: a row of "
+                                 f"{d} or {d + r} numbers for each of {N} nodes is needed")
+            values[:, 1 : d + 1] = found[:, :d]
+            values[:, 7 - r : 7] = found[:, d:] if found.shape[1] > d else 0.0
+        force = self.units.mass * self.units.length
+        energy = force * self.units.length
+        return NodalLoads(force * values[:, 1 : d + 1], energy * values[:, 7 - r : 7],
+                          energy * values[:, 11])
 
     def _fixed(self, mesh: Mesh, u: Unknowns) -> IntArray | None:
         """Numbers of the unknowns that the reference condition fixes at zero; None without an

@@ -150,3 +150,32 @@ def test_frequency_of_a_cantilever_with_rotations(tmp_path: Path) -> None:
     M = np.load(tmp_path / "mass.npy")[np.ix_(e.free, e.free)]
     first = np.sqrt(eigh(e.stiffness[e.free][:, e.free].toarray(), M, eigvals_only=True)[0])
     np.testing.assert_allclose(first, 1.8751041**2 * np.sqrt(40.0 / 2.0) / 0.5**2, rtol=1e-4)
+
+
+def test_load_vectors_are_forces_and_moments_that_turn_with_the_body(tmp_path: Path) -> None:
+    bar = {**mast(tmp_path, 3), "pose": {"axis": [1, 2, 3], "angle": 0.4}}
+    joints = {"hinge": {"use": "spherical", "between": ["ground", "bar:left"]}}
+    file = tmp_path / "loads.csv"
+    file.write_text("5, 2, 3.0\n5, 3, -1.0\n5, 4, 0.2\n5, 6, 0.5\n")
+    one = path_of(bar, joints=joints, loads={
+        "force": {"use": "point_force", "on": "bar:right", "force": [0.0, 3.0, -1.0],
+                  "axes": "body"},
+        "moment": {"use": "torque", "on": "bar:right", "torque": [0.2, 0.0, 0.5],
+                   "axes": "body"}})
+    two = path_of({**bar, "load_vectors": {"all": str(file)}}, joints=joints,
+                  loads={"all": {"use": "load_vector", "on": "bar:all"}})
+    assert np.ptp(tip(one), axis=0).max() > 1e-3
+    np.testing.assert_allclose(tip(two), tip(one), rtol=0.0, atol=1e-10)
+
+
+def test_heat_of_a_load_vector_is_kept(tmp_path: Path) -> None:
+    """C_T T grows by the heat: 7 W over 0.02 s, from W and mm."""
+    C, K = np.diag([2.0, 3.0, 4.0]), np.array([[1.0, -1, 0], [-1, 2, -1], [0, -1, 1]])
+    options = saved(tmp_path, np.zeros((3, 2)) + np.arange(3)[:, None], capacity=C, conductivity=K)
+    (tmp_path / "q.csv").write_text("2 11 4.0e6\n3 11 3.0e6\n")
+    got = march(scene_of({
+        "bodies": {"rod": {"use": "matrices", **options, "frame": "fixed", "load_vectors": {
+            "q": str(tmp_path / "q.csv")}, "units": {"length": 1e-3}}},
+        "loads": {"q": {"use": "load_vector", "on": "rod:q"}}, "time": REST["time"]}))
+    T = got.block("rod.thermal")
+    np.testing.assert_allclose(1e-6 * np.diag(C) @ (T[-1] - T[0]), 7.0 * 0.02, rtol=1e-9)
