@@ -46,6 +46,7 @@ from sparsemor.core.protocols.contact import ContactPlugin as ContactPlugin
 from sparsemor.core.protocols.contact import FrictionLaw as FrictionLaw
 from sparsemor.core.protocols.contact import NormalLaw as NormalLaw
 from sparsemor.core.protocols.contributions import Equations as Equations
+from sparsemor.core.protocols.integrator import Controller as Controller
 from sparsemor.core.protocols.integrator import Function as Function
 from sparsemor.core.protocols.integrator import HeldFunction as HeldFunction
 from sparsemor.core.protocols.integrator import Integrator as Integrator

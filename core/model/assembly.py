@@ -34,13 +34,13 @@ from sparsemor.core.protocols import (
 )
 from sparsemor.core.protocols.contributions import Equations, Origin, Records
 from sparsemor.core.protocols.layout import Layout
-from sparsemor.core.protocols.plugin import Plugin
 from sparsemor.core.protocols.prescribed_motion import FrameHistory
 from sparsemor.core.protocols.step_amplitude import Stepping
 from sparsemor.core.registry.boundary import guard
 from sparsemor.core.registry.contracts import PARTS
 from sparsemor.core.registry.returned_values import complete
 from sparsemor.core.scene.digest import digest
+from sparsemor.core.scene.nested import nested
 from sparsemor.core.scene.options import Probe
 from sparsemor.core.scene.scene import Scene
 
@@ -182,17 +182,7 @@ def _along(
 
 def mentioned(plugin: object, bodies: Iterable[str]) -> set[str]:
     """Bodies that an option names, as `body` or as a set `body:set`."""
-    known, found = set(bodies), set[str]()
-    pending = list(plugin.model_dump().values()) if isinstance(plugin, Plugin) else []
-    while pending:
-        value = pending.pop()
-        if isinstance(value, str):
-            found |= {value.partition(":")[0]} & known
-        elif isinstance(value, Mapping):
-            pending += value.values()
-        elif isinstance(value, list | tuple):
-            pending += value
-    return found
+    return {text.partition(":")[0] for _, text in nested(plugin, str)} & set(bodies)
 
 
 def _start(layout: Layout, bodies: Mapping[str, Body]) -> tuple[FloatArray, FloatArray]:

@@ -394,11 +394,18 @@ class HeldValues:
     """Present values of held functions in a run. reads: number of values that were read."""
 
     def __init__(self, values: "Iterable[tuple[HeldFunction, float]]" = ()) -> None:
-        self.values, self.reads = {id(f): value for f, value in values}, 0
+        self.values, self.reads = {f.identity: value for f, value in values}, 0
 
 
 _NONE = HeldValues()
 _HELD: ContextVar[HeldValues] = ContextVar("held", default=_NONE)
+
+
+def held_values() -> HeldValues:
+    """Present values of held functions, a copy."""
+    found = HeldValues()
+    found.values = dict(_HELD.get().values)
+    return found
 
 
 @contextmanager
@@ -424,13 +431,54 @@ class HeldFunction(TimeFunction):
 
     start: float = 0.0
 
+    @property
+    def identity(self) -> object:
+        """Key of its value among those of a run."""
+        return id(self)
+
     def value(self, t: float) -> float:
         held = _HELD.get()
         held.reads += 1
-        return held.values.get(id(self), self.start)
+        return held.values.get(self.identity, self.start)
 
     def rate(self, t: float) -> float:
         return 0.0
 
     def curvature(self, t: float) -> float:
         return 0.0
+
+
+class Controller(Function, HeldFunction):
+    """Controller as a plugin: a function of time whose value in each step (zero-order hold) is
+    computed at its beginning from sensors, at the last accepted state.
+
+    It stands where a function of time does. Two with the same options have the same value, so that
+    equal scenes may share what is built of one. What it remembers is kept by the run and part of
+    its checkpoints.
+    """
+
+    @cached_property
+    def identity(self) -> object:
+        return repr(self)
+
+    @property
+    @abstractmethod
+    def sensors(self) -> Sequence[str]:
+        """Names of the quantities that it reads: those of probes (`tip.u_y`, `tip.temperature`),
+        rigid coordinates and rates (`crank.rigid.angle_rate`), and joint forces
+        (`hinge.force_x`)."""
+
+    def sensor_key(self, name: str) -> str:
+        """Key of the option that names a sensor, for messages."""
+        return next((k for k, v in self if v == name), "sensors")
+
+    def begin(self) -> Sequence[float]:
+        """Numbers that it remembers before the first step."""
+        return ()
+
+    @abstractmethod
+    def update(
+        self, t: float, h: float, sensed: FloatArray, memory: tuple[float, ...]
+    ) -> tuple[float, tuple[float, ...]]:
+        """Its value in the step from t to t + h, s, and what it remembers: as many numbers as
+        `begin` returns. sensed: present values of the sensors."""

@@ -3,6 +3,8 @@
 from collections.abc import Mapping
 from typing import Any
 
+from sparsemor.core.protocols.integrator import Controller
+from sparsemor.core.scene.nested import functions_of_time
 from sparsemor.core.scene.scene import Scene
 
 IRRELEVANT: Mapping[str, Any] = {
@@ -24,7 +26,11 @@ def physics_of(scene: Scene, label: str) -> Scene:
     same digest. label: origin of the changed keys in messages."""
     without = {f"training.{key}": None for key in ("parameters", "loads")
                if getattr(scene.training, key) is not None}
-    return scene.using({**IRRELEVANT, **without}, label=label)
+    reset = dict(IRRELEVANT)
+    if any(isinstance(f, Controller) for _, f in functions_of_time(
+            {"loads": scene.loads, "joints": scene.joints, "contacts": scene.contacts})):
+        del reset["probes"]  # sensors
+    return scene.using({**reset, **without}, label=label)
 
 
 def training_physics(scene: Scene, own: Mapping[str, Any] | None = None) -> tuple[Scene, Scene]:

@@ -22,11 +22,13 @@ from sparsemor.core.protocols import (
     StepFactors,
     StepSolver,
 )
+from sparsemor.core.protocols.integrator import holding
 from sparsemor.core.registry.hooks import Manager, RunStart, new_manager
 from sparsemor.core.registry.returned_values import built_dictionary
 from sparsemor.core.scene.digest import digest
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.blow_up import Extents, diverged
+from sparsemor.core.simulation.controllers import Controllers, sensors
 from sparsemor.core.simulation.offline_cache import Products
 from sparsemor.core.simulation.step_control import controlled, step_of
 from sparsemor.core.simulation.time_stepping import iterate, started
@@ -295,7 +297,8 @@ def full_run(
     solver: StepSolver = scene.reducer.prepare(ReducedProblem(
         model, scene.integrator, h, offline, np.random.default_rng(scene.seed)))
     solver = controlled(scene, model, offline, solver)
-    step = step_of(solver, scene.integrator, h)
+    controllers = Controllers(scene, sensors(model, solver))
+    step = controllers.around(step_of(solver, scene.integrator, h), controllers.begin())
     first = resolved_start(model, scene.integrator, h).state
     state, memory = started(solver, scene.integrator, first)
     extents = Extents.of(model, solver.layout, solver.dictionaries)
@@ -303,7 +306,10 @@ def full_run(
     manager.hook.on_start(run=RunStart(
         scene.title, scene.reducer_name, 0.0, steps * h, steps, name))
     yield state
-    for n, taken in enumerate(iterate(step, state, memory, steps), 1):
+    taking = iterate(step, state, memory, steps)
+    for n in range(1, steps + 1):
+        with holding(controllers.held):
+            taken = next(taking)
         outcome, state = taken.outcome, taken.state
         if not outcome.status.ok:
             where = f"{phase}: {outcome.detail}" if outcome.detail else phase

@@ -1,8 +1,9 @@
 """Recorder of a run: buffers stored steps, evaluates probes, writes results, sums up the run."""
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +14,12 @@ from sparsemor.core.errors import InputError
 from sparsemor.core.linalg.threads import elsewhere
 from sparsemor.core.notes import Level, Note, information, kinds, sentences
 from sparsemor.core.protocols import (
+    BodyShape,
     State,
     StepMemory,
     StepSolver,
 )
+from sparsemor.core.protocols.integrator import HeldValues, held_values, holding
 from sparsemor.core.protocols.step_solver import resultants
 from sparsemor.core.results.arrays_in_memory import MemoryWriter
 from sparsemor.core.results.checkpoint import Checkpoint
@@ -25,7 +28,7 @@ from sparsemor.core.results.files.own import STORE
 from sparsemor.core.results.files.temporary import TemporaryFolder
 from sparsemor.core.results.json_data import finite
 from sparsemor.core.results.output_lock import check_owned
-from sparsemor.core.results.probes import rate_columns
+from sparsemor.core.results.probes import ForceReader, ProbeReader, rate_columns
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.results.saved_state import SavedError
 from sparsemor.core.results.solver_report import solvers_summary
@@ -74,6 +77,7 @@ class Recorder:
         self.set_run(run)
         self._rows: list[tuple[float, FloatArray, int, float, float, list[FloatArray]]] = []
         self._contacts: list[Mapping[str, float]] = []
+        self._held: list[HeldValues] = []
         self._supports: list[Mapping[str, BoolArray]] = []
 
     def set_run(self, run: PreparedRun) -> None:
@@ -103,7 +107,7 @@ class Recorder:
 
     def roll_back(self, mark: "RecordMark") -> None:
         """Drops what came after a moment, since which nothing was written."""
-        for kept in (self._rows, self._contacts, self._supports):
+        for kept in (self._rows, self._contacts, self._supports, self._held):
             del kept[mark.rows:]
         if self.errors is not None and mark.errors is not None:
             self.errors.roll_back(mark.errors)
@@ -195,6 +199,7 @@ class Recorder:
         self._rows.append((
             state.t, state.x, stats.last_iterations, stats.last_remaining, stats.last_seconds,
             [state.v[at].copy() for at in self._rates.values()]))
+        self._held.append(held_values())
         self._supports.append(dict(supports))
         if self.errors is not None:
             self.errors.store()
@@ -220,16 +225,39 @@ class Recorder:
             list(c) for c in zip(*self._rows, strict=True))
         X, times = np.array(x), np.array(t)
         rate = dict(zip(self._rates, map(np.array, zip(*rates, strict=True)), strict=True))
+
+        def probed(p: ProbeReader, i: slice) -> FloatArray:
+            return p(times[i], X[i])
+
+        def force(f: ForceReader, i: slice) -> FloatArray:
+            return f(times[i], X[i], {column: v[i] for column, v in rate.items()})
+
+        def given(shape: BodyShape, i: slice) -> FloatArray:
+            return shape.given_at(times[i])
+
         supports = {name: np.array([s[name] for s in self._supports])
                     for name in self._supports[0]}
         self.writer.append(ChunkOfSteps(
             times, X, np.array(iterations), np.array(remaining), np.array(seconds), supports,
-            {p.name: p(times, X) for p in self.run.probes},
+            self._each({p.name: partial(probed, p) for p in self.run.probes}),
             {name: np.array([c[name] for c in self._contacts])
              for name in (self._contacts or [{}])[0]},
-            {f.name: f(times, X, rate) for f in self.run.forces},
-            {body: shape.given_at(times) for body, shape in self.run.given.items()}, estimates))
-        self._rows, self._supports, self._contacts = [], [], []
+            self._each({f.name: partial(force, f) for f in self.run.forces}),
+            self._each({b: partial(given, shape) for b, shape in self.run.given.items()}),
+            estimates))
+        self._rows, self._supports, self._contacts, self._held = [], [], [], []
+
+    def _each(self, of: Mapping[str, Callable[[slice], FloatArray]]) -> dict[str, FloatArray]:
+        """Values of functions of a range of the buffered steps, at all of them: one by one where
+        functions of time have values of each step."""
+        if not any(h.values for h in self._held):
+            return {name: f(slice(None)) for name, f in of.items()}
+        found: dict[str, list[FloatArray]] = {name: [] for name in of}
+        for i, held in enumerate(self._held):
+            with holding(held):
+                for name, f in of.items():
+                    found[name].append(f(slice(i, i + 1)))
+        return {name: np.concatenate(values) for name, values in found.items()}
 
     def _estimated(self) -> dict[str, float]:
         """Block -> largest estimated error at the stored steps, relative to its largest change."""

@@ -11,14 +11,17 @@ import numpy as np
 
 from sparsemor.core.errors import Damaged, PluginError
 from sparsemor.core.protocols import ManySteps, State, StepMemory
+from sparsemor.core.protocols.integrator import holding
 from sparsemor.core.registry.boundary import naming_plugins
 from sparsemor.core.registry.hooks import Manager, RunStart
 from sparsemor.core.registry.returned_values import complete
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.simulation.blow_up import Extents, Growth, Large, diverged, too_long
 from sparsemor.core.simulation.checks import Checks, Findings
+from sparsemor.core.simulation.controllers import Controllers
 from sparsemor.core.simulation.error_record import ErrorRecord
 from sparsemor.core.simulation.interrupt import Interrupt
+from sparsemor.core.simulation.outputs import outputs_of
 from sparsemor.core.simulation.prepared_run import PreparedRun
 from sparsemor.core.simulation.recorder import Recorder, RecordMark, in_summary
 from sparsemor.core.simulation.step_control import ControlledSteps, ControlMemory, step_of
@@ -74,6 +77,7 @@ class RunSteps:
         if run.estimator is not None:
             recorder.errors = ErrorRecord(
                 run.estimator, run.full_start or run.start, self.state, run.changes)
+        self.stats.controllers = self._controllers().begin()
         self.checks = Checks.of(scene)
         self.control = self.checks.control(run)
         if self.control is not None:
@@ -174,6 +178,11 @@ class RunSteps:
             return self.control.take(self, lambda: interrupt.wanted)
         return self.portion(self.steps - self.stats.done, lambda: interrupt.wanted)
 
+    def _controllers(self) -> Controllers:
+        run = self.run
+        return Controllers(self.scene, outputs_of(
+            self.solver.layout, run.header.multipliers, run.probes, run.forces))
+
     def accepted(self) -> Accepted:
         """The present state, to come back to."""
         return Accepted(self.state, deepcopy(self.stats), self.recorder.mark())
@@ -210,20 +219,25 @@ class RunSteps:
         """Takes `count` steps; returns None, or the error of a failed step, of a plugin, or of an
         interruption."""
         try:
-            with naming_plugins():
-                return self._taken(count, stop)
+            controllers = self._controllers()
+            with naming_plugins(), holding(controllers.held):
+                return self._taken(count, stop, controllers)
         except PluginError as error:
             return self._of_plugin(error)
 
-    def _taken(self, count: int, stop: Callable[[], bool]) -> SolveFailed | None:
+    def _taken(
+        self, count: int, stop: Callable[[], bool], controllers: Controllers
+    ) -> SolveFailed | None:
         solver, h = self.solver, self.scene.time.step
-        step = step_of(solver, self.scene.integrator, h)
+        step = controllers.around(
+            step_of(solver, self.scene.integrator, h), self.stats.controllers)
         watched, stats, end = self.manager.has_observers, self.stats, self.stats.done + count
         extents = self.run.extents if self.run.extents.blocks else Extents.of(
             self.run.model, solver.layout, solver.dictionaries)
         if self.growth is not None and not self.growth.last:
             self.growth = Growth(extents)
-        for taken in iterate(step, self.state, self.memory, count, stop, self.many):
+        many = None if controllers.found else self.many
+        for taken in iterate(step, self.state, self.memory, count, stop, many):
             outcome, before = taken.outcome, self.state
             _, self.state, self.memory, seconds, whole = taken
             if not outcome.status.ok:

@@ -19,7 +19,8 @@ class StepStatistics:
     last_remaining (`StepOutcome.remaining`): those of the last step; seconds_near: k -> number of
     steps whose solution took exp(k / 100) s, within 0.5 %; active: block -> number of active atoms,
     summed over the steps; full_steps, full_seconds: number of steps of a reduced run that were
-    solved at full order, and wall time for these and their preparation, s.
+    solved at full order, and wall time for these and their preparation, s; controllers: what they
+    remember.
     """
 
     offline: float = 0.0
@@ -33,6 +34,7 @@ class StepStatistics:
     active: dict[str, int] = field(default_factory=dict)
     full_steps: int = 0
     full_seconds: float = 0.0
+    controllers: dict[str, tuple[float, ...]] = field(default_factory=dict)
 
     def add(self, seconds: float, outcome: StepOutcome) -> None:
         """Counts a solved step, whose solution took so many seconds."""

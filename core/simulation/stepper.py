@@ -11,14 +11,13 @@ from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import Fault, InputError
 from sparsemor.core.linalg.threads import threads
 from sparsemor.core.protocols import State, StepMemory
-from sparsemor.core.protocols.integrator import HeldFunction, HeldValues, holding
-from sparsemor.core.protocols.layout import Quantity
-from sparsemor.core.protocols.poses import FREE_POSE, PLANAR_POSE, SPINNING_POSE
+from sparsemor.core.protocols.integrator import HeldFunction, holding
 from sparsemor.core.registry.boundary import naming_plugins
 from sparsemor.core.registry.registry import suggestions
-from sparsemor.core.results.probes import ForceReader, ProbeReader, rate_columns
 from sparsemor.core.results.saved_state import Saved, SavedError
 from sparsemor.core.simulation.checks import Checks
+from sparsemor.core.simulation.controllers import Controllers
+from sparsemor.core.simulation.outputs import outputs_of, read
 from sparsemor.core.simulation.prepared_run import PreparedRun
 from sparsemor.core.simulation.step_control import step_of
 from sparsemor.core.simulation.time_stepping import iterate, many_steps, started
@@ -27,54 +26,12 @@ from sparsemor.core.status import SolveFailed, Status
 if TYPE_CHECKING:
     from sparsemor.core.simulation.reduced_model import ReducedModel
 
-COORDINATES = {PLANAR_POSE: ("x", "y", "angle"), SPINNING_POSE: ("x", "y", "z", "angle"),
-               FREE_POSE: ("x", "y", "z", "q0", "q1", "q2", "q3")}
-"""Number of rigid coordinates of a frame -> their names; q: unit quaternion."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Input(HeldFunction):
     """Input of a stepper in the place of a function of time; start: its value at the beginning."""
 
     start: float
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Output:
-    """Quantity that a stepper gives: its unit, and the column `at` of what a probe or a force
-    element gives, or of the unknowns x (rate: of their rates)."""
-
-    unit: str
-    at: int
-    reader: ProbeReader | ForceReader | None = None
-    rate: bool = False
-
-
-def outputs_of(run: PreparedRun) -> Mapping[str, Output]:
-    """Name -> quantity of all that a run records and of its rigid coordinates: `tip.u_y` of probe
-    tip, `crank.rigid.angle` and `crank.rigid.angle_rate` of a body, `hinge.force_x` of a joint."""
-    found, header = dict[str, Output](), run.header
-    for p in run.probes:
-        head = p.header()
-        found |= {f"{p.name}.{c}": Output(unit, i, p)
-                  for i, (c, unit) in enumerate(zip(head.components, head.units, strict=True))}
-    for f in run.forces:
-        found[f"{f.name}.{_word(f.component[0])}"] = Output(f.component[1], 0, f)
-    for b in run.solver.layout:
-        first = run.solver.layout[b.name].start
-        if b.name in header.multipliers:
-            found |= {f"{b.owner}.{_word(name)}": Output(unit, first + i)
-                      for i, (name, unit) in enumerate(header.multipliers[b.name])}
-        elif b.kind.quantity is Quantity.POSE:
-            for i, name in enumerate(COORDINATES.get(b.size, ())):
-                unit = "m" if name in "xyz" else "rad" if name == "angle" else "1"
-                found[f"{b.name}.{name}"] = Output(unit, first + i)
-                found[f"{b.name}.{name}_rate"] = Output(f"{unit}/s", first + i, rate=True)
-    return found
-
-
-def _word(name: str) -> str:
-    return name.replace(" ", "_")
 
 
 class Stepper:
@@ -96,16 +53,18 @@ class Stepper:
         self.step_size = run.scene.time.step
         """Size h of a step, s."""
         self._inputs, self._values = dict(inputs), dict[str, float]()
-        self._step = step_of(run.solver, run.scene.integrator, self.step_size)
+        step = step_of(run.solver, run.scene.integrator, self.step_size)
         self._many = many_steps(run.solver, run.scene.integrator, self.step_size, run.steps)
         self._begin = started(run.solver, run.scene.integrator, run.start)
-        known = outputs_of(run)
+        known = outputs_of(run.solver.layout, run.header.multipliers, run.probes, run.forces)
         faults = [Fault("outputs", f"no output is called {n!r}: {suggestions(n, known, 'outputs')}")
                   for n in outputs if n not in known]
         if faults:
             raise InputError(faults)
         self._outputs = {n: known[n] for n in outputs or known}
-        self._rates = rate_columns(run.forces)
+        self._controllers = Controllers(run.scene, known, tuple(inputs))
+        self._controlled = self._controllers.begin()
+        self._step = self._controllers.around(step, self._controlled)
         self.reset()
 
     def __repr__(self) -> str:
@@ -132,6 +91,7 @@ class Stepper:
         state, memory = self._begin
         self._state, self._memory, self._done = state, memory.copy(), 0
         self._values = {key: f.start for key, f in self._inputs.items()}
+        self._controlled.update(self._controllers.begin())
         self._look()
 
     def set(self, key: str, value: float) -> None:
@@ -152,8 +112,9 @@ class Stepper:
         if run.header.stage is not None and self._done + count > run.steps:
             raise InputError(f"the model follows a rigid motion that ends at "
                              f"{run.scene.time.end:g} s", "time.end")
+        many = None if self._controllers.found else self._many
         with self._threads.limit(limits=threads(), user_api="blas"), self._holding():
-            for taken in iterate(self._step, self._state, self._memory, count, many=self._many):
+            for taken in iterate(self._step, self._state, self._memory, count, many=many):
                 if not taken.outcome.status.ok:
                     raise SolveFailed(taken.outcome.status, self.t + self.step_size,
                                       taken.outcome.block, taken.outcome.detail,
@@ -174,24 +135,12 @@ class Stepper:
 
     def values(self, names: Sequence[str] = ()) -> FloatArray:
         """Present values of the named outputs, or of all. Raises InputError for another name."""
-        s, read, found = self._state, dict[int, FloatArray](), list[float]()
-        for name in names or self._outputs:
+        for name in names:
             if name not in self._outputs:
                 raise InputError(f"no output is called {name!r}: "
                                  f"{suggestions(name, self._outputs, 'outputs')}", "outputs")
-            of = self._outputs[name]
-            if of.reader is None:
-                found.append(float((s.v if of.rate else s.x)[of.at]))
-                continue
-            if id(of.reader) not in read:
-                t, x = np.array([s.t]), s.x[None]
-                rates = {first: s.v[None, at] for first, at in self._rates.items()}
-                with self._holding():
-                    read[id(of.reader)] = np.atleast_1d(np.squeeze(
-                        of.reader(t, x) if isinstance(of.reader, ProbeReader)
-                        else of.reader(t, x, rates), axis=0))
-            found.append(float(read[id(of.reader)][of.at]))
-        return np.array(found)
+        with self._holding():
+            return read([self._outputs[n] for n in names or self._outputs], self._state)
 
     def saved(self) -> bytes:
         """Present state with the values of the inputs, for `restore`."""
@@ -206,17 +155,21 @@ class Stepper:
             found = Saved.load(saved).into(self._kept(state, memory.copy()), "stepper")
         except SavedError as error:
             raise InputError(f"this is no state of this model ({error})", "state") from None
-        t, x, v, a, past, self._memory, self._done, values = found
+        t, x, v, a, past, self._memory, self._done, values, controlled = found
         self._state = State(t, x, v, a, past)
+        self._controlled.update(controlled)
         for key, value in values.items():
             self.set(key, value)
         self._look()
 
     def _kept(self, s: State, memory: StepMemory) -> tuple[Any, ...]:
-        return (s.t, s.x, s.v, s.a, s.memory, memory, self._done, dict(self.inputs))
+        return (s.t, s.x, s.v, s.a, s.memory, memory, self._done, dict(self.inputs),
+                dict(self._controlled))
 
     def _holding(self) -> AbstractContextManager[None]:
-        return holding(HeldValues((f, self._values[key]) for key, f in self._inputs.items()))
+        held = self._controllers.held
+        held.values |= {f.identity: self._values[key] for key, f in self._inputs.items()}
+        return holding(held)
 
     def _look(self) -> None:
         self._on_step = Checks.of(self._run.scene).on_start(self._run, self._state, False)

@@ -13,6 +13,7 @@ from sparsemor.core.model.prescribed_motion import NOTHING, AtStart
 from sparsemor.core.registry.boundary import naming_plugins
 from sparsemor.core.registry.registry import suggestions
 from sparsemor.core.scene.scene import Scene
+from sparsemor.core.simulation.controllers import controller_faults
 from sparsemor.core.simulation.initial_from_result import started_from_result
 from sparsemor.core.simulation.memory.estimate import chosen_bases, grid_refusal
 from sparsemor.core.simulation.memory.precheck import check_memory
@@ -53,6 +54,7 @@ def checked_model(scene: Scene, body_cache: BodyCache | None = None) -> Model:
     if model is not None:
         gather.faults += unmatched_patterns(model.layout, "linear_solvers", scene.linear_solvers)
         gather.faults += unknown_fields(scene, model)
+        gather.faults += controller_faults(scene, model)
         gather.faults += training_faults(scene, model, body_cache)
     gather.faults += control_faults(scene)
     if model is not None and scene.rigid_stage is None:  # else the loads are not known yet

@@ -1,0 +1,97 @@
+"""Controllers in a run: each sets its function of time, at the beginning of a step and for the
+whole step (zero-order hold), from sensors at the last accepted state."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from sparsemor.core.errors import Fault, InputError
+from sparsemor.core.model.model import Model
+from sparsemor.core.protocols import State, StepSolver
+from sparsemor.core.protocols.integrator import Controller, HeldValues
+from sparsemor.core.registry.registry import suggestions
+from sparsemor.core.results.probes import ForceReader, ProbeReader
+from sparsemor.core.scene.nested import functions_of_time
+from sparsemor.core.scene.scene import Scene
+from sparsemor.core.simulation.outputs import Output, outputs_of, read
+from sparsemor.core.simulation.run_header import multiplier_components
+from sparsemor.core.simulation.time_stepping import Step
+
+Memory = dict[str, tuple[float, ...]]
+"""Key of a controller in the scene -> what it remembers from step to step."""
+
+
+def controllers_of(scene: Scene) -> dict[str, Controller]:
+    """Controllers of a scene by their keys, such as `loads.motor.factor`."""
+    acting = {"loads": scene.loads, "joints": scene.joints, "contacts": scene.contacts}
+    return {k: f for k, f in functions_of_time(acting) if isinstance(f, Controller)}
+
+
+class Controllers:
+    """Controllers of a run of a step solver. held: present values of their functions."""
+
+    def __init__(
+        self, scene: Scene, outputs: Mapping[str, Output], without: Sequence[str] = ()
+    ) -> None:
+        """without: keys of functions that something else sets."""
+        # those that give targets to others first
+        self.found = {k: f for k, f in reversed(controllers_of(scene).items())
+                      if k not in without}
+        self.outputs = outputs
+        self.held, self.h = HeldValues(), scene.time.step
+
+    def begin(self) -> Memory:
+        """What they remember before the first step."""
+        return {key: tuple(f.begin()) for key, f in self.found.items()}
+
+    def around(self, step: Step, memory: Memory) -> Step:
+        """The step with values that are computed before it; it changes `memory`."""
+        def controlled(state: State, inner: Any) -> tuple[Any, State, Any]:
+            for key, f in self.found.items():
+                sensed = read([self.outputs[n] for n in f.sensors], state)
+                value, memory[key] = f.update(state.t, self.h, sensed, memory[key])
+                self.held.values[f.identity] = self._finite(key, value, state.t)
+            return step(state, inner)
+
+        return controlled if self.found else step
+
+    @staticmethod
+    def _finite(key: str, value: float, t: float) -> float:
+        if not np.isfinite(value):
+            raise InputError(f"the controller gives {value} at t = {t:.6g} s", key)
+        return float(value)
+
+
+def sensors(model: Model, solver: StepSolver) -> Mapping[str, Output]:
+    """What controllers of a run may read, by name."""
+    return outputs_of(
+        solver.layout, multiplier_components(model),
+        [ProbeReader.of(p, solver.layout, solver.dictionaries) for p in model.probes],
+        [ForceReader.of(n, j.force, solver.layout) for n, j in model.joints.items() if j.force])
+
+
+def controller_faults(scene: Scene, model: Model) -> list[Fault]:
+    """Faults of controllers: sensors that do not exist, and what needs a run whose loads are known
+    before it."""
+    found = controllers_of(scene)
+    known = outputs_of(
+        model.layout, multiplier_components(model),
+        [ProbeReader.of(p, model.layout, {}) for p in model.probes],
+        [ForceReader.of(n, j.force, model.layout) for n, j in model.joints.items() if j.force])
+    faults = [Fault(f"{key}.{f.sensor_key(name)}",
+                    f"no sensor is called {name!r}: {suggestions(name, known, 'sensors')}")
+              for key, f in found.items() for name in f.sensors if name not in known]
+    if not found:
+        return faults
+    why = f"{next(iter(found))} is a controller, whose values are not known before the run"
+    if scene.rigid_stage is not None:
+        faults.append(Fault("rigid_stage", f"{why}: run the scene in one stage"))
+    if scene.reducer.chooses:
+        faults.append(Fault("reducer", f"{why}, so trial runs cannot choose: name a reducer"))
+    if scene.time.control is not None:
+        faults.append(Fault("time.control", f"{why} and jump at each step: take a fixed step"))
+    if getattr(scene.reducer, "error_estimate", False):
+        faults.append(Fault("reducer.error_estimate", f"{why}: it estimates no errors of them"))
+    return faults
+

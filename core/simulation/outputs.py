@@ -1,0 +1,75 @@
+"""Quantities of a run that are read between its steps: outputs of a stepper, sensors of
+controllers."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.protocols import State
+from sparsemor.core.protocols.layout import Layout, Quantity
+from sparsemor.core.protocols.poses import FREE_POSE, PLANAR_POSE, SPINNING_POSE
+from sparsemor.core.results.probes import ForceReader, ProbeReader, rate_columns
+
+COORDINATES = {PLANAR_POSE: ("x", "y", "angle"), SPINNING_POSE: ("x", "y", "z", "angle"),
+               FREE_POSE: ("x", "y", "z", "q0", "q1", "q2", "q3")}
+"""Number of rigid coordinates of a frame -> their names; q: unit quaternion."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Output:
+    """Quantity that a stepper gives: its unit, and the column `at` of what a probe or a force
+    element gives, or of the unknowns x (rate: of their rates)."""
+
+    unit: str
+    at: int
+    reader: ProbeReader | ForceReader | None = None
+    rate: bool = False
+
+
+def outputs_of(
+    layout: Layout, multipliers: Mapping[str, Sequence[tuple[str, str]]],
+    probes: Iterable[ProbeReader], forces: Iterable[ForceReader],
+) -> Mapping[str, Output]:
+    """Name -> quantity of all that a run records and of its rigid coordinates: `tip.u_y` of probe
+    tip, `crank.rigid.angle` and `crank.rigid.angle_rate` of a body, `hinge.force_x` of a joint."""
+    found = dict[str, Output]()
+    for p in probes:
+        head = p.header()
+        found |= {f"{p.name}.{c}": Output(unit, i, p)
+                  for i, (c, unit) in enumerate(zip(head.components, head.units, strict=True))}
+    for f in forces:
+        found[f"{f.name}.{_word(f.component[0])}"] = Output(f.component[1], 0, f)
+    for b in layout:
+        first = layout[b.name].start
+        if b.name in multipliers:
+            found |= {f"{b.owner}.{_word(name)}": Output(unit, first + i)
+                      for i, (name, unit) in enumerate(multipliers[b.name])}
+        elif b.kind.quantity is Quantity.POSE:
+            for i, name in enumerate(COORDINATES.get(b.size, ())):
+                unit = "m" if name in "xyz" else "rad" if name == "angle" else "1"
+                found[f"{b.name}.{name}"] = Output(unit, first + i)
+                found[f"{b.name}.{name}_rate"] = Output(f"{unit}/s", first + i, rate=True)
+    return found
+
+
+def _word(name: str) -> str:
+    return name.replace(" ", "_")
+
+
+def read(outputs: Sequence[Output], s: State) -> FloatArray:
+    """Present values of outputs in a state of the step solver."""
+    known, found = dict[int, FloatArray](), list[float]()
+    for of in outputs:
+        if of.reader is None:
+            found.append(float((s.v if of.rate else s.x)[of.at]))
+            continue
+        if id(of.reader) not in known:
+            t, x = np.array([s.t]), s.x[None]
+            known[id(of.reader)] = np.atleast_1d(np.squeeze(
+                of.reader(t, x) if isinstance(of.reader, ProbeReader) else of.reader(
+                    t, x, {first: s.v[None, at] for first, at in rate_columns(
+                        [of.reader]).items()}), axis=0))
+        found.append(float(known[id(of.reader)][of.at]))
+    return np.array(found)
