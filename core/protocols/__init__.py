@@ -46,6 +46,7 @@ from sparsemor.core.protocols.contributions import Origin as Origin
 from sparsemor.core.protocols.contributions import Records as Records
 from sparsemor.core.protocols.contributions import TableRecord as TableRecord
 from sparsemor.core.protocols.contributions import VectorRecord as VectorRecord
+from sparsemor.core.protocols.integrator import Controller as Controller
 from sparsemor.core.protocols.integrator import Function as Function
 from sparsemor.core.protocols.integrator import HeldFunction as HeldFunction
 from sparsemor.core.protocols.integrator import HeldValues as HeldValues

@@ -46,6 +46,7 @@ OPTIONS: dict[tuple[str, str], dict[str, Any]] = {
     ("function", "sine"): {"amplitude": 2.0, "frequency": 0.7},
     ("function", "smooth_step"): {"start": 0.5, "end": 2.5, "final": -3.0},
     ("function", "sum"): {"terms": (1.0, {"use": "sine", "amplitude": 2.0, "frequency": 0.7})},
+    ("function", "pid"): {"sensor": "arm.rigid.angle", "kp": 1.0},
     ("function", "product"): {"factors": (3.0, {"use": "smooth_step", "end": 2.0, "final": 1.0})},
     ("normal_law", "elastic_foundation"): {
         "stiffness": 1e9, "damping": 1e5, "damping_depth": 1e-6},
