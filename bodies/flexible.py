@@ -119,9 +119,9 @@ class Flexible(BodyPlugin):
     order: Literal[1, 2] | None = None
     """Polynomial degree of displacements and temperatures in each element. 2: further nodes on its
     edges, and inside quadrilaterals and hexahedra; sets, which are found among the corners, contain
-    those between their corners. 1: by the corners, with straight edges. Not given: 2 where the mesh
-    file has cells of second order, and for an elastic body of quadrilaterals, wedges or hexahedra,
-    which of first order are too stiff in bending; otherwise 1."""
+    those between their corners. 1: by the corners, with straight edges. Not given: 2 for an elastic
+    body with the mesh of a file or geometry, because cells of first order are too stiff in bending;
+    otherwise that of the mesh, 1 of a generated one (`rectangle`, `block`, ...)."""
     thickness: float | None = Field(default=None, gt=0)
     """Thickness of a planar body, m."""
     material: Annotated[Material, Slot("material")] = slot_default("isotropic")
@@ -232,8 +232,8 @@ class Flexible(BodyPlugin):
         if not self.fields:  # no field to interpolate
             order = mesh.order
         elif order is None:
-            bends = ELASTIC.name in self.fields and mesh.cells.shape[1] > mesh.dimension + 1
-            order = 2 if bends else mesh.order
+            given = self.mesh.expected() is None  # by a file, not by divisions
+            order = 2 if ELASTIC.name in self.fields and given else mesh.order
         if order == mesh.order:
             return mesh
         return with_midpoints(mesh) if order == 2 else without_midpoints(mesh)

@@ -57,8 +57,8 @@ _FAMILIES = (
     ("line3", r"(T2D3|T3D3|B22|B32|PIPE22|PIPE32|DC1D3)[A-Z]*"),
     ("triangle", r"(CPS3|CPE3|CPEG3|DC2D3|AC2D3|S3|DS3|STRI3|M3D3|R3D3|SFM3D3)[A-Z]*"),
     ("triangle6", r"(CPS6|CPE6|CPEG6|DC2D6|AC2D6|S6|DS6|STRI65|M3D6|SFM3D6)[A-Z]*"),
-    ("quad", r"(CPS4|CPE4|CPEG4|DC2D4|AC2D4|S4|DS4|M3D4|R3D4|SFM3D4)[A-Z]*"),
-    ("quad8", r"(CPS8|CPE8|CPEG8|DC2D8|AC2D8|S8|DS8|M3D8|SFM3D8)[A-Z]*"),
+    ("quad", r"(CPS4|CPE4|CPEG4|DC2D4|AC2D4|S4|DS4|M3D4|R3D4|SFM3D4)[A-Z]*5?"),
+    ("quad8", r"(CPS8|CPE8|CPEG8|DC2D8|AC2D8|S8|DS8|M3D8|SFM3D8)[A-Z]*5?"),
     ("tetra", r"(C3D4|DC3D4|AC3D4)[A-Z]*"),
     ("tetra10", r"(C3D10|DC3D10|AC3D10)[A-Z]*"),
     ("pyramid", r"(C3D5|DC3D5|AC3D5)[A-Z]*"),
@@ -66,7 +66,7 @@ _FAMILIES = (
     ("wedge15", r"(C3D15|DC3D15|AC3D15)[A-Z]*"),
     ("hexahedron", r"(C3D8|DC3D8|DCC3D8|AC3D8|SC8|CSS8)[A-Z]*"),
     ("hexahedron20", r"(C3D20|DC3D20|AC3D20)[A-Z]*"),
-    ("quad9", r"(S9|M3D9)[A-Z]*"),
+    ("quad9", r"(S9|M3D9)[A-Z]*5?"),
     ("hexahedron27", r"C3D27[A-Z]*"),
 )
 """Type of cells, and the element types of that shape: stress, heat, coupled, acoustic."""

@@ -8,14 +8,27 @@ from collections import Counter
 from collections.abc import Callable, Iterable
 
 _VTK = {1: "vertex", 3: "line", 21: "line3", 5: "triangle", 22: "triangle6", 10: "tetra",
-        24: "tetra10"}
+        24: "tetra10", 9: "quad", 23: "quad8", 28: "quad9", 13: "wedge", 26: "wedge15",
+        32: "wedge18", 12: "hexahedron", 25: "hexahedron20", 29: "hexahedron27"}
 _GMSH = {15: ("vertex", 1), 1: ("line", 2), 8: ("line3", 3), 2: ("triangle", 3),
-         9: ("triangle6", 6), 4: ("tetra", 4), 11: ("tetra10", 10)}
-_MEDIT = {"Vertices": "", "Edges": "line", "Triangles": "triangle", "Tetrahedra": "tetra"}
+         9: ("triangle6", 6), 4: ("tetra", 4), 11: ("tetra10", 10), 3: ("quad", 4),
+         16: ("quad8", 8), 10: ("quad9", 9), 6: ("wedge", 6), 18: ("wedge15", 15),
+         13: ("wedge18", 18), 5: ("hexahedron", 8), 17: ("hexahedron20", 20),
+         12: ("hexahedron27", 27)}
+_MEDIT = {"Vertices": "", "Edges": "line", "Triangles": "triangle", "Tetrahedra": "tetra",
+          "Quadrilaterals": "quad", "Hexahedra": "hexahedron", "Prisms": "wedge"}
 _ABAQUS = re.compile(
-    r"(?:CP[SE]|CPEG|[DA]C2D|D?S|M3D|R3D|SFM3D)(3|6)[A-Z]*|(?:[DA]?C3D)(4|10)[A-Z]*")
-_NASTRAN = {"CTRIA3": "triangle", "CTRIAR": "triangle", "CTRIA6": "triangle6", "CTETRA": "tetra"}
-COUNTED = {"line", "line3", "triangle", "triangle6", "tetra", "tetra10"}
+    r"(?:CP[SE]|CPEG|[DA]C2D|D?S|STRI|M3D|R3D|SFM3D)([34689])5?[A-Z]*5?|"
+    r"(?:[DA]?C3D|SC|CSS|DCC3D)(4|6|8|10|15|20|27)[A-Z]*")
+_PLANE = {3: "triangle", 4: "quad", 6: "triangle6", 8: "quad8", 9: "quad9"}
+_SOLID = {4: "tetra", 6: "wedge", 8: "hexahedron", 10: "tetra10", 15: "wedge15",
+          20: "hexahedron20", 27: "hexahedron27"}
+_NASTRAN = {"CTRIA3": "triangle", "CTRIAR": "triangle", "CTRIA6": "triangle6", "CTETRA": "tetra",
+            "CQUAD4": "quad", "CQUADR": "quad", "CQUAD8": "quad8", "CPENTA": "wedge",
+            "CHEXA": "hexahedron"}
+_MORE = {"tetra10": "tetra", "wedge15": "wedge", "hexahedron20": "hexahedron"}
+"""Types that Nastran's cards do not tell apart."""
+COUNTED = {"line", "line3", *_PLANE.values(), *_SOLID.values(), "wedge18"}
 """Types of cells that are compared where the count knows them."""
 
 
@@ -31,10 +44,12 @@ def difference(kind: str, data: bytes, read: dict[str, int]) -> str:
         plain = None
     if plain is None:
         return ""
-    if kind == "nastran":  # both are CTETRA
-        read = {k: n + read.get(k.replace("tetra", "tetra10", 1), 0) * k.startswith("tetra")
-                for k, n in ({k.replace("tetra10", "tetra", 1): 0 for k in read} | read).items()
-                if not k.startswith("tetra10")}
+    if kind == "nastran":
+        whole: Counter[str] = Counter()
+        for key, number in read.items():
+            what, _, name = key.partition(" in ")
+            whole[_MORE.get(what, what) + (f" in {name}" if name else "")] += number
+        read = dict(whole)
     for key in sorted({*plain, *read}):
         what = key.split(" in ")[0]
         if what not in COUNTED or (key not in plain and " in " in key) or (
@@ -91,7 +106,7 @@ def _abaqus(data: bytes) -> dict[str, int] | None:
         match = _ABAQUS.fullmatch(option.get("TYPE", ""))
         if keyword == "*ELEMENT" and match:
             nodes = int(match[1] or match[2])
-            kind = {3: "triangle", 6: "triangle6", 4: "tetra", 10: "tetra10"}[nodes]
+            kind = _PLANE[nodes] if match[1] else _SOLID[nodes]
             width, name = nodes + 1, option.get("ELSET", "")
         elif keyword == "*PART":
             part = option.get("NAME", "").strip('"')
@@ -146,7 +161,8 @@ def _gmsh(data: bytes) -> dict[str, int] | None:
     for words in body[1:]:
         kind, count = _GMSH.get(int(words[1]), ("", 0))
         tag = abs(int(words[3])) if int(words[2]) else 0
-        d = 3 if kind.startswith("tetra") else {"t": 2, "l": 1}.get(kind[:1], 0)
+        d = 3 if kind.startswith("tetra") else {"t": 2, "q": 2, "l": 1, "w": 3, "h": 3}.get(
+            kind[:1], 0)
         for key in (kind, *_grouped(names, kind, d, {tag} - {0})):
             rows.setdefault(key, set()).add(tuple(sorted(words[-count:])))
     return {key: len(different) for key, different in rows.items()}

@@ -26,6 +26,7 @@ def read(full: Path, kind: str) -> Content:
     """Content of a file of meshio's format `kind`; any exception where it cannot be read."""
     import meshio
 
+    meshio._mesh.topological_dimension.setdefault("wedge15", 3)  # it knows all others
     readers = {"vtk": meshio.vtk, "vtu": meshio.vtu, "medit": meshio.medit, "med": meshio.med}
     with _silent():
         raw = readers[kind].read(str(full))

@@ -246,3 +246,102 @@ def test_a_cantilever_with_one_cell_over_its_height(kind: str, d: int, tmp_path:
     tip = float(load @ u.reshape(f.shape)[:, 1])
     beam = 1.0 / (3.0 * 2e11 * 0.1**4 / 12.0) + 1.0 / (5.0 / 6.0 * 2e11 / 2.6 * 0.01)
     assert tip == pytest.approx(beam, rel=0.025 if kind == "wedge" else 0.02)
+
+
+EDGES = {
+    "wedge15": {
+        "msh": ((0, 1), (0, 2), (0, 3), (1, 2), (1, 4), (2, 5), (3, 4), (3, 5), (4, 5)),
+        "bdf": ((0, 1), (1, 2), (2, 0), (0, 3), (1, 4), (2, 5), (3, 4), (4, 5), (5, 3)),
+        "inp": ((0, 1), (1, 2), (2, 0), (3, 4), (4, 5), (5, 3), (0, 3), (1, 4), (2, 5))},
+    "hexahedron20": {
+        "msh": ((0, 1), (0, 3), (0, 4), (1, 2), (1, 5), (2, 3), (2, 6), (3, 7), (4, 5), (4, 7),
+                (5, 6), (6, 7)),
+        "bdf": ((0, 1), (1, 2), (2, 3), (3, 0), (0, 4), (1, 5), (2, 6), (3, 7), (4, 5), (5, 6),
+                (6, 7), (7, 4)),
+        "inp": ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5),
+                (2, 6), (3, 7))}}
+"""Edges of the nodes after the corners, by the manuals of Gmsh, Nastran and Abaqus."""
+
+
+@pytest.mark.parametrize("ending", ["msh", "bdf", "inp"])
+@pytest.mark.parametrize("kind", EDGES)
+def test_serendipity_cells_have_their_edges_in_the_order_of_the_format(
+    kind: str, ending: str, tmp_path: Path
+) -> None:
+    """One bent cell: its nodes are on their edges, and those that the file lacks follow."""
+    p = 6 if kind == "wedge15" else 8
+    corners = np.array(KINDS[3, p].places)
+    X = np.array([*corners, *(corners[list(e)].mean(axis=0) for e in EDGES[kind][ending])])
+    X[:, 2] += 0.1 * np.sin(3.0 * X[:, 0]) + 0.1 * X[:, 1] ** 2
+    nodes = [f"{x:.7f},{y:.7f},{z:.7f}" for x, y, z in X]
+    ids = ",".join(str(i + 1) for i in range(len(X)))
+    text = {
+        "inp": "*NODE\n" + "".join(f"{i},{n}\n" for i, n in enumerate(nodes, 1))
+        + f"*ELEMENT, TYPE=C3D{len(X)}\n1,{ids}\n",
+        "bdf": "BEGIN BULK\n" + "".join(f"GRID,{i},,{n}\n" for i, n in enumerate(nodes, 1))
+        + "".join(f"{'C' + ('PENTA' if p == 6 else 'HEXA') + ',1,1' if not k else ''},"
+                  + ",".join(part) + "\n" for k, part in enumerate(
+                      [ids.split(",")[:6], ids.split(",")[6:14], ids.split(",")[14:]]) if part),
+        "msh": f"$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n{len(X)}\n" + "".join(
+            f"{i} {n.replace(',', ' ')}\n" for i, n in enumerate(nodes, 1))
+        + f"$EndNodes\n$Elements\n1\n1 {18 if p == 6 else 17} 2 0 1 "
+        + f"{ids.replace(',', ' ')}\n$EndElements\n"}[ending]
+    (tmp_path / f"one.{ending}").write_text(text)
+    mesh = MeshFile(path=f"one.{ending}").build(tmp_path)
+    assert mesh.nodes.shape == (1, {6: 18, 8: 27}[p]) and not mesh.notes
+    edges = {tuple(sorted(e)): x for e, x in zip(EDGES[kind][ending], X[p:], strict=True)}
+    for edge, node in zip(KINDS[3, p].edges, mesh.midpoints[0], strict=False):
+        np.testing.assert_allclose(mesh.points[node], edges[tuple(sorted(edge))], atol=1e-7)
+    bent = KINDS[3, p].nodes
+    x, y = bent[:, 0], bent[:, 1]
+    free = bent[:, 2] + 0.1 * y**2  # quadratic functions are interpolated exactly
+    np.testing.assert_allclose(mesh.points[mesh.nodes[0], 2] - 0.1 * np.sin(3.0 * x), free,
+                               atol=0.02)
+
+
+@pytest.mark.full
+def test_exports_and_contact_of_second_order(tmp_path: Path) -> None:
+    """A block of mixed cells rests on a plate: its weight is the contact force at each order, and
+    its export is the mesh that was read."""
+    from sparsemor import export, simulate
+    from sparsemor.core.testing.in_memory_run import scene_of
+
+    found = []
+    for order in (1, 2):
+        folder = tmp_path / str(order)
+        folder.mkdir()
+        for name, low in (("block", 0.0), ("plate", -0.1)):
+            mesh = grid("mixed", (2, 2, 1), (0.2, 0.2, 0.1))
+            points = mesh.points + [0.0, 0.0, low]
+            meshio.Mesh(points, [(KINDS[3, own.shape[1]].names[0], own)
+                                 for _, own in mesh.parts]).write(folder / f"{name}.vtu")
+        solid: dict[str, Any] = {
+            "use": "flexible", "material": {"E": 1e9, "nu": 0.3, "rho": 1000.0}, "order": order,
+            "fields": ["elastic"], "damping": {"mass": 20.0}}
+        run = simulate(scene_of({
+            "bodies": {
+                "block": {**solid, "mesh": {"use": "file", "path": str(folder / "block.vtu")},
+                          "reference": {"clamp": "high"}, "sets": {
+                              "low": {"where": "z < 1e-9"}, "high": {"where": "z > 0.0999"}}},
+                "plate": {**solid, "mesh": {"use": "file", "path": str(folder / "plate.vtu")},
+                          "reference": {"clamp": "base"}, "frame": "fixed", "sets": {
+                              "high": {"where": "z > -1e-9"}, "base": {"where": "z < -0.0999"}}}},
+            "joints": {"guide": {"use": "prismatic", "between": ["ground", "block:high"],
+                                 "axis": [0, 0, 1]}},
+            "loads": {"weight": {"use": "gravity", "g": [0.0, 0.0, -9.81], "bodies": ["block"]}},
+            "contacts": {"rest": {"use": "polygonal", "surfaces": "deformed", "between": ["block:low", "plate:high"],
+                                  "normal": {"use": "elastic_foundation", "stiffness": 1e8,
+                                             "damping": 1e6, "damping_depth": 1e-7}}},
+            "time": {"end": 0.5, "step": 0.01}, "integrator": "bdf1"}), out=folder / "run")
+        found.append(run)
+        export(run, folder / "vtu", fields=["displacement", "stress"], at=[0.5])
+        (file,) = (folder / "vtu" / "block").glob("*.vtu")
+        again = MeshFile(path=file.name).build(file.parent)
+        assert again.order == order
+        assert fe.scalar_mass(again, 1.0).sum() == pytest.approx(0.004, rel=1e-4)
+    for run in found:
+        low = run.points("block")[:, 2] < 1e-9
+        assert run.nodal_displacement("block", -1)[low, 2].std() < 1e-7
+        depth = -run.positions("block", -1)[low, 2].mean() + run.positions("plate", -1)[
+            run.points("plate")[:, 2] > -1e-9, 2].mean()
+        assert depth * 1e8 * 0.04 == pytest.approx(0.004 * 1000.0 * 9.81, rel=0.02)
