@@ -21,7 +21,7 @@ from skfem.element.element_h1 import ElementH1
 from skfem.quadrature import get_quadrature
 from skfem.refdom import RefLine, RefQuad, RefTri, RefWedge
 
-from sparsemor.bodies.fem.quadrature import Quadrature, from_basis
+from sparsemor.bodies.fem.quadrature import Quadrature, ShapeFunctions, from_basis
 from sparsemor.core import Csr, FloatArray, IntArray, Mesh
 from sparsemor.core.model.facets import cell_facets, facet_keys, group_equal_rows
 from sparsemor.core.protocols.cells import KINDS, CellKind, corners_of
@@ -251,17 +251,18 @@ def _on_facet(
     xi, weights = rule(refdom, flat.degree(degree))
     sides = (corners[[1, -1] if d == 3 else [1]] - corners[0]).T  # (d, d - 1)
     points = corners[0][:, None] + sides @ xi
-    basis = space.basis(mesh, nodes, (points, weights))
-    tangents = np.einsum("ij...,jk->ki...", basis.mapping.DF(points), sides)
+    own = [*facet, *(i for i, c in enumerate(space.kind.further, len(space.kind.places))
+                     if set(c) <= set(facet) and mesh.order == 2)]
+    shapes = [space.element.lbasis(points, i) for i in space.to_ours[own]]
+    X, phi = mesh.points[nodes[:, own]], np.array([f for f, _ in shapes])
+    along = np.einsum("njq,jk->nkq", np.array([df for _, df in shapes]), sides)
+    tangents = np.einsum("eni,nkq->kieq", X, along)
     normals = np.cross(tangents[0], tangents[1], axis=0) if d == 3 else np.stack(
         [tangents[0, 1], -tangents[0, 0]])
     size = np.linalg.norm(normals, axis=0)
-    found = from_basis(basis, gradients)
-    if not gradients:
-        own = [*facet, *(i for i, c in enumerate(space.kind.further, len(space.kind.places))
-                         if set(c) <= set(facet) and mesh.order == 2)]
-        found = found.at_nodes(space.to_ours[own])
-    return Quadrature(found.shape, size * weights, found.coordinates), normals / size
+    shape = ShapeFunctions(nodes[:, own], phi[None], None) if not gradients else (
+        from_basis(space.basis(mesh, nodes, (points, weights))).shape)
+    return Quadrature(shape, size * weights, np.einsum("eni,nq->ieq", X, phi)), normals / size
 
 
 # ---------------------------------------------------------------------- element matrices

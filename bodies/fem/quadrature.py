@@ -74,11 +74,6 @@ class Quadrature:
             np.concatenate([q.weights for q in parts])[order],
             np.concatenate([q.coordinates for q in parts], axis=1)[:, order])
 
-    def at_nodes(self, own: IntArray) -> Quadrature:
-        """Quadrature with some of the nodes of each element, by their positions."""
-        return replace(self, shape=ShapeFunctions(
-            self.shape.nodes[:, own], self.shape.values[:, own], None))
-
 
 def from_basis(basis: Any, gradients: bool = True) -> Quadrature:
     """Quadrature of a scikit-fem `Basis` of any scalar element; gradients: False for laws without

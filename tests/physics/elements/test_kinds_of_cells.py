@@ -14,6 +14,7 @@ from sparsemor.bodies import fem as fe
 from sparsemor.bodies.fem import forms
 from sparsemor.bodies.fem.quadratic import with_midpoints
 from sparsemor.bodies.fem.stress import CellStress
+from sparsemor.bodies.fem.surface import on_facets
 from sparsemor.bodies.material import Isotropic
 from sparsemor.bodies.mesh.centres import centre_of_set
 from sparsemor.bodies.mesh.check import check_mesh
@@ -329,7 +330,8 @@ def test_exports_and_contact_of_second_order(tmp_path: Path) -> None:
             "joints": {"guide": {"use": "prismatic", "between": ["ground", "block:high"],
                                  "axis": [0, 0, 1]}},
             "loads": {"weight": {"use": "gravity", "g": [0.0, 0.0, -9.81], "bodies": ["block"]}},
-            "contacts": {"rest": {"use": "polygonal", "surfaces": "deformed", "between": ["block:low", "plate:high"],
+            "contacts": {"rest": {"use": "polygonal", "surfaces": "deformed",
+                                  "between": ["block:low", "plate:high"],
                                   "normal": {"use": "elastic_foundation", "stiffness": 1e8,
                                              "damping": 1e6, "damping_depth": 1e-7}}},
             "time": {"end": 0.5, "step": 0.01}, "integrator": "bdf1"}), out=folder / "run")
@@ -345,3 +347,17 @@ def test_exports_and_contact_of_second_order(tmp_path: Path) -> None:
         depth = -run.positions("block", -1)[low, 2].mean() + run.positions("plate", -1)[
             run.points("plate")[:, 2] > -1e-9, 2].mean()
         assert depth * 1e8 * 0.04 == pytest.approx(0.004 * 1000.0 * 9.81, rel=0.02)
+
+
+def test_gradients_on_facets(linear: Mesh) -> None:
+    """A law on a surface may read the gradient of a field: of a linear one it is exact."""
+    mesh = with_midpoints(sheared(linear))
+    slope = np.arange(1.0, mesh.dimension + 1.0)
+    for at in on_facets(mesh, outer_facets(mesh), 1, gradients=True):
+        assert at.shape.gradients is not None
+        nodal = mesh.points[at.shape.nodes] @ slope
+        value = np.einsum("ei,eiq->eq", nodal, np.broadcast_to(at.shape.values, (
+            len(nodal), *at.shape.values.shape[1:])))
+        np.testing.assert_allclose(value, np.einsum("j,jeq->eq", slope, at.coordinates))
+        found = np.einsum("ei,eijq->ejq", nodal, at.shape.gradients)
+        np.testing.assert_allclose(found, np.broadcast_to(slope[:, None], found.shape), rtol=1e-9)
