@@ -31,7 +31,7 @@ CLASSES: Sequence[object] = (
     Variable, unit,
     constraints.Facing, constraints.Slide, dense.DenseTerm, dense.ReducedDense,
     force_items.BodyForce, force_items.Moment, force_items.SpaceForce, frame.SpatialFrame,
-    items.Nothing, items.UnitLength, joint_items.MeanPoint, joint_items.Reaction,
+    items.Compliance, items.Nothing, items.UnitLength, joint_items.MeanPoint, joint_items.Reaction,
     joint_items.Rotation, items.Wrench, material_laws.Conduction, material_laws.Departure,
     material_laws.Expansion, material_laws.Softening, material_laws.StoredHeat, moments.Moments,
     nonlinear_strains.NonlinearStrains, relative.Angle, relative.Distance, relative.PlaneAngle,

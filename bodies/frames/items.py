@@ -143,6 +143,25 @@ class UnitLength(RigidItem):
         out.diagonal[m.at] += mu
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Compliance(RigidItem):
+    """Compliance of a constraint, g = compliance * multiplier, m/N or rad/(N m)."""
+
+    compliance: float
+    others = 0
+    forces = 1
+
+    def in_plane(self) -> plane.PlanePart:
+        return plane.PlanePart(plane.compliance, (self.compliance,))
+
+    def in_space(self) -> tuple[spatial.SpacePart, ...]:
+        return (spatial.SpacePart(spatial.compliance, (self.compliance,)),)
+
+    def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
+        out.rows[k] = -self.compliance * m.y[k]
+        out.H[k, k] = -self.compliance
+
+
 @dataclass(frozen=True, slots=True)
 class Nothing(SpatialItem):
     """Item with zero contribution instead of another one with the same numbers of functionals,

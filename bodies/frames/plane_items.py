@@ -207,6 +207,14 @@ def slide(
             sy[o + 2, j] = tau[o + 2, j] = 1j * fb
 
 
+def compliance(
+    numbers: Numbers, g: float, m: PlaneMotion, j: int, o: int, k: int, total: Total, out: Views
+) -> None:
+    """Compliance of a constraint times its multiplier."""
+    out.rows[k] = -numbers[0] * m.y[k]
+    out.H[k, k] = -numbers[0]
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class PlaneReaction:
     """Prescribed joint force (N) and moment (N m) in space axes: table `forces_at` (T, 3)."""
@@ -227,7 +235,7 @@ class PlaneReaction:
 
 FUNCTIONS: tuple[PlaneFunction, ...] = (
     inertia, body_force, space_force, attachment, rotation, slide, moment, spring,
-    rotational_spring, relative)
+    rotational_spring, relative, compliance)
 """Functions of parts; the position is the kind of part in `evaluate_parts`."""
 NUMBERS = 17
 """Largest number of constants of a part."""
@@ -271,6 +279,8 @@ def evaluate_parts(
             spring(own, g, m, j, o, k, total, out)
         elif kind == 8:
             rotational_spring(own, g, m, j, o, k, total, out)
-        else:
+        elif kind == 9:
             relative(own, g, m, j, o, k, total, out)
+        else:
+            compliance(own, g, m, j, o, k, total, out)
     write(total, m.fresh, out)

@@ -13,6 +13,7 @@ from sparsemor.bodies.frames.space_items import (
     SpaceFunction,
     add_pull,
     body_force,
+    compliance,
     constraint,
     moment,
     moved,
@@ -33,7 +34,7 @@ from sparsemor.core.protocols import FrameArrays
 
 FUNCTIONS: tuple[SpaceFunction, ...] = (
     space_inertia, unit_length, space_force, body_force, moment, constraint, space_spring,
-    space_rotational_spring)
+    space_rotational_spring, compliance)
 """Functions of parts; the position is the kind of part in `evaluate_space`."""
 CALLS: tuple[Callable[..., object], ...] = (
     motion.vector, motion.plus, motion.dot, motion.cross, motion.times, motion.back, motion.add,
@@ -109,5 +110,7 @@ def evaluate_space(
             constraint(given, g, m, j, o, k, out)
         elif kind == 6:
             space_spring(given, g, m, j, o, k, out)
-        else:
+        elif kind == 7:
             space_rotational_spring(given, g, m, j, o, k, out)
+        else:
+            compliance(given, g, m, j, o, k, out)

@@ -233,3 +233,12 @@ def constraint(
             along = pull(kind, own, back(m.A, by))
             add(out.sigma_y[at], j, lam, along)
             add(out.tau[at], j, lam, along)
+
+
+def compliance(
+    numbers: FloatArray, g: float, m: SpaceMotion, j: int, o: int, k: int, out: SpaceSums
+) -> None:
+    """Compliance of a constraint times its multiplier. numbers: n, compliance."""
+    out.rows[k] -= numbers[1] * m.y[k]
+    if m.c2 != 0.0:
+        out.H[k, k] -= numbers[1]

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from sparsemor.bodies.frames.items import Compliance
 from sparsemor.bodies.frames.joint_items import MeanPoint, Reaction
 from sparsemor.bodies.joints.heat import HeatExchange
 from sparsemor.bodies.joints.side import Condition, Side
@@ -22,7 +23,7 @@ class JointPart(Joint):
     the equations of its weld come last. localized: hyper-reduction keeps its rows, because a joint
     reaction acts on few unknowns. reactions: prescribed force and moment (wrench.py) on each side;
     then the joint has neither unknowns nor constraints. exchange: its heat flow; notes: warnings on
-    its options.
+    its options; compliance (l,): of constraints that depend on those of other joints.
     """
 
     name: str
@@ -34,6 +35,7 @@ class JointPart(Joint):
     reactions: Table | None = None
     exchange: HeatExchange | None = None
     notes: tuple[Note, ...] = ()
+    compliance: FloatArray | None = None
 
     @property
     def bodies(self) -> Sequence[Body]:
@@ -78,7 +80,14 @@ class JointPart(Joint):
         for c in self.conditions:
             equations.frame(c.body.name, c.item, c.vectors, multipliers=block, C=c.C,
                             reads=f"{c.other}.rigid" if c.other else "")
+        for i, soft in enumerate(() if self.compliance is None else self.compliance.tolist()):
+            equations.frame(self.conditions[0].body.name, Compliance(soft), multipliers=block,
+                            C=np.eye(len(self.targets))[:, [i]])
         equations.constraint(block, self.targets)
+
+    def compliant(self, compliance: FloatArray, note: Note | None) -> "JointPart":
+        notes = self.notes if note is None else (*self.notes, note)
+        return replace(self, compliance=compliance, notes=notes)
 
     # ------------------------------------------------------------------ two stages
 

@@ -21,6 +21,7 @@ from sparsemor.core.model.prescribed_motion import (
     following,
     with_reactions,
 )
+from sparsemor.core.model.redundancy import redundant_joints
 from sparsemor.core.protocols import (
     Body,
     BodyPlugin,
@@ -70,6 +71,20 @@ def assemble(
 
 def _assembled(scene: Scene, prescribed: PrescribedQuantities, body_cache: BodyCache) -> Model:
     bodies, connected, probes = _build(scene, prescribed, body_cache)
+    model = _model(scene, prescribed, bodies, connected, probes)
+    joints = {n: j for n, j in connected["joints"].items() if isinstance(j, Joint)}
+    changed = {n: made for n, softer in redundant_joints(model, scene.time.step).items()
+               if (made := joints[n].compliant(*softer)) is not None}
+    if not changed:
+        return model
+    connected["joints"] |= changed
+    return _model(scene, prescribed, bodies, connected, probes)
+
+
+def _model(
+    scene: Scene, prescribed: PrescribedQuantities, bodies: dict[str, Body],
+    connected: Mapping[str, Mapping[str, Connector]], probes: tuple[ProbePlace, ...],
+) -> Model:
     groups: dict[str, Mapping[str, Part]] = {"bodies": bodies, **connected}
     connectors = {n: part for built in connected.values() for n, part in built.items()}
     parts = {**bodies, **connectors}

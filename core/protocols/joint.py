@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from sparsemor.core.arrays import FloatArray
+from sparsemor.core.notes import Note
 from sparsemor.core.protocols.body import Part
 from sparsemor.core.protocols.connector import Connector, ConnectorPlugin
 from sparsemor.core.protocols.load_tables import Table
@@ -56,6 +57,12 @@ class Joint(Connector):
     def force(self) -> RecordedForce | None:
         """Force that is no multiplier but follows from the motion of its sides; None if there is
         none to record."""
+        return None
+
+    def compliant(self, compliance: FloatArray, note: Note | None) -> "Joint | None":
+        """The joint with constraints g = compliance * multipliers, (l,), m/N or rad/(N m), because
+        they depend on those of other joints: multipliers are then those of least norm. note: a
+        warning about that. None if it cannot be."""
         return None
 
     def known(self, reactions: Table) -> "Joint | None":

@@ -1,0 +1,110 @@
+"""Constraints of joints that depend on each other, such as those of two hinges of one door."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from scipy.sparse import csgraph, csr_array, diags_array
+
+from sparsemor.core.arrays import Csr, FloatArray
+from sparsemor.core.model.equations import system_jacobian
+from sparsemor.core.model.model import Model
+from sparsemor.core.notes import Note
+from sparsemor.core.protocols.layout import Layout
+
+MANY = 2000
+"""Number of constraints above which nothing is analysed: time grows with its cube."""
+DEPENDENT = 1e-12
+"""Eigenvalue of G G^T, relative to the largest, up to which it counts as zero."""
+NAMED = 3
+"""Number of groups that are named in a message."""
+SHARE = 1e-6
+"""Share in a dependency above which a constraint takes part in it."""
+
+
+def dependent_joints(layout: Layout, G: Csr) -> list[tuple[str, ...]]:
+    """Groups of joints, by name, with linear dependencies among the rows of the constraint Jacobian
+    G (l, n) of all joints; empty where G has full rank."""
+    return list(_dependencies(layout, G))
+
+
+def _dependencies(layout: Layout, G: Csr) -> dict[tuple[str, ...], int]:
+    """These groups, and how many of their constraints follow from others.
+
+    G is scaled to rows of length 1. With an orthonormal basis N of the null space of G G^T, two
+    constraints depend on each other where (N N^T)_ij is not zero.
+    """
+    count = G.shape[0]
+    if not 0 < count <= MANY or not np.isfinite(G.data).all():
+        return {}
+    length = np.sqrt(np.asarray(G.multiply(G).sum(axis=1)).ravel())
+    rows = diags_array(1.0 / np.where(length > 0.0, length, 1.0)) @ csr_array(G)
+    values, vectors = np.linalg.eigh((rows @ rows.T).toarray())
+    N = vectors[:, values <= DEPENDENT * values[-1]]
+    together = np.abs(N @ N.T) > SHARE
+    number, labels = csgraph.connected_components(csr_array(together), directed=False)
+    owners, share = _owners(layout), (N * N).sum(axis=1)
+    taking_part, found = together.diagonal(), dict[tuple[str, ...], int]()
+    for k in range(number):
+        at = np.flatnonzero(taking_part & (labels == k))
+        if len(at):
+            group = tuple(dict.fromkeys(owners[i] for i in at))
+            found[group] = found.get(group, 0) + round(float(share[at].sum()))
+    return found
+
+
+def in_words(groups: Sequence[Sequence[str]]) -> str:
+    """Groups of redundant joints as part of a sentence, "" for none."""
+    texts = [
+        f"the constraints of {', '.join(group[:-1])} and {group[-1]} depend on each other"
+        if len(group) > 1 else f"the constraints of {group[0]} depend on each other"
+        for group in groups]
+    more = [f"and {len(texts) - NAMED} more such groups"] if len(texts) > NAMED else []
+    return "; ".join(texts[:NAMED] + more)
+
+
+def _owners(layout: Layout) -> list[str]:
+    """Joint of each constraint."""
+    found = [""] * (layout.algebraic.stop - layout.algebraic.start)
+    for b in layout:
+        if b.kind.order == 0:
+            at = layout[b.name]
+            first = at.start - layout.algebraic.start
+            found[first:first + b.size] = [b.owner] * b.size
+    return found
+
+
+COMPLIANCE, LEAST = 1e-6, 2e-13
+"""Compliance of redundant constraints: max(COMPLIANCE h^2, LEAST s) / m, of a step h and
+bodies of the size s and mass m. It is small next to the motion in a step, and large next to the
+rounding of positions, which forces of least norm would otherwise consist of."""
+REDUNDANT = "redundant_joints"
+"""Kind of the note on redundant constraints."""
+
+
+def redundant_joints(model: Model, h: float) -> Mapping[str, tuple[FloatArray, Note | None]]:
+    """Joint -> compliance of each of its constraints (l,), and a note, for the joints whose
+    constraints depend on each other at the start. h: time step, s."""
+    layout, n = model.layout, model.layout.size
+    first, found = layout.algebraic.start, dict[str, tuple[FloatArray, Note | None]]()
+    if first == n or n - first > MANY:
+        return found
+    some = [t for t in model.terms if len(t.rows) and t.rows.max() >= first]
+    zero = np.zeros(n)
+    G = csr_array(system_jacobian(
+        layout, some, model.x0, model.v0, zero, 0.0, zero, zero))[first:][:, : first]
+    groups = _dependencies(layout, G)
+    if not groups:
+        return found
+    bodies = [b for b in model.bodies.values() if b.total_mass]
+    mass = min((b.total_mass or 1.0 for b in bodies), default=1.0)
+    size = max((b.extent for b in bodies), default=0.0) or 1.0
+    for group, count in groups.items():
+        note = Note(
+            f"{in_words([group])}: {count} of them follow{'s' if count == 1 else ''} from the "
+            "others. Their forces are those of least norm among all that have the same effect, "
+            "which bodies that deform would share otherwise", REDUNDANT)
+        for i, name in enumerate(g for g in group if g in model.joints):
+            units = [unit for _, unit in model.joints[name].components]
+            each = np.array([1.0 if u == "N" else size**-2 for u in units])
+            found[name] = max(COMPLIANCE * h * h, LEAST * size) / mass * each, None if i else note
+    return found
