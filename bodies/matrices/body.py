@@ -37,13 +37,15 @@ class MatrixBody(FloatingBody):
 
     mass (n, n): of all unknowns of the nodes; shapes (n, k): values of these for each of k
     generalized coordinates, which then are its displacement unknowns; None: they are the unknowns
-    of the nodes. weights: set -> weights of its nodes, in their order, where they are given.
+    of the nodes. coordinates (k,): unknowns of the nodes that these coordinates are, None if they
+    are none. weights: set -> weights of its nodes, in their order, where they are given.
     load_vectors: nodal loads by name.
     """
 
     unknowns: Unknowns
     mass: Csr | None = None
     shapes: FloatArray | None = None
+    coordinates: IntArray | None = None
     weights: Mapping[str, FloatArray] = field(default_factory=dict)
     load_vectors: Mapping[str, NodalLoads] = field(default_factory=dict)
 
@@ -94,6 +96,8 @@ class MatrixBody(FloatingBody):
 
     def _places(self, free: IntArray) -> tuple[FloatArray, IntArray]:
         u = self.unknowns
+        if self.coordinates is not None:
+            return u.places(self.coordinates[free])
         return (u if self.shapes is None else Unknowns.modal_of(u.X, len(free))).places(free)
 
     def deforms_at(self, which: str) -> bool:

@@ -3,20 +3,24 @@
 from collections.abc import Iterator
 
 import numpy as np
-from scipy.sparse import coo_array
+from scipy.sparse import coo_array, diags_array
 from scipy.sparse.csgraph import connected_components
+from scipy.sparse.linalg import splu
 
 from sparsemor.bodies.frames.moments import MassProperties
 from sparsemor.bodies.matrices.body import ROUND_OFF, motion_error
 from sparsemor.bodies.matrices.unknowns import Unknowns
 from sparsemor.bodies.mesh.check import some
 from sparsemor.bodies.mesh.plausibility import HEAVY, LARGEST
-from sparsemor.core import Csr, FloatArray, InputError, IntArray, Note
+from sparsemor.core import BoolArray, Csr, FloatArray, InputError, IntArray, Note
 
 __all__ = ["check_forces", "check_mechanical", "check_thermal", "moment_notes", "size_notes",
            "some"]
 LEAST = 1.0
 """Mass of a body per volume of its box, kg/m^3, below which units are most likely wrong."""
+LARGE, SINGULAR = 20_000, 1e-12
+"""Largest number of unknowns of a mass matrix that is factorized, and pivot, relative to the
+diagonal, below which it is singular."""
 LINEAR = 1e-3
 """Share of the moments of inertia that nodes may lack."""
 
@@ -86,6 +90,27 @@ def _check_definite(written: str, A: Csr) -> None:
         row = int(bad[0]) if bad.size else int(entries.row[over[0]])
         raise InputError(f"'{written}' is not positive semidefinite, as its row {row + 1} shows: "
                          "its triangle, sign or columns are misread, or not of a stable body")
+
+
+def have_mass(M: Csr) -> BoolArray:
+    """(n,) True for unknowns on which inertia acts."""
+    return np.asarray(abs(M).sum(axis=1) > 0.0)
+
+
+def check_masses(written: str, M: Csr, free: IntArray) -> None:
+    """InputError for a mass matrix that is singular on the free unknowns: accelerations would not
+    follow from forces. Larger ones than `LARGE` are not factorized."""
+    A = M[free][:, free].tocsc()
+    if not 0 < len(free) <= LARGE or (A.diagonal() <= 0.0).any():  # negative: reported before
+        return
+    try:
+        scale = diags_array(1.0 / np.sqrt(A.diagonal()))
+        least = float(np.abs(splu((scale @ A @ scale).tocsc()).U.diagonal()).min())
+    except RuntimeError:
+        least = 0.0
+    if least < SINGULAR:
+        raise InputError(f"'{written}' is singular: some combinations of unknowns have no mass, as "
+                         "those of incompatible modes: take elements without them")
 
 
 def check_thermal(key: str, written: str, A: Csr) -> None:

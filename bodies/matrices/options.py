@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import Field, model_validator
 from scipy.linalg import null_space
 from scipy.sparse import csr_array, diags_array, eye_array
+from scipy.sparse.linalg import splu
 
 from sparsemor.bodies.fem.fields import Elasticity, Heat
 from sparsemor.bodies.flexible import Damping
@@ -48,6 +49,10 @@ from sparsemor.core import (
 )
 
 MECHANICAL, THERMAL_KEYS = ("mass", "stiffness", "damping_matrix"), ("conductivity", "capacity")
+
+
+LARGEST = 30_000_000
+"""Number of entries of the shapes of condensed unknowns above which a body is refused."""
 
 
 class NodeSet(PointSet):
@@ -219,17 +224,26 @@ class Matrices(BodyPlugin):
         own = None if fixed is None or files.shapes is None else gather(
             "", self._relative, files.shapes, fixed, u)
         inertia = gather("", self._inertia, files.mechanical, u)
+        left: IntArray | None = None
+        if fixed is not None and files.shapes is None:
+            free = np.setdiff1d(np.arange(u.size), fixed)
+            left = free[checks.have_mass(files.mechanical["mass"])[free]]
+            gather("mass", checks.check_masses, str(self.mass), files.mechanical["mass"], left)
         gather("", self._check, files, mesh)
         gather.check()
         assert centres is not None and weights is not None and T0 is not None
         assert start is not None
         M = files.mechanical.get("mass")
+        if fixed is not None and left is not None and len(left) + len(fixed) < u.size:
+            files, own = self._condensed(files, fixed, left)
+        else:
+            left = None
         shapes = None if own is None or files.shapes is None else files.shapes @ own
         return MatrixBody(
             name=name, X=mesh.points, inertia=inertia, pose=start[0], velocity=start[1],
             moves=self.frame != "fixed", points=mesh.point_sets, centres=centres, weights=weights,
             load_vectors={key: one for key, one in loads.items() if one is not None},
-            declared=self.sets, unknowns=u, mass=M, shapes=shapes,
+            declared=self.sets, unknowns=u, mass=M, shapes=shapes, coordinates=left,
             elasticity=None if fixed is None else self._elasticity(files, fixed, own),
             heat=Heat(np.arange(len(mesh.points)), files.thermal["capacity"],
                       files.thermal["conductivity"]) if heats else None,
@@ -286,12 +300,10 @@ class Matrices(BodyPlugin):
         thermal = {k: gather("", symmetric, getattr(self, k), energy * found[k].matrix, k)
                    for k in THERMAL_KEYS if k in found}
         gather.check()
-        return _Files(
-            nodes, u, None if T is None else T / by.diagonal()[:, None],
-            {k: m for k, m in mechanical.items() if m is not None},
-            {k: m for k, m in thermal.items() if m is not None},
-            (energy * by @ found["coupling"].matrix).tocsr() if "coupling" in found else None,
-            notes)
+        whole = {k: m for k, m in mechanical.items() if m is not None}
+        forces = (energy * by @ found["coupling"].matrix).tocsr() if "coupling" in found else None
+        return _Files(nodes, u, None if T is None else T / by.diagonal()[:, None], whole,
+                      {k: m for k, m in thermal.items() if m is not None}, forces, notes)
 
     def _scale(self, u: Unknowns, M: Csr | None) -> FloatArray:
         """(n,) factors of the coordinates without a place, which make them displacements, m, whose
@@ -352,7 +364,7 @@ class Matrices(BodyPlugin):
         if away.size:
             notes.append(information(
                 f"{self.nodes}: {away.size} nodes of the matrices ({checks.some(away)}) have no "
-                "position: their unknowns are taken as those of modes", "matrix_nodes"))
+                "position: their unknowns are coordinates without a place", "matrix_nodes"))
         if X.shape[1] == 3 and len(labels) and np.isin(labels[node >= 0, 1], (1, 2, 6)).all():
             if np.ptp(X[:, 2]) > 1e-9 * float(np.ptp(X, axis=0).max()):
                 raise InputError(f"'{self.nodes}': the matrices are of displacements along x and "
@@ -477,6 +489,26 @@ class Matrices(BodyPlugin):
             modal=modal,
             coupling=csr_array((u.size, N)) if files.coupling is None else files.coupling,
             recoverable=False)
+
+    def _condensed(
+        self, files: _Files, fixed: IntArray, left: IntArray
+    ) -> tuple[_Files, FloatArray]:
+        """Files with the free massless unknowns i condensed, u_i = -K_ii^-1 K_ib u_b, exactly as
+        inertia does not act on them, and the basis that leaves the unknowns `left`."""
+        K = files.mechanical["stiffness"]
+        i = np.setdiff1d(np.arange(K.shape[0]), np.union1d(fixed, left))
+        b = np.setdiff1d(np.arange(K.shape[0]), i)
+        if len(b) * K.shape[0] > LARGEST:
+            raise InputError(f"{len(i)} of {K.shape[0]} unknowns have no mass, which are too many "
+                             "to condense here: take a consistent mass matrix", "mass")
+        T = np.zeros((K.shape[0], len(b)))
+        T[b, np.arange(len(b))] = 1.0
+        T[i] = -splu(K[i][:, i].tocsc()).solve(K[i][:, b].toarray())
+        reduced = {key: A if key == "mass" else csr_array(T.T @ (A @ T))
+                   for key, A in files.mechanical.items()}
+        own = np.zeros((len(b), len(left)))
+        own[np.searchsorted(b, left), np.arange(len(left))] = 1.0
+        return replace(files, shapes=T, mechanical=reduced), own
 
     def _of_shapes(self, files: _Files, T: FloatArray, own: FloatArray) -> Elasticity:
         found, N, Z = files.mechanical, len(files.unknowns.X), T @ own

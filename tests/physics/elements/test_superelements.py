@@ -179,3 +179,25 @@ def test_heat_of_a_load_vector_is_kept(tmp_path: Path) -> None:
         "loads": {"q": {"use": "load_vector", "on": "rod:q"}}, "time": REST["time"]}))
     T = got.block("rod.thermal")
     np.testing.assert_allclose(1e-6 * np.diag(C) @ (T[-1] - T[0]), 7.0 * 0.02, rtol=1e-9)
+
+
+def lumped(folder: Path, rotary: float) -> dict[str, Any]:
+    """Beam with masses at the nodes, and a rotary inertia of them, kg m2."""
+    X, M, K = beam(4, 0.5, d=3)
+    one = np.array([1.0, 1.0, 1.0, 4e-4, rotary, rotary])
+    share = np.array([0.5, 1.0, 1.0, 1.0, 0.5]) * 2.0 * 0.125
+    folder.mkdir(exist_ok=True)
+    return {"use": "matrices", **saved(folder, X, mass=np.diag(np.kron(share, one)), stiffness=K),
+            "sets": {"left": {"nodes": [1]}, "right": {"nodes": [5]}},
+            "reference": {"clamp": "left"}}
+
+
+def test_rotations_without_mass_are_condensed(tmp_path: Path) -> None:
+    """As the limit of small rotary inertia, of which frequencies are as if it were none."""
+    paths = [tip(path_of(lumped(tmp_path / str(i), size), loads={
+        "push": {"use": "point_force", "on": "bar:right", "force": [0.0, 0.0, 3.0]},
+        "turn": {"use": "torque", "on": "bar:right", "torque": [0.0, -0.5, 0.0]}},
+        joints={"foot": {"use": "fixed", "between": ["ground", "bar:left"]}}))
+        for i, size in enumerate((0.0, 1e-9))]
+    assert np.ptp(paths[0], axis=0).max() > 1e-4
+    np.testing.assert_allclose(paths[1], paths[0], rtol=0.0, atol=1e-7)
