@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from sparsemor.core import BoolArray, FloatArray, IntArray, Mesh
+from sparsemor.core import BoolArray, FloatArray, IntArray, Mesh, information
 from sparsemor.core.model.facets import cell_facets, facet_numbers, group_equal_rows, rows_among
 from sparsemor.core.protocols.cells import KINDS, CellKind, by_kind, padded
 
@@ -59,10 +59,20 @@ def with_midpoints(
 
 
 def without_midpoints(mesh: Mesh) -> Mesh:
-    """Mesh of first order with the corners of one of second order."""
-    n = len(mesh.corners)
+    """Mesh of first order with the corners of one of second order, and a note where that
+    straightens edges."""
+    n, away = len(mesh.corners), 0.0
+    for here, own in by_kind(mesh.cells, mesh.dimension):
+        for i, corners in enumerate(KINDS[mesh.dimension, own.shape[1]].further):
+            chord = mesh.points[own[:, list(corners)]].mean(axis=1)
+            off = np.linalg.norm(mesh.points[mesh.midpoints[here, i]] - chord, axis=1)
+            away = max(away, float(off.max()))
+    note = information(f"order: 1 straightens the curved edges of the mesh, by up to {away:.3g} m",
+                       "mesh_file")
+    bent = away > 1e-9 * float(np.ptp(mesh.points, axis=0).max())
     return replace(mesh, points=mesh.corners, midpoints=mesh.midpoints[:, :0], point_sets={
-        name: members[members < n] for name, members in mesh.point_sets.items()})
+        name: members[members < n] for name, members in mesh.point_sets.items()},
+        notes=(*mesh.notes, *[note] * bent))
 
 
 def with_further(mesh: Mesh, members: IntArray, name: str = "") -> IntArray:

@@ -5,8 +5,14 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from sparsemor.bodies.mesh.simplices import corner_measures, longest_edges
-from sparsemor.core import Fault, FloatArray, InputError, IntArray, Mesh
-from sparsemor.core.model.facets import cell_facets, facet_numbers, group_equal_rows
+from sparsemor.core import BoolArray, Fault, FloatArray, InputError, IntArray, Mesh
+from sparsemor.core.model.facets import (
+    cell_facets,
+    facet_keys,
+    facet_numbers,
+    group_equal_rows,
+    rows_among,
+)
 from sparsemor.core.protocols.cells import KINDS, by_kind
 
 SHOWN = 5
@@ -116,7 +122,22 @@ def _connections(mesh: Mesh) -> list[str]:
             f"{int(np.sum(count > 2))} {name}s belong to more than two cells, so cells overlap: "
             f"cells {some(crowded)}; the first is at {_centre(mesh, int(crowded[0]))}"
         )
-    return faults + _pieces(mesh, owner, number, name)
+    return faults + _unequal(mesh, facets, count[number] == 1) + _pieces(
+        mesh, owner, number, name)
+
+
+def _unequal(mesh: Mesh, facets: IntArray, outer: BoolArray) -> list[str]:
+    """Triangles of tetrahedra or wedges on quadrilaterals of other cells, whose displacements do
+    not fit together."""
+    if facets.shape[1] < 4:
+        return []
+    own = facet_keys(facets[outer])
+    quads, triangles = own[own[:, 2] < own[:, 3]], own[own[:, 2] == own[:, 3], :3]
+    parts = quads[:, np.array([(1, 2, 3), (0, 2, 3), (0, 1, 3), (0, 1, 2)])].reshape(-1, 3)
+    bad = np.flatnonzero(rows_among(triangles, parts))
+    return [f"{bad.size} triangular faces lie on quadrilateral ones of other cells, the first at "
+            f"{_place(mesh.points[triangles[bad[0]]].mean(axis=0))}: tetrahedra and hexahedra do "
+            "not fit together without pyramids, which are not supported"] if bad.size else []
 
 
 def _pieces(mesh: Mesh, owner: IntArray, facet: IntArray, name: str) -> list[str]:

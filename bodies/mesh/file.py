@@ -200,8 +200,34 @@ def _corners(content: Content, d: int, blocks: Sequence[CellBlock]) -> IntArray:
         if bad.size:
             raise InputError(f"{bad.size} cells name points that do not exist: {some(bad)}")
     stops = np.cumsum([len(b.nodes) for b in blocks])
-    return np.asarray(padded([b.nodes[:, : CELLS[b.kind][1]] for b in blocks], [
+    return np.asarray(padded([_whole(b) for b in blocks], [
         np.arange(stop - len(b.nodes), stop) for b, stop in zip(blocks, stops, strict=True)]))
+
+
+def _whole(block: CellBlock) -> IntArray:
+    """(n, p) corners of the cells of a block; quadrilaterals and hexahedra of first order that
+    repeat corners of an edge or of two, as triangles and wedges. InputError for others that do."""
+    _, p, q = CELLS[block.kind]
+    cells = block.nodes[:, :p].copy()
+    repeats = np.flatnonzero((np.diff(np.sort(cells, axis=1), axis=1) == 0).any(axis=1))
+    if not repeats.size or p == block.dimension + 1:
+        return cells
+    bad = []
+    for row in repeats:
+        own, ring = cells[row], [0, 1, 2, 3]
+        turned = [np.concatenate([np.roll(own[k : k + 4], -s) for k in range(0, p, 4)])
+                  for s in ring]
+        fit = next((t for t in turned if t[2] == t[3] and len(np.unique(t)) == 3 * p // 4
+                    and (p == 4 or t[6] == t[7])), None) if p in (4, 8) and q == p else None
+        if fit is None:
+            bad.append(row)
+        else:
+            cells[row] = fit if p == 4 else [*fit[:3], *fit[4:7], fit[6], fit[6]]
+    if bad:
+        raise InputError(f"{len(bad)} cells of type {block.kind} name a corner twice: "
+                         f"{some(np.array(bad))}; collapsed cells are read as triangles and wedges "
+                         "of first order where they are such")
+    return cells
 
 
 def _edge_nodes(blocks: Sequence[CellBlock]) -> tuple[IntArray, IntArray]:

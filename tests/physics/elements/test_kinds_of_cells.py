@@ -20,6 +20,7 @@ from sparsemor.bodies.mesh.centres import centre_of_set
 from sparsemor.bodies.mesh.check import check_mesh
 from sparsemor.bodies.mesh.file import MeshFile
 from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core.errors import InputError
 from sparsemor.core.model.facets import cell_facets, linear_surface, outer_facets
 from sparsemor.core.protocols.cells import KINDS, by_kind
 from sparsemor.core.protocols.mesh import Mesh
@@ -361,3 +362,29 @@ def test_gradients_on_facets(linear: Mesh) -> None:
         np.testing.assert_allclose(value, np.einsum("j,jeq->eq", slope, at.coordinates))
         found = np.einsum("ei,eijq->ejq", nodal, at.shape.gradients)
         np.testing.assert_allclose(found, np.broadcast_to(slope[:, None], found.shape), rtol=1e-9)
+
+
+@pytest.mark.parametrize("turn", range(4))
+def test_collapsed_hexahedra_are_wedges(turn: int, tmp_path: Path) -> None:
+    mesh = grid("wedge", (2, 1, 1), (1.0, 0.5, 0.25))
+    rows = np.array([[*np.roll([a, b, c, c], turn), *np.roll([d, e, f, f], turn)]
+                     for a, b, c, d, e, f in mesh.cells])
+    meshio.Mesh(mesh.points, [("hexahedron", rows)]).write(tmp_path / "a.vtu")
+    found = MeshFile(path="a.vtu").build(tmp_path)
+    assert [own.shape for _, own in by_kind(found.cells, 3)] == [(4, 6)]
+    assert fe.scalar_mass(found, 1.0).sum() == pytest.approx(0.125)
+    rows[0, 4] = rows[0, 0]
+    meshio.Mesh(mesh.points, [("hexahedron", rows)]).write(tmp_path / "b.vtu")
+    with pytest.raises(InputError, match="1 cells of type hexahedron name a corner twice: 0"):
+        MeshFile(path="b.vtu").build(tmp_path)
+
+
+def test_tetrahedra_on_a_face_of_a_hexahedron_are_refused() -> None:
+    box = grid("hexahedron", (1, 1, 1), (1.0, 1.0, 1.0))
+    hexahedron = box.cells[0]
+    X = np.vstack([box.points, [[2.0, 0.5, 0.5]]])
+    face = hexahedron[[1, 2, 6, 5]]
+    tets = [[face[0], face[1], face[2], 8], [face[0], face[2], face[3], 8]]
+    cells = np.array([hexahedron, *([*t, *t[-1:] * 4] for t in tets)])
+    with pytest.raises(InputError, match="2 triangular faces lie on quadrilateral ones"):
+        check_mesh(Mesh(X, cells))
