@@ -8,8 +8,9 @@ import numpy as np
 
 from sparsemor.core.errors import Fault, InputError
 from sparsemor.core.model.model import Model
-from sparsemor.core.protocols import State, StepSolver
+from sparsemor.core.protocols import Dictionary, State
 from sparsemor.core.protocols.integrator import Controller, HeldValues
+from sparsemor.core.protocols.layout import Layout
 from sparsemor.core.registry.registry import suggestions
 from sparsemor.core.results.probes import ForceReader, ProbeReader
 from sparsemor.core.scene.nested import functions_of_time
@@ -63,22 +64,18 @@ class Controllers:
         return float(value)
 
 
-def sensors(model: Model, solver: StepSolver) -> Mapping[str, Output]:
-    """What controllers of a run may read, by name."""
+def sensors(model: Model, layout: Layout, maps: Mapping[str, Dictionary]) -> Mapping[str, Output]:
+    """What controllers may read of a step solver's unknowns, by name. maps: those of its blocks."""
     return outputs_of(
-        solver.layout, multiplier_components(model),
-        [ProbeReader.of(p, solver.layout, solver.dictionaries) for p in model.probes],
-        [ForceReader.of(n, j.force, solver.layout) for n, j in model.joints.items() if j.force])
+        layout, multiplier_components(model),
+        [ProbeReader.of(p, layout, maps) for p in model.probes],
+        [ForceReader.of(n, j.force, layout) for n, j in model.joints.items() if j.force])
 
 
 def controller_faults(scene: Scene, model: Model) -> list[Fault]:
     """Faults of controllers: sensors that do not exist, and what needs a run whose loads are known
     before it."""
-    found = controllers_of(scene)
-    known = outputs_of(
-        model.layout, multiplier_components(model),
-        [ProbeReader.of(p, model.layout, {}) for p in model.probes],
-        [ForceReader.of(n, j.force, model.layout) for n, j in model.joints.items() if j.force])
+    found, known = controllers_of(scene), sensors(model, model.layout, {})
     faults = [Fault(f"{key}.{f.sensor_key(name)}",
                     f"no sensor is called {name!r}: {suggestions(name, known, 'sensors')}")
               for key, f in found.items() for name in f.sensors if name not in known]

@@ -297,7 +297,7 @@ def full_run(
     solver: StepSolver = scene.reducer.prepare(ReducedProblem(
         model, scene.integrator, h, offline, np.random.default_rng(scene.seed)))
     solver = controlled(scene, model, offline, solver)
-    controllers = Controllers(scene, sensors(model, solver))
+    controllers = Controllers(scene, sensors(model, solver.layout, solver.dictionaries))
     step = controllers.around(step_of(solver, scene.integrator, h), controllers.begin())
     first = resolved_start(model, scene.integrator, h).state
     state, memory = started(solver, scene.integrator, first)

@@ -22,6 +22,7 @@ from sparsemor.core.results.probes import ForceReader, ProbeReader
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.checks import Checks
+from sparsemor.core.simulation.controllers import controllers_of
 from sparsemor.core.simulation.initial_from_result import initial_notes
 from sparsemor.core.simulation.memory.disk import room_for_snapshots
 from sparsemor.core.simulation.memory.estimate import fitting
@@ -131,7 +132,8 @@ def reduced(scene: Scene, model: Model, offline: Offline) -> PreparedRun:
             scene, model, solver, step_count(scene), () if estimator is None else estimator.blocks),
         tuple(ProbeReader.of(p, solver.layout, solver.dictionaries) for p in model.probes),
         {n: shape for n, shape in model.shapes().items() if shape.given}, notes,
-        scene.training_end if offline.trained else None, model, estimator, offline, forces=tuple(
+        scene.training_end if offline.trained else None, model, estimator, offline,
+        not controllers_of(scene), forces=tuple(
             ForceReader.of(name, joint.force, solver.layout)
             for name, joint in model.joints.items() if joint.force is not None))
 

@@ -43,9 +43,9 @@ class PreparedRun:
     estimator; header: of the result; probes, forces, given: what is recorded next to the unknowns;
     trained_to: end of the training run of its bases, s, if there was one. model: assembled model,
     estimator: of the error, and offline data, None where they are not at hand; own_loads: False if
-    the run has other loads than that model; extents: of the bodies, where the model, or the atoms
-    of the solver, are not at hand. notes, summary, kept, changes: what is known, and found by
-    checks, before the first step (`Findings`).
+    the run has other loads than that model, or controllers; extents: of the bodies, where the
+    model, or the atoms of the solver, are not at hand. notes, summary, kept, changes: what is
+    known, and found by checks, before the first step (`Findings`).
     """
 
     scene: Scene
