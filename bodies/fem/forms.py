@@ -22,7 +22,7 @@ from skfem.quadrature import get_quadrature
 from skfem.refdom import RefLine, RefQuad, RefTri, RefWedge
 
 from sparsemor.bodies.fem.quadrature import Quadrature, ShapeFunctions, from_basis
-from sparsemor.core import Csr, FloatArray, IntArray, Mesh
+from sparsemor.core import BoolArray, Csr, FloatArray, IntArray, Mesh
 from sparsemor.core.model.facets import cell_facets, facet_keys, group_equal_rows
 from sparsemor.core.protocols.cells import KINDS, CellKind, corners_of
 
@@ -94,7 +94,7 @@ class Space(NamedTuple):
         away = np.abs(kind.nodes[:q, None] - element.doflocs).sum(axis=2)
         to_ours = away.argmin(axis=1)
         return cls(kind, mesh.order, element, to_ours, np.argsort(to_ours),
-                   mesh.order == 2 and _curved(mesh, kind, nodes))
+                   mesh.order == 2 and bool(_curved(mesh, kind, nodes).any()))
 
     @property
     def simplex(self) -> bool:
@@ -153,27 +153,44 @@ def rule(refdom: Any, degree: int) -> tuple[FloatArray, FloatArray]:
             np.outer(v, w).ravel())
 
 
-def _curved(mesh: Mesh, kind: CellKind, nodes: IntArray) -> bool:
-    """True if a further node of cells with nodes (n, q) is not the mean of its corners."""
+def _curved(mesh: Mesh, kind: CellKind, nodes: IntArray) -> BoolArray:
+    """(n,) True for cells with nodes (n, q) of which a further one is not the mean of its corners.
+    """
     X, p = mesh.points, len(kind.places)
-    least = STRAIGHT * float(np.abs(X).max())
-    return any(float(np.abs(X[nodes[:, p + i]] - X[nodes[:, list(corners)]].mean(axis=1)).max(
-        initial=0.0)) > least for i, corners in enumerate(kind.further))
+    bent: BoolArray = np.zeros(len(nodes), np.bool_)
+    for i, corners in enumerate(kind.further, p):
+        away = np.abs(X[nodes[:, i]] - X[nodes[:, list(corners)]].mean(axis=1))
+        bent |= (away > STRAIGHT * np.abs(X).max()).any(axis=1)
+    return bent
 
 
-def spaces(mesh: Mesh, cells: IntArray | None = None) -> Iterator[tuple[IntArray, IntArray, Space]]:
-    """Positions in `cells` (numbers, all if None) of the cells of each kind, their nodes (n, q) in
-    the order of the mesh, and their space."""
+def _parts(mesh: Mesh, cells: IntArray | None) -> Iterator[tuple[IntArray, IntArray]]:
+    """Positions in `cells` (numbers, all if None) of the cells of each kind, and their nodes (n, q)
+    in the order of the mesh."""
     for here, nodes in mesh.parts:
-        space = Space.of(mesh, nodes)
         if cells is None:
-            yield here, nodes, space
+            yield here, nodes
             continue
         at = np.full(len(mesh.cells), -1)
         at[here] = np.arange(len(here))
         mine = np.flatnonzero(at[cells] >= 0)
         if len(mine):
-            yield mine, nodes[at[cells[mine]]], space
+            yield mine, nodes[at[cells[mine]]]
+
+
+def spaces(mesh: Mesh, cells: IntArray | None = None) -> Iterator[tuple[IntArray, IntArray, Space]]:
+    """Positions in `cells` (numbers, all if None) of the cells of each kind, straight triangles and
+    tetrahedra apart from curved ones, their nodes (n, q) in the order of the mesh, and their space.
+    """
+    for here, nodes in _parts(mesh, cells):
+        space = Space.of(mesh, nodes)
+        if not (space.curved and space.simplex):
+            yield here, nodes, space
+            continue
+        bent = _curved(mesh, space.kind, nodes)
+        for mine, curved in ((~bent, False), (bent, True)):
+            if mine.any():
+                yield here[mine], nodes[mine], space._replace(curved=curved)
 
 
 def cell_quadratures(
@@ -220,7 +237,8 @@ def facet_quadratures(
     at = first[group[len(rows):]]  # the first cell with this facet
     shapes: dict[tuple[int, int, int], list[tuple[IntArray, Any, FloatArray]]] = {}
     start = 0
-    for here, nodes, space in spaces(mesh, some):
+    for here, nodes in _parts(mesh, some):
+        space = Space.of(mesh, nodes)
         count = len(space.kind.facets)
         for k, facet in enumerate(space.kind.facets):
             mine = np.flatnonzero((at >= start) & (at < start + len(here) * count)

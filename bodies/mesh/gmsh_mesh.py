@@ -88,7 +88,7 @@ class GmshMesh(MeshPlugin):
                 gmsh.option.setNumber("Mesh.MeshSizeMax", self.size / scale)
                 gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", ROUND)
                 gmsh.option.setNumber("Mesh.ElementOrder", self.order)
-                gmsh.option.setNumber("Mesh.HighOrderOptimize", 2 * (self.order == 2))
+                gmsh.option.setNumber("Mesh.HighOrderOptimize", int(self.order == 2))
                 d = max((entity[0] for entity in gmsh.model.getEntities()), default=0)
                 if d == 2 and self.faces:
                     raise InputError("the geometry is plane and has no faces of a solid: name its "
