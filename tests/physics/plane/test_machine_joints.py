@@ -133,6 +133,18 @@ def test_a_turning_body_leaves_a_stop_with_the_restitution(
     assert rate[-3] == pytest.approx(-e * w, rel=5e-3)
 
 
+def test_impacts_that_the_steps_do_not_resolve_are_noted() -> None:
+    """pi sqrt(J / k) is 14 steps, or one."""
+    for stiffness, noted in ((1e3, False), (1e5, True)):
+        run = simulate(load(scene(
+            {"b": turned(2, rate=2.0)},
+            {"pin": {"use": "revolute", "between": ["ground", "b:p"]},
+             "stop": {"use": "stop", "between": ["b:p", "ground"], "upper": 0.1,
+                      "stiffness": stiffness}}, 0.1, 1e-3)))
+        notes = [n for n in run.summary["notes"] if n.startswith("stop acts for")]
+        assert bool(notes) is noted
+
+
 @pytest.mark.full
 @pytest.mark.parametrize("dimension", [2, 3])
 @pytest.mark.parametrize("swapped", [False, True])
