@@ -9,7 +9,7 @@ from typing import TypeVar
 import numpy as np
 from scipy.sparse import tril, triu
 
-from sparsemor.bodies.matrices.formats import arrays, calculix, matlab, text
+from sparsemor.bodies.matrices.formats import arrays, calculix, matlab, nastran, text
 from sparsemor.bodies.matrices.formats.content import FileMatrix, table
 from sparsemor.bodies.mesh.formats.abaqus_statements import (
     data_words,
@@ -19,16 +19,19 @@ from sparsemor.bodies.mesh.formats.abaqus_statements import (
     statements,
 )
 from sparsemor.bodies.mesh.formats.content import BadLine, Numbering, decoded
+from sparsemor.bodies.mesh.formats.nastran import grids
 from sparsemor.core import Csr, FloatArray, InputError, IntArray
 
 T = TypeVar("T")
 FORMATS: dict[str, Callable[[Path, str], FileMatrix]] = {
     ".npy": arrays.read, ".npz": arrays.read, ".mat": matlab.read, ".mtx": text.read,
-    ".sti": calculix.read, ".mas": calculix.read}
+    ".sti": calculix.read, ".mas": calculix.read, ".pch": nastran.read}
 """Reader of each ending."""
+BULK = (".bdf", ".fem", ".nas", ".dat")
+"""Endings of Nastran bulk data."""
 TABLES = (".csv", ".txt")
 """Endings of tables of numbers."""
-_NAMED = re.compile(r"(.+\.(?:npz|mat)):(\w+)", re.IGNORECASE)
+_NAMED = re.compile(r"(.+\.(?:npz|mat|pch)):(\w+)", re.IGNORECASE)
 _LETTERS = 200
 
 
@@ -90,14 +93,18 @@ class FileNodes:
 
 def read_nodes(base: Path, written: str, key: str) -> FileNodes:
     """Nodes of a file: an array (N, 2 or 3), numbered from 1; lines `number, x, y, z` of a `.csv`
-    or `.txt`; or *NODE and *NSET of an Abaqus or CalculiX input file. InputError under `key`."""
+    or `.txt`; *NODE and *NSET of an Abaqus or CalculiX input file; or GRID of Nastran bulk data.
+    InputError under `key`."""
     path, name = place_of(base, written)
     kind = path.suffix.lower()
-    if kind not in (".inp", *TABLES, ".npy", ".npz", ".mat"):
-        raise InputError(f"'{written}': nodes are in a file .inp, .csv, .txt, .npy, .npz or .mat",
-                         key)
+    allowed = (".inp", *BULK, *TABLES, ".npy", ".npz", ".mat")
+    if kind not in allowed:
+        raise InputError(f"'{written}': nodes are in a file {', '.join(allowed)}", key)
     if kind == ".inp":
         found = _read(path, written, key, lambda: _input_file(decoded(path.read_bytes())))
+    elif kind in BULK:
+        found = _read(path, written, key,
+                      lambda: FileNodes(*grids(path.read_bytes(), written)))
     elif kind in TABLES:
         found = _read(path, written, key, lambda: _lines(path.read_text("latin-1")))
     else:

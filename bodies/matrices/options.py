@@ -101,17 +101,18 @@ class _Files:
 class Matrices(BodyPlugin):
     """Flexible body from matrices of another code in a floating frame of reference, without a mesh.
 
-    Files are `.npy`, `.npz`, `.mat`, `.mtx` (Matrix Market, or `*MATRIX GENERATE` of Abaqus), or
-    `.sti` and `.mas` (CalculiX), with `:NAME` for one of several arrays. Unknowns are displacements
-    of nodes, rotations of nodes, and modal coordinates, as of a superelement. Matrices are those of
-    the free body, without supports.
+    Files are `.npy`, `.npz`, `.mat`, `.mtx` (Matrix Market, or `*MATRIX GENERATE` of Abaqus),
+    `.sti` and `.mas` (CalculiX) or `.pch` (Nastran), with `:NAME` for one of several arrays.
+    Unknowns are displacements of nodes, rotations of nodes, and modal coordinates, as of a
+    superelement. Matrices are those of the free body, without supports.
     """
 
     field_kinds: ClassVar[tuple[FieldKind, ...]] = BODY_KINDS
 
     nodes: str = Field(min_length=1)
     """File of the nodes: an array (N, 2 or 3), numbered from 1; a `.csv` or `.txt` with lines
-    `number, x, y, z`; an Abaqus or CalculiX `.inp`, whose node sets are sets of the body."""
+    `number, x, y, z`; an Abaqus or CalculiX `.inp`, whose node sets are sets of the body; Nastran
+    bulk data."""
     mass: str | None = None
     """File of the mass matrix M; not needed for heat alone."""
     stiffness: str | None = None

@@ -20,7 +20,7 @@ from sparsemor.bodies.mesh.formats.content import (
     decoded,
     numbered,
 )
-from sparsemor.core import FloatArray, information
+from sparsemor.core import FloatArray, IntArray, information
 
 ELEMENTS = {
     "CTRIA3": (("triangle", 3),), "CTRIAR": (("triangle", 3),), "CTRIA6": (("triangle6", 6),),
@@ -54,7 +54,7 @@ _NUMBER = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+))(?:[ED]?([+-]\d+)|[ED](\d+))?",
 
 
 @dataclass(frozen=True, slots=True)
-class _Card:
+class Card:
     """Card of the bulk data: name, line and data fields (those of all its lines)."""
 
     name: str
@@ -94,16 +94,27 @@ def read(data: bytes, name: str) -> Content:
     return _Reader(name).read(decoded(data))
 
 
+def grids(data: bytes, name: str) -> tuple[IntArray, FloatArray]:
+    """Numbers (n,) and positions (n, 3) of the grids of a bulk data file; InputError for grids
+    whose displacements have other axes."""
+    reader = _Reader(name)
+    points = reader.read(decoded(data)).points
+    for card in reader.grids.values():
+        if card.integer(5, 0) != 0:
+            raise card.fail(f"displacements in the coordinate system {card.text(5)}: not supported")
+    return np.array(list(reader.grids), dtype=np.int64), points
+
+
 class _Reader:
     """Reader of one file: cards one after the other, coordinate systems at the end."""
 
     def __init__(self, name: str) -> None:
         self.name = name
-        self.grids: dict[int, _Card] = {}
-        self.systems: dict[int, tuple[_Card, int]] = {}
+        self.grids: dict[int, Card] = {}
+        self.systems: dict[int, tuple[Card, int]] = {}
         """Number -> card and index of the first of its fields."""
         self.default_system = 0
-        self.cells: dict[tuple[str, str], list[tuple[_Card, int, list[int]]]] = {}
+        self.cells: dict[tuple[str, str], list[tuple[Card, int, list[int]]]] = {}
         """Type of cells and card -> card, property (0: none), node labels."""
         self.seen: dict[int, str] = {}
         self.ignored: dict[str, int] = {}
@@ -111,7 +122,7 @@ class _Reader:
         self.active: set[int] = set()
 
     def read(self, lines: Sequence[str]) -> Content:
-        for card in _cards(lines):
+        for card in cards(lines):
             self._card(card)
         labels = np.array(list(self.grids), dtype=np.int64)
         plain = [c.reals(2, 3) if not self._system(c) else self._position(c)
@@ -137,7 +148,7 @@ class _Reader:
             "mesh_file"),)
         return Content(points, tuple(blocks), groups, notes)
 
-    def _card(self, card: _Card) -> None:
+    def _card(self, card: Card) -> None:
         name = card.name
         if name in REFUSED:
             raise card.fail(REFUSED[name])
@@ -155,7 +166,7 @@ class _Reader:
         else:
             self.ignored[name] = self.ignored.get(name, 0) + 1
 
-    def _coordinate_system(self, card: _Card) -> None:
+    def _coordinate_system(self, card: Card) -> None:
         if card.name[4:] not in ("1R", "1C", "1S", "2R", "2C", "2S"):
             raise card.fail("this coordinate system is not supported")
         starts = (0,) if card.name[4] == "2" or not card.text(4) else (0, 4)
@@ -166,7 +177,7 @@ class _Reader:
                                 "once")
             self.systems[number] = card, at
 
-    def _element(self, card: _Card) -> None:
+    def _element(self, card: Card) -> None:
         label = card.integer(0)
         if label in self.seen:
             raise card.fail(f"there is an element {label} already ({self.seen[label]})")
@@ -191,21 +202,21 @@ class _Reader:
 
     # coordinate systems
 
-    def _system(self, grid: _Card) -> int:
+    def _system(self, grid: Card) -> int:
         return grid.integer(1, self.default_system)
 
-    def _position(self, grid: _Card) -> FloatArray:
+    def _position(self, grid: Card) -> FloatArray:
         """(3,) position of a grid in the basic system, in the unit of the file."""
         return self._basic(grid.reals(2, 3), self._system(grid), grid)
 
-    def _basic(self, x: FloatArray, system: int, card: _Card) -> FloatArray:
+    def _basic(self, x: FloatArray, system: int, card: Card) -> FloatArray:
         """Coordinates (3,) of a system as a position in the basic one."""
         if system == 0:
             return x
         origin, axes, kind = self._frame(system, card)
         return origin + _rectangular(x, kind) @ axes
 
-    def _frame(self, number: int, card: _Card) -> tuple[FloatArray, FloatArray, str]:
+    def _frame(self, number: int, card: Card) -> tuple[FloatArray, FloatArray, str]:
         """Origin (3,), axes (3, 3), a row each, and type R, C or S of a system."""
         if number in self.frames:
             return self.frames[number]
@@ -229,7 +240,7 @@ class _Reader:
         self.frames[number] = A, axes / np.linalg.norm(axes, axis=1)[:, None], own.name[5]
         return self.frames[number]
 
-    def _grid(self, label: int, card: _Card) -> FloatArray:
+    def _grid(self, label: int, card: Card) -> FloatArray:
         if label not in self.grids:
             raise card.fail(f"there is no grid {label}")
         return self._position(self.grids[label])
@@ -247,16 +258,16 @@ def _rectangular(x: FloatArray, kind: str) -> FloatArray:
         np.sin(first) * np.cos(second), np.sin(first) * np.sin(second), np.cos(first)]))
 
 
-def _cards(lines: Sequence[str]) -> Iterator[_Card]:
+def cards(lines: Sequence[str]) -> Iterator[Card]:
     """Cards between BEGIN BULK and ENDDATA; of all the file where there is no BEGIN BULK."""
-    card: _Card | None = None
+    card: Card | None = None
     mark = ""
     for line, text in _bulk(lines):
         name, fields, ahead, behind = _fields(line, text)
         if name:
             if card is not None:
                 yield card
-            card, mark = _Card(name, line, fields), behind
+            card, mark = Card(name, line, fields), behind
             continue
         if card is None:
             raise BadLine(line, text[:8].strip() or "+", "continues a card that is not there")

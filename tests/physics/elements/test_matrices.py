@@ -198,3 +198,34 @@ def test_matrices_of_abaqus(tmp_path: Path) -> None:
         assert one.elasticity is not None and two.elasticity is not None
         np.testing.assert_array_equal(two.elasticity.free, one.elasticity.free)
         assert abs(two.elasticity.stiffness - one.elasticity.stiffness).max() == 0.0
+
+
+def punch(name: str, A: Any, labels: Any) -> str:
+    """Matrix in DMIG cards of 16 columns, one triangle, as EXTSEOUT writes them."""
+    lines = [f"DMIG    {name:<8}{0:>8}{6:>8}{2:>8}{0:>8}{'':8}{len(A):>8}"]
+    for j, (node, way) in enumerate(labels):
+        lines.append(f"DMIG*   {name:<16}{node:>16}{way:>16}")
+        for i in range(j + 1):
+            if A[i, j]:
+                value = f"{A[i, j]:.9E}".replace("E", "D")
+                lines.append(f"*       {labels[i][0]:>16}{labels[i][1]:>16}{value:>16}")
+    return "\n".join(lines) + "\n"
+
+
+def test_matrices_of_nastran(tmp_path: Path) -> None:
+    one, n = built(alone(BAR), "bar"), 12
+    assert isinstance(one, MatrixBody) and one.elasticity is not None and one.mass is not None
+    labels = [tuple(map(int, line.split("."))) for line in
+              (SCENES / "matrices" / "bar.dof").read_text().split()]
+    K, M = one.elasticity.stiffness.toarray(), one.mass.toarray()
+    (tmp_path / "bar.pch").write_text(punch("KAAX", K, labels) + punch("MAAX", M, labels))
+    ids = list(dict.fromkeys(node for node, _ in labels))
+    (tmp_path / "bar.bdf").write_text("".join(
+        f"GRID,{node},,{x[0]},{x[1]},{x[2]}\n" for node, x in zip(ids, one.X, strict=True)))
+    two = built(alone({
+        "use": "matrices", "nodes": str(tmp_path / "bar.bdf"),
+        "mass": str(tmp_path / "bar.pch:MAAX"), "stiffness": str(tmp_path / "bar.pch:KAAX"),
+        "sets": {"Left": {"nodes": ids[: n // 3]}}, "reference": {"clamp": "Left"}}), "bar")
+    assert isinstance(two, MatrixBody) and two.elasticity is not None and two.mass is not None
+    np.testing.assert_allclose(two.elasticity.stiffness.toarray(), K, rtol=1e-8, atol=1.0)
+    np.testing.assert_allclose(two.mass.toarray(), M, rtol=1e-8, atol=1e-12)
