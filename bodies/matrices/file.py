@@ -9,7 +9,7 @@ from typing import TypeVar
 import numpy as np
 from scipy.sparse import tril, triu
 
-from sparsemor.bodies.matrices.formats import arrays, calculix, matlab, nastran, text
+from sparsemor.bodies.matrices.formats import ansys, arrays, calculix, matlab, nastran, text
 from sparsemor.bodies.matrices.formats.content import FileMatrix, table
 from sparsemor.bodies.mesh.formats.abaqus_statements import (
     data_words,
@@ -25,13 +25,14 @@ from sparsemor.core import Csr, FloatArray, InputError, IntArray
 T = TypeVar("T")
 FORMATS: dict[str, Callable[[Path, str], FileMatrix]] = {
     ".npy": arrays.read, ".npz": arrays.read, ".mat": matlab.read, ".mtx": text.read,
-    ".sti": calculix.read, ".mas": calculix.read, ".pch": nastran.read}
+    ".sti": calculix.read, ".mas": calculix.read, ".pch": nastran.read,
+    ".full": ansys.read}
 """Reader of each ending."""
 BULK = (".bdf", ".fem", ".nas", ".dat")
 """Endings of Nastran bulk data."""
 TABLES = (".csv", ".txt")
 """Endings of tables of numbers."""
-_NAMED = re.compile(r"(.+\.(?:npz|mat|pch)):(\w+)", re.IGNORECASE)
+_NAMED = re.compile(r"(.+\.(?:npz|mat|pch|full)):(\w+)", re.IGNORECASE)
 _LETTERS = 200
 
 

@@ -229,3 +229,18 @@ def test_matrices_of_nastran(tmp_path: Path) -> None:
     assert isinstance(two, MatrixBody) and two.elasticity is not None and two.mass is not None
     np.testing.assert_allclose(two.elasticity.stiffness.toarray(), K, rtol=1e-8, atol=1.0)
     np.testing.assert_allclose(two.mass.toarray(), M, rtol=1e-8, atol=1e-12)
+
+
+def test_matrices_of_ansys(tmp_path: Path) -> None:
+    """Example of ansys-mapdl-reader, a clamped beam of 321 nodes, and its frequencies, Hz, as in
+    the reader's manual."""
+    reader = pytest.importorskip("ansys.mapdl.reader")
+    folder = Path(reader.__file__).parent / "examples"
+    result = reader.read_binary(str(folder / "file.rst"))
+    rows = np.column_stack([result.mesh.nnum, result.mesh.nodes])
+    np.savetxt(tmp_path / "nodes.csv", rows, fmt=["%d", "%.17g", "%.17g", "%.17g"], delimiter=",")
+    body = built(alone({
+        "use": "matrices", "nodes": str(tmp_path / "nodes.csv"), "frame": "fixed",
+        "mass": str(folder / "file.full:M"), "stiffness": str(folder / "file.full:K")}), "bar")
+    found = held(body)[:4] / (2.0 * np.pi)
+    np.testing.assert_allclose(found, [1283.200, 1283.200, 5781.975, 6919.399], rtol=1e-6)
