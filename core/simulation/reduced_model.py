@@ -336,9 +336,10 @@ class ReducedModel:
         run, set_by = self._run, {key: Input(known[key].value(0.0)) for key in inputs}
         if set_by:
             with usable(self._file_name):
-                made = self._packed.made(_table(self.scene), {**_functions(self.scene), **set_by})
+                by = _table(self.scene), {**_functions(self.scene), **set_by}
+                made, forces = self._packed.made(*by), self._pack(run.forces).made(*by)
                 run = replace(run, solver=run.solver.stepping_alike(made), start=self._meshless[1],
-                              offline=None)
+                              offline=None, forces=forces)
         return Stepper(self, replace(run, extents=self._extents), set_by, outputs)
 
     @property

@@ -146,6 +146,29 @@ def test_reduced_and_kept_models_and_steppers(tmp_path: Path, reducer: str) -> N
     assert stepper.get("end.temperature") == pytest.approx(want[-1, -1], abs=1e-9)
 
 
+@pytest.mark.full
+def test_a_controller_that_is_an_input_of_a_stepper_is_set_from_outside() -> None:
+    """Also in the recorded force."""
+    bar = {"use": "flexible", "fields": ["elastic"], "reference": {"clamp": "left"},
+           "thickness": 0.02, "material": {"rho": 2700, "E": 7e9, "nu": 0.3}, "order": 2,
+           "mesh": {"use": "rectangle", "size": [0.4, 0.04], "divisions": [4, 1]}}
+    torque = {"use": "pid", "sensor": "arm.rigid.angle", "target": 0.5, "kp": 20.0, "kd": 1.0}
+    model = reduce(load({
+        "format": 1, "bodies": {"arm": bar},
+        "joints": {"hub": {"use": "revolute", "between": ["ground", "arm:left"]},
+                   "motor": {"use": "rotational_spring", "between": ["arm:left", "ground"],
+                             "torque": torque}},
+        "time": {"end": 0.1, "step": 1e-3}, "integrator": "bdf2",
+        "reducer": {"use": "galerkin", "compiled": "off"}}))
+    stepper = model.stepper()
+    stepper.step(50)
+    assert 0.0 < stepper.get("arm.rigid.angle") < 1.0
+    stepper = model.stepper(["joints.motor.torque"])
+    stepper.set("joints.motor.torque", 5.0)
+    stepper.step(10)
+    assert stepper.get("motor.torque") == pytest.approx(5.0)
+
+
 @pytest.mark.slow  # compiles
 def test_compiled_steps_have_the_same_controller() -> None:
     content = {**HEATED, "time": {"end": 100.0, "step": 2.0}}
