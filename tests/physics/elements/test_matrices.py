@@ -86,7 +86,8 @@ def same(one: Any, two: Any, share: float = 1e-8) -> None:
     np.testing.assert_allclose(two, one, rtol=0.0, atol=share * np.ptp(one, axis=0).max())
 
 
-@pytest.mark.parametrize("kind", ["npz", "mtx", "mat"])
+@pytest.mark.parametrize("kind", [
+    "npz", *(pytest.param(kind, marks=pytest.mark.full) for kind in ("mtx", "mat"))])
 def test_a_crank_with_a_rod_from_its_matrices(kind: str, tmp_path: Path) -> None:
     same(*both(CRANK, "rod", tmp_path, None, kind))
 
@@ -127,6 +128,7 @@ def test_lumped_masses(scene: str, tmp_path: Path) -> None:
     np.testing.assert_allclose(paths[1], paths[0], rtol=0.0, atol=1e-9)
 
 
+@pytest.mark.full
 def test_a_hot_rod(tmp_path: Path) -> None:
     """Heat that is let in at one end, expansion, prescribed temperature: as with a mesh."""
     rod = CRANK["bodies"]["rod"]

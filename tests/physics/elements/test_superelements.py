@@ -63,6 +63,7 @@ def path_of(bar: dict[str, Any], **changes: Any) -> March:
     return march(scene_of({**REST, "bodies": {"bar": bar}, **changes}))
 
 
+@pytest.mark.full
 def test_shapes_that_span_all_displacements_are_the_mesh(tmp_path: Path) -> None:
     one, two = path_of(SOLID), path_of(part(tmp_path, 36, True))  # of 36 unknowns inside
     assert two.block("bar.elastic").shape == one.block("bar.elastic").shape
@@ -152,6 +153,7 @@ def test_frequency_of_a_cantilever_with_rotations(tmp_path: Path) -> None:
     np.testing.assert_allclose(first, 1.8751041**2 * np.sqrt(40.0 / 2.0) / 0.5**2, rtol=1e-4)
 
 
+@pytest.mark.full
 def test_load_vectors_are_forces_and_moments_that_turn_with_the_body(tmp_path: Path) -> None:
     bar = {**mast(tmp_path, 3), "pose": {"axis": [1, 2, 3], "angle": 0.4}}
     joints = {"hinge": {"use": "spherical", "between": ["ground", "bar:left"]}}
