@@ -11,7 +11,7 @@ than reading a scene.
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -200,23 +200,28 @@ def cell_quadratures(
     """Positions in `cells` (numbers, all if None) of the cells of each kind, and their quadrature.
 
     degree: of the integrand with linear triangles or tetrahedra, for which it is exact with
-    straight edges of either order. at_nodes: the points are the nodes of the cell, with equal
-    weights; positive: all weights are, by a higher degree where they would not be.
+    straight edges of either order. at_nodes: the points are the nodes of the cell, with the
+    integrals of their shape functions as weights; positive: all weights are, by a higher degree
+    where they would not be.
     """
     found = []
     for here, nodes, space in spaces(mesh, cells):
-        points, weights = chosen = space.rule(degree)
+        chosen = space.rule(degree)
         more = degree
         while positive and not (chosen[1] > 0.0).all():
             more += 1
             chosen = space.rule(more)
-        if at_nodes or (space.simplex and space.degree(degree) <= 1):
+        nodal = np.array(space.element.doflocs).T
+        if at_nodes:
+            chosen = nodal, np.ones(nodal.shape[1])
+        elif space.simplex and space.degree(degree) <= 1:
             # one point is exact for linear integrands; scikit-fem takes three or more
-            points = np.array(space.element.doflocs).T
-            points = points if at_nodes else points.mean(axis=1, keepdims=True)
-            whole = weights.sum()
-            chosen = points, np.full(points.shape[1], whole / points.shape[1])
-        found.append((here, from_basis(space.basis(mesh, nodes, chosen), gradients)))
+            chosen = nodal.mean(axis=1, keepdims=True), chosen[1].sum(keepdims=True)
+        at = from_basis(space.basis(mesh, nodes, chosen), gradients)
+        if at_nodes:
+            whole = from_basis(space.basis(mesh, nodes, space.rule(1)), gradients=False)
+            at = replace(at, weights=(whole.shape.values * whole.weights[:, None]).sum(axis=2))
+        found.append((here, at))
     return found
 
 

@@ -13,7 +13,7 @@ def on_cells(
 ) -> list[tuple[IntArray, Quadrature]]:
     """Quadrature of the cells of each kind (all, or those with the given numbers), with their
     positions among them; exact for polynomials of this degree. at_nodes: points at the nodes with
-    equal weights, as for lumped matrices; positive: without negative weights."""
+    the weights of lumped matrices; positive: without negative weights."""
     from sparsemor.bodies.fem import forms
 
     return forms.cell_quadratures(mesh, degree, cells, gradients, at_nodes, positive)

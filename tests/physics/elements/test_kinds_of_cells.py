@@ -15,6 +15,7 @@ from sparsemor.bodies.fem import forms
 from sparsemor.bodies.fem.quadratic import with_midpoints
 from sparsemor.bodies.fem.stress import CellStress
 from sparsemor.bodies.fem.surface import on_facets
+from sparsemor.bodies.fem.volume import lumped, on_cells
 from sparsemor.bodies.material import Isotropic
 from sparsemor.bodies.mesh.centres import centre_of_set
 from sparsemor.bodies.mesh.check import check_mesh
@@ -388,3 +389,13 @@ def test_tetrahedra_on_a_face_of_a_hexahedron_are_refused() -> None:
     cells = np.array([hexahedron, *([*t, *t[-1:] * 4] for t in tets)])
     with pytest.raises(InputError, match="2 triangular faces lie on quadrilateral ones"):
         check_mesh(Mesh(X, cells))
+
+
+def test_points_at_the_nodes_have_the_weights_of_lumped_matrices(linear: Mesh) -> None:
+    mesh = sheared(linear)
+    found = np.zeros(len(mesh.points))
+    for _, at in on_cells(mesh, 3, at_nodes=True):
+        np.testing.assert_allclose(at.coordinates.transpose(1, 2, 0), mesh.points[at.shape.nodes],
+                                   atol=1e-14)
+        np.add.at(found, at.shape.nodes, at.weights)
+    np.testing.assert_allclose(found, lumped(fe.scalar_mass(mesh, 1.0)).diagonal(), rtol=1e-12)
