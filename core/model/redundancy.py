@@ -86,9 +86,9 @@ def redundant_joints(model: Model, h: float) -> Mapping[str, tuple[FloatArray, N
     constraints depend on each other at the start. h: time step, s."""
     layout, n = model.layout, model.layout.size
     first, found = layout.algebraic.start, dict[str, tuple[FloatArray, Note | None]]()
-    if first == n or n - first > MANY:
-        return found
     some = [t for t in model.terms if len(t.rows) and t.rows.max() >= first]
+    if not some or n - first > MANY:
+        return found
     zero = np.zeros(n)
     G = csr_array(system_jacobian(
         layout, some, model.x0, model.v0, zero, 0.0, zero, zero))[first:][:, : first]
