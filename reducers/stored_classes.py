@@ -22,10 +22,11 @@ from sparsemor.reducers.step import (
 from sparsemor.reducers.step.acceptance import Tolerances
 from sparsemor.reducers.step.blocks import thermal_groups
 from sparsemor.reducers.step.blocks.thermal_block import CompressedHeat
+from sparsemor.reducers.step.compiled.stepper import CompiledStepper
 from sparsemor.reducers.step.solver import Stepper
 
 CLASSES: Sequence[object] = (
-    CompressedHeat, Stepper, Tolerances, frame_step.BodyStep,
+    CompiledStepper, CompressedHeat, Stepper, Tolerances, frame_step.BodyStep,
     frame_step.PrescribedFactors,
     coupled_errors.CoupledErrors, coupled_errors.ReducedBlock, error_space.ErrorSpace,
     estimator.BlockErrors, estimator.ErrorModel, modal_steps.ModalSteps, reduced_states.InAtoms,

@@ -9,9 +9,17 @@ import numpy as np
 from typing_extensions import TypeVar
 
 from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
+from sparsemor.core.errors import InputError
 from sparsemor.core.notes import Note, information
 from sparsemor.core.protocols.basis import Dictionary
-from sparsemor.core.protocols.integrator import State, StepFormula, StepOutcome, UpdateRules
+from sparsemor.core.protocols.integrator import (
+    HeldFunction,
+    Integrator,
+    State,
+    StepFormula,
+    StepOutcome,
+    UpdateRules,
+)
 from sparsemor.core.protocols.layout import Layout
 from sparsemor.core.protocols.term import ReducedTerm, Term
 
@@ -128,6 +136,11 @@ class StepSolver(ABC, Generic[M]):
         such as compiled steps; None where there is none or it does not pay."""
         return None
 
+    def machine_steps(self, of: "MachineRequest[M]") -> "MachineSteps":
+        """Its steps as machine code that needs no Python, for a model that is exported. Raises
+        InputError, with the reason, where there is none."""
+        raise InputError("its reducer has no steps in machine code", "reducer")
+
     @property
     def leaves_mesh(self) -> bool:
         """True if the solver can do without the arrays of the mesh's size that served to prepare
@@ -153,6 +166,45 @@ class StepSolver(ABC, Generic[M]):
         solver's unknowns, zero where it fits the joints; and the magnitudes (l, 2) of their terms.
         Rotations count as 1 rad at least."""
         raise NotImplementedError
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MachineRequest(Generic[M]):
+    """What steps in machine code are made for: an integrator and its steps of size h, s; the state
+    and memory at the start; inputs, functions of time that are set from outside; times (T,), s, at
+    which the others are tabulated; outputs of the state, (o, 8), (o, 10) and (w,) (`outputs` in
+    reducers/step/compiled/alone.py)."""
+
+    integrator: Integrator
+    h: float
+    state: State
+    memory: M
+    inputs: Sequence[HeldFunction]
+    times: FloatArray
+    about: IntArray
+    numbers: FloatArray
+    weights: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MachineSteps:
+    """Steps as an object file `code` with two functions, and their data at the start:
+
+        int64_t sparsemor_step(double *f, int64_t *i, uint8_t *b, const double *t, const double *u)
+        int64_t sparsemor_read(double *f, int64_t *i, uint8_t *b, double *y)
+
+    The first takes a step, 1 if it converged; the second gives the outputs y. f, i, b: reals,
+    integers and flags, which change; u: changes of the inputs from their first values; t: row of
+    the step in `table` (T, c), of no columns where all functions are constant. outputs: number of
+    outputs.
+    """
+
+    code: bytes
+    reals: FloatArray
+    integers: IntArray
+    flags: BoolArray
+    table: FloatArray
+    outputs: int
 
 
 @dataclass(frozen=True, slots=True, eq=False)

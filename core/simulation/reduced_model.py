@@ -329,7 +329,7 @@ class ReducedModel:
             Fault("inputs", f"no function of time is at {k!r}: {suggestions(k, known, 'inputs')}")
             for k in inputs if k not in known]
         if not faults:
-            faults = [Fault(key, f"cannot be an input: {why}")
+            faults = [Fault("inputs", f"{key} cannot be one: {why}")
                       for key in inputs if (why := self._why_fixed(key))]
         if faults:
             raise InputError(faults)
@@ -341,6 +341,11 @@ class ReducedModel:
                 run = replace(run, solver=run.solver.stepping_alike(made), start=self._meshless[1],
                               offline=None, forces=forces)
         return Stepper(self, replace(run, extents=self._extents), set_by, outputs)
+
+    @property
+    def possible_inputs(self) -> tuple[str, ...]:
+        """Keys of functions of time that may be inputs of a stepper."""
+        return tuple(key for key in self._inputs if not self._why_fixed(key))
 
     @property
     def _has_fields(self) -> bool:

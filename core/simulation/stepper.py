@@ -3,28 +3,26 @@
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from itertools import accumulate
+from typing import Any
 
 import numpy as np
 
-from sparsemor.core.arrays import FloatArray
+from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.errors import Fault, InputError
 from sparsemor.core.linalg.threads import threads
-from sparsemor.core.protocols import State, StepMemory
-from sparsemor.core.protocols.integrator import HeldFunction, holding
+from sparsemor.core.protocols import MachineRequest, MachineSteps, State, StepMemory
+from sparsemor.core.protocols.integrator import HeldFunction, holding, next_time
 from sparsemor.core.registry.boundary import naming_plugins
 from sparsemor.core.registry.registry import suggestions
 from sparsemor.core.results.saved_state import Saved, SavedError
 from sparsemor.core.simulation.checks import Checks
 from sparsemor.core.simulation.controllers import Controllers
-from sparsemor.core.simulation.outputs import outputs_of, read
+from sparsemor.core.simulation.outputs import Output, outputs_of, read
 from sparsemor.core.simulation.prepared_run import PreparedRun
 from sparsemor.core.simulation.step_control import step_of
 from sparsemor.core.simulation.time_stepping import iterate, many_steps, started
 from sparsemor.core.status import SolveFailed, Status
-
-if TYPE_CHECKING:
-    from sparsemor.core.simulation.reduced_model import ReducedModel
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,13 +37,12 @@ class Stepper:
 
     t: time, s; inputs: key of a function of time in the scene -> its present value; outputs:
     name -> unit. An input has its value in a whole step and at the step's end: set the value of
-    t + h, then step. Made by `ReducedModel.stepper`; a pickled stepper goes on where it was.
+    t + h, then step. model: the `ReducedModel` that made it. A pickled stepper goes on.
     """
 
     @np.errstate(all="ignore")
     def __init__(
-        self, model: "ReducedModel", run: PreparedRun, inputs: Mapping[str, Input],
-        outputs: Sequence[str],
+        self, model: Any, run: PreparedRun, inputs: Mapping[str, Input], outputs: Sequence[str],
     ) -> None:
         from threadpoolctl import ThreadpoolController
 
@@ -85,6 +82,24 @@ class Stepper:
     @property
     def outputs(self) -> Mapping[str, str]:
         return {name: output.unit for name, output in self._outputs.items()}
+
+    @property
+    def described(self) -> Mapping[str, Output]:
+        """Name -> where its outputs come from."""
+        return dict(self._outputs)
+
+    def machine_steps(
+        self, about: IntArray, numbers: FloatArray, weights: FloatArray
+    ) -> MachineSteps:
+        """Its steps from the start as machine code with these outputs (`MachineRequest`). Raises
+        InputError where there is none."""
+        if self._controllers.found:
+            raise InputError("controllers have no machine code: name them as inputs", "inputs")
+        (state, memory), scene, run = self._begin, self._run.scene, self._run
+        times = np.array([*accumulate([self.step_size] * run.steps, next_time, initial=0.0)][1:])
+        return run.solver.machine_steps(MachineRequest(
+            scene.integrator, self.step_size, state, memory, tuple(self._inputs.values()), times,
+            about, numbers, weights))
 
     def reset(self) -> None:
         """Goes back to the start; inputs have their first values again."""
@@ -176,8 +191,8 @@ class Stepper:
 
 
 def _restored(
-    model: "ReducedModel", inputs: Sequence[str], outputs: Sequence[str], saved: bytes
+    model: Any, inputs: Sequence[str], outputs: Sequence[str], saved: bytes
 ) -> Stepper:
-    made = model.stepper(inputs, outputs)
+    made: Stepper = model.stepper(inputs, outputs)
     made.restore(saved)
     return made

@@ -48,7 +48,7 @@ class Exported:
 
 
 def export(
-    run: RunResult, folder: str | Path, format: str = "vtu", *, bodies: Sequence[str] | None = None,
+    run: RunResult, folder: str | Path, to: str = "vtu", *, bodies: Sequence[str] | None = None,
     fields: Sequence[str] | None = None, at: Sequence[float] | None = None, every: int = 1,
     force: bool = False,
 ) -> Exported:
@@ -63,7 +63,7 @@ def export(
     Raises InputError, before anything is written, for a format, body, field or time that does not
     exist and for a `folder` that is not empty.
     """
-    plan = plan_export(run, format, bodies, fields, at, every)
+    plan = plan_export(run, to, bodies, fields, at, every)
     target = Path(folder).absolute()
     OutputDirectory(target).require_replaceable(
         force, "use --force to overwrite, or choose another --out", lambda: _is_export(target),

@@ -1,4 +1,4 @@
-"""Command `sparsemor export`: ParaView files of a stored run."""
+"""Command `sparsemor export`: ParaView files of a stored run, and FMUs of kept models."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -10,7 +10,7 @@ from sparsemor.core.cli.options import (
     Force,
     Json,
     Quiet,
-    StoredRun,
+    check_new_file,
     located_in,
     part_of,
     path_of,
@@ -19,17 +19,22 @@ from sparsemor.core.cli.options import (
     warn,
     words,
 )
+from sparsemor.core.errors import InputError
+from sparsemor.core.results.model_format import is_model_file
 
 if TYPE_CHECKING:
     from sparsemor.core.results.run_result import RunResult
 
 
 def export(
-    run: StoredRun,
-    form: Annotated[str, typer.Option("--format", help="vtu or xdmf.")] = "vtu",
+    source: Annotated[str, typer.Argument(
+        metavar="RUN|MODEL", help="Directory of a run, finished or not, or file of a model.")],
+    form: Annotated[str | None, typer.Option(
+        "--to", help="Of a run vtu (the default) or xdmf, of a model fmu.")] = None,
     out: Annotated[Path | None, typer.Option(
-        "--out", parser=path_of, metavar="DIRECTORY",
-        help="Directory for the files (default: inside the run's directory).")] = None,
+        "--out", parser=path_of, metavar="PATH",
+        help="Directory for the files of a run (default: inside its directory), or file of the FMU "
+        "(default: MODEL.fmu).")] = None,
     at: At = None,
     every: Annotated[int, typer.Option(
         "--every", help="Export every N-th stored step (not with --at).")] = 1,
@@ -38,14 +43,25 @@ def export(
         "two).")] = None,
     bodies: Annotated[str | None, typer.Option(
         "--body", help="Bodies, such as disk,pad (default: all that have a mesh).")] = None,
+    inputs: Annotated[str | None, typer.Option(
+        "--inputs", help="Inputs of a model, keys of functions of time such as loads.push.factor "
+        "(default: all).")] = None,
+    outputs: Annotated[str | None, typer.Option(
+        "--outputs", help="Outputs of a model, such as tip.x (default: all).")] = None,
     force: Force = False, as_json: Json = False, quiet: Quiet = False,
 ) -> None:
-    """Write the moving bodies of a stored run with their fields, for ParaView."""
+    """Write the moving bodies of a stored run with their fields, for ParaView, or a kept model as
+    an FMU for co-simulation."""
+    if is_model_file(Path(source)):
+        _model(source, form or "fmu", out, inputs, outputs, force, as_json, quiet)
+        return
     with located_in():
         from sparsemor.core.results.run_result import open_result
         from sparsemor.plugins.export import export as write
 
-        result = open_result(run)
+        if inputs or outputs:
+            raise InputError("a run has no inputs and outputs: name the file of a model", "inputs")
+        result, form = open_result(source), form or "vtu"
         folder = out or result.path.parent / form
         with part_of(result.path.parent, folder):
             done = write(
@@ -53,7 +69,7 @@ def export(
                 at=times_at(at), every=every, force=force)
         if as_json:
             print_json({
-                "status": "done", "out": done.folder, "format": form, "times": len(done.times),
+                "status": "done", "out": done.folder, "to": form, "times": len(done.times),
                 "files": {b: str(f) for b, f in done.files.items()}, "fields": done.fields,
                 "notes": done.notes})
         elif not quiet:
@@ -61,6 +77,30 @@ def export(
                 typer.echo(_line(result, body, file, done.fields[body], len(done.times)))
         if not quiet and not as_json:
             warn(done.notes)
+
+
+def _model(
+    source: str, form: str, out: Path | None, inputs: str | None, outputs: str | None, force: bool,
+    as_json: bool, quiet: bool,
+) -> None:
+    with located_in():
+        from sparsemor.core.results.files.listing import list_file
+        from sparsemor.core.simulation.reduced_model import load_model
+        from sparsemor.plugins.export.fmu import export_fmu
+
+        if form != "fmu":
+            raise InputError(f"a model is exported to fmu (got {form!r})", "to")
+        file = out or Path(f"{Path(source).stem}.fmu")
+        check_new_file(file, force)
+        done = export_fmu(load_model(source), file, words(inputs), words(outputs))
+        list_file(file, alone=True)
+        if as_json:
+            print_json({"status": "done", "out": str(file), "to": form, "inputs": done.inputs,
+                        "outputs": done.outputs, "left_out": done.left_out,
+                        "bytes": file.stat().st_size})
+        elif not quiet:
+            typer.echo(f"inputs: {', '.join(done.inputs) or 'none'}\n"
+                       f"outputs: {', '.join(done.outputs) or 'none'}\nfmu: {file}")
 
 
 def _line(run: "RunResult", body: str, file: Path, fields: tuple[str, ...], times: int) -> str:

@@ -26,7 +26,7 @@ class ExportPlan:
 
 
 def plan_export(
-    run: RunResult, format: str, bodies: Sequence[str] | None, fields: Sequence[str] | None,
+    run: RunResult, to: str, bodies: Sequence[str] | None, fields: Sequence[str] | None,
     at: Sequence[float] | None, every: int,
 ) -> ExportPlan:
     """Validated export request; `bodies`, `fields`, `at` (s) None: all. Raises InputError with
@@ -36,7 +36,7 @@ def plan_export(
     if len(run.times) == 0:
         raise InputError("the run has no stored step yet")
     gather = Gather()
-    gather("format", _check_name, format, FORMATS, "format", "formats")
+    gather("to", _check_name, to, FORMATS, "format", "formats")
     chosen = gather("body", _bodies, run, bodies)
     wanted = gather("fields", _fields, fields)
     steps = gather("at", run.steps_at, at)
@@ -46,7 +46,7 @@ def plan_export(
         found = gather("fields", _by_body, run, chosen, wanted, fields is not None)
     gather.check()
     assert steps is not None and found is not None
-    return ExportPlan(format, steps[::every], *found)
+    return ExportPlan(to, steps[::every], *found)
 
 
 def _check_name(name: str, names: Sequence[str], one: str, many: str) -> None:

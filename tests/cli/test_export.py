@@ -130,7 +130,7 @@ def test_a_plane_run_by_the_command(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("asked", "complaints"), [
-    ({"format": "stl"}, ["format: no format is called 'stl': formats: vtu, xdmf"]),
+    ({"to": "stl"}, ["to: no format is called 'stl': formats: vtu, xdmf"]),
     ({"at": [0.001, 1.0], "bodies": ["wheel"]},
      ["body: no body with a mesh is called 'wheel': bodies with a mesh: bar, solid",
       "at: give times within the run, 0 to 0.005 s (got 1)"]),

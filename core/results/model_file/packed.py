@@ -358,11 +358,16 @@ class _Maker:
 
     def parts(self, content: Any) -> Any:
         cls, values = self.named(content[0]), [self.value(v) for v in content[1]]
-        return cls.of_parts(*values) if issubclass(cls, HasParts) else cls(*values)
+        return self.fitting(
+            cls.of_parts(*values) if issubclass(cls, HasParts) else cls(*values))
 
     def fields(self, content: Any) -> Any:
-        made = self.named(content[0])(**{n: self.value(v) for n, v in content[1].items()})
-        if wrong := unfit_field(made):
+        return self.fitting(self.named(content[0])(
+            **{n: self.value(v) for n, v in content[1].items()}))
+
+    def fitting(self, made: Any) -> Any:
+        """The object itself. Raises PackedError where its fields are not of their types."""
+        if is_dataclass(made) and (wrong := unfit_field(made)):
             raise PackedError(f"no model fits the data ({wrong})")
         return made
 

@@ -11,7 +11,7 @@ import inspect
 import logging
 import pickle
 import platform
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache
 from importlib import import_module
 from importlib.metadata import version
@@ -33,8 +33,8 @@ FUNCTIONS: tuple[Callable[..., object], ...] = (
     reduced.turned, reduced.solution,
     reduced.moved, reduced.sizes, reduced.solve, reduced.remember, prescribed.corrected,
     prescribed.solve_body, prescribed.solve_prescribed, prescribed.add_forces,
-    kernel.iterate_heat, kernel.heated, kernel.free_motion, kernel.predict, kernel.accept,
-    kernel.heat_ahead, kernel.advance)
+    kernel.iterate_heat, kernel.heated, kernel.free_motion, kernel.predict, kernel.predicted,
+    kernel.accept, kernel.heat_ahead, kernel.advance)
 """Functions of the kernel, each after those that it calls."""
 COUNTED: tuple[Callable[..., object], ...] = (
     dense.product, dense.add_products, local.rows_of, reduced.add_terms, prescribed.corrected,
@@ -112,8 +112,12 @@ class Functions(NamedTuple):
         return found
 
 
-def bound(functions: Functions, compiled: Callable[[FunctionType], Any]) -> Any:
-    """`kernel.advance` with these functions and `compiled` applied to all."""
+def bound(
+    functions: Functions, compiled: Callable[[FunctionType], Any],
+    also: Sequence[Callable[..., object]] = (),
+) -> dict[str, Any]:
+    """Name -> function of the kernel with these functions, and of `also`, with `compiled` applied
+    to all."""
     made: dict[str, Any] = {}
     instead = functions.instead
 
@@ -133,9 +137,9 @@ def bound(functions: Functions, compiled: Callable[[FunctionType], Any]) -> Any:
     none = with_calls((local.no_law, ()))
     for i in range(local.LAWS):
         made[f"law_{i}"] = with_calls(functions.laws[i]) if i < len(functions.laws) else none
-    for function in FUNCTIONS:
+    for function in (*FUNCTIONS, *also):
         made[function.__name__] = copied(function, made)
-    return made["advance"]
+    return made
 
 
 def has_code(functions: Functions) -> bool:
@@ -157,7 +161,7 @@ def compiled_advance(functions: Functions) -> Any:
     # sums may be reordered, which makes products several times faster
     return bound(functions, lambda f: with_kept_code(njit(
         error_model="numpy", _nrt=f.__code__ in counted, fastmath={"contract", "reassoc"})(f),
-        kept))
+        kept))["advance"]
 
 
 def with_kept_code(compiled: Any, kept: MachineCode) -> Any:

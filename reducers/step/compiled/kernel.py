@@ -52,17 +52,11 @@ def advance(
     known = heat_ahead(m, heat, w, run.z, timed, base, warm, warmed)
     add_forces(prescribed, warm, forces, 0, len(warm) if known else 0)
     for i in range(len(timed)):
-        free_motion(m, run.z, w.free, 0, n)
-        predict(m, run, w.guess)
-        for j in range(n):
-            w.d[j] = w.guess[n + j] if run.by_departure[j] else w.guess[j] - w.free[0, j]
-            w.base[j] = base[i, j]
-        for start in m.quaternions:
-            steered(w.d[start : start + 4], w.free[0, start : start + 4])
-        for j in range(first, last):
-            if known:
+        predicted(m, run, w, base[i])
+        if known:
+            for j in range(first, last):
                 w.d[j] = warmed[i, j]
-        motion(m, w)
+            motion(m, w)
         count, hot = 1, 0.0
         if not known:
             for h in heat:
@@ -101,6 +95,20 @@ def advance(
             run.effort[2] = 1
             return i + 1
     return len(timed)
+
+
+def predicted(m: ModelArrays, run: RunArrays, w: Work, base: FloatArray) -> None:
+    """Free motion and guessed departure of the next step, and its rows `base` (n,) that depend on
+    time alone, in w."""
+    n = len(w.d)
+    free_motion(m, run.z, w.free, 0, n)
+    predict(m, run, w.guess)
+    for j in range(n):
+        w.d[j] = w.guess[n + j] if run.by_departure[j] else w.guess[j] - w.free[0, j]
+        w.base[j] = base[j]
+    for start in m.quaternions:
+        steered(w.d[start : start + 4], w.free[0, start : start + 4])
+    motion(m, w)
 
 
 def heat_ahead(

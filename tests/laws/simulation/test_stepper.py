@@ -13,6 +13,7 @@ from sparsemor import InputError, ReducedModel, SolveFailed, load, load_model, r
 from sparsemor.core.simulation.stepper import Stepper
 from sparsemor.reducers.step.compiled import stepper as compiled
 from sparsemor.reducers.step.compiled.compile import bound
+from sparsemor.reducers.step.compiled.steps import CompiledSteps
 
 EXAMPLES = Path(__file__).parents[3] / "docs/examples"
 FLUX = "loads.heating.flux"
@@ -109,10 +110,10 @@ def test_a_pickled_model_runs_alike() -> None:
 def test_compiled_steps_read_inputs(monkeypatch: pytest.MonkeyPatch) -> None:
     """The kernel as plain Python: functions of time are not tabulated ahead of an input."""
     monkeypatch.setattr(compiled, "wanted", lambda *_: True)
-    monkeypatch.setattr(compiled.CompiledSteps.__init__, "__defaults__", (
-        lambda functions: bound(functions, lambda function: function),))
+    monkeypatch.setattr(CompiledSteps.__init__, "__defaults__", (
+        lambda functions: bound(functions, lambda function: function)["advance"],))
     stepper, plain = model().stepper([FLUX]), model().stepper([FLUX])
-    assert isinstance(stepper._many, compiled.CompiledSteps)
+    assert isinstance(stepper._many, CompiledSteps)
     plain._many = None
     for one in (stepper, plain):
         for flux in (4.0e6, -5.0e6):

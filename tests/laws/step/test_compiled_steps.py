@@ -27,7 +27,8 @@ from sparsemor.core.simulation.time_stepping import FixedStep, iterate, started
 from sparsemor.core.testing.in_memory_run import march, scene_of
 from sparsemor.reducers.step.compiled.compile import bound
 from sparsemor.reducers.step.compiled.plan import plan
-from sparsemor.reducers.step.compiled.stepper import CompiledSteps, compilable, wanted
+from sparsemor.reducers.step.compiled.stepper import compilable, wanted
+from sparsemor.reducers.step.compiled.steps import CompiledSteps
 from sparsemor.reducers.step.compiled.timed import NotCompiled
 from sparsemor.reducers.step.memory import Memory
 from sparsemor.reducers.step.solver import Stepper
@@ -68,7 +69,7 @@ def trained(s: Scene, reducer: Any, end: float | None = None) -> Case:
 def in_python(case: Case, solver: Stepper) -> CompiledSteps:
     h = case.scene.time.step
     return CompiledSteps(solver, case.scene.integrator.rules(h), h, lambda functions: bound(
-        functions, lambda function: function))
+        functions, lambda function: function)["advance"])
 
 
 def states(case: Case, solver: Any, count: int, many: Any = None) -> list[Any]:
