@@ -90,10 +90,12 @@ class GmshMesh(MeshPlugin):
                 gmsh.option.setNumber("Mesh.ElementOrder", self.order)
                 gmsh.option.setNumber("Mesh.HighOrderOptimize", int(self.order == 2))
                 d = max((entity[0] for entity in gmsh.model.getEntities()), default=0)
+                if d < 2:
+                    raise InputError(f"'{self.geometry}' has neither solids nor faces", "geometry")
                 if d == 2 and self.faces:
                     raise InputError("the geometry is plane and has no faces of a solid: name its "
                                      "curves by physical groups", "faces")
-                gmsh.model.mesh.generate(max(d, 2))
+                gmsh.model.mesh.generate(d)
                 if not gmsh.model.getPhysicalGroups(d):
                     gmsh.model.addPhysicalGroup(d, [t for _, t in gmsh.model.getEntities(d)],
                                                 name="body")
@@ -103,7 +105,7 @@ class GmshMesh(MeshPlugin):
             except InputError:
                 raise
             except Exception as error:  # Gmsh raises no other type
-                reason = " ".join(str(error).split())[:200]
+                reason = " ".join(str(error).replace(str(full), self.geometry).split())[:200]
                 raise InputError(f"Gmsh cannot mesh '{self.geometry}': {reason}",
                                  "geometry") from None
             try:
