@@ -150,6 +150,14 @@ def has_code(functions: Functions) -> bool:
 @cache
 def compiled_advance(functions: Functions) -> Any:
     """Compiled `kernel.advance` for models with these functions."""
+    return compiled(functions)["advance"]
+
+
+def compiled(
+    functions: Functions, also: Sequence[Callable[..., object]] = (), creating: Any = None
+) -> dict[str, Any]:
+    """Name -> compiled function of the kernel with these functions, and of `also`; creating: one of
+    these that creates arrays."""
     import numba  # optional, and takes half a second to import
 
     njit: Any = numba.njit  # its types lack `_nrt`
@@ -157,11 +165,11 @@ def compiled_advance(functions: Functions) -> Any:
     if not kept:
         _log.warning("compiling the time step once, some ten seconds; machine code: %s",
                      kept.folder or "not kept, since no folder is this user's alone")
-    counted = {f.__code__ for f in (*COUNTED, no_rows) if isinstance(f, FunctionType)}
+    counted = {f.__code__ for f in (*COUNTED, no_rows, creating) if isinstance(f, FunctionType)}
     # sums may be reordered, which makes products several times faster
     return bound(functions, lambda f: with_kept_code(njit(
         error_model="numpy", _nrt=f.__code__ in counted, fastmath={"contract", "reassoc"})(f),
-        kept))["advance"]
+        kept), also)
 
 
 def with_kept_code(compiled: Any, kept: MachineCode) -> Any:

@@ -15,7 +15,7 @@ from sparsemor.core.protocols import HeldValues, MachineRequest, MachineSteps
 from sparsemor.core.protocols.integrator import holding
 from sparsemor.core.simulation.time_stepping import FixedStep
 from sparsemor.reducers.step.compiled import alone, arrays
-from sparsemor.reducers.step.compiled.compile import COUNTED, Functions, bound, no_rows
+from sparsemor.reducers.step.compiled.compile import Functions, bound, compiled
 from sparsemor.reducers.step.compiled.local import LocalArrays
 from sparsemor.reducers.step.compiled.steps import CompiledSteps
 from sparsemor.reducers.step.compiled.timed import NotCompiled
@@ -76,10 +76,11 @@ def machine_steps(solver: Stepper, of: MachineRequest[Memory]) -> MachineSteps:
     """Machine code and data of the steps of a solver. Raises InputError, with the reason, where
     they are not compiled."""
     require("numba", "fast", "steps in machine code")
-    compiled: dict[str, Any] = {}
+    made: dict[str, Any] = {}
 
     def code(functions: Functions) -> Callable[..., int]:
-        compiled.update(_compiled(functions))
+        made.update(compiled(functions, [getattr(alone, name) for name in alone.ALONE],
+                             alone.differences_of_heat))
         return lambda *_: 0
 
     try:
@@ -104,7 +105,7 @@ def machine_steps(solver: Stepper, of: MachineRequest[Memory]) -> MachineSteps:
         **expressions, **{kind: max(data.size(kind), 1) for kind in "fib"}, columns=len(varying),
         inputs=len(of.inputs), outputs=len(of.about))
     return MachineSteps(
-        _object(source, compiled), data.whole("f", np.float64), data.whole("i", np.int64),
+        _object(source, made), data.whole("f", np.float64), data.whole("i", np.int64),
         data.whole("b", np.bool_), np.ascontiguousarray(values[:, varying]),
         len(of.about))
 
@@ -161,21 +162,12 @@ def _in_time(
     return rest.shape[1] - n, changes, values
 
 
-def _compiled(functions: Functions) -> dict[str, Any]:
-    """The functions of the kernel and of alone.py, compiled by numba."""
-    njit: Any = import_module("numba").njit  # optional
-    counted = {f.__code__ for f in (*COUNTED, no_rows, alone.differences_of_heat)}
-    return bound(functions, lambda f: njit(
-        error_model="numpy", _nrt=f.__code__ in counted, fastmath={"contract", "reassoc"})(f),
-        [getattr(alone, name) for name in alone.ALONE])
-
-
-def _object(source: str, compiled: dict[str, Any]) -> bytes:
-    """Object file of the functions of a source with compiled ones, for processors of this kind."""
+def _object(source: str, functions: dict[str, Any]) -> bytes:
+    """Object file of a source and the functions that it calls, for processors of this kind."""
     llvm: Any = import_module("llvmlite.binding")  # optional, as numba
     numba: Any = import_module("numba")
     types = numba.types
-    names: dict[str, Any] = {**compiled, "carray": numba.carray, **{
+    names: dict[str, Any] = {**functions, "carray": numba.carray, **{
         c.__name__: c for c in vars(arrays).values() if isinstance(c, type)},
         "LocalArrays": LocalArrays}
     exec(compile(source, "steps", "exec"), names)  # written here, of shapes and numbers alone
