@@ -1,6 +1,7 @@
 """Exported FMUs: valid, equal to the stepper of their model in another program, with states that
 are restored, and what is refused. They are compiled, which takes a minute each."""
 
+import json
 import shutil
 import subprocess
 import zipfile
@@ -14,7 +15,7 @@ import numpy as np
 import pytest
 
 from small_scenes import everything
-from sparsemor import InputError, ReducedModel, load, load_model, reduce
+from sparsemor import InputError, ReducedModel, Scene, load, load_model, reduce, simulate
 from sparsemor.core.simulation.stepper import Stepper
 from sparsemor.plugins.export.fmu import Unit, export_fmu
 
@@ -82,6 +83,70 @@ def test_a_unit_takes_the_steps_of_its_model(name: str) -> None:
     for got, want, size, output in zip(
             outputs(slave, unit), stepper.values(), largest, unit.outputs, strict=True):
         assert abs(got - want) <= 1e-9 * max(size, 1e-6), output
+
+
+def hinged(names: str, spring: bool, step: float) -> dict[str, Any]:
+    """Flexible bars hinged at heights 0 and 0.3 m, whose ends are pulled along x and y, or joined
+    by a spring."""
+    bodies, joints, loads, probes = dict[str, Any](), dict[str, Any](), dict[str, Any](), {}
+    for name in names:
+        y = 0.0 if name == "a" else 0.3
+        bodies[name] = {
+            "use": "flexible", "thickness": 0.01, "fields": ["elastic"],
+            "mesh": {"use": "rectangle", "lower": [0.0, y - 0.01], "size": [0.4, 0.02],
+                     "divisions": [8, 2]},
+            "sets": {"pin": {"nearest": [0.0, y]}, "end": {"nearest": [0.4, y]}},
+            "material": {"E": 7.0e10, "nu": 0.33, "rho": 2700},
+            "reference": {"chord": ["pin", "end"]}}
+        joints[f"hinge_{name}"] = {"use": "revolute", "between": ["ground", f"{name}:pin"]}
+        probes[f"end_{name}"] = {"body": name, "at": "end"}
+        for axis, force in (("x", [1.0, 0.0]), ("y", [0.0, 1.0])) if not spring else ():
+            loads[f"{axis}_{name}"] = {
+                "use": "point_force", "on": f"{name}:end", "force": force, "factor": 0.0}
+    if spring:
+        joints["spring"] = {"use": "spring_damper", "between": ["a:end", "b:end"],
+                            "stiffness": K, "length": LENGTH}
+    return {"format": 1, "bodies": bodies, "joints": joints, "loads": loads, "probes": probes,
+            "time": {"end": 0.1, "step": step},
+            "reducer": {"use": "galerkin", "basis": {"use": "modal", "count": 4}}}
+
+
+K, LENGTH = 200.0, 0.25
+"""Stiffness, N/m, and length, m, of the spring of two bars."""
+
+
+@compiled
+@pytest.mark.slow
+def test_two_units_with_a_spring_between_them_move_as_one_model(tmp_path: Path) -> None:
+    """The master reads both ends and sets the force of the spring for the next step: an error of
+    first order in the step."""
+    errors = []
+    for step in (1e-3, 5e-4):
+        def scene(names: str, spring: bool, step: float = step) -> Scene:
+            file = tmp_path / f"{names}{spring}.yaml"
+            file.write_text(json.dumps(hinged(names, spring, step)))
+            return load(file)
+
+        whole = simulate(scene("ab", True))
+        slaves = []
+        for name in "ab":
+            outputs = [f"end_{name}.x", f"end_{name}.y"]
+            unit = export_fmu(reduce(scene(name, False)), tmp_path / f"{name}{step}.fmu",
+                              [f"loads.{axis}_{name}.factor" for axis in "xy"], outputs)
+            slaves.append(slave_of(unit))
+        for i in range(len(whole.times) - 1):
+            a, b = (np.array(s.getReal([2, 3])) for s in slaves)
+            far = float(np.linalg.norm(b - a))
+            force = K * (far - LENGTH) / far * (b - a)
+            for slave, own in zip(slaves, (force, -force), strict=True):
+                slave.setReal([0, 1], own.tolist())
+                slave.doStep(i * step, step)
+        ends = [whole.probe(f"end_{name}")[-1, :2] for name in "ab"]
+        errors.append(max(np.abs(np.array(s.getReal([2, 3])) - end).max()
+                          for s, end in zip(slaves, ends, strict=True)))
+    assert np.ptp(whole.probe("end_a")[:, 1]) > 0.01
+    assert errors[1] < 2e-3
+    assert errors[0] / errors[1] == pytest.approx(2.0, rel=0.2)
 
 
 @compiled
