@@ -144,10 +144,41 @@ def test_laws_of_a_reducer(name: str, integrator: str) -> None:
         **short, "reducer": options, "integrator": integrator}))
 
 
+def machine() -> dict[str, Any]:
+    """Shafts with a gear, a rack, a universal joint, a stop, friction, and a body on a bushing."""
+    def body(*position: float) -> dict[str, Any]:
+        return {"use": "rigid", "mass": 2.0, "inertia": [0.02, 0.03, 0.02],
+                "points": {"p": [0.0, 0.0, 0.0]}, "pose": {"position": list(position)}}
+
+    z = {"axis": [0.0, 0.0, 1.0]}
+    return {
+        "bodies": {
+            "one": body(0.0, 0.0, 0.0), "two": body(0.5, 0.0, 0.0), "bar": body(0.0, 0.3, 0.0),
+            "out": body(0.0, 0.0, 0.0), "block": body(0.0, 0.0, 1.0)},
+        "joints": {
+            **{f"hold_{b}": {"use": "revolute", "between": ["ground", f"{b}:p"], **z}
+               for b in ("one", "two", "out")},
+            "guide": {"use": "prismatic", "between": ["bar:p", "ground"], "axis": [1.0, 0.0, 0.0]},
+            "gear": {"use": "gear", "between": ["one:p", "two:p"], "teeth": [20, 30], **z},
+            "rack": {"use": "rack", "between": ["one:p", "bar:p"], "radius": 0.3,
+                     "direction": [1.0, 0.0, 0.0], **z},
+            "cross": {"use": "universal", "between": ["one:p", "out:p"], "axis": [1.0, 0.0, 0.0],
+                      "second_axis": [0.0, 1.0, 0.0]},
+            "stop": {"use": "stop", "between": ["two:p", "ground"], "upper": 0.1,
+                     "stiffness": 200.0, **z},
+            "friction": {
+                "use": "joint_friction", "between": ["two:p", "ground"], "force": 0.1, **z},
+            "mount": {"use": "bushing", "between": ["block:p", "ground"],
+                      "stiffness": [1e3, 2e3, 3e3]}},
+        "loads": {"motor": {"use": "torque", "on": "one:p", "torque": [0.0, 0.0, 1.0]}},
+        "time": {"end": 0.02, "step": 1e-3}}
+
+
 @pytest.mark.full
 def test_laws_of_bodies_joints_and_loads() -> None:
     scenes = [*(load(SCENES / name) for name in (
-        "everything.yaml", "everything_in_space.yaml", "matrices.yaml")), scene_of(driven())]
+        "everything.yaml", "everything_in_space.yaml", "matrices.yaml")), scene_of(driven()),
+        scene_of(machine())]
     for scene in scenes:
         check_parts(scene)
     for kind, key in (("body", "bodies"), ("joint", "joints"), ("load", "loads")):
