@@ -129,6 +129,7 @@ from sparsemor.core.protocols.step_amplitude import StepFunction as StepFunction
 from sparsemor.core.protocols.step_amplitude import Stepping as Stepping
 from sparsemor.core.protocols.step_amplitude import Substep as Substep
 from sparsemor.core.protocols.step_solver import AroundSteps as AroundSteps
+from sparsemor.core.protocols.step_solver import LinearSystem as LinearSystem
 from sparsemor.core.protocols.step_solver import MachineRequest as MachineRequest
 from sparsemor.core.protocols.step_solver import MachineSteps as MachineSteps
 from sparsemor.core.protocols.step_solver import ManySteps as ManySteps

@@ -1,7 +1,7 @@
 """Interfaces of step solvers, which solve one time step of a full or reduced model."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Generic, Protocol, Self, runtime_checkable
 
@@ -141,6 +141,11 @@ class StepSolver(ABC, Generic[M]):
         InputError, with the reason, where there is none."""
         raise InputError("its reducer has no steps in machine code", "reducer")
 
+    def linear_system(self) -> "LinearSystem":
+        """Its equations as constant matrices. Raises InputError, with the reason, where they are
+        not linear with constant coefficients."""
+        raise InputError("its reducer has no constant matrices", "reducer")
+
     @property
     def leaves_mesh(self) -> bool:
         """True if the solver can do without the arrays of the mesh's size that served to prepare
@@ -205,6 +210,17 @@ class MachineSteps:
     flags: BoolArray
     table: FloatArray
     outputs: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LinearSystem:
+    """Equations mass x'' + damping x' + stiffness x = force(t) of the n unknowns of a step solver;
+    temperatures have no mass. Matrices (n, n)."""
+
+    mass: FloatArray
+    damping: FloatArray
+    stiffness: FloatArray
+    force: Callable[[float], FloatArray]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

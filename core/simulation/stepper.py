@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import accumulate
 from typing import Any
 
@@ -11,8 +11,15 @@ import numpy as np
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.errors import Fault, InputError
 from sparsemor.core.linalg.threads import threads
-from sparsemor.core.protocols import MachineRequest, MachineSteps, State, StepMemory
+from sparsemor.core.protocols import (
+    LinearSystem,
+    MachineRequest,
+    MachineSteps,
+    State,
+    StepMemory,
+)
 from sparsemor.core.protocols.integrator import HeldFunction, holding, next_time
+from sparsemor.core.protocols.layout import Layout
 from sparsemor.core.registry.boundary import naming_plugins
 from sparsemor.core.registry.registry import suggestions
 from sparsemor.core.results.saved_state import Saved, SavedError
@@ -100,6 +107,27 @@ class Stepper:
         return run.solver.machine_steps(MachineRequest(
             scene.integrator, self.step_size, state, memory, tuple(self._inputs.values()), times,
             about, numbers, weights))
+
+    @property
+    def layout(self) -> Layout:
+        """Unknowns of the step solver."""
+        return self._run.solver.layout
+
+    @property
+    def start(self) -> State:
+        """State at the beginning, in the unknowns of the step solver."""
+        return self._begin[0]
+
+    def linear_system(self) -> LinearSystem:
+        """Its equations as constant matrices; `force` has the values that inputs have when it is
+        called. Raises InputError where they are not linear."""
+        system = self._run.solver.linear_system()
+
+        def force(t: float) -> FloatArray:
+            with self._holding():
+                return system.force(t)
+
+        return replace(system, force=force)
 
     def reset(self) -> None:
         """Goes back to the start; inputs have their first values again."""

@@ -1,7 +1,7 @@
 """Command `sparsemor export`: ParaView files of a stored run, and FMUs of kept models."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -30,11 +30,12 @@ def export(
     source: Annotated[str, typer.Argument(
         metavar="RUN|MODEL", help="Directory of a run, finished or not, or file of a model.")],
     form: Annotated[str | None, typer.Option(
-        "--to", help="Of a run vtu (the default) or xdmf, of a model fmu.")] = None,
+        "--to", help="Of a run vtu (the default) or xdmf, of a model fmu (the default), or of a "
+        "linear one npz, mat or mtx.")] = None,
     out: Annotated[Path | None, typer.Option(
         "--out", parser=path_of, metavar="PATH",
-        help="Directory for the files of a run (default: inside its directory), or file of the FMU "
-        "(default: MODEL.fmu).")] = None,
+        help="Directory for the files of a run (default: inside its directory), or file of an "
+        "exported model (default: MODEL.fmu, ...; mtx: a new folder).")] = None,
     at: At = None,
     every: Annotated[int, typer.Option(
         "--every", help="Export every N-th stored step (not with --at).")] = 1,
@@ -50,8 +51,8 @@ def export(
         "--outputs", help="Outputs of a model, such as tip.x (default: all).")] = None,
     force: Force = False, as_json: Json = False, quiet: Quiet = False,
 ) -> None:
-    """Write the moving bodies of a stored run with their fields, for ParaView, or a kept model as
-    an FMU for co-simulation."""
+    """Write the moving bodies of a stored run with their fields, for ParaView; or a kept model as
+    an FMU for co-simulation, a linear one also as matrices of its state space."""
     if is_model_file(Path(source)):
         _model(source, form or "fmu", out, inputs, outputs, force, as_json, quiet)
         return
@@ -87,20 +88,29 @@ def _model(
         from sparsemor.core.results.files.listing import list_file
         from sparsemor.core.simulation.reduced_model import load_model
         from sparsemor.plugins.export.fmu import export_fmu
+        from sparsemor.plugins.export.matrices import FORMATS, export_matrices
 
-        if form != "fmu":
-            raise InputError(f"a model is exported to fmu (got {form!r})", "to")
-        file = out or Path(f"{Path(source).stem}.fmu")
-        check_new_file(file, force)
-        done = export_fmu(load_model(source), file, words(inputs), words(outputs))
-        list_file(file, alone=True)
+        if form not in ("fmu", *FORMATS):
+            raise InputError(f"a model is exported to fmu, {', '.join(FORMATS)} (got {form!r})",
+                             "to")
+        file = out or Path(f"{Path(source).stem}.{form}")
+        check_new_file(file, force and form != "mtx")
+        given = words(inputs), words(outputs)
+        model = load_model(source)
+        said: dict[str, Any] = {"status": "done", "out": str(file), "to": form}
+        if form == "fmu":
+            unit = export_fmu(model, file, *given)
+            said |= {"inputs": unit.inputs, "outputs": unit.outputs, "left_out": unit.left_out}
+        else:
+            made = export_matrices(model, file, form, *given)
+            said |= {"inputs": made.inputs, "outputs": made.outputs, "unknowns": len(made.A)}
+        if form != "mtx":
+            list_file(file, alone=True)
         if as_json:
-            print_json({"status": "done", "out": str(file), "to": form, "inputs": done.inputs,
-                        "outputs": done.outputs, "left_out": done.left_out,
-                        "bytes": file.stat().st_size})
+            print_json(said)
         elif not quiet:
-            typer.echo(f"inputs: {', '.join(done.inputs) or 'none'}\n"
-                       f"outputs: {', '.join(done.outputs) or 'none'}\nfmu: {file}")
+            typer.echo(f"inputs: {', '.join(said['inputs']) or 'none'}\n"
+                       f"outputs: {', '.join(said['outputs']) or 'none'}\n{form}: {file}")
 
 
 def _line(run: "RunResult", body: str, file: Path, fields: tuple[str, ...], times: int) -> str:

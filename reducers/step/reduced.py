@@ -21,8 +21,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.sparse import csr_array, issparse
 
-from sparsemor.core import Amplitude, FloatArray, IntArray, Layout, ReducedTerm, StepFormula
-from sparsemor.core.protocols import FrameWork
+from sparsemor.core import (
+    Amplitude,
+    FloatArray,
+    InputError,
+    IntArray,
+    Layout,
+    ReducedTerm,
+    StepFormula,
+)
+from sparsemor.core.protocols import FrameWork, LinearSystem
 from sparsemor.core.protocols.integrator import second_difference
 from sparsemor.reducers.linalg.modal_coordinates import carried, times
 from sparsemor.reducers.step.driven import Driven
@@ -301,6 +309,32 @@ class Reduced(WholeEquations):
             if t.coupling.size:
                 thermal.append(ConstantOperator(rows, b.step.thermal, 0, -t.coupling))
         return own, thermal
+
+    def linear_system(self) -> LinearSystem:
+        """The equations as constant matrices (`StepSolver.linear_system`)."""
+        moving = [b.at for b in self.driven
+                  if len(b.table.times) or b.table.at(0.0)[: 2 * len(b.G)].any()]
+        reason = ("rigid coordinates or joint forces are unknowns" if len(self.border) else
+                  "terms act between bodies or are not linear" if self.coupled else
+                  "a frame moves as prescribed" if moving else
+                  "it has sampled rows" if self.sampled else "")
+        if reason:
+            raise InputError(f"its equations are not linear with constant matrices: {reason}",
+                             "reducer")
+        n = self.layout.size
+        K, D, M = matrices = tuple(np.zeros((n, n)) for _ in range(3))
+        for c in (*self.constants, *self.thermal):
+            matrices[c.of][c.rows, c.columns] += np.diag(c.A) if c.A.ndim == 1 else c.A
+
+        def force(t: float) -> FloatArray:
+            f = np.zeros(n)
+            for h in self.heat:
+                f[h.at] = plus_loads(h.tested.constant, h.tested, t)
+            for b in self.driven:
+                f[b.rows] = -b.base(t)
+            return f
+
+        return LinearSystem(M, D, K, force)
 
     def _solved(self) -> IntArray | slice:
         layout = self.layout

@@ -22,7 +22,7 @@ from sparsemor.core import (
 )
 from sparsemor.core.linalg.least_squares import least_squares_coefficients
 from sparsemor.core.model.constraint_rates import motion_step
-from sparsemor.core.protocols import MovingBody, Separated
+from sparsemor.core.protocols import LinearSystem, MovingBody, Separated
 from sparsemor.reducers.step.acceptance import Tolerances
 from sparsemor.reducers.step.blocks.thermal_block import HeatBlock
 from sparsemor.reducers.step.frame_step import BodyStep
@@ -108,6 +108,9 @@ class Stepper(StepSolver[Memory]):
             past=Past(self.points, reduced.x, block_starts(self.layout)),
             kept=Kept.of(count), warming={n: Kept.of(count) for n in self.warming},
             factorizations=self.factorizations)
+
+    def linear_system(self) -> LinearSystem:
+        return StepSolver.linear_system(self) if self.whole is None else self.whole.linear_system()
 
     @property
     def leaves_mesh(self) -> bool:
