@@ -138,7 +138,7 @@ def regions_of(
             faults.append(Fault(name, f"the mesh has no set {name!r}: "
                                 f"{suggestions(name, sorted(mesh.point_sets), 'sets')}"))
             continue
-        inside = _cells_of(mesh, name)
+        inside = cells_of_set(mesh, name)
         if not inside.any():
             faults.append(Fault(name, "no cell of the mesh has all its points in this set"
                                 if name not in mesh.facet_sets else
@@ -157,7 +157,7 @@ def regions_of(
     return (*first, *found)
 
 
-def _cells_of(mesh: Mesh, name: str) -> BoolArray:
+def cells_of_set(mesh: Mesh, name: str) -> BoolArray:
     """(E,) True for the cells of a set: those that the mesh tags; where it tags neither cells nor
     facets, those with all points in the set."""
     if name not in mesh.cell_sets and name not in mesh.facet_sets:

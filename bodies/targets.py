@@ -134,7 +134,7 @@ def find_surfaces(
     """
     def find(text: str, key: str) -> tuple[FloatingBody, Mesh, IntArray]:
         target = find_target(parts, text, key)
-        need_field(target, field, key)
+        need_field(target.body, field, key)
         facets = target.facets(key)
         assert target.body.mesh is not None
         return target.body, target.body.mesh, facets
@@ -190,9 +190,8 @@ def need_motion(body: Body, key: str) -> None:
                          "nothing: add `elastic` to its fields, or drop this load", key)
 
 
-def need_field(target: Target, field: str, key: str) -> None:
+def need_field(body: FloatingBody, field: str, key: str) -> None:
     """InputError when the body does not have the field on which a load acts."""
-    body = target.body
     if field == "mechanical":
         need_motion(body, key)
     if field == "thermal" and body.mesh is None and not (body.heat or body.elasticity):

@@ -47,7 +47,7 @@ class PrescribedTemperature(JointPlugin):
         bodies: dict[str, FloatingBody] = {}
         for i, text in enumerate(self.on):
             target = find_target({**parts, **bodies}, text, f"on.{i}")
-            need_field(target, "thermal", f"on.{i}")
+            need_field(target.body, "thermal", f"on.{i}")
             heat = target.body.heat
             assert heat is not None
             taken = np.setdiff1d(target.nodes, heat.free)

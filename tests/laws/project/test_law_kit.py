@@ -145,7 +145,8 @@ def test_laws_of_a_reducer(name: str, integrator: str) -> None:
 
 
 def machine() -> dict[str, Any]:
-    """Shafts with a gear, a rack, a universal joint, a stop, friction, and a body on a bushing."""
+    """Shafts with a gear, a rack, a universal joint, a stop, friction, a body on a bushing, and a
+    heated one."""
     def body(*position: float) -> dict[str, Any]:
         return {"use": "rigid", "mass": 2.0, "inertia": [0.02, 0.03, 0.02],
                 "points": {"p": [0.0, 0.0, 0.0]}, "pose": {"position": list(position)}}
@@ -154,7 +155,11 @@ def machine() -> dict[str, Any]:
     return {
         "bodies": {
             "one": body(0.0, 0.0, 0.0), "two": body(0.5, 0.0, 0.0), "bar": body(0.0, 0.3, 0.0),
-            "out": body(0.0, 0.0, 0.0), "block": body(0.0, 0.0, 1.0)},
+            "out": body(0.0, 0.0, 0.0), "block": body(0.0, 0.0, 1.0),
+            "coil": {"use": "flexible", "mesh": {"use": "block", "size": [0.2, 0.1, 0.1],
+                                                 "divisions": [2, 1, 1]},
+                     "material": {"rho": 7800.0, "k": 40.0, "c": 500.0}, "fields": ["thermal"],
+                     "frame": "fixed"}},
         "joints": {
             **{f"hold_{b}": {"use": "revolute", "between": ["ground", f"{b}:p"], **z}
                for b in ("one", "two", "out")},
@@ -170,7 +175,8 @@ def machine() -> dict[str, Any]:
                 "use": "joint_friction", "between": ["two:p", "ground"], "force": 0.1, **z},
             "mount": {"use": "bushing", "between": ["block:p", "ground"],
                       "stiffness": [1e3, 2e3, 3e3]}},
-        "loads": {"motor": {"use": "torque", "on": "one:p", "torque": [0.0, 0.0, 1.0]}},
+        "loads": {"motor": {"use": "torque", "on": "one:p", "torque": [0.0, 0.0, 1.0]},
+                  "current": {"use": "heat_source", "on": ["coil"], "power": 5.0}},
         "time": {"end": 0.02, "step": 1e-3}}
 
 
