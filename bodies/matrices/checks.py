@@ -84,7 +84,8 @@ def _check_definite(written: str, A: Csr) -> None:
     diagonal, entries = A.diagonal(), A.tocoo()
     size = float(np.abs(diagonal).max(initial=0.0))
     bad = np.flatnonzero(diagonal < -ROUND_OFF * size)
-    limit = np.sqrt(np.maximum(diagonal[entries.row] * diagonal[entries.col], 0.0))
+    root = np.sqrt(np.maximum(diagonal, 0.0))
+    limit = root[entries.row] * root[entries.col]
     over = np.flatnonzero(np.abs(entries.data) > (1 + ROUND_OFF) * limit + ROUND_OFF * size)
     if bad.size or over.size:
         row = int(bad[0]) if bad.size else int(entries.row[over[0]])

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.sparse import tril, triu
 
 from sparsemor.bodies.matrices.formats import ansys, arrays, calculix, matlab, nastran, text
-from sparsemor.bodies.matrices.formats.content import FileMatrix, table
+from sparsemor.bodies.matrices.formats.content import FileMatrix, remark, table, whole
 from sparsemor.bodies.mesh.formats.abaqus_statements import (
     data_words,
     integer,
@@ -20,7 +20,7 @@ from sparsemor.bodies.mesh.formats.abaqus_statements import (
 )
 from sparsemor.bodies.mesh.formats.content import BadLine, Numbering, decoded
 from sparsemor.bodies.mesh.formats.nastran import grids
-from sparsemor.core import Csr, FloatArray, InputError, IntArray
+from sparsemor.core import BoolArray, Csr, FloatArray, InputError, IntArray
 
 T = TypeVar("T")
 FORMATS: dict[str, Callable[[Path, str], FileMatrix]] = {
@@ -64,12 +64,12 @@ def read_matrix(base: Path, written: str, key: str) -> FileMatrix:
 
 
 def symmetric(written: str, matrix: Csr, key: str) -> Csr:
-    """The matrix with both its triangles: files may have one alone. InputError for a matrix that
-    is not square or not symmetric to 1e-6."""
+    """The matrix with both its triangles: files may have each entry or its mirror image alone.
+    InputError for a matrix that is not square or not symmetric to 1e-6."""
     if matrix.shape[0] != matrix.shape[1]:
         raise InputError(f"'{written}' is not square: {matrix.shape[0]} x {matrix.shape[1]}", key)
     upper, lower = triu(matrix, 1, format="csr"), tril(matrix, -1, format="csr")
-    if bool(upper.nnz) != bool(lower.nnz):
+    if upper.nnz + lower.nnz and not abs(upper).multiply(abs(lower.T)).nnz:
         return matrix + (upper + lower).T.tocsr()
     size = float(abs(matrix).max()) if matrix.nnz else 0.0
     off = float(abs(matrix - matrix.T).max()) if matrix.nnz else 0.0
@@ -91,6 +91,13 @@ class FileNodes:
     def numbering(self) -> Numbering:
         return Numbering(self.labels)
 
+    def only(self, some: BoolArray) -> "FileNodes":
+        """Some of the nodes (N,), and the sets that have some of them."""
+        new = np.cumsum(some) - 1
+        left = {name: new[rows[some[rows]]] for name, rows in self.sets.items()}
+        return FileNodes(self.labels[some], self.X[some],
+                         {name: rows for name, rows in left.items() if rows.size})
+
 
 def read_nodes(base: Path, written: str, key: str) -> FileNodes:
     """Nodes of a file: an array (N, 2 or 3), numbered from 1; lines `number, x, y, z` of a `.csv`
@@ -107,7 +114,7 @@ def read_nodes(base: Path, written: str, key: str) -> FileNodes:
         found = _read(path, written, key,
                       lambda: FileNodes(*grids(path.read_bytes(), written)))
     elif kind in TABLES:
-        found = _read(path, written, key, lambda: _lines(path.read_text("latin-1")))
+        found = _read(path, written, key, lambda: _lines("\n".join(decoded(path.read_bytes()))))
     else:
         X = read_matrix(base, written, key).matrix.toarray()
         found = FileNodes(np.arange(1, len(X) + 1), X)
@@ -121,12 +128,9 @@ def read_nodes(base: Path, written: str, key: str) -> FileNodes:
 
 
 def _lines(content: str) -> FileNodes:
-    width = 4 if len(content.partition("\n")[0].replace(",", " ").split()) > 3 else 3
-    values = table(content, width)
-    labels = values[:, 0].astype(np.int64)
-    if (labels != values[:, 0]).any():
-        raise InputError("a line has the number of the node, a whole number, and its coordinates")
-    return FileNodes(labels, values[:, 1:])
+    first = next((line for line in content.splitlines() if not remark(line)), "")
+    values = table(content, 4 if len(first.replace(",", " ").split()) > 3 else 3)
+    return FileNodes(whole(values[:, 0], "the number of a node,"), values[:, 1:])
 
 
 def _input_file(lines: list[str]) -> FileNodes:
@@ -140,6 +144,10 @@ def _input_file(lines: list[str]) -> FileNodes:
 
     for line, keyword, options, body in statements(lines):
         word = f"*{keyword}"
+        if keyword == "SYSTEM" and body or (
+                keyword == "NODE" and options.get("SYSTEM", "R").upper() != "R"):
+            raise BadLine(line, word, "coordinate systems of nodes are not supported: write global "
+                          "rectangular coordinates")
         if keyword in ("INSTANCE", "INCLUDE", "NGEN") or (
                 keyword in ("NODE", "NSET") and "INPUT" in options):
             raise BadLine(line, word, "not supported: write all nodes and sets into one file, "
@@ -152,7 +160,7 @@ def _input_file(lines: list[str]) -> FileNodes:
                   for at, words in rows if words]
             if "NSET" in options:
                 add(options, new)
-        elif keyword == "NSET" and "NSET" in options:
+        elif keyword == "NSET" and "NSET" in options and "ELSET" not in options:
             members, known = list[int](), Numbering(np.array(labels, dtype=np.int64))
             for at, words in rows:
                 if "GENERATE" in options:
@@ -160,8 +168,8 @@ def _input_file(lines: list[str]) -> FileNodes:
                     members += known.between(first, last, step).tolist()
                 else:
                     for w in words:
-                        members += named[key_of(w)][0].tolist() if key_of(w) in named else [
-                            integer(w, at, word)]
+                        members += [int(i) for one in named[key_of(w)] for i in one] if (
+                            key_of(w) in named) else [integer(w, at, word)]
             add(options, members)
     numbers = Numbering(np.array(labels, dtype=np.int64))
     sets = {}
@@ -174,7 +182,7 @@ def _input_file(lines: list[str]) -> FileNodes:
 def read_table(base: Path, written: str, columns: int, key: str) -> FloatArray:
     """(k, columns) numbers of a text file; InputError under `key`."""
     path = base / written
-    return _read(path, written, key, lambda: table(path.read_text("latin-1"), columns))
+    return _read(path, written, key, lambda: table("\n".join(decoded(path.read_bytes())), columns))
 
 
 def read_unknowns(base: Path, written: str, key: str) -> IntArray:
@@ -183,11 +191,10 @@ def read_unknowns(base: Path, written: str, key: str) -> IntArray:
         values = read_table(base, written, 2, key)
     else:
         values = read_matrix(base, written, key).matrix.toarray()
-    found = values.astype(np.int64)
-    if values.ndim != 2 or values.shape[1] != 2 or (found != values).any():
+    if values.shape[1] != 2 or (values != np.round(values)).any():
         raise InputError(f"'{written}': unknowns are rows of two whole numbers, node and direction "
                          "(1 to 6)", key)
-    return found
+    return values.astype(np.int64)
 
 
 def _read(path: Path, written: str, key: str, read: Callable[[], T]) -> T:

@@ -26,7 +26,7 @@ from sparsemor.bodies.matrices.file import (
     read_unknowns,
     symmetric,
 )
-from sparsemor.bodies.matrices.formats.content import FileMatrix
+from sparsemor.bodies.matrices.formats.content import FileMatrix, whole
 from sparsemor.bodies.matrices.unknowns import Unknowns
 from sparsemor.bodies.mesh.expression import FormulaText, evaluate_formula
 from sparsemor.bodies.mesh.formats.content import Numbering
@@ -270,7 +270,15 @@ class Matrices(BodyPlugin):
             found["mass"] = FileMatrix(diags_array(each, format="csr"))
         labels, same = self._labels(nodes, given, {
             k: found[k] for k in MECHANICAL[: None if T is None else 1] if k in found})
+        used = np.isin(nodes.labels, labels[:, 0])
+        alone = information(f"{self.nodes}: {np.count_nonzero(~used)} nodes "
+                            f"({checks.some(nodes.labels[~used])}) have no unknowns, and are left "
+                            "out", "matrix_nodes")
+        drops = T is None and not self._supported and len(labels) and not used.all() and (
+            ELASTIC.name in self.selected_fields) and not any(k in found for k in THERMAL_KEYS)
+        nodes = nodes.only(used) if drops else nodes
         u, notes = self._unknowns(nodes, labels)
+        notes = (*notes, alone) if drops else notes
         n = u.size
         if T is not None and len(T) != n:
             raise InputError(f"'{self.shapes}' has {len(T)} rows, and the mass matrix "
@@ -417,7 +425,8 @@ class Matrices(BodyPlugin):
         r, values = 2 * d - 3, np.zeros((N, 12))
         if Path(written).suffix.lower() in TABLES:
             node, direction, size = read_table(base, written, 3, "").T
-            rows = files.nodes.numbering.rows(node.astype(np.int64))
+            rows = files.nodes.numbering.rows(whole(
+                node, f"'{written}': the number of a node,"))
             allowed = [1, 2, 6, 11] if d == 2 else [1, 2, 3, 4, 5, 6, 11]
             if (rows < 0).any():
                 raise InputError(f"'{self.nodes}' has no node {node[int(np.argmin(rows))]:.0f}")
@@ -474,7 +483,13 @@ class Matrices(BodyPlugin):
                 checks.rigid_coordinates(T, u)[0]):
             raise InputError("missing: the shapes hold rigid motion; give a reference condition, "
                              "such as {clamp: left} or {chord: [a, b]}", "reference")
-        return np.asarray(own / np.abs(T @ own).max(axis=0))
+        own = own / np.abs(T @ own).max(axis=0)
+        Z = T @ own
+        rank = int(np.linalg.matrix_rank(Z / np.linalg.norm(Z, axis=0), tol=1e-9))
+        if rank < own.shape[1]:
+            raise InputError(f"'{self.shapes}': {own.shape[1]} shapes are {rank} that are "
+                             "linearly independent: leave out the others", "shapes")
+        return np.asarray(own)
 
     def _elasticity(
         self, files: _Files, fixed: IntArray, own: FloatArray | None

@@ -35,35 +35,48 @@ def labelled(rows: IntArray, columns: IntArray, values: FloatArray) -> FileMatri
 
 
 def table(text: str, columns: int) -> FloatArray:
-    """(k, columns) numbers of a text with one entry a line, between commas or blanks, without
-    lines that begin with * (comments and keywords); InputError with the line of another."""
+    """(k, columns) finite numbers of a text with one entry a line, between commas or blanks,
+    without remarks; InputError with the line of another."""
     lines = text.replace(",", " ").splitlines()
-    kept = [line for line in lines if line.strip() and not line.lstrip().startswith("*")]
+    kept = [line for line in lines if not remark(line)]
     try:
         values = np.array(" ".join(kept).upper().replace("D", "E").split(), dtype=np.float64)
     except ValueError:
         values = np.zeros(0)
-    if kept and values.size == columns * len(kept):
+    if kept and values.size == columns * len(kept) and np.isfinite(values).all():
         return values.reshape(-1, columns)
     for number, line in enumerate(lines, 1):
         words = line.split()
-        if line in kept and (len(words) != columns or not all(map(_number, words))):
+        if not remark(line) and (len(words) != columns or not all(map(_number, words))):
             raise InputError(f":{number}: {line.strip()[:60]!r} is no entry of {columns} numbers")
     raise InputError("it has no entries")
 
 
+def remark(line: str) -> bool:
+    """True for a line without numbers: blank, or one that begins with *, # or % (comments, and
+    keywords of Abaqus)."""
+    return line.lstrip()[:1] in ("", "*", "#", "%")
+
+
+def whole(values: FloatArray, what: str) -> IntArray:
+    """Whole numbers of a file; InputError that names another one by `what`."""
+    bad = values[(values != np.round(values)) | (np.abs(values) > 2.0**53)]
+    if bad.size:
+        raise InputError(f"{what} {bad[0]:g} is no whole number")
+    return values.astype(np.int64)
+
+
 def _number(word: str) -> bool:
     try:
-        float(word.upper().replace("D", "E"))
+        return bool(np.isfinite(float(word.upper().replace("D", "E"))))
     except ValueError:
         return False
-    return True
 
 
 def entries(values: FloatArray) -> FileMatrix:
     """Matrix from rows (k, 3) of row number, column number, from 1, and entry."""
-    at = values[:, :2].astype(np.int64) - 1
-    if (at != values[:, :2] - 1).any() or at.min() < 0:
+    at = whole(values[:, :2], "a row or column number,") - 1
+    if at.min() < 0:
         raise InputError("row and column numbers are whole numbers from 1")
     n = int(at.max()) + 1
     return FileMatrix(coo_array((values[:, 2], (at[:, 0], at[:, 1])), shape=(n, n)).tocsr())

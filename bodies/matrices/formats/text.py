@@ -8,7 +8,6 @@ Guide, Generating matrices).
 
 from pathlib import Path
 
-import numpy as np
 from scipy.io import mmread
 
 from sparsemor.bodies.matrices.formats.content import (
@@ -16,17 +15,19 @@ from sparsemor.bodies.matrices.formats.content import (
     entries,
     labelled,
     plain,
+    remark,
     table,
+    whole,
 )
 
 
 def read(path: Path, name: str) -> FileMatrix:
     text = path.read_text("latin-1")
-    if text.startswith("%%MatrixMarket"):
+    if text[:14].lower() == "%%matrixmarket":
         return plain(mmread(path, spmatrix=False))
-    first = next((line for line in text.splitlines() if line.strip()[:1] not in ("", "*")), "")
+    first = next((line for line in text.splitlines() if not remark(line)), "")
     if len(first.replace(",", " ").split()) < 5:
         return entries(table(text, 3))
     values = table(text, 5)
-    at = values[:, :4].astype(np.int64)
+    at = whole(values[:, :4], "a node or direction,")
     return labelled(at[:, :2], at[:, 2:], values[:, 4])

@@ -44,11 +44,12 @@ REFUSED = {
     "supported", "CQUADX": "axisymmetric bodies are not supported",
     "CTRAX3": "axisymmetric bodies are not supported", "CTRAX6": "axisymmetric bodies are not "
     "supported", "CQUADX4": "axisymmetric bodies are not supported",
-    "CQUAD": "this type of elements is not supported",
     "CSHEAR": "this type of elements is not supported",
     "CORD3G": "this coordinate system is not supported",
     "GRIDG": "grids on geometry are not supported", "EGRID": "this type of grids is not supported",
     "SEELT": "superelements are not supported"}
+_SHAPED = re.compile(r"C(TRI|QUAD|TET|PEN|HEX|PYR|IHEX)")
+"""Names of cards of solid and plane elements, known or not: no other cards are passed over."""
 _NAME = re.compile(r"[A-Z][A-Z0-9_]*")
 _NUMBER = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+))(?:[ED]?([+-]\d+)|[ED](\d+))?", re.ASCII)
 
@@ -100,8 +101,9 @@ def grids(data: bytes, name: str) -> tuple[IntArray, FloatArray]:
     reader = _Reader(name)
     points = reader.read(decoded(data)).points
     for card in reader.grids.values():
-        if card.integer(5, 0) != 0:
-            raise card.fail(f"displacements in the coordinate system {card.text(5)}: not supported")
+        system = card.integer(5, reader.default_axes)
+        if system != 0:
+            raise card.fail(f"displacements in the coordinate system {system}: not supported")
     return np.array(list(reader.grids), dtype=np.int64), points
 
 
@@ -113,7 +115,7 @@ class _Reader:
         self.grids: dict[int, Card] = {}
         self.systems: dict[int, tuple[Card, int]] = {}
         """Number -> card and index of the first of its fields."""
-        self.default_system = 0
+        self.default_system = self.default_axes = 0
         self.cells: dict[tuple[str, str], list[tuple[Card, int, list[int]]]] = {}
         """Type of cells and card -> card, property (0: none), node labels."""
         self.seen: dict[int, str] = {}
@@ -158,11 +160,13 @@ class _Reader:
             if before.fields[1:5] != card.fields[1:5]:
                 raise card.fail(f"there is a grid {label} already, elsewhere (line {before.line})")
         elif name == "GRDSET":
-            self.default_system = card.integer(1, 0)
+            self.default_system, self.default_axes = card.integer(1, 0), card.integer(5, 0)
         elif name.startswith("CORD"):
             self._coordinate_system(card)
         elif name in ELEMENTS:
             self._element(card)
+        elif _SHAPED.match(name):
+            raise card.fail("this type of elements is not supported")
         else:
             self.ignored[name] = self.ignored.get(name, 0) + 1
 

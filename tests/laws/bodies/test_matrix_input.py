@@ -59,6 +59,9 @@ WRONG: dict[str, tuple[dict[str, Any], dict[str, FloatArray], str, str]] = {
     "direction": ({"unknowns": "u.npy"}, {"u": np.repeat([[1.0, 3.0]], 12, 0)}, "unknowns",
                   "in the plane are 1, 2 and 6"),
     "shapes": ({"shapes": "T.npy"}, {"T": np.ones((5, 2))}, "shapes", "5 rows"),
+    "dependent shapes": ({"shapes": "T.npy"}, {"T": np.hstack([np.eye(12)[:, 3:],
+                                                               np.eye(12)[:, 6:8]])}, "shapes",
+                         "11 shapes are 9"),
     "singular mass": ({}, {"M": beam(3, 0.3, d=2, mass=0.0)[1] + np.kron(
         np.eye(4), np.array([[1.0, 0, 0], [0, 1.0, 1e-3], [0, 1e-3, 1e-6]]))}, "mass",
         "singular")}
@@ -76,6 +79,65 @@ def test_one_triangle_is_mirrored(tmp_path: Path) -> None:
     whole, half = build(tmp_path, {}), build(tmp_path, {}, K=np.triu(K), M=np.tril(M))
     np.testing.assert_array_equal(half.elasticity.stiffness.toarray(),
                                   whole.elasticity.stiffness.toarray())
+
+
+def test_each_entry_or_its_mirror_image_alone(tmp_path: Path) -> None:
+    """As codes write that have their unknowns in an order of their own."""
+    half = K.copy()
+    for i, j in np.argwhere(K):
+        if i < j:
+            kept = (i, j) if (i + j) % 2 else (j, i)
+            half[i, j] = half[j, i] = 0.0
+            half[kept] = K[i, j]
+    whole, found = build(tmp_path, {}), build(tmp_path, {}, K=half)
+    np.testing.assert_array_equal(found.elasticity.stiffness.toarray(),
+                                  whole.elasticity.stiffness.toarray())
+
+
+LINES = [f"{i}, {x}, {y}" for i, (x, y) in enumerate(X, 1)]
+
+
+@pytest.mark.parametrize("text", [
+    "** nodes of the rod\n", "# number, x, y of 4 nodes\n", "\ufeff% rod\r\n\r\n"])
+def test_remarks_in_tables(text: str, tmp_path: Path) -> None:
+    (tmp_path / "n.csv").write_text(text + "\n".join(LINES), encoding="utf-8", newline="")
+    np.testing.assert_allclose(build(tmp_path, {"nodes": "n.csv"}).X, X, atol=1e-15)
+
+
+TABLES: dict[str, tuple[dict[str, Any], str, str]] = {
+    "nan": ({"nodes": "t.csv"}, "1, 0, 0\n2, nan, 0\n", r"t\.csv:2: '2  nan  0' is no entry"),
+    "large": ({"nodes": "t.csv"}, "1e30, 0, 0\n", "1e\\+30 is no whole number"),
+    "half a node": ({"load_vectors": {"w": "t.csv"}}, "1.5, 1, 2", "1.5 is no whole number"),
+    "no force": ({"load_vectors": {"w": "t.csv"}}, "1, 1, inf", r"t\.csv:1: '1  1  inf'"),
+    "cylindrical": ({"nodes": "t.inp"}, "*NODE, SYSTEM=C\n1, 0, 0", r"t\.inp:1: \*NODE: coord"),
+    "system": ({"nodes": "t.inp"}, "*SYSTEM\n1, 0, 0\n*NODE\n", r"t\.inp:1: \*SYSTEM: coord"),
+    "axes": ({"nodes": "t.bdf"}, "GRDSET,,,,,,2\nGRID,1,,0.,0.,0.\n",
+             "t.bdf:2: GRID: displacements in the coordinate system 2")}
+
+
+@pytest.mark.parametrize("which", TABLES)
+def test_tables_that_say_something_else_are_refused(which: str, tmp_path: Path) -> None:
+    changes, text, message = TABLES[which]
+    (file,) = (v if isinstance(v, str) else v["w"] for v in changes.values())
+    (tmp_path / file).write_text(text)
+    if "load_vectors" in changes:
+        changes = {"load_vectors": {"w": str(tmp_path / file)}}
+    with pytest.raises(InputError, match=message):
+        build(tmp_path, changes)
+
+
+def test_nodes_and_sets_of_an_input_file(tmp_path: Path) -> None:
+    """A set in pieces, a set of sets, and a node that the matrices do not have."""
+    (tmp_path / "n.inp").write_text("*NODE\n" + "\n".join(LINES) + "\n50, 9., 0.\n"
+        "*NSET, NSET=A\n1\n*NSET, NSET=A\n2\n*NSET, NSET=B\nA, 50\n*NSET, NSET=C, ELSET=E\n")
+    np.savetxt(tmp_path / "u.csv", [(i, c) for i in range(1, 5) for c in (1, 2, 6)],
+               fmt="%d", delimiter=",")
+    body = build(tmp_path, {"nodes": "n.inp", "unknowns": "u.csv"})
+    assert len(body.X) == 4
+    assert {k: v.tolist() for k, v in body.points.items()} == {
+        "A": [0, 1], "B": [0, 1], "foot": [0]}
+    assert [n.text for n in body.mesh_notes] == [f"{tmp_path / 'n.inp'}: 1 nodes (50) have no "
+                                                "unknowns, and are left out"]
 
 
 def test_lines_of_text_are_named(tmp_path: Path) -> None:

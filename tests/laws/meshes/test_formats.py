@@ -257,6 +257,7 @@ BAD_NASTRAN: dict[str, tuple[str, str, str]] = {
               "there is a grid 3 already"),
     "second part": ("ENDDATA", "BEGIN SUPER=1\nENDDATA", "BEGIN: a second part"),
     "axisymmetric": ("CTRIA3 ", "CTRIAX6", "CTRIAX6: axisymmetric"),
+    "nine grids": ("CTRIA3 ", "CQUAD9 ", "CQUAD9: this type of elements is not supported"),
 }
 
 
