@@ -43,7 +43,7 @@ _ADVICE = {
     ),
     Status.SINGULAR: (
         "the equations have no unique solution: check for unconstrained bodies (rigid-body "
-        "modes), redundant joints, or a missing reference condition"
+        "modes), joints that contradict each other, or a missing reference condition"
     ),
     Status.RANK_DEFICIENT: (
         "the active atoms are linearly dependent: take fewer atoms, or a basis without "
