@@ -255,7 +255,7 @@ def test_exported_cells_are_quadratic(kind: str, form: Any, tmp_path: Path) -> N
     again = open_result(tmp_path / "run")
     name = "triangle6" if kind == "plane" else "tetra10"
     assert again.cells("bar").shape[1] == {"plane": 6, "space": 10}[kind]
-    done = export(again, tmp_path / form, format=form)
+    done = export(again, tmp_path / form, form)
     assert done.fields["bar"] == ("displacement", "temperature")
     if form == "vtu":
         file = next((tmp_path / form / "bar").glob("*.vtu"))
