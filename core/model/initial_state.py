@@ -121,10 +121,28 @@ def euler_state(model: AssembledModel, h: float) -> State:
     return _solved(model, 0.0, h)
 
 
+BENT, AGAIN = 1e-9, 20
+"""Share of forces that are not linear in the multipliers, such as friction of joint forces, up to
+which they count as linear, and largest number of Newton iterations with them."""
+
+
 def _solved(model: AssembledModel, t: float, h: float = 0.0) -> State:
     """h: 0 for accelerations at the time t, else those over a step of h (s)."""
+    found, bent = _linear(model, t, h, model.x0)
+    for _ in range(AGAIN if bent else 0):
+        before = found.x[model.layout.algebraic]
+        found, _ = _linear(model, t, h, found.x)
+        change = np.abs(found.x[model.layout.algebraic] - before).max(initial=0.0)
+        if change <= BENT * np.abs(before).max(initial=0.0):
+            break
+    return found
+
+
+def _linear(model: AssembledModel, t: float, h: float, at: FloatArray) -> tuple[State, bool]:
+    """The state by equations that are linear at the multipliers of `at` (n,), and True where they
+    are not linear from there to those of the state."""
     layout, n = model.layout, model.layout.size
-    x, v, a = model.x0.copy(), model.v0.copy(), np.zeros(n)
+    x, v, a = at.copy(), model.v0.copy(), np.zeros(n)
     algebraic, first, second = layout.algebraic, layout.first, layout.second
     K = system_jacobian(layout, model.terms, x, v, a, t, np.zeros(n), np.zeros(n))
     M, C = (_derivative(model, K, State(t, x, v, a, x), rate)[part][:, part]
@@ -141,6 +159,7 @@ def _solved(model: AssembledModel, t: float, h: float = 0.0) -> State:
         [M, None, held[second]], [None, C, held[first]], [across, None, held[algebraic]]],
         format="csr")
     r = system_residual(layout, model.terms, ahead, v, a, t)
+    forces = r[second].copy()
     r[algebraic] = _constraints(model).curvature(x, v, t)
     _check_finite(layout, r, t, "forces or heat at the start")
     if not np.isfinite(A.data).all():
@@ -152,10 +171,16 @@ def _solved(model: AssembledModel, t: float, h: float = 0.0) -> State:
         what = "accelerations at the start" + (f": {redundant}" if redundant else "")
         raise SolveFailed(Status.SINGULAR, t, "", what) from None
     _check_finite(layout, z, t, "accelerations and joint forces at the start")
-    a[second], v[first], x[algebraic] = z[second], z[first], x[algebraic] + z[algebraic]
+    x[algebraic] += z[algebraic]
+    ahead[algebraic] = x[algebraic]
+    by_joints = held[second] @ z[algebraic]
+    bent = system_residual(layout, model.terms, ahead, v, a, t)[second] - forces - by_joints
+    a[second], v[first] = z[second], z[first]
     for series in (x, v, a):
         series.flags.writeable = False
-    return State(t, x, v, a, np.zeros((n, 0)))
+    most = np.abs(by_joints).max(initial=0.0)
+    return State(t, x, v, a, np.zeros((n, 0))), bool(np.abs(bent).max(initial=0.0) > BENT * (
+        most + np.abs(forces).max(initial=0.0)))
 
 
 def _check_finite(layout: Layout, values: FloatArray, t: float, what: str) -> None:

@@ -14,6 +14,7 @@ import numpy as np
 
 from sparsemor.core import FloatArray, State
 from sparsemor.core.model.constraint_rates import derivative_along_motion
+from sparsemor.core.model.initial_state import AGAIN, BENT
 from sparsemor.core.protocols import FrameWork
 from sparsemor.core.protocols.prescribed_quantities import time_derivatives
 from sparsemor.reducers.linalg.least_norm import least
@@ -60,7 +61,30 @@ def consistent_start(
         return state
     if not mechanics.size:
         return _prescribed_start(mechanics, tested, state)
-    parts = [_linear(mechanics, body, t, state, scales)
+    forces, before = np.zeros(mechanics.size), NONE
+    for _ in range(AGAIN):
+        z, parts, bent = _at(mechanics, tested, state, scales, forces)
+        forces = np.concatenate([np.zeros(nr), z[nr:]])
+        change = np.abs(z[nr:] - before).max(initial=0.0) if len(before) else np.inf
+        before = z[nr:]
+        if not bent or change <= BENT * np.abs(before).max(initial=0.0):
+            break
+    x, a = state.x.copy(), state.a.copy()
+    a[:nr], x[mechanics.algebraic] = z[:nr], z[nr:]
+    for body, p in zip(mechanics.bodies, parts, strict=True):
+        if len(p.base):
+            a[body.elastic] = -(p.base + p.S @ (body.to_border @ z))
+    return replace(state, x=x, a=a)
+
+
+def _at(
+    mechanics: Mechanics, tested: Sequence[TestedElastic | None], state: State,
+    scales: StartTimes, forces: FloatArray,
+) -> tuple[FloatArray, Sequence[_Body], bool]:
+    """Rigid accelerations and multipliers, by equations that are linear at `forces` (n,), zeros and
+    multipliers; the equations of each body; True if these are not linear up to the result."""
+    nr = mechanics.n_rigid
+    parts = [_linear(mechanics, body, t, state, scales, forces)
              for body, t in zip(mechanics.bodies, tested, strict=True)]
     maps = [body.to_border for body in mechanics.bodies]
     r = sum(T.T @ (p.rows - p.tau @ p.base) for T, p in zip(maps, parts, strict=True))
@@ -68,12 +92,10 @@ def consistent_start(
     B = summed(mechanics.size, ((at, T[:, at].T @ (p.H - p.tau @ p.S) @ T[:, at])
                                 for at, T, p in zip(used, maps, parts, strict=True)))
     z = -least(B, r - _target_accelerations(mechanics, state.t, scales.h))
-    x, a = state.x.copy(), state.a.copy()
-    a[:nr], x[mechanics.algebraic] = z[:nr], z[nr:]
-    for body, T, p in zip(mechanics.bodies, maps, parts, strict=True):
-        if len(p.base):
-            a[body.elastic] = -(p.base + p.S @ (T @ z))
-    return replace(state, x=x, a=a)
+    there = np.concatenate([np.zeros(nr), z[nr:]])
+    bent = any(_bent(mechanics, body, t, state, p, there)
+               for body, t, p in zip(mechanics.bodies, tested, parts, strict=True))
+    return z, parts, bent
 
 
 def constraint_errors(
@@ -120,28 +142,45 @@ def _prescribed_start(
 
 
 def _linear(
-    mechanics: Mechanics, body: BodyStep, t: TestedElastic | None, state: State, scales: StartTimes
+    mechanics: Mechanics, body: BodyStep, t: TestedElastic | None, state: State, scales: StartTimes,
+    forces: FloatArray,
 ) -> _Body:
-    """The body's equations at zero accelerations and multipliers, and their derivatives with
-    respect to these."""
+    """The body's equations at zero accelerations and multipliers, by their derivatives with respect
+    to these at `forces` (n,)."""
     origin, rate, _ = body.border_motion(state.t)
+    known = body.to_border @ forces
     y, v = _border(mechanics, body, state.x, origin), _border(mechanics, body, state.v, rate)
     c2 = 1.0 / scales.h**2  # large enough that masses are not lost against centrifugal terms
-    w0, w1 = (_evaluate(body, t, y, v, c, state) for c in (0.0, c2))
+    w0, w1 = (_evaluate(body, t, y + known, v, c, state) for c in (0.0, c2))
     d = body.frame.rigid_size
     H = np.zeros_like(w0.border[:, :-1])
     H[:d, :d], H[:d, d:] = (w1.border - w0.border)[:d, :d] / c2, w0.border[:d, d:-1]
-    H[d:, :d] = w0.border[d:, :d]
-    rows = w0.border[:, -1].copy()
+    H[d:, :d], H[d:, d:] = w0.border[d:, :d], c2 * w0.border[d:, d:-1]  # a compliance
+    rows = w0.border[:, -1] - H[:, d:] @ known[d:]
     rows[d:] = _curvature(body, t, y, v, state, scales)
     if t is None:
         return _Body(NONE, np.zeros((0, len(rows))), rows, H, np.zeros((len(rows), 0)))
     sigma = np.concatenate([(w1.sigma[:d] - w0.sigma[:d]) / c2, w0.sigma[d:-1]])
     tau = np.concatenate([(w1.tau[:d] - w0.tau[:d]) / c2, w0.tau[d:]])
-    right = np.concatenate(
-        [_elastic_rows(body, t, w0, state)[:, None], t.directions @ sigma.T], axis=1)
+    own = _elastic_rows(body, t, w0, state) - t.directions @ (w0.sigma[d:-1].T @ known[d:])
+    right = np.concatenate([own[:, None], t.directions @ sigma.T], axis=1)
     solved = np.linalg.lstsq(t.mass, right, rcond=None)[0]
     return _Body(solved[:, 0], solved[:, 1:], rows, H, tau @ t.functional)
+
+
+def _bent(
+    mechanics: Mechanics, body: BodyStep, t: TestedElastic | None, state: State, p: _Body,
+    forces: FloatArray,
+) -> bool:
+    """True if the forces on the body's frame are not linear in multipliers, up to those in `forces`
+    (n,)."""
+    origin, rate, _ = body.border_motion(state.t)
+    y, v = (_border(mechanics, body, *of) for of in ((state.x, origin), (state.v, rate)))
+    d, known = body.frame.rigid_size, body.to_border @ forces
+    found = _evaluate(body, t, y + known, v, 0.0, state).border[:d, -1]
+    by_joints = p.H[:d, d:] @ known[d:]
+    return bool(np.abs(found - p.rows[:d] - by_joints).max(initial=0.0) > BENT * (
+        np.abs(by_joints).max(initial=0.0) + np.abs(p.rows[:d]).max(initial=0.0)))
 
 
 def _border(
