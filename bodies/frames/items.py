@@ -86,6 +86,9 @@ class Item(Protocol):
 
     # ------------------------------------------------------------------ of joints
 
+    unit: str = ""
+    """Unit of its multipliers, N or N m, where `reactions` does not tell."""
+
     @property
     def reactions(self) -> tuple[tuple[str, str], ...]:
         """Name and unit of each of its multipliers, such as ("force x", "N"); () for an item

@@ -58,8 +58,10 @@ class JointPart(Joint):
                  for i in np.flatnonzero(c.C[row]).tolist()}
         if len(kinds) == 1:
             return kinds.pop()
-        units = {unit for _, unit in kinds}
-        return ("force", "N") if units == {"N"} else ("force and moment", "N or N m")
+        units = {unit for _, unit in kinds} or {c.item.unit for c in self.conditions}
+        # a constraint of positions, m, as that of a rack, has a force, whatever else is in it
+        return ("force", "N") if "N" in units else ("moment", "N m") if units == {"N m"} else (
+            "force and moment", "N or N m")
 
     def blocks(self) -> Sequence[Block]:
         if self.reactions is not None or self.inert:

@@ -142,15 +142,22 @@ class Stepper:
         if key not in self._inputs:
             raise InputError(f"no input is called {key!r}: "
                              f"{suggestions(key, self._inputs, 'inputs')}", "inputs")
-        if not np.isfinite(number := float(value)):
+        try:
+            number = float(value)
+        except (TypeError, ValueError):
+            raise InputError(f"an input is a number (got {value!r})", key) from None
+        if not np.isfinite(number):
             raise InputError(f"an input must be finite (got {value})", key)
         self._values[key] = number
 
     @naming_plugins()
     @np.errstate(all="ignore")
     def step(self, count: int = 1) -> float:
-        """Takes `count` steps and returns the time after them, s. Raises SolveFailed for a step
-        that fails; the state is the one before it."""
+        """Takes `count` steps and returns the time after them, s. Raises InputError unless `count`
+        is a whole number, 0 or more, and SolveFailed for a step that fails; the state is the one
+        before it."""
+        if not (isinstance(count, int | np.integer) and count >= 0):
+            raise InputError(f"a whole number of steps, 0 or more (got {count!r})", "count")
         run, solver = self._run, self._run.solver
         if run.header.stage is not None and self._done + count > run.steps:
             raise InputError(f"the model follows a rigid motion that ends at "

@@ -4,6 +4,7 @@ restored, refusals."""
 import pickle
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -78,6 +79,16 @@ def test_drives_and_loads_of_examples_are_inputs(example: str, key: str) -> None
     stepper = made.stepper(keys)
     follow(stepper, made, made.scene.time.end)
     assert_at_end(stepper, made, 1e-9)
+
+
+@pytest.mark.parametrize("count", [-1, 1.5, "2"])
+def test_a_count_that_is_no_number_of_steps_is_refused(count: Any) -> None:
+    stepper = model().stepper([FLUX])
+    with pytest.raises(InputError, match="a whole number of steps"):
+        stepper.step(count)
+    with pytest.raises(InputError, match="an input is a number"):
+        stepper.set(FLUX, "much")  # type: ignore[arg-type]
+    assert stepper.t == 0.0
 
 
 def test_a_pickled_stepper_and_a_restored_state_go_on_with_equal_digits() -> None:

@@ -89,6 +89,22 @@ def test_a_wheel_on_a_pin_comes_to_rest(dimension: int) -> None:
     assert rest == pytest.approx(w * 0.02 / (mu * r * 2.0 * G), rel=0.01)
 
 
+@pytest.mark.parametrize("integrator", ["generalized_alpha", "bdf2"])
+@pytest.mark.parametrize("reducer", ["full", "galerkin"])
+def test_friction_of_joint_forces_acts_from_the_start(integrator: str, reducer: str) -> None:
+    """A wheel that spins down with mu r W / J: exact with integrators of second order."""
+    mu, r, w = 0.2, 0.05, 2.0
+    run = simulate(load(scene(
+        {"b": turned(2, rate=w)},
+        {"pin": {"use": "revolute", "between": ["ground", "b:p"]},
+         "friction": {"use": "joint_friction", "between": ["b:p", "ground"], "joint": "pin",
+                      "coefficient": mu, "radius": r}},
+        0.1, 1e-2, loads={"weight": {"use": "gravity", "g": [0.0, -G]}}) | {
+            "integrator": integrator, "reducer": reducer}))
+    q = angle(run.block("b.rigid"))
+    assert q[-1] - q[0] == pytest.approx(w * 0.1 - 0.5 * mu * r * 2.0 * G / 0.02 * 0.1**2, rel=1e-9)
+
+
 @pytest.mark.parametrize("dimension", [2, pytest.param(3, marks=pytest.mark.full)])
 @pytest.mark.parametrize("mu", [0.3, 0.7])
 def test_a_slider_on_a_slope(dimension: int, mu: float) -> None:
@@ -235,6 +251,8 @@ def test_a_rack_moves_with_its_pinion(dimension: int) -> None:
     way = x - x[0]
     assert way[-1] == pytest.approx(0.5 * 1.5 / r / (2.0 + 0.02 / r**2) * 0.8**2, rel=2e-3)
     np.testing.assert_allclose(way, r * angle(run.block("a.rigid")), atol=1e-8)
+    force = run.joint_forces()["rack"]["force", "N"]
+    assert -force[-1] == pytest.approx(2.0 * 1.5 / r / (2.0 + 0.02 / r**2), rel=1e-3)
 
 
 @pytest.mark.full
