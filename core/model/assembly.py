@@ -81,6 +81,16 @@ def _assembled(scene: Scene, prescribed: PrescribedQuantities, body_cache: BodyC
     return _model(scene, prescribed, bodies, connected, probes)
 
 
+def with_joints(scene: Scene, model: Model, changed: Mapping[str, Joint]) -> Model:
+    """The model of a scene, without prescribed motion, with other joints of the same unknowns."""
+    parts = {**model.parts, **changed}
+    bodies = {n: b for n in scene.bodies if isinstance(b := parts[n], Body)}
+    connected = {group: {n: c for n in getattr(scene, group)
+                         if isinstance(c := parts.get(n), Connector)}
+                 for group in ("joints", "contacts", "loads")}
+    return replace(_model(scene, NOTHING, bodies, connected, model.probes), solvers=model.solvers)
+
+
 def _model(
     scene: Scene, prescribed: PrescribedQuantities, bodies: dict[str, Body],
     connected: Mapping[str, Mapping[str, Connector]], probes: tuple[ProbePlace, ...],

@@ -1,20 +1,24 @@
 """Constraints of joints that depend on each other, such as those of two hinges of one door."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
-from scipy.sparse import csgraph, csr_array, diags_array
+from scipy.sparse import csgraph, csr_array, diags_array, issparse
 
 from sparsemor.core.arrays import Csr, FloatArray
 from sparsemor.core.model.equations import system_jacobian
 from sparsemor.core.model.model import Model
 from sparsemor.core.notes import Note
+from sparsemor.core.protocols import Dictionary
 from sparsemor.core.protocols.layout import Layout
 
 MANY = 2000
 """Number of constraints above which nothing is analysed: time grows with its cube."""
 DEPENDENT = 1e-12
 """Eigenvalue of G G^T, relative to the largest, up to which it counts as zero."""
+UNMOVED = 1e-10
+"""The same of trial spaces, where it is the square of a displacement: atoms that were learned from
+motion without error have rounding of this size, amplified by the small share of the last atoms."""
 NAMED = 3
 """Number of groups that are named in a message."""
 SHARE = 1e-6
@@ -79,6 +83,8 @@ bodies of the size s and mass m. It is small next to the motion in a step, and l
 rounding of positions, which forces of least norm would otherwise consist of."""
 REDUNDANT = "redundant_joints"
 """Kind of the note on redundant constraints."""
+UNDETERMINED = "undetermined_forces"
+"""Kind of the note on constraints that the atoms of trial spaces keep by themselves."""
 
 
 def redundant_joints(model: Model, h: float) -> Mapping[str, tuple[FloatArray, Note | None]]:
@@ -95,16 +101,78 @@ def redundant_joints(model: Model, h: float) -> Mapping[str, tuple[FloatArray, N
     groups = _dependencies(layout, G)
     if not groups:
         return found
-    bodies = [b for b in model.bodies.values() if b.total_mass]
-    mass = min((b.total_mass or 1.0 for b in bodies), default=1.0)
-    size = max((b.extent for b in bodies), default=0.0) or 1.0
+    soft = _compliance(model, h)
     for group, count in groups.items():
         note = Note(
             f"{in_words([group])}: {count} of them follow{'s' if count == 1 else ''} from the "
             "others. Their forces are those of least norm among all that have the same effect, "
             "which bodies that deform would share otherwise", REDUNDANT)
         for i, name in enumerate(g for g in group if g in model.joints):
-            units = [unit for _, unit in model.joints[name].components]
-            each = np.array([1.0 if u == "N" else size**-2 for u in units])
-            found[name] = max(COMPLIANCE * h * h, LEAST * size) / mass * each, None if i else note
+            found[name] = soft(name), None if i else note
     return found
+
+
+def undetermined_forces(
+    model: Model, h: float, maps: Mapping[str, Dictionary]
+) -> Mapping[str, tuple[FloatArray, Note]]:
+    """Joint -> compliance of its constraints (l,) and a note, for the joints that have constraints
+    which the trial spaces keep by themselves: their forces would be rounding over rounding.
+
+    maps: trial spaces of blocks. With the rows of G of length 1 and atoms of length 1, a
+    combination of constraints counts as kept where it moves by less than sqrt(UNMOVED) of the
+    largest one. Such constraints get the compliance of redundant ones, others none.
+    """
+    layout = model.layout
+    n, first, found = layout.size, layout.algebraic.start, dict[str, tuple[FloatArray, Note]]()
+    some = [t for t in model.terms if len(t.rows) and t.rows.max() >= first]
+    if not maps or not some or n - first > MANY:
+        return found
+    zero = np.zeros(n)
+    K = csr_array(system_jacobian(
+        layout, some, model.x0, model.v0, zero, 0.0, zero, zero))[first:]
+    G, hard = K[:, :first], K[:, first:].diagonal() == 0.0
+    length = np.sqrt(np.asarray(G.multiply(G).sum(axis=1)).ravel())
+    if not np.isfinite(length).all():
+        return found
+    scaled = diags_array(np.where(hard, 1.0 / np.where(length > 0.0, length, 1.0), 0.0)) @ G
+    gram = np.diag(np.where(hard, 0.0, 1.0))
+    for b in layout:
+        if b.kind.order == 2:
+            own = scaled[:, layout[b.name]]
+            by_atoms = own @ _unit(maps[b.name].atoms) if b.name in maps else own
+            gram = gram + np.asarray((by_atoms @ by_atoms.T).toarray() if issparse(by_atoms)
+                                     else by_atoms @ by_atoms.T)
+    values, vectors = np.linalg.eigh(gram)
+    kept = values <= UNMOVED * values[-1]
+    share = (vectors[:, kept]**2).sum(axis=1)
+    soft, owners = _compliance(model, h), np.array(_owners(layout))
+    for name in dict.fromkeys(owners[share > SHARE].tolist()):
+        own = share[owners == name]
+        what = [part for part, s in zip(model.joints[name].components, own, strict=True)
+                if s > SHARE] if name in model.joints else []
+        if what:
+            words = " and ".join(part for part, _ in what)
+            by = np.sqrt(max(float(values[kept].max()), 0.0))
+            found[name] = soft(name) * (own > SHARE), Note(
+                f"{words} of {name}: the trial spaces move {'these' if len(what) > 1 else 'this'} "
+                f"constraint{'s' if len(what) > 1 else ''} by {by:.1g} of what a body could, so "
+                "that the reduced model does not determine the joint force: the one of least norm, "
+                "about zero, is stored. Take it from a run at full order or of reducer sparse, or "
+                "let the basis have the shapes of joint forces (craig_bampton)", UNDETERMINED)
+    return found
+
+
+def _unit(atoms: FloatArray) -> FloatArray:
+    """Atoms (n, k) of length 1."""
+    size = np.sqrt((atoms * atoms).sum(axis=0))
+    return np.asarray(atoms / np.where(size > 0.0, size, 1.0))
+
+
+def _compliance(model: Model, h: float) -> Callable[[str], FloatArray]:
+    """Compliance of the constraints of a joint (l,), by its name."""
+    bodies = [b for b in model.bodies.values() if b.total_mass]
+    mass = min((b.total_mass or 1.0 for b in bodies), default=1.0)
+    size = max((b.extent for b in bodies), default=0.0) or 1.0
+    one = max(COMPLIANCE * h * h, LEAST * size) / mass
+    return lambda name: np.array([one if unit == "N" else one / size**2
+                                  for _, unit in model.joints[name].components])

@@ -324,6 +324,12 @@ class Reducer(Plugin):
         preparation; None: as many as bases need."""
         return None
 
+    @property
+    def keeps_joint_rows(self) -> bool:
+        """True if full-order rows on which joints act are among its equations: they determine joint
+        forces even where atoms keep the constraints by themselves."""
+        return False
+
     def restart_refusal(self) -> str:
         """Reason why step solvers cannot begin a step at a state that they did not compute, as
         adaptive time stepping requires; "" if they can, and their memory has `restarts`."""

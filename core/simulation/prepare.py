@@ -6,10 +6,12 @@ from dataclasses import replace
 import numpy as np
 
 from sparsemor.core.errors import InputError
+from sparsemor.core.model.assembly import with_joints
 from sparsemor.core.model.body_cache import BodyCache
 from sparsemor.core.model.fitting_bases import fitted_bases
 from sparsemor.core.model.initial_state import start_notes
 from sparsemor.core.model.model import Model
+from sparsemor.core.model.redundancy import undetermined_forces
 from sparsemor.core.model.resolved_start import resolved_start
 from sparsemor.core.protocols import (
     ReducedProblem,
@@ -116,6 +118,7 @@ def reduced(scene: Scene, model: Model, offline: Offline) -> PreparedRun:
     """The run with its step solver, for steps of one size, and its consistent start. Raises
     InputError as the reducer, SolveFailed for singular matrices."""
     h, integrator, reducer = scene.time.step, scene.integrator, scene.reducer
+    model = _determined(scene, model, offline)
     problem = ReducedProblem(model, integrator, h, offline, np.random.default_rng(scene.seed))
     solver: StepSolver = reducer.prepare(problem)
     complete(solver, StepSolver, reducer, "prepare", "reducer")
@@ -136,6 +139,17 @@ def reduced(scene: Scene, model: Model, offline: Offline) -> PreparedRun:
         not controllers_of(scene), forces=tuple(
             ForceReader.of(name, joint.force, solver.layout)
             for name, joint in model.joints.items() if joint.force is not None))
+
+
+def _determined(scene: Scene, model: Model, offline: Offline) -> Model:
+    """The model with joint forces of least norm where its trial spaces determine none."""
+    if model.stage is not None or scene.reducer.keeps_joint_rows:
+        return model
+    changed = {n: made for n, softer in undetermined_forces(model, scene.time.step, {
+        n: offline.dictionary(n, basis, _factors(scene))[0]
+        for n, basis in fitted_bases(model, scene.reducer).bases.items()}).items()
+        if (made := model.joints[n].compliant(*softer)) is not None}
+    return with_joints(scene, model, changed) if changed else model
 
 
 @np.errstate(all="ignore")

@@ -65,6 +65,10 @@ class Sparse(SparseOptions):
     shared_options: ClassVar[tuple[str, ...]] = (*BASES, "budgets")
 
     @property
+    def keeps_joint_rows(self) -> bool:
+        return True
+
+    @property
     def stored_classes(self) -> Sequence[object]:
         """Classes of the step solvers of a kept model."""
         from sparsemor.reducers.stored_classes import CLASSES
