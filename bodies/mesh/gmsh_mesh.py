@@ -17,8 +17,18 @@ from sparsemor.bodies.mesh.file import MeshFile
 from sparsemor.core import FloatArray, InputError, Mesh, MeshPlugin, Plugin
 
 ENDINGS = (".step", ".stp", ".iges", ".igs", ".brep", ".geo")
+IGES = (".iges", ".igs")
+"""Endings of files of faces, which are sewn to solids."""
+NO_STEP = ("ISO-10303-21;\nHEADER;\nFILE_DESCRIPTION((''),'2;1');\nFILE_NAME('','',(''),(''),'',"
+           "'','');\nFILE_SCHEMA(('AUTOMOTIVE_DESIGN'));\nENDSEC;\nDATA;\n"
+           "#1=CARTESIAN_POINT('',(0.,0.,0.));\nENDSEC;\nEND-ISO-10303-21;\n")
+"""STEP file without a shape."""
+GAP = 0.01
+"""Gap between faces of one solid, relative to the edge length, up to which they are sewn."""
 ROUND = 12
 """Edges around a full circle, at least."""
+LARGEST = 5_000_000
+"""Number of cells above which a geometry is refused: its scale or size is wrong."""
 SAME = 1e-4
 """Difference of radii and axes, relative to the radius, up to which cylinders are the same."""
 
@@ -83,8 +93,15 @@ class GmshMesh(MeshPlugin):
         scale = self.scale or 1.0
         with _session() as gmsh, TemporaryDirectory() as folder:
             try:
+                faces_alone = full.suffix.lower() in IGES
+                if faces_alone:  # units are unknown to its reader until that of STEP has been used
+                    (Path(folder) / "no.step").write_text(NO_STEP)
+                    gmsh.merge(str(Path(folder) / "no.step"))
                 gmsh.option.setString("Geometry.OCCTargetUnit", "M" if has_unit else "")
                 gmsh.open(str(full))
+                if faces_alone and not gmsh.model.getEntities(3):
+                    gmsh.model.occ.healShapes(tolerance=GAP * self.size, makeSolids=True)
+                    gmsh.model.occ.synchronize()
                 gmsh.option.setNumber("Mesh.MeshSizeMax", self.size / scale)
                 gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", ROUND)
                 gmsh.option.setNumber("Mesh.ElementOrder", self.order)
@@ -93,8 +110,9 @@ class GmshMesh(MeshPlugin):
                 if d < 2:
                     raise InputError(f"'{self.geometry}' has neither solids nor faces", "geometry")
                 if d == 2 and self.faces:
-                    raise InputError("the geometry is plane and has no faces of a solid: name its "
-                                     "curves by physical groups", "faces")
+                    raise InputError("the geometry has no solid whose faces could be named: in "
+                                     "the plane, name curves by physical groups", "faces")
+                self._check_size(gmsh, d, scale)
                 gmsh.model.mesh.generate(d)
                 if not gmsh.model.getPhysicalGroups(d):
                     gmsh.model.addPhysicalGroup(d, [t for _, t in gmsh.model.getEntities(d)],
@@ -114,14 +132,34 @@ class GmshMesh(MeshPlugin):
                 raise InputError(f"the mesh of '{self.geometry}' by Gmsh cannot be used: "
                                  f"{error.faults[0].message}", "geometry") from None
 
+    def _check_size(self, gmsh: Any, d: int, scale: float) -> None:
+        """InputError for more cells than `LARGEST`, of regular triangles or tetrahedra."""
+        whole = 0.0
+        for entity in gmsh.model.getEntities(d):
+            try:
+                whole += gmsh.model.occ.getMass(*entity)
+            except Exception:  # Gmsh raises no other type: of its own kernel, which has no areas
+                box = np.array(gmsh.model.getBoundingBox(*entity)).reshape(2, 3)
+                whole += float(np.prod(np.sort(np.ptp(box, axis=0))[-d:]))
+        cells = whole * (scale / self.size) ** d * (8.5 if d == 3 else 2.3)
+        if cells > LARGEST:
+            raise InputError(f"'{self.geometry}' has {whole * scale**d:.3g} m{d}: some {cells:.1g} "
+                             f"cells of {self.size:g} m, and at most {LARGEST:,} are meshed; a "
+                             "script or BREP file in mm takes `scale: 1.0e-3`", "size")
+
     def _name(self, faces: "_Faces") -> None:
         """Adds a physical group for each rule."""
+        model = faces.gmsh.model
+        named = {model.getPhysicalName(*group) for group in model.getPhysicalGroups()}
         for name, rule in self.faces.items():
+            if name in named:
+                raise InputError(f"'{self.geometry}' has a group '{name}' already: take another "
+                                 "name", f"faces.{name}")
             try:
                 found = faces.found(rule)
             except InputError as error:
                 raise error.under(f"faces.{name}") from None
-            faces.gmsh.model.addPhysicalGroup(2, found, name=name)
+            model.addPhysicalGroup(2, found, name=name)
 
 
 class _Faces:

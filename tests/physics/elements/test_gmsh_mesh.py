@@ -1,6 +1,8 @@
 """Meshes of geometry files by Gmsh: mass and bores of the geometry, sets by rules, bad input."""
 
+import sys
 from pathlib import Path
+from subprocess import run
 from typing import Any
 
 import numpy as np
@@ -27,6 +29,7 @@ def plate(folder: Path) -> float:
         occ.cut([(3, whole)], bores)
         occ.synchronize()
         gmsh.write(str(folder / "plate.step"))
+        gmsh.write(str(folder / "plate.igs"))
     finally:
         gmsh.finalize()
     return (0.06 * 0.04 - np.pi * (0.008**2 + 2 * 0.004**2)) * 0.01
@@ -59,6 +62,31 @@ def test_a_plate_of_a_step_file(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="Gmsh cannot mesh 'bad.step'") as refused:
         GmshMesh(geometry="bad.step", size=0.01).build(tmp_path)
     assert refused.value.faults[0].key == "geometry"
+
+
+@pytest.mark.full
+def test_faces_of_an_iges_file_are_sewn(tmp_path: Path) -> None:
+    """In metres, in a process that has read no STEP file before."""
+    volume = plate(tmp_path)
+    code = ("from pathlib import Path\nfrom sparsemor.bodies.fem import scalar_mass\n"
+            "from sparsemor.bodies.mesh.gmsh_mesh import GmshMesh\n"
+            f"m = GmshMesh(geometry='plate.igs', size=0.008).build(Path({str(tmp_path)!r}))\n"
+            "print(m.dimension, scalar_mass(m, 1.0).sum())")
+    found = run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    d, mass = found.stdout.split()[-2:]
+    assert d == "3" and float(mass) == pytest.approx(volume, rel=2e-4)
+
+
+@pytest.mark.full
+def test_a_script_in_mm_without_scale_and_a_name_twice(tmp_path: Path) -> None:
+    pytest.importorskip("gmsh", exc_type=(ImportError, OSError))  # type: ignore[arg-type]
+    (tmp_path / "a.geo").write_text('SetFactory("OpenCASCADE");\nBox(1) = {0, 0, 0, 40, 20, 10};\n'
+                                    'Physical Surface("end") = {1};\n')
+    with pytest.raises(InputError, match=r"has 8e\+03 m3: some 1e\+12 cells .* `scale: 1.0e-3`"):
+        GmshMesh(geometry="a.geo", size=4e-3).build(tmp_path)
+    with pytest.raises(InputError, match="has a group 'end' already"):
+        GmshMesh(geometry="a.geo", size=0.01, scale=1e-3, faces={
+            "end": FaceRule(nearest=(0.0, 0.0, 0.0))}).build(tmp_path)
 
 
 @pytest.mark.full
