@@ -9,7 +9,7 @@ from sparsemor.core.arrays import Csr, FloatArray
 from sparsemor.core.model.equations import system_jacobian
 from sparsemor.core.model.model import Model
 from sparsemor.core.notes import Note
-from sparsemor.core.protocols import Dictionary
+from sparsemor.core.protocols import Dictionary, Joint
 from sparsemor.core.protocols.layout import Layout
 
 MANY = 2000
@@ -114,16 +114,17 @@ def redundant_joints(model: Model, h: float) -> Mapping[str, tuple[FloatArray, N
 
 def undetermined_forces(
     model: Model, h: float, maps: Mapping[str, Dictionary]
-) -> Mapping[str, tuple[FloatArray, Note]]:
-    """Joint -> compliance of its constraints (l,) and a note, for the joints that have constraints
-    which the trial spaces keep by themselves: their forces would be rounding over rounding.
+) -> Mapping[str, tuple[Joint | None, Note]]:
+    """Joint -> the same joint with a compliance of these constraints, and a note, for the joints
+    that have constraints which the trial spaces keep by themselves: their forces would be rounding
+    over rounding. None for a joint that has no such form, and in a flexible run of two stages.
 
     maps: trial spaces of blocks. With the rows of G of length 1 and atoms of length 1, a
     combination of constraints counts as kept where it moves by less than sqrt(UNMOVED) of the
     largest one. Such constraints get the compliance of redundant ones, others none.
     """
     layout = model.layout
-    n, first, found = layout.size, layout.algebraic.start, dict[str, tuple[FloatArray, Note]]()
+    n, first, found = layout.size, layout.algebraic.start, dict[str, tuple[Joint | None, Note]]()
     some = [t for t in model.terms if len(t.rows) and t.rows.max() >= first]
     if not maps or not some or n - first > MANY:
         return found
@@ -153,12 +154,17 @@ def undetermined_forces(
         if what:
             words = " and ".join(part for part, _ in what)
             by = np.sqrt(max(float(values[kept].max()), 0.0))
-            found[name] = soft(name) * (own > SHARE), Note(
-                f"{words} of {name}: the trial spaces move {'these' if len(what) > 1 else 'this'} "
-                f"constraint{'s' if len(what) > 1 else ''} by {by:.1g} of what a body could, so "
-                "that the reduced model does not determine the joint force: the one of least norm, "
-                "about zero, is stored. Take it from a run at full order or of reducer sparse, or "
-                "let the basis have the shapes of joint forces (craig_bampton)", UNDETERMINED)
+            many = "s" if len(what) > 1 else ""
+            start = (f"{words} of {name}: the trial spaces move {'these' if many else 'this'} "
+                     f"constraint{many} by {by:.1g} of what a body could, so that the reduced "
+                     "model does not determine the joint force: ")
+            end = (". Take it from a run at full order or of reducer sparse, or let the basis have "
+                   "the shapes of joint forces (craig_bampton)")
+            least = Note(f"{start}the one of least norm, about zero, is stored{end}", UNDETERMINED)
+            made = None if model.stage is not None else model.joints[name].compliant(
+                soft(name) * (own > SHARE), least)
+            found[name] = made, least if made else Note(
+                f"{start}what is stored is rounding{end}", UNDETERMINED)
     return found
 
 

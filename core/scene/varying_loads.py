@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from sparsemor.core.protocols import LoadPlugin, TimeFunction
+from sparsemor.core.protocols import HeldFunction, LoadPlugin, TimeFunction
 from sparsemor.core.registry.registry import suggestions
 from sparsemor.core.scene.defaults import TABLE
 from sparsemor.core.scene.nested import functions_of_time
@@ -126,9 +126,12 @@ class LoadTraining:
 
     def unvaried(self) -> dict[str, float]:
         """Functions of time that would vary but for their range, with their value: amplitudes that
-        are 0 in this scene, and constant levels, if they are named or nothing else varies."""
+        are 0 in this scene, and constant levels, if they are named or nothing else varies.
+        Controllers vary by themselves."""
+        functions = self._functions()
         found = [v for v in self._each() if isinstance(v, Varying)]
-        still = {v.key: v.base for v in found if v.far == v.near}
+        still = {v.key: v.base for v in found if v.far == v.near
+                 and not isinstance(functions[v.key], HeldFunction)}
         amplitudes = {v.key for v in found if not v.level}
         return still if len(still) == len(found) or not isinstance(self.varying, str) else {
             key: value for key, value in still.items() if key in amplitudes}

@@ -13,6 +13,7 @@ from sparsemor.core.model.initial_state import start_notes
 from sparsemor.core.model.model import Model
 from sparsemor.core.model.redundancy import undetermined_forces
 from sparsemor.core.model.resolved_start import resolved_start
+from sparsemor.core.notes import Note
 from sparsemor.core.protocols import (
     ReducedProblem,
     StepFactors,
@@ -118,7 +119,7 @@ def reduced(scene: Scene, model: Model, offline: Offline) -> PreparedRun:
     """The run with its step solver, for steps of one size, and its consistent start. Raises
     InputError as the reducer, SolveFailed for singular matrices."""
     h, integrator, reducer = scene.time.step, scene.integrator, scene.reducer
-    model = _determined(scene, model, offline)
+    model, undetermined = _determined(scene, model, offline)
     problem = ReducedProblem(model, integrator, h, offline, np.random.default_rng(scene.seed))
     solver: StepSolver = reducer.prepare(problem)
     complete(solver, StepSolver, reducer, "prepare", "reducer")
@@ -129,7 +130,7 @@ def reduced(scene: Scene, model: Model, offline: Offline) -> PreparedRun:
     notes = (
         *(() if differences else start_notes(model)),
         *initial_notes(scene, model, solver.dictionaries), *start.notes(h),
-        *integrator.notes(model.layout))
+        *integrator.notes(model.layout), *undetermined)
     return PreparedRun(
         scene, solver, start.state, header_of(
             scene, model, solver, step_count(scene), () if estimator is None else estimator.blocks),
@@ -141,15 +142,18 @@ def reduced(scene: Scene, model: Model, offline: Offline) -> PreparedRun:
             for name, joint in model.joints.items() if joint.force is not None))
 
 
-def _determined(scene: Scene, model: Model, offline: Offline) -> Model:
-    """The model with joint forces of least norm where its trial spaces determine none."""
-    if model.stage is not None or scene.reducer.keeps_joint_rows:
-        return model
-    changed = {n: made for n, softer in undetermined_forces(model, scene.time.step, {
-        n: offline.dictionary(n, basis, _factors(scene))[0]
-        for n, basis in fitted_bases(model, scene.reducer).bases.items()}).items()
-        if (made := model.joints[n].compliant(*softer)) is not None}
-    return with_joints(scene, model, changed) if changed else model
+def _determined(
+    scene: Scene, model: Model, offline: Offline
+) -> tuple[Model, tuple[Note, ...]]:
+    """The model with joint forces of least norm where its trial spaces determine none, and notes on
+    joints that have none of least norm."""
+    found = {} if scene.reducer.keeps_joint_rows else undetermined_forces(
+        model, scene.time.step, {
+            n: offline.dictionary(n, basis, _factors(scene))[0]
+            for n, basis in fitted_bases(model, scene.reducer).bases.items()})
+    changed = {n: made for n, (made, _) in found.items() if made is not None}
+    notes = tuple(note for made, note in found.values() if made is None)
+    return with_joints(scene, model, changed) if changed else model, notes
 
 
 @np.errstate(all="ignore")

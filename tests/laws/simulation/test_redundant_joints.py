@@ -145,10 +145,10 @@ def test_redundant_joints_of_flexible_bodies_in_reduced_and_kept_models(
 def test_forces_that_atoms_do_not_determine_are_of_least_norm_and_noted() -> None:
     """A set moves without turning, and so do all atoms learned from it: the moment that keeps it
     from turning is rounding over rounding."""
-    def made(reducer: Any) -> Any:
+    def made(reducer: Any, **more: Any) -> Any:
         return load({
-            "format": 1,
-            "bodies": {"wall": {
+            "format": 1, **more,
+            "bodies": {"bob": {"use": "rigid", "mass": 1.0, "inertia": 0.1}, "wall": {
                 "use": "flexible", "mesh": {"use": "rectangle", "size": [0.4, 0.1],
                                             "divisions": [8, 2]},
                 "thickness": 0.02, "material": {"E": 7.0e7, "nu": 0.3, "rho": 2000},
@@ -176,6 +176,9 @@ def test_forces_that_atoms_do_not_determine_are_of_least_norm_and_noted() -> Non
     np.testing.assert_allclose(craig.joint_forces()["shake"]["moment", "N m"][5:], moment[5:],
                                rtol=0.05)
     assert not [n for n in craig.summary["notes"] if "trial spaces move" in n]
+    staged = simulate(made({"use": "galerkin", "basis": {"use": "pod", "count": 5}},
+                           rigid_stage={}))
+    assert sum("what is stored is rounding" in n for n in staged.summary["notes"]) == 1
 
 
 @pytest.mark.slow  # compiles

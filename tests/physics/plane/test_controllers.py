@@ -96,6 +96,13 @@ def test_a_heater_holds_the_temperature_of_a_probe() -> None:
     assert run.probe("end")[-1, -1] == pytest.approx(320.0, abs=0.01)
 
 
+@pytest.mark.full
+@pytest.mark.parametrize("loads", ["varying", ["heater"], {"heater": [0.0, 1e5]}])
+def test_controllers_vary_in_training_by_themselves(loads: Any) -> None:
+    run = simulate(load({**HEATED, "reducer": "galerkin", "training": {"loads": loads}}))
+    assert not [n for n in run.summary["notes"] if "heater" in n]
+
+
 # ---------------------------------------------------------------------- every way to run
 
 
