@@ -27,6 +27,7 @@ from sparsemor.bodies.mesh.formats.abaqus_statements import (
     statements,
 )
 from sparsemor.bodies.mesh.formats.content import (
+    COMPLETE,
     BadLine,
     CellBlock,
     Content,
@@ -221,7 +222,7 @@ class _Reader:
                 continue
             if len(row) != count + 1:
                 raise BadLine(at, word, f"element {row[0]} has {len(row) - 1} nodes, and {name} "
-                              f"takes {count}")
+                              f"takes {count}{COMPLETE * (len(row) > max(count, 9) + 1)}")
             labels.append(row[0])
             nodes.append(row[1:])
         if more:

@@ -103,6 +103,10 @@ def numbered(lines: Sequence[str]) -> Iterator[tuple[int, str]]:
     return enumerate(lines, 1)
 
 
+COMPLETE = " (Gmsh: set Mesh.SecondOrderIncomplete = 1 for this format)"
+"""What to do about cells with nodes inside their faces, in formats that have none."""
+
+
 class Numbering:
     """Positions of labels: label -> its row among labels (n,), which are distinct."""
 

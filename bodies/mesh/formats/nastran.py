@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sparsemor.bodies.mesh.formats.content import (
+    COMPLETE,
     INTEGER,
     BadLine,
     CellBlock,
@@ -166,7 +167,8 @@ class _Reader:
         elif name in ELEMENTS:
             self._element(card)
         elif _SHAPED.match(name):
-            raise card.fail("this type of elements is not supported")
+            raise card.fail("this type of elements is not supported"
+                            + COMPLETE * (name == "CQUAD9"))
         else:
             self.ignored[name] = self.ignored.get(name, 0) + 1
 
@@ -200,7 +202,8 @@ class _Reader:
         kind = next((k for k, count in kinds if count == len(given)), None)
         if kind is None or not all(given):
             raise card.fail(f"element {label} has {sum(map(bool, given))} grids, and takes "
-                            + " or ".join(str(n) for _, n in kinds))
+                            + " or ".join(str(n) for _, n in kinds)
+                            + COMPLETE * (len(given) > kinds[-1][1]))
         nodes = [card.integer(i) for i in range(first, first + len(given))]
         self.cells.setdefault((kind, card.name), []).append((card, number, nodes))
 

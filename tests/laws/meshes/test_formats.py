@@ -270,6 +270,15 @@ def test_nastran_is_refused_with_line_and_card(name: str, tmp_path: Path) -> Non
         build(tmp_path, "a.bdf", text.replace(before, after, 1))
 
 
+def test_complete_cells_of_gmsh_have_no_place_in_other_formats(tmp_path: Path) -> None:
+    ids = ", ".join(str(i) for i in range(1, 19))
+    with pytest.raises(InputError, match="18 nodes, and C3D6 takes 6 .*SecondOrderIncomplete"):
+        build(tmp_path, "a.inp", f"*NODE\n1, 0, 0, 0\n*ELEMENT, TYPE=C3D6\n1, {ids}\n")
+    lines = ["CPENTA,1,1,1,2,3,4,5,6", ",7,8,9,10,11,12,13,14", ",15,16,17,18"]
+    with pytest.raises(InputError, match="18 grids, and takes 6 or 15 .*SecondOrderIncomplete"):
+        build(tmp_path, "a.bdf", "BEGIN BULK\n" + "\n".join(lines) + "\nENDDATA\n")
+
+
 def test_a_count_that_differs_from_the_lines_is_an_error(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
