@@ -274,7 +274,7 @@ class Matrices(BodyPlugin):
         alone = information(f"{self.nodes}: {np.count_nonzero(~used)} nodes "
                             f"({checks.some(nodes.labels[~used])}) have no unknowns, and are left "
                             "out", "matrix_nodes")
-        drops = T is None and not self._supported and len(labels) and not used.all() and (
+        drops = T is None and not self._supported and used.any() and not used.all() and (
             ELASTIC.name in self.selected_fields) and not any(k in found for k in THERMAL_KEYS)
         nodes = nodes.only(used) if drops else nodes
         u, notes = self._unknowns(nodes, labels)
@@ -399,7 +399,8 @@ class Matrices(BodyPlugin):
                            "take another name")
                 elif (rows < 0).any() or len(np.unique(rows)) < len(rows):
                     gather(f"sets.{name}.nodes", _refuse, f"'{self.nodes}' has no node "
-                           f"{one.nodes[int(np.argmin(rows))]}" if (rows < 0).any() else
+                           f"{one.nodes[int(np.argmin(rows))]}"
+                           + " with unknowns" * bool(files.notes) if (rows < 0).any() else
                            "a node is given twice")
                 else:
                     named[name] = np.sort(rows)

@@ -134,6 +134,11 @@ def test_nodes_and_sets_of_an_input_file(tmp_path: Path) -> None:
                fmt="%d", delimiter=",")
     body = build(tmp_path, {"nodes": "n.inp", "unknowns": "u.csv"})
     assert len(body.X) == 4
+    with pytest.raises(InputError, match="has no node 50 with unknowns"):
+        build(tmp_path, {"nodes": "n.inp", "unknowns": "u.csv", "sets": {"foot": {"nodes": [50]}}})
+    np.savetxt(tmp_path / "u.csv", np.zeros((12, 2)), fmt="%d", delimiter=",")
+    with pytest.raises(InputError, match="12 unknowns have no place|is 0, 0 kg"):
+        build(tmp_path, {"nodes": "n.inp", "unknowns": "u.csv"})
     assert {k: v.tolist() for k, v in body.points.items()} == {
         "A": [0, 1], "B": [0, 1], "foot": [0]}
     assert [n.text for n in body.mesh_notes] == [f"{tmp_path / 'n.inp'}: 1 nodes (50) have no "
