@@ -7,10 +7,10 @@ wedges and hexahedra a body in space.
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator, Field, model_validator
 from scipy.sparse import csr_array
 
 from sparsemor.bodies.body import FloatingBody
@@ -60,6 +60,10 @@ def _isotropic(materials: Any) -> Any:
             for name, m in materials.items()}
 
 
+MODES = 20
+"""Number of modes with modal damping, when it is not given."""
+
+
 class Damping(Plugin):
     """Damping of the displacement rates in the body frame: Rayleigh damping, mass * M + stiffness
     * K, and modal damping, 2 ratio omega of the lowest elastic modes with angular frequency omega.
@@ -75,12 +79,21 @@ class Damping(Plugin):
         list[Annotated[float, Field(ge=0)]], Field(min_length=1)] | None = None
     """Damping ratio (1: critical) of the lowest elastic modes: one number for `modes` of them, or a
     list, one each. Higher modes have Rayleigh damping only."""
-    modes: int = Field(default=20, ge=1)
+    modes: int = Field(default=MODES, ge=1)
     """Number of modes that one `ratio` damps; all elastic modes when there are fewer."""
     modes_of: Literal["free", "held"] | None = None
     """The modes are those of the body alone in space (`free`), or `held` by its reference
     conditions, as where a joint holds a clamped set. When not given: `free` for a floating frame,
     `held` otherwise."""
+
+    @model_validator(mode="after")
+    def _of_a_ratio(self) -> Self:
+        if self.ratio is None and self.modes_of is not None:
+            raise ValueError("modes_of says nothing without a ratio: give one, or drop it")
+        if self.modes != MODES and (self.ratio is None or isinstance(self.ratio, list)):
+            raise ValueError("modes is the number of modes that have one ratio, a single number: a "
+                             "list has as many modes as ratios")
+        return self
 
     def of(
         self, K: Csr, M: Csr, fixed: IntArray, d: int, floating: bool

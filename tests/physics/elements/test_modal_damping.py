@@ -104,3 +104,12 @@ def test_more_ratios_than_modes_are_refused() -> None:
     content = scene("fixed", ratio=[0.01] * 500)
     with pytest.raises(InputError, match="bodies.bar.damping.ratio: gives 500 ratios, and the"):
         simulate(scene_of(content))
+
+
+@pytest.mark.parametrize(("damping", "message"), [
+    ({"modes": 3}, "modes is the number of modes that have one ratio"),
+    ({"ratio": [0.1, 0.2], "modes": 3}, "modes is the number of modes that have one ratio"),
+    ({"modes_of": "held"}, "modes_of says nothing without a ratio")])
+def test_options_that_say_nothing_are_refused(damping: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        scene_of(scene("fixed", damping=damping))
