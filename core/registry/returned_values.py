@@ -4,7 +4,7 @@ Each check raises InputError, located at the input key `key` if there is one, wi
 the method and the returned value.
 """
 
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -34,6 +34,25 @@ def checked_return(
     if isinstance(value, expected):
         return value
     raise _wrong(plugin, call, type(value).__name__, f"a {expected.__name__}", key)
+
+
+def controller_step(
+    plugin: object, value: Any, count: int, t: float, key: str
+) -> tuple[float, tuple[float, ...]]:
+    """Value and memory that `update` of a controller returned at t, s: a finite number, and `count`
+    finite numbers. Raises InputError for anything else."""
+    try:
+        number, memory = value
+        found = np.array([number, *memory], dtype=np.float64)
+    except (TypeError, ValueError):
+        raise _wrong(plugin, "update", repr(value)[:60],
+                     "a number with the numbers that it remembers", key) from None
+    if found.shape != (1 + count,):
+        raise _wrong(plugin, "update", f"a memory of {len(found) - 1} numbers",
+                     f"one of {count}, as `begin` returns", key)
+    if not np.isfinite(found[0]):
+        raise InputError(f"the controller gives {found[0]} at t = {t:.6g} s", key)
+    return float(found[0]), tuple(found[1:].tolist())
 
 
 def complete(value: object, protocol: type, plugin: object, call: str, key: str = "") -> None:

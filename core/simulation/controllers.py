@@ -4,14 +4,13 @@ whole step (zero-order hold), from sensors at the last accepted state."""
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import numpy as np
-
-from sparsemor.core.errors import Fault, InputError
+from sparsemor.core.errors import Fault
 from sparsemor.core.model.model import Model
 from sparsemor.core.protocols import Dictionary, State
 from sparsemor.core.protocols.integrator import Controller, HeldValues
 from sparsemor.core.protocols.layout import Layout
 from sparsemor.core.registry.registry import suggestions
+from sparsemor.core.registry.returned_values import controller_step
 from sparsemor.core.results.probes import ForceReader, ProbeReader
 from sparsemor.core.scene.nested import functions_of_time
 from sparsemor.core.scene.scene import Scene
@@ -51,17 +50,13 @@ class Controllers:
         def controlled(state: State, inner: Any) -> tuple[Any, State, Any]:
             for key, f in self.found.items():
                 sensed = read([self.outputs[n] for n in f.sensors], state)
-                value, memory[key] = f.update(state.t, self.h, sensed, memory[key])
-                self.held.values[f.identity] = self._finite(key, value, state.t)
+                value, memory[key] = controller_step(
+                    f, f.update(state.t, self.h, sensed, memory[key]), len(memory[key]), state.t,
+                    key)
+                self.held.values[f.identity] = value
             return step(state, inner)
 
         return controlled if self.found else step
-
-    @staticmethod
-    def _finite(key: str, value: float, t: float) -> float:
-        if not np.isfinite(value):
-            raise InputError(f"the controller gives {value} at t = {t:.6g} s", key)
-        return float(value)
 
 
 def sensors(model: Model, layout: Layout, maps: Mapping[str, Dictionary]) -> Mapping[str, Output]:

@@ -204,3 +204,17 @@ def test_bad_input_is_refused(torque: Any, more: dict[str, Any], message: str) -
     with pytest.raises(InputError) as caught:
         simulate(scene_of(rotor(torque, **more)))
     assert message in str(caught.value)
+
+
+@pytest.mark.parametrize(("value", "message"), [
+    (1.0, "a number with the numbers that it remembers"), (("much", ()), "a number with the"),
+    ((1.0, (2.0,)), "a memory of 1 numbers, where one of 0"),
+    ((float("nan"), ()), "the controller gives nan at t = 0 s")])
+def test_controllers_that_return_no_value_are_refused(
+    value: Any, message: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Pid, "begin", lambda self: ())
+    monkeypatch.setattr(Pid, "update", lambda self, t, h, sensed, memory: value)
+    with pytest.raises(InputError, match=message) as caught:
+        simulate(scene_of(rotor(PD)))
+    assert "joints.motor.torque" in str(caught.value)
