@@ -16,6 +16,7 @@ import pytest
 
 from small_scenes import everything
 from sparsemor import InputError, ReducedModel, Scene, load, load_model, reduce, simulate
+from sparsemor.core.scene.nested import functions_of_time
 from sparsemor.core.simulation.stepper import Stepper
 from sparsemor.plugins.export.fmu import Unit, export_fmu
 
@@ -38,7 +39,8 @@ def made(name: str) -> tuple[ReducedModel, Unit]:
 def driven(slave: Any, step: int, model: ReducedModel, stepper: Stepper) -> None:
     """One step of both, with inputs that differ from the scene's."""
     h = stepper.step_size
-    values = [1.3 * model._inputs[k].value((step + 1) * h) for k in stepper.inputs]
+    own = dict(functions_of_time({"loads": model.scene.loads, "joints": model.scene.joints}))
+    values = [1.3 * own[k].value((step + 1) * h) for k in stepper.inputs]
     for key, value in zip(stepper.inputs, values, strict=True):
         stepper.set(key, value)
     if values:
