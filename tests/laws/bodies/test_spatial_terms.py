@@ -12,6 +12,7 @@ from sparsemor.bodies.fem.surface import on_facets
 from sparsemor.bodies.frames import rotation as rot
 from sparsemor.bodies.frames.force_items import Moment
 from sparsemor.bodies.frames.frame import SpatialFrame
+from sparsemor.bodies.frames.items import Compliance
 from sparsemor.bodies.frames.joint_items import Reaction
 from sparsemor.bodies.frames.springs import SpatialRotationalSpring, Spring
 from sparsemor.bodies.loads.radiation import GreyBody
@@ -143,7 +144,8 @@ def test_the_scene_has_items_of_every_kind(model: Model) -> None:
     frames = [t.equations.frame for t in frame_terms(model)]
     items = [i for f in frames if isinstance(f, SpatialFrame) for i in f.items]
     assert {type(i).__name__ for i in items} == {
-        "Inertia", "UnitLength", "SpaceForce", "BodyForce", "MeanPoint", "Facing", "Slide"}
+        "Inertia", "UnitLength", "SpaceForce", "BodyForce", "MeanPoint", "Facing", "Slide",
+        "Compliance"}
     pairs = {(type(f.items[0]).__name__, f.elastic, f.items[0].others)
              for f in frames if isinstance(f, SpatialFrame)}
     assert {("Facing", True, 7), ("Facing", False, 7), ("Facing", False, 0), ("Facing", True, 0),
@@ -224,10 +226,12 @@ def drive(t: float) -> float:
 
 def with_more_items(m: Model) -> list[SpatialFrame]:
     found = [t.equations.frame for t in frame_terms(m)]
-    made = [f for f in found if isinstance(f, SpatialFrame)]
+    every = [f for f in found if isinstance(f, SpatialFrame)]
+    soft = [f for f in every if isinstance(f.items[0], Compliance)]
+    made = [f for f in every if f not in soft]
     widest = {(f.size, f.elastic): f for f in made}.values()
     return [*made, *(replace(f, items=(*f.items, *more(others, f.size)))
-                     for f in widest for others in (0, 4, 7))]
+                     for f in widest for others in (0, 4, 7)), *soft]
 
 
 def evaluated(f: SpatialFrame, given: tuple[Any, ...], t: float) -> list[FloatArray]:
