@@ -215,11 +215,10 @@ class SpatialRotationalSpring(SpringItem):
         r_0, which determines phi but for 4 pi. A spring is not deflected by more than 2 pi: it is
         the angle nearest to the relaxed one.
         """
-        rest = other.shape[1] == Free.size and not np.ptp(other, axis=0).any()
-        if own.shape[1] == 1 and (other.shape[1] == 1 or rest):
+        if own.shape[1] == 1 and (other.shape[1] == 1 or not self.others):
             about = float(rot.cross(self.first, self.second)[2])
             turned = own - self.start
-            if not rest:
+            if self.others:
                 turned = turned - (other - self.place[3:])
             return np.asarray(about * turned[:, 0])
         p, f = _quaternions(own), _quaternions(other)

@@ -13,6 +13,11 @@ from sparsemor.core.testing.in_memory_run import scene_of
 AXES = {"z": [0.0, 0.0, 1.0], "oblique": [2.0, -1.0, 2.0]}
 
 
+def body(spin: list[float], frame: str = "floating") -> dict[str, Any]:
+    return {"use": "rigid", "mass": 1.0, "inertia": [0.1, 0.1, 0.1], "frame": frame,
+            "points": {"o": [0.0, 0.0, 0.0]}, "pose": {"spin": spin}}
+
+
 def swinging(
     spin: float, axis: str = "z", frame: str = "floating", two: bool = False,
     reducer: str | dict[str, str] = "full", **spring: float,
@@ -20,12 +25,8 @@ def swinging(
     """A body, or two that turn against each other, on a spring with w = sqrt(40) 1/s for 1 s; its
     relative angle is spin / w sin(w t)."""
     n = np.array(AXES[axis]) / np.linalg.norm(AXES[axis])
-
-    def body(rate: float) -> dict[str, Any]:
-        return {"use": "rigid", "mass": 1.0, "inertia": [0.1, 0.1, 0.1], "frame": frame,
-                "points": {"o": [0.0, 0.0, 0.0]}, "pose": {"spin": (rate * n).tolist()}}
-
-    bodies = {"b": body(0.5 * spin), "c": body(-0.5 * spin)} if two else {"b": body(spin)}
+    rates = {"b": 0.5 * spin, "c": -0.5 * spin} if two else {"b": spin}
+    bodies = {name: body((rate * n).tolist(), frame) for name, rate in rates.items()}
     return scene_of({
         "bodies": bodies, "time": {"end": 1.0, "step": 4e-3},
         "integrator": {"use": "generalized_alpha", "rho_inf": 0.8}, "reducer": reducer,
@@ -67,6 +68,23 @@ def test_spinning_frames_count_all_turns(two: bool) -> None:
     angle = result.joint_forces()["s"]["torque", "N m"] / (-2.0 if two else -4.0)
     assert angle[-1] == pytest.approx(end(60.0), abs=0.06)
     assert np.abs(angle).max() == pytest.approx(largest(60.0), rel=2e-3)
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("method", ["bordered", "newton"])
+@pytest.mark.parametrize("order", [["b:o", "c:o"], ["c:o", "b:o"]])
+def test_a_spinning_and_a_free_body_that_turn_together_hardly_load_their_spring(
+    order: list[str], method: str
+) -> None:
+    """Two turns and a half at 30 rad/s; the free one is 1 rad/s faster."""
+    scene = scene_of({
+        "bodies": {"b": body([0.0, 0.0, 30.0], "spinning"), "c": body([0.0, 0.0, 31.0])},
+        "joints": {"s": {"use": "rotational_spring", "axis": AXES["z"], "between": order,
+                         "stiffness": 2.0}},
+        "integrator": {"use": "generalized_alpha", "rho_inf": 0.8},
+        "reducer": {"use": "full", "method": method}, "time": {"end": 0.5, "step": 1e-3}})
+    moment = simulate(scene).joint_forces()["s"]["torque", "N m"]
+    assert np.abs(moment).max() == pytest.approx(2.0 / np.sqrt(40.0), rel=5e-3)
 
 
 @pytest.mark.full
