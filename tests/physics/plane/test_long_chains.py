@@ -140,4 +140,5 @@ def test_flexible_chains_bend_as_with_dense_matrices(
         bent = np.abs(dense.block(name)).max()
         assert np.abs(sparse.block(name) - dense.block(name)).max() < 1e-8 * bent
     assert np.abs(sparse.a[0] - dense.a[0]).max() < 1e-10 * np.abs(dense.a[0]).max()
+    # round-off decides on single iterations: 86 to 96 in all, by the kernel of BLAS
     assert sum(sparse.iterations) == pytest.approx(sum(dense.iterations), rel=0.1)
