@@ -4,6 +4,7 @@ joints, loads and contacts."""
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from pathlib import Path
 from typing import Self
 
 import numpy as np
@@ -73,7 +74,7 @@ class FloatingBody(Body):
     T_ref (N,): initial and stress-free temperature, K; thickness, m, of a planar body.
     temperature_limits: property -> temperatures, K, between which it is defined. mesh_notes:
     warnings about its mesh and sets. without_fields: True for a rigid copy of a body that has
-    fields.
+    fields. folder: where paths of files in a scene start.
     """
 
     name: str
@@ -96,6 +97,7 @@ class FloatingBody(Body):
     temperature_limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     mesh_notes: tuple[Note, ...] = ()
     without_fields: bool = False
+    folder: Path = Path()
     _found: dict[str, tuple[Note, ...]] = field(init=False, default_factory=dict)
     _centres: dict[str, Centre] = field(init=False, default_factory=dict)
 
@@ -166,7 +168,8 @@ class FloatingBody(Body):
 
     def contribute(self, equations: Equations) -> None:
         if self.heat is not None and self.heat.prescribed and equations.stepping is not None:
-            given = tuple((n, equations.stepping.prescribed(f)) for n, f in self.heat.prescribed)
+            given = tuple((n, equations.stepping.prescribed(f), w)
+                          for n, f, w in self.heat.prescribed)
             replace(self, heat=replace(self.heat, prescribed=given))._contribute(equations)
         else:
             self._contribute(equations)
@@ -268,7 +271,7 @@ class FloatingBody(Body):
             return None
         e, h = self.elasticity, self.heat
         return BodyShape(self.mesh.points, self.mesh.nodes, None if e is None else e.free,
-                         None if h is None else h.free, pose=self.pose,
+                         None if h is None or not len(h.free) else h.free, pose=self.pose,
                          given=() if h is None else h.prescribed,
                          eliminated_temperature=self.T0 if h is None and e is not None else None,
                          stress=None if e is None or not e.recoverable or self.T_ref is None else (
@@ -322,7 +325,7 @@ class FloatingBody(Body):
             return None
         weights = self.centre_of(which, self.points[which]).even
         return MeanTemperature(weights[self.heat.free], tuple(
-            (float(weights[nodes].sum()), f) for nodes, f in self.heat.prescribed))
+            (float(weights[nodes] @ w), f) for nodes, f, w in self.heat.prescribed))
 
     def named(self, which: str, key: str) -> IntArray:
         """Points of a named set; InputError under `key` with the names of the existing sets."""
@@ -347,7 +350,7 @@ class FloatingBody(Body):
         displacement = self._functionals(nodal.along(weights, self.d))
         if self.heat is not None:
             temperature = weights[self.heat.free]
-            prescribed = tuple((float(weights[n].sum()), f) for n, f in self.heat.prescribed)
+            prescribed = tuple((float(weights[n] @ w), f) for n, f, w in self.heat.prescribed)
         return ProbePlace(name, self.name, point, displacement, temperature, prescribed,
                           self.pose, self.guide)
 

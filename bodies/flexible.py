@@ -27,6 +27,7 @@ from sparsemor.bodies.mesh.plausibility import mesh_notes
 from sparsemor.bodies.mesh.sets import PointSet, given_centres, with_sets
 from sparsemor.bodies.pose import Pose
 from sparsemor.bodies.reference import Reference
+from sparsemor.bodies.temperature_file import TemperatureFile
 from sparsemor.bodies.terms.field_kinds import BODY_KINDS, ELASTIC, THERMAL
 from sparsemor.bodies.terms.inertia import generator
 from sparsemor.bodies.terms.material_laws import heat_laws, stress_laws
@@ -167,9 +168,9 @@ class Flexible(BodyPlugin):
     reference_temperature: float = 293.15
     """Stress-free temperature, K. Matrices of a body are constant, with the properties at this
     temperature; properties that depend on temperature add pointwise laws for the difference."""
-    initial_temperature: float | FormulaText | None = None
-    """Initial temperature, K, a number or a formula in x, y (and z); the reference temperature when
-    not given."""
+    initial_temperature: float | FormulaText | TemperatureFile | None = None
+    """Initial temperature, K, a number, a formula in x, y (and z), or temperatures of a file at its
+    first time; the reference temperature when not given."""
 
     @property
     def immobile(self) -> bool:
@@ -212,7 +213,7 @@ class Flexible(BodyPlugin):
         assert mesh is not None
         self._check_dimension(mesh, gather)
         fixed = gather("", self._fixed, mesh)
-        T0 = gather("", self._initial_temperature, mesh)
+        T0 = gather("", self._initial_temperature, mesh, base)
         regions = gather("materials", regions_of, mesh, self.material, self.materials,
                          self.reference_temperature)
         centres = gather("sets", given_centres, mesh, self.sets)
@@ -222,7 +223,8 @@ class Flexible(BodyPlugin):
         m = summed(regions, lambda r: scalar_mass(mesh, r.constants.rho * thickness, r.cells))
         pose, velocity = self.pose.start(d, self.frame == "spinning")
         return FloatingBody(
-            name=name, X=mesh.points, inertia=MassProperties.of_mesh(m, mesh.points), pose=pose,
+            name=name, folder=base, X=mesh.points,
+            inertia=MassProperties.of_mesh(m, mesh.points), pose=pose,
             velocity=velocity, moves=self.frame != "fixed", points=mesh.point_sets,
             centres=centres, declared=self.sets, mesh=mesh, thickness=thickness, mass_matrix=m,
             elasticity=None if fixed is None else self._elasticity(mesh, m, fixed, regions, T0),
@@ -349,13 +351,19 @@ class Flexible(BodyPlugin):
             lumped=is_lumped,
             laws=tuple((one, r.cells) for r in regions for one in heat_laws(r, mesh.dimension)))
 
-    def _initial_temperature(self, mesh: Mesh) -> FloatArray:
+    def _initial_temperature(self, mesh: Mesh, base: Path) -> FloatArray:
         T0 = self.initial_temperature
         n = len(mesh.points)
         if T0 is None:
             return np.full(n, self.reference_temperature)
         if isinstance(T0, str):
             return evaluate_formula(T0, mesh.points, "initial_temperature")
+        if isinstance(T0, TemperatureFile):
+            size = float(np.ptp(mesh.points, axis=0).max())
+            try:
+                return np.asarray(T0.at(base, mesh.points, size).values[0])
+            except InputError as error:
+                raise error.under("initial_temperature") from None
         return np.full(n, float(T0))
 
 

@@ -23,12 +23,13 @@ from sparsemor.bodies.loads.convection import Film
 from sparsemor.bodies.loads.part import unit
 from sparsemor.bodies.loads.radiation import GreyBody
 from sparsemor.bodies.temperature_curve import TemperatureCurve
+from sparsemor.bodies.temperature_file import Samples
 from sparsemor.bodies.terms import dense, material_laws, nonlinear_strains
 from sparsemor.bodies.terms.point_term import PointTerm
 
 CLASSES: Sequence[object] = (
-    Drive, Film, GreyBody, Inertia, ItemForce, Law, PlanarFrame, PointTerm, TemperatureCurve,
-    Variable, unit,
+    Drive, Film, GreyBody, Inertia, ItemForce, Law, PlanarFrame, PointTerm, Samples,
+    TemperatureCurve, Variable, unit,
     constraints.Facing, constraints.Slide, dense.DenseTerm, dense.ReducedDense,
     force_items.BodyForce, force_items.Moment, force_items.SpaceForce, frame.SpatialFrame,
     items.Compliance, items.Nothing, items.UnitLength, joint_items.MeanPoint, joint_items.Reaction,

@@ -58,30 +58,40 @@ def picked(x: FloatArray, at: IntArray) -> FloatArray:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PrescribedTemperatures:
-    """Prescribed temperatures of a surface: pairs of node positions and a function T(t), K."""
+    """Prescribed temperatures of a surface, sums of shape * f(t), K: node positions, f, shape."""
 
-    prescribed: Sequence[tuple[IntArray, Amplitude]] = ()
+    prescribed: Sequence[tuple[IntArray, Amplitude, FloatArray]] = ()
 
     @classmethod
     def of(cls, body: FloatingBody, nodes: IntArray) -> Self:
         """Temperatures that the body prescribes at its `nodes` (n,), sorted."""
         if body.heat is None:
             return cls()
-        return cls([(np.flatnonzero(np.isin(nodes, at)), f.value)
-                    for at, f in body.heat.prescribed])
+        return cls([_among(nodes, at, f.value, w) for at, f, w in body.heat.prescribed])
 
     def some(self, used: IntArray) -> "PrescribedTemperatures":
         """Prescribed temperatures at the subset `used` (m,) of the nodes, renumbered."""
-        return replace(self, prescribed=[(np.flatnonzero(np.isin(used, at)), f)
-                                         for at, f in self.prescribed])
+        return replace(self, prescribed=[_among(used, at, f, w) for at, f, w in self.prescribed])
 
     def filled(self, T: FloatArray, t: float) -> FloatArray:
         """Copy of the temperatures T (n,), K, with the prescribed ones set to their values at time
         t, s."""
         T = T.copy()
-        for at, function in self.prescribed:
-            T[at] = function(t)
+        for at, _, _ in self.prescribed:
+            T[at] = 0.0
+        for at, function, shape in self.prescribed:
+            T[at] += shape * function(t)
         return T
+
+
+def _among(
+    nodes: IntArray, at: IntArray, f: Amplitude, shape: FloatArray
+) -> tuple[IntArray, Amplitude, FloatArray]:
+    """Prescribed temperatures at nodes `at` as ones at positions in `nodes`, sorted."""
+    here = np.isin(nodes, at)
+    whole = np.zeros(max(nodes.max(initial=-1), at.max(initial=-1)) + 1)
+    whole[at] = shape
+    return np.flatnonzero(here), f, whole[nodes[here]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -35,8 +35,8 @@ def elastic_integrals(body: HasFields) -> ElasticIntegrals:
             stiffness, None, _columns(rows, n, [_applied(Kt, mesh, body.T0 - body.T_ref)]), ())
     nodes = _positions(body.heat.free, len(mesh.points))[mesh.nodes]
     vectors, amplitudes = [-_applied(Kt, mesh, body.T_ref)], []
-    for held, function in body.heat.prescribed:
-        vectors.append(_applied(Kt, mesh, _indicator(mesh, held)))
+    for held, function, shape in body.heat.prescribed:
+        vectors.append(_applied(Kt, mesh, _shaped(mesh, held, shape)))
         amplitudes.append(function.value)
     coupling = Integrals(rows, nodes, Kt, (n, len(body.heat.free)))
     return ElasticIntegrals(stiffness, coupling, _columns(rows, n, vectors), tuple(amplitudes))
@@ -82,8 +82,8 @@ def _prescribed(
     """Element vectors and amplitudes of the contribution of prescribed temperatures and their rates
     to the remaining rows."""
     columns, amplitudes = [np.zeros(mesh.nodes.shape)], []
-    for held, function in h.prescribed:
-        there = _indicator(mesh, held)
+    for held, function, shape in h.prescribed:
+        there = _shaped(mesh, held, shape)
         columns += [-_applied(K, mesh, there), -_applied(C, mesh, there)]
         amplitudes += [function.value, function.rate]
     return columns, tuple(amplitudes)
@@ -96,9 +96,9 @@ def _positions(free: IntArray, size: int) -> IntArray:
     return positions
 
 
-def _indicator(mesh: Mesh, nodes: IntArray) -> FloatArray:
+def _shaped(mesh: Mesh, nodes: IntArray, shape: FloatArray) -> FloatArray:
     there = np.zeros(len(mesh.points))
-    there[nodes] = 1.0
+    there[nodes] = shape
     return there
 
 

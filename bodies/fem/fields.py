@@ -61,8 +61,9 @@ class Heat:
     """Capacity and conductivity matrices over all N temperatures; `free` (m,): numbers of the
     unknown ones.
 
-    prescribed: pairs (nodes, function) of prescribed temperatures. regions: cells of each material,
-    with rho c thickness, J/(m2 K), and k thickness, W/K, of their element matrices. lumped: True
+    prescribed: temperatures that are no unknowns, sums of shape * f(t), K: nodes, f, shape (n,).
+    regions: cells of each material, with rho c thickness, J/(m2 K), and k thickness, W/K, of their
+    element matrices. lumped: True
     for a diagonal capacity matrix (row sums). laws: heat flux and stored heat beyond those of
     constant properties, where they depend on temperature, and their cells.
     """
@@ -70,7 +71,7 @@ class Heat:
     free: IntArray
     capacity: Csr
     conductivity: Csr
-    prescribed: tuple[tuple[IntArray, TimeFunction], ...] = ()
+    prescribed: tuple[tuple[IntArray, TimeFunction, FloatArray], ...] = ()
     regions: tuple[tuple[Cells, tuple[float, float]], ...] = ()
     lumped: bool = False
     laws: tuple[tuple[PointwiseLaw, Cells], ...] = ()

@@ -241,8 +241,9 @@ class Matrices(BodyPlugin):
             left = None
         shapes = None if own is None or files.shapes is None else files.shapes @ own
         return MatrixBody(
-            name=name, X=mesh.points, inertia=inertia, pose=start[0], velocity=start[1],
-            moves=self.frame != "fixed", points=mesh.point_sets, centres=centres, weights=weights,
+            name=name, folder=base, X=mesh.points, inertia=inertia, pose=start[0],
+            velocity=start[1], moves=self.frame != "fixed", points=mesh.point_sets,
+            centres=centres, weights=weights,
             load_vectors={key: one for key, one in loads.items() if one is not None},
             declared=self.sets, unknowns=u, mass=M, shapes=shapes, coordinates=left,
             elasticity=None if fixed is None else self._elasticity(files, fixed, own),

@@ -30,22 +30,25 @@ def write_elasticity(body: HasFields, equations: Equations, e: Elasticity) -> No
         equations.vector(block, np.asarray(Kt @ (body.T0 - body.T_ref)))
         return
     equations.vector(block, -np.asarray(Kt @ body.T_ref))
-    equations.matrix(block, thermal, A=-Kt[:, body.heat.free])
-    for nodes, function in body.heat.prescribed:
-        equations.vector(block, _row_sums(Kt[:, nodes]), function.value, "prescribed")
+    if len(body.heat.free):
+        equations.matrix(block, thermal, A=-Kt[:, body.heat.free])
+    for nodes, function, shape in body.heat.prescribed:
+        equations.vector(block, np.asarray(Kt[:, nodes] @ shape), function.value, "prescribed")
 
 
 def write_conduction(body: HasFields, equations: Equations, h: Heat) -> None:
     """Adds conduction and capacity of the free temperatures."""
     block, free = f"{body.name}.thermal", h.free
+    if not len(free):
+        return
     equations.matrix(block, block, A=h.conductivity[free][:, free], B=h.capacity[free][:, free])
     for law, cells in h.laws:
         stored = any(v.rate for v in law.reads)
         write_law(body, equations, equations.over_steps(law), None, cells,
                   at_nodes=stored and h.lumped)
-    for nodes, function in h.prescribed:
+    for nodes, function, shape in h.prescribed:
         for matrix, f in ((h.conductivity, function.value), (h.capacity, function.rate)):
-            equations.vector(block, -_row_sums(matrix[free][:, nodes]), f, "prescribed")
+            equations.vector(block, -np.asarray(matrix[free][:, nodes] @ shape), f, "prescribed")
 
 
 def write_film(
@@ -55,13 +58,15 @@ def write_film(
     """Adds a nodal heat vector (N,), W, times an amplitude, and a convection matrix `film` (N, N),
     W/K."""
     block, free = f"{body}.thermal", heat.free
+    if not len(free):
+        return
     equations.vector(block, vector[free], amplitude)
     if film is None:
         return
     mine = film[free]
     equations.matrix(block, block, A=mine[:, free])
-    for nodes, function in heat.prescribed:
-        equations.vector(block, -_row_sums(mine[:, nodes]), function.value, "prescribed")
+    for nodes, function, shape in heat.prescribed:
+        equations.vector(block, -np.asarray(mine[:, nodes] @ shape), function.value, "prescribed")
 
 
 def _write_stress(
@@ -158,6 +163,3 @@ def _numbered(free: IntArray, size: int) -> IntArray:
     found[free] = np.arange(len(free))
     return found
 
-
-def _row_sums(matrix: Csr) -> FloatArray:
-    return np.asarray(matrix.sum(axis=1)).ravel()

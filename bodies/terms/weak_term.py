@@ -27,14 +27,14 @@ class NodalField:
     """A field at the nodes of the elements of a term.
 
     column_of (N, m): column of the term for each of m components at each node, -1 where the
-    component is no unknown. constant (N, m): its value there, K or m. prescribed: pairs (nodes,
-    function of time) of prescribed temperatures.
+    component is no unknown. constant (N, m): its value there, K or m. prescribed: sums
+    of temperatures shape * f(t): nodes, f, shape.
     """
 
     shape: ShapeFunctions
     column_of: IntArray
     constant: FloatArray
-    prescribed: tuple[tuple[IntArray, TimeFunction], ...] = ()
+    prescribed: tuple[tuple[IntArray, TimeFunction, FloatArray], ...] = ()
 
     def nodal(self, x: FloatArray, t: float | None) -> FloatArray:
         """Nodal values (N, m) for unknowns x (n,) at the columns; t None: without constants and
@@ -43,16 +43,18 @@ class NodalField:
         found = self.constant.copy() if t is not None else np.zeros(self.column_of.shape)
         found[free] = x[self.column_of[free]]
         if t is not None:
-            for at, f in self.prescribed:
-                found[at, 0] = f.value(t)
+            for at, _, _ in self.prescribed:
+                found[at, 0] = 0.0
+            for at, f, shape in self.prescribed:
+                found[at, 0] += shape * f.value(t)
         return found
 
     def rates(self, v: FloatArray, t: float, kind: int = 1) -> FloatArray:
         """Rates (N, m) of the nodal values for rates v (n,) at the columns; kind 2: second
         differences."""
         found = self.nodal(v, None)
-        for at, f in self.prescribed:
-            found[at, 0] = prescribed(f, kind, t)
+        for at, f, shape in self.prescribed:
+            found[at, 0] += shape * prescribed(f, kind, t)
         return found
 
     def part(self, elements: IntArray) -> tuple[NodalField, IntArray]:
@@ -61,9 +63,10 @@ class NodalField:
         used = np.unique(shape.nodes)
         place = np.full(len(self.column_of), -1, np.int64)
         place[used] = np.arange(len(used))
-        prescribed = tuple((place[at][place[at] >= 0], f) for at, f in self.prescribed)
+        prescribed = tuple((place[at][place[at] >= 0], f, w[place[at] >= 0])
+                           for at, f, w in self.prescribed)
         return NodalField(shape.renumbered(used), self.column_of[used], self.constant[used],
-                          tuple((at, f) for at, f in prescribed if len(at))), used
+                          tuple(p for p in prescribed if len(p[0]))), used
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -242,10 +245,10 @@ class WeakTerm(Term):
             offset = np.concatenate([trial.offset, [0.0]])[columns]
             offset = np.where(columns >= 0, offset, field.constant[:, variable.component])
             parts = []
-            for held, function in field.prescribed:
+            for held, function, values in field.prescribed:
                 offset[held] = 0.0
                 there = np.zeros(len(columns))
-                there[held] = 1.0
+                there[held] = values
                 parts.append((interpolated(field.shape, there, axis), function))
             P = np.einsum("enk,enq->eqk", padded[columns[nodes]],
                           np.broadcast_to(field.shape.along(axis), (

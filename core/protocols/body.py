@@ -149,8 +149,8 @@ class BodyShape:
     triangles or tetrahedra. elastic_dofs (n,): `d * node + component` of each elastic unknown;
     thermal_nodes (n,): node of each temperature unknown; None without such a field. Nodes without
     unknowns have the displacement `eliminated_displacement` (N, d), m, or 0, and the temperature
-    `eliminated_temperature` (N,), K, or 0, or one that is prescribed in `given`: nodes and their
-    function of time. pose: initial rigid coordinates of the frame, constant unless the frame has
+    `eliminated_temperature` (N,), K, or 0, or sums of shape * f(t) in `given`: nodes,
+    f, shape. pose: initial rigid coordinates of the frame, constant unless the frame has
     unknowns or a prescribed motion. stress: constants of the stress, None where it is not a linear
     function of strain and temperature with constant coefficients.
     """
@@ -162,21 +162,20 @@ class BodyShape:
     eliminated_displacement: FloatArray | None = None
     eliminated_temperature: FloatArray | None = None
     pose: FloatArray | None = None
-    given: tuple[tuple[IntArray, TimeFunction], ...] = ()
+    given: tuple[tuple[IntArray, TimeFunction, FloatArray], ...] = ()
     stress: StressConstants | None = None
 
     def given_at(self, times: FloatArray) -> FloatArray:
-        """Prescribed temperatures (j, functions), K, at times (j,), s."""
-        return np.array([[f.value(float(t)) for _, f in self.given] for t in times])
+        """Functions of prescribed temperatures (j, functions) at times (j,), s."""
+        return np.array([[f.value(float(t)) for _, f, _ in self.given] for t in times])
 
     @property
-    def given_of(self) -> IntArray:
-        """Number of the prescribed temperature function of each node (N,), -1 for nodes without
-        one."""
-        which: IntArray = np.full(len(self.points), -1, np.int64)
-        for i, (nodes, _) in enumerate(self.given):
-            which[nodes] = i
-        return which
+    def given_shapes(self) -> FloatArray:
+        """Share of each function in the prescribed temperature of each node (N, functions)."""
+        found = np.zeros((len(self.points), len(self.given)))
+        for i, (nodes, _, shape) in enumerate(self.given):
+            found[nodes, i] = shape
+        return found
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-MAGIC = b"sparsemor reduced model 2\n"
+MAGIC = b"sparsemor reduced model 3\n"
 """Name and version of the format."""
 
 

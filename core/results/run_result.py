@@ -36,6 +36,7 @@ from sparsemor.core.results.stored_arrays import (
     dataset,
     refuse_older,
 )
+from sparsemor.core.results.variables import one_function
 from sparsemor.core.scene.html import html_table
 from sparsemor.core.status import Status
 
@@ -289,9 +290,10 @@ class RunResult:
         """(N,) nodal temperatures, K, at stored step `step`."""
         temperature = self._at_nodes(body, "temperature", self.points(body).shape[:1])
         if f"{body}.given" in self._data:  # an older result knows those of the start alone
-            which = self._array(f"{body}.given_of")
-            values = self._data.read(f"{body}.given", self._only(step))[0]
-            temperature[which >= 0] = values[which[which >= 0]]
+            old = f"{body}.given_shapes" not in self._data
+            shapes = one_function(self._array(f"{body}.given_of")) if old else (
+                self._array(f"{body}.given_shapes"))
+            temperature += shapes @ self._data.read(f"{body}.given", self._only(step))[0]
         self._fill(temperature, body, Quantity.TEMPERATURE, step)
         return temperature
 

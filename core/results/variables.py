@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.protocols import BodyShape
 from sparsemor.core.protocols.layout import Quantity
 from sparsemor.core.results.metadata import CONTACT_UNITS, POSE_UNITS, RunHeader
@@ -117,8 +118,9 @@ def _body_arrays(
         yield (f"{body}.eliminated_temperature", (node,), {"units": "K"},
                shape.eliminated_temperature)
     if shape.given:
-        yield (f"{body}.given_of", (node,),
-               {"long_name": "prescribed temperature of the node, or -1"}, shape.given_of)
+        yield (f"{body}.given_shapes", (node, f"{body}.function"),
+               {"long_name": "shares in the prescribed temperature of the node"},
+               shape.given_shapes)
     if shape.stress is not None:
         s, cells = shape.stress, shape.cells.shape[:1]
         _expect(f"{body}: material of each cell", s.region.shape, cells)
@@ -132,6 +134,12 @@ def _body_arrays(
     if shape.pose is not None:
         yield (f"{body}.pose", (f"{body}.coordinate",),
                {"units": POSE_UNITS, "long_name": "frame at the start"}, shape.pose)
+
+
+def one_function(which: IntArray) -> FloatArray:
+    """`given_shapes` (N, functions) of an older result, with the number of the one function of each
+    node (N,), -1 for none."""
+    return np.asarray(which[:, None] == np.arange(which.max() + 1), dtype=np.float64)
 
 
 def _size(header: RunHeader, name: str) -> int:

@@ -415,7 +415,7 @@ class ReducedModel:
         if self.scene.rigid_stage is not None and (
                 kind == "joints" or self.scene.loads[name].acts_on == "motion"):
             return "it acts on the rigid-body pre-simulation, which the model follows"
-        if any(f is function for s in self._run.given.values() for _, f in s.given) or any(
+        if any(f is function for s in self._run.given.values() for _, f, _ in s.given) or any(
                 f is function for p in self._run.probes for _, f in p.place.given):
             return "it prescribes temperatures, which are no unknowns of the model"
         try:

@@ -110,7 +110,7 @@ def prescribed_temperatures(scene: Scene, model: Model) -> Iterator[Note]:
     for name, shape in model.shapes().items():
         if shape.given:
             yield from temperature_notes(f"prescribed temperatures of {name}",
-                                         shape.given_at(times))
+                                         shape.given_at(times) @ shape.given_shapes.T)
 
 
 def temperature_notes(what: str, T: FloatArray, undershoot: float = 0.0) -> list[Note]:

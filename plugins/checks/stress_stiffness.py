@@ -170,8 +170,8 @@ def buckled_in_training(model: Model, offline: OfflineProducts) -> tuple[str, ..
             u.ravel()[shape.elastic_dofs] = moved[:, i]
             if shape.thermal_nodes is not None:
                 T = np.zeros(len(shape.points))
-                for nodes, function in shape.given:
-                    T[nodes] = function.value(0.0)
+                for nodes, function, share in shape.given:
+                    T[nodes] += share * function.value(0.0)
                 T[shape.thermal_nodes] = offline.snapshots(body.thermal)[:, i]
             states.append((0.0, u, T))
         found = ratio_of(model, body, ops.stress_stiffness, states)

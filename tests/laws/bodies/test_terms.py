@@ -48,7 +48,7 @@ def test_the_scene_has_terms_of_every_kind(model: Model) -> None:
              and isinstance(e.frame, PlanarFrame) for i in e.frame.items}
     assert items == {"Inertia", "BodyForce", "SpaceForce", "MeanPoint", "Rotation"}
     given = [f for t in model.terms if isinstance(t, WeakTerm) for f in t.fields.values()]
-    assert any(0 < len(at) < len(f.column_of) for f in given for at, _ in f.prescribed)
+    assert any(0 < len(at) < len(f.column_of) for f in given for at, _, _ in f.prescribed)
 
 
 def test_every_term_has_one_owner_in_the_fast_step(model: Model) -> None:
