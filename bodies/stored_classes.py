@@ -24,7 +24,7 @@ from sparsemor.bodies.loads.part import unit
 from sparsemor.bodies.loads.radiation import GreyBody
 from sparsemor.bodies.temperature_curve import TemperatureCurve
 from sparsemor.bodies.temperature_file import Samples
-from sparsemor.bodies.terms import dense, material_laws, nonlinear_strains
+from sparsemor.bodies.terms import dense, material_laws, nonlinear_strains, polynomial
 from sparsemor.bodies.terms.point_term import PointTerm
 
 CLASSES: Sequence[object] = (
@@ -35,8 +35,8 @@ CLASSES: Sequence[object] = (
     items.Compliance, items.Nothing, items.UnitLength, joint_items.MeanPoint, joint_items.Reaction,
     joint_items.Rotation, items.Wrench, material_laws.Conduction, material_laws.Departure,
     material_laws.Expansion, material_laws.Softening, material_laws.StoredHeat, moments.Moments,
-    nonlinear_strains.NonlinearStrains, relative.Angle, relative.Distance, relative.PlaneAngle,
-    relative.RelativeItem, springs.RotationalSpringItem,
+    nonlinear_strains.NonlinearStrains, polynomial.PolynomialTerm, relative.Angle,
+    relative.Distance, relative.PlaneAngle, relative.RelativeItem, springs.RotationalSpringItem,
     springs.SpatialRotationalSpring, springs.Spring, transmission.Shifted,
     transmission.Transmission, transmission.Turned,
 )

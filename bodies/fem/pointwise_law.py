@@ -16,6 +16,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple, Protocol
 
+from sparsemor.bodies.fem.elasticity import Law
 from sparsemor.core import FloatArray, Quantity
 from sparsemor.core.protocols import LawArrays
 
@@ -77,6 +78,16 @@ class Response(NamedTuple):
     derivatives: Mapping[tuple[int, int], FloatArray | float]
 
 
+class GreenLagrange(NamedTuple):
+    """Stress of Green-Lagrange strains less the linear one, with constant properties (`law`) in d
+    dimensions; reference: temperature without stress, K, None where temperature has no effect and
+    is no variable."""
+
+    law: Law
+    d: int
+    reference: float | None
+
+
 class PointwiseLaw(Protocol):
     """A law at a point of a body or of its surface.
 
@@ -102,6 +113,12 @@ class PointwiseLaw(Protocol):
     def arrays(self) -> LawArrays | None:
         """The law as a function on arrays with its numbers; None without one, and then steps of the
         model are not compiled."""
+        return None
+
+    @property
+    def green_lagrange(self) -> GreenLagrange | None:
+        """Constants of a stress that is a polynomial of the displacement gradient and temperature;
+        None for all other laws."""
         return None
 
 

@@ -22,6 +22,7 @@ import numpy as np
 from sparsemor.bodies.fem.elasticity import Law
 from sparsemor.bodies.fem.pointwise_law import (
     TEMPERATURE,
+    GreenLagrange,
     Response,
     StressLaw,
     Variable,
@@ -119,6 +120,13 @@ class NonlinearStrains(StressLaw):
         if self.heated:
             slopes |= {(r, 0): by_T[divmod(r, d)] for r in range(d * d)}
         return Response([y[divmod(r, d)] for r in range(d * d)], slopes)
+
+    @property
+    def green_lagrange(self) -> GreenLagrange | None:
+        """Of constant E and alpha."""
+        if isinstance(self.E, TemperatureProperty) or isinstance(self.alpha, TemperatureProperty):
+            return None
+        return GreenLagrange(self.law, self.d, self.reference if self.heated else None)
 
     def arrays(self) -> LawArrays | None:
         E, alpha = numbers_of(self.E), numbers_of(self.alpha)

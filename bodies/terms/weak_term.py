@@ -19,7 +19,17 @@ from scipy.sparse import csr_array
 from sparsemor.bodies.fem.pointwise_law import PointwiseLaw, Response, Variable
 from sparsemor.bodies.fem.quadrature import ShapeFunctions
 from sparsemor.bodies.terms.point_term import PointTerm, ProjectedVariable, prescribed
-from sparsemor.core import Csr, FloatArray, IntArray, Quantity, Term, TimeFunction, Trial
+from sparsemor.bodies.terms.polynomial import polynomial_of
+from sparsemor.core import (
+    Csr,
+    FloatArray,
+    IntArray,
+    Quantity,
+    ReducedTerm,
+    Term,
+    TimeFunction,
+    Trial,
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -228,12 +238,15 @@ class WeakTerm(Term):
             found[:, :, i] = np.einsum("lfi,fi->fl", seen, loads.reshape(len(at), seen.shape[2]))
         return found
 
-    def compress(self, trial: Trial, left: FloatArray) -> PointTerm:
-        """Term projected on a trial basis, evaluated at the quadrature points."""
+    def compress(self, trial: Trial, left: FloatArray) -> ReducedTerm:
+        """Term projected on a trial basis, evaluated at the quadrature points unless the law has a
+        cheaper form."""
         used = np.flatnonzero(np.any(left != 0, axis=0))
         few = self.restrict(used)
         at = np.searchsorted(self.columns, few.columns)
-        return few._projected(Trial(trial.atoms[at], trial.offset[at]), left[:, used])
+        points = few._projected(Trial(trial.atoms[at], trial.offset[at]), left[:, used])
+        stress = self.law.green_lagrange
+        return points if stress is None else polynomial_of(points, stress)
 
     def _projected(self, trial: Trial, left: FloatArray) -> PointTerm:
         padded = np.concatenate([trial.atoms, np.zeros((1, trial.atoms.shape[1]))])
