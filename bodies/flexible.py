@@ -153,6 +153,10 @@ class Flexible(BodyPlugin):
     the body and for buckling; strains themselves remain small."""
     fields: list[Literal["elastic", "thermal"]]
     """Fields of the body; `[]`: none, a rigid body with the mass and shape of its mesh."""
+    coupling: Literal["one_way", "two_way"] = "one_way"
+    """Thermoelastic coupling. `one_way`: temperatures strain the body. `two_way`: strain rates also
+    heat it, with -T_ref beta : strain rate (W/m^3), as in thermoelastic damping; T_ref is the
+    reference temperature, and c then the specific heat at constant strain."""
     reference: Reference | None = None
     """Reference conditions of the elastic field."""
     damping: Damping = Damping()
@@ -260,12 +264,27 @@ class Flexible(BodyPlugin):
                 gather.faults.append(Fault(
                     "reference", "missing: the elastic field needs a reference condition, such as "
                     "{clamp: left} or {chord: [a, b]}, or its displacements hold rigid motion"))
+        if self.coupling == "two_way":
+            gather("coupling", self._check_two_way)
         needed = {"elastic": ("E", "nu"), "thermal": ("k", "c")}
         for key, material in self._materials().items():
             for field in ("elastic", "thermal"):
                 if field in self.fields:
                     gather(key, require, constants_at(material, self.reference_temperature),
                            needed[field], field)
+
+    def _check_two_way(self) -> None:
+        """InputError where the heat of deformation is not linear, or has nothing to act on."""
+        if not {"elastic", "thermal"} <= set(self.fields):
+            raise InputError("two_way acts between two fields: add both, elastic and thermal")
+        if self.strains == "nonlinear":
+            raise InputError("the heat of deformation is that of linear strains: take strains: "
+                             "linear, or coupling: one_way")
+        for key, material in self._materials().items():
+            varies = sorted(curves(material).keys() & {"E", "alpha"})
+            if varies:
+                raise InputError(f"the heat of deformation is that of constant E and alpha, and "
+                                 f"{key}.{varies[0]} depends on temperature: take one_way")
 
     def _materials(self) -> dict[str, Material]:
         """Materials by their input keys."""
@@ -335,7 +354,7 @@ class Flexible(BodyPlugin):
             regions=tuple((r.cells, law(r.constants, model)) for r in regions),
             laws=tuple((one, r.cells) for r in regions for one in stress_laws(
                 r, model, d, self.reference_temperature, nonlinear, heated)),
-            nonlinear=nonlinear, recoverable=all(
+            nonlinear=nonlinear, two_way=self.coupling == "two_way", recoverable=all(
                 curves(r.material).keys().isdisjoint({"E", "alpha"}) for r in regions))
 
     def _heat(self, mesh: Mesh, regions: Sequence[Region]) -> Heat:

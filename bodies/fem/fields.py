@@ -33,7 +33,8 @@ class Elasticity:
     of each material, with the constants of their element matrices. laws: stress beyond that of
     constant properties and linear strains, and its cells: of properties that depend on temperature
     and of nonlinear strains. nonlinear: True for Green-Lagrange strains. recoverable: True if
-    stress follows from strain and temperature with constant properties.
+    stress follows from strain and temperature with constant properties. two_way: True if strain
+    rates heat the body.
     """
 
     free: IntArray
@@ -45,6 +46,7 @@ class Elasticity:
     laws: tuple[tuple[StressLaw, Cells], ...] = ()
     nonlinear: bool = False
     recoverable: bool = True
+    two_way: bool = False
 
     def stress_constants(self, cells: int, free: FloatArray) -> StressConstants:
         """Constants of the stress in all cells; free (N,): stress-free temperature, K."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import csr_array
+from scipy.sparse import csr_array, diags_array
 
 from sparsemor.bodies.fem.fields import Elasticity, HasFields, Heat
 from sparsemor.bodies.fem.pointwise_law import PointwiseLaw, StressLaw
@@ -31,7 +31,11 @@ def write_elasticity(body: HasFields, equations: Equations, e: Elasticity) -> No
         return
     equations.vector(block, -np.asarray(Kt @ body.T_ref))
     if len(body.heat.free):
-        equations.matrix(block, thermal, A=-Kt[:, body.heat.free])
+        Kt_free = Kt[:, body.heat.free]
+        equations.matrix(block, thermal, A=-Kt_free)
+        if e.two_way:  # the rate of the entropy beta : strain, times the temperature
+            T = diags_array(body.T_ref[body.heat.free])
+            equations.matrix(thermal, block, B=csr_array(T @ Kt_free.T))
     for nodes, function, shape in body.heat.prescribed:
         equations.vector(block, np.asarray(Kt[:, nodes] @ shape), function.value, "prescribed")
 

@@ -244,7 +244,8 @@ class HeatSums:
                 self._stored(before, end) - h * self._rates(begin, heated, self.terms))
         one = 0.0 * end.x
         one[self.layout.first] = 1.0
-        capacity = self._rates(end, one, summed)  # without latent heat
+        constant = [t for t in self.terms if t.linear]  # without latent heat
+        capacity = self._rates(end, one, constant)
         if self.sampled:
             for past, now in self.kept:
                 self._add_residual(past, now)

@@ -49,7 +49,8 @@ def undershoot(model: Model, result: RunResult) -> tuple[Note, ...]:
     if not model.separated.heat or not len(result.times):
         return ()
     floor = _floor(model, result.times)
-    if any(_cooled(model.parts, b, result.times) for b in model.separated.heat):
+    if _strained(model) or any(
+            _cooled(model.parts, b, result.times) for b in model.separated.heat):
         return ()
     steps = _looked_at(len(result.times))
     lowest: dict[str, tuple[float, float]] = {}
@@ -96,7 +97,19 @@ def _floor(model: Model, times: FloatArray) -> float:
     for part in model.connectors.values():
         if part.surroundings is not None:
             found.append(float(amplitudes_along((part.surroundings,), times).min()))
+    for shape in model.shapes().values():
+        if shape.given:
+            held = shape.given_shapes[shape.given_shapes.any(axis=1)]
+            found.append(float((shape.given_at(times) @ held.T).min()))
     return min(found)
+
+
+def _strained(model: Model) -> bool:
+    """True if rates of other unknowns, such as strains, may take heat from a body."""
+    hot = model.layout.first
+    return any(term.linear and bool(((term.rows >= hot.start) & (term.rows < hot.stop)).any())
+               and not bool(((term.columns >= hot.start) & (term.columns < hot.stop)).all())
+               for term in model.separated.between)
 
 
 def _cooled(parts: Mapping[str, Part], b: HeatBody, times: FloatArray) -> bool:
