@@ -29,8 +29,7 @@ compiled = pytest.mark.skipif(
 @cache
 def made(name: str) -> tuple[ReducedModel, Unit]:
     folder = Path(mkdtemp(prefix="sparsemor-fmu-"))
-    scene = load(EXAMPLES / f"{name}.yaml") if name != "everything" else everything().using(
-        {"joints.shake": None})  # a force that five modes leave undetermined
+    scene = everything() if name == "everything" else load(EXAMPLES / f"{name}.yaml")
     model = reduce(scene.using({"reducer": GALERKIN, "time.end": 40 * scene.time.step}))
     model.save(folder / "model")
     return model, export_fmu(load_model(folder / "model"), folder / f"{name}.fmu")
@@ -84,6 +83,9 @@ def test_a_unit_takes_the_steps_of_its_model(name: str) -> None:
         largest = np.maximum(largest, np.abs(stepper.values()))
     for got, want, size, output in zip(
             outputs(slave, unit), stepper.values(), largest, unit.outputs, strict=True):
+        if output == "shake.moment":  # nothing determines it: zero but for rounding of 18 N m
+            assert max(abs(got), abs(want)) <= 1e-5
+            continue
         assert abs(got - want) <= 1e-9 * max(size, 1e-6), output
 
 
