@@ -14,6 +14,10 @@ QUATERNION = 4
 KNOWN = (PLANAR_POSE, SPINNING_POSE, FREE_POSE)
 BY_ANGLE = (PLANAR_POSE, SPINNING_POSE)
 """Numbers of rigid coordinates of the frames whose last coordinate is an angle, rad."""
+COORDINATES = {PLANAR_POSE: ("x", "y", "angle"), SPINNING_POSE: ("x", "y", "z", "angle"),
+               FREE_POSE: ("x", "y", "z", "q0", "q1", "q2", "q3")}
+"""Number of rigid coordinates of a frame -> their names; q: unit quaternion."""
+COORDINATE_UNITS = dict.fromkeys("xyz", "m") | {"angle": "rad"} | {f"q{i}": "1" for i in range(4)}
 
 
 def points_in_space(pose: FloatArray, z: FloatArray) -> FloatArray:

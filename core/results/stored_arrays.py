@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from sparsemor.core.arrays import IntArray
 from sparsemor.core.errors import Damaged, InputError
+from sparsemor.core.protocols.poses import COORDINATES
 from sparsemor.core.results.archive import ArchiveError, is_archive, read_array
 from sparsemor.core.results.atomic_files import replace_file
 from sparsemor.core.results.files.temporary import TemporaryFolder
@@ -236,7 +237,8 @@ class StoredArrays:
 
 def dataset(stored: ResultArrays) -> "xr.Dataset":
     """All arrays as a lazily loaded dataset with dimension names, units and the attributes of the
-    result."""
+    result; those with parts as JSON. Coordinates: the time, and names of components of probes,
+    joint forces and rigid coordinates."""
     import xarray as xr
     from xarray.backends import BackendArray, BackendEntrypoint
     from xarray.core import indexing
@@ -266,7 +268,25 @@ def dataset(stored: ResultArrays) -> "xr.Dataset":
         def open_dataset(self, filename_or_obj: Any, *, drop_variables: Any = None) -> xr.Dataset:
             return xr.Dataset({
                 name: (tuple(e["dimensions"]), indexing.LazilyIndexedArray(Lazy(name)),
-                       dict(e["attributes"])) for name, e in stored.arrays.items()},
-                attrs=dict(stored.attributes))
+                       _plain(e["attributes"])) for name, e in stored.arrays.items()},
+                coords=_component_names(stored), attrs=_plain(stored.attributes))
 
     return xr.open_dataset("result", engine=Result)
+
+
+def _plain(attributes: Mapping[str, Any]) -> dict[str, Any]:
+    """Attributes as text and numbers, which every format of files holds."""
+    return {name: value if isinstance(value, str | int | float) else json.dumps(value)
+            for name, value in attributes.items()}
+
+
+def _component_names(stored: ResultArrays) -> dict[str, Any]:
+    """Dimension -> names along it."""
+    found = dict[str, Any]()
+    for name, e in stored.arrays.items():
+        names = e["attributes"].get("components")
+        if name.endswith(".rigid"):
+            names = COORDINATES.get(e["shape"][-1])
+        if names:
+            found[e["dimensions"][-1]] = (e["dimensions"][-1], list(names))
+    return found

@@ -9,12 +9,8 @@ import numpy as np
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.protocols import State
 from sparsemor.core.protocols.layout import Layout, Quantity
-from sparsemor.core.protocols.poses import FREE_POSE, PLANAR_POSE, SPINNING_POSE
+from sparsemor.core.protocols.poses import COORDINATE_UNITS, COORDINATES
 from sparsemor.core.results.probes import ForceReader, ProbeReader, rate_columns
-
-COORDINATES = {PLANAR_POSE: ("x", "y", "angle"), SPINNING_POSE: ("x", "y", "z", "angle"),
-               FREE_POSE: ("x", "y", "z", "q0", "q1", "q2", "q3")}
-"""Number of rigid coordinates of a frame -> their names; q: unit quaternion."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,25 +33,26 @@ def outputs_of(
     found = dict[str, Output]()
     for p in probes:
         head = p.header()
-        found |= {f"{p.name}.{c}": Output(unit, i, p)
+        found |= {output_name(p.name, c): Output(unit, i, p)
                   for i, (c, unit) in enumerate(zip(head.components, head.units, strict=True))}
     for f in forces:
-        found[f"{f.name}.{_word(f.component[0])}"] = Output(f.component[1], 0, f)
+        found[output_name(f.name, f.component[0])] = Output(f.component[1], 0, f)
     for b in layout:
         first = layout[b.name].start
         if b.name in multipliers:
-            found |= {f"{b.owner}.{_word(name)}": Output(unit, first + i)
+            found |= {output_name(b.owner, name): Output(unit, first + i)
                       for i, (name, unit) in enumerate(multipliers[b.name])}
         elif b.kind.quantity is Quantity.POSE:
             for i, name in enumerate(COORDINATES.get(b.size, ())):
-                unit = "m" if name in "xyz" else "rad" if name == "angle" else "1"
+                unit = COORDINATE_UNITS[name]
                 found[f"{b.name}.{name}"] = Output(unit, first + i)
                 found[f"{b.name}.{name}_rate"] = Output(f"{unit}/s", first + i, rate=True)
     return found
 
 
-def _word(name: str) -> str:
-    return name.replace(" ", "_")
+def output_name(part: str, component: str) -> str:
+    """Name of a component of what a part gives: hinge and force x -> `hinge.force_x`."""
+    return f"{part}.{component.replace(' ', '_')}"
 
 
 def read(outputs: Sequence[Output], s: State) -> FloatArray:

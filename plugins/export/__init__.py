@@ -1,4 +1,4 @@
-"""Export of a run for ParaView: one time series per body."""
+"""Export of a run: one time series per body for ParaView, time histories, or all arrays."""
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
@@ -13,6 +13,7 @@ from sparsemor.core.results.files.listing import in_the_way, publishing, read_li
 from sparsemor.core.results.files.own import own_files, remove
 from sparsemor.core.results.output_directory import OutputDirectory
 from sparsemor.core.results.run_result import RunResult
+from sparsemor.plugins.export.histories import write_csv, write_netcdf
 from sparsemor.plugins.export.request import FORMATS, ExportPlan, plan_export
 from sparsemor.plugins.export.snapshot import BodySnapshot, exported_mesh, frame_at
 from sparsemor.plugins.export.vtu import VtuSeries
@@ -33,12 +34,15 @@ class Series(Protocol):
 
 _WRITERS: Mapping[str, Callable[[Path, str, IntArray, int], Series]] = {
     "vtu": VtuSeries, "xdmf": XdmfSeries}
+_OF_RUN: Mapping[str, tuple[str, Callable[[RunResult, IntArray, Path], int]]] = {
+    "csv": ("histories.csv", write_csv), "nc": ("result.nc", write_netcdf)}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Exported:
-    """Files of an export. files: body -> file to open; fields: body -> names of its fields; times:
-    exported times, s; notes: requested fields that a body does not have."""
+    """Files of an export. files: body -> file to open, or name of the run -> its one file; fields:
+    body -> names of its fields; times: exported times, s; notes: requested fields that a body does
+    not have."""
 
     folder: Path
     files: dict[str, Path]
@@ -57,8 +61,9 @@ def export(
     values (von Mises, Pa).
 
     One file to open per body: `body.pvd` with one .vtu file per time, or `body.xdmf` with binary
-    data next to it. Every `every`-th stored step is written, or with `at` (s) the stored steps
-    closest to these times. Only one time is in memory at once. `force` replaces the files of an
+    data next to it. `csv`: one table of the time histories (histories.py); `nc`: all arrays as
+    NetCDF. Every `every`-th stored step is written, or with `at` (s) the stored steps closest to
+    these times. Only one time is in memory at once. `force` replaces the files of an
     earlier export, and nothing else.
     Raises InputError, before anything is written, for a format, body, field or time that does not
     exist and for a `folder` that is not empty.
@@ -76,6 +81,10 @@ def export(
         OutputDirectory(target).make()
         with writing(target), publishing(target, EXPORT) as fresh:
             names = {body: _write(run, plan, body, fresh) for body in plan.fields}
+            if to in _OF_RUN:
+                name, write = _OF_RUN[to]
+                write(run, plan.steps, fresh / name)
+                names[Path(name).stem] = name
             remove(earlier, target)
     except BaseException:
         with suppress(OSError):

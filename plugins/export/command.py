@@ -1,4 +1,4 @@
-"""Command `sparsemor export`: ParaView files of a stored run, and FMUs of kept models."""
+"""Command `sparsemor export`: files of a stored run for other programs, FMUs of kept models."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -30,8 +30,8 @@ def export(
     source: Annotated[str, typer.Argument(
         metavar="RUN|MODEL", help="Directory of a run, finished or not, or file of a model.")],
     form: Annotated[str | None, typer.Option(
-        "--to", help="Of a run vtu (the default) or xdmf, of a model fmu (the default), or of a "
-        "linear one npz, mat or mtx.")] = None,
+        "--to", help="Of a run vtu (the default) or xdmf for ParaView, csv (time histories) or nc "
+        "(all arrays); of a model fmu (the default), or of a linear one npz, mat or mtx.")] = None,
     out: Annotated[Path | None, typer.Option(
         "--out", parser=path_of, metavar="PATH",
         help="Directory for the files of a run (default: inside its directory), or file of an "
@@ -51,8 +51,9 @@ def export(
         "--outputs", help="Outputs of a model, such as tip.x (default: all).")] = None,
     force: Force = False, as_json: Json = False, quiet: Quiet = False,
 ) -> None:
-    """Write the moving bodies of a stored run with their fields, for ParaView; or a kept model as
-    an FMU for co-simulation, a linear one also as matrices of its state space."""
+    """Write the moving bodies of a stored run with their fields, for ParaView, its time histories
+    or all its arrays; or a kept model as an FMU for co-simulation, a linear one also as matrices of
+    its state space."""
     if is_model_file(Path(source)):
         _model(source, form or "fmu", out, inputs, outputs, force, as_json, quiet)
         return
@@ -75,7 +76,8 @@ def export(
                 "notes": done.notes})
         elif not quiet:
             for body, file in done.files.items():
-                typer.echo(_line(result, body, file, done.fields[body], len(done.times)))
+                typer.echo(_line(result, body, file, done.fields[body], len(done.times))
+                           if done.fields else f"{file}: {len(done.times)} times")
         if not quiet and not as_json:
             warn(done.notes)
 

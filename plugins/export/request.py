@@ -9,7 +9,9 @@ from sparsemor.core.registry.registry import suggestions
 from sparsemor.core.results.fields import FIELDS
 from sparsemor.core.results.run_result import RunResult
 
-FORMATS = ("vtu", "xdmf")
+FORMATS = ("vtu", "xdmf", "csv", "nc")
+"""Of bodies with their fields, and of the whole run: time histories, and all arrays."""
+OF_RUN = ("csv", "nc")
 DEFAULT = ("displacement", "temperature")
 """Fields that are exported unless others are asked for."""
 
@@ -31,18 +33,23 @@ def plan_export(
 ) -> ExportPlan:
     """Validated export request; `bodies`, `fields`, `at` (s) None: all. Raises InputError with
     every fault found."""
-    if not run.bodies:
+    if to not in OF_RUN and not run.bodies:
         raise InputError("no body of this run has a mesh: there are no points to write")
     if len(run.times) == 0:
         raise InputError("the run has no stored step yet")
     gather = Gather()
     gather("to", _check_name, to, FORMATS, "format", "formats")
+    if to in OF_RUN and (bodies is not None or fields is not None):
+        raise InputError(f"{to} is of the whole run: fields of single bodies go to vtu or xdmf",
+                         "body" if bodies is not None else "fields")
     chosen = gather("body", _bodies, run, bodies)
     wanted = gather("fields", _fields, fields)
     steps = gather("at", run.steps_at, at)
     gather("every", _thinning, every, at)
-    found = None
-    if chosen is not None and wanted is not None:
+    found: tuple[Mapping[str, tuple[str, ...]], tuple[str, ...]] | None = None
+    if to in OF_RUN:
+        found = {}, ()
+    elif chosen is not None and wanted is not None:
         found = gather("fields", _by_body, run, chosen, wanted, fields is not None)
     gather.check()
     assert steps is not None and found is not None

@@ -1,5 +1,6 @@
 """Exported runs, read back by other programs' readers, pictures, and what is refused."""
 
+import csv
 import json
 import subprocess
 import sys
@@ -20,6 +21,7 @@ from sparsemor.core.simulation.cache import Cache
 SCENES = Path(__file__).parents[1] / "scenes"
 SWING = Path(__file__).parents[1] / "scenes" / "swing.yaml"
 PROGRAM = Path(sys.executable).with_name("sparsemor")
+WHOLE = "is of the whole run: fields of single bodies go to vtu or xdmf"
 
 
 @pytest.fixture(scope="module")
@@ -130,7 +132,9 @@ def test_a_plane_run_by_the_command(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("asked", "complaints"), [
-    ({"to": "stl"}, ["to: no format is called 'stl': formats: vtu, xdmf"]),
+    ({"to": "csv", "fields": ["stress"]}, [f"fields: csv {WHOLE}"]),
+    ({"to": "nc", "bodies": ["bar"]}, [f"body: nc {WHOLE}"]),
+    ({"to": "stl"}, ["to: no format is called 'stl': formats: vtu, xdmf, csv, nc"]),
     ({"at": [0.001, 1.0], "bodies": ["wheel"]},
      ["body: no body with a mesh is called 'wheel': bodies with a mesh: bar, solid",
       "at: give times within the run, 0 to 0.005 s (got 1)"]),
@@ -201,6 +205,33 @@ def test_one_time_is_held_in_memory(
     monkeypatch.setattr(RunResult, "block", counted)
     export(run, tmp_path / "files")
     assert set(asked) == {1}
+
+
+def test_time_histories_have_the_names_of_a_stepper(run: RunResult, tmp_path: Path) -> None:
+    """With all digits, at the times that are asked for."""
+    times = run.times[[0, 2]].tolist()
+    file = export(run, tmp_path / "files", "csv", at=times).files["histories"]
+    with file.open(newline="", encoding="utf-8") as lines:
+        table = list(csv.DictReader(lines))
+    assert [float(row["time [s]"]) for row in table] == times
+    for c, name in enumerate(("x", "y", "z", "q0")):
+        assert [float(row[f"bar.rigid.{name} [{'1' if c == 3 else 'm'}]"]) for row in table] == (
+            run.block("bar.rigid")[[0, 2], c].tolist())
+    for joint, forces in run.joint_forces().items():
+        for (what, unit), values in forces.items():
+            column = f"{joint}.{what.replace(' ', '_')} [{unit}]"
+            assert [float(row[column]) for row in table] == values[[0, 2]].tolist()
+
+
+def test_netcdf_holds_all_arrays(run: RunResult, tmp_path: Path) -> None:
+    xr = pytest.importorskip("xarray")
+    file = export(run, tmp_path / "files", "nc", every=2).files["result"]
+    with xr.open_dataset(file, engine="scipy") as data:
+        expected = run.to_xarray().isel(time=slice(None, None, 2))
+        assert set(data.variables) == set(expected.variables)
+        for name, values in expected.variables.items():
+            np.testing.assert_array_equal(data[name].to_numpy(), values.to_numpy(), err_msg=name)
+        assert json.loads(data.attrs["scene"]) == run.attributes["scene"]
 
 
 def test_nothing_to_write(tmp_path: Path) -> None:

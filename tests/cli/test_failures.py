@@ -100,7 +100,7 @@ def test_too_large_a_step_or_load(settings: dict[str, Any]) -> None:
 
 @pytest.mark.full
 @pytest.mark.parametrize("settings", [
-    {"time__step": 0.09, "time__end": 3.15, "training__end": 3.15,
+    {"time__step": 0.07, "time__end": 3.15, "training__end": 3.15,
      "integrator": "generalized_alpha"},
 ], ids=["large step"])
 def test_steps_that_need_the_exact_jacobian_are_counted(settings: dict[str, Any]) -> None:

@@ -16,8 +16,8 @@ TINY = SCENES / "tiny.yaml"
 
 
 def joint(result: RunResult, name: str) -> tuple[list[str], str]:
-    attributes = result.to_xarray()[f"{name}.multiplier"].attrs
-    return list(attributes["components"]), str(attributes["units"])
+    found = result.to_xarray()[f"{name}.multiplier"]
+    return found[found.dims[1]].to_numpy().tolist(), str(found.attrs["units"])
 
 
 @pytest.mark.full

@@ -93,8 +93,10 @@ def test_labels_units_and_nothing_missing(tmp_path: Path) -> None:
     assert data["arm.elastic.atoms"].dims == ("arm.elastic.unknown", "arm.elastic.atom")
     assert data["arm.thermal"].attrs["units"] == "K"
     assert data["time"].attrs["units"] == "s"
-    assert data["probe.tip"].attrs["components"] == ["x", "y"]
-    assert all(np.isfinite(v.to_numpy()).all() for v in data.variables.values())
+    assert data["probe.tip.component"].to_numpy().tolist() == ["x", "y"]
+    last = data["arm.rigid"].sel({"arm.rigid.unknown": "angle"})
+    assert np.array_equal(last, data["arm.rigid"][:, 2])
+    assert all(np.isfinite(v.to_numpy()).all() for v in data.data_vars.values())
     assert data.sizes["time"] == 10
 
 
