@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from sparsemor.core.status import Status as Status
     from sparsemor.plugins.advice.advice import Advice as Advice
     from sparsemor.plugins.advice.advice import advise as advise
+    from sparsemor.plugins.analyses.solve import solve as solve
     from sparsemor.plugins.charts.animation import animate as animate
     from sparsemor.plugins.charts.plot import plot as plot
     from sparsemor.plugins.export import export as export
@@ -50,13 +51,14 @@ _HOMES = {
     "reduce": "core.simulation.reduced_model",
     "reproduce": "plugins.liang2026.reproduce",
     "simulate": "core.simulation.simulate",
+    "solve": "plugins.analyses.solve",
     "study": "plugins.study",
 }
 
 __all__ = [
     "Advice", "InputError", "ReducedModel", "Registry", "Scene", "SolveFailed", "Status",
     "__version__", "advise", "animate", "compare", "export", "load", "load_model", "open_result",
-    "parameter_test", "plot", "reduce", "reproduce", "simulate", "study",
+    "parameter_test", "plot", "reduce", "reproduce", "simulate", "solve", "study",
 ]
 
 

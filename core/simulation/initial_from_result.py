@@ -35,7 +35,7 @@ def started_from_result(scene: Scene, model: Model) -> Model:
             continue
         at = model.layout[b.name]
         x[at] = result.block(b.name, np.array([step]))[0]
-        if b.kind.order == 2 and step > 0:
+        if b.kind.order == 2 and rates.moves:
             v[at] = rates.of(b.name)
     if faults:
         raise InputError(faults)
@@ -73,6 +73,9 @@ class _Rates:
 
     def __init__(self, result: RunResult, step: int) -> None:
         self.result, self.step = result, step
+        self.moves = step > 0 and "states" not in result.summary
+        """False for the first state of a run, and for states of an analysis, which are no motion:
+        the rates are those of the scene."""
         found = load_checkpoint(result.path) if step == len(result.times) - 1 else None
         self._saved = found if found is not None and self._belongs(found) else None
 
@@ -83,7 +86,7 @@ class _Rates:
     @property
     def source(self) -> str:
         """Origin of the rates, in words."""
-        if self.step == 0:
+        if not self.moves:
             return "the rates of the scene"
         return "its rates" if self._saved is not None else (
             "the mean rates since the stored step before")

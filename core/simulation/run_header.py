@@ -1,6 +1,7 @@
 """Header of a result: layout of the unknowns, bases, bodies, probes, and what the run was made
 with."""
 
+from dataclasses import replace
 from importlib.metadata import version
 
 from sparsemor.core.linalg.threads import described
@@ -30,26 +31,31 @@ def header_of(
 ) -> RunHeader:
     """Header of the result of a run of `steps` steps. estimates: blocks whose error is
     estimated."""
+    return replace(
+        full_order_header(scene, model, steps), layout=solver.layout,
+        dictionaries=solver.dictionaries, rows=solver.rows,
+        probes=tuple(ProbeReader.of(p, solver.layout, solver.dictionaries).header()
+                     for p in model.probes),
+        stage=model.stage,
+        contacts={a.name: a.term.histories for a in solver.resultant_sources(None)}
+        if model.stage is None else {}, estimates=estimates)
+
+
+def full_order_header(scene: Scene, model: Model, steps: int) -> RunHeader:
+    """Header of a result in the unknowns of the model, without resultants of contacts."""
     # one reading of metadata for each distribution, not for each of its plugins
     offering = {e.dist for e in entry_points() if e.dist is not None}
     names = {"sparsemor", "numpy", "scipy", "scikit-fem", "pydantic", *(d.name for d in offering)}
     import platform
 
-    dump = scene.dump()
     return RunHeader(
-        scene=dump, scene_digest=scene.digest(), seed=scene.seed,
+        scene=scene.dump(), scene_digest=scene.digest(), seed=scene.seed,
         identity=Identity.of(scene).plain(), platform=described(),
         versions={"python": platform.python_version()} | {n: version(n) for n in sorted(names)},
-        reducer=scene.reducer_name, layout=solver.layout, full_layout=model.layout,
-        step=scene.time.step, steps_planned=steps, dictionaries=solver.dictionaries,
-        rows=solver.rows,
-        bodies=model.shapes(),
-        probes=tuple(ProbeReader.of(p, solver.layout, solver.dictionaries).header()
-                     for p in model.probes),
-        stage=model.stage,
-        contacts={a.name: a.term.histories for a in solver.resultant_sources(None)}
-        if model.stage is None else {},
-        multipliers=multiplier_components(model), estimates=estimates,
+        reducer=scene.reducer_name, layout=model.layout, full_layout=model.layout,
+        step=scene.time.step, steps_planned=steps, bodies=model.shapes(),
+        probes=tuple(ProbeReader.of(p, model.layout, {}).header() for p in model.probes),
+        multipliers=multiplier_components(model),
         forces={n: joint.force.component for n, joint in model.joints.items()
                 if joint.force is not None},
     )

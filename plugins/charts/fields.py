@@ -11,6 +11,7 @@ from sparsemor.core.model.facets import linear_surface, plane_triangles
 from sparsemor.core.protocols.layout import Quantity
 from sparsemor.core.results.fields import Derived, Field
 from sparsemor.core.results.run_result import RunResult
+from sparsemor.plugins.charts.style import plain
 from sparsemor.plugins.charts.units import unit
 
 MAPS: Mapping[Field, str] = {
@@ -32,6 +33,16 @@ def step_near(run: RunResult, time: float) -> int | None:
     """Index of the stored step of a run closest to a time, s; None if it stopped before."""
     end = float(run.times[-1]) if len(run.times) else -1.0
     return None if time > end * (1.0 + 1e-9) else int(np.argmin(np.abs(run.times - time)))
+
+
+def step_title(run: RunResult, step: int, form: str) -> str:
+    """Title of a panel: the name of the stored state (as of a mode), else its time; form: format of
+    the time."""
+    names = run.summary.get("states")
+    if names:
+        return plain(str(names[step]))
+    clock = unit(float(run.times[-1]), "s")
+    return f"t = {clock.factor * float(run.times[step]):{form}} {clock.name}"
 
 
 def values_of(run: RunResult, body: str, step: int, quantity: Field) -> FloatArray | None:

@@ -21,6 +21,7 @@ from sparsemor.plugins.charts.fields import (
     scale_of,
     shades,
     step_near,
+    step_title,
     values_of,
 )
 from sparsemor.plugins.charts.style import (
@@ -68,7 +69,7 @@ def deformation_figure(
     scale, label = scale_of(run, bodies, steps, quantity)
     colours = [values_of(run, b, s, quantity) for s in steps for b in bodies]
     low, high = shades(np.concatenate([v * scale for v in colours if v is not None]), quantity)
-    box, clock = _bounds(run, bodies, steps, factor), unit(float(run.times[-1]), "s")
+    box = _bounds(run, bodies, steps, factor)
     metre = _length_unit(box)
     look = _Look(quantity, factor, scale, label, (low, high), box, metre)
     rows = {name: run, **others}
@@ -77,7 +78,7 @@ def deformation_figure(
     for axes, (row, step) in zip(panels, product(rows, steps), strict=True):
         place, at = axes.get_subplotspec(), float(run.times[step])
         shown = step_near(rows[row], at)
-        title = f"t = {clock.factor * at:.3f} {clock.name}"
+        title = step_title(run, step, ".3f")
         if others:
             title = f"{plain(row)}\n{title}{_largest_in_words(rows[row], bodies, shown, look)}"
         tidy(axes, f"x ({metre.name})" if place.is_last_row() else "",

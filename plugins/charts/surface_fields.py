@@ -22,6 +22,7 @@ from sparsemor.plugins.charts.fields import (
     scale_of,
     shades,
     step_near,
+    step_title,
     values_of,
 )
 from sparsemor.plugins.charts.style import NORMAL, PAGE, SMALL, new_figure, plain
@@ -132,7 +133,6 @@ def _figure(skin: _Skin, images: Iterator[NDArray[np.uint8] | None]) -> "Figure"
     grid = figure.subplots(tall * groups, across, squeeze=False)
     for axes in grid.ravel():
         axes.set_visible(False)
-    clock = unit(float(skin.run.times[-1]), "s")
     for side, (title, view, row) in enumerate(skin.rows):
         for number, (step, surface) in enumerate(zip(skin.steps, row, strict=True)):
             group, column = divmod(number, across)
@@ -141,8 +141,7 @@ def _figure(skin: _Skin, images: Iterator[NDArray[np.uint8] | None]) -> "Figure"
                 continue
             _panel(axes, surface, next(images))
             if side == 0:
-                axes.set_title(f"t = {clock.factor * skin.run.times[step]:.4g} {clock.name}",
-                               fontsize=NORMAL, loc="left")
+                axes.set_title(step_title(skin.run, step, ".4g"), fontsize=NORMAL, loc="left")
             if column == 0:
                 axes.set_ylabel(plain(title), fontsize=NORMAL)
                 _directions(axes, view, surface)

@@ -29,7 +29,8 @@ FORMS = "sparsemor.bodies.fem.forms"
 """Imports scikit-fem, and is itself imported inside functions only."""
 BUILD = ROOT / "core" / "_distribution"
 COMMANDS = [ROOT / "plugins" / name for name in (
-    "advice", "charts", "commands", "error_estimate", "export", "liang2026", "stability", "study")]
+    "advice", "analyses", "charts", "commands", "error_estimate", "export", "liang2026",
+    "stability", "study")]
 """Folders of commands, which import of core what its own commands do: runs, studies, charts."""
 
 

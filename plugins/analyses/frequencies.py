@@ -1,0 +1,145 @@
+"""Eigenfrequencies and modes of a mechanism about a state (`modes.py`)."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.sparse.linalg import lsqr
+
+from sparsemor.core import Csr, FloatArray, InputError, IntArray, Note, State
+from sparsemor.core.notes import information
+from sparsemor.core.protocols.layout import Quantity
+from sparsemor.core.protocols.poses import FREE_POSE, PLANAR_POSE
+from sparsemor.plugins.analyses.modes import ComplexArray, Constrained, Modes, modes_of
+from sparsemor.plugins.analyses.motion import body_axes, in_body_axes, kept_rows
+from sparsemor.plugins.analyses.prepared import Prepared, equilibrium, rates, time_of
+from sparsemor.plugins.analyses.system import Tangents
+
+LATER, VARIES = 0.37, 1e-6
+"""Rotation, rad, after which the equations of a steady rotation are compared with those before, and
+the relative difference up to which they are constant."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Linearised:
+    """Equations about a state in the axes of its bodies. z: tangents of all unknowns there; T (n,
+    m): changes of the system's unknowns by z; second, held: numbers among z of unknowns with
+    inertia and of multipliers."""
+
+    state: State
+    z: Tangents
+    T: Csr
+    second: IntArray
+    held: IntArray
+
+
+def linearised(p: Prepared, at: float | None, spin: bool, about: str) -> Linearised:
+    """Equations about the equilibrium under the loads at a time, or about the initial state (about:
+    `equilibrium` or `start`). Raises InputError for a rotation that is not steady."""
+    t = time_of(p.scene, at)
+    moving = rates(p, spin)
+    if about == "equilibrium":
+        state = equilibrium(p, t, spin).state
+    else:
+        state = _forces(p, moving(p.system.start(t)))
+    return about_state(p, state)
+
+
+def _forces(p: Prepared, s: State) -> State:
+    """The state with joint forces in balance, by least squares of the forces on all unknowns."""
+    rows = p.system.layout.algebraic
+    if rows.start == rows.stop:
+        return s
+    second = p.system.layout.second
+    G = p.system.jacobian(s)[second][:, rows]
+    r = p.system.residual(s)[second]
+    x = s.x.copy()
+    x[rows] -= lsqr(G, r, atol=1e-14, btol=1e-14)[0]
+    return replace(s, x=x)
+
+
+def about_state(p: Prepared, state: State) -> Linearised:
+    """Equations about a state. Raises InputError where they vary as it rotates."""
+    layout = p.system.layout
+    axes = body_axes(layout, state)
+    z = in_body_axes(p.system.tangents(state), axes)
+    second, held = kept_rows(layout)
+    if np.abs(state.v).max(initial=0.0) > 0.0:
+        frames = layout.frames
+        rate = float(np.abs(state.v[frames]).max())
+        dt = LATER / rate
+        x = _later(p, state, dt)
+        other = rates(p, True)(replace(state, t=state.t + dt, x=x))
+        after = in_body_axes(p.system.tangents(other), body_axes(layout, other))
+        most = abs(z.M).max()
+        for i, (one, two) in enumerate(((z.M, after.M), (z.D, after.D), (z.K, after.K))):
+            one, two = (X[second][:, second] for X in (one, two))
+            if abs(one - two).max() > VARIES * max(abs(one).max(), rate**i * most):
+                raise InputError("the equations vary as the bodies rotate, so that there are no "
+                                 "modes: turn all coupled bodies at one constant rate, about the "
+                                 "axis of what stands still, or leave out spin", "spin")
+    return Linearised(state, z, axes[0], second, held)
+
+
+def _later(p: Prepared, s: State, dt: float) -> FloatArray:
+    """Unknowns of the steady motion after dt, s: rigid coordinates by its exact rotation."""
+    x, layout = s.x.copy(), p.system.layout
+    for b in layout:
+        if b.kind.quantity is not Quantity.POSE:
+            continue
+        at = layout[b.name]
+        q, v, a = s.x[at], s.v[at], s.a[at]
+        d = 2 if b.size == PLANAR_POSE else 3
+        if b.size == FREE_POSE:
+            w = float(np.linalg.norm(v[3:]))
+            if w > 0.0:
+                x[at][3:] = np.cos(w * dt) * q[3:] + np.sin(w * dt) / w * v[3:]
+            w *= 2.0
+        else:
+            w = float(abs(v[-1]))
+            x[at][d:] = q[d:] + dt * v[d:]
+        # R moves on a circle at the rate w: R' = v, R'' = a, or straight
+        if w > 0.0:
+            x[at][:d] = q[:d] + np.sin(w * dt) / w * v[:d] + (1 - np.cos(w * dt)) / w**2 * a[:d]
+        else:
+            x[at][:d] = q[:d] + dt * v[:d]
+    return x
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Found:
+    """Modes about a state: changes (N, k) of the model's unknowns."""
+
+    state: State
+    modes: Modes
+    changes: ComplexArray
+    notes: tuple[Note, ...]
+
+
+def frequencies(
+    p: Prepared, *, at: float | None = None, count: int = 10, spin: bool = False,
+    about: str = "equilibrium",
+) -> Found:
+    """The lowest `count` modes of a mechanism with constraints of its joints, damping and, with
+    spin, gyroscopic forces; temperatures do not change."""
+    if not len(p.system.mechanical):
+        raise InputError("no body of this scene moves or deforms: nothing can vibrate", "bodies")
+    lin = linearised(p, at, spin, about)
+    modes = modes_of(Constrained.of(lin.z, lin.second, lin.held), count)
+    z = np.zeros((lin.T.shape[1], len(modes.values)), np.complex128)
+    z[lin.second] = modes.shapes
+    changes = np.asarray(p.system.direction(np.asarray(lin.T @ z)), np.complex128)
+    return Found(p.system.state(lin.state), modes, changes, tuple(_notes(modes)))
+
+
+def _notes(modes: Modes) -> list[Note]:
+    found = []
+    if modes.rigid.any():
+        n = int(modes.rigid.sum())
+        found.append(information(f"{n} of these modes {'is' if n == 1 else 'are'} rigid motion "
+                                 "that nothing holds, at 0 Hz", "rigid_motion"))
+    grows = (modes.values.real > 1e-6 * np.abs(modes.values)) & ~modes.rigid
+    if grows.any():
+        rate = float(modes.values.real[grows].max())
+        found.append(Note(f"the state is unstable: a disturbance grows at {rate:.4g} 1/s",
+                          "unstable"))
+    return found

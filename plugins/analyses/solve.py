@@ -1,0 +1,186 @@
+"""Analyses of a scene that are no run in time: `solve(scene, analysis)`."""
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
+from dataclasses import replace
+from inspect import signature
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from sparsemor.core import InputError, Note, Quantity, Scene, State
+from sparsemor.core.linalg.threads import fixed_threads
+from sparsemor.core.notes import Level, sentences
+from sparsemor.core.registry.boundary import naming_plugins
+from sparsemor.core.registry.registry import suggestions
+from sparsemor.core.results.output_lock import owned
+from sparsemor.core.simulation.cache import Cache
+from sparsemor.core.simulation.progress import progress_bar
+from sparsemor.plugins.analyses.equilibrium import Solved, free_motions, neutral
+from sparsemor.plugins.analyses.frequencies import frequencies
+from sparsemor.plugins.analyses.modes import ComplexArray
+from sparsemor.plugins.analyses.prepared import Prepared, equilibrium, prepare, time_of
+from sparsemor.plugins.analyses.solution import (
+    Solution,
+    field_charts,
+    quantities,
+    scaled,
+    stored,
+)
+from sparsemor.plugins.analyses.steady_heat import steady_heat
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+SHAPE = 0.05
+"""Largest motion of a stored mode relative to the size of its body."""
+DRAWN = 6
+"""Largest number of modes in a chart."""
+
+
+@naming_plugins()
+@fixed_threads()
+@np.errstate(all="ignore")  # overflow ends in a status, not in a warning
+def solve(
+    scene: Scene, analysis: str, *, out: str | Path | None = None,
+    observers: Sequence[object] = (), cache: Cache | None = None, progress: bool = False,
+    **options: Any,
+) -> Solution:
+    """Solution of one analysis (`static`, `steady_heat`, `frequencies`) of a scene, at full order
+    or in the trial spaces of its reducer.
+
+    options: those of the analysis (docs/analyses.md); out: directory for its states, table and
+    charts, by default a temporary one for the states alone. Raises InputError for bad input,
+    SolveFailed where there is no solution.
+    """
+    made = ANALYSES.get(analysis)
+    if made is None:
+        raise InputError(f"no analysis is called {analysis!r}: "
+                         f"{suggestions(analysis, ANALYSES, 'analyses')}", "analysis")
+    known = [n for n in signature(made).parameters if n not in ("p", "out")]
+    if wrong := [n for n in options if n not in known]:
+        near = suggestions(wrong[0], known, "options")
+        raise InputError(f"{analysis} has no such option: {near}", wrong[0])
+    folder = None if out is None else Path(out)
+    with nullcontext() if folder is None else owned(folder), progress_bar(progress) as bar:
+        found = made(prepare(scene, (*observers, *bar), cache), out=folder, **options)
+        if folder is not None:
+            found.write(folder)
+    return found
+
+
+def _static(
+    p: Prepared, *, out: Path | None, at: float | None = None, spin: bool = False
+) -> Solution:
+    """Equilibrium under the loads at a time."""
+    t = time_of(p.scene, at)
+    solved = equilibrium(p, t, spin)
+    notes = list(_left_out(p, spin))
+    if not spin:
+        notes += _held(p, solved.state)
+    return _of_state(p, "static", solved, Quantity.DISPLACEMENT, notes, out)
+
+
+def _steady_heat(p: Prepared, *, out: Path | None, at: float | None = None) -> Solution:
+    """Steady temperatures."""
+    return _of_state(p, "steady_heat", steady_heat(p, at=at), Quantity.TEMPERATURE, [], out)
+
+
+def _of_state(
+    p: Prepared, analysis: str, solved: Solved, shown: Quantity, notes: Sequence[Note],
+    out: Path | None,
+) -> Solution:
+    state, name = p.system.state(solved.state), analysis.replace("_", " ")
+    facts = {"t": state.t, "iterations": solved.iterations, "unknowns": p.system.layout.size}
+    title = f"{name} at {state.t:g} s"
+    result = stored(p, [state], [state.t], _summary(p, analysis, [title], facts, notes), out)
+    return Solution(
+        analysis, p.scene.name, p.scene.reducer_name, quantities(p, state, result), tuple(notes),
+        [title], facts, result, lambda: field_charts(result, analysis, shown, [state.t]))
+
+
+def _summary(
+    p: Prepared, analysis: str, states: Sequence[str], facts: Mapping[str, Any],
+    notes: Sequence[Note],
+) -> dict[str, Any]:
+    return {"status": "done", "analysis": analysis, "scene": p.scene.name,
+            "reducer": p.scene.reducer_name, **facts, "states": list(states),
+            "notes": sentences(notes, Level.WARNING),
+            "information": sentences(notes, Level.INFORMATION)}
+
+
+def _left_out(p: Prepared, spin: bool) -> list[Note]:
+    """Warning about initial rates that an analysis at rest leaves out."""
+    if spin or not p.model.v0[p.model.layout.second].any():
+        return []
+    return [Note("bodies of this scene move at the start, which an analysis at rest leaves out: "
+                 "with the option spin they turn steadily", "rates_left_out")]
+
+
+def _held(p: Prepared, s: State) -> list[Note]:
+    """Note on free motions that stay at the pose of the start because nothing acts on them."""
+    free = free_motions(p.system, s)
+    if not free.shape[1]:
+        return []
+    still = neutral(p.system, s, free)
+    if not still.shape[1]:
+        return []
+    names = dict.fromkeys(
+        p.system.layout.containing(np.array([int(np.abs(n).argmax())]))[0].partition(".")[0]
+        for n in still.T)
+    return [Note(f"{still.shape[1]} rigid motion{'s' if still.shape[1] > 1 else ''} of "
+                 f"{', '.join(names)} without force and stiffness: held at the pose of the start",
+                 "held")]
+
+
+def _frequencies(
+    p: Prepared, *, out: Path | None, at: float | None = None, count: int = 10,
+    spin: bool = False, about: str = "equilibrium",
+) -> Solution:
+    """Eigenfrequencies and modes about a state."""
+    found = frequencies(p, at=at, count=count, spin=spin, about=about)
+    modes, notes = found.modes, [*_left_out(p, spin), *found.notes]
+    rows = [{"mode": i + 1, "frequency_hz": float(f), "damping_ratio": float(d),
+             "real_per_s": float(v.real), "imaginary_per_s": float(v.imag), "rigid": bool(r)}
+            for i, (f, d, v, r) in enumerate(zip(
+                modes.frequencies, modes.ratios, modes.values, modes.rigid, strict=True))]
+    names = ["state", *(f"mode {r['mode']}: {_in_words(r)}" for r in rows)]
+    facts = {"t": found.state.t, "unknowns": p.system.layout.size}
+    return of_shapes(p, "frequencies", found.state, found.changes, rows, names, facts, notes, out)
+
+
+def _in_words(row: Mapping[str, Any]) -> str:
+    if row["rigid"]:
+        return "rigid"
+    if row["imaginary_per_s"] == 0.0:
+        return f"{row['real_per_s']:.4g} 1/s"
+    ratio = row["damping_ratio"]
+    return f"{row['frequency_hz']:.4g} Hz" + (f", ratio {ratio:.2g}" if abs(ratio) > 1e-9 else "")
+
+
+def of_shapes(
+    p: Prepared, analysis: str, state: State, changes: ComplexArray,
+    rows: Sequence[Mapping[str, Any]], names: Sequence[str], facts: Mapping[str, Any],
+    notes: Sequence[Note], out: Path | None,
+) -> Solution:
+    """Solution with a state and its changes (N, k) by modes, stored as states number 0, 1, ..., k
+    at times of these numbers."""
+    turned = changes * np.exp(-1j * np.angle(np.take_along_axis(
+        changes, np.abs(changes).argmax(axis=0)[None], axis=0)))
+    shapes = scaled(turned, p, SHAPE)
+    states = [state, *(replace(state, x=state.x + shape) for shape in shapes.T)]
+    numbers = [float(i) for i in range(len(states))]
+    result = stored(p, states, numbers, _summary(p, analysis, names, facts, notes), out)
+
+    def draw() -> "Mapping[str, Figure]":
+        drawn = numbers[1 : DRAWN + 1]
+        return field_charts(result, analysis, Quantity.DISPLACEMENT, drawn) if drawn else {}
+
+    return Solution(analysis, p.scene.name, p.scene.reducer_name, rows, tuple(notes), names,
+                    facts, result, draw)
+
+
+ANALYSES: Mapping[str, Callable[..., Solution]] = {
+    "static": _static, "steady_heat": _steady_heat, "frequencies": _frequencies}
+"""Name of an analysis -> function of a prepared scene and its options."""
