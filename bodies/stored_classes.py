@@ -19,6 +19,7 @@ from sparsemor.bodies.frames import (
 from sparsemor.bodies.frames.inertia import Inertia
 from sparsemor.bodies.frames.plane import PlanarFrame
 from sparsemor.bodies.joints.force_element import Drive, ItemForce
+from sparsemor.bodies.joints.friction_heat import FrictionPower, ReducedFrictionHeat
 from sparsemor.bodies.loads.convection import Film
 from sparsemor.bodies.loads.part import unit
 from sparsemor.bodies.loads.radiation import GreyBody
@@ -28,8 +29,8 @@ from sparsemor.bodies.terms import dense, material_laws, nonlinear_strains, poly
 from sparsemor.bodies.terms.point_term import PointTerm
 
 CLASSES: Sequence[object] = (
-    Drive, Film, GreyBody, Inertia, ItemForce, Law, PlanarFrame, PointTerm, Samples,
-    TemperatureCurve, Variable, unit,
+    Drive, Film, FrictionPower, GreyBody, Inertia, ItemForce, Law, PlanarFrame, PointTerm, Samples,
+    ReducedFrictionHeat, TemperatureCurve, Variable, unit,
     constraints.Facing, constraints.Slide, dense.DenseTerm, dense.ReducedDense,
     force_items.BodyForce, force_items.Moment, force_items.SpaceForce, frame.SpatialFrame,
     items.Compliance, items.Nothing, items.UnitLength, joint_items.MeanPoint, joint_items.Reaction,

@@ -9,8 +9,10 @@ from pydantic import Field, model_validator
 
 from sparsemor.bodies.frames.relative import FRICTION, Numbers, RelativeItem
 from sparsemor.bodies.joints.force_element import ForceElementPart
+from sparsemor.bodies.joints.friction_heat import HeatOfFriction, heat_of_friction
 from sparsemor.bodies.joints.relative import RECORDED, Relative
-from sparsemor.core import Equations, InputError, Part
+from sparsemor.bodies.joints.side import sides_of
+from sparsemor.core import Equations, InputError, Note, Part
 from sparsemor.core.protocols import RecordedForce
 
 CYLINDRICAL = 4, 10
@@ -19,10 +21,13 @@ CYLINDRICAL = 4, 10
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrictionPart(ForceElementPart):
-    """Friction element; joint: name of the joint whose forces it reads, "" for none."""
+    """Friction element; joint: name of the joint whose forces it reads, "" for none; heat: what
+    becomes of its power; notes: warnings on its options."""
 
     joint: str = ""
     slides: bool = False
+    heat: HeatOfFriction | None = None
+    notes: tuple[Note, ...] = ()
 
     @property
     def force(self) -> RecordedForce | None:  # type: ignore[override]
@@ -32,6 +37,7 @@ class FrictionPart(ForceElementPart):
     def contribute(self, equations: Equations) -> None:
         if not self.joint:
             ForceElementPart.contribute(self, equations)
+            self._warm(equations, 0)
             return
         block, d = f"{self.joint}.multiplier", self.sides[0].d
         size = equations.size(block)
@@ -51,6 +57,18 @@ class FrictionPart(ForceElementPart):
         assert own.body is not None and isinstance(self.item, RelativeItem)
         equations.frame(own.body.name, replace(self.item, forces=count), multipliers=block,
                         C=np.eye(size, count), reads=f"{other.reads}.rigid" if other.reads else "")
+        self._warm(equations, count)
+
+    def _warm(self, equations: Equations, count: int) -> None:
+        """Adds the heat; count: number of joint forces that the law reads."""
+        if self.heat is None:
+            return
+        assert isinstance(self.item, RelativeItem)
+        if self.prescribed:
+            self.heat.contribute_along(equations, self.item, self.sides)
+        else:
+            self.heat.contribute(equations, replace(self.item, forces=count), self.sides,
+                                 f"{self.joint}.multiplier" if count else "")
 
 
 class JointFriction(Relative):
@@ -75,6 +93,9 @@ class JointFriction(Relative):
     """Radius of the pin, m, at which friction acts on a turning motion."""
     critical_rate: float = Field(default=1e-4, gt=0.0)
     """Rate above which the full friction acts, rad/s or m/s."""
+    heat: float | None = Field(default=None, ge=0.0, le=1.0)
+    """Share of the power of friction that enters the set of the first side as heat; the rest enters
+    that of the second. Friction heats nothing when not given."""
 
     @model_validator(mode="after")
     def _acts(self) -> Self:
@@ -96,6 +117,8 @@ class JointFriction(Relative):
 
     def build(self, name: str, parts: Mapping[str, Part]) -> FrictionPart:
         made = super().build(name, parts)
+        heat, notes = heat_of_friction(
+            name, sides_of(parts, self.between, self.dimensions), self.heat, parts)
         return FrictionPart(
             **{f.name: getattr(made, f.name) for f in fields(made)}, joint=self.joint or "",
-            slides=self.motion == "slide")
+            slides=self.motion == "slide", heat=heat, notes=notes)
