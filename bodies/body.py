@@ -24,6 +24,7 @@ from sparsemor.bodies.frames.floating import (
 from sparsemor.bodies.frames.force_items import BodyForce, SpaceForce
 from sparsemor.bodies.frames.moments import MassProperties
 from sparsemor.bodies.frames.rotation import torque
+from sparsemor.bodies.frames.stiffening import Stiffening
 from sparsemor.bodies.mesh.centres import Centre, centre_of_set
 from sparsemor.bodies.mesh.sets import PointSet
 from sparsemor.bodies.terms.body_terms import (
@@ -34,6 +35,7 @@ from sparsemor.bodies.terms.body_terms import (
 )
 from sparsemor.bodies.terms.field_kinds import ELASTIC, MULTIPLIER, RIGID, THERMAL
 from sparsemor.bodies.terms.inertia import about, generator
+from sparsemor.bodies.terms.prestress import load_stiffness
 from sparsemor.bodies.terms.surface_loads import write_surface_loads
 from sparsemor.core import (
     Amplitude,
@@ -54,7 +56,7 @@ from sparsemor.core import (
     TimeFunction,
     suggestions,
 )
-from sparsemor.core.protocols import MeanTemperature, StressStiffness
+from sparsemor.core.protocols import FrameItem, MeanTemperature, StressStiffness
 
 NO_NUMBERS = np.zeros(0, np.int64)
 KINDS = {2: "plane: give two", 3: "spatial: give three"}
@@ -100,6 +102,7 @@ class FloatingBody(Body):
     folder: Path = Path()
     _found: dict[str, tuple[Note, ...]] = field(init=False, default_factory=dict)
     _centres: dict[str, Centre] = field(init=False, default_factory=dict)
+    _stiffness: dict[bytes, Csr] = field(init=False, default_factory=dict)
 
     @property
     def d(self) -> int:
@@ -181,11 +184,23 @@ class FloatingBody(Body):
             elastic_integrals=partial(elastic_integrals, self) if mesh else None,
             heat_integrals=partial(heat_integrals, self) if mesh else None,
             stress_stiffness=None if self.elasticity is None or not mesh else StressStiffness(
-                partial(stress_stiffness, self), self.elasticity.nonlinear))
+                partial(stress_stiffness, self),
+                self.elasticity.nonlinear or self.elasticity.prestressed,
+                self.elasticity.prestressed),
+            stiffened=self._stiffened if (
+                self.elasticity is not None and self.elasticity.prestressed) else None)
         if self.elasticity is not None:
             write_elasticity(self, equations, self.elasticity)
         if self.heat is not None:
             write_conduction(self, equations, self.heat)
+
+    def _stiffened(
+        self, directions: FloatArray, first: int
+    ) -> tuple[FrameItem, tuple[Csr, ...]]:
+        """Geometric stiffness of a body whose strains are `prestressed` (terms/prestress.py)."""
+        assert self.elasticity is not None
+        matrices = load_stiffness(self, directions, self._stiffness)
+        return Stiffening(first, len(matrices)), matrices
 
     def _field_inertia(self) -> FieldInertia | None:
         """Inertia of the free displacements; None without them, or without mass."""
@@ -248,6 +263,9 @@ class FloatingBody(Body):
     def surface_loads(self, equations: Equations, loads: SurfaceLoads, times: FloatArray) -> bool:
         """Adds loads that move over its surface, at times (T,), s, as tables on each of its fields.
         """
+        if self.elasticity is not None and self.elasticity.prestressed:
+            raise InputError(f"loads that move over {self.name!r} do not stiffen a body whose "
+                             "strains are prestressed: take strains: nonlinear there")
         write_surface_loads(self, equations, loads, times)
         return True
 

@@ -146,9 +146,11 @@ class Flexible(BodyPlugin):
     cells with all points in the set."""
     model: Literal["plane_stress", "plane_strain", "solid"] | None = None
     """Elastic model: plane stress in the plane when not given, `solid` in space."""
-    strains: Literal["linear", "nonlinear"] = "linear"
+    strains: Literal["linear", "prestressed", "nonlinear"] = "linear"
     """Strains of the elastic field, in the body frame. `linear`: small strains and rotations;
     a body then does not become stiffer or softer by its stress, as when it spins or is pushed.
+    `prestressed`: the same, with the geometric stiffness of its present loads: inertia, joint
+    forces, forces and constant temperatures; not of a thermal field.
     `nonlinear`: Green-Lagrange strains (St. Venant-Kirchhoff material), for large rotations within
     the body and for buckling; strains themselves remain small."""
     fields: list[Literal["elastic", "thermal"]]
@@ -266,6 +268,12 @@ class Flexible(BodyPlugin):
                     "{clamp: left} or {chord: [a, b]}, or its displacements hold rigid motion"))
         if self.coupling == "two_way":
             gather("coupling", self._check_two_way)
+        changing = [key for key, m in self._materials().items()
+                    if not curves(m).keys().isdisjoint({"E", "alpha"})]
+        if self.strains == "prestressed" and (THERMAL.name in self.fields or changing):
+            gather.faults.append(Fault(
+                "strains", "prestressed: the loads of the moment stiffen the body by constant "
+                "matrices, which a thermal field, E(T) and alpha(T) do not have: take nonlinear"))
         needed = {"elastic": ("E", "nu"), "thermal": ("k", "c")}
         for key, material in self._materials().items():
             for field in ("elastic", "thermal"):
@@ -354,7 +362,8 @@ class Flexible(BodyPlugin):
             regions=tuple((r.cells, law(r.constants, model)) for r in regions),
             laws=tuple((one, r.cells) for r in regions for one in stress_laws(
                 r, model, d, self.reference_temperature, nonlinear, heated)),
-            nonlinear=nonlinear, two_way=self.coupling == "two_way", recoverable=all(
+            nonlinear=nonlinear, prestressed=self.strains == "prestressed",
+            two_way=self.coupling == "two_way", recoverable=all(
                 curves(r.material).keys().isdisjoint({"E", "alpha"}) for r in regions))
 
     def _heat(self, mesh: Mesh, regions: Sequence[Region]) -> Heat:

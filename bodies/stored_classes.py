@@ -18,6 +18,7 @@ from sparsemor.bodies.frames import (
 )
 from sparsemor.bodies.frames.inertia import Inertia
 from sparsemor.bodies.frames.plane import PlanarFrame
+from sparsemor.bodies.frames.stiffening import Stiffening
 from sparsemor.bodies.joints.force_element import Drive, ItemForce
 from sparsemor.bodies.joints.friction_heat import FrictionPower, ReducedFrictionHeat
 from sparsemor.bodies.loads.convection import Film
@@ -30,7 +31,7 @@ from sparsemor.bodies.terms.point_term import PointTerm
 
 CLASSES: Sequence[object] = (
     Drive, Film, FrictionPower, GreyBody, Inertia, ItemForce, Law, PlanarFrame, PointTerm, Samples,
-    ReducedFrictionHeat, TemperatureCurve, Variable, unit,
+    ReducedFrictionHeat, Stiffening, TemperatureCurve, Variable, unit,
     constraints.Facing, constraints.Slide, dense.DenseTerm, dense.ReducedDense,
     force_items.BodyForce, force_items.Moment, force_items.SpaceForce, frame.SpatialFrame,
     items.Compliance, items.Nothing, items.UnitLength, joint_items.MeanPoint, joint_items.Reaction,

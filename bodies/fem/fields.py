@@ -32,9 +32,9 @@ class Elasticity:
     modal damping. regions: cells
     of each material, with the constants of their element matrices. laws: stress beyond that of
     constant properties and linear strains, and its cells: of properties that depend on temperature
-    and of nonlinear strains. nonlinear: True for Green-Lagrange strains. recoverable: True if
-    stress follows from strain and temperature with constant properties. two_way: True if strain
-    rates heat the body.
+    and of nonlinear strains. nonlinear: True for Green-Lagrange strains; prestressed: for the
+    geometric stiffness of its loads. recoverable: True if stress follows from strain and
+    temperature with constant properties. two_way: True if strain rates heat the body.
     """
 
     free: IntArray
@@ -45,6 +45,7 @@ class Elasticity:
     regions: tuple[tuple[Cells, Law], ...] = ()
     laws: tuple[tuple[StressLaw, Cells], ...] = ()
     nonlinear: bool = False
+    prestressed: bool = False
     recoverable: bool = True
     two_way: bool = False
 

@@ -21,10 +21,19 @@ def stress_stiffness(
     thermal field. Both have the properties at the reference temperature: a modulus that falls with
     temperature scales both alike.
     """
-    e, mesh = body.elasticity, body.mesh
-    assert e is not None and mesh is not None and body.T0 is not None and body.T_ref is not None
-    N, d = mesh.points.shape
+    e = body.elasticity
+    assert e is not None and body.T0 is not None and body.T_ref is not None
     rise = (body.T0 if T is None else T) - body.T_ref
+    F = e.free
+    return e.stiffness[F][:, F], geometric_stiffness(body, u, rise)
+
+
+def geometric_stiffness(body: HasFields, u: FloatArray, rise: FloatArray | None) -> Csr:
+    """K_s of `stress_stiffness` alone; rise (N,): temperature above that without stress, K; None
+    for zero."""
+    e, mesh = body.elasticity, body.mesh
+    assert e is not None and mesh is not None
+    N, d = mesh.points.shape
     found = csr_array((N, N))
     for cells, law in e.regions:
         for _, at in on_cells(mesh, 0, cells):
@@ -35,9 +44,11 @@ def stress_stiffness(
             if e.nonlinear:
                 strain = strain + np.einsum("kieq,kjeq->ijeq", G, G) / 2.0
             stress = 2.0 * law.mu * strain
-            heating = (rise[nodes][:, None, :] @ at.shape.values)[:, 0]
             stress[range(d), range(d)] += law.lam * np.einsum("iieq->eq", strain)
-            stress[range(d), range(d)] -= law.beta * heating
+            if rise is not None:
+                stress = stress + np.zeros((1, 1, 1, at.shape.values.shape[2]))
+                stress[range(d), range(d)] -= law.beta * (
+                    rise[nodes][:, None, :] @ at.shape.values)[:, 0]
             weighted = stress * (body.thickness * at.weights)
             wide = np.broadcast_to(gradients, (*gradients.shape[:3], weighted.shape[3]))
             local = np.einsum("enaq,abeq,embq->enm", wide, weighted, wide, optimize=True)
@@ -46,5 +57,4 @@ def stress_stiffness(
             found = found + csr_array((local.ravel(), (rows.ravel(), columns.ravel())),
                                       shape=(N, N))
     whole = csr_array(kron(found, eye_array(d), format="csr"))
-    F = e.free
-    return e.stiffness[F][:, F], whole[F][:, F]
+    return csr_array(whole[e.free][:, e.free])

@@ -22,7 +22,13 @@ from sparsemor.bodies.frames.items import UnitLength
 from sparsemor.bodies.frames.moments import MassProperties, moments_of
 from sparsemor.bodies.frames.plane import PlanarFrame
 from sparsemor.core import Amplitude, Body, Csr, Equations, FloatArray
-from sparsemor.core.protocols import BodyFrame, ElasticIntegrals, HeatIntegrals, StressStiffness
+from sparsemor.core.protocols import (
+    BodyFrame,
+    ElasticIntegrals,
+    HeatIntegrals,
+    Stiffened,
+    StressStiffness,
+)
 from sparsemor.core.protocols.poses import PLANAR_POSE
 
 
@@ -47,17 +53,17 @@ def write_frame(
     field: FieldInertia | None = None, *,
     elastic_integrals: Callable[[], ElasticIntegrals] | None = None,
     heat_integrals: Callable[[], HeatIntegrals] | None = None,
-    stress_stiffness: StressStiffness | None = None,
+    stress_stiffness: StressStiffness | None = None, stiffened: Stiffened | None = None,
 ) -> None:
     """Adds a body, its frame and the inertia of its rigid coordinates and displacements.
 
     mass: None for a massless frame; field: inertia of its displacements, if it has any;
-    elastic_integrals, heat_integrals, stress_stiffness: as in `BodyRecord`.
+    elastic_integrals, heat_integrals, stress_stiffness, stiffened: as in `BodyRecord`.
     """
     equations.body(
         partial(frame_of, body.flexible, len(body.pose)), body.pose, moves=body.moves,
         guide=body.guide, elastic_integrals=elastic_integrals, heat_integrals=heat_integrals,
-        stress_stiffness=stress_stiffness)
+        stress_stiffness=stress_stiffness, stiffened=stiffened)
     if mass is not None and (body.moves or body.flexible):
         equations.frame(
             body.name, Inertia.of(mass, moments_of(len(body.pose))),

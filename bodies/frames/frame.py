@@ -51,11 +51,12 @@ class ItemFrame(BodyFrame, Generic[AnyItem]):
 
     @cached_property
     def generators(self) -> int:
-        """Number of inertia matrices M_g; zero for a frame at rest, where M u'' is the only inertia
-        force."""
+        """Number of inertia matrices M_g and of others (`Item.matrices`); there are none of inertia
+        for a frame at rest, where M u'' is the only inertia force."""
         inert = any(isinstance(i, Inertia) or (isinstance(i, Nothing) and i.inert)
                     for i in self.items)
-        return moments_of(self.size).count if self.elastic and inert else 0
+        more = sum(i.matrices for i in self.items)
+        return more + moments_of(self.size).count * inert if self.elastic else 0
 
     @cached_property
     def starts(self) -> tuple[tuple[int, int, int], ...]:
@@ -78,6 +79,12 @@ class ItemFrame(BodyFrame, Generic[AnyItem]):
         """Pairs (number of the functional, g) of the inertia's second-moment functionals M_g X."""
         return tuple((j + len(i.moment) + g, g) for j, i in self.inertias
                      for g in range(i.moments.count))
+
+    @property
+    def stiff_columns(self) -> tuple[tuple[int, int], ...]:
+        """Pairs of all functionals and the matrices of the last item."""
+        last = self.items[-1].matrices if self.items and self.elastic else 0
+        return tuple((j, self.generators - last + j) for j in range(last))
 
     def shifted(self, s: FloatArray, quadratic: FloatArray) -> Self:
         if not self.elastic:
@@ -150,6 +157,8 @@ class SpatialFrame(ItemFrame[SpatialItem]):
         if isinstance(out, Sums):
             for _, inertia in self.inertias:
                 inertia.exact(out.motion, out)
+        for item in self.items:
+            item.bend(work)
 
     @property
     def without_push(self) -> tuple[SpatialItem, ...]:
@@ -163,6 +172,6 @@ class SpatialFrame(ItemFrame[SpatialItem]):
         made: list[SpatialItem] = []  # an item without a derivative keeps its place and its numbers
         for i in self.items:
             made.append(i.time_derivative(order, t, h) or Nothing(
-                i.directions, i.others, i.forces, isinstance(i, Inertia)))
+                i.directions, i.others, i.forces, isinstance(i, Inertia), i.matrices))
         zero = all(isinstance(i, Nothing) for i in made)
         return None if zero else replace(self, items=tuple(made))

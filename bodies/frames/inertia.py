@@ -61,7 +61,8 @@ class Inertia(Item):
     def shifted(self, s: FloatArray, quadratic: FloatArray) -> "Inertia":
         d = len(self.moment)
         return replace(self, moment=self.moment + s[:d],
-                       second=self.second + self.moments.symmetric * s[d:] + quadratic)
+                       second=self.second + self.moments.symmetric * s[d:]
+                       + quadratic[: self.moments.count])
 
     def in_plane(self) -> plane.PlanePart:
         return plane.PlanePart(
@@ -111,9 +112,9 @@ class Inertia(Item):
     def _moments(self, m: Motion, j: int) -> tuple[FloatArray, FloatArray, FloatArray]:
         """(g,) each: second moments z.M_g z, z.M_g u', z.M_g u''."""
         g, signs = self.moments.count, self.moments.signs
-        at = slice(j + FIRST, j + FIRST + g)
-        return (self.second + self.moments.symmetric * m.s[at] + m.forms[:g],
-                signs * m.s1[at] + m.forms[g : 2 * g], signs * m.s2[at] + m.forms[2 * g :])
+        at, forms = slice(j + FIRST, j + FIRST + g), m.forms.reshape(3, -1)[:, :g]
+        return (self.second + self.moments.symmetric * m.s[at] + forms[0],
+                signs * m.s1[at] + forms[1], signs * m.s2[at] + forms[2])
 
     def push(self, m: Moved, j: int, out: Pushed) -> None:
         """Inertia loads on the displacements, without derivatives."""
@@ -123,7 +124,8 @@ class Inertia(Item):
         out.sigma[..., at : at + k.count] = factors
         twice = 2.0 * m.w.dot(k.turn.T)  # 2 w~ as a sum of the B_g
         out.coefficients[..., : k.count] = factors
-        out.coefficients[..., k.count : 2 * k.count] = twice
+        half = out.coefficients.shape[-1] // 2  # kappa, then mu
+        out.coefficients[..., half : half + k.count] = twice
 
     def _on_displacements(
         self, m: Motion, j: int, spin: FloatArray, wx: FloatArray, out: Sums
@@ -149,8 +151,8 @@ class Inertia(Item):
     def exact(self, m: Motion, out: Sums) -> None:
         """Derivatives that are quadratic in u, which only the exact Jacobian contains."""
         wx, lever, k = rot.skew(m.w), m.turn.lever(), self.moments
-        out.kappa_y[m.at] = (k.slopes(m.w).dot(m.dw) + k.turn.dot(m.dal)).T
-        out.mu_y[m.at] = 2.0 * k.turn.dot(m.dw).T
+        out.kappa_y[m.at, : k.count] = (k.slopes(m.w).dot(m.dw) + k.turn.dot(m.dal)).T
+        out.mu_y[m.at, : k.count] = 2.0 * k.turn.dot(m.dw).T
         by_shape, by_rate = self._levers(m.w, m.al, wx)
         for i, torque in enumerate((by_shape, by_rate, k.axial)):
-            out.quad[m.at, i] = lever.dot(torque)
+            out.quad[m.at, i, : k.count] = lever.dot(torque)

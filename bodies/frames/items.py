@@ -21,6 +21,7 @@ from sparsemor.bodies.frames import space_items as spatial
 from sparsemor.bodies.frames.many_times import Moved, Pushed
 from sparsemor.bodies.frames.motion import Motion, Sums
 from sparsemor.core import FloatArray
+from sparsemor.core.protocols import FrameWork
 
 AXES = ("x", "y", "z")
 EYE = np.eye(3)
@@ -67,6 +68,13 @@ class Item(Protocol):
         return self
 
     # ------------------------------------------------------------------ in space
+
+    matrices: int = 0
+    """Number of matrices of the displacements beyond those of the inertia."""
+
+    def bend(self, work: FrameWork) -> None:
+        """Writes derivatives of the factors of its matrices, which only the exact Jacobian has."""
+        return None
 
     pushes: bool = False
     """True if `push` gives its loads on displacements under prescribed frame motion."""
@@ -168,12 +176,13 @@ class Compliance(RigidItem):
 @dataclass(frozen=True, slots=True)
 class Nothing(SpatialItem):
     """Item with zero contribution instead of another one with the same numbers of functionals,
-    coordinates and multipliers; inert: instead of the inertia."""
+    coordinates and multipliers; inert: instead of the inertia; matrices: as many as that has."""
 
     directions: int = 0
     others: int = 0
     forces: int = 0
     inert: bool = False
+    matrices: int = 0
 
     def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
         if m.elastic:

@@ -79,12 +79,14 @@ class PlanarFrame(ItemFrame[PlanarItem]):
     def exact(
         self, v: FloatArray, a: FloatArray, c1: float, c2: float, work: FrameWork
     ) -> None:
-        """Derivatives that are quadratic in the displacements u; only the inertia has them."""
+        """Derivatives that are quadratic in the displacements u."""
         w, al = float(v[2]), float(a[2])
         if self.inertias:
             work.kappa_y[2, 0], work.kappa_y[2, 1] = -2 * w * c1, c2
             work.mu_y[2, 1] = 2 * c1
             work.quad[2, 0, 0], work.quad[2, 1, 0], work.quad[2, 2, 1] = al, 2 * w, -1.0
+        for item in self.items:
+            item.bend(work)
 
     @property
     def without_push(self) -> tuple[PlanarItem, ...]:

@@ -54,8 +54,9 @@ def inertia(
     zz, zv, za = second, 0.0, 0.0
     if m.elastic:
         p, p1, p2 = p + m.s[j], m.s1[j], m.s2[j]
+        n = len(m.forms) // 3  # of values, of rates, of second rates
         zz += 2 * m.s[j + 1].real + m.forms[0]
-        zv, za = m.s1[j + 1].real + m.forms[2], m.s2[j + 1].imag - m.forms[5]
+        zv, za = m.s1[j + 1].real + m.forms[n], m.s2[j + 1].imag - m.forms[2 * n + 1]
     swing = e * (spin * p + 2j * w * p1 + p2)
     f = mass * m.acc + swing
     lever = p.conjugate() * ec
@@ -66,7 +67,7 @@ def inertia(
     if m.elastic:
         out.sigma[j], out.sigma[j + 1] = beta, spin
         on_u = out.coefficients
-        on_u[0], on_u[1], on_u[3] = -w * w, al, 2 * w
+        on_u[0], on_u[1], on_u[len(on_u) // 2 + 1] = -w * w, al, 2 * w
     if not m.fresh:
         return
     by_angle = complex(-2 * w * c1, c2)  # derivative of spin
@@ -233,9 +234,20 @@ class PlaneReaction:
                 out.sigma[j + 1] = moment
 
 
+def stiffening(
+    numbers: Numbers, g: float, m: PlaneMotion, j: int, o: int, k: int, total: Total, out: Views
+) -> None:
+    """Factors of geometric stiffness: those of all loads (stiffening.py). numbers: of functionals,
+    of inertia matrices."""
+    first = int(numbers[1])
+    for i in range(int(numbers[0]) // 2):
+        out.coefficients[first + 2 * i] = out.sigma[i].real
+        out.coefficients[first + 2 * i + 1] = out.sigma[i].imag
+
+
 FUNCTIONS: tuple[PlaneFunction, ...] = (
     inertia, body_force, space_force, attachment, rotation, slide, moment, spring,
-    rotational_spring, relative, compliance)
+    rotational_spring, relative, compliance, stiffening)
 """Functions of parts; the position is the kind of part in `evaluate_parts`."""
 NUMBERS = 17
 """Largest number of constants of a part."""
@@ -281,6 +293,8 @@ def evaluate_parts(
             rotational_spring(own, g, m, j, o, k, total, out)
         elif kind == 9:
             relative(own, g, m, j, o, k, total, out)
-        else:
+        elif kind == 10:
             compliance(own, g, m, j, o, k, total, out)
+        else:
+            stiffening(own, g, m, j, o, k, total, out)
     write(total, m.fresh, out)

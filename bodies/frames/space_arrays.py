@@ -19,6 +19,7 @@ from sparsemor.bodies.frames.space_items import (
     moved,
     pull,
     space_force,
+    stiffening,
     unit_length,
 )
 from sparsemor.bodies.frames.space_motion import SpaceMotion, SpaceSums, levers, spin, turn, vector
@@ -34,7 +35,7 @@ from sparsemor.core.protocols import FrameArrays
 
 FUNCTIONS: tuple[SpaceFunction, ...] = (
     space_inertia, unit_length, space_force, body_force, moment, constraint, space_spring,
-    space_rotational_spring, compliance)
+    space_rotational_spring, compliance, stiffening)
 """Functions of parts; the position is the kind of part in `evaluate_space`."""
 CALLS: tuple[Callable[..., object], ...] = (
     motion.vector, motion.plus, motion.dot, motion.cross, motion.times, motion.back, motion.add,
@@ -112,5 +113,7 @@ def evaluate_space(
             space_spring(given, g, m, j, o, k, out)
         elif kind == 7:
             space_rotational_spring(given, g, m, j, o, k, out)
-        else:
+        elif kind == 8:
             compliance(given, g, m, j, o, k, out)
+        else:
+            stiffening(given, g, m, j, o, k, out)

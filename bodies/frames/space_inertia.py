@@ -63,6 +63,7 @@ def space_inertia(
     """Inertia of a body. numbers: n, mass, kg, sum m X (3), kg m, X.M_g X (9, or 3 for an attitude
     about z), kg m^2."""
     mass, z, c1, c2, w, al = numbers[1], vector(numbers, 2), m.c1, m.c2, m.w, m.al
+    half = len(out.coefficients) // 2  # kappa, then mu
     count, dual, skew = (9, FREE, 3) if m.n == 4 else (3, SPINNING, 1)
     H, acc = out.H, back(m.A, m.acc)
     T, T1, T2 = m.rest[0], m.rest[1], m.rest[2]
@@ -75,8 +76,8 @@ def space_inertia(
         if m.elastic:
             sign = -1.0 if 1 <= i <= skew else 1.0  # M_g^T = sign M_g
             N += (1.0 + sign) * m.s[at] + m.forms[i]
-            N1 = sign * m.s1[at] + m.forms[count + i]
-            N2 = sign * m.s2[at] + m.forms[2 * count + i]
+            N1 = sign * m.s1[at] + m.forms[half + i]
+            N2 = sign * m.s2[at] + m.forms[2 * half + i]
         for r in range(3):
             for c in range(3):
                 T[r, c] += N * dual[i, r, c]
@@ -93,7 +94,7 @@ def space_inertia(
         for f in range(count):
             value = factor(dual[f], w, w) - dot(axial(dual[f]), al)
             out.sigma[j + 3 + f] = out.coefficients[f] = value
-            out.coefficients[count + f] = -2.0 * dot(axial(dual[f]), w)
+            out.coefficients[half + f] = -2.0 * dot(axial(dual[f]), w)
     if c2 == 0.0:
         return
     for i in range(3):

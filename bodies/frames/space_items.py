@@ -235,6 +235,16 @@ def constraint(
             add(out.tau[at], j, lam, along)
 
 
+def stiffening(
+    numbers: FloatArray, g: float, m: SpaceMotion, j: int, o: int, k: int, out: SpaceSums
+) -> None:
+    """Factors of geometric stiffness: those of all loads (stiffening.py). numbers: n, functionals,
+    inertia matrices."""
+    first = int(numbers[2])
+    for i in range(int(numbers[1])):
+        out.coefficients[first + i] = out.sigma[i]
+
+
 def compliance(
     numbers: FloatArray, g: float, m: SpaceMotion, j: int, o: int, k: int, out: SpaceSums
 ) -> None:

@@ -11,6 +11,7 @@ from sparsemor.bodies.fem.quadrature import Quadrature
 from sparsemor.bodies.fem.surface import on_facets
 from sparsemor.bodies.fem.volume import on_cells
 from sparsemor.bodies.terms.modal_damping import ModalDamping
+from sparsemor.bodies.terms.prestress import thermal_stiffness
 from sparsemor.bodies.terms.weak_term import NodalField, WeakTerm
 from sparsemor.core import Amplitude, Csr, Equations, FloatArray, IntArray, Quantity
 
@@ -27,7 +28,10 @@ def write_elasticity(body: HasFields, equations: Equations, e: Elasticity) -> No
         _write_stress(body, equations, law, cells)
     assert body.T0 is not None and body.T_ref is not None
     if body.heat is None:
-        equations.vector(block, np.asarray(Kt @ (body.T0 - body.T_ref)))
+        force = np.asarray(Kt @ (body.T0 - body.T_ref))
+        equations.vector(block, force)
+        if e.prestressed and force.any():
+            equations.matrix(block, block, A=thermal_stiffness(body, force))
         return
     equations.vector(block, -np.asarray(Kt @ body.T_ref))
     if len(body.heat.free):

@@ -9,7 +9,7 @@ import numpy as np
 
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.errors import Gather, InputError
-from sparsemor.core.model.block_operators import block_operators
+from sparsemor.core.model.block_operators import block_operators, stiffness_terms
 from sparsemor.core.model.body_cache import BodyCache
 from sparsemor.core.model.factorizations import BlockSolvers
 from sparsemor.core.model.features import PROBES, SURFACE_LOADS
@@ -114,6 +114,8 @@ def _model(
     for local in records.local:
         guard(Term, type(local.term))
     terms = general_terms(layout, records)
+    for name, term in stiffness_terms(layout, records).items():
+        terms.setdefault(name, []).append(term)
     x0, v0 = _start(layout, bodies)
     required, loaded = _required(layout, connectors, touched(layout, records))
     return Model(

@@ -8,13 +8,14 @@ terms of general_terms.py.
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.sparse import csr_array
 
 from sparsemor.core.arrays import Csr, FloatArray
 from sparsemor.core.errors import Fault, InputError
+from sparsemor.core.model.frame_equations import stiffness_term
 from sparsemor.core.model.general_terms import acts, by_block
 from sparsemor.core.model.linear_equations import (
     matrix_term,
@@ -23,6 +24,7 @@ from sparsemor.core.model.linear_equations import (
     vector_term,
 )
 from sparsemor.core.protocols import Term
+from sparsemor.core.protocols.body_frame import FrameItem
 from sparsemor.core.protocols.contributions import (
     BodyRecord,
     FrameRecord,
@@ -55,6 +57,17 @@ def block_operators(layout: Layout, records: Records, step: float) -> Separated:
     return Separated(
         tuple(moving), tuple(heat), operators.border, tuple(operators.targets()),
         tuple(operators.other()), step, tuple(operators.couplings()))
+
+
+def stiffness_terms(layout: Layout, records: Records) -> dict[str, Term]:
+    """Residual terms of the bodies that their loads stiffen, of this stiffness alone, by name."""
+    operators, found = _BlockOperators(layout, records), dict[str, Term]()
+    for b in records.bodies:
+        made = operators.mechanics(b) if b.stiffened is not None else None
+        if made is not None and made.operators is not None:
+            border = np.r_[layout.frames, layout.algebraic]
+            found[b.name] = stiffness_term(made, layout.numbers(made.elastic), border)
+    return found
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -179,12 +192,16 @@ class _BlockOperators:
         at_rest = not body.moves and body.guide is None
         if at_rest:  # nothing of the mass but M u''
             frames = [f for f in frames if f is not inertia]
-        frame = body.kernel(tuple(f.item for f in frames))
         if not body.moves:
             _check_pushing(body, frames)
-        operators = None
+        operators, last = None, list[FrameItem]()
         if elastic and inertia is not None:
             operators = self._elastic(body, elastic, thermal, frames, inertia)
+            if body.stiffened is not None:
+                own = operators.generators
+                item, more = body.stiffened(operators.directions, len(own))
+                operators, last = replace(operators, generators=(*own, *more)), [item]
+        frame = body.kernel((*(f.item for f in frames), *last))
         origin = np.zeros(frame.border)
         if at_rest:
             origin[: len(body.pose)] = body.pose

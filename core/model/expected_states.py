@@ -131,7 +131,8 @@ def _displacements(
     for i, (before, after) in enumerate(zip(times[:-1], times[1:], strict=True), 1):
         f = ops.constant + ops.loads @ _mean(ops.amplitudes, before, after)
         f = f + _moving(ops.tables, after - h, after, len(f)) + thermal_forces[:, i]
-        f = f - ops.directions @ _frame_forces(model, body, before, after, bool(ops.generators))
+        moves = bool(body.frame.shape_columns)  # the inertia acts through the frame
+        f = f - ops.directions @ _frame_forces(model, body, before, after, moves)
         # a uniform temperature of no stress: thermal forces cancel to round-off
         cancelled = np.linalg.norm(f) <= ROUND_OFF * np.linalg.norm(ops.constant)
         forces.append(np.zeros_like(f) if cancelled else f)

@@ -18,10 +18,11 @@ from scipy.sparse import csr_array, issparse
 from sparsemor.core.arrays import Csr, FloatArray, IntArray, Matrix
 from sparsemor.core.model.assembled_term import AssembledTerm
 from sparsemor.core.protocols import ReducedTerm, Trial
-from sparsemor.core.protocols.body_frame import BodyFrame, FrameWork
+from sparsemor.core.protocols.body_frame import Frame, FrameWork
 from sparsemor.core.protocols.contributions import BodyRecord, FrameRecord
 from sparsemor.core.protocols.layout import Layout, Quantity
 from sparsemor.core.protocols.prescribed_motion import FrameHistory
+from sparsemor.core.protocols.separable import MovingBody
 
 
 def _dense(matrix: Matrix) -> FloatArray:
@@ -34,11 +35,11 @@ class FrameEquations(ReducedTerm):
     generators (constant matrices whose factors depend on the rigid motion).
 
     Y (b, n), D (p, n), Q: g matrices (n, n) of the quadratic forms, L (m, b), W (m, p), V: g
-    matrices (m, n), the first is the mass; y0 (b,): constant part of y. guide: a prescribed motion
-    of the frame, which is added to y = Y x + y0 and its rates.
+    matrices (m, n), the first is the mass if `inert`; y0 (b,): constant part of y. guide: a
+    prescribed motion of the frame, which is added to y = Y x + y0 and its rates.
     """
 
-    frame: BodyFrame
+    frame: Frame
     Y: Matrix
     y0: FloatArray
     D: Matrix
@@ -47,6 +48,7 @@ class FrameEquations(ReducedTerm):
     W: Matrix
     V: tuple[Matrix, ...]
     guide: FrameHistory | None = None
+    inert: bool = True
     linear: ClassVar[bool] = False
 
     def _evaluate(
@@ -76,7 +78,7 @@ class FrameEquations(ReducedTerm):
         r = self.L @ w.border[:, -1] + self.W @ w.sigma[-1]
         for i, V in enumerate(self.V):
             r = r + V @ (w.coefficients[i] * x + w.coefficients[g + i] * v)
-        if self.V:
+        if self.V and self.inert:
             r = r + self.V[0] @ a
         return np.asarray(r, dtype=np.float64)
 
@@ -99,7 +101,7 @@ class FrameEquations(ReducedTerm):
             row = row + np.outer(w.quad[:, 2, g], Q @ a + k2 * tx)
         kappa, mu = w.coefficients[:-1].reshape(2, -1)
         factors = (kappa + k1 * mu).tolist()
-        if self.V:
+        if self.V and self.inert:
             factors[0] += k2
         Y, L, H = self.Y, self.L, w.border[:, :-1]
         if not self.V or issparse(self.V[0]):  # few columns of Y and few rows of L are not zero
@@ -112,7 +114,7 @@ class FrameEquations(ReducedTerm):
     def time_derivative(self, order: int, t: float, h: float) -> "FrameEquations | None":
         """Equations whose constraint rows are the partial time derivative of the given order (1 or
         2) at t (s), or None where that is zero; h: time step, s."""
-        frame = self.frame.time_derivative(order, t, h)
+        frame = self.frame.time_derivative(order, t, h) if self.inert else None
         return None if frame is None else replace(self, frame=frame)
 
     def restricted(self, keep: IntArray) -> "FrameEquations":
@@ -133,6 +135,8 @@ class FrameEquations(ReducedTerm):
         for column, g in shifted.items():  # a direction M_g X becomes M_g (X + offset)
             W[:, column] += left @ (self.V[g] @ o)
             D[column] += T.T @ Qo[g]
+        for column, g in self.frame.stiff_columns:
+            W[:, column] += left @ (self.V[g] @ o)
         return replace(
             self, frame=frame, Y=_dense(self.Y @ T), y0=self.y0 + self.Y @ o, D=D,
             Q=tuple(T.T @ _dense(Q @ T) for Q in self.Q), L=_dense(left @ self.L), W=W,
@@ -176,6 +180,27 @@ def frame_term(
     V = _embedded(record.generators, mine, len(at))
     return AssembledTerm(at, at, FrameEquations(
         frame, Y, y0, D, V, Y.T.copy(), W, V, body.guide), record.origin.part)
+
+
+def stiffness_term(
+    body: MovingBody, elastic: IntArray, border: IntArray
+) -> AssembledTerm[FrameEquations]:
+    """Residual term of the geometric stiffness by the loads of a body alone; elastic, border: all
+    its displacements, and rigid coordinates and multipliers of the model."""
+    ops, frame = body.operators, body.frame
+    assert ops is not None
+    read = np.flatnonzero(body.to_border.any(axis=0))
+    at = np.sort(np.concatenate([border[read], elastic]))
+    mine, y = np.searchsorted(at, elastic), np.searchsorted(at, border[read])
+    n, own = len(at), frame.generators - len(frame.stiff_columns)
+    Y, D = np.zeros((frame.border, n)), np.zeros((frame.p, n))
+    Y[:, y], D[:, mine] = body.to_border[:, read], ops.directions.T
+    V = _embedded(ops.generators, mine, n)
+    none = csr_array((len(mine), n))
+    return AssembledTerm(elastic, at, FrameEquations(
+        frame, csr_array(Y), body.origin, csr_array(D), V, csr_array((len(mine), frame.border)),
+        csr_array((len(mine), frame.p)), (*(none,) * own, *(H[mine] for H in V[own:])),
+        body.guide, False), body.name)
 
 
 def _embedded(matrices: tuple[Csr, ...], at: IntArray, size: int) -> tuple[Csr, ...]:

@@ -44,6 +44,7 @@ from sparsemor.core.protocols.contributions import LocalRecord as LocalRecord
 from sparsemor.core.protocols.contributions import MatrixRecord as MatrixRecord
 from sparsemor.core.protocols.contributions import Origin as Origin
 from sparsemor.core.protocols.contributions import Records as Records
+from sparsemor.core.protocols.contributions import Stiffened as Stiffened
 from sparsemor.core.protocols.contributions import TableRecord as TableRecord
 from sparsemor.core.protocols.contributions import VectorRecord as VectorRecord
 from sparsemor.core.protocols.integrator import Controller as Controller

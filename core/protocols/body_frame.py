@@ -144,6 +144,12 @@ class Frame(Protocol):
         and so change with an offset of the displacements."""
         ...
 
+    @property
+    def stiff_columns(self) -> tuple[tuple[int, int], ...]:
+        """Pairs (direction, generator g) of directions whose loads have the factors of a generator,
+        as of geometric stiffness; the functional of the direction does not change with it."""
+        return ()
+
     def shifted(self, s: FloatArray, quadratic: FloatArray) -> "Frame":
         """Frame for displacements measured from a shape `offset`: s = directions^T offset (p,),
         quadratic (g,) = offset.M_g offset."""

@@ -131,6 +131,10 @@ class ConstraintRecord:
     targets: tuple[Amplitude, ...]
 
 
+Stiffened = Callable[[FloatArray, int], tuple[FrameItem, tuple[Csr, ...]]]
+"""As in `BodyRecord`."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class BodyRecord:
     """A body and its floating frame of reference.
@@ -138,7 +142,9 @@ class BodyRecord:
     kernel: function from contributions (inertia, forces, attachments) to the frame's equations;
     pose (b,): initial rigid coordinates; moves: True if they are unknowns; guide: prescribed motion
     of the frame; elastic_integrals, heat_integrals: element integrals, and stress_stiffness:
-    geometric stiffness, if the body offers them.
+    geometric stiffness, if the body offers them. stiffened: of a body that its loads stiffen, a
+    function from all directions (n, p) and the number of generators of its inertia to the last
+    contribution to its frame, and the further generators that have their factors from it.
     """
 
     origin: Origin
@@ -149,6 +155,7 @@ class BodyRecord:
     elastic_integrals: Callable[[], ElasticIntegrals] | None = None
     heat_integrals: Callable[[], HeatIntegrals] | None = None
     stress_stiffness: StressStiffness | None = None
+    stiffened: Stiffened | None = None
 
     @property
     def name(self) -> str:
@@ -208,12 +215,12 @@ class Equations:
         moves: bool, guide: FrameHistory | None = None,
         elastic_integrals: Callable[[], ElasticIntegrals] | None = None,
         heat_integrals: Callable[[], HeatIntegrals] | None = None,
-        stress_stiffness: StressStiffness | None = None,
+        stress_stiffness: StressStiffness | None = None, stiffened: Stiffened | None = None,
     ) -> None:
         """Adds a body and its floating frame; arguments as the fields of `BodyRecord`."""
         self._records.bodies.append(BodyRecord(
             self.origin, kernel, pose, moves, guide, elastic_integrals, heat_integrals,
-            stress_stiffness))
+            stress_stiffness, stiffened))
 
     def matrix(
         self, rows: str, columns: str, *, A: Csr | None = None, B: Csr | None = None,

@@ -101,11 +101,12 @@ class StressStiffness:
 
     matrices: function of nodal displacements (N, d), m, and temperatures (N,), K, or None, that
     returns the stiffness and the geometric stiffness of the free displacements (n, n), N/m.
-    nonlinear: True if the equations of the body contain it.
+    nonlinear: True if the equations of the body contain it; prestressed: only that of its loads.
     """
 
     matrices: Callable[[FloatArray, FloatArray | None], tuple[Csr, Csr]]
     nonlinear: bool
+    prestressed: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -52,7 +52,8 @@ def after_run(model: Model, result: RunResult) -> tuple[Note, ...]:
     displacements larger than the body's smallest extent."""
     found: list[Note] = []
     nonlinear = {m.name for m in model.separated.moving if m.operators is not None and (
-        s := m.operators.stress_stiffness) is not None and s.nonlinear}
+        s := m.operators.stress_stiffness) is not None and s.nonlinear and (
+            not s.prestressed)}
     for name, shape in model.shapes().items():
         heated, moved = (result.layout.of(name, q) for q in (
             Quantity.TEMPERATURE, Quantity.DISPLACEMENT))

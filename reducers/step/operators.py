@@ -163,12 +163,16 @@ class TestedElastic:
         push = test if force is None else force
         T, o = atoms.atoms, atoms.offset
         P = ops.directions.copy()
+        pushing = P  # as P, but for the stiffness by loads of an offset
         Mo = [M @ o for M in ops.generators]
         if np.any(o):
             # z = X + offset + atoms c: the shape moves, and with it every direction M_g X
             frame = frame.shifted(P.T @ o, np.array([o @ q for q in Mo]))
             for column, g in frame.shape_columns:
                 P[:, column] += Mo[g]
+            pushing = P.copy()
+            for column, g in frame.stiff_columns:
+                pushing[:, column] += Mo[g]
         constant = test(ops.stiffness) @ o - push(ops.constant)
         coupling = np.zeros((len(constant), 0))
         if ops.coupling is not None and heat is not None:
@@ -183,7 +187,8 @@ class TestedElastic:
             damping=np.asarray(test(ops.damping_force(T))) if damped else np.zeros(mass.shape),
             stiffness=np.asarray(test(ops.stiffness) @ T),
             generators=np.stack([np.asarray(push(M @ T)) for M in turns]) if turns else none,
-            directions=np.asarray(push(P)), coupling=coupling, loads=np.asarray(push(ops.loads)),
+            directions=np.asarray(push(pushing)), coupling=coupling,
+            loads=np.asarray(push(ops.loads)),
             constant=np.asarray(constant),
             quadratic=np.stack([T.T @ (M @ T) for M in turns]) if turns and rigid else np.zeros(
                 (0, k, k)),

@@ -313,10 +313,11 @@ class Reduced(WholeEquations):
     def linear_system(self) -> LinearSystem:
         """The equations as constant matrices (`StepSolver.linear_system`)."""
         moving = [b.at for b in self.driven
-                  if len(b.table.times) or b.table.at(0.0)[: 2 * len(b.G)].any()]
+                  if len(b.table.times) or b.table.at(0.0)[: 2 * len(b.G)].any()
+                  or (len(b.G) and b.step.guide is None)]
         reason = ("rigid coordinates or joint forces are unknowns" if len(self.border) else
                   "terms act between bodies or are not linear" if self.coupled else
-                  "a frame moves as prescribed" if moving else
+                  "a frame moves as prescribed, or loads stiffen a body" if moving else
                   "it has sampled rows" if self.sampled else "")
         if reason:
             raise InputError(f"its equations are not linear with constant matrices: {reason}",

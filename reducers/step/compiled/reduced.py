@@ -97,8 +97,8 @@ def evaluate(
             own.gains[i, j] = 1.0 if b.gains[i, j] < 0 else timed[b.gains[i, j]]
         evaluate_frame(
             b.kinds[i][:n], b.numbers[i], b.starts[i], own.gains[i], y[0], y[1], y[2], 0.0, 0.0,
-            s if k else own.nothing, forms, own.sigma[i], own.tau[i], own.H[i],
-            own.coefficients[i], own.sums)
+            s if k else own.nothing, forms[: 3 * g], own.sigma[i], own.tau[i], own.H[i],
+            own.coefficients[i, : 2 * g + 1], own.sums)
 
 
 def evaluate_frame(

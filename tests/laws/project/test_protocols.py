@@ -29,5 +29,5 @@ def test_nothing_else_is_exported() -> None:
     defined = {c for name in FILES
                for c in contracts(import_module(f"sparsemor.core.protocols.{name}"))}
     values = {"Amplitude", "Effect", "ErrorAction", "PROBLEM_FEATURES", "RowsKept",
-              "Solve"}
+              "Solve", "Stiffened"}
     assert NAMES == defined | values
