@@ -22,6 +22,7 @@ from sparsemor.bodies.frames.stiffening import Stiffening
 from sparsemor.bodies.joints.force_element import Drive, ItemForce
 from sparsemor.bodies.joints.friction_heat import FrictionPower, ReducedFrictionHeat
 from sparsemor.bodies.loads.convection import Film
+from sparsemor.bodies.loads.joule_heat import Squared
 from sparsemor.bodies.loads.part import unit
 from sparsemor.bodies.loads.radiation import GreyBody
 from sparsemor.bodies.temperature_curve import TemperatureCurve
@@ -31,7 +32,7 @@ from sparsemor.bodies.terms.point_term import PointTerm
 
 CLASSES: Sequence[object] = (
     Drive, Film, FrictionPower, GreyBody, Inertia, ItemForce, Law, PlanarFrame, PointTerm, Samples,
-    ReducedFrictionHeat, Stiffening, TemperatureCurve, Variable, unit,
+    ReducedFrictionHeat, Squared, Stiffening, TemperatureCurve, Variable, unit,
     constraints.Facing, constraints.Slide, dense.DenseTerm, dense.ReducedDense,
     force_items.BodyForce, force_items.Moment, force_items.SpaceForce, frame.SpatialFrame,
     items.Compliance, items.Nothing, items.UnitLength, joint_items.MeanPoint, joint_items.Reaction,

@@ -176,7 +176,9 @@ def machine() -> dict[str, Any]:
             "mount": {"use": "bushing", "between": ["block:p", "ground"],
                       "stiffness": [1e3, 2e3, 3e3]}},
         "loads": {"motor": {"use": "torque", "on": "one:p", "torque": [0.0, 0.0, 1.0]},
-                  "current": {"use": "heat_source", "on": ["coil"], "power": 5.0}},
+                  "current": {"use": "heat_source", "on": ["coil"], "power": 5.0},
+                  "wire": {"use": "joule_heat", "on": "coil", "conductivity": 1e6, "electrodes": {
+                      "left": {"potential": 0.0}, "right": {"current": 10.0}}}},
         "time": {"end": 0.02, "step": 1e-3}}
 
 
