@@ -52,7 +52,8 @@ ReplaceFile = Annotated[bool, typer.Option("--force", help="Replace an existing 
 
 FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
 OPTIONS = frozenset({"out", "resume", "reducers", "samplers", "required", "rows", "atoms",
-                     "integrators", "at", "items", "workers", "analysis", "spin", "about", "count"})
+                     "integrators", "at", "items", "workers", "analysis", "spin", "about", "count",
+                     "input", "frequencies", "outputs", "scaled"})
 """Names of command-line options that input errors may refer to; no key of a scene has such a
 name."""
 

@@ -12,6 +12,7 @@ from sparsemor.core.protocols.poses import FREE_POSE, PLANAR_POSE
 from sparsemor.plugins.analyses.modes import ComplexArray, Constrained, Modes, modes_of
 from sparsemor.plugins.analyses.motion import body_axes, in_body_axes, kept_rows
 from sparsemor.plugins.analyses.prepared import Prepared, equilibrium, rates, time_of
+from sparsemor.plugins.analyses.steady_heat import steady_heat
 from sparsemor.plugins.analyses.system import Tangents
 
 LATER, VARIES = 0.37, 1e-6
@@ -21,13 +22,13 @@ the relative difference up to which they are constant."""
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Linearised:
-    """Equations about a state in the axes of its bodies. z: tangents of all unknowns there; T (n,
-    m): changes of the system's unknowns by z; second, held: numbers among z of unknowns with
-    inertia and of multipliers."""
+    """Equations about a state in the axes of its bodies. z: tangents of all unknowns there; axes:
+    T, T' and T'' (n, m), changes of the system's unknowns by z; second, held: numbers among z of
+    unknowns with inertia and of multipliers."""
 
     state: State
     z: Tangents
-    T: Csr
+    axes: tuple[Csr, Csr, Csr]
     second: IntArray
     held: IntArray
 
@@ -37,8 +38,11 @@ def linearised(p: Prepared, at: float | None, spin: bool, about: str) -> Lineari
     `equilibrium` or `start`). Raises InputError for a rotation that is not steady."""
     t = time_of(p.scene, at)
     moving = rates(p, spin)
+    if about not in ("equilibrium", "start"):
+        raise InputError(f"must be equilibrium or start (got {about!r})", "about")
     if about == "equilibrium":
-        state = equilibrium(p, t, spin).state
+        state = (equilibrium(p, t, spin) if len(p.system.mechanical) else
+                 steady_heat(p, at=t)).state
     else:
         state = _forces(p, moving(p.system.start(t)))
     return about_state(p, state)
@@ -77,7 +81,7 @@ def about_state(p: Prepared, state: State) -> Linearised:
                 raise InputError("the equations vary as the bodies rotate, so that there are no "
                                  "modes: turn all coupled bodies at one constant rate, about the "
                                  "axis of what stands still, or leave out spin", "spin")
-    return Linearised(state, z, axes[0], second, held)
+    return Linearised(state, z, axes, second, held)
 
 
 def _later(p: Prepared, s: State, dt: float) -> FloatArray:
@@ -125,9 +129,10 @@ def frequencies(
         raise InputError("no body of this scene moves or deforms: nothing can vibrate", "bodies")
     lin = linearised(p, at, spin, about)
     modes = modes_of(Constrained.of(lin.z, lin.second, lin.held), count)
-    z = np.zeros((lin.T.shape[1], len(modes.values)), np.complex128)
+    T = lin.axes[0]
+    z = np.zeros((T.shape[1], len(modes.values)), np.complex128)
     z[lin.second] = modes.shapes
-    changes = np.asarray(p.system.direction(np.asarray(lin.T @ z)), np.complex128)
+    changes = np.asarray(p.system.direction(np.asarray(T @ z)), np.complex128)
     return Found(p.system.state(lin.state), modes, changes, tuple(_notes(modes)))
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sparsemor.core import InputError, Note, Quantity, Scene, State
+from sparsemor.core import FloatArray, InputError, Note, Quantity, Scene, State
 from sparsemor.core.linalg.threads import fixed_threads
 from sparsemor.core.notes import Level, sentences
 from sparsemor.core.registry.boundary import naming_plugins
@@ -17,10 +17,12 @@ from sparsemor.core.registry.registry import suggestions
 from sparsemor.core.results.output_lock import owned
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.progress import progress_bar
+from sparsemor.plugins.analyses.buckling import buckling
 from sparsemor.plugins.analyses.equilibrium import Solved, free_motions, neutral
 from sparsemor.plugins.analyses.frequencies import frequencies
 from sparsemor.plugins.analyses.modes import ComplexArray
 from sparsemor.plugins.analyses.prepared import Prepared, equilibrium, prepare, time_of
+from sparsemor.plugins.analyses.response import Response, frequency_response, kept_response
 from sparsemor.plugins.analyses.solution import (
     Solution,
     field_charts,
@@ -32,6 +34,8 @@ from sparsemor.plugins.analyses.steady_heat import steady_heat
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from sparsemor.core.simulation.reduced_model import ReducedModel
 
 SHAPE = 0.05
 """Largest motion of a stored mode relative to the size of its body."""
@@ -47,8 +51,8 @@ def solve(
     observers: Sequence[object] = (), cache: Cache | None = None, progress: bool = False,
     **options: Any,
 ) -> Solution:
-    """Solution of one analysis (`static`, `steady_heat`, `frequencies`) of a scene, at full order
-    or in the trial spaces of its reducer.
+    """Solution of one analysis (`ANALYSES`) of a scene, at full order or in the trial spaces
+    of its reducer.
 
     options: those of the analysis (docs/analyses.md); out: directory for its states, table and
     charts, by default a temporary one for the states alone. Raises InputError for bad input,
@@ -166,6 +170,8 @@ def of_shapes(
 ) -> Solution:
     """Solution with a state and its changes (N, k) by modes, stored as states number 0, 1, ..., k
     at times of these numbers."""
+    if not changes.shape[1]:
+        changes = np.zeros((len(state.x), 0), complex)
     turned = changes * np.exp(-1j * np.angle(np.take_along_axis(
         changes, np.abs(changes).argmax(axis=0)[None], axis=0)))
     shapes = scaled(turned, p, SHAPE)
@@ -181,6 +187,71 @@ def of_shapes(
                     facts, result, draw)
 
 
+def _buckling(
+    p: Prepared, *, out: Path | None, at: float | None = None, count: int = 3,
+    scaled: Sequence[str] | None = None,
+) -> Solution:
+    """Factors of loads at which the structure buckles."""
+    found = buckling(p, at=at, count=count, scaled=scaled)
+    rows = [{"mode": i + 1, "factor": float(f)} for i, f in enumerate(found.factors)]
+    names = ["state", *(f"mode {r['mode']}: factor {r['factor']:.4g}" for r in rows)]
+    facts = {"t": found.state.t, "unknowns": p.system.layout.size}
+    return of_shapes(p, "buckling", found.state, found.changes.astype(complex), rows, names, facts,
+                     found.notes, out)
+
+
+def _frequency_response(
+    p: Prepared, *, out: Path | None, input: str | None = None,
+    frequencies: Sequence[float] | None = None, outputs: Sequence[str] | None = None,
+    at: float | None = None, spin: bool = False, about: str = "equilibrium",
+) -> Solution:
+    """Steady response to one unit of a function of time, harmonic."""
+    source, f = _harmonic(input, frequencies)
+    notes = _left_out(p, spin)
+    found = frequency_response(p, source, f, outputs, at, spin, about)
+    return _of_response(found, source, p.scene, {"t": time_of(p.scene, at),
+                                                 "unknowns": p.system.layout.size}, notes)
+
+
+def _harmonic(
+    source: str | None, frequencies: Sequence[float] | None
+) -> tuple[str, FloatArray]:
+    if source is None:
+        raise InputError("name the function of time that is harmonic, such as loads.push.factor",
+                         "input")
+    f = np.asarray([] if frequencies is None else frequencies, dtype=np.float64)
+    if not (f.ndim == 1 and len(f) and np.isfinite(f).all() and (f >= 0.0).all()
+            and (np.diff(f) > 0.0).all()):
+        raise InputError("give increasing frequencies from 0 Hz on", "frequencies")
+    return source, f
+
+
+def _of_response(
+    found: Response, source: str, scene: Scene, facts: Mapping[str, Any], notes: Sequence[Note]
+) -> Solution:
+    return Solution("frequency_response", scene.name, scene.reducer_name, found.rows(),
+                    tuple(notes), (), {"input": source, "outputs": dict(found.units), **facts},
+                    None, lambda: {"frequency_response": found.figure(source)})
+
+
+def solve_kept(
+    model: "ReducedModel", analysis: str, *, out: Path | None = None, input: str | None = None,
+    frequencies: Sequence[float] | None = None, outputs: Sequence[str] | None = None,
+) -> Solution:
+    """Frequency response of a linear kept model. Raises InputError for other analyses, which need
+    its scene."""
+    if analysis != "frequency_response":
+        raise InputError(f"{analysis} needs the scene of the model: a kept model has its "
+                         "frequency_response", "analysis")
+    source, f = _harmonic(input, frequencies)
+    found = _of_response(kept_response(model, source, f, outputs), source, model.scene,
+                         {"unknowns": model.size}, ())
+    if out is not None:
+        found.write(out)
+    return found
+
+
 ANALYSES: Mapping[str, Callable[..., Solution]] = {
-    "static": _static, "steady_heat": _steady_heat, "frequencies": _frequencies}
+    "static": _static, "steady_heat": _steady_heat, "frequencies": _frequencies,
+    "buckling": _buckling, "frequency_response": _frequency_response}
 """Name of an analysis -> function of a prepared scene and its options."""

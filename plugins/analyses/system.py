@@ -146,6 +146,14 @@ class System:
                 self.bases[b.name].atoms @ own if b.name in self.bases else own)
         return found
 
+    def test(self, force: FloatArray) -> FloatArray:
+        """Forces (n,) on the system's unknowns from those on the model's (N,)."""
+        if not self.bases:
+            return force
+        return np.concatenate([
+            self.bases[b.name].atoms.T @ force[self.model.layout[b.name]] if b.name in self.bases
+            else force[self.model.layout[b.name]] for b in self.layout])
+
     def start(self, t: float) -> State:
         """Initial values of the model at the time t, at rest."""
         x = np.zeros(self.layout.size)
