@@ -21,6 +21,7 @@ from sparsemor.bodies.frames.plane import PlanarFrame
 from sparsemor.bodies.frames.stiffening import Stiffening
 from sparsemor.bodies.joints.force_element import Drive, ItemForce
 from sparsemor.bodies.joints.friction_heat import FrictionPower, ReducedFrictionHeat
+from sparsemor.bodies.loads.cavity_radiation import nothing
 from sparsemor.bodies.loads.convection import Film
 from sparsemor.bodies.loads.joule_heat import Squared
 from sparsemor.bodies.loads.part import unit
@@ -28,11 +29,13 @@ from sparsemor.bodies.loads.radiation import GreyBody
 from sparsemor.bodies.temperature_curve import TemperatureCurve
 from sparsemor.bodies.temperature_file import Samples
 from sparsemor.bodies.terms import dense, material_laws, nonlinear_strains, polynomial
+from sparsemor.bodies.terms.cavity import Exchange, ReducedCavity
 from sparsemor.bodies.terms.point_term import PointTerm
 
 CLASSES: Sequence[object] = (
-    Drive, Film, FrictionPower, GreyBody, Inertia, ItemForce, Law, PlanarFrame, PointTerm, Samples,
-    ReducedFrictionHeat, Squared, Stiffening, TemperatureCurve, Variable, unit,
+    Drive, Exchange, Film, FrictionPower, GreyBody, Inertia, ItemForce, Law, PlanarFrame, PointTerm,
+    ReducedCavity, ReducedFrictionHeat, Samples, Squared, Stiffening,
+    TemperatureCurve, Variable, nothing, unit,
     constraints.Facing, constraints.Slide, dense.DenseTerm, dense.ReducedDense,
     force_items.BodyForce, force_items.Moment, force_items.SpaceForce, frame.SpatialFrame,
     items.Compliance, items.Nothing, items.UnitLength, joint_items.MeanPoint, joint_items.Reaction,

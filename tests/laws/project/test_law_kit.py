@@ -178,7 +178,9 @@ def machine() -> dict[str, Any]:
         "loads": {"motor": {"use": "torque", "on": "one:p", "torque": [0.0, 0.0, 1.0]},
                   "current": {"use": "heat_source", "on": ["coil"], "power": 5.0},
                   "wire": {"use": "joule_heat", "on": "coil", "conductivity": 1e6, "electrodes": {
-                      "left": {"potential": 0.0}, "right": {"current": 10.0}}}},
+                      "left": {"potential": 0.0}, "right": {"current": 10.0}}},
+                  "glow": {"use": "cavity_radiation", "on": ["coil:top", "coil:left"],
+                           "emissivity": 0.9, "surroundings": 400.0}},
         "time": {"end": 0.02, "step": 1e-3}}
 
 

@@ -1,0 +1,217 @@
+"""Radiation between surfaces that see each other, of one or several bodies.
+
+    J = eps sigma T^4 + (1 - eps) H,   H = F J + F_a sigma T_a^4,   q = J - H
+
+(grey, diffuse; Howell, Menguc and Siegel, Thermal Radiation Heat Transfer, 6th ed. 2015, ch. 5),
+on patches of some facets each, with the view factors F of `fem/view_factors.py` and those to the
+surroundings, F_a, which are what the rows of F lack of 1.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Annotated, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from sparsemor.bodies.body import FloatingBody
+from sparsemor.bodies.fem.surface import divided
+from sparsemor.bodies.fem.view_factors import Facets, bounded, closed, exchange_areas
+from sparsemor.bodies.loads.part import LoadPart, NumberOrFunction
+from sparsemor.bodies.loads.radiation import STEFAN_BOLTZMANN
+from sparsemor.bodies.mesh.plausibility import celsius_notes
+from sparsemor.bodies.targets import find_surfaces
+from sparsemor.bodies.terms.cavity import CavityTerm, Exchange
+from sparsemor.core import (
+    Amplitude,
+    Effect,
+    Equations,
+    FloatArray,
+    InputError,
+    IntArray,
+    LoadPlugin,
+    Note,
+    Part,
+    information,
+)
+from sparsemor.core.protocols.poses import points_in_space
+
+OPEN = 0.1
+"""Largest share of 1 that a row of view factors of a closed cavity may lack before correction."""
+MOST = 2000
+"""Largest number of straight facets whose view factors are computed."""
+
+
+def nothing(t: float) -> float:
+    """Temperature of surroundings that a closed cavity does not see, K."""
+    return 0.0
+
+
+class CavityRadiation(LoadPlugin):
+    """Radiation between surfaces: each facet radiates outwards from its body, reflects diffusely,
+    and is in the shadow of the other facets that are named. View factors are those of the start."""
+
+    acts_on: ClassVar[Effect] = "temperature"
+    levels: ClassVar[tuple[str, ...]] = ("surroundings",)
+
+    on: Annotated[list[str], Field(min_length=1)]
+    """Surfaces `body:set`, all in the plane (per unit depth) or all in space."""
+    emissivity: float = Field(gt=0, le=1)
+    """Emissivity of the surfaces."""
+    emissivities: dict[str, Annotated[float, Field(gt=0, le=1)]] = {}
+    """Other emissivities of some of the surfaces, `body:set`."""
+    surroundings: NumberOrFunction | None = None
+    """Temperature of what is seen through the openings, K, a number or a function of time; when not
+    given, the surfaces enclose the cavity, and all radiation from one meets another."""
+    patches: int = Field(default=40, ge=1, le=400)
+    """Number of patches of all surfaces, each with one mean temperature."""
+    seed: int = Field(default=0, ge=0)
+    """Seed of the rays that find shadows."""
+
+    def build(self, name: str, parts: Mapping[str, Part]) -> LoadPart:
+        surfaces = find_surfaces(parts, self.on, "thermal")
+        unknown = sorted(set(self.emissivities) - set(self.on))
+        if unknown:
+            raise InputError(f"{unknown[0]!r} is none of the surfaces in `on`",
+                             f"emissivities.{unknown[0]}")
+        bodies = {body.name: body for body, _, _ in surfaces}
+        self._check(bodies)
+        nodes, corners = [], []
+        for body, mesh, facets in surfaces:
+            rows = divided(mesh, facets)
+            nodes.append(rows)
+            X = points_in_space(np.tile(body.pose, (len(body.X), 1)), body.X)
+            corners.append(X[rows])
+        facets_ = Facets.of(np.concatenate(corners))
+        if len(facets_.areas) > MOST:
+            raise InputError(f"{len(facets_.areas)} straight facets, of which view factors of at "
+                             f"most {MOST} are computed: name smaller surfaces, or coarser ones",
+                             "on")
+        of = np.repeat(np.arange(len(surfaces)), [len(n) for n in nodes])
+        patch = patches_of(facets_, of, max(self.patches, len(surfaces)))
+        areas = np.bincount(patch, facets_.areas).astype(np.float64)
+        S, notes = self._view_factors(name, facets_, patch, areas)
+        eps = np.zeros(len(areas))
+        eps[patch] = np.array([self.emissivities.get(text, self.emissivity)
+                               for text in self.on])[of]
+        G, g = (STEFAN_BOLTZMANN * c for c in grey(S / areas[:, None], eps))
+        loads = [(body, nodal_areas(body, surfaces, nodes, facets_, patch, of)) for body in
+                 bodies.values()]
+        depth = surfaces[0][0].thickness
+        ambient = nothing if self.surroundings is None else self.surroundings.value
+
+        def write(equations: Equations) -> None:
+            write_cavity(equations, loads, areas, depth, G, g, equations.over_steps(ambient))
+
+        celsius = () if self.surroundings is None else celsius_notes(
+            name, ambient(0.0), {n: b.T0 for n, b in bodies.items()},
+            {n: b.T_ref for n, b in bodies.items()})
+        return LoadPart(name, write, surroundings=None if self.surroundings is None else ambient,
+                        notes=(*celsius, *notes, *_moving(name, bodies)))
+
+    def _check(self, bodies: Mapping[str, FloatingBody]) -> None:
+        if len({b.d for b in bodies.values()}) > 1:
+            raise InputError("bodies in the plane and in space cannot radiate to each other", "on")
+        if len({b.thickness for b in bodies.values()}) > 1:
+            raise InputError("the bodies have different thicknesses: what leaves one would not "
+                             "arrive at the other", "on")
+
+    def _view_factors(
+        self, name: str, facets: Facets, patch: IntArray, areas: FloatArray
+    ) -> tuple[FloatArray, tuple[Note, ...]]:
+        """A_i F_ij (P, P) after correction, and a note that gives it."""
+        S = exchange_areas(facets, patch, self.seed)
+        sums = S.sum(axis=1) / areas
+        if self.surroundings is None and sums.min() < 1.0 - OPEN:
+            worst = facets.corners[patch == sums.argmin()].mean(axis=(0, 1))
+            where = ", ".join(f"{c:.4g}" for c in worst)
+            raise InputError(
+                f"the cavity is open: the view factors of the patch at ({where}) m add up to "
+                f"{sums.min():.3g}; name all surfaces around it, which face inwards, or give the "
+                "temperature of the surroundings", "on")
+        made = bounded(S, areas) if self.surroundings is not None else closed(S, areas)
+        change = float(np.abs(made.sum(axis=1) / areas - sums).max())
+        seen = "" if self.surroundings is None else (
+            f"; {1.0 - float(made.sum() / areas.sum()):.3g} of the radiation leaves")
+        return made, (information(
+            f"loads.{name}: {len(areas)} patches of {len(facets.areas)} facets; the sums of view "
+            f"factors were corrected by up to {change:.2g}{seen}", "view_factors"),)
+
+
+def _moving(name: str, bodies: Mapping[str, FloatingBody]) -> tuple[Note, ...]:
+    moving = [n for n, b in bodies.items() if b.moves or b.guide is not None]
+    return () if len(bodies) == 1 or not moving else (information(
+        f"loads.{name}: the view factors are those of the start, also where {', '.join(moving)} "
+        "moves", "fixed_view_factors"),)
+
+
+def patches_of(facets: Facets, of: IntArray, count: int) -> IntArray:
+    """(n,) number of the patch of each facet: surfaces `of` (n,), of which the patch with the
+    largest area times extent (of places and normals) is cut in two by its mean, until there are
+    `count`."""
+    z = np.concatenate([facets.corners.mean(axis=1) / facets.size, facets.normals], axis=1)
+
+    def spread(here: IntArray) -> float:
+        return float(facets.areas[here].sum() * np.ptp(z[here], axis=0).max())
+
+    groups = [np.flatnonzero(of == i) for i in range(int(of.max()) + 1)]
+    while len(groups) < count:
+        at = max(range(len(groups)), key=lambda k: spread(groups[k]))
+        here = groups[at]
+        along = z[here, np.ptp(z[here], axis=0).argmax()]
+        low = along <= np.average(along, weights=facets.areas[here])
+        if spread(here) <= 0.0 or low.all():
+            break
+        groups[at : at + 1] = [here[low], here[~low]]
+    patch = np.zeros(len(of), np.int64)
+    for i, here in enumerate(groups):
+        patch[here] = i
+    return patch
+
+
+def grey(F: FloatArray, eps: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """G (P, P) and g (P,) of q = G E + g E_a: net heat lost by patches with emissive powers E of a
+    black body, in surroundings with E_a."""
+    one, outside = np.eye(len(F)), np.maximum(0.0, 1.0 - F.sum(axis=1))
+    R = np.linalg.inv(one - (1.0 - eps)[:, None] * F)
+    H = one - F
+    return H @ R * eps, H @ R @ ((1.0 - eps) * outside) - outside
+
+
+def nodal_areas(
+    body: FloatingBody, surfaces: Sequence[tuple[FloatingBody, object, IntArray]],
+    nodes: Sequence[IntArray], facets: Facets, patch: IntArray, of: IntArray,
+) -> FloatArray:
+    """(N, P) area of each patch at each node of a body, m or m2: equal shares of the corners of its
+    straight facets."""
+    found = np.zeros((len(body.X), int(patch.max()) + 1))
+    for i, (owner, _, _) in enumerate(surfaces):
+        if owner.name == body.name:
+            here = of == i
+            np.add.at(found, (nodes[i], patch[here][:, None]),
+                      facets.areas[here][:, None] / facets.d)
+    return found
+
+
+def write_cavity(
+    equations: Equations, loads: Sequence[tuple[FloatingBody, FloatArray]], areas: FloatArray,
+    depth: float, G: FloatArray, g: FloatArray, ambient: Amplitude,
+) -> None:
+    """Adds the exchange to the temperatures of all bodies, with nodal areas (N, P) each."""
+    numbers, shares, given, blocks = [], [], [], []
+    for body, nodal in loads:
+        assert body.heat is not None
+        free = nodal[body.heat.free]
+        used = np.flatnonzero(free.any(axis=1))
+        if len(used):
+            blocks.append(f"{body.name}.thermal")
+            numbers.append(equations.numbers(blocks[-1])[used])
+            shares.append(free[used])
+        for at, function, shape in body.heat.prescribed:
+            mean = nodal[at].T @ shape / areas
+            if mean.any():
+                given.append((mean, function.value))
+    if not blocks:
+        return
+    at, S = np.concatenate(numbers), np.concatenate(shares)
+    equations.local(blocks, CavityTerm(
+        at, at, Exchange(G, g, ambient, tuple(given)), S.T / areas[:, None], depth * S))
