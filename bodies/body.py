@@ -110,6 +110,11 @@ class FloatingBody(Body):
         return int(self.X.shape[1])
 
     @property
+    def revolved(self) -> bool:
+        """True for a body of revolution, of which the mesh is the section."""
+        return self.mesh is not None and self.mesh.revolved
+
+    @property
     def total_mass(self) -> float | None:
         return None if self.inertia is None else self.inertia.mass
 
@@ -122,7 +127,7 @@ class FloatingBody(Body):
         """Warnings about its mesh, sets and bending stiffness."""
         if "bending" not in self._found:
             e, mesh = self.elasticity, self.mesh
-            self._found["bending"] = () if e is None or mesh is None else tuple(
+            self._found["bending"] = () if e is None or mesh is None or mesh.revolved else tuple(
                 bending_notes(self.name, mesh, e, self.thickness))
         return (*self.mesh_notes, *self._found["bending"])
 
@@ -183,7 +188,8 @@ class FloatingBody(Body):
             equations, self, self.inertia, self._field_inertia(),
             elastic_integrals=partial(elastic_integrals, self) if mesh else None,
             heat_integrals=partial(heat_integrals, self) if mesh else None,
-            stress_stiffness=None if self.elasticity is None or not mesh else StressStiffness(
+            stress_stiffness=None if (
+                self.elasticity is None or not mesh or self.revolved) else StressStiffness(
                 partial(stress_stiffness, self),
                 self.elasticity.nonlinear or self.elasticity.prestressed,
                 self.elasticity.prestressed),
@@ -236,6 +242,9 @@ class FloatingBody(Body):
         """Adds the weight of the deformed body: nodal masses times g (d,), m/s^2."""
         if self.inertia is None:
             return
+        if self.revolved and g[0] != 0.0:
+            raise InputError(f"{self.name!r} is axisymmetric: its weight acts along its axis y "
+                             f"alone (got {g[0]:g} m/s2 across it)", "g")
         write_weight(equations, self, self.inertia, g, amplitude, self._first())
 
     def body_force(self, equations: Equations, forces: FloatArray, amplitude: Amplitude) -> None:
@@ -293,7 +302,7 @@ class FloatingBody(Body):
                          given=() if h is None else h.prescribed,
                          eliminated_temperature=self.T0 if h is None and e is not None else None,
                          stress=None if e is None or not e.recoverable or self.T_ref is None else (
-                             e.stress_constants(len(self.mesh.cells), self.T_ref)))
+                             e.stress_constants(self.mesh, self.T_ref)))
 
     # ------------------------------------------------------------------ positions, sets and probes
 
@@ -302,6 +311,9 @@ class FloatingBody(Body):
         return float(np.ptp(self.X, axis=0).max()) if len(self.X) else 0.0
 
     def point_of(self, which: str, key: str) -> FloatArray:
+        if self.revolved:
+            raise InputError(f"{self.name!r} is axisymmetric: a point of its section is a ring, on "
+                             "which no joint or force at a point acts; take loads on surfaces", key)
         return np.asarray(self.centre_of(which, self.named(which, key)).weights @ self.X)
 
     def point_in_words(self, which: str) -> str:

@@ -6,6 +6,7 @@ wedges and hexahedra a body in space.
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self
 
@@ -13,6 +14,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 from scipy.sparse import csr_array
 
+from sparsemor.bodies.axisymmetric import held, option_faults, revolved_faults
 from sparsemor.bodies.body import FloatingBody
 from sparsemor.bodies.fem.elasticity import Model, elastic_stiffness, law, thermoelastic_coupling
 from sparsemor.bodies.fem.fields import Elasticity, Heat, ModalFactors
@@ -146,6 +148,9 @@ class Flexible(BodyPlugin):
     cells with all points in the set."""
     model: Literal["plane_stress", "plane_strain", "solid"] | None = None
     """Elastic model: plane stress in the plane when not given, `solid` in space."""
+    axisymmetric: bool = False
+    """The plane mesh is the section of a body of revolution, x the distance from its axis y: its
+    frame is `fixed`, it has no thickness, its strains are linear."""
     strains: Literal["linear", "prestressed", "nonlinear"] = "linear"
     """Strains of the elastic field, in the body frame. `linear`: small strains and rotations;
     a body then does not become stiffer or softer by its stress, as when it spins or is pushed.
@@ -218,6 +223,7 @@ class Flexible(BodyPlugin):
         gather.check()
         assert mesh is not None
         self._check_dimension(mesh, gather)
+        gather.check()
         fixed = gather("", self._fixed, mesh)
         T0 = gather("", self._initial_temperature, mesh, base)
         regions = gather("materials", regions_of, mesh, self.material, self.materials,
@@ -255,9 +261,9 @@ class Flexible(BodyPlugin):
         elif order is None:
             given = self.mesh.expected() is None  # by a file, not by divisions
             order = 2 if ELASTIC.name in self.fields and given else mesh.order
-        if order == mesh.order:
-            return mesh
-        return with_midpoints(mesh) if order == 2 else without_midpoints(mesh)
+        if order != mesh.order:
+            mesh = with_midpoints(mesh) if order == 2 else without_midpoints(mesh)
+        return replace(mesh, revolved=True) if self.axisymmetric else mesh
 
     def _check_options(self, gather: Gather) -> None:
         """Checks that need no mesh."""
@@ -313,7 +319,13 @@ class Flexible(BodyPlugin):
             gather.faults.append(Fault(
                 "capacity", "row sums of quadratic elements vanish or are negative at their "
                 "corners: take consistent, or order: 1"))
-        if plane and self.thickness is None:
+        if self.axisymmetric:
+            gather.faults += option_faults(
+                plane, self._materials(), frame=self.frame, thickness=self.thickness,
+                model=self.model, strains=self.strains, coupling=self.coupling,
+                capacity=self.capacity)
+            gather.faults += revolved_faults(mesh.points) if plane else ()
+        elif plane and self.thickness is None:
             gather.faults.append(Fault("thickness", "missing: the mesh is plane (m)"))
         if not plane and self.thickness is not None:
             gather.faults.append(Fault("thickness", "the mesh is 3-D and has its own: drop it"))
@@ -330,6 +342,8 @@ class Flexible(BodyPlugin):
         return 1.0 if self.thickness is None else self.thickness
 
     def _model(self, mesh: Mesh) -> Model:
+        if self.axisymmetric:  # the constants of a solid, with the hoop strain across the section
+            return "plane_strain"
         return self.model or ("plane_stress" if mesh.dimension == 2 else "solid")
 
     def _fixed(self, mesh: Mesh) -> IntArray | None:
@@ -338,6 +352,8 @@ class Flexible(BodyPlugin):
         if "elastic" not in self.fields or self.reference is None:
             return None
         fixed = self.reference.fixed(mesh)
+        if self.axisymmetric:
+            fixed = held(mesh, fixed)
         if len(fixed) == mesh.points.size:
             raise InputError(f"fixes all {len(fixed)} displacements of the {len(mesh.points)} "
                              "points, so that none is left to solve for: fix fewer points, "

@@ -66,7 +66,7 @@ class Reference(Plugin):
                 raise InputError(f"the mesh is plane: there is no z (got {components})", key)
             found += [d * nodes + i for i in which]
         fixed = np.unique(np.concatenate(found))
-        free = free_motions(mesh.points, fixed)
+        free = 0 if mesh.revolved else free_motions(mesh.points, fixed)
         if free:
             raise InputError(f"the body still has {free} rigid motion{'s' * (free > 1)}: hold more "
                              "components, or more points", "reference.hold")

@@ -109,6 +109,9 @@ class Polygonal(ContactPlugin):
                 raise InputError(
                     f"{text!r}: body {body.name!r} has no mesh, so it has no surface that "
                     "could touch; give its shape as a flexible body with `fields: []`", key)
+            if body.revolved:
+                raise InputError(f"{text!r}: body {body.name!r} is axisymmetric, and touches no "
+                                 "other: drop this contact", key)
             return body, divided(body.mesh, target.facets(key))
 
         gather = Gather()

@@ -49,13 +49,16 @@ class Elasticity:
     recoverable: bool = True
     two_way: bool = False
 
-    def stress_constants(self, cells: int, free: FloatArray) -> StressConstants:
+    def stress_constants(self, mesh: Mesh, free: FloatArray) -> StressConstants:
         """Constants of the stress in all cells; free (N,): stress-free temperature, K."""
+        cells = len(mesh.cells)
         region = np.zeros(cells, np.int64)
         for number, (here, _) in enumerate(self.regions):
             region[slice(None) if here is None else here] = number
         constants = np.array([[m.lam, m.mu, m.beta, m.lam_out, m.beta_out]
                               for _, m in self.regions])
+        if mesh.revolved:
+            constants = np.pad(constants, ((0, 0), (0, 1)), constant_values=1.0)
         return StressConstants(constants, region, free, self.nonlinear)
 
 

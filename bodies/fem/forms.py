@@ -3,6 +3,9 @@
     mass        w u v                   stiffness  lam div u div v + 2 mu eps(u) : eps(v)
     conduction  w grad u . grad v       expansion  w T div v
 
+Of the section of a body of revolution (`Mesh.revolved`) the weights are those of the full turn, 2
+pi x, and displacements have the hoop strain u_x / x, with `hoop_stiffness` and `hoop_expansion`.
+
 u, v: trial and test functions, scalar (temperature, one displacement component) or vector with the
 unknown number d * node + component. Numbers of unknowns are those of the nodes of the mesh. Cells
 are mapped by their own shape functions (isoparametric), triangles and tetrahedra with straight
@@ -205,6 +208,7 @@ def cell_quadratures(
     where they would not be.
     """
     found = []
+    degree += mesh.revolved
     for here, nodes, space in spaces(mesh, cells):
         chosen = space.rule(degree)
         more = degree
@@ -217,9 +221,10 @@ def cell_quadratures(
         elif space.simplex and space.degree(degree) <= 1:
             # one point is exact for linear integrands; scikit-fem takes three or more
             chosen = nodal.mean(axis=1, keepdims=True), chosen[1].sum(keepdims=True)
-        at = from_basis(space.basis(mesh, nodes, chosen), gradients)
+        at = _turned(mesh, from_basis(space.basis(mesh, nodes, chosen), gradients))
         if at_nodes:
-            whole = from_basis(space.basis(mesh, nodes, space.rule(1)), gradients=False)
+            whole = _turned(mesh, from_basis(
+                space.basis(mesh, nodes, space.rule(1 + mesh.revolved)), gradients=False))
             at = replace(at, weights=(whole.shape.values * whole.weights[:, None]).sum(axis=2))
         found.append((here, at))
     return found
@@ -232,6 +237,7 @@ def facet_quadratures(
     quadrature, exact for integrands of this degree with linear triangles and tetrahedra and theirs
     with others of straight edges; outward unit normals (d, n, Q). Without gradients the nodes of a
     facet are its own, else those of its cell."""
+    degree += mesh.revolved
     d, near = mesh.dimension, np.zeros(len(mesh.points), np.bool_)
     near[facets] = True
     some = np.flatnonzero(np.count_nonzero(near[mesh.cells], axis=1) >= d)
@@ -285,7 +291,14 @@ def _on_facet(
     size = np.linalg.norm(normals, axis=0)
     shape = ShapeFunctions(nodes[:, own], phi[None], None) if not gradients else (
         from_basis(space.basis(mesh, nodes, (points, weights))).shape)
-    return Quadrature(shape, size * weights, np.einsum("eni,nq->ieq", X, phi)), normals / size
+    at = Quadrature(shape, size * weights, np.einsum("eni,nq->ieq", X, phi))
+    return _turned(mesh, at), normals / size
+
+
+def _turned(mesh: Mesh, at: Quadrature) -> Quadrature:
+    """The quadrature, of the section of a body of revolution over its full turn."""
+    return at if not mesh.revolved else replace(
+        at, weights=2.0 * np.pi * at.coordinates[0] * at.weights)
 
 
 # ---------------------------------------------------------------------- element matrices
@@ -321,6 +334,27 @@ def expansion(at: Quadrature, weight: float) -> FloatArray:
     phi = at.shape.values * (weight * at.weights)[:, None]
     phi = phi.sum(axis=2, keepdims=True) if G.shape[3] == 1 else phi
     return np.asarray(G.reshape(E, n * d, -1) @ phi.transpose(0, 2, 1))
+
+
+def hoop_stiffness(at: Quadrature, lam: float, mu: float) -> FloatArray:
+    """Stiffness of a body of revolution, with the hoop strain u_x / x."""
+    G, phi, w = at.shape.gradients, at.shape.values / at.coordinates[0][:, None], at.weights
+    assert G is not None
+    E, n, d, _ = G.shape
+    trace = np.broadcast_to(G, (E, n, d, w.shape[1])).copy()
+    trace[:, :, 0] += phi
+    flat = trace.reshape(E, n * d, -1)
+    K = stiffness(at, 0.0, mu) + lam * (flat * w[:, None]) @ flat.transpose(0, 2, 1)
+    K[:, ::d, ::d] += 2.0 * mu * (phi * w[:, None]) @ phi.transpose(0, 2, 1)
+    return np.asarray(K)
+
+
+def hoop_expansion(at: Quadrature, weight: float) -> FloatArray:
+    """Thermal forces of a body of revolution, with the hoop strain."""
+    phi = np.broadcast_to(at.shape.values, (len(at.weights), *at.shape.values.shape[1:]))
+    K, d = expansion(at, weight), at.coordinates.shape[0]
+    K[:, ::d] += (phi * (weight * at.weights / at.coordinates[0])[:, None]) @ phi.transpose(0, 2, 1)
+    return K
 
 
 def _gradients(at: Quadrature) -> tuple[FloatArray, FloatArray]:
@@ -409,13 +443,16 @@ def _chunks(
 ) -> Iterator[tuple[IntArray, Space, Quadrature, FloatArray]]:
     """Positions in `cells`, space, quadrature and element matrices, in scikit-fem's order of nodes,
     of some cells of one kind at a time."""
+    hooped = form in (stiffness, expansion) and mesh.revolved
+    made = form if not hooped else hoop_stiffness if form is stiffness else hoop_expansion
+    order = 2 if hooped else order + mesh.revolved
     for here, nodes, space in spaces(mesh, cells):
         points, w = space.rule(order)
         some = max(CHUNK // (nodes.shape[1] * mesh.dimension)**2, 1)
         for start in range(0, len(here), some):
             own = slice(start, start + some)
-            at = from_basis(space.basis(mesh, nodes[own], (points, w)))
-            yield here[own], space, at, form(at, **weights)
+            at = _turned(mesh, from_basis(space.basis(mesh, nodes[own], (points, w))))
+            yield here[own], space, at, made(at, **weights)
 
 
 def _without_round_off(A: Csr) -> Csr:

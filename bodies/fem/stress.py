@@ -2,11 +2,12 @@
 
     eps = sym grad u,    sigma = lam tr(eps) I + 2 mu eps - beta (T - T_free) I
 
-in body axes. With nonlinear strains eps is the Green-Lagrange strain, the same law gives the second
-Piola-Kirchhoff stress S, and the Cauchy stress is F S F^T / det F with F = I + grad u. They are
-evaluated at the nodes of each cell and averaged there over the cells, with their volumes as
-weights, separately for each material: a node between two of them has a value of each, because the
-stress along their boundary jumps.
+in body axes. A body of revolution has the hoop strain u_x / x across its section. With nonlinear
+strains eps is the Green-Lagrange strain, the same law gives the second Piola-Kirchhoff stress S,
+and the Cauchy stress is F S F^T / det F with F = I + grad u. They are evaluated at the nodes of
+each cell and averaged there over the cells, with their volumes as weights, separately for each
+material: a node between two of them has a value of each, because the stress along their boundary
+jumps.
 """
 
 from functools import cached_property
@@ -20,10 +21,10 @@ from sparsemor.core.protocols.cells import by_kind, corners_of, padded
 class CellStress:
     """Strain and stress of one body at its nodes, once for each material of their cells.
 
-    points (N, d); cells (E, q): as `Mesh.nodes`; constants (R, 5): lam, mu, beta, and lam, beta of
-    the stress across the plane, of each material; region (E,): material of each cell; nonlinear:
-    True for Green-Lagrange strains. nodes (P,): node of each value; own (E, q): number of the value
-    at the nodes of each cell (`_by_material`).
+    points (N, d); cells (E, q): as `Mesh.nodes`; constants (R, 5 or 6): lam, mu, beta, and lam,
+    beta of the stress across the plane, of each material, and 1 of a body of revolution; region
+    (E,): material of each cell; nonlinear: True for Green-Lagrange strains. nodes (P,): node of
+    each value; own (E, q): number of the value at the nodes of each cell (`_by_material`).
     """
 
     def __init__(
@@ -31,7 +32,7 @@ class CellStress:
         nonlinear: bool = False,
     ) -> None:
         self.points, self.cells, self.nonlinear = points, cells, nonlinear
-        self.constants = constants[region]  # (E, 5)
+        self.constants, self.revolved = constants[region, :5], constants.shape[1] > 5
         self.nodes, self.own = _by_material(
             cells, np.unique(constants, axis=0, return_inverse=True)[1].ravel()[region])
 
@@ -64,6 +65,7 @@ class CellStress:
         """(P, 3, 3) strain for displacements u (N, d), m, and temperatures above the stress-free
         ones (N,), K; across the plane that of no stress in plane stress, else zero."""
         eps = self._strain(self._gradient(u))
+        self._add_hoop(eps, u)
         eps[..., 2, 2] += self._across(eps, heating)
         return self._averaged(eps)
 
@@ -84,6 +86,7 @@ class CellStress:
         """(E, q, 3, 3) Cauchy stress, Pa, at the nodes of each cell."""
         gradient, d = self._gradient(u), self.points.shape[1]
         eps = self._strain(gradient)
+        self._add_hoop(eps, u)
         lam, mu, beta, lam_out, beta_out = self.constants.T[:, :, None]
         trace, dT = np.trace(eps, axis1=2, axis2=3), heating[self.cells]
         found = 2.0 * mu[..., None, None] * eps
@@ -112,9 +115,17 @@ class CellStress:
             eps[..., :d, :d] += 0.5 * gradient.swapaxes(2, 3) @ gradient
         return eps
 
+    def _add_hoop(self, eps: FloatArray, u: FloatArray) -> None:
+        """Adds the hoop strain u_x / x of a body of revolution; on the axis that is eps_xx."""
+        if self.revolved:
+            x = self.points[self.cells][..., 0]
+            off = x > 1e-12 * float(np.ptp(self.points, axis=0).max())
+            eps[..., 2, 2] = np.where(
+                off, u[self.cells][..., 0] / np.where(off, x, 1.0), eps[..., 0, 0])
+
     def _across(self, eps: FloatArray, heating: FloatArray) -> FloatArray:
         """(E, q) strain across the plane that makes no stress there, of plane stress; else zero."""
-        if self.points.shape[1] == 3:
+        if self.points.shape[1] == 3 or self.revolved:
             return np.zeros(self.cells.shape)
         lam, mu, beta, lam_out, beta_out = self.constants.T[:, :, None]
         across = (beta * heating[self.cells] - lam * (eps[..., 0, 0] + eps[..., 1, 1])) / (2.0 * mu)

@@ -130,9 +130,9 @@ class StressConstants:
     """Constants of the stress lam tr(eps) I + 2 mu eps - beta (T - T_free) I of a body.
 
     constants (R, 5): lam, mu, Pa, beta, Pa/K, and lam and beta of the stress across the plane, of
-    each material; region (E,): material of each cell; free (N,): stress-free temperature T_free, K.
-    nonlinear: True if eps is the Green-Lagrange strain and the stress is the second Piola-Kirchhoff
-    stress.
+    each material, and of a body of revolution a sixth, 1; region (E,): material of each cell; free
+    (N,): stress-free temperature T_free, K. nonlinear: True if eps is the Green-Lagrange strain and
+    the stress is the second Piola-Kirchhoff stress.
     """
 
     constants: FloatArray

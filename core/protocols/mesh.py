@@ -27,7 +27,8 @@ class Mesh:
     those inside the body included; cell_sets: name -> sorted numbers of the cells that it tags.
     midpoints: (E, m) point numbers of the further nodes of cells of second order, in the order of
     `CellKind.further`, rows filled up as those of `cells`, numbered after all corners; (E, 0) for
-    first order. notes: warnings about what was read.
+    first order. notes: warnings about what was read. revolved: True for the section of a body of
+    revolution about y.
     """
 
     points: FloatArray
@@ -37,6 +38,7 @@ class Mesh:
     facet_sets: Mapping[str, IntArray] = field(default_factory=dict)
     cell_sets: Mapping[str, IntArray] = field(default_factory=dict)
     notes: tuple[Note, ...] = ()
+    revolved: bool = False
 
     @property
     def dimension(self) -> int:

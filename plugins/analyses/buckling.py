@@ -67,6 +67,11 @@ def buckling(
                          "springs hold",
                          "joints")
     s = equilibrium(replace(p, scene=scene, system=system), t, False).state
+    for body in system.model.separated.moving:
+        ops = body.operators
+        if ops is not None and ops.stress_stiffness is None:
+            raise InputError("the geometric stiffness of this body is not known: its matrices, or "
+                             "its section, are all that there is", f"bodies.{body.name}")
     return _about(p, system, s, count)
 
 
