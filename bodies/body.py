@@ -13,6 +13,7 @@ from sparsemor.bodies.fem.bending import bending_notes
 from sparsemor.bodies.fem.element_balance import elastic_integrals, heat_integrals
 from sparsemor.bodies.fem.fields import Elasticity, Heat
 from sparsemor.bodies.fem.pointwise_law import PointwiseLaw
+from sparsemor.bodies.fem.stress import CellStress
 from sparsemor.bodies.fem.stress_stiffness import stress_stiffness
 from sparsemor.bodies.frames import nodal
 from sparsemor.bodies.frames.floating import (
@@ -56,7 +57,7 @@ from sparsemor.core import (
     TimeFunction,
     suggestions,
 )
-from sparsemor.core.protocols import FrameItem, MeanTemperature, StressStiffness
+from sparsemor.core.protocols import FrameItem, MeanTemperature, ProbeStress, StressStiffness
 
 NO_NUMBERS = np.zeros(0, np.int64)
 KINDS = {2: "plane: give two", 3: "spatial: give three"}
@@ -383,6 +384,19 @@ class FloatingBody(Body):
             prescribed = tuple((float(weights[n] @ w), f) for n, f, w in self.heat.prescribed)
         return ProbePlace(name, self.name, point, displacement, temperature, prescribed,
                           self.pose, self.guide)
+
+    def stress_at(self, at: str | Sequence[float]) -> ProbeStress | None:
+        e, h, mesh = self.elasticity, self.heat, self.mesh
+        if e is None or mesh is None or e.nonlinear or not e.recoverable:
+            return None
+        assert self.T0 is not None and self.T_ref is not None
+        s = e.stress_constants(len(mesh.cells), self.T_ref)
+        by_u, by_T = CellStress(mesh.points, mesh.nodes, s.constants, s.region).functional(
+            self._probed(at)[0])
+        if h is None:
+            return ProbeStress(by_u[e.free], None, (self.T0 - self.T_ref) @ by_T)
+        return ProbeStress(by_u[e.free], by_T[h.free], -self.T_ref @ by_T,
+                           tuple((w @ by_T[nodes], f) for nodes, f, w in h.prescribed))
 
     def _probed(self, at: str | Sequence[float]) -> tuple[FloatArray, FloatArray]:
         """Weights (N,) and reference position (d,), m (body frame), of a probe."""

@@ -102,6 +102,32 @@ class CellStress:
             found = F @ found @ F.swapaxes(2, 3) / np.linalg.det(F)[..., None, None]
         return np.asarray(found)
 
+    def functional(self, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Derivatives (d N, 6) and (N, 6) of the weighted sum of the stress at nodes, weights (N,),
+        by displacements and temperatures, for linear strains; components xx, yy, zz, xy, yz, xz. At
+        a node of several materials it is that of the first of them."""
+        slopes, volumes = self._slopes
+        N, d = self.points.shape
+        first = (self.own == self.cells) & (np.diff(self.cells, axis=1, prepend=-1) != 0)
+        share = np.where(first, volumes[:, None], 0.0)
+        total = np.bincount(self.cells.ravel(), share.ravel(), N)
+        share *= (weights / np.where(total > 0.0, total, 1.0))[self.cells]
+        used = np.flatnonzero(share.any(axis=1))
+        nodes, share = self.cells[used], share[used]
+        lam, mu, beta, lam_out, beta_out = self.constants[used].T[:, :, None]
+        D = np.einsum("ep,epaj->eaj", share, slopes[used])
+        by_u, by_T = np.zeros((N, d, 6)), np.zeros((N, 6))
+        for k, (i, j) in enumerate(((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))):
+            part = np.zeros(D.shape)
+            if max(i, j) < d:
+                part[:, :, i] += mu * D[:, :, j]
+                part[:, :, j] += mu * D[:, :, i]
+            if i == j:
+                part += (lam if i < d else lam_out)[:, :, None] * D
+                np.add.at(by_T[:, k], nodes, -(beta if i < d else beta_out) * share)
+            np.add.at(by_u[:, :, k], nodes, part)
+        return by_u.reshape(-1, 6), by_T
+
     def _gradient(self, u: FloatArray) -> FloatArray:
         """(E, q, d, d) displacement gradient at the nodes of each cell."""
         return np.asarray(np.einsum("eai,epaj->epij", u[self.cells], self._slopes[0]))

@@ -167,7 +167,14 @@ def _probe(body: Body, name: str, probe: Probe) -> ProbePlace:
     made = body.probe(name, probe.at)
     if made is None:
         raise PROBES.refusal(body, "body")
-    return made
+    if not probe.stress:
+        return made
+    found = body.stress_at(probe.at)
+    if found is None:
+        raise InputError(f"body {body.name!r} has no stress that is linear in its displacements "
+                         "and temperatures: it needs a mesh, the field elastic, linear strains and "
+                         "constant E and alpha", "stress")
+    return replace(made, stress=found)
 
 
 def _body(

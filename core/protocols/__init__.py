@@ -18,6 +18,7 @@ from sparsemor.core.protocols.body import MaterialProperties as MaterialProperti
 from sparsemor.core.protocols.body import MeanTemperature as MeanTemperature
 from sparsemor.core.protocols.body import Part as Part
 from sparsemor.core.protocols.body import ProbePlace as ProbePlace
+from sparsemor.core.protocols.body import ProbeStress as ProbeStress
 from sparsemor.core.protocols.body import StressConstants as StressConstants
 from sparsemor.core.protocols.body import StressRecovery as StressRecovery
 from sparsemor.core.protocols.body import TemperatureProperty as TemperatureProperty

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import ClassVar, Protocol
 
@@ -105,6 +105,18 @@ class Material(Plugin):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class ProbeStress:
+    """Stress at a probe: displacement (n, 6): weights on elastic unknowns; temperature (m, 6): on
+    temperature unknowns, None without them; base (6,), Pa; given: weights (6,) and functions of
+    time of prescribed temperatures. Components xx, yy, zz, xy, yz, xz, in body axes."""
+
+    displacement: FloatArray
+    temperature: FloatArray | None
+    base: FloatArray
+    given: tuple[tuple[FloatArray, TimeFunction], ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class ProbePlace:
     """A material point whose motion and temperature are recorded, as weights on the unknowns of its
     body.
@@ -112,7 +124,8 @@ class ProbePlace:
     point (d,): reference position in the body frame, m; displacement (n, d): weights on elastic
     unknowns; temperature (m,): weights on temperature unknowns; given: (weight, function of time)
     of prescribed temperatures, K. Weights are None for a field that the body lacks. pose: rigid
-    coordinates of a fixed frame; guide: prescribed motion of the frame, or None.
+    coordinates of a fixed frame; guide: prescribed motion of the frame, or None. stress: the stress
+    there, if it is recorded.
     """
 
     name: str
@@ -123,6 +136,18 @@ class ProbePlace:
     given: tuple[tuple[float, TimeFunction], ...]
     pose: FloatArray
     guide: FrameHistory | None = None
+    stress: ProbeStress | None = None
+
+    def without_mesh(self) -> ProbePlace:
+        """Copy without weights of the mesh's size."""
+        few = None if self.stress is None else replace(
+            self.stress, displacement=np.zeros((0, 6)), temperature=None)
+        return replace(self, displacement=None, temperature=None, stress=few)
+
+    @property
+    def functions(self) -> tuple[tuple[object, TimeFunction], ...]:
+        """Weights and functions of time of prescribed temperatures on which it depends."""
+        return (*self.given, *(() if self.stress is None else self.stress.given))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -378,6 +403,11 @@ class Body(Part):
     def probe(self, name: str, at: str | Sequence[float]) -> ProbePlace | None:
         """Material point whose motion is recorded, given by a point set, or by coordinates in the
         body frame, m; None if the body has no such points."""
+        return None
+
+    def stress_at(self, at: str | Sequence[float]) -> ProbeStress | None:
+        """Stress at a point that `probe` takes; None where it is no linear function of
+        displacements and temperatures."""
         return None
 
     @property

@@ -22,7 +22,8 @@ class ProbeHeader:
     """Material point that is recorded at each stored step; `position` (d,) in the body frame, m.
 
     `components` and `units`: names and units of the recorded columns: d coordinates in space and,
-    where the body has these fields, d displacements in body axes and a temperature.
+    where the body has these fields, d displacements in body axes and a temperature, and where it is
+    asked for the stress.
     """
 
     name: str
@@ -40,8 +41,7 @@ class ProbeHeader:
     @property
     def temperature(self) -> int | None:
         """Column of the temperature; None where it is not recorded."""
-        last = len(self.components) - 1
-        return last if last % len(self.position) == 0 else None
+        return self.components.index("temperature") if "temperature" in self.components else None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -14,6 +14,9 @@ from sparsemor.core.protocols.poses import points_in_space
 from sparsemor.core.protocols.prescribed_motion import FrameHistory
 from sparsemor.core.results.metadata import ProbeHeader
 
+STRESSES = ("xx", "yy", "zz", "xy", "yz", "xz")
+"""Components of the stress."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AffineOutput:
@@ -53,6 +56,8 @@ class ProbeReader:
     rigid: slice | None
     displacement: AffineOutput | None
     temperature: AffineOutput | None
+    stress: tuple[AffineOutput, ...] = ()
+    """Parts of its stress."""
 
     @classmethod
     def of(
@@ -60,12 +65,15 @@ class ProbeReader:
     ) -> "ProbeReader":
         frame, moved, heated = (layout.of(place.body, q) for q in (
             Quantity.POSE, Quantity.DISPLACEMENT, Quantity.TEMPERATURE))
-        u, T = place.displacement, place.temperature
+        u, T, s = place.displacement, place.temperature, place.stress
+        parts = [] if s is None else [(moved, s.displacement), (heated, s.temperature)]
         return cls(
             place, None if frame is None else layout[frame.name],
             None if u is None or moved is None else AffineOutput.of(moved.name, u, layout, maps),
             None if T is None or heated is None
-            else AffineOutput.of(heated.name, T[:, None], layout, maps))
+            else AffineOutput.of(heated.name, T[:, None], layout, maps),
+            tuple(AffineOutput.of(block.name, weights, layout, maps) for block, weights in parts
+                  if block is not None and weights is not None))
 
     @property
     def name(self) -> str:
@@ -78,6 +86,9 @@ class ProbeReader:
             names, units = names + [f"u_{a}" for a in axes], units * 2
         if self.temperature is not None:
             names, units = [*names, "temperature"], [*units, "K"]
+        if self.place.stress is not None:
+            names += [*(f"stress_{STRESSES[i]}" for i in self._stresses), "von_mises"]
+            units += ["Pa"] * (len(self._stresses) + 1)
         point = tuple(float(c) for c in self.place.point)
         return ProbeHeader(self.name, self.place.body, point, tuple(names), tuple(units))
 
@@ -93,7 +104,20 @@ class ProbeReader:
             for weight, function in self.place.given:
                 T = T + weight * np.array([function.value(s) for s in t])
             columns.append(T)
+        if self.place.stress is not None:
+            s = self.place.stress.base + sum(part(x) for part in self.stress)
+            for weights, function in self.place.stress.given:
+                s = s + np.outer([function.value(r) for r in t], weights)
+            n, m = s[:, :3], s[:, 3:]
+            columns += [*s[:, self._stresses].T, np.sqrt(
+                1.5 * ((n - n.mean(axis=1, keepdims=True)) ** 2).sum(axis=1)
+                + 3.0 * (m**2).sum(axis=1))]
         return np.stack(columns, axis=1)
+
+    @property
+    def _stresses(self) -> list[int]:
+        """Numbers of the components of stress that a body of its dimension has."""
+        return [0, 1, 2, 3] if len(self.place.point) == 2 else list(range(6))
 
     def _pose(self, t: FloatArray, x: FloatArray) -> FloatArray:
         """(j, 3), (j, 4) or (j, 7) rigid coordinates of the body's frame at times t (j,)."""
@@ -104,15 +128,17 @@ class ProbeReader:
         return np.tile(self.place.pose, (len(t), 1))
 
     def described(self, row: FloatArray) -> dict[str, Any]:
-        """Position (m), displacement (m) and temperature (K), as far as the body has them, of one
-        row by name."""
+        """Position (m), displacement (m), temperature (K) and stress (Pa), as far as they are
+        recorded, of one row by name."""
         values = [float(v) for v in row]
         d = len(self.place.point)
         found: dict[str, Any] = {"position": values[:d]}
         if self.displacement is not None:
             found["displacement"] = values[d : 2 * d]
         if self.temperature is not None:
-            found["temperature"] = values[-1]
+            found["temperature"] = values[d if self.displacement is None else 2 * d]
+        if self.place.stress is not None:
+            found["stress"] = values[-len(self._stresses) - 1 : -1]
         return found
 
 

@@ -131,3 +131,5 @@ class Probe(Plugin):
     """Name of the body."""
     at: str | Annotated[list[float], Field(min_length=2, max_length=3)]
     """Point set of the body (the mean of its nodes), or coordinates, m (the nearest node)."""
+    stress: bool = False
+    """Record the stress there, too, in body axes, and the von Mises stress, Pa."""

@@ -362,7 +362,7 @@ class ReducedModel:
             "model": None, "estimator": None, "own_loads": True, "offline": None,
             "full_start": None,
             "given": run.given if fields else {}, "probes": tuple(
-                replace(p, place=replace(p.place, displacement=None, temperature=None))
+                replace(p, place=p.place.without_mesh())
                 for p in run.probes),
             "notes": (*run.notes, *_without_estimate(run))}
         del parts["scene"]
@@ -416,7 +416,7 @@ class ReducedModel:
                 kind == "joints" or self.scene.loads[name].acts_on == "motion"):
             return "it acts on the rigid-body pre-simulation, which the model follows"
         if any(f is function for s in self._run.given.values() for _, f, _ in s.given) or any(
-                f is function for p in self._run.probes for _, f in p.place.given):
+                f is function for p in self._run.probes for _, f in p.place.functions):
             return "it prescribes temperatures, which are no unknowns of the model"
         try:
             return "" if key in self._packed.used else "the model has no such function of time"

@@ -4,7 +4,14 @@ from collections.abc import Sequence
 
 from sparsemor.core.model.compressed_local import CompressedLocal
 from sparsemor.core.notes import Level, Note
-from sparsemor.core.protocols import BodyShape, Dictionary, ProbePlace, State, StressConstants
+from sparsemor.core.protocols import (
+    BodyShape,
+    Dictionary,
+    ProbePlace,
+    ProbeStress,
+    State,
+    StressConstants,
+)
 from sparsemor.core.protocols.layout import Block, FieldKind, Layout, Quantity
 from sparsemor.core.protocols.load_tables import Table
 from sparsemor.core.protocols.prescribed_motion import FrameHistory, Stage
@@ -18,6 +25,6 @@ from sparsemor.core.simulation.blow_up import Extent, Extents
 CLASSES: Sequence[object] = (
     AffineOutput, Block, BodyShape, CompressedLocal, Dictionary, Extent, Extents, FieldKind,
     ForceReader, FrameHistory, Held, Layout, Level, LoadColumn, MovingBody, Note, Prescribed,
-    ProbeHeader, ProbePlace, ProbeReader, Quantity, RunHeader, Separated, Stage, State,
-    StepAmplitude, StepFunction, StressConstants, Table,
+    ProbeHeader, ProbePlace, ProbeReader, ProbeStress, Quantity, RunHeader, Separated, Stage,
+    State, StepAmplitude, StepFunction, StressConstants, Table,
 )

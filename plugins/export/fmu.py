@@ -108,6 +108,8 @@ class _Outputs:
 
     def _of_probe(self, probe: ProbeReader, at: int) -> tuple[list[int], list[float]] | None:
         d, u = len(probe.place.point), probe.displacement
+        if at >= d * (1 + (u is not None)) + (probe.temperature is not None):
+            return None  # a stress
         if at >= d:
             part = u if at < 2 * d and u is not None else probe.temperature
             column = at - d if part is u else 0
