@@ -387,10 +387,10 @@ class FloatingBody(Body):
 
     def stress_at(self, at: str | Sequence[float]) -> ProbeStress | None:
         e, h, mesh = self.elasticity, self.heat, self.mesh
-        if e is None or mesh is None or e.nonlinear or not e.recoverable:
+        if e is None or mesh is None or e.nonlinear or not e.recoverable or mesh.revolved:
             return None
         assert self.T0 is not None and self.T_ref is not None
-        s = e.stress_constants(len(mesh.cells), self.T_ref)
+        s = e.stress_constants(mesh, self.T_ref)
         by_u, by_T = CellStress(mesh.points, mesh.nodes, s.constants, s.region).functional(
             self._probed(at)[0])
         if h is None:

@@ -191,3 +191,14 @@ def test_an_open_cavity_needs_surroundings(tmp_path: Path) -> None:
     data["loads"]["gap"]["emissivities"] = {"cold:out": 0.5}
     with pytest.raises(InputError, match="is none of the surfaces"):
         simulate(load(data))
+
+
+def test_bodies_of_revolution_are_refused(tmp_path: Path) -> None:
+    body = {"use": "flexible", "mesh": {"use": "rectangle", "lower": [0.1, 0.0], "size": [0.1, 0.1],
+                                        "divisions": [2, 2]}, "axisymmetric": True,
+            "material": {"rho": 1000.0, "k": 1.0, "c": 1000.0}, "fields": ["thermal"],
+            "frame": "fixed"}
+    data = rings(tmp_path, bodies={"tube": body})
+    data["loads"]["gap"] = {"use": "cavity_radiation", "on": ["tube:left"], "emissivity": 0.5}
+    with pytest.raises(InputError, match="is one of revolution"):
+        simulate(load(data))
