@@ -140,7 +140,9 @@ class Model:
                     joints=joints, interface=self._interface(name),
                     coupling=ops.coupling if coupled else None,
                     heat=self.block_data(m.thermal, step=step) if coupled else None,
-                    damping=ops.damping, factors=(taken.c1, taken.c2))
+                    damping=ops.damping, factors=(taken.c1, taken.c2),
+                    tangent=partial(ops.tangent, T=self.x0[self.layout.numbers(m.thermal)]) if (
+                        ops.local) else None)
         raise KeyError(name)
 
     def with_separated(self, separated: Separated) -> "Model":

@@ -2,7 +2,7 @@
 loads and snapshots from which they are built."""
 
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -36,6 +36,8 @@ class BlockData:
     step: time step h, s; factors: factors of damping and mass in the matrix of a time step, c1 and
     c2 of the step formula, or for heat 0 and the c1 of first-order unknowns; 0 if not known.
     solver: linear solver for these matrices; None: chosen by the basis.
+    tangent: stiffness (n, n) of the local terms, such as nonlinear strains, at displacements (n,)
+        and the temperatures of the start; None without such terms.
     """
 
     name: str
@@ -58,6 +60,7 @@ class BlockData:
     step: float = 0.0
     solver: LinearSolver | None = None
     order: Literal[1, 2] = 2
+    tangent: Callable[[FloatArray], Csr] | None = None
 
     @property
     def size(self) -> int:

@@ -168,6 +168,21 @@ class ElasticOperators:
     stress_stiffness: StressStiffness | None = None
     damps: tuple[ElasticLocal, ...] = ()
 
+    def tangent(self, u: FloatArray, T: FloatArray) -> Csr:
+        """Stiffness (n, n) of the local terms at displacements u (n,), m, at rest, and temperatures
+        T of the body, K."""
+        n = len(self.constant)
+        found = csr_array((n, n))
+        for part in self.local:
+            at, zero = part.columns, np.zeros(len(part.columns))
+            x = np.zeros(len(at))
+            x[part.hot], x[~part.hot] = T[at[part.hot]], u[at[~part.hot]]
+            J = part.term.jacobian(x, zero, zero, 0.0, zero, zero).tocoo()
+            own = ~part.hot[J.col]
+            found = found + csr_array(
+                (J.data[own], (part.rows[J.row[own]], at[J.col[own]])), shape=(n, n))
+        return csr_array(found)
+
     def damping_force(self, v: FloatArray) -> FloatArray:
         """Whole damping force on u with rates v, (n,) or columns (n, j)."""
         found = np.asarray(self.damping @ v)

@@ -261,8 +261,8 @@ def _not_computed(kind: str) -> Arrays:
     raise LookupError(kind)
 
 
-_NESTED = frozenset({"heat", "moving"})
-"""Fields of a block's data that are digested entry by entry."""
+_NESTED = frozenset({"heat", "moving", "tangent"})
+"""Fields of a block's data that are digested entry by entry, or follow from the bodies."""
 
 
 def _content(data: BlockData) -> list[object]:

@@ -1,0 +1,188 @@
+"""Twisted solid blade that spins at twice its first frequency: modes by `prestressed` and
+`nonlinear` strains and by CalculiX on one mesh, and steps of full order and of reduced models.
+
+    python tests/benchmarks/blade.py modes [CELLS]        # along, across, thick: 85 10 4
+    python tests/benchmarks/blade.py deck FOLDER [CELLS]  # mesh and deck: ccx -i FOLDER/blade
+    python tests/benchmarks/blade.py steps [CELLS]        # errors, and medians of ms per step
+"""
+
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from sparsemor import Scene, load, simulate, solve
+from sparsemor.bodies.mesh.generators.block import BlockMesh
+from sparsemor.core.arrays import FloatArray
+from sparsemor.core.model.body_cache import BodyCache
+from sparsemor.core.results.run_result import RunResult
+from sparsemor.core.simulation.cache import Cache
+
+LENGTH, CHORD, THICK, TWIST, TAPER = 0.5, 0.06, 0.012, np.radians(30.0), 0.4
+"""m; twist from root to tip, rad; relative loss of chord and thickness at the tip."""
+MATERIAL = {"E": 1.1e11, "nu": 0.33, "rho": 4400.0}
+SMALL, LARGE = (16, 2, 1), (85, 10, 4)
+ATOMS = 12
+MID = ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3))
+"""Edges of a tetrahedron in the order of C3D10."""
+
+
+def write_mesh(file: Path, cells: Sequence[int]) -> int:
+    """Second-order tetrahedra of the blade in Abaqus format; returns their number."""
+    block = BlockMesh(lower=(0.0, -CHORD / 2, -THICK / 2), size=(LENGTH, CHORD, THICK),
+                  divisions=tuple(cells)).build(Path())
+    s, turn = block.points[:, 0] / LENGTH, TWIST * block.points[:, 0] / LENGTH
+    y, z = (block.points[:, i] * (1.0 - TAPER * s) for i in (1, 2))
+    X = np.column_stack([block.points[:, 0], y * np.cos(turn) - z * np.sin(turn),
+                         y * np.sin(turn) + z * np.cos(turn)])
+    edges, place = np.unique(np.sort(block.cells[:, np.array(MID)], axis=2).reshape(-1, 2), axis=0,
+                             return_inverse=True)
+    nodes = np.column_stack([block.cells, len(X) + place.reshape(-1, 6)])
+    X = np.concatenate([X, X[edges].mean(axis=1)])
+    lines = ["*NODE, NSET=NALL"]
+    lines += [f"{i + 1}, {x:.12g}, {y:.12g}, {z:.12g}" for i, (x, y, z) in enumerate(X.tolist())]
+    lines += ["*ELEMENT, TYPE=C3D10, ELSET=EALL"]
+    lines += [", ".join(map(str, (e + 1, *row))) for e, row in enumerate((nodes + 1).tolist())]
+    for name, at in (("root", X[:, 0] < 1e-9), ("tip", X[:, 0] > LENGTH - 1e-9)):
+        lines += [f"*NSET, NSET={name}", *(f"{i + 1}," for i in np.flatnonzero(at).tolist())]
+    file.write_text("\n".join(lines) + "\n")
+    return len(nodes)
+
+
+def write_deck(folder: Path, cells: Sequence[int], spin: float) -> None:
+    """CalculiX: static equilibrium of the spinning blade, then modes about it."""
+    write_mesh(folder / "mesh.inp", cells)
+    m = MATERIAL
+    (folder / "blade.inp").write_text(f"""*INCLUDE, INPUT=mesh.inp
+*MATERIAL, NAME=M
+*ELASTIC
+{m['E']:g}, {m['nu']:g}
+*DENSITY
+{m['rho']:g}
+*SOLID SECTION, ELSET=EALL, MATERIAL=M
+*BOUNDARY
+root, 1, 3
+*STEP, NLGEOM
+*STATIC
+*DLOAD
+EALL, CENTRIF, {spin**2:.15g}, 0., 0., 0., 0., 0., 1.
+*END STEP
+*STEP, PERTURBATION
+*FREQUENCY
+4
+*END STEP
+""")
+
+
+def by_calculix(cells: Sequence[int], spin: float) -> list[float]:
+    """Frequencies, Hz."""
+    with TemporaryDirectory() as name:
+        write_deck(Path(name), cells, spin)
+        subprocess.run(["ccx", "-i", "blade"], cwd=name, check=True, capture_output=True)
+        lines = (Path(name) / "blade.dat").read_text().splitlines()
+    first = next(i for i, line in enumerate(lines) if "MODE NO" in line)
+    rows = [line.split() for line in lines[first + 1 :]]
+    return [float(r[3]) for r in rows if len(r) == 5 and r[0].isdigit()][:4]
+
+
+def blade(file: Path, strains: str, spin: float, **more: Any) -> Scene:
+    """The blade on a frame that turns about z at the rate `spin`, rad/s, under a force that turns
+    with it."""
+    return load({
+        "format": 1,
+        "bodies": {"b": {
+            "use": "flexible", "mesh": {"use": "file", "path": str(file)}, "fields": ["elastic"],
+            "material": MATERIAL, "strains": strains, "frame": "spinning",
+            "damping": {"mass": 20.0}, "reference": {"clamp": "root"},
+            "pose": {"spin": [0.0, 0.0, spin]}}},
+        "joints": {"hub": {"use": "prescribed_motion", "of": "b:root", "x": 0.0, "y": 0.0, "z": 0.0,
+                           "axis": [0, 0, 1], "angle": {
+                               "use": "ramp", "end": 10.0, "final": 10.0 * spin}}},
+        "loads": {"f": {"use": "traction", "on": ["b:tip"], "traction": [0.0, 2e5, 2e5],
+                        "axes": "body",
+                        "factor": {"use": "smooth_step", "end": 0.006, "final": 1.0}}},
+        "integrator": {"use": "generalized_alpha", "rho_inf": 0.8},
+        "time": {"end": 0.008, "step": 2e-4},
+        "probes": {"tip": {"body": "b", "at": "tip"}}, **more})
+
+
+def modes(file: Path, strains: str, spin: float, **more: Any) -> FloatArray:
+    """Frequencies, Hz, of four modes about the equilibrium of steady rotation without the force."""
+    scene = blade(file, strains, spin, **more).using({"loads": {}, "bodies.b.damping.mass": 0.0})
+    found = solve(scene, "frequencies", count=4, spin=spin > 0.0)
+    return np.array(found.column("frequency_hz"))
+
+
+def first_spin(file: Path) -> float:
+    """Twice the first frequency at rest, rad/s, rounded."""
+    return float(round(4.0 * np.pi * modes(file, "linear", 0.0)[0]))
+
+
+def print_modes(cells: Sequence[int]) -> None:
+    with TemporaryDirectory() as name:
+        file = Path(name) / "mesh.inp"
+        count = write_mesh(file, cells)
+        spin = first_spin(file)
+        want = np.array(by_calculix(cells, spin))
+        print(f"{count} tetrahedra of second order, {spin:g} rad/s, frequencies in Hz")
+        print(f"{'CalculiX':12}", *(f"{f:10.3f}" for f in want))
+        for strains in ("prestressed", "nonlinear", "linear"):
+            found = modes(file, strains, spin)
+            print(f"{strains:12}", *(f"{f:10.3f}" for f in found),
+                  f"  largest difference {100 * np.abs(found / want - 1.0).max():.2f} %")
+
+
+REDUCED: dict[str, dict[str, Any]] = {
+    "galerkin": {"use": "galerkin"}, "galerkin, compiled": {"use": "galerkin", "compiled": "on"},
+    "ecsw": {"use": "ecsw"}}
+
+
+def step_ms(run: RunResult) -> float:
+    """Median over the steps, ms."""
+    return 1e3 * float(np.median(run.step_seconds[1:]))
+
+
+def print_steps(cells: Sequence[int]) -> None:
+    """Errors of the displacements at the tip, relative to their largest change, and speed, of
+    models that repeat their training run, by one run of each."""
+    with TemporaryDirectory() as name:
+        file = Path(name) / "mesh.inp"
+        write_mesh(file, cells)
+        spin = first_spin(file)
+        for strains in ("nonlinear", "prestressed"):
+            scene, cache = blade(file, strains, spin), Cache(Path(name) / "cache")
+            bodies = BodyCache()
+            full = simulate(scene, cache=cache, body_cache=bodies, keep_training=True)
+            want, whole = full.probe("tip"), step_ms(full)
+            print(f"{strains}: full order {whole:.1f} ms per step")
+            for label, options in REDUCED.items():
+                run = simulate(scene.using({"reducer": {
+                    **options, "basis": {"use": "pod", "count": ATOMS}}}),
+                    cache=cache, body_cache=bodies)
+                error = np.abs(run.probe("tip") - want).max() / np.ptp(want, axis=0).max()
+                print(f"  {label:20} error {error:.1e}, {step_ms(run):8.3f} ms per step, "
+                      f"{whole / step_ms(run):6.0f} times faster, "
+                      f"elements {sum(run.summary['elements_touched'].values())}", flush=True)
+
+
+def main() -> None:
+    command, *rest = sys.argv[1:]
+    numbers = [int(w) for w in rest if w.isdigit()]
+    cells = numbers or LARGE
+    if command == "deck":
+        with TemporaryDirectory() as name:
+            write_mesh(Path(name) / "mesh.inp", cells)
+            spin = first_spin(Path(name) / "mesh.inp")
+        write_deck(Path(rest[0]), cells, spin)
+    elif command == "modes":
+        print_modes(cells)
+    elif command == "steps":
+        print_steps(cells)
+
+
+if __name__ == "__main__":
+    main()
