@@ -150,13 +150,15 @@ def test_reduced_and_kept_models(tmp_path: Path, reducer: str) -> None:
             assert np.abs(run.nodal_temperature(name, -1) - T).max() < 1e-3 * abs(T - 900).max()
 
 
-def plates(size: float = 1.0, **more: Any) -> dict[str, Any]:
-    """Two square plates in space at a distance of their side, hot and cold."""
+def plates(angle: float = 0.0, **more: Any) -> dict[str, Any]:
+    """Two square plates in space at a distance of their side, hot and cold, turned about x."""
     def plate(z: float, T: float) -> dict[str, Any]:
         return {"use": "flexible", "mesh": {"use": "block", "lower": [0.0, 0.0, 0.0],
                                             "size": [1.0, 1.0, 0.1], "divisions": [2, 2, 1]},
                 "material": {"rho": 1000.0, "k": 1e5, "c": 1000.0}, "fields": ["thermal"],
-                "frame": "fixed", "initial_temperature": T, "pose": {"position": [0.0, 0.0, z]}}
+                "frame": "fixed", "initial_temperature": T, "pose": {
+                    "position": [0.0, -z * np.sin(angle), z * np.cos(angle)],
+                    "axis": [1.0, 0.0, 0.0], "angle": angle}}
     return {"format": 1, "bodies": {"below": plate(-0.1, 900.0), "above": plate(1.0, 500.0)},
             "loads": {"gap": {"use": "cavity_radiation", "on": ["below:top", "above:bottom"],
                               "emissivity": 1.0, "surroundings": 300.0}},
@@ -166,8 +168,8 @@ def plates(size: float = 1.0, **more: Any) -> dict[str, Any]:
 def test_plates_in_space() -> None:
     """Black: sigma (T_1^4 - F T_2^4 - (1 - F) T_a^4), F = 0.199825; grey as two equations give."""
     F = 0.199825
-    for eps in (1.0, 0.6):
-        data = plates()
+    for eps, angle in ((1.0, 0.0), (0.6, 0.7)):
+        data = plates(angle)
         data["loads"]["gap"]["emissivity"] = eps
         heat = simulate(load(data)).summary["heat_balance"]
         E, Ea = SIGMA * np.array([900.0, 500.0]) ** 4, SIGMA * 300.0**4

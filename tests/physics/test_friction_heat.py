@@ -87,6 +87,17 @@ def test_heat_of_friction_by_joint_forces(d: int) -> None:
 
 
 @pytest.mark.full
+@pytest.mark.parametrize("d", [2, 3])
+def test_in_two_stages_the_heat_is_a_load(d: int) -> None:
+    """Along the motion of a rigid stage, nearly that of one stage."""
+    data = brake(d, ("elastic", "thermal"), force=0.2)
+    one, two = (simulate(load(s)) for s in (data, {**data, "rigid_stage": {}}))
+    for name in ("bar", "plate"):
+        rise = one.nodal_temperature(name, -1) - 293.15
+        assert np.abs(two.nodal_temperature(name, -1) - 293.15 - rise).max() < 1e-3 * rise.max()
+
+
+@pytest.mark.full
 @pytest.mark.parametrize("reducer", ["galerkin", "sparse", "ecsw"])
 def test_reduced_and_kept_models(reducer: str) -> None:
     scene = load({**brake(2, ("elastic", "thermal"), force=0.2),
