@@ -58,8 +58,9 @@ class Facets:
 
     def heights(self) -> FloatArray:
         """(n, n, d) distances of the corners of facet j from the plane of facet i."""
-        from_first = self.corners[None] - self.corners[:, None, :1]
-        found = np.einsum("ijcd,id->ijc", from_first, self.normals)
+        near = self.corners - self.corners.mean(axis=(0, 1))  # no round-off of far places
+        levels = (near[:, 0] * self.normals).sum(axis=1)
+        found = np.einsum("jcd,id->ijc", near, self.normals) - levels[:, None, None]
         return np.where(np.abs(found) <= LEVEL * self.size, 0.0, found)
 
 

@@ -110,6 +110,7 @@ def test_reduced_and_kept_models(reducer: str) -> None:
             assert np.abs(run.nodal_temperature(name, -1) - T).max() < 1e-4 * np.ptp(T)
 
 
+@pytest.mark.full
 def test_what_leaves_the_model_is_noted_and_what_heats_nothing_refused() -> None:
     scene = brake(2, force=0.2)
     scene["joints"]["rub"]["between"] = ["bar:hub", "ground"]

@@ -83,6 +83,7 @@ def test_a_ring(tmp_path: Path) -> None:
     assert power(simulate(load(scene))) == pytest.approx(0.2**2 / R, rel=2e-3)
 
 
+@pytest.mark.full
 def test_a_plate_with_a_hole(tmp_path: Path) -> None:
     """Power = V I, also of a current that is half as large; the hole of a quarter of the width
     makes the resistance larger than that of the plate, and smaller than that of its narrowest

@@ -37,7 +37,8 @@ def table(path: Path, X: np.ndarray, times: list[float], T: Any) -> None:
     path.write_text("\n".join(rows) + "\n", encoding="utf-8")
 
 
-@pytest.mark.parametrize("mesh", [PLANE, pytest.param(SPACE, marks=pytest.mark.full)])
+@pytest.mark.full
+@pytest.mark.parametrize("mesh", [PLANE, SPACE])
 def test_a_run_goes_on_from_the_files_of_another(tmp_path: Path, mesh: dict[str, Any]) -> None:
     """Heat flows in from the right in one run, whose end temperatures over time, exported as VTU
     files, heat the body of a second one with another mesh: the same temperatures inside."""
