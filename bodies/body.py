@@ -128,7 +128,8 @@ class FloatingBody(Body):
         """Warnings about its mesh, sets and bending stiffness."""
         if "bending" not in self._found:
             e, mesh = self.elasticity, self.mesh
-            self._found["bending"] = () if e is None or mesh is None or mesh.revolved else tuple(
+            self._found["bending"] = () if e is None or mesh is None or mesh.revolved or any(
+                law.anisotropy is not None for _, law in e.regions) else tuple(
                 bending_notes(self.name, mesh, e, self.thickness))
         return (*self.mesh_notes, *self._found["bending"])
 

@@ -274,6 +274,11 @@ class Flexible(BodyPlugin):
                     "{clamp: left} or {chord: [a, b]}, or its displacements hold rigid motion"))
         if self.coupling == "two_way":
             gather("coupling", self._check_two_way)
+        if self.strains != "linear" or self.axisymmetric:
+            gather.faults += [Fault(key, "properties that depend on the direction suit linear "
+                                    "strains of bodies that are not axisymmetric")
+                              for key, m in self._materials().items()
+                              if m.directional() is not None]
         changing = [key for key, m in self._materials().items()
                     if not curves(m).keys().isdisjoint({"E", "alpha"})]
         if self.strains == "prestressed" and (THERMAL.name in self.fields or changing):
@@ -384,14 +389,15 @@ class Flexible(BodyPlugin):
 
     def _heat(self, mesh: Mesh, regions: Sequence[Region]) -> Heat:
         thickness, is_lumped = self._thickness(mesh), self.capacity == "lumped"
+        d = mesh.dimension
         C = summed(regions, lambda r: capacity(
             mesh, r.constants.rho, _thermal(r)[1], thickness, r.cells))
         return Heat(
             free=np.arange(len(mesh.points)), capacity=lumped(C) if is_lumped else C,
             conductivity=summed(regions, lambda r: conductivity(
-                mesh, _thermal(r)[0], thickness, r.cells)),
+                mesh, _thermal(r, d)[0], thickness, r.cells)),
             regions=tuple((r.cells, (r.constants.rho * _thermal(r)[1] * thickness,
-                                     _thermal(r)[0] * thickness)) for r in regions),
+                                     _thermal(r, d)[0] * thickness)) for r in regions),
             lumped=is_lumped,
             laws=tuple((one, r.cells) for r in regions for one in heat_laws(r, mesh.dimension)))
 
@@ -411,6 +417,9 @@ class Flexible(BodyPlugin):
         return np.full(n, float(T0))
 
 
-def _thermal(region: Region) -> tuple[float, ...]:
-    """Conductivity, W/(m K), and specific heat, J/(kg K), at the reference temperature."""
-    return require(region.constants, ("k", "c"), "thermal")
+def _thermal(region: Region, d: int = 3) -> tuple[float | FloatArray, float]:
+    """Conductivity, W/(m K), a number or a tensor (d, d), and specific heat, J/(kg K), at the
+    reference temperature."""
+    found, own = require(region.constants, ("k", "c"), "thermal"), region.constants.directional()
+    tensor = None if own is None else own.conductivity
+    return found[0] if tensor is None else tensor[:d, :d], found[-1]

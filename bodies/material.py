@@ -21,6 +21,7 @@ from sparsemor.core import (
     TemperatureProperty,
     suggestions,
 )
+from sparsemor.core.protocols import DirectionalProperties
 
 
 def _positive(curve: TemperatureCurve) -> TemperatureCurve:
@@ -88,6 +89,11 @@ class Constants:
     alpha: float
     k: float | None
     c: float | None
+    by_direction: DirectionalProperties | None = None
+
+    def directional(self) -> DirectionalProperties | None:
+        """As `Material.directional`."""
+        return self.by_direction
 
 
 def constants_at(material: Material, temperature: float) -> Constants:
@@ -99,7 +105,8 @@ def constants_at(material: Material, temperature: float) -> Constants:
 
     p = material.properties()
     return Constants(
-        float(p.rho), value(p.E), p.nu, value(p.alpha) or 0.0, value(p.k), value(p.c))
+        float(p.rho), value(p.E), p.nu, value(p.alpha) or 0.0, value(p.k), value(p.c),
+        material.directional())
 
 
 def curves(material: Material) -> dict[str, TemperatureProperty]:
@@ -176,9 +183,14 @@ def summed(regions: Sequence[Region], make: Callable[[Region], Csr]) -> Csr:
 
 
 def require(constants: Constants, names: Sequence[str], field: str) -> tuple[float, ...]:
-    """Values of the constants `names`; InputError that names all missing ones."""
+    """Values of the constants `names`, without those that depend on the direction; InputError that
+    names all missing ones."""
     values: dict[str, float | None] = {name: getattr(constants, name) for name in names}
-    missing = [name for name, value in values.items() if value is None]
+    of = constants.directional()
+    by_direction = () if of is None else (
+        *(("E", "nu") if of.stiffness is not None else ()),
+        *(("k",) if of.conductivity is not None else ()))
+    missing = [n for n, value in values.items() if value is None and n not in by_direction]
     if missing:
         raise InputError(
             [Fault(name, f"missing: the {field} field needs it ({_MEANING[name]})")

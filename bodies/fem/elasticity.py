@@ -1,8 +1,10 @@
-"""Isotropic thermoelasticity: plane stress, plane strain, 3-D.
+"""Thermoelasticity: plane stress, plane strain, 3-D.
 
-sigma = lam tr(eps) I + 2 mu eps - beta dT I, with constants that depend on the model.
+sigma = lam tr(eps) I + 2 mu eps - beta dT I, with constants that depend on the model; of a material
+with properties that depend on the direction sigma = C eps - beta dT (`Anisotropy`).
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
@@ -10,7 +12,10 @@ import numpy as np
 
 from sparsemor.bodies.material import Constants, require
 from sparsemor.core import Csr, FloatArray, InputError, IntArray, Mesh
+from sparsemor.core.protocols import DirectionalProperties
 
+Weight: TypeAlias = float | FloatArray
+Form: TypeAlias = Callable[..., FloatArray]
 Model: TypeAlias = Literal["plane_stress", "plane_strain", "solid"]
 
 
@@ -28,6 +33,61 @@ class Law:
     beta: float
     lam_out: float
     beta_out: float
+    anisotropy: "Anisotropy | None" = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Anisotropy:
+    """Constants of a law in d dimensions that depends on the direction, components as in
+    `DirectionalProperties`, in the plane xx, yy, xy.
+
+    C (s, s): stiffness, Pa; beta (d, d): thermal stress, Pa/K. recovery (46,): stiffness (6, 6) and
+    thermal stress (6,) in space, and strain across the plane, of plane stress, by the strains xx,
+    yy, xy and by dT.
+    """
+
+    C: FloatArray
+    beta: FloatArray
+    recovery: FloatArray
+
+    @classmethod
+    def of(cls, material: DirectionalProperties, model: Model) -> "Anisotropy":
+        assert material.stiffness is not None
+        C, alpha, plane = material.stiffness, material.expansion, [0, 1, 5]
+        beta, across = C @ alpha, np.zeros(4)
+        if model == "solid":
+            return cls(C, _tensor(beta), np.concatenate([C.ravel(), beta, across]))
+        if model == "plane_strain":
+            return cls(C[np.ix_(plane, plane)], _tensor(beta)[:2, :2],
+                       np.concatenate([C.ravel(), beta, across]))
+        S = np.linalg.inv(C)
+        own = np.linalg.inv(S[np.ix_(plane, plane)])
+        by = own @ alpha[plane]
+        across = np.append(S[2, plane] @ own, alpha[2] - S[2, plane] @ by)
+        whole, thermal = np.zeros((6, 6)), np.zeros(6)
+        whole[np.ix_(plane, plane)], thermal[plane] = own, by
+        return cls(own, _tensor(thermal)[:2, :2],
+                   np.concatenate([whole.ravel(), thermal, across]))
+
+
+def general(law: Law) -> FloatArray:
+    """Numbers (46,) of a law as `Anisotropy.recovery`, of an isotropic one too."""
+    if law.anisotropy is not None:
+        return law.anisotropy.recovery
+    C, beta, across = np.zeros((6, 6)), np.zeros(6), np.zeros(4)
+    C[:2, :2], C[2, :2] = law.lam, law.lam_out
+    C[range(2), range(2)] += 2.0 * law.mu
+    C[range(3, 6), range(3, 6)], beta[:3] = law.mu, (law.beta, law.beta, law.beta_out)
+    if law.lam_out or law.beta_out:
+        C[:2, 2], C[2, 2] = law.lam, law.lam_out + 2.0 * law.mu
+    else:
+        across[:2], across[3] = -law.lam / (2.0 * law.mu), law.beta / (2.0 * law.mu)
+    return np.concatenate([C.ravel(), beta, across])
+
+
+def _tensor(v: FloatArray) -> FloatArray:
+    """(3, 3) tensor of a stress (6,)."""
+    return np.array([[v[0], v[5], v[4]], [v[5], v[1], v[3]], [v[4], v[3], v[2]]])
 
 
 def expansion_factor(nu: float, model: Model) -> float:
@@ -38,6 +98,10 @@ def expansion_factor(nu: float, model: Model) -> float:
 
 def law(material: Constants, model: Model) -> Law:
     """Constants of the thermoelastic law of a material; InputError when E or nu is missing."""
+    if (directional := material.directional()) is not None:
+        require(material, ("E", "nu"), "elastic")
+        none = float("nan")  # no such constants
+        return Law(none, none, none, none, none, Anisotropy.of(directional, model))
     E, nu, alpha = require(material, ("E", "nu", "alpha"), "elastic")
     mu = E / (2 * (1 + nu))
     if model == "plane_stress":
@@ -60,9 +124,8 @@ def elastic_stiffness(
     from sparsemor.bodies.fem import forms
 
     _check_model(mesh, model)
-    s = law(material, model)
-    return forms.matrix(forms.stiffness, mesh, 0, rows=True, columns=True, cells=cells,
-                        lam=thickness * s.lam, mu=thickness * s.mu)
+    form, weights = stiffness_form(law(material, model), thickness)
+    return forms.matrix(form, mesh, 0, rows=True, columns=True, cells=cells, **weights)
 
 
 def thermoelastic_coupling(
@@ -74,8 +137,22 @@ def thermoelastic_coupling(
     from sparsemor.bodies.fem import forms
 
     _check_model(mesh, model)
-    weight = thickness * law(material, model).beta
-    return forms.matrix(forms.expansion, mesh, 1, rows=True, cells=cells, weight=weight)
+    return forms.matrix(forms.expansion, mesh, 1, rows=True, cells=cells,
+                        weight=expansion_weight(law(material, model), thickness))
+
+
+def stiffness_form(law: Law, thickness: float) -> tuple[Form, dict[str, Weight]]:
+    """Form of the stiffness by a law, and its weights."""
+    from sparsemor.bodies.fem import forms
+
+    if law.anisotropy is not None:
+        return forms.anisotropic, {"C": thickness * law.anisotropy.C}
+    return forms.stiffness, {"lam": thickness * law.lam, "mu": thickness * law.mu}
+
+
+def expansion_weight(law: Law, thickness: float) -> Weight:
+    """Weight of the thermal forces: a number, or a tensor (d, d)."""
+    return thickness * (law.beta if law.anisotropy is None else law.anisotropy.beta)
 
 
 def _check_model(mesh: Mesh, model: Model) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from sparsemor.bodies.fem.elasticity import expansion_weight, stiffness_form
 from sparsemor.bodies.fem.fields import HasFields, Heat
 from sparsemor.core import Amplitude, FloatArray, IntArray, Mesh
 from sparsemor.core.protocols import ElasticIntegrals, HeatIntegrals, Integrals
@@ -19,10 +20,10 @@ def elastic_integrals(body: HasFields) -> ElasticIntegrals:
     e, mesh, t = body.elasticity, body.mesh, body.thickness
     assert e is not None and mesh is not None
     K = _by_region(mesh, [(cells, forms.elements(
-        forms.stiffness, mesh, 0, rows=True, columns=True, cells=cells,
-        lam=t * law.lam, mu=t * law.mu)) for cells, law in e.regions])
+        form, mesh, 0, rows=True, columns=True, cells=cells, **weights))
+        for cells, law in e.regions for form, weights in [stiffness_form(law, t)]])
     Kt = _by_region(mesh, [(cells, forms.elements(
-        forms.expansion, mesh, 1, rows=True, cells=cells, weight=t * law.beta))
+        forms.expansion, mesh, 1, rows=True, cells=cells, weight=expansion_weight(law, t)))
         for cells, law in e.regions])
     n = len(e.free)
     d = mesh.dimension

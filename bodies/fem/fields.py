@@ -5,7 +5,7 @@ from typing import Protocol, TypeAlias
 
 import numpy as np
 
-from sparsemor.bodies.fem.elasticity import Law
+from sparsemor.bodies.fem.elasticity import Law, general
 from sparsemor.bodies.fem.pointwise_law import PointwiseLaw, StressLaw
 from sparsemor.core import Csr, FloatArray, IntArray, Mesh, StressConstants, TimeFunction
 
@@ -55,8 +55,10 @@ class Elasticity:
         region = np.zeros(cells, np.int64)
         for number, (here, _) in enumerate(self.regions):
             region[slice(None) if here is None else here] = number
-        constants = np.array([[m.lam, m.mu, m.beta, m.lam_out, m.beta_out]
-                              for _, m in self.regions])
+        laws = [m for _, m in self.regions]
+        constants = np.array([[m.lam, m.mu, m.beta, m.lam_out, m.beta_out] for m in laws])
+        if any(m.anisotropy is not None for m in laws):
+            constants = np.array([general(m) for m in laws])
         if mesh.revolved:
             constants = np.pad(constants, ((0, 0), (0, 1)), constant_values=1.0)
         return StressConstants(constants, region, free, self.nonlinear)
@@ -78,7 +80,7 @@ class Heat:
     capacity: Csr
     conductivity: Csr
     prescribed: tuple[tuple[IntArray, TimeFunction, FloatArray], ...] = ()
-    regions: tuple[tuple[Cells, tuple[float, float]], ...] = ()
+    regions: tuple[tuple[Cells, tuple[float, float | FloatArray]], ...] = ()
     lumped: bool = False
     laws: tuple[tuple[PointwiseLaw, Cells], ...] = ()
 

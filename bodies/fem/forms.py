@@ -13,7 +13,7 @@ edges by an affine map. Import this module only for assembly: the import of scik
 than reading a scene.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, NamedTuple
 
@@ -308,10 +308,10 @@ def mass(at: Quadrature, weight: float) -> FloatArray:
     return np.asarray((phi * (weight * at.weights)[:, None]) @ phi.transpose(0, 2, 1))
 
 
-def conduction(at: Quadrature, weight: float) -> FloatArray:
+def conduction(at: Quadrature, weight: float | FloatArray) -> FloatArray:
     G, w = _gradients(at)
     n = G.shape[1]
-    return np.asarray((G * (weight * w)[:, None, None]).reshape(len(G), n, -1)
+    return np.asarray((_directed(weight, G) * w[:, None, None]).reshape(len(G), n, -1)
                       @ G.reshape(len(G), n, -1).transpose(0, 2, 1))
 
 
@@ -327,16 +327,39 @@ def stiffness(at: Quadrature, lam: float, mu: float) -> FloatArray:
     return K.reshape(E, n * d, n * d)
 
 
-def expansion(at: Quadrature, weight: float) -> FloatArray:
+def anisotropic(at: Quadrature, C: FloatArray) -> FloatArray:
+    """Stiffness of a material whose stiffness C (s, s) depends on the direction."""
+    G, w = _gradients(at)
+    E, n, d, Q = G.shape
+    pairs = [(0, 0), (1, 1), (0, 1)] if d == 2 else [
+        (0, 0), (1, 1), (2, 2), (1, 2), (2, 0), (0, 1)]
+    B = np.zeros((E, len(pairs), n, d, Q))  # strains by displacements
+    for m, (i, j) in enumerate(pairs):
+        B[:, m, :, i] += G[:, :, j]
+        if i != j:
+            B[:, m, :, j] += G[:, :, i]
+    flat = B.reshape(E, len(pairs), n * d, Q)
+    return np.asarray(np.einsum(
+        "etmq,ts,esnq->emn", flat, C, flat * w[:, None, None], optimize=True))
+
+
+def _directed(weight: float | FloatArray, G: FloatArray) -> FloatArray:
+    """Gradients (E, n, d, R) times a number or a tensor (d, d)."""
+    return weight * G if np.ndim(weight) == 0 else np.asarray(
+        np.einsum("ab,enbq->enaq", weight, G))
+
+
+def expansion(at: Quadrature, weight: float | FloatArray) -> FloatArray:
     G = at.shape.gradients
     assert G is not None
+    G = _directed(weight, G)
     E, n, d, _ = G.shape
-    phi = at.shape.values * (weight * at.weights)[:, None]
+    phi = at.shape.values * at.weights[:, None]
     phi = phi.sum(axis=2, keepdims=True) if G.shape[3] == 1 else phi
     return np.asarray(G.reshape(E, n * d, -1) @ phi.transpose(0, 2, 1))
 
 
-def hoop_stiffness(at: Quadrature, lam: float, mu: float) -> FloatArray:
+def hoop_stiffness(at: Quadrature, lam: Any, mu: Any) -> FloatArray:
     """Stiffness of a body of revolution, with the hoop strain u_x / x."""
     G, phi, w = at.shape.gradients, at.shape.values / at.coordinates[0][:, None], at.weights
     assert G is not None
@@ -349,7 +372,7 @@ def hoop_stiffness(at: Quadrature, lam: float, mu: float) -> FloatArray:
     return np.asarray(K)
 
 
-def hoop_expansion(at: Quadrature, weight: float) -> FloatArray:
+def hoop_expansion(at: Quadrature, weight: Any) -> FloatArray:
     """Thermal forces of a body of revolution, with the hoop strain."""
     phi = np.broadcast_to(at.shape.values, (len(at.weights), *at.shape.values.shape[1:]))
     K, d = expansion(at, weight), at.coordinates.shape[0]
@@ -370,7 +393,7 @@ Form = Callable[..., FloatArray]
 
 def matrix(
     form: Form, mesh: Mesh, order: int, *, rows: bool = False, columns: bool = False,
-    cells: IntArray | None = None, **weights: float,
+    cells: IntArray | None = None, **weights: float | FloatArray,
 ) -> Csr:
     """Matrix of a bilinear form on all cells, or on those with the given numbers; order: degree of
     the integrand with linear triangles, for which it is exact; so it is with others.
@@ -394,7 +417,7 @@ def matrix(
 
 def elements(
     form: Form, mesh: Mesh, order: int, *, rows: bool = False, columns: bool = False,
-    cells: IntArray | None = None, **weights: float,
+    cells: IntArray | None = None, **weights: float | FloatArray,
 ) -> FloatArray:
     """(E, p, q) element matrices of a bilinear form on all cells, or on those with the given
     numbers; unknown number is d * node + component for vectors, with the nodes of a cell in the
@@ -439,7 +462,8 @@ def _unknowns(nodes: IntArray, d: int) -> IntArray:
 
 
 def _chunks(
-    form: Form, mesh: Mesh, order: int, cells: IntArray | None, weights: dict[str, float]
+    form: Form, mesh: Mesh, order: int, cells: IntArray | None,
+    weights: Mapping[str, float | FloatArray],
 ) -> Iterator[tuple[IntArray, Space, Quadrature, FloatArray]]:
     """Positions in `cells`, space, quadrature and element matrices, in scikit-fem's order of nodes,
     of some cells of one kind at a time."""

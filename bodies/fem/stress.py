@@ -17,6 +17,8 @@ import numpy as np
 from sparsemor.core import FloatArray, IntArray, Mesh
 from sparsemor.core.protocols.cells import by_kind, corners_of, padded
 
+_PAIRS = ((0, 0), (1, 1), (2, 2), (1, 2), (2, 0), (0, 1))
+
 
 class CellStress:
     """Strain and stress of one body at its nodes, once for each material of their cells.
@@ -32,7 +34,8 @@ class CellStress:
         nonlinear: bool = False,
     ) -> None:
         self.points, self.cells, self.nonlinear = points, cells, nonlinear
-        self.constants, self.revolved = constants[region, :5], constants.shape[1] > 5
+        self.constants = constants[region]
+        self.revolved, self.general = constants.shape[1] == 6, constants.shape[1] > 6
         self.nodes, self.own = _by_material(
             cells, np.unique(constants, axis=0, return_inverse=True)[1].ravel()[region])
 
@@ -87,7 +90,9 @@ class CellStress:
         gradient, d = self._gradient(u), self.points.shape[1]
         eps = self._strain(gradient)
         self._add_hoop(eps, u)
-        lam, mu, beta, lam_out, beta_out = self.constants.T[:, :, None]
+        if self.general:
+            return self._directional(eps, heating)
+        lam, mu, beta, lam_out, beta_out = self.constants.T[:5, :, None]
         trace, dT = np.trace(eps, axis1=2, axis2=3), heating[self.cells]
         found = 2.0 * mu[..., None, None] * eps
         for i in range(3):
@@ -141,6 +146,17 @@ class CellStress:
             eps[..., :d, :d] += 0.5 * gradient.swapaxes(2, 3) @ gradient
         return eps
 
+    def _directional(self, eps: FloatArray, heating: FloatArray) -> FloatArray:
+        """(E, q, 3, 3) stress of laws that depend on the direction (`Anisotropy.recovery`)."""
+        i, j = np.array(_PAIRS).T
+        strain = eps[..., i, j] * np.where(i == j, 1.0, 2.0)
+        C, beta = self.constants[:, :36].reshape(-1, 6, 6), self.constants[:, 36:42]
+        s = np.einsum("emn,eqn->eqm", C, strain) - beta[:, None] * heating[self.cells][..., None]
+        found = np.zeros_like(eps)
+        found[..., i, j] = s
+        found[..., j, i] = s
+        return found
+
     def _add_hoop(self, eps: FloatArray, u: FloatArray) -> None:
         """Adds the hoop strain u_x / x of a body of revolution; on the axis that is eps_xx."""
         if self.revolved:
@@ -153,7 +169,12 @@ class CellStress:
         """(E, q) strain across the plane that makes no stress there, of plane stress; else zero."""
         if self.points.shape[1] == 3 or self.revolved:
             return np.zeros(self.cells.shape)
-        lam, mu, beta, lam_out, beta_out = self.constants.T[:, :, None]
+        if self.general:
+            a = self.constants[:, None, 42:]
+            return np.asarray(
+                a[..., 0] * eps[..., 0, 0] + a[..., 1] * eps[..., 1, 1]
+                + 2.0 * a[..., 2] * eps[..., 0, 1] + a[..., 3] * heating[self.cells])
+        lam, mu, beta, lam_out, beta_out = self.constants.T[:5, :, None]
         across = (beta * heating[self.cells] - lam * (eps[..., 0, 0] + eps[..., 1, 1])) / (2.0 * mu)
         return np.where((lam_out == 0.0) & (beta_out == 0.0), across, 0.0)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.sparse import csr_array, eye_array, kron
 
+from sparsemor.bodies.fem.elasticity import Anisotropy
 from sparsemor.bodies.fem.fields import HasFields
 from sparsemor.bodies.fem.volume import on_cells
 from sparsemor.core import Csr, FloatArray
@@ -43,11 +44,13 @@ def geometric_stiffness(body: HasFields, u: FloatArray, rise: FloatArray | None)
             strain = (G + G.swapaxes(0, 1)) / 2.0
             if e.nonlinear:
                 strain = strain + np.einsum("kieq,kjeq->ijeq", G, G) / 2.0
-            stress = 2.0 * law.mu * strain
-            stress[range(d), range(d)] += law.lam * np.einsum("iieq->eq", strain)
+            if law.anisotropy is None:
+                stress, beta = 2.0 * law.mu * strain, law.beta * np.eye(d)
+                stress[range(d), range(d)] += law.lam * np.einsum("iieq->eq", strain)
+            else:
+                stress, beta = _directional(law.anisotropy, strain), law.anisotropy.beta
             if rise is not None:
-                stress = stress + np.zeros((1, 1, 1, at.shape.values.shape[2]))
-                stress[range(d), range(d)] -= law.beta * (
+                stress = stress - beta[:, :, None, None] * (
                     rise[nodes][:, None, :] @ at.shape.values)[:, 0]
             weighted = stress * (body.thickness * at.weights)
             wide = np.broadcast_to(gradients, (*gradients.shape[:3], weighted.shape[3]))
@@ -58,3 +61,15 @@ def geometric_stiffness(body: HasFields, u: FloatArray, rise: FloatArray | None)
                                       shape=(N, N))
     whole = csr_array(kron(found, eye_array(d), format="csr"))
     return csr_array(whole[e.free][:, e.free])
+
+
+def _directional(law: Anisotropy, strain: FloatArray) -> FloatArray:
+    """Stress (d, d, E, Q) of strains (d, d, E, Q) by a stiffness that depends on the direction."""
+    pairs = [(0, 0), (1, 1), (0, 1)] if len(strain) == 2 else [
+        (0, 0), (1, 1), (2, 2), (1, 2), (2, 0), (0, 1)]
+    values = np.tensordot(law.C, np.stack([
+        strain[i, j] * (1.0 if i == j else 2.0) for i, j in pairs]), 1)
+    found = np.zeros_like(strain)
+    for (i, j), value in zip(pairs, values, strict=True):
+        found[i, j] = found[j, i] = value
+    return found

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.sparse import csr_array, diags_array
 
 from sparsemor.bodies.fem.quadrature import Quadrature
-from sparsemor.core import Csr, IntArray, Mesh
+from sparsemor.core import Csr, FloatArray, IntArray, Mesh
 
 
 def on_cells(
@@ -46,10 +46,10 @@ def lumped(matrix: Csr) -> Csr:
 
 
 def conductivity(
-    mesh: Mesh, k: float, thickness: float = 1.0, cells: IntArray | None = None
+    mesh: Mesh, k: float | FloatArray, thickness: float = 1.0, cells: IntArray | None = None
 ) -> Csr:
-    """Conductivity matrix (N, N), W/K: integral of k grad phi_i . grad phi_j. thickness in m, 1 in
-    3-D."""
+    """Conductivity matrix (N, N), W/K: integral of k grad phi_i . grad phi_j, k a number or a
+    tensor (d, d). thickness in m, 1 in 3-D."""
     from sparsemor.bodies.fem import forms
 
     return forms.matrix(forms.conduction, mesh, 0, cells=cells, weight=k * thickness)

@@ -109,6 +109,9 @@ class CavityRadiation(LoadPlugin):
                         notes=(*celsius, *notes, *_moving(name, bodies)))
 
     def _check(self, bodies: Mapping[str, FloatingBody]) -> None:
+        if any(b.revolved for b in bodies.values()):
+            raise InputError("view factors of axisymmetric bodies are not those of their section: "
+                             "take radiation", "on")
         if len({b.d for b in bodies.values()}) > 1:
             raise InputError("bodies in the plane and in space cannot radiate to each other", "on")
         revolved = [n for n, b in bodies.items() if b.revolved]

@@ -13,6 +13,7 @@ from sparsemor.core.protocols.basis import Dictionary as Dictionary
 from sparsemor.core.protocols.body import Body as Body
 from sparsemor.core.protocols.body import BodyPlugin as BodyPlugin
 from sparsemor.core.protocols.body import BodyShape as BodyShape
+from sparsemor.core.protocols.body import DirectionalProperties as DirectionalProperties
 from sparsemor.core.protocols.body import Material as Material
 from sparsemor.core.protocols.body import MaterialProperties as MaterialProperties
 from sparsemor.core.protocols.body import MeanTemperature as MeanTemperature

@@ -96,12 +96,31 @@ class MaterialProperties:
     c: float | TemperatureProperty | None = None
 
 
+@dataclass(frozen=True, eq=False)
+class DirectionalProperties:
+    """Constant properties of a material that depend on the direction, in body axes; components xx,
+    yy, zz, yz, zx, xy, shear strains twice the tensor's.
+
+    stiffness (6, 6): Pa; expansion (6,): thermal strain, 1/K; conductivity (3, 3): W/(m K). None
+    for an undefined property.
+    """
+
+    stiffness: FloatArray | None
+    expansion: FloatArray
+    conductivity: FloatArray | None
+
+
 class Material(Plugin):
-    """Isotropic linear thermoelastic material."""
+    """Linear thermoelastic material, isotropic unless it is `directional`."""
 
     @abstractmethod
     def properties(self) -> MaterialProperties:
         """Its properties, constants or functions of temperature."""
+
+    def directional(self) -> DirectionalProperties | None:
+        """Properties in the place of E, nu, alpha and k that depend on the direction; None for an
+        isotropic material."""
+        return None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

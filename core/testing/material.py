@@ -13,8 +13,9 @@ SIGNED = ("nu", "alpha")
 def check_material(material: Material) -> None:
     """Laws of a material: finite positive properties, or None where that is allowed; -1 < nu <
     1/2, so that the elastic energy is positive, alpha of either sign; equal values at every
-    evaluation. Functions of temperature are defined in an interval, constant outside, and have the
-    derivatives that they return."""
+    evaluation; properties that depend on the direction symmetric and positive definite. Functions
+    of temperature are defined in an interval, constant outside, and have the derivatives that they
+    return."""
     first, again = (vars(material.properties()) for _ in range(2))
     for name, value in first.items():
         if isinstance(value, TemperatureProperty):
@@ -26,6 +27,13 @@ def check_material(material: Material) -> None:
     nu = first["nu"]
     law(nu is None or -1.0 < nu < 0.5, f"nu = {nu}: -1 < nu < 1/2")
     law((first["E"] is None) is (nu is None), "E without nu, or nu without E")
+    of = material.directional()
+    for name, value in {} if of is None else {
+            "stiffness": of.stiffness, "conductivity": of.conductivity}.items():
+        law(value is None or np.allclose(value, value.T, atol=1e-9 * np.abs(value).max()),
+            f"{name} is not symmetric")
+        law(value is None or bool((np.linalg.eigvalsh(value) > 0.0).all()),
+            f"{name} is not positive definite")
 
 
 def _number(name: str, value: object) -> None:

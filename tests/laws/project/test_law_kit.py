@@ -51,6 +51,9 @@ OPTIONS: dict[tuple[str, str], dict[str, Any]] = {
     ("normal_law", "elastic_foundation"): {
         "stiffness": 1e9, "damping": 1e5, "damping_depth": 1e-6},
     ("material", "isotropic"): {"rho": 2700.0, "E": 7e10, "nu": 0.33, "k": 150.0, "c": 900.0},
+    ("material", "orthotropic"): {
+        "rho": 1600.0, "E": (1.2e11, 9e9, 8e9), "nu": (0.3, 0.28, 0.4), "G": (5e9, 4.5e9, 3e9),
+        "k": (40.0, 5.0, 2.0), "c": 900.0, "angle": 0.5, "axis": (1.0, 2.0, 3.0)},
     ("friction_law", "coulomb"): {"coefficient": 0.3, "critical_velocity": 0.05},
     ("mesh", "rectangle"): {"size": (2.0, 1.0), "divisions": (4, 3)},
     ("mesh", "unstructured"): {"size": (2.0, 1.0), "divisions": (4, 2), "elements": 24},
