@@ -172,8 +172,8 @@ def _probe(body: Body, name: str, probe: Probe) -> ProbePlace:
     found = body.stress_at(probe.at)
     if found is None:
         raise InputError(f"body {body.name!r} has no stress that is linear in its displacements "
-                         "and temperatures: it needs a mesh (of no body of revolution), the field "
-                         "elastic, linear strains and constant E and alpha", "stress")
+                         "and temperatures: it needs a mesh (of no body of revolution), unknown "
+                         "displacements, linear strains and constant E and alpha", "stress")
     return replace(made, stress=found)
 
 
