@@ -102,10 +102,13 @@ def stress_notes(model: Model, result: RunResult) -> Iterator[Note]:
             if abs(found.mu) >= LIMIT:
                 yield Note(_linear(result, body, ops.mass, found), LINEAR_STRAINS)
         elif found.mu <= -1.0:
+            which = ("its deflections grow without limit there; take "
+                     f"bodies.{body.name}.strains: nonlinear") if ops.stress_stiffness.prestressed \
+                else ("it has several equilibria, and steps that are long or damped may end at "
+                      "another one than the body; compare smaller steps, and give a small load "
+                      "across the body that decides to which side it bends")
             yield Note(f"{body.name} is compressed to {-found.mu:.3g} times its buckling load at t "
-                       f"= {found.t:.6g} s: it has several equilibria, and steps that are long or "
-                       "damped may end at another one than the body; compare smaller steps",
-                       BUCKLED)
+                       f"= {found.t:.6g} s: {which}", BUCKLED)
 
 
 def _linear(result: RunResult, body: MovingBody, mass: Csr, found: Ratio) -> str:
