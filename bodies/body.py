@@ -392,8 +392,10 @@ class FloatingBody(Body):
             return None
         assert self.T0 is not None and self.T_ref is not None
         s = e.stress_constants(mesh, self.T_ref)
-        by_u, by_T = CellStress(mesh.points, mesh.nodes, s.constants, s.region).functional(
-            self._probed(at)[0])
+        stress = CellStress(mesh.points, mesh.nodes, s.constants, s.region)
+        if stress.general:
+            return None
+        by_u, by_T = stress.functional(self._probed(at)[0])
         if h is None:
             return ProbeStress(by_u[e.free], None, (self.T0 - self.T_ref) @ by_T)
         return ProbeStress(by_u[e.free], by_T[h.free], -self.T_ref @ by_T,

@@ -114,10 +114,6 @@ class CavityRadiation(LoadPlugin):
                              "take radiation", "on")
         if len({b.d for b in bodies.values()}) > 1:
             raise InputError("bodies in the plane and in space cannot radiate to each other", "on")
-        revolved = [n for n, b in bodies.items() if b.revolved]
-        if revolved:
-            raise InputError(f"body {revolved[0]!r} is one of revolution, whose view factors are "
-                             "not computed: take `radiation`, or a body in space", "on")
         if len({b.thickness for b in bodies.values()}) > 1:
             raise InputError("the bodies have different thicknesses: what leaves one would not "
                              "arrive at the other", "on")

@@ -173,7 +173,7 @@ def _probe(body: Body, name: str, probe: Probe) -> ProbePlace:
     if found is None:
         raise InputError(f"body {body.name!r} has no stress that is linear in its displacements "
                          "and temperatures: it needs a mesh (of no body of revolution), unknown "
-                         "displacements, linear strains and constant E and alpha", "stress")
+                         "displacements, linear strains and isotropic constants", "stress")
     return replace(made, stress=found)
 
 

@@ -202,5 +202,5 @@ def test_bodies_of_revolution_are_refused(tmp_path: Path) -> None:
             "frame": "fixed"}
     data = rings(tmp_path, bodies={"tube": body})
     data["loads"]["gap"] = {"use": "cavity_radiation", "on": ["tube:left"], "emissivity": 0.5}
-    with pytest.raises(InputError, match="is one of revolution"):
+    with pytest.raises(InputError, match="of axisymmetric bodies"):
         simulate(load(data))

@@ -77,8 +77,13 @@ def test_a_controller_reads_it() -> None:
     assert stress[-1] == pytest.approx(2e7, rel=0.05)
 
 
-def test_a_body_without_such_a_stress_is_refused() -> None:
+@pytest.mark.parametrize("change", [
+    {"strains": "nonlinear"},
+    {"material": {"use": "orthotropic", "rho": 1600.0, "E": [1.4e11, 1e10, 1e10],
+                  "nu": [0.3, 0.3, 0.4], "G": [5e9, 5e9, 4e9], "alpha": [0.0, 3e-5, 3e-5],
+                  "k": [5.0, 0.7, 0.7], "c": 900.0}, "materials": {}}])
+def test_a_body_without_such_a_stress_is_refused(change: dict[str, Any]) -> None:
     data = bar(2)
-    data["bodies"]["b"]["strains"] = "nonlinear"
+    data["bodies"]["b"] |= change
     with pytest.raises(InputError, match="no stress that is linear"):
         simulate(load(data))
