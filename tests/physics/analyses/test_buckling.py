@@ -17,7 +17,7 @@ def column(strains: str, loads: object = PUSH, **options: object):  # type: igno
     return beam(height=H, width=W, cells=(20, 1), strains=strains, loads=loads, **options)
 
 
-@pytest.mark.parametrize("strains", ["linear", "nonlinear"])
+@pytest.mark.parametrize("strains", ["linear", "nonlinear", "prestressed"])
 def test_a_column_clamped_at_one_end(strains: str) -> None:
     found = solve(column(strains), "buckling", count=2)
     np.testing.assert_allclose(found.column("factor"), [EULER / 4.0, 9.0 * EULER / 4.0], rtol=8e-3)

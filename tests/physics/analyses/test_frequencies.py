@@ -76,13 +76,14 @@ def test_a_pendulum_swings_about_its_equilibrium() -> None:
 
 
 @pytest.mark.full
+@pytest.mark.parametrize("strains", ["nonlinear", "prestressed"])
 @pytest.mark.parametrize("gamma, flap", [(2.0, 4.1373), (6.0, 7.3604), (12.0, 13.1702)])
-def test_a_spinning_beam(gamma: float, flap: float) -> None:
+def test_a_spinning_beam(gamma: float, flap: float, strains: str) -> None:
     """In the plane of rotation, without a hub: (flap^2 - gamma^2)^(1/2) with the flapping
     frequencies of Wright et al. (1982), doi 10.1115/1.3161966, Table 1, times sqrt(E I / m L^4)."""
     scale = np.sqrt(E * 0.02**2 / 12.0 / RHO)
     turn = {"use": "ramp", "end": 10.0, "final": 10.0 * gamma * scale}
-    scene = beam(height=0.02, cells=(20, 1), strains="nonlinear", frame="floating", joints={
+    scene = beam(height=0.02, cells=(20, 1), strains=strains, frame="floating", joints={
         "hub": {"use": "prescribed_motion", "of": "beam:left", "x": 0.0, "y": 0.0, "angle": turn}})
     found = solve(scene, "frequencies", count=1, spin=True)
     assert found.column("imaginary_per_s")[0] / scale == pytest.approx(
