@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 
 from sparsemor.core.arrays import IntArray
 from sparsemor.core.errors import Damaged, InputError
-from sparsemor.core.protocols.poses import COORDINATES
 from sparsemor.core.results.archive import ArchiveError, is_archive, read_array
 from sparsemor.core.results.atomic_files import replace_file
 from sparsemor.core.results.files.temporary import TemporaryFolder
@@ -283,10 +282,8 @@ def _plain(attributes: Mapping[str, Any]) -> dict[str, Any]:
 def _component_names(stored: ResultArrays) -> dict[str, Any]:
     """Dimension -> names along it."""
     found = dict[str, Any]()
-    for name, e in stored.arrays.items():
+    for e in stored.arrays.values():
         names = e["attributes"].get("components")
-        if name.endswith(".rigid"):
-            names = COORDINATES.get(e["shape"][-1])
         if names:
             found[e["dimensions"][-1]] = (e["dimensions"][-1], list(names))
     return found

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.protocols import BodyShape
 from sparsemor.core.protocols.layout import Quantity
+from sparsemor.core.protocols.poses import COORDINATES
 from sparsemor.core.results.metadata import CONTACT_UNITS, POSE_UNITS, RunHeader
 from sparsemor.core.results.stage_arrays import stage_arrays
 from sparsemor.core.results.stored_arrays import TIME, array_entry
@@ -49,7 +50,9 @@ def time_arrays(header: RunHeader) -> dict[str, dict[str, Any]]:
             add(b.name, "float64", ((f"{b.name}.unknown", b.size),), units=", ".join(units),
                 components=list(names))
         else:
-            add(b.name, "float64", ((f"{b.name}.unknown", b.size),), units=b.kind.unit)
+            named: Any = {"components": list(COORDINATES[b.size])} if (
+                b.kind.quantity is Quantity.POSE and b.size in COORDINATES) else {}
+            add(b.name, "float64", ((f"{b.name}.unknown", b.size),), units=b.kind.unit, **named)
     for p in header.probes:
         inner = ((f"probe.{p.name}.component", len(p.components)),)
         add(f"probe.{p.name}", "float64", inner, units=", ".join(p.units), body=p.body,
