@@ -187,11 +187,23 @@ def machine() -> dict[str, Any]:
         "time": {"end": 0.02, "step": 1e-3}}
 
 
+def ring() -> dict[str, Any]:
+    """A spinning body of revolution."""
+    return {"bodies": {"ring": {
+                "use": "flexible", "axisymmetric": True, "frame": "fixed", "fields": ["elastic"],
+                "mesh": {"use": "rectangle", "lower": [0.1, 0.0], "size": [0.1, 0.02],
+                         "divisions": [4, 1]},
+                "material": {"E": 2e11, "nu": 0.3, "rho": 7800.0},
+                "reference": {"hold": {"bottom": "y"}}}},
+            "loads": {"spin": {"use": "centrifugal", "body": "ring", "spin": 300.0}},
+            "time": {"end": 0.02, "step": 1e-3}}
+
+
 @pytest.mark.full
 def test_laws_of_bodies_joints_and_loads() -> None:
     scenes = [*(load(SCENES / name) for name in (
         "everything.yaml", "everything_in_space.yaml", "matrices.yaml")), scene_of(driven()),
-        scene_of(machine())]
+        scene_of(machine()), scene_of(ring())]
     for scene in scenes:
         check_parts(scene)
     for kind, key in (("body", "bodies"), ("joint", "joints"), ("load", "loads")):
