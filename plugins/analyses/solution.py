@@ -126,28 +126,32 @@ def stored(
     return result if temporary is None else result.held_in(temporary)
 
 
-def quantities(p: Prepared, s: State, result: RunResult) -> list[dict[str, Any]]:
-    """Table of a single state: probes, joint forces, rigid coordinates, and the largest values of
-    each body's fields."""
-    outputs = {n: o for n, o in sensors(p.model, p.model.layout, {}).items() if not o.rate}
-    values = read([*outputs.values()], s) if outputs else np.zeros(0)
-    rows: list[dict[str, Any]] = [
-        {"quantity": n, "value": float(v), "unit": o.unit}
-        for (n, o), v in zip(outputs.items(), values, strict=True)]
+def quantities(
+    p: Prepared, s: State, result: RunResult, shown: Quantity
+) -> list[dict[str, Any]]:
+    """Table of a single state: the largest values of each body's fields, probes, and joint forces
+    and rigid coordinates; of temperatures (`shown`) these alone."""
+    heat = shown is Quantity.TEMPERATURE
+    rows: list[dict[str, Any]] = []
 
     def add(name: str, value: float, unit: str) -> None:
         rows.append({"quantity": name, "value": float(value), "unit": unit})
 
     for body in result.bodies:
-        if result.has(body, Quantity.DISPLACEMENT):
+        if result.has(body, Quantity.DISPLACEMENT) and not heat:
             u = np.linalg.norm(result.nodal_displacement(body, 0), axis=1)
             add(f"{body}: largest |u|", u.max(), "m")
+            if result.has(body, Derived.STRESS):
+                add(f"{body}: largest von Mises stress", result.von_mises(body, 0).max(), "Pa")
         if result.has(body, Quantity.TEMPERATURE):
             T = result.nodal_temperature(body, 0)
             add(f"{body}: lowest temperature", T.min(), "K")
             add(f"{body}: highest temperature", T.max(), "K")
-        if result.has(body, Derived.STRESS) and result.has(body, Quantity.DISPLACEMENT):
-            add(f"{body}: largest von Mises stress", result.von_mises(body, 0).max(), "Pa")
+    outputs = {n: o for n, o in sensors(p.model, p.model.layout, {}).items()
+               if not o.rate and (o.unit == "K" or not heat)}
+    values = read([*outputs.values()], s) if outputs else np.zeros(0)
+    for (name, output), value in zip(outputs.items(), values, strict=True):
+        add(name, float(value), output.unit)
     return rows
 
 
