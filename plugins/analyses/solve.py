@@ -101,7 +101,8 @@ def _of_state(
     result = stored(p, [state], [state.t], _summary(p, analysis, [title], facts, notes), out)
     return Solution(
         analysis, p.scene.name, p.scene.reducer_name, quantities(p, state, result, shown),
-        tuple(notes), [title], facts, result, lambda: field_charts(result, analysis, shown, [state.t]))
+        tuple(notes), [title], facts, result,
+        lambda: field_charts(result, analysis, shown, [state.t]))
 
 
 def _summary(

@@ -31,11 +31,11 @@ def export(
         metavar="RUN|MODEL", help="Directory of a run, finished or not, or file of a model.")],
     form: Annotated[str | None, typer.Option(
         "--to", help="Of a run vtu (the default) or xdmf for ParaView, csv (time histories) or nc "
-        "(all arrays); of a model fmu (the default), or of a linear one npz, mat or mtx.")] = None,
+        "(all arrays); of a model fmu (the default) or c, of a linear one npz, mat, mtx.")] = None,
     out: Annotated[Path | None, typer.Option(
         "--out", parser=path_of, metavar="PATH",
         help="Directory for the files of a run (default: inside its directory), or file of an "
-        "exported model (default: MODEL.fmu, ...; mtx: a new folder).")] = None,
+        "exported model (default: MODEL.fmu, ...; c and mtx: a new folder).")] = None,
     at: At = None,
     every: Annotated[int, typer.Option(
         "--every", help="Export every N-th stored step (not with --at).")] = 1,
@@ -89,24 +89,24 @@ def _model(
     with located_in():
         from sparsemor.core.results.files.listing import list_file
         from sparsemor.core.simulation.reduced_model import load_model
-        from sparsemor.plugins.export.fmu import export_fmu
+        from sparsemor.plugins.export.fmu import export_c, export_fmu
         from sparsemor.plugins.export.matrices import FORMATS, export_matrices
 
-        if form not in ("fmu", *FORMATS):
-            raise InputError(f"a model is exported to fmu, {', '.join(FORMATS)} (got {form!r})",
+        if form not in ("fmu", "c", *FORMATS):
+            raise InputError(f"a model is exported to fmu, c, {', '.join(FORMATS)} (got {form!r})",
                              "to")
         file = out or Path(f"{Path(source).stem}.{form}")
-        check_new_file(file, force and form != "mtx")
+        check_new_file(file, force and form not in ("mtx", "c"))
         given = words(inputs), words(outputs)
         model = load_model(source)
         said: dict[str, Any] = {"status": "done", "out": str(file), "to": form}
-        if form == "fmu":
-            unit = export_fmu(model, file, *given)
+        if form in ("fmu", "c"):
+            unit = (export_fmu if form == "fmu" else export_c)(model, file, *given)
             said |= {"inputs": unit.inputs, "outputs": unit.outputs, "left_out": unit.left_out}
         else:
             made = export_matrices(model, file, form, *given)
             said |= {"inputs": made.inputs, "outputs": made.outputs, "unknowns": len(made.A)}
-        if form != "mtx":
+        if form not in ("mtx", "c"):
             list_file(file, alone=True)
         if as_json:
             print_json(said)

@@ -1,6 +1,7 @@
-"""Export of a kept model as a functional mock-up unit (FMI 2.0, co-simulation) that needs no
-Python."""
+"""Export of a kept model whose steps need no Python: a functional mock-up unit (FMI 2.0,
+co-simulation), or a library in C."""
 
+import json
 import os
 import platform
 import re
@@ -20,12 +21,12 @@ import numpy as np
 
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
-from sparsemor.core.protocols import MachineSteps
 from sparsemor.core.results.atomic_files import replace_file
 from sparsemor.core.results.probes import ProbeReader
 from sparsemor.core.simulation.outputs import Output
 from sparsemor.core.simulation.reduced_model import ReducedModel
 from sparsemor.core.simulation.stepper import Stepper
+from sparsemor.plugins.export.request import make_folder
 
 PLATFORMS = {("linux", True): "linux64", ("win32", True): "win64", ("darwin", True): "darwin64"}
 """Folders of FMI 2.0 for binaries, by system and 64 bits."""
@@ -34,9 +35,14 @@ STATE, AFFINE, POSITION = 0, 1, 2
 """Kinds of outputs (reducers/step/compiled/alone.py:outputs)."""
 
 
+SOURCES = ("model.h", "model.c", "example.c")
+"""Files of a model in C, with the object file steps.o, data.bin, and sizes.h."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Unit:
-    """A written FMU: inputs, outputs and outputs of the model that it does not have, by name."""
+    """A written FMU, or folder of a model in C: inputs, outputs and outputs of the model that it
+    does not have, by name."""
 
     file: Path
     inputs: tuple[str, ...]
@@ -54,27 +60,73 @@ def export_fmu(
     `ReducedModel.stepper`, by default all that are functions of the state alone. Raises InputError
     for others, for a model without compiled steps, and without a compiler.
     """
-    keys = model.possible_inputs if inputs is None else tuple(inputs)
-    stepper = model.stepper(keys, outputs or ())
-    about = _Outputs()
-    left_out = [name for name, out in stepper.described.items() if not about.add(name, out)]
-    if outputs and left_out:
-        raise InputError(f"{', '.join(left_out)}: not a function of the state alone, as an output "
-                         "in machine code must be", "outputs")
-    steps = stepper.machine_steps(*about.arrays())
+    made = _Made(model, inputs, outputs)
     name = _identifier(model.scene.name)
     folder = _platform()
     with tempfile.TemporaryDirectory() as work:
         library = Path(work) / f"{name}{SUFFIX[folder]}"
-        guid = f"{{{uuid.uuid5(uuid.NAMESPACE_URL, steps.code.hex() + str(keys))}}}"
-        _build(Path(work), library, steps, stepper, guid)
-        described = _description(model, stepper, name, guid, keys, about.names)
+        steps = made.steps
+        guid = f"{{{uuid.uuid5(uuid.NAMESPACE_URL, steps.code.hex() + str(made.keys))}}}"
+        made.write(Path(work), GUID=f'"{guid}"')
+        _build(Path(work), library)
+        described = _description(model, made.stepper, name, guid, made.keys, made.names)
         packed = Path(work) / "model.fmu"
         with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as unit:
             _write(unit, "modelDescription.xml", described)
             _write(unit, f"binaries/{folder}/{library.name}", library.read_bytes())
         replace_file(Path(file), packed.read_bytes())
-    return Unit(Path(file), tuple(keys), tuple(about.names), tuple(left_out))
+    return made.unit(Path(file))
+
+
+def export_c(
+    model: ReducedModel, folder: str | Path, inputs: Sequence[str] | None = None,
+    outputs: Sequence[str] | None = None,
+) -> Unit:
+    """Writes a model as a library in C into a new folder: its interface model.h, and an object file
+    of its steps for this kind of computer; example.c says how to build it. Arguments and errors as
+    of `export_fmu`; no compiler is needed."""
+    made, target = _Made(model, inputs, outputs), Path(folder)
+    make_folder(target)
+    made.write(target)
+    for name in SOURCES:
+        shutil.copy(Path(__file__).with_name(name), target)
+    return made.unit(target)
+
+
+class _Made:
+    """Steps of a model in machine code with its inputs and outputs."""
+
+    def __init__(
+        self, model: ReducedModel, inputs: Sequence[str] | None, outputs: Sequence[str] | None
+    ) -> None:
+        self.keys = model.possible_inputs if inputs is None else tuple(inputs)
+        self.stepper, about = model.stepper(self.keys, outputs or ()), _Outputs()
+        described = self.stepper.described
+        self.left_out = tuple(n for n, out in described.items() if not about.add(n, out))
+        if outputs and self.left_out:
+            raise InputError(f"{', '.join(self.left_out)}: not a function of the state alone, as "
+                             "an output in machine code must be", "outputs")
+        self.names = about.names
+        self.steps = self.stepper.machine_steps(*about.arrays())
+
+    def write(self, folder: Path, **more: str) -> None:
+        """Writes steps.o, data.bin and sizes.h."""
+        steps, stepper = self.steps, self.stepper
+        (folder / "steps.o").write_bytes(steps.code)
+        (folder / "data.bin").write_bytes(b"".join(
+            a.tobytes() for a in (steps.reals, steps.table, steps.integers, steps.flags)))
+        first = ", ".join(v.hex() for v in stepper.inputs.values()) or "0"
+        rows, columns = steps.table.shape if steps.table.size else (0, 0)
+        sizes = {
+            "REALS": steps.reals.size, "INTEGERS": steps.integers.size, "FLAGS": steps.flags.size,
+            "INPUTS": len(self.keys), "OUTPUTS": steps.outputs, "ROWS": rows, "COLUMNS": columns,
+            "STEP": stepper.step_size.hex(),
+            "NAMES": "".join(f"{json.dumps(n)}, " for n in (*self.keys, *self.names)), **more}
+        (folder / "sizes.h").write_text("".join(f"#define {k} {v}\n" for k, v in sizes.items())
+                                        + f"static const double FIRST[] = {{{first}}};\n")
+
+    def unit(self, file: Path) -> Unit:
+        return Unit(file, tuple(self.keys), tuple(self.names), self.left_out)
 
 
 def _write(unit: zipfile.ZipFile, name: str, data: bytes) -> None:
@@ -162,21 +214,10 @@ def _compiler() -> list[str]:
                      "'sparsemor[fmu]'", "to")
 
 
-def _build(
-    work: Path, library: Path, steps: MachineSteps, stepper: Stepper, guid: str
-) -> None:
+def _build(work: Path, library: Path) -> None:
     """Compiles and links the library of the model in the folder `work`."""
-    (work / "steps.o").write_bytes(steps.code)
-    (work / "data.bin").write_bytes(b"".join(
-        a.tobytes() for a in (steps.reals, steps.table, steps.integers, steps.flags)))
-    first = ", ".join(v.hex() for v in stepper.inputs.values()) or "0"
-    rows, columns = steps.table.shape if steps.table.size else (0, 0)
-    sizes = {"REALS": steps.reals.size, "INTEGERS": steps.integers.size, "FLAGS": steps.flags.size,
-             "INPUTS": len(stepper.inputs), "OUTPUTS": steps.outputs, "ROWS": rows,
-             "COLUMNS": columns, "STEP": stepper.step_size.hex(), "GUID": f'"{guid}"'}
-    (work / "model.h").write_text("".join(f"#define {k} {v}\n" for k, v in sizes.items())
-                                  + f"static const double FIRST[] = {{{first}}};\n")
-    shutil.copy(Path(__file__).with_name("fmi2.c"), work)
+    for name in ("model.h", "model.c", "fmi2.c"):
+        shutil.copy(Path(__file__).with_name(name), work)
     whole = [] if sys.platform == "darwin" else ["-Wl,--no-undefined"]
     command = [*_compiler(), "-O2", "-shared", "-fPIC", "-fvisibility=hidden", "-s", *whole,
                "fmi2.c", "steps.o", "-lm", "-o", library.name]

@@ -15,6 +15,7 @@ from sparsemor.core.errors import InputError
 from sparsemor.core.results.atomic_files import replace_file
 from sparsemor.core.simulation.outputs import read
 from sparsemor.core.simulation.reduced_model import ReducedModel
+from sparsemor.plugins.export.request import make_folder
 
 LINEAR = 1e-9
 """Largest relative error of outputs and inputs that count as linear."""
@@ -116,10 +117,7 @@ def export_matrices(
         raise InputError(f"no format of matrices is called {to!r}: {', '.join(FORMATS)}", "to")
     made, target = state_space(model, inputs, outputs), Path(path)
     if to == "mtx":
-        try:
-            target.mkdir()
-        except OSError as error:
-            raise InputError(f"{target} must be a new folder ({error.strerror})", "out") from None
+        make_folder(target)
         for name, value in made.arrays().items():
             if value.dtype.kind == "U":
                 (target / f"{name}.txt").write_text("".join(f"{v}\n" for v in value))

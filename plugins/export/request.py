@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 from sparsemor.core.arrays import IntArray
 from sparsemor.core.errors import Gather, InputError
@@ -54,6 +55,14 @@ def plan_export(
     gather.check()
     assert steps is not None and found is not None
     return ExportPlan(to, steps[::every], *found)
+
+
+def make_folder(path: Path) -> None:
+    """Makes a new folder. Raises InputError if there is one already, or it cannot be made."""
+    try:
+        path.mkdir()
+    except OSError as error:
+        raise InputError(f"{path} must be a new folder ({error.strerror})", "out") from None
 
 
 def _check_name(name: str, names: Sequence[str], one: str, many: str) -> None:

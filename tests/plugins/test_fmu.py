@@ -18,7 +18,7 @@ from small_scenes import everything
 from sparsemor import InputError, ReducedModel, Scene, load, load_model, reduce, simulate
 from sparsemor.core.scene.nested import functions_of_time
 from sparsemor.core.simulation.stepper import Stepper
-from sparsemor.plugins.export.fmu import Unit, export_fmu
+from sparsemor.plugins.export.fmu import Unit, export_c, export_fmu
 
 GALERKIN = {"use": "galerkin", "basis": {"use": "pod", "count": 5}}
 EXAMPLES = Path(__file__).parents[2] / "docs/examples"
@@ -66,6 +66,30 @@ def slave_of(unit: Unit) -> SimpleNamespace:
     slave.enterInitializationMode()
     slave.exitInitializationMode()
     return slave
+
+
+@compiled
+@pytest.mark.slow
+def test_a_model_in_c_takes_the_steps_of_its_model(tmp_path: Path) -> None:
+    """Built without warnings; with the first values of the inputs."""
+    model, _ = made("slider_crank")
+    done = export_c(model, tmp_path / "c", outputs=["middle.x", "crank.rigid.angle", "hub.force_x"])
+    subprocess.run(
+        ["cc", "-O2", "-std=c11", "-Wall", "-Wextra", "-Werror", "-Wno-type-limits", "example.c",
+         "model.c", "steps.o", "-lm", "-o", "example"], cwd=done.file, check=True)
+    printed = subprocess.run([done.file / "example", "20"], capture_output=True, text=True,
+                             check=True).stdout.splitlines()
+    assert printed[0] == ",".join(("time", *done.outputs))
+    stepper = model.stepper(done.inputs, done.outputs)
+    wanted = [stepper.values()]
+    for _ in range(20):
+        stepper.step()
+        wanted.append(stepper.values())
+    got = np.array([[float(v) for v in line.split(",")[1:]] for line in printed[1:]])
+    size = np.abs(wanted).max(axis=0)
+    np.testing.assert_allclose(got / size, wanted / size, rtol=0, atol=1e-9)
+    with pytest.raises(InputError, match="must be a new folder"):
+        export_c(model, done.file)
 
 
 @compiled
