@@ -43,6 +43,23 @@ def blended(values: FloatArray, i: int, w: float) -> FloatArray:
     return np.asarray(values[i] if w == 0.0 else (1.0 - w) * values[i] + w * values[i + 1])
 
 
+ROWS = 64
+"""Number of rows of each product of `times_rows`."""
+
+
+def times_rows(table: FloatArray, left: FloatArray) -> FloatArray:
+    """table @ left.T (T, l) of a table (T, j) and a matrix (l, j), to the last bit the same in each
+    row for any number of rows: BLAS may sum the last rows of a product in another order, so that
+    tables of a run and of one that goes on longer would differ at their common times."""
+    found = np.empty((len(table), len(left)))
+    for first in range(0, len(table), ROWS):
+        part = table[first : first + ROWS]
+        if len(part) < ROWS:  # all products have one shape
+            part = np.concatenate([part, np.zeros((ROWS - len(part), table.shape[1]))])
+        found[first : first + ROWS] = part.dot(left.T)[: len(table) - first]
+    return found
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Table:
     """Values (T, j) at increasing times (T,), s; linear interpolation between them, constant
@@ -77,7 +94,7 @@ class Table:
 
     def through(self, left: FloatArray) -> "Table":
         """Table of left @ values(t), with left (l, j)."""
-        return Table(self.times, np.ascontiguousarray(self.values @ left.T))
+        return Table(self.times, times_rows(self.values, left))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

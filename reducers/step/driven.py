@@ -13,6 +13,7 @@ from typing import Self
 import numpy as np
 
 from sparsemor.core import FloatArray, StepFormula
+from sparsemor.core.protocols.load_tables import times_rows
 from sparsemor.reducers.step.frame_step import BodyStep
 from sparsemor.reducers.step.loop import Linearisation
 from sparsemor.reducers.step.operators import TestedElastic
@@ -34,7 +35,7 @@ class RowsInTime:
     def __call__(self, times: FloatArray) -> FloatArray:
         t, factors = self.tested, self.drive.along(times)
         n = 2 * len(t.generators)
-        base = factors[:, n:].dot(t.directions.T) + t.constant
+        base = times_rows(factors[:, n:], t.directions) + t.constant
         return np.hstack((factors[:, :n], base - along(
             np.zeros(len(t.constant)), t.loads, t.amplitudes, t.tables, times)))
 

@@ -10,7 +10,7 @@ import numpy as np
 from sparsemor.core import Amplitude, FloatArray, Table
 from sparsemor.core.protocols import Tabled
 from sparsemor.core.protocols.integrator import held_reads
-from sparsemor.core.protocols.load_tables import total_load, total_load_along
+from sparsemor.core.protocols.load_tables import times_rows, total_load, total_load_along
 from sparsemor.core.protocols.separable import amplitudes_along, evaluate_amplitudes
 
 NEAR = 1e-9
@@ -115,7 +115,7 @@ class TabulatedLoads:
 
     def along(self, times: FloatArray) -> FloatArray:
         """Loads (T, s) at times (T,), s."""
-        return np.asarray(self.table.along(times).dot(self.left.T))
+        return times_rows(self.table.along(times), self.left)
 
     def through(self, left: FloatArray) -> "TabulatedLoads":
         """These loads multiplied by left (l, s)."""
@@ -181,7 +181,7 @@ def along(
     times (T,), s."""
     rows = np.zeros((len(times), base.shape[-1])) + base
     if amplitudes:
-        rows += amplitudes_along(amplitudes, times).dot(loads.T)
+        rows += times_rows(amplitudes_along(amplitudes, times), loads)
     if tables:
         rows += total_load_along(tables, times)
     return rows
