@@ -13,7 +13,13 @@ from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.linear_equations import TabledEquations
 from sparsemor.core.model.model import Model
 from sparsemor.core.model.prescribed_motion import AtStart
-from sparsemor.core.protocols.load_tables import LoadTable, Table, projected_tables, total_load
+from sparsemor.core.protocols.load_tables import (
+    LoadTable,
+    Table,
+    projected_tables,
+    times_rows,
+    total_load,
+)
 from sparsemor.core.testing import check_term
 
 SLIDER = Path(__file__).parents[2] / "scenes" / "small_slider.yaml"
@@ -99,3 +105,12 @@ def test_a_block_gets_the_rows_that_the_term_has(model):
         (load,) = model.moving(block)
         load = replace(load, table=term.equations.load.table)
         np.testing.assert_array_equal(load.at(2.2), whole[at])
+
+
+def test_rows_of_a_product_do_not_depend_on_their_number() -> None:
+    rng = np.random.default_rng(2)
+    values, left = rng.standard_normal((150, 37)), rng.standard_normal((6, 37))
+    whole = times_rows(values, left)
+    np.testing.assert_allclose(whole, values @ left.T, rtol=0, atol=1e-13)
+    for count in range(1, 150, 7):
+        assert np.array_equal(times_rows(values[:count], left), whole[:count])
