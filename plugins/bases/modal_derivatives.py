@@ -19,7 +19,7 @@ a polynomial of second degree, as of nonlinear strains, is exact for any."""
 
 
 class ModalDerivatives(Basis):
-    """Modes phi_i of (K, M) and static modal derivatives theta_ij of bodies with nonlinear strains:
+    """Modes phi_i of (K, M) and static modal derivatives theta_ij of bodies with nonlinear strains.
 
         K theta_ij = - (dK(u)/du phi_j) phi_i    at u = 0,    i <= j.
 
