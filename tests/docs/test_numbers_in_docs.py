@@ -2,19 +2,22 @@
 
 A section does so by a command in its text or tables, or by a comment
 `<!-- numbers by: COMMAND -->`; `<!-- numbers: SOURCE -->` is for those that nobody measured (given
-by a scene, by the paper, or constants of a method). The others stand in docs/verification.md, each
+by a scene, by the paper, or constants of a method). The others stand in verification.md, each
 with the reason.
 """
 
+import os
 import re
 from pathlib import Path
 
 import pytest
 
+from doc_pages import UNPUBLISHED, page_named
+
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
-PAGES = [ROOT / "README.md", *sorted(DOCS.glob("*.md")),
-         *sorted((DOCS / "measured").glob("*.md"))]
+PAGES = [ROOT / "README.md", *(p for p in sorted(DOCS.rglob("*.md"))
+                               if p.relative_to(DOCS).parts[0] not in UNPUBLISHED)]
 LEFT_OUT = {"bibliography.md", "scene-reference.md", "verification.md"}
 UNITS = "ms|us|s|GB|MB|K|%|times|µm|um|nm|mm"
 NUMBER = re.compile(rf"(?<![\w.])(\d+(?:\.\d+)?e-?\d+|\d+(?:\.\d+)?\s?(?:{UNITS})\b)")
@@ -48,11 +51,11 @@ def test_measured_numbers_name_their_command(page: Path) -> None:
 
 
 def test_numbers_without_a_command_are_listed() -> None:
-    listed = (DOCS / "verification.md").read_text(encoding="utf-8")
+    listed = page_named("verification.md").read_text(encoding="utf-8")
     for page in PAGES:
         for heading, text in sections(page):
             for reason in WITHOUT.findall(text):
-                name = page.relative_to(DOCS)
+                name = Path(os.path.relpath(page, page_named("verification.md").parent))
                 row = f"| [{name.with_suffix('')}]({name}) | {heading.lstrip('# ')} | {reason} |"
                 assert row in listed, row
 

@@ -1,10 +1,11 @@
-"""Each target of docs/paper_map.md, and of other pages, exists: `file.py:Name` or `file.yaml`."""
+"""Each target of paper_map.md, and of other pages, exists: `file.py:Name` or `file.yaml`."""
 
 import ast
 import re
 from functools import cache
 from pathlib import Path
 
+from doc_pages import page_named
 from source_trees import tree_of
 
 ROOT = Path(__file__).parents[2]
@@ -46,7 +47,7 @@ def test_targets_exist() -> None:
 
 
 def test_the_map_is_not_empty_and_a_wrong_target_is_seen() -> None:
-    found = targets(ROOT / "docs" / "paper_map.md")
+    found = targets(page_named("paper_map.md"))
     assert len(found) > 40 and sum(bool(name) for _, name in found) > 38
     known = names(ast.parse("A, B = 1, 2\nclass C:\n    x: int\n    def f(self): ...\n").body)
     assert known == {"A", "B", "C", "C.x", "C.f"}
@@ -56,7 +57,7 @@ def test_the_map_is_not_empty_and_a_wrong_target_is_seen() -> None:
 
 def test_the_map_covers_every_figure_table_and_equation_of_the_method() -> None:
     """Rows begin with names such as `Fig. 14, 15` or `Table 2`."""
-    page = (ROOT / "docs" / "paper_map.md").read_text(encoding="utf-8")
+    page = page_named("paper_map.md").read_text(encoding="utf-8")
     assert all(f"Eq. {n}" in page for n in ("8-12", "24", "25", "29", "30", "31", "34"))
     found = {(kind, int(n)) for kind, numbers in re.findall(
         r"(?m)^\| (Fig\.|Table) ([\d, ]+) \|", page) for n in numbers.split(",")}

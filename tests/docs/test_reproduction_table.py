@@ -1,4 +1,4 @@
-"""The table of verdicts in docs/reproduce.md is that of the stored runs, and each verdict follows
+"""The table of verdicts in reproduce.md is that of the stored runs, and each verdict follows
 from the stored numbers by the rule that the paper file has now."""
 
 import importlib.util
@@ -7,6 +7,7 @@ from types import ModuleType
 
 import pytest
 
+from doc_pages import page_named
 from packaged_paper import packaged_paper
 from sparsemor.plugins.liang2026.paper import GRADES
 
@@ -23,7 +24,7 @@ def maker() -> ModuleType:
 
 def test_the_table_is_that_of_the_stored_verdicts() -> None:
     made = maker()
-    text = (DOCS / "reproduce.md").read_text(encoding="utf-8")
+    text = page_named("reproduce.md").read_text(encoding="utf-8")
     assert made.MARK.search(text)[0] == (
         f"<!-- verdicts -->\n{made.table(packaged_paper())}<!-- end -->")
 

@@ -1,0 +1,72 @@
+"""Site of these pages: `sphinx-build -W docs site`. It needs the extra `docs`, and no network."""
+
+import re
+from importlib.metadata import version as version_of
+from pathlib import Path
+from typing import Any
+
+from docutils import nodes
+from docutils.utils.math.latex2mathml import tex2mathml
+from sphinx.application import Sphinx
+
+HERE = Path(__file__).parent
+project = "sparsemor"
+author = project_copyright = "sparsemor developers"
+release = version = version_of("sparsemor")
+language = "en"
+
+extensions = ["myst_nb", "sphinx.ext.autodoc"]
+exclude_patterns = ["decisions", "developers", "gallery_src", "examples", "sg_execution_times.rst",
+                    "gallery_out/index.rst", "gallery_out/*.ipynb", "gallery_out/*.py", "site"]
+html_theme = "furo"
+html_title = f"sparsemor {release}"
+html_show_sourcelink = False
+pygments_style, pygments_dark_style = "tango", "monokai"
+html_math_renderer = "mathml"
+
+myst_enable_extensions = ["dollarmath", "attrs_block"]
+myst_heading_anchors = 6
+nb_execution_mode = "off"  # tests execute the notebooks
+
+autodoc_member_order = "bysource"
+autodoc_typehints = "signature"
+autodoc_preserve_defaults = True
+
+_FENCE = re.compile(r"(^ *```.*?^ *```[ \t]*$)", re.MULTILINE | re.DOTALL)
+_LINK = re.compile(r"(?<!!)\[([^\[\]]*)\]\(([^()\s]+)\)")
+IN_REPOSITORY_ONLY = ("decisions", "developers", "examples")
+
+
+def _repository_links(app: Sphinx, docname: str, source: list[str]) -> None:
+    """Links to files that are no pages of the site become their paths in the repository."""
+    folder = Path(app.srcdir, docname).parent
+
+    def shown(link: re.Match[str]) -> str:
+        text, target = link.groups()
+        path = (folder / target.partition("#")[0]).resolve()
+        if "://" in target or target.startswith("#") or not path.exists():
+            return link[0]
+        if path.parent == HERE / "gallery_src":
+            return f"[{text}](/gallery_out/{path.stem}.rst)"
+        inside = path.is_relative_to(HERE) and path.relative_to(HERE).parts[0]
+        if path.is_file() and inside and inside not in IN_REPOSITORY_ONLY:
+            return link[0]
+        place = f"`{path.relative_to(HERE.parent)}`"
+        return place if place in text else f"{text} ({place})"
+
+    if app.env.doc2path(docname).suffix == ".md":
+        parts = _FENCE.split(source[0])
+        parts[::2] = [_LINK.sub(shown, part) for part in parts[::2]]
+        source[0] = "".join(parts)
+
+
+def _mathml(translator: Any, node: nodes.math | nodes.math_block) -> None:
+    """Equations as the browser's own MathML: no script, and nothing to fetch."""
+    block = isinstance(node, nodes.math_block)
+    translator.body.append(tex2mathml(node.astext(), as_block=block))
+    raise nodes.SkipNode
+
+
+def setup(app: Sphinx) -> None:
+    app.add_html_math_renderer("mathml", (_mathml, None), (_mathml, None))
+    app.connect("source-read", _repository_links)
