@@ -19,7 +19,7 @@ from pathlib import Path
 from statistics import median
 
 HERE = Path(__file__).parent
-PAGES = (HERE / "ablations.md", HERE / "measured" / "slider-plate.md",
+PAGES = (HERE / "ablations.md", HERE / "validation" / "slider-plate.md",
          HERE / "measured" / "brake-disk.md")
 TABLES = HERE / "measured" / "studies"
 MARK = re.compile(
