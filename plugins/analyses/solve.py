@@ -54,7 +54,7 @@ def solve(
     """Solution of one analysis (`ANALYSES`) of a scene, at full order or in the trial spaces
     of its reducer.
 
-    options: those of the analysis (docs/analyses.md); out: directory for its states, table and
+    options: those of the analysis (docs/machines.md); out: directory for its states, table and
     charts, by default a temporary one for the states alone. Raises InputError for bad input,
     SolveFailed where there is no solution.
     """
