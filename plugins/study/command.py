@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from sparsemor.core.cli.options import (
+    BAD_INPUT,
     FAILED,
     INTERRUPTED,
     Force,
@@ -38,8 +39,11 @@ def study(
         "--out", parser=path_of, metavar="DIRECTORY",
         help="Directory for the table (default: runs/NAME). A stopped study is continued.")] = None,
     workers: Annotated[int, typer.Option(help="Worker processes on this machine; 0: none.")] = 0,
-    scheduler: Annotated[str, typer.Option(
-        metavar="ADDRESS", help="A dask.distributed cluster, as tcp://host:8786.")] = "",
+    scheduler: Annotated[str | None, typer.Option(
+        metavar="ADDRESS", help="A dask.distributed cluster, as tcp://host:8786.")] = None,
+    scheduler_file: Annotated[Path | None, typer.Option(
+        parser=path_of, metavar="FILE", help="The same, by the file that `dask scheduler "
+                                             "--scheduler-file FILE` writes.")] = None,
     no_times: Annotated[bool, typer.Option(
         "--no-times", help="Leave out the columns that depend on the machine.")] = False,
     force: Force = False, as_json: Json = False, quiet: Quiet = False,
@@ -58,10 +62,13 @@ def study(
     with located_in():
         plan = StudyPlan.of(file, scene=scene, overrides=overrides)
     folder = (out or Path("runs", plan.study.name)).absolute()
+    if scheduler is not None and scheduler_file is not None:
+        leave(["give either --scheduler or --scheduler-file"], BAD_INPUT)
     try:
         with located_in(), progress_display(plan, quiet or as_json) as on_progress:
-            done = run_plan(plan, out=folder, workers=workers, scheduler=scheduler,
-                           times=not no_times, force=force, on_progress=on_progress)
+            done = run_plan(plan, out=folder, workers=workers,
+                            scheduler=scheduler if scheduler_file is None else scheduler_file,
+                            times=not no_times, force=force, on_progress=on_progress)
     except KeyboardInterrupt:
         _interrupted(plan, folder, as_json, quiet)
     else:
@@ -92,9 +99,11 @@ def _report(done: "StudyOutcome", as_json: bool, quiet: bool) -> None:
     none = all(row["status"] != "done" for row in done.rows)
     if as_json:
         print_json({"status": "failed" if none else "done", "out": str(done.folder),
-                    "runs": list(done.rows)})
+                    "workers_lost": done.lost.count, "runs": list(done.rows)})
     elif not quiet:
         typer.echo(in_words(done.plan, done.rows))
+        if done.lost.count or done.lost.runs:
+            typer.echo(str(done.lost))
         names = ", ".join(path.name for path in (*done.files, *charts))
         typer.echo(f"{done.folder}: {names}")
     if none:

@@ -128,6 +128,9 @@ def _run(
         scene_of(job["reference"], registry), job["reference_key"])
     table = partial(measured, reference=reference, errors_from=job["errors_from"], quantities={
         name: QuantityOfInterest.model_validate(q) for name, q in job["quantities"].items()})
+    if job["keep"] is not None and not Path(job["keep"]).parent.is_dir():
+        raise InputError(f"this machine does not have {Path(job['keep']).parent}, where the study "
+                         "keeps its results: use a folder that all workers share")
     folder = {} if job["keep"] is None else {RESULT: "/".join(Path(job["keep"]).parts[-2:])}
     if job["is_reference"] and reference is not None:
         if job["keep"] is not None:

@@ -14,7 +14,8 @@ class Pool(Protocol):
     """Workers that execute the jobs of a study.
 
     workers: number of workers for the table (0: this process); slots: maximum number of submitted
-    jobs; repeats: how often a job is repeated after its worker died.
+    jobs; repeats: how often a job is repeated by another submission after its worker died; lost:
+    number of workers that died so far.
     """
 
     @property
@@ -23,6 +24,8 @@ class Pool(Protocol):
     def slots(self) -> int: ...
     @property
     def repeats(self) -> int: ...
+    @property
+    def lost(self) -> int: ...
     def submit(self, name: str, job: Payload) -> None: ...
     def next(self, timeout: float) -> EndedJob | None:
         """Next completed job, or None after `timeout` s."""
@@ -36,7 +39,7 @@ class Pool(Protocol):
 class SerialPool:
     """Pool without workers: jobs are executed one after the other in this process."""
 
-    workers, slots, repeats = 0, 1, 0
+    workers, slots, repeats, lost = 0, 1, 0, 0
 
     def __init__(self, registry: Registry | None = None) -> None:
         self._registry, self._models = registry, KeptModels()

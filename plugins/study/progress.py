@@ -31,6 +31,8 @@ def in_words(state: StudyProgress) -> str:
     """Progress as text, such as `12/216 done, 2 running, 1 failed, 3 min left`."""
     parts = [f"{state.done}/{state.total} done", f"{state.running} running",
              f"{state.failed} failed"]
+    if state.lost:
+        parts.append(f"{state.lost} workers lost")
     if state.seconds_left is not None:
         parts.append(f"{duration(state.seconds_left)} left")
     return ", ".join(parts)

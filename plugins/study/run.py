@@ -24,7 +24,7 @@ from sparsemor.plugins.study.journal import WRITES, Journal, is_study
 from sparsemor.plugins.study.plan import StudyPlan
 from sparsemor.plugins.study.pools import Pool, SerialPool
 from sparsemor.plugins.study.progress import OnProgress, progress_display
-from sparsemor.plugins.study.scheduler import Row, Schedule
+from sparsemor.plugins.study.scheduler import LostWorkers, Row, Schedule
 
 KEPT = "runs"
 """Folder of the results that are kept, in that of the study."""
@@ -34,12 +34,14 @@ WORKER = "sparsemor.plugins.study.worker"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StudyOutcome:
-    """Completed study: one row per run, sorted by run. files: tables written at the end."""
+    """Completed study: one row per run, sorted by run. files: tables written at the end; lost:
+    workers that died in this execution."""
 
     plan: StudyPlan
     folder: Path
     rows: tuple[Row, ...]
     files: tuple[Path, ...]
+    lost: LostWorkers
 
     @property
     def failed(self) -> int:
@@ -50,7 +52,7 @@ def study(
     file: str | Path | Mapping[str, Any],
     scene: str | Path | Mapping[str, Any] | None = None, *,
     overrides: Mapping[str, Any] | None = None, out: str | Path | None = None, workers: int = 0,
-    scheduler: str = "", times: bool = True, registry: Registry | None = None,
+    scheduler: Any = None, times: bool = True, registry: Registry | None = None,
     progress: bool = False,
 ) -> list[Row]:
     """Executes a study and returns its table: one mapping per run, in order.
@@ -58,8 +60,9 @@ def study(
     file: name of a packaged study, path, or the contents of a study file as plain data; scene:
     name, path or contents of the scene that it varies instead of its own, with changes `overrides`;
     out: output folder, by default `runs/NAME`, where a repeated call continues an incomplete study;
-    workers: number of processes on this machine, 0 for none but this process; scheduler: address of
-    a dask.distributed cluster; times: include the columns that depend on the machine; progress:
+    workers: number of processes on this machine, 0 for none but this process; scheduler: a
+    dask.distributed cluster, by its address, its scheduler file, a `Cluster` or a `Client`; times:
+    include the columns that depend on the machine; progress:
     show it on standard error. Raises InputError before anything is written.
     """
     plan = StudyPlan.of(file, registry, scene, overrides)
@@ -70,7 +73,7 @@ def study(
 
 
 def run_plan(
-    plan: StudyPlan, *, out: str | Path | None = None, workers: int = 0, scheduler: str = "",
+    plan: StudyPlan, *, out: str | Path | None = None, workers: int = 0, scheduler: Any = None,
     times: bool = True, force: bool = False, registry: Registry | None = None,
     on_progress: OnProgress = lambda state, row: None,
 ) -> StudyOutcome:
@@ -81,11 +84,11 @@ def run_plan(
     """
     if workers < 0:
         raise InputError(f"at least 0, for none but this process (got {workers})", "workers")
-    if workers and scheduler:
+    if workers and scheduler is not None:
         raise InputError("give either --workers or --scheduler", "workers")
     folder = (Path(out) if out is not None else Path("runs", plan.study.name)).absolute()
     parts = [f"{KEPT}/{run.number}" for run in plan.runs] if plan.study.file.keep else []
-    cluster = _cluster(scheduler) if scheduler else None  # refused before anything is written
+    cluster = None if scheduler is None else _cluster(scheduler)  # refused before anything is written
     try:
         with OutputDirectory(folder).claimed(
                 resume=not force, force=force, replaceable=lambda: is_study(folder),
@@ -93,6 +96,7 @@ def run_plan(
             journal = Journal.open(folder, plan, force)
             rows = journal.rows(drop=(DIED,))
             ended = {int(row["run"]) for row in rows}
+            lost = LostWorkers()
             left = [run for run in plan.runs if run.number not in ended]
             if left:
                 kept = folder / KEPT if plan.study.file.keep else None
@@ -104,21 +108,22 @@ def run_plan(
                     kept.mkdir(exist_ok=True)
                     add_to_listing(folder, [{"part": n} for n in parts if n not in known])
                 with worker_pool(workers, folder, cluster, registry) as (pool, scratch):
-                    Schedule(plan, left, pool, rows, scratch, str(kept or "")).go(
-                        journal.add, on_progress)
+                    schedule = Schedule(plan, left, pool, rows, scratch, str(kept or ""))
+                    schedule.go(journal.add, on_progress)
+                    lost = schedule.lost
                 rows = journal.rows()
             rows.sort(key=lambda row: int(row["run"]))
             files = journal.write_table(rows, times)
     finally:
         if cluster is not None:
             cluster.close()
-    return StudyOutcome(plan, folder, tuple(rows), tuple(files))
+    return StudyOutcome(plan, folder, tuple(rows), tuple(files), lost)
 
 
-def _cluster(address: str) -> Pool:
+def _cluster(scheduler: Any) -> Pool:
     from sparsemor.plugins.study.dask_pool import DaskPool
 
-    return DaskPool(address)
+    return DaskPool(scheduler)
 
 
 @contextmanager

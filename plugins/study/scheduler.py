@@ -25,15 +25,38 @@ Answer = dict[str, Any]
 @dataclass(frozen=True, slots=True)
 class StudyProgress:
     """Progress of a study: numbers of runs. seconds_left: estimated remaining time, None while it
-    cannot be estimated."""
+    cannot be estimated; lost: number of workers that died."""
 
     total: int
     done: int
     failed: int
     running: int
     seconds_left: float | None
+    lost: int = 0
 
 
+@dataclass(frozen=True, slots=True)
+class LostWorkers:
+    """Workers that died during the execution of a study. runs: numbers of the runs that were
+    repeated therefore; shared: number of repeated reference runs and offline products."""
+
+    count: int = 0
+    runs: tuple[int, ...] = ()
+    shared: int = 0
+
+    def __str__(self) -> str:
+        """Such as `2 workers lost, repeated: run 7, run 12, 1 reference or shared product`."""
+        again = [f"run {n}" for n in self.runs[:NAMED]]
+        if len(self.runs) > NAMED:
+            again.append(f"{len(self.runs) - NAMED} other runs")
+        if self.shared:
+            again.append(f"{self.shared} reference or shared product{'s' * (self.shared > 1)}")
+        return (f"{self.count} worker{'s' * (self.count != 1)} lost"
+                f"{', repeated: ' * bool(again)}{', '.join(again)}")
+
+
+NAMED = 20
+"""Maximum number of repeated runs that are named in a report."""
 Kind = Literal["reference", "products", "run"]
 
 
@@ -84,7 +107,15 @@ class Schedule:
         spent = time.monotonic() - self._begun
         seconds = spent / self._ended * self._runs_left if self._ended else None
         return StudyProgress(
-            len(self._plan.runs), self._done, self._failed, len(self._flying), seconds)
+            len(self._plan.runs), self._done, self._failed, len(self._flying), seconds,
+            self._pool.lost)
+
+    @property
+    def lost(self) -> LostWorkers:
+        """Workers lost so far, and what was repeated."""
+        again = [self._jobs[name] for name, deaths in self._deaths.items() if deaths]
+        runs = [job.run.number for job in again if job.kind == "run"]
+        return LostWorkers(self._pool.lost, tuple(sorted(runs)), len(again) - len(runs))
 
     def go(
         self, commit: Callable[[Row], None],
@@ -144,8 +175,8 @@ class Schedule:
     def _end(self, ended: EndedJob) -> None:
         self._flying.discard(ended.name)
         answer = ended.answer
+        deaths = self._deaths[ended.name] = self._deaths.get(ended.name, 0) + ended.deaths
         if answer is None:
-            deaths = self._deaths[ended.name] = self._deaths.get(ended.name, 0) + 1
             if deaths <= self._pool.repeats:
                 self._push([ended.name])
                 return

@@ -8,14 +8,14 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from sparsemor import study
+from sparsemor import InputError, study
+from swing_study import LETHAL, PROGRAM, SWING, command, rows_of
 
 DASK = Path(sys.executable).with_name("dask")
-PROGRAM = Path(sys.executable).with_name("sparsemor")
-SWING = Path(__file__).parents[1] / "scenes" / "swing.yaml"
 FACTORIAL = Path(__file__).parents[1] / "benchmarks" / "studies" / "factorial.yaml"
 TABLE = ("table.csv", "table.jsonl")
 
@@ -32,8 +32,10 @@ grid:
 
 
 @contextmanager
-def cluster(folder: Path) -> Iterator[tuple[str, list["subprocess.Popen[bytes]"]]]:
-    """Address of a scheduler with two workers of one thread each, and the workers."""
+def cluster(
+    folder: Path, count: int = 2
+) -> Iterator[tuple[str, list["subprocess.Popen[bytes]"]]]:
+    """Address of a scheduler with workers of one thread each, and the workers."""
     told, log = folder / "scheduler.json", (folder / "dask.log").open("ab")
     started: list[subprocess.Popen[bytes]] = []
 
@@ -49,7 +51,7 @@ def cluster(folder: Path) -> Iterator[tuple[str, list["subprocess.Popen[bytes]"]
         wait_for(lambda: told.exists() and told.stat().st_size > 0)
         address = json.loads(told.read_text())["address"]
         workers = [start("worker", address, "--nthreads", "1", "--no-nanny", "--no-dashboard")
-                   for _ in range(2)]
+                   for _ in range(count)]
         yield address, workers
     finally:
         for process in started:
@@ -71,8 +73,36 @@ def committed(folder: Path) -> int:
     return lines.read_bytes().count(b"\n") if lines.exists() else 0
 
 
+def same(a: str, b: str) -> bool:
+    return all(Path(a, file).read_bytes() == Path(b, file).read_bytes() for file in TABLE)
+
+
 @pytest.mark.slow
-def test_a_cluster_makes_the_same_table_though_a_worker_dies(
+def test_a_cluster_is_given_as_object_client_address_or_file(here: Path) -> None:
+    distributed = pytest.importorskip("distributed")
+    Path("six.yaml").write_text(STUDY.replace("time.end: 0.2", "time.end: 0.05"))
+    whole = study("six.yaml", out="whole", times=False)
+    assert {row["status"] for row in whole} == {"done"}
+    with distributed.LocalCluster(
+            n_workers=2, threads_per_worker=2, dashboard_address=None, host="127.0.0.1") as local:
+        with distributed.Client(local) as client:
+            client.write_scheduler_file("scheduler.json")
+            forms = {"object": local, "client": client, "address": local.scheduler_address,
+                     "file": Path("scheduler.json"), "name": "scheduler.json"}
+            for name, form in forms.items():
+                rows = study("six.yaml", out=name, scheduler=form)
+                assert {row["workers"] for row in rows} == {2}
+                study("six.yaml", out=name, scheduler=form, times=False)
+                assert same(name, "whole"), name
+            assert client.submit(len, "open").result() == 4
+        with pytest.raises(InputError, match="no scheduler responds.*the client is closed"):
+            study("six.yaml", out="closed", scheduler=client)
+    with pytest.raises(InputError, match="no scheduler responds"):
+        study("six.yaml", out="closed", scheduler=local)
+
+
+@pytest.mark.slow
+def test_a_cluster_makes_the_same_table_though_workers_die(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -80,17 +110,46 @@ def test_a_cluster_makes_the_same_table_though_a_worker_dies(
     Path("dozen.yaml").write_text(STUDY)
     study("dozen.yaml", out="whole", times=False)
     monkeypatch.setenv("SPARSEMOR_CACHE", str(tmp_path / "cache-of-cluster"))
-    with cluster(tmp_path) as (address, workers):
+    with cluster(tmp_path, 4) as (_, workers):
         process = subprocess.Popen(
-            [PROGRAM, "study", "dozen.yaml", "--scheduler", address, "--no-times", "--out", "far"],
-            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+            [PROGRAM, "study", "dozen.yaml", "--scheduler-file", "scheduler.json", "--no-times",
+             "--out", "far"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         wait_for(lambda: committed(Path("far")) >= 1 or process.poll() is not None)
-        workers[0].kill()
+        for worker in workers[:2]:
+            worker.kill()
         out, err = process.communicate(timeout=300)
     assert process.returncode == 0, err
-    assert "6 runs: 6 done" in out
-    for file in TABLE:
-        assert Path("far", file).read_bytes() == Path("whole", file).read_bytes()
+    assert "6 runs: 6 done" in out and "2 workers lost" in out
+    assert same("far", "whole")
+
+
+@pytest.mark.slow
+def test_a_run_that_kills_its_workers_is_given_up(
+    here: Path, distribute: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    distribute("lethal-pkg", {"preconditioner": {"lethal": "lethal_plugin:Lethal"}},
+               lethal_plugin=LETHAL)
+    monkeypatch.setenv("PYTHONPATH", str(here.parent / "site-lethal-pkg"))
+    marks = {name: str(here / name) for name in ("once", "ever")}
+    Path("deadly.yaml").write_text(f"""\
+scene: {SWING}
+reference: none
+set: {{time.end: 0.01, training: {{end: 0.01}}}}
+list:
+- {{reducer.preconditioner: none}}
+- {{reducer.preconditioner: {{use: lethal, mark: {marks["once"]}, times: 1}}}}
+- {{reducer.preconditioner: {{use: lethal, mark: {marks["ever"]}, times: 99}}}}
+""")
+    with cluster(here, 6) as (address, _):
+        done = subprocess.run(command("deadly.yaml", "--scheduler", address, "--out", "d"),
+                              capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    rows = rows_of("d")
+    assert [(r["status"], r["repeats"]) for r in rows] == [
+        ("done", 0), ("done", 1), ("worker_died", 4)]
+    assert rows[2]["message"].startswith("its worker died (4 times, last: worker tcp://127.0.0.1:")
+    assert Path(marks["ever"]).read_text() == "xxxx"
+    assert done.stdout.splitlines()[-2] == "5 workers lost, repeated: run 2, run 3"
 
 
 @pytest.mark.slow
@@ -121,9 +180,7 @@ def test_the_factorial_is_one_table_killed_and_continued_and_on_a_cluster(
         wait_for(lambda: committed(Path("far")) >= 20 or process.poll() is not None, 3000)
         workers[0].kill()
         assert process.wait(timeout=3600) == 0
-    for other in ("killed", "far"):
-        for file in TABLE:
-            assert Path(other, file).read_bytes() == Path("whole", file).read_bytes()
+    assert same("killed", "whole") and same("far", "whole")
 
 
 @pytest.mark.slow
@@ -137,3 +194,23 @@ def test_no_cluster_no_study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     assert done.stderr.splitlines()[-1].startswith(
         "--scheduler: no scheduler responds at tcp://127.0.0.1:9")
     assert not Path("far").exists()
+
+
+@pytest.mark.full
+def test_what_is_no_cluster_is_refused(here: Path) -> None:
+    pytest.importorskip("distributed")
+    Path("dozen.yaml").write_text(STUDY)
+    Path("other.json").write_text("[1]")
+    for given, said in (
+            ("nowhere.json", "nowhere.json is neither an address (tcp://host:port) nor a"),
+            ("other.json", "other.json is not a scheduler file of dask"),
+            ("tcp://host", "no scheduler responds at tcp://host (an address is tcp://host:port)"),
+            (5, "no scheduler responds at 5 (Scheduler address must be a string")):
+        with pytest.raises(InputError) as refused:
+            study("dozen.yaml", out="far", scheduler=given)
+        assert f"scheduler: {said}" in str(refused.value)
+    done = subprocess.run(
+        command("dozen.yaml", "--scheduler", "host:1", "--scheduler-file", "other.json"),
+        capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (2, "give either --scheduler or --scheduler-file\n")
+    assert not Path("far").exists() and not Path("runs").exists()

@@ -13,39 +13,7 @@ import pytest
 from sparsemor import study
 from sparsemor.core.results.files.own import own_files
 from sparsemor.plugins.study.columns import TIMES
-from swing_study import STUDY, SWING, command, rows_of
-
-LETHAL = '''
-"""A preconditioner that kills its process a given number of times."""
-
-import os
-import signal
-from pathlib import Path
-
-import numpy as np
-
-from sparsemor.core import Preconditioner
-
-
-class Lethal(Preconditioner):
-    """Kills."""
-
-    mark: str
-    """Where it counts."""
-    times: int
-    """How often."""
-
-    def check(self, rows, atoms):
-        return "none to kill" if self.times == 0 else ""
-
-    def build(self, A):
-        with open(self.mark, "a") as file:
-            file.write("x")
-        if Path(self.mark).stat().st_size <= self.times:
-            os.kill(os.getpid(), signal.SIGKILL)
-        return np.eye(len(A))
-'''
-
+from swing_study import LETHAL, STUDY, SWING, command, rows_of
 
 @pytest.fixture(autouse=True)
 def six(here: Path) -> None:

@@ -25,6 +25,37 @@ errors_from: 0.02
 over_time: true
 """
 
+LETHAL = '''
+"""A preconditioner that kills its process a given number of times."""
+
+import os
+import signal
+from pathlib import Path
+
+import numpy as np
+
+from sparsemor.core import Preconditioner
+
+
+class Lethal(Preconditioner):
+    """Kills."""
+
+    mark: str
+    """Where it counts."""
+    times: int
+    """How often."""
+
+    def check(self, rows, atoms):
+        return "none to kill" if self.times == 0 else ""
+
+    def build(self, A):
+        with open(self.mark, "a") as file:
+            file.write("x")
+        if Path(self.mark).stat().st_size <= self.times:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return np.eye(len(A))
+'''
+
 
 def command(*arguments: object) -> list[str]:
     """The words of `sparsemor study ...`."""

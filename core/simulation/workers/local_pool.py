@@ -22,11 +22,13 @@ Payload = Mapping[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class EndedJob:
-    """Result of a job; if its worker died, `answer` is None and `death` the cause."""
+    """Result of a job; if its worker died, `answer` is None and `death` the cause. deaths: number of
+    workers that died on it since it was submitted."""
 
     name: str
     answer: dict[str, Any] | None
     death: str = ""
+    deaths: int = 0
 
 
 @dataclass(slots=True, eq=False)
@@ -37,9 +39,9 @@ class _Worker:
 
 class LocalPool:
     """Pool of `workers` processes with one BLAS thread each, which execute the module `program`
-    (serve.py); their output is appended to the file `log`."""
+    (serve.py); their output is appended to the file `log`. lost: number of them that died."""
 
-    repeats = 3
+    repeats, lost = 3, 0
 
     def __init__(self, workers: int, log: Path, program: str) -> None:
         self.workers = self.slots = workers
@@ -69,7 +71,8 @@ class LocalPool:
             return EndedJob(message["name"], message["answer"])
         self._alive.remove(worker)
         code = worker.process.wait()
-        return EndedJob(worker.job, None, _cause(code)) if worker.job else None
+        self.lost += 1
+        return EndedJob(worker.job, None, _cause(code), deaths=1) if worker.job else None
 
     def close(self) -> None:
         for worker in self._alive:

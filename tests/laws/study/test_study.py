@@ -102,7 +102,7 @@ def test_the_table_has_the_largest_fact_of_all_blocks_and_may_leave_times_out() 
 class Fake:
     """A pool that answers from a function, newest job first; None: the worker dies."""
 
-    workers, repeats = 2, 3
+    workers, repeats, lost = 2, 3, 0
 
     def __init__(self, answer: Callable[[str], dict[str, Any] | None], slots: int = 2) -> None:
         self.answer, self.slots = answer, slots
@@ -118,17 +118,21 @@ class Fake:
 
     def next(self, timeout: float) -> EndedJob:
         name = self.flying.pop()
-        return EndedJob(name, self.answer(name), "SIGKILL")
+        answer = self.answer(name)
+        died = int(answer is None)
+        self.lost += died
+        return EndedJob(name, answer, "SIGKILL" * died, deaths=died)
 
     def close(self) -> None:
         pass
 
 
-def conducted(plan: StudyPlan, pool: Fake) -> list[Row]:
+def conducted(plan: StudyPlan, pool: Fake, lost: str = "0 workers lost") -> list[Row]:
     rows: list[Row] = []
     states: list[StudyProgress] = []
-    Schedule(plan, plan.runs, pool, (), None).go(
-        rows.append, lambda state, row: states.append(state))
+    schedule = Schedule(plan, plan.runs, pool, (), None)
+    schedule.go(rows.append, lambda state, row: states.append(state))
+    assert str(schedule.lost) == lost
     assert states[-1].done == len(plan.runs) == len(rows) == len({r["run"] for r in rows})
     assert states[-1].failed == sum(r["status"] != "done" for r in rows)
     assert not pool.flying
@@ -160,7 +164,8 @@ def test_a_job_whose_worker_dies_is_repeated_three_times() -> None:
         return done(name) if deaths[name] < 0 else None
 
     pool = Fake(answer)
-    rows = {row["run"]: row for row in conducted(plan, pool)}
+    rows = {row["run"]: row for row in conducted(
+        plan, pool, "7 workers lost, repeated: run 1, run 2")}
     assert pool.given.count("run:1") == pool.given.count("run:2") == 4
     assert (rows[1]["status"], rows[1]["repeats"]) == ("done", 3)
     assert (rows[2]["status"], rows[3]["status"]) == ("worker_died", "done")
@@ -185,6 +190,7 @@ def test_progress_in_words() -> None:
     early = StudyProgress(216, 12, 1, 2, 200.0)
     assert in_words(early) == "12/216 done, 2 running, 1 failed, 3 min left"
     assert in_words(StudyProgress(6, 0, 0, 1, None)) == "0/6 done, 1 running, 0 failed"
+    assert "0 failed, 2 workers lost, 9 s" in in_words(StudyProgress(6, 1, 0, 1, 9.0, 2))
     assert [duration(s) for s in (0.4, 99.0, 100.0, 5900.0, 6000.0)] == [
         "0 s", "99 s", "2 min", "98 min", "1.7 h"]
 
