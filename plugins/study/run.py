@@ -88,7 +88,8 @@ def run_plan(
         raise InputError("give either --workers or --scheduler", "workers")
     folder = (Path(out) if out is not None else Path("runs", plan.study.name)).absolute()
     parts = [f"{KEPT}/{run.number}" for run in plan.runs] if plan.study.file.keep else []
-    cluster = None if scheduler is None else _cluster(scheduler)  # refused before anything is written
+    # refused before anything is written
+    cluster = None if scheduler is None else _cluster(scheduler)
     try:
         with OutputDirectory(folder).claimed(
                 resume=not force, force=force, replaceable=lambda: is_study(folder),

@@ -15,6 +15,7 @@ from sparsemor.core.results.files.own import own_files
 from sparsemor.plugins.study.columns import TIMES
 from swing_study import LETHAL, STUDY, SWING, command, rows_of
 
+
 @pytest.fixture(autouse=True)
 def six(here: Path) -> None:
     (here / "six.yaml").write_text(STUDY)

@@ -22,8 +22,8 @@ Payload = Mapping[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class EndedJob:
-    """Result of a job; if its worker died, `answer` is None and `death` the cause. deaths: number of
-    workers that died on it since it was submitted."""
+    """Result of a job; if its worker died, `answer` is None and `death` the cause. deaths: number
+    of workers that died on it since it was submitted."""
 
     name: str
     answer: dict[str, Any] | None
