@@ -117,7 +117,8 @@ def _connected(scheduler: Any) -> Any:
         if isinstance(scheduler, Client):
             if scheduler.status != "running":
                 raise ValueError(f"the client is {scheduler.status}")
-            options["security"], scheduler = scheduler.security, scheduler.scheduler.address
+            given = cast(Any, scheduler)
+            options["security"], scheduler = given.security, given.scheduler.address
         elif isinstance(scheduler, str | os.PathLike):
             scheduler = _address(os.fspath(scheduler))
         return cast(Any, Client)(scheduler, **options)  # which has no types
