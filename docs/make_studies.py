@@ -20,7 +20,7 @@ from statistics import median
 
 HERE = Path(__file__).parent
 PAGES = (HERE / "ablations.md", HERE / "validation" / "slider-plate.md",
-         HERE / "measured" / "brake-disk.md")
+         HERE / "validation" / "brake-disk.md")
 TABLES = HERE / "measured" / "studies"
 MARK = re.compile(
     r"(<!-- study (\w+): (\w+(?:, \w+)*) by ([^>]+?) -->\n).*?(<!-- end -->)", re.DOTALL)

@@ -68,7 +68,7 @@ CASES: Mapping[str, Mapping[str, Mapping[str, Any]]] = {
 }
 """Scene -> how the reduced model was trained -> settings. The bases of brake_disk need no training,
 which only the forces of deim are taken from there. Runs under other loads are those of
-docs/measured/recovery.md."""
+docs/validation/recovery.md."""
 COARSE = {f"bodies.link{i}.mesh.elements": 320 for i in (1, 2)}
 SHORT: Mapping[str, Mapping[str, Any]] = {
     "double_pendulum": {**COARSE, "time.end": 0.4, "training.end": 0.4},
