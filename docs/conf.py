@@ -67,6 +67,28 @@ def _mathml(translator: Any, node: nodes.math | nodes.math_block) -> None:
     raise nodes.SkipNode
 
 
+_MARKS = re.compile(r"(`[^`]*`)")
+
+
+def _plain_docstrings(
+    app: Sphinx, what: str, name: str, thing: object, options: object, lines: list[str]
+) -> None:
+    """Docstrings are plain text: indented blocks are code, `names` too, and no other mark counts.
+    """
+    made: list[str] = []
+    for paragraph in "\n".join(lines).split("\n\n"):
+        if all(line.startswith("  ") for line in paragraph.splitlines()):
+            made += ["::", "", *("    " + line for line in paragraph.splitlines()), ""]
+            continue
+        parts = _MARKS.split(" ".join(line.strip() for line in paragraph.splitlines()))
+        parts[::2] = [re.sub(r"([*|_\\:<])", r"\\\1", part) for part in parts[::2]]
+        parts[1::2] = [f"`{part}` " if part.strip("`").strip() == "" else f"\\ `{part}`\\ "
+                       for part in parts[1::2]]
+        made += ["".join(parts), ""]
+    lines[:] = made
+
+
 def setup(app: Sphinx) -> None:
+    app.connect("autodoc-process-docstring", _plain_docstrings)
     app.add_html_math_renderer("mathml", (_mathml, None), (_mathml, None))
     app.connect("source-read", _repository_links)

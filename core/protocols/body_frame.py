@@ -1,7 +1,7 @@
 """Floating frame of reference of one body: protocols, and the work arrays of its equations.
 
 Rigid coordinates, attachment forces and elastic displacements are coupled by scalar functions of
-the motion, which multiply constant vectors and matrices (docs/equations.md, section 1).
+the motion, which multiply constant vectors and matrices (docs/reference/equations.md, section 1).
 """
 
 from collections.abc import Callable, Sequence

@@ -3,7 +3,7 @@ motion.
 
 All arrays of the mesh's size are constant; only a few scalars depend on the motion. Model reduction
 projects the matrices on trial and test bases once (offline); a time step evaluates the scalars only
-(docs/equations.md, section 1).
+(docs/reference/equations.md, section 1).
 """
 
 from collections.abc import Callable, Sequence
