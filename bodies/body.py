@@ -15,7 +15,6 @@ from sparsemor.bodies.fem.fields import Elasticity, Heat
 from sparsemor.bodies.fem.pointwise_law import PointwiseLaw
 from sparsemor.bodies.fem.stress import CellStress
 from sparsemor.bodies.fem.stress_stiffness import stress_stiffness
-from sparsemor.bodies.frames import nodal
 from sparsemor.bodies.frames.floating import (
     FieldInertia,
     inertia_matrices,
@@ -23,6 +22,7 @@ from sparsemor.bodies.frames.floating import (
     write_weight,
 )
 from sparsemor.bodies.frames.force_items import BodyForce, SpaceForce
+from sparsemor.bodies.frames.mean_rotation import mean_displacement, mean_rotation, with_torques
 from sparsemor.bodies.frames.moments import MassProperties
 from sparsemor.bodies.frames.rotation import torque
 from sparsemor.bodies.frames.stiffening import Stiffening
@@ -215,13 +215,13 @@ class FloatingBody(Body):
         if self.elasticity is None or self.mass_matrix is None or self.inertia is None:
             return None
         m, F, B = self.mass_matrix, self.elasticity.free, inertia_matrices(self.pose)
-        return FieldInertia(nodal.along(self._nodal_masses(), self.d)[F],
+        return FieldInertia(mean_displacement(self._nodal_masses(), self.d)[F],
                             about(m, self.X, B)[F], [generator(m, b)[F][:, F] for b in B])
 
     def _first(self) -> FloatArray | None:
         """(n, d) mass of the free displacements along each axis, kg."""
         return None if self.mass_matrix is None else self._functionals(
-            nodal.along(self._nodal_masses(), self.d))
+            mean_displacement(self._nodal_masses(), self.d))
 
     def _nodal_masses(self) -> FloatArray:
         assert self.mass_matrix is not None
@@ -238,7 +238,7 @@ class FloatingBody(Body):
     ) -> None:
         """Adds nodal weights (N,) times one force (d,) (N per unit weight) in space axes."""
         item = SpaceForce(float(weights.sum()), weights @ self.X, force, amplitude)
-        equations.frame(self.name, item, self._functionals(nodal.along(weights, self.d)))
+        equations.frame(self.name, item, self._functionals(mean_displacement(weights, self.d)))
 
     def gravity(self, equations: Equations, g: FloatArray, amplitude: Amplitude) -> None:
         """Adds the weight of the deformed body: nodal masses times g (d,), m/s^2."""
@@ -252,7 +252,7 @@ class FloatingBody(Body):
     def body_force(self, equations: Equations, forces: FloatArray, amplitude: Amplitude) -> None:
         """Adds nodal forces (N, d), N, that rotate with the body frame."""
         item = BodyForce(forces.sum(axis=0), torque(self.X, forces).sum(axis=0), amplitude)
-        equations.frame(self.name, item, self._functionals(nodal.with_torques(forces)))
+        equations.frame(self.name, item, self._functionals(with_torques(forces)))
 
     def heat_load(
         self, equations: Equations, vector: FloatArray, amplitude: Amplitude,
@@ -325,7 +325,7 @@ class FloatingBody(Body):
         return f"{centre.how}, is {centre.shift:.3g} m from the mean of its facets"
 
     def displacement_of(self, which: str) -> FloatArray | None:
-        return self._functionals(nodal.along(
+        return self._functionals(mean_displacement(
             self.centre_of(which, self.points[which]).weights, self.d))
 
     def rotation_of(self, which: str, key: str) -> FloatArray | None:
@@ -337,7 +337,7 @@ class FloatingBody(Body):
             raise InputError(f"'{self.name}:{which}' is a single point of a flexible body and has "
                              "no angle: attach to a set of two or more points", key)
         try:
-            turns = nodal.mean_turn(self.centre_of(which, nodes).even, self.X)
+            turns = mean_rotation(self.centre_of(which, nodes).even, self.X)
         except np.linalg.LinAlgError:
             where, what = ("are at one place", "two or more places") if self.d == 2 else (
                 "lie on one line (or are one point)", "a set that spans a plane")
@@ -379,7 +379,7 @@ class FloatingBody(Body):
         weights, point = self._probed(at)
         temperature: FloatArray | None = None
         prescribed: tuple[tuple[float, TimeFunction], ...] = ()
-        displacement = self._functionals(nodal.along(weights, self.d))
+        displacement = self._functionals(mean_displacement(weights, self.d))
         if self.heat is not None:
             temperature = weights[self.heat.free]
             prescribed = tuple((float(weights[n] @ w), f) for n, f, w in self.heat.prescribed)

@@ -19,6 +19,7 @@ from sparsemor.bodies.frames import (
 from sparsemor.bodies.frames.inertia import Inertia
 from sparsemor.bodies.frames.plane import PlanarFrame
 from sparsemor.bodies.frames.stiffening import Stiffening
+from sparsemor.bodies.frames.unit_quaternion import UnitLength
 from sparsemor.bodies.joints.force_element import Drive, ItemForce
 from sparsemor.bodies.joints.friction_heat import FrictionPower, ReducedFrictionHeat
 from sparsemor.bodies.loads.cavity_radiation import nothing
@@ -38,7 +39,7 @@ CLASSES: Sequence[object] = (
     TemperatureCurve, Variable, nothing, unit,
     constraints.Facing, constraints.Slide, dense.DenseTerm, dense.ReducedDense,
     force_items.BodyForce, force_items.Moment, force_items.SpaceForce, frame.SpatialFrame,
-    items.Compliance, items.Nothing, items.UnitLength, joint_items.MeanPoint, joint_items.Reaction,
+    items.Compliance, items.Nothing, UnitLength, joint_items.MeanPoint, joint_items.Reaction,
     joint_items.Rotation, items.Wrench, material_laws.Conduction, material_laws.Departure,
     material_laws.Expansion, material_laws.Softening, material_laws.StoredHeat, moments.Moments,
     nonlinear_strains.NonlinearStrains, polynomial.PolynomialTerm, relative.Angle,

@@ -8,7 +8,7 @@ import numpy as np
 from sparsemor.core import AssembledModel, Basis, Fault, Preconditioner, Sampler, SparseSolver
 from sparsemor.core.model.block_patterns import matched_option, unmatched_patterns
 from sparsemor.core.protocols.sparse_solver import solver_refusal
-from sparsemor.reducers.touched_blocks import coupling
+from sparsemor.reducers.coupled_blocks import coupling
 
 
 class RowsAndAtoms(Protocol):

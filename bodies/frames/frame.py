@@ -10,9 +10,9 @@ import numpy as np
 
 from sparsemor.bodies.frames.inertia import Inertia
 from sparsemor.bodies.frames.items import Item, Nothing, SpatialItem
-from sparsemor.bodies.frames.many_times import MotionAtTimes, Pushes
 from sparsemor.bodies.frames.moments import moments_of
 from sparsemor.bodies.frames.motion import Motion, Sums
+from sparsemor.bodies.frames.motion_at_times import MotionAtTimes, Pushes
 from sparsemor.bodies.frames.space_arrays import space_arrays
 from sparsemor.core import FloatArray
 from sparsemor.core.protocols import BodyFrame, FrameArrays, FrameWork

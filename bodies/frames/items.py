@@ -18,8 +18,8 @@ import numpy as np
 
 from sparsemor.bodies.frames import plane_items as plane
 from sparsemor.bodies.frames import space_items as spatial
-from sparsemor.bodies.frames.many_times import Moved, Pushed
 from sparsemor.bodies.frames.motion import Motion, Sums
+from sparsemor.bodies.frames.motion_at_times import Moved, Pushed
 from sparsemor.core import FloatArray
 from sparsemor.core.protocols import FrameWork
 
@@ -134,24 +134,6 @@ class RigidItem(Item):
     """Item that depends on rigid coordinates alone, not on displacements."""
 
     __slots__ = ()
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class UnitLength(RigidItem):
-    """Constraint (p.p - 1)/2 = 0 of a unit quaternion p, with a multiplier, N m."""
-
-    others = 0
-    forces = 1
-
-    def in_space(self) -> tuple[spatial.SpacePart, ...]:
-        return (spatial.SpacePart(spatial.unit_length, ()),)
-
-    def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
-        mu, p = m.y[k], m.y[m.at]
-        out.rows[m.at] += mu * p
-        out.rows[k] = 0.5 * (p.dot(p) - 1.0)
-        out.H[m.at, k] = out.H[k, m.at] = p
-        out.diagonal[m.at] += mu
 
 
 @dataclass(frozen=True, slots=True, eq=False)

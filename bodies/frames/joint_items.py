@@ -8,8 +8,8 @@ import numpy as np
 from sparsemor.bodies.frames import plane_items as plane
 from sparsemor.bodies.frames import space_items as spatial
 from sparsemor.bodies.frames.items import AXES, EYE, Item, Wrench
-from sparsemor.bodies.frames.many_times import Moved, Pushed
 from sparsemor.bodies.frames.motion import Motion, Sums
+from sparsemor.bodies.frames.motion_at_times import Moved, Pushed
 from sparsemor.core import FloatArray, Table
 
 

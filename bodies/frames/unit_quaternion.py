@@ -1,15 +1,38 @@
-"""Attitude of a body from its normalised quaternion, for contact.
+"""Unit quaternions: the constraint |p| = 1 of the Euler parameters of a frame, and the attitude of
+a body from its normalised quaternion, for contact.
 
 Newton iterates include quaternions of other lengths, for which the matrix of body axes is no
 rotation: surfaces would be stretched and penetrations wrong.
 """
 
+from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
 
+from sparsemor.bodies.frames import space_items as spatial
 from sparsemor.bodies.frames.attitude import Free, attitude
+from sparsemor.bodies.frames.items import RigidItem
+from sparsemor.bodies.frames.motion import Motion, Sums
 from sparsemor.core import FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class UnitLength(RigidItem):
+    """Constraint (p.p - 1)/2 = 0 of a unit quaternion p, with a multiplier, N m."""
+
+    others = 0
+    forces = 1
+
+    def in_space(self) -> tuple[spatial.SpacePart, ...]:
+        return (spatial.SpacePart(spatial.unit_length, ()),)
+
+    def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
+        mu, p = m.y[k], m.y[m.at]
+        out.rows[m.at] += mu * p
+        out.rows[k] = 0.5 * (p.dot(p) - 1.0)
+        out.H[m.at, k] = out.H[k, m.at] = p
+        out.diagonal[m.at] += mu
 
 
 class UnitQuaternion:

@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 from typing import Literal
 
-from sparsemor.bodies.frames import nodal
 from sparsemor.bodies.frames.force_items import BodyForce, SpaceForce
+from sparsemor.bodies.frames.mean_rotation import with_torques
 from sparsemor.bodies.frames.rotation import torque
 from sparsemor.bodies.loads.part import LoadPart, NumberOrFunction, Vector, amplitude, components
 from sparsemor.bodies.targets import Place, find_place, need_motion
@@ -50,5 +50,5 @@ def write_point_force(
         vectors = moved
     else:
         item = BodyForce(force, torque(place.point[None], force[None])[0], factor)
-        vectors = None if moved is None else moved @ nodal.with_torques(force[None])
+        vectors = None if moved is None else moved @ with_torques(force[None])
     equations.frame(place.body.name, item, vectors)

@@ -9,9 +9,9 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from sparsemor.bodies.body import FloatingBody
-from sparsemor.bodies.frames import nodal
 from sparsemor.bodies.frames.floating import FieldInertia, inertia_matrices
 from sparsemor.bodies.frames.force_items import BodyForce
+from sparsemor.bodies.frames.mean_rotation import mean_displacement, with_torques
 from sparsemor.bodies.frames.moments import MassProperties
 from sparsemor.bodies.frames.rotation import torque
 from sparsemor.bodies.matrices.unknowns import Unknowns
@@ -90,7 +90,7 @@ class MatrixBody(FloatingBody):
             return
         item = BodyForce(loads.forces.sum(axis=0), torque(self.X, loads.forces).sum(axis=0)
                          + loads.moments.sum(axis=0), amplitude)
-        vectors = self.unknowns.displacements @ nodal.with_torques(loads.forces)
+        vectors = self.unknowns.displacements @ with_torques(loads.forces)
         vectors[:, 0] += self.unknowns.rotations @ loads.moments.ravel()
         equations.frame(self.name, item, None if self.elasticity is None else self._own(vectors))
 
@@ -117,7 +117,7 @@ class MatrixBody(FloatingBody):
         turning = np.bincount(u.node[u.component >= self.d], minlength=len(self.X))
         if (turning[self.points[which]] < r).any():
             return FloatingBody.rotation_of(self, which, key)
-        found = self._own(u.rotations @ nodal.along(weights, r))
+        found = self._own(u.rotations @ mean_displacement(weights, r))
         return found if found.any() else None
 
     def centre_of(self, which: str, nodes: IntArray) -> Centre:

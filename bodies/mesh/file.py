@@ -1,6 +1,6 @@
 """Mesh from a file."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,12 +8,12 @@ import numpy as np
 from pydantic import Field
 
 from sparsemor.bodies.fem.quadratic import with_midpoints
+from sparsemor.bodies.mesh.cell_orientation import oriented
 from sparsemor.bodies.mesh.check import check_mesh, some
 from sparsemor.bodies.mesh.formats import abaqus, gmsh, nastran, other
 from sparsemor.bodies.mesh.formats.content import CELLS, BadLine, CellBlock, Content
 from sparsemor.bodies.mesh.formats.counts import difference
 from sparsemor.bodies.mesh.groups import Sets, sets_of
-from sparsemor.bodies.mesh.simplices import corner_measures
 from sparsemor.core import (
     BoolArray,
     FloatArray,
@@ -26,7 +26,6 @@ from sparsemor.core import (
 )
 from sparsemor.core.model.facets import (
     cell_facets,
-    facet_numbers,
     group_equal_rows,
     rows_among,
 )
@@ -47,10 +46,6 @@ straight."""
 SAME = 1e-3
 """Distance between the nodes that two cells have on one edge, relative to it, up to which they are
 the same."""
-TURNED: Mapping[tuple[int, int], list[int]] = {
-    (2, 3): [0, 2, 1], (2, 4): [0, 3, 2, 1], (3, 4): [0, 1, 3, 2], (3, 6): [3, 4, 5, 0, 1, 2],
-    (3, 8): [4, 5, 6, 7, 0, 1, 2, 3]}
-"""Corners of inverted cells in positive orientation, by dimension and number of corners."""
 BASE, PER_BYTE = 2**28, 200
 """Memory limit for reading a file: a constant, bytes, and bytes per byte of the file."""
 _MOST_LETTERS = 200
@@ -140,7 +135,7 @@ def _clean(content: Content, scale: float, name: str) -> Mesh:
     new = np.full(len(points), -1, dtype=np.int64)
     new[used] = np.arange(used.size)
     sets = sets_of(content, d, chosen, new)
-    mesh = Mesh(points[used], _oriented(points[used], new[cells]), sets.points,
+    mesh = Mesh(points[used], oriented(points[used], new[cells]), sets.points,
                 facet_sets=sets.facets, cell_sets=sets.cells, notes=content.notes)
     check_mesh(mesh)
     ends, middles = _edge_nodes([content.blocks[i] for i in chosen])
@@ -304,33 +299,3 @@ def _coordinates(points: FloatArray, cells: IntArray, d: int) -> FloatArray:
             f"{across.max():.6g}); a shell in space is not supported"
         )
     return points[:, :d]
-
-
-def _oriented(points: FloatArray, cells: IntArray) -> IntArray:
-    """Cells in positive orientation: mesh generators write each surface in its own. InputError
-    where cells lie on one side of a facet that they share, so that they overlap."""
-    inverted = np.asarray((corner_measures(points, cells) < 0).all(axis=1))
-    d, kinds = points.shape[1], by_kind(cells, points.shape[1])
-    turned = np.asarray(padded(
-        [np.where(inverted[here][:, None], own[:, TURNED[d, own.shape[1]]], own)
-         for here, own in kinds], [here for here, _ in kinds]))
-    if inverted.all() or not inverted.any():
-        return turned
-    facets, owner = cell_facets(turned, d)
-    number, _ = facet_numbers(facets)
-    first = facets.argmin(axis=1)
-    before, after = (facets[np.arange(len(facets)), (first + k) % facets.shape[1]]
-                     for k in (-1, 1))
-    ahead = after < before if facets.shape[1] > 2 else first == 0
-    if facets.shape[1] == 4:  # of three corners the last is repeated
-        three = facets[:, 2] == facets[:, 3]
-        a, b, c = facets[three, :3].T
-        ahead[three] = (a < b) ^ (b < c) ^ (a < c)
-    total = np.bincount(number, weights=np.where(ahead, 1.0, -1.0))
-    folded = np.unique(owner[np.abs(total[number]) > 1])
-    if folded.size:
-        bad = np.intersect1d(folded, np.flatnonzero(inverted))
-        raise InputError(
-            f"{len(bad)} of {len(cells)} cells are inverted and overlap their neighbours: "
-            f"{some(bad)}; repair the mesh")
-    return turned

@@ -178,7 +178,7 @@ class MachineRequest(Generic[M]):
     """What steps in machine code are made for: an integrator and its steps of size h, s; the state
     and memory at the start; inputs, functions of time that are set from outside; times (T,), s, at
     which the others are tabulated; outputs of the state, (o, 8), (o, 10) and (w,) (`outputs` in
-    reducers/step/compiled/alone.py)."""
+    reducers/step/compiled/without_python.py)."""
 
     integrator: Integrator
     h: float

@@ -1,6 +1,5 @@
 """Cost of a run: computing times, iterations, basis vectors (atoms) and sampled rows."""
 
-import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -70,21 +69,3 @@ def run_facts(run: RunResult) -> RunFacts:
         end=float(run.times[-1]) if len(run.times) else 0.0,
         linear_solvers="; ".join(solvers_in_words(summary.get("linear_solvers", ()))),
         peak_gb=summary.get("memory", {}).get("peak_gb"), ms_per_step_solver=solver)
-
-
-def pays_after(full: RunFacts, own: RunFacts) -> int | None:
-    """Break-even number of runs: offline time / (online time of full order - own online time),
-    rounded up.
-
-    Number of online runs of the same time span after which the offline time is recovered. The
-    offline time is that with an empty cache; otherwise the second run would appear to be free. None
-    if the offline time is never recovered, was not recorded, or one of the runs did not reach its
-    end.
-    """
-    offline, online, base = own.offline_whole_seconds, own.online_seconds, full.online_seconds
-    if offline is None or online is None or base is None or online >= base:
-        return None
-    same_span = abs(full.end - own.end) <= 1e-9 * max(full.end, own.end)
-    if not (full.status.ok and own.status.ok and same_span):
-        return None
-    return max(1, math.ceil(offline / (base - online)))

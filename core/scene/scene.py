@@ -44,6 +44,7 @@ from sparsemor.core.scene.parameters import (
     values_at,
 )
 from sparsemor.core.scene.source import Source
+from sparsemor.core.scene.training_points import training_faults
 from sparsemor.core.scene.varying_loads import LoadTraining
 
 
@@ -138,8 +139,9 @@ class Scene(Plugin):
             if scene.training_end < scene.time.step:
                 message = f"must be at least time.step (got {scene.training_end:g})"
                 lines.append(custom("time", message, ("training", "end"), scene.training_end))
-            lines += [custom("parameters", message, at, None) for at, message in parameter_faults(
-                scene.parameters, scene.training.parameters, scene, data)]
+            box, faults = scene.training.parameters, parameter_faults(scene.parameters, scene, data)
+            wrong = [*faults, *(training_faults(scene.parameters, box) if box else ())]
+            lines += [custom("parameters", message, at, None) for at, message in wrong]
             if (loads := scene._load_training) is not None:
                 lines += [custom("loads", message, ("training", *at), None)
                           for at, message in loads.faults(scene.training.overrides)]

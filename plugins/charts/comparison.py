@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING
 
 from sparsemor.core.analysis.compare import Comparison
-from sparsemor.core.analysis.gains import training_lines
+from sparsemor.core.analysis.training_span import training_lines
 from sparsemor.plugins.charts.error_over_time import error_over_time_figure
 from sparsemor.plugins.charts.work_precision import WorkPoint, work_precision_figure
 

@@ -32,7 +32,7 @@ PLATFORMS = {("linux", True): "linux64", ("win32", True): "win64", ("darwin", Tr
 """Folders of FMI 2.0 for binaries, by system and 64 bits."""
 SUFFIX = {"linux64": ".so", "win64": ".dll", "darwin64": ".dylib"}
 STATE, AFFINE, POSITION = 0, 1, 2
-"""Kinds of outputs (reducers/step/compiled/alone.py:outputs)."""
+"""Kinds of outputs (reducers/step/compiled/without_python.py:outputs)."""
 
 
 SOURCES = ("model.h", "model.c", "example.c")

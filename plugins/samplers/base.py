@@ -11,7 +11,7 @@ from sparsemor.core import (
     RowsKept,
     Sampler,
 )
-from sparsemor.plugins.samplers.row_pool import Required, Unit, kept_rows
+from sparsemor.plugins.samplers.rows_by_node import Required, Unit, kept_rows
 
 
 class RowSampler(Sampler):

@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 
 from sparsemor.core import FloatArray
-from sparsemor.plugins.samplers.row_pool import GreedyRows
+from sparsemor.plugins.samplers.rows_by_node import GreedyRows
 from sparsemor.plugins.samplers.smallest_singular_pair import EPS, RowFactor, Smallest
 from sparsemor.plugins.samplers.subspace import SpanSampler
 

@@ -6,7 +6,7 @@ import numpy as np
 from scipy import linalg
 
 from sparsemor.core import FloatArray
-from sparsemor.plugins.samplers.row_pool import GreedyRows
+from sparsemor.plugins.samplers.rows_by_node import GreedyRows
 from sparsemor.plugins.samplers.subspace import SpanSampler
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from sparsemor.core import FloatArray
-from sparsemor.plugins.samplers.row_pool import GreedyRows
+from sparsemor.plugins.samplers.rows_by_node import GreedyRows
 from sparsemor.plugins.samplers.smallest_singular_pair import LOST, RowFactor
 from sparsemor.plugins.samplers.subspace import SpanSampler
 

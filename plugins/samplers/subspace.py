@@ -9,7 +9,7 @@ from pydantic import Field
 
 from sparsemor.core import BlockData, Dictionary, FloatArray, InputError, IntArray
 from sparsemor.plugins.samplers.base import RowSampler
-from sparsemor.plugins.samplers.row_pool import GreedyRows, free_rows
+from sparsemor.plugins.samplers.rows_by_node import GreedyRows, free_rows
 from sparsemor.plugins.samplers.smallest_singular_pair import EPS
 
 Of = Literal["operator", "atoms"]

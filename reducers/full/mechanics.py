@@ -39,7 +39,7 @@ from sparsemor.reducers.step.acceptance import LEAST, rounding
 from sparsemor.reducers.step.blocks.elastic_local import FullLocal, StepForces
 from sparsemor.reducers.step.factors import Factor, Identity, Matrix, factorized, summed
 from sparsemor.reducers.step.frame_step import BodyStep, buffers
-from sparsemor.reducers.step.loop import Linearisation, StepEquations
+from sparsemor.reducers.step.newton_loop import Linearisation, StepEquations
 from sparsemor.reducers.step.predictor import Prediction
 from sparsemor.reducers.step.time_tables import TimeTable, plus_loads
 

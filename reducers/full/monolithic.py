@@ -15,13 +15,13 @@ from scipy.sparse.linalg import splu
 
 from sparsemor.core import AssembledModel, Csr, FloatArray, IntArray, Layout, StepFormula, Term
 from sparsemor.core.model.equations import rate_factors, system_jacobian, system_residual
+from sparsemor.reducers.coupled_blocks import coupling
 from sparsemor.reducers.linalg.superlu import factorize
 from sparsemor.reducers.step.factors import Factor
-from sparsemor.reducers.step.loop import Linearisation
+from sparsemor.reducers.step.newton_loop import Linearisation
 from sparsemor.reducers.step.rejection import Checked, checked
 from sparsemor.reducers.step.relocalised import CopyMemory
 from sparsemor.reducers.step.whole_step import WholeEquations
-from sparsemor.reducers.touched_blocks import coupling
 
 
 @dataclass(eq=False)

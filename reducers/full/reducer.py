@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import Literal
 
 from sparsemor.core import AssembledModel, ReducedProblem, StepSolver
+from sparsemor.reducers.coupled_blocks import coupling, elements
 from sparsemor.reducers.full.heat import full_heat
 from sparsemor.reducers.full.mechanics import FullBody, FullMechanics
 from sparsemor.reducers.full.monolithic import Summed
@@ -16,13 +17,12 @@ from sparsemor.reducers.step.coupled_reduced import (
     dense_equations,
     reduced_general,
 )
-from sparsemor.reducers.step.loop import Loop
+from sparsemor.reducers.step.newton_loop import Loop
 from sparsemor.reducers.step.prepare import constants, stepper, time_table
 from sparsemor.reducers.step.reduced import positions
 from sparsemor.reducers.step.solver import bodies
 from sparsemor.reducers.step.whole_step import WholeNewton, WholeStepper
 from sparsemor.reducers.step_options import StepOptions
-from sparsemor.reducers.touched_blocks import coupling, elements
 
 PRICE = 6
 """Cost of a new Jacobian of all unknowns in iterations."""

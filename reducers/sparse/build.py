@@ -24,10 +24,10 @@ from sparsemor.core.protocols.sparse_solver import solver_refusal
 from sparsemor.reducers.checks import unselectable, unselectable_blocks
 from sparsemor.reducers.notes import no_effect, unsampled_loads, worse_conditioned
 from sparsemor.reducers.sparse.block_selection import BlockwiseSelection
-from sparsemor.reducers.sparse.joint_problem import mechanics_needs, shape_needs
-from sparsemor.reducers.sparse.joint_selection import JointSelection
+from sparsemor.reducers.sparse.coupled_selection import JointSelection
 from sparsemor.reducers.sparse.oblique_projection import checked_rows
 from sparsemor.reducers.sparse.options import SparseOptions
+from sparsemor.reducers.sparse.recovery_problem import mechanics_needs, shape_needs
 from sparsemor.reducers.sparse.sampled_block import (
     CompressedRows,
     Sampled,

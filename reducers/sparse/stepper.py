@@ -9,7 +9,7 @@ from sparsemor.core import BoolArray, SolveFailed, State, StepFormula, StepOutco
 from sparsemor.core.protocols import AroundSteps
 from sparsemor.reducers.sparse.memory import SparseMemory
 from sparsemor.reducers.sparse.supported_steps import SupportedSteps
-from sparsemor.reducers.step.loop import Kept
+from sparsemor.reducers.step.newton_loop import Kept
 from sparsemor.reducers.step.predictor import Past, block_starts
 from sparsemor.reducers.step.solver import Stepper
 

@@ -26,8 +26,8 @@ from sparsemor.reducers.linalg.active_columns import NEGLIGIBLE, WIDE
 from sparsemor.reducers.step.acceptance import Tolerances
 from sparsemor.reducers.step.factors import Factor, factorized
 from sparsemor.reducers.step.frame_step import BodyStep
-from sparsemor.reducers.step.loop import Linearisation, StepEquations
 from sparsemor.reducers.step.memory import Memory
+from sparsemor.reducers.step.newton_loop import Linearisation, StepEquations
 from sparsemor.reducers.step.reduced import Reduced
 from sparsemor.reducers.step.reduced_mechanics import LoopMechanics
 from sparsemor.reducers.step.step_unknowns import StepUnknowns

@@ -30,17 +30,17 @@ from sparsemor.core.model.compressed_local import CompressedLocal
 from sparsemor.core.model.constraint_rates import derivative_along_motion, motion_step
 from sparsemor.core.protocols.prescribed_quantities import derivative_from_right, time_derivatives
 from sparsemor.core.protocols.step_solver import unavailable_resultants
+from sparsemor.reducers.coupled_blocks import coupling, elements
 from sparsemor.reducers.linalg.least_norm import least
 from sparsemor.reducers.step.acceptance import Tolerances
 from sparsemor.reducers.step.frame_step import BodyStep
-from sparsemor.reducers.step.loop import Loop
+from sparsemor.reducers.step.newton_loop import Loop
 from sparsemor.reducers.step.operators import TestedElastic, TestedHeat, TestMap
 from sparsemor.reducers.step.prepare import time_table
 from sparsemor.reducers.step.reduced import Reduced, ReducedBody, ReducedHeat, positions
 from sparsemor.reducers.step.relocalised import Coupled
 from sparsemor.reducers.step.solver import Facts, reduce_state
 from sparsemor.reducers.step.whole_step import WholeMemory, WholeStepper, linear_response
-from sparsemor.reducers.touched_blocks import coupling, elements
 
 T = TypeVar("T", TestedElastic, TestedHeat)
 

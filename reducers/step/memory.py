@@ -5,7 +5,7 @@ from typing import Any, Self
 
 from sparsemor.core import BoolArray, FloatArray, StepMemory
 from sparsemor.reducers.step.blocks.thermal_block import HeatJacobian
-from sparsemor.reducers.step.loop import Kept, StepEquations
+from sparsemor.reducers.step.newton_loop import Kept, StepEquations
 from sparsemor.reducers.step.predictor import Past
 
 

@@ -33,11 +33,11 @@ from sparsemor.core import (
 from sparsemor.core.protocols import FrameWork, LinearSystem
 from sparsemor.core.protocols.integrator import second_difference
 from sparsemor.reducers.linalg.modal_coordinates import carried, times
-from sparsemor.reducers.step.driven import Driven
 from sparsemor.reducers.step.factors import Factor, factorized
 from sparsemor.reducers.step.frame_step import BodyStep
-from sparsemor.reducers.step.loop import Linearisation
+from sparsemor.reducers.step.newton_loop import Linearisation
 from sparsemor.reducers.step.operators import TestedElastic, TestedHeat
+from sparsemor.reducers.step.prescribed import Driven
 from sparsemor.reducers.step.rejection import Checked
 from sparsemor.reducers.step.relocalised import CopyMemory, Coupled, OfAtoms
 from sparsemor.reducers.step.time_tables import TimeTable, plus_loads

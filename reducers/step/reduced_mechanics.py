@@ -1,5 +1,5 @@
 """Mechanics of a step: rigid coordinates, joint forces and all displacements together, by the loop
-of loop.py."""
+of newton_loop.py."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -9,8 +9,8 @@ import numpy as np
 from sparsemor.core import Amplitude, FloatArray, Status, StepFormula
 from sparsemor.reducers.step.acceptance import Tolerances
 from sparsemor.reducers.step.frame_step import BodyStep
-from sparsemor.reducers.step.loop import Loop, StepEquations
 from sparsemor.reducers.step.memory import Memory
+from sparsemor.reducers.step.newton_loop import Loop, StepEquations
 from sparsemor.reducers.step.reduced import Reduced
 from sparsemor.reducers.step.step_unknowns import StepUnknowns
 

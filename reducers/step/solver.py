@@ -27,8 +27,8 @@ from sparsemor.reducers.step.acceptance import Tolerances
 from sparsemor.reducers.step.blocks.thermal_block import HeatBlock
 from sparsemor.reducers.step.frame_step import BodyStep
 from sparsemor.reducers.step.initial import StartTimes, consistent_start, constraint_errors
-from sparsemor.reducers.step.loop import Kept, Loop, StepEquations
 from sparsemor.reducers.step.memory import Memory
+from sparsemor.reducers.step.newton_loop import Kept, Loop, StepEquations
 from sparsemor.reducers.step.operators import TestedElastic
 from sparsemor.reducers.step.predictor import Past, block_starts
 from sparsemor.reducers.step.reduced import Reduced

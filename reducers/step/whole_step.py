@@ -27,8 +27,8 @@ from sparsemor.core.protocols import LocalCopy, ResultantSource
 from sparsemor.core.protocols.step_solver import resultant_sources
 from sparsemor.reducers.step.acceptance import Tolerances
 from sparsemor.reducers.step.factors import Matrix
-from sparsemor.reducers.step.loop import Ended, Kept, Loop, StepEquations
 from sparsemor.reducers.step.memory import RunMemory
+from sparsemor.reducers.step.newton_loop import Ended, Kept, Loop, StepEquations
 from sparsemor.reducers.step.predictor import Past, block_starts
 from sparsemor.reducers.step.rejection import Checked, rejected_step
 from sparsemor.reducers.step.relocalised import state_of

@@ -94,7 +94,7 @@ class BodyWork(NamedTuple):
 
 class PrescribedArrays(NamedTuple):
     """Constants of the reduced displacements of a body with prescribed motion
-    (driven.py).
+    (prescribed.py).
 
     block: number of its block; u, k: first and number of its displacements; T, kt: of its
     temperatures; inertia, stiffness, damping: (k, k), or (1, k) for a diagonal, damping (0, k) for

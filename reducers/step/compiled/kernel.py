@@ -1,8 +1,8 @@
 """Steps of a reduced model as functions on arrays (arrays.py), which numba compiles.
 
-The equations are those of predictor.py, thermal_block.py, reduced.py and loop.py; tests compare
-both. Nothing here evaluates a Jacobian: a step that needs a new one, or does not converge at once,
-is left to these (`LEFT`).
+The equations are those of predictor.py, thermal_block.py, reduced.py and newton_loop.py; tests
+compare both. Nothing here evaluates a Jacobian: a step that needs a new one, or does not converge
+at once, is left to these (`LEFT`).
 """
 
 from math import inf

@@ -14,13 +14,13 @@ from sparsemor.core import FloatArray, InputError, require
 from sparsemor.core.protocols import HeldValues, MachineRequest, MachineSteps
 from sparsemor.core.protocols.integrator import holding
 from sparsemor.core.simulation.time_stepping import FixedStep
-from sparsemor.reducers.step.compiled import alone, arrays
+from sparsemor.reducers.step.compiled import arrays, without_python
 from sparsemor.reducers.step.compiled.compile import Functions, bound, compiled
 from sparsemor.reducers.step.compiled.local import LocalArrays
 from sparsemor.reducers.step.compiled.steps import CompiledSteps
-from sparsemor.reducers.step.compiled.timed import NotCompiled
-from sparsemor.reducers.step.loop import UNKNOWN
+from sparsemor.reducers.step.compiled.time_functions import NotCompiled
 from sparsemor.reducers.step.memory import Memory
+from sparsemor.reducers.step.newton_loop import UNKNOWN
 from sparsemor.reducers.step.solver import Stepper
 
 PROCESSORS = {"x86_64": "x86-64-v2", "amd64": "x86-64-v2"}
@@ -79,8 +79,8 @@ def machine_steps(solver: Stepper, of: MachineRequest[Memory]) -> MachineSteps:
     made: dict[str, Any] = {}
 
     def code(functions: Functions) -> Callable[..., int]:
-        made.update(compiled(functions, [getattr(alone, name) for name in alone.ALONE],
-                             alone.differences_of_heat))
+        own = [getattr(without_python, name) for name in without_python.ALONE]
+        made.update(compiled(functions, own, without_python.differences_of_heat))
         return lambda *_: 0
 
     try:

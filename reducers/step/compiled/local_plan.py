@@ -8,7 +8,7 @@ from sparsemor.core import Amplitude, FloatArray, ReducedTerm
 from sparsemor.core.protocols import PointArrays
 from sparsemor.reducers.step.compiled.compile import Called
 from sparsemor.reducers.step.compiled.local import LAWS, NO_LOCAL, LocalArrays
-from sparsemor.reducers.step.compiled.timed import NotCompiled, Timed
+from sparsemor.reducers.step.compiled.time_functions import NotCompiled, Timed
 from sparsemor.reducers.step.operators import TestedLocal
 
 

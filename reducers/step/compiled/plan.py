@@ -23,10 +23,10 @@ from sparsemor.reducers.step.compiled.arrays import (
 )
 from sparsemor.reducers.step.compiled.compile import Called, Functions
 from sparsemor.reducers.step.compiled.local_plan import local_arrays
-from sparsemor.reducers.step.compiled.timed import NotCompiled, Timed
-from sparsemor.reducers.step.driven import Driven
+from sparsemor.reducers.step.compiled.time_functions import NotCompiled, Timed
 from sparsemor.reducers.step.frame_step import BodyStep
-from sparsemor.reducers.step.loop import Loop
+from sparsemor.reducers.step.newton_loop import Loop
+from sparsemor.reducers.step.prescribed import Driven
 from sparsemor.reducers.step.reduced import Reduced, ReducedBody
 from sparsemor.reducers.step.reduced_mechanics import ReducedMechanics
 from sparsemor.reducers.step.solver import Stepper

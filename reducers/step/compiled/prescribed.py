@@ -1,5 +1,5 @@
 """Displacements of a body with prescribed motion in one step, as functions on arrays (arrays.py):
-the equations of driven.py, iterated with two products in the leading modes."""
+the equations of prescribed.py, iterated with two products in the leading modes."""
 
 from math import inf, sqrt
 
@@ -11,7 +11,7 @@ from sparsemor.reducers.step.compiled.arrays import ModelArrays, PrescribedArray
 from sparsemor.reducers.step.compiled.dense import add_products, product
 from sparsemor.reducers.step.compiled.local import rows_of
 from sparsemor.reducers.step.compiled.reduced import LEFT, sizes
-from sparsemor.reducers.step.loop import SLOW
+from sparsemor.reducers.step.newton_loop import SLOW
 
 
 def solve_prescribed(

@@ -1,5 +1,5 @@
 """Mechanical equations of one step and their iteration as functions on arrays (arrays.py): those of
-reduced.py and loop.py, name by name. A step that needs a new Jacobian is left to these."""
+reduced.py and newton_loop.py, name by name. A step that needs a new Jacobian is left to these."""
 
 from math import inf
 
@@ -21,7 +21,7 @@ from sparsemor.reducers.step.compiled.arrays import (
 )
 from sparsemor.reducers.step.compiled.dense import add_product
 from sparsemor.reducers.step.compiled.local import rows_of
-from sparsemor.reducers.step.loop import PATIENCE, SLOW
+from sparsemor.reducers.step.newton_loop import PATIENCE, SLOW
 
 LEFT = -1
 """Instead of a number of iterations: the step is left to the uncompiled solver."""

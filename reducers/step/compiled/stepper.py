@@ -19,7 +19,7 @@ from sparsemor.reducers.step.compiled.compile import (
 from sparsemor.reducers.step.compiled.library import machine_steps
 from sparsemor.reducers.step.compiled.plan import plan
 from sparsemor.reducers.step.compiled.steps import CompiledSteps
-from sparsemor.reducers.step.compiled.timed import NotCompiled
+from sparsemor.reducers.step.compiled.time_functions import NotCompiled
 from sparsemor.reducers.step.memory import Memory
 from sparsemor.reducers.step.solver import Stepper
 

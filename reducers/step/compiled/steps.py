@@ -17,8 +17,8 @@ from sparsemor.reducers.step.compiled.arrays import NO_HEAT, NO_PRESCRIBED, NO_T
 from sparsemor.reducers.step.compiled.compile import Functions, compiled_advance
 from sparsemor.reducers.step.compiled.plan import body_work, model_arrays, plan, work_of
 from sparsemor.reducers.step.factors import Factor, Inverse
-from sparsemor.reducers.step.loop import UNKNOWN, Kept, Linearisation, Loop
 from sparsemor.reducers.step.memory import Memory
+from sparsemor.reducers.step.newton_loop import UNKNOWN, Kept, Linearisation, Loop
 from sparsemor.reducers.step.solver import Stepper
 
 LONGEST = 400

@@ -20,7 +20,8 @@ from typing import Any
 
 from sparsemor import ReducedModel, load, parameter_test, reduce, simulate
 from sparsemor.core.model.body_cache import BodyCache
-from sparsemor.core.scene.parameters import latin_hypercube, values_at
+from sparsemor.core.scene.parameters import values_at
+from sparsemor.core.scene.training_points import latin_hypercube
 
 BOXES: dict[str, dict[str, Any]] = {
     "double_pendulum": {

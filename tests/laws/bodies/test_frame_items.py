@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sparsemor.bodies.frames import nodal
 from sparsemor.bodies.frames.force_items import BodyForce
 from sparsemor.bodies.frames.items import Item
-from sparsemor.bodies.frames.many_times import Moved, Pushed
+from sparsemor.bodies.frames.mean_rotation import with_torques
 from sparsemor.bodies.frames.motion import Motion, Sums
+from sparsemor.bodies.frames.motion_at_times import Moved, Pushed
 from sparsemor.bodies.joints.conditions import conditions_between
 from sparsemor.bodies.joints.part import JointPart
 from sparsemor.bodies.loads.part import LoadPart
@@ -71,7 +71,7 @@ class Push(LoadPlugin):
             item: Any = BodyForce(FORCE, target.mean() @ np.cross(body.X, FORCE), lambda t: 1.0)
             if self.kind != "own":
                 item = (Delegate if self.kind == "delegate" else Silent)(item)
-            equations.frame(body.name, item, nodal.with_torques(force)[body.elasticity.free])
+            equations.frame(body.name, item, with_torques(force)[body.elasticity.free])
 
         return LoadPart(name, write)
 

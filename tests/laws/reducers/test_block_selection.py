@@ -25,7 +25,7 @@ from sparsemor.core.testing.in_memory_run import march
 from sparsemor.core.testing.problems import one_group
 from sparsemor.reducers.sparse.block_selection import AtSolution, BlockSelection, exchanged
 from sparsemor.reducers.sparse.block_selection import BlockwiseSelection as Blockwise
-from sparsemor.reducers.sparse.joint_problem import HeatProblem, MechanicsProblem
+from sparsemor.reducers.sparse.recovery_problem import HeatProblem, MechanicsProblem
 from sparsemor.reducers.sparse.sampled_block import RangeColumns
 from sparsemor.reducers.sparse.stepper import SparseStepper
 from sparsemor.reducers.sparse.supported_equations import SupportedMechanics

@@ -14,7 +14,7 @@ from sparsemor.core.testing import check_sampler
 from sparsemor.core.testing.random_inputs import random_block, random_dictionary
 from sparsemor.plugins.samplers.deim import DeimPoints
 from sparsemor.plugins.samplers.leverage import Leverage, leverage
-from sparsemor.plugins.samplers.row_pool import GreedyRows
+from sparsemor.plugins.samplers.rows_by_node import GreedyRows
 from sparsemor.plugins.samplers.s_opt import SOpt
 from sparsemor.plugins.samplers.subspace import SpanSampler, orthonormal
 from tiers import quick

@@ -29,7 +29,7 @@ from sparsemor.reducers.step.compiled.compile import bound
 from sparsemor.reducers.step.compiled.plan import plan
 from sparsemor.reducers.step.compiled.stepper import compilable, wanted
 from sparsemor.reducers.step.compiled.steps import CompiledSteps
-from sparsemor.reducers.step.compiled.timed import NotCompiled
+from sparsemor.reducers.step.compiled.time_functions import NotCompiled
 from sparsemor.reducers.step.memory import Memory
 from sparsemor.reducers.step.solver import Stepper
 from turning_bars import bar, turning

@@ -12,16 +12,16 @@ from sparsemor.core.protocols.layout import Block, Layout
 from sparsemor.core.protocols.poses import turns
 from sparsemor.core.status import Status
 from sparsemor.core.testing.in_memory_run import march, scene_of
-from sparsemor.reducers.step import loop
+from sparsemor.reducers.step import newton_loop
 from sparsemor.reducers.step.acceptance import Tolerances
 from sparsemor.reducers.step.factors import Lu
-from sparsemor.reducers.step.loop import Ended, Kept, Linearisation, Loop
+from sparsemor.reducers.step.newton_loop import Ended, Kept, Linearisation, Loop
 
 Function = Callable[[FloatArray], FloatArray]
 
 
 @dataclass(eq=False)
-class Equations(loop.StepEquations):
+class Equations(newton_loop.StepEquations):
     """Equations f(x) = 0 of blocks of one unknown each, for the iteration alone."""
 
     f: Function

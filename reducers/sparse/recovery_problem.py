@@ -17,7 +17,7 @@ import numpy as np
 
 from sparsemor.core import FloatArray, Group, IntArray, StepFormula
 from sparsemor.reducers.sparse.sampled_block import SampledElastic, SampledHeat
-from sparsemor.reducers.step.loop import Linearisation
+from sparsemor.reducers.step.newton_loop import Linearisation
 from sparsemor.reducers.step.reduced import Reduced
 from sparsemor.reducers.step.time_tables import plus_loads
 

@@ -1,10 +1,10 @@
 """Steps without Python: the kernel with a Jacobian by differences, as functions for numba.
 
-Everywhere else a step that needs a new Jacobian is left to NumPy (loop.py, thermal_block.py). Here
-J is made of central differences of the residual at the guess of the step, with a departure of SMALL
-times the largest value of each block: the equations are polynomials of second order but for sines
-and local terms, so that its error is round-off. An approximate Jacobian changes the number of
-iterations, not what they converge to.
+Everywhere else a step that needs a new Jacobian is left to NumPy (newton_loop.py,
+thermal_block.py). Here J is made of central differences of the residual at the guess of the step,
+with a departure of SMALL times the largest value of each block: the equations are polynomials of
+second order but for sines and local terms, so that its error is round-off. An approximate Jacobian
+changes the number of iterations, not what they converge to.
 """
 
 import numpy as np
@@ -24,7 +24,7 @@ from sparsemor.reducers.step.compiled.arrays import (
 from sparsemor.reducers.step.compiled.kernel import advance, heated, predicted
 from sparsemor.reducers.step.compiled.local import rows_of
 from sparsemor.reducers.step.compiled.reduced import begin, motion, residual
-from sparsemor.reducers.step.loop import UNKNOWN
+from sparsemor.reducers.step.newton_loop import UNKNOWN
 
 ALONE: tuple[str, ...] = (
     "given", "outputs", "unit_product", "turns_from_here", "inverted", "differences_of_heat",

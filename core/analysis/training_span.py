@@ -1,40 +1,8 @@
-"""Training and wall clock of compared runs: the span on which each was trained, and how much faster
-a run is with its preparation and without."""
+"""Span of time on which compared runs were trained."""
 
 from collections.abc import Iterable, Mapping
-from typing import NamedTuple
 
-from sparsemor.core.results.cost import RunFacts
 from sparsemor.core.results.run_result import RunResult
-from sparsemor.core.results.tables import number, text_table
-
-
-class Gain(NamedTuple):
-    """Wall-clock time of the reference over that of a run: once, with the preparation (with an
-    empty cache); again: of its steps alone, as a further run of a kept model has."""
-
-    once: float
-    again: float
-
-
-def gains(facts: Mapping[str, RunFacts], base: str) -> dict[str, Gain]:
-    """Run -> gain over the run `base`, for runs that both reached the same end."""
-    full, found = facts[base], {}
-    for name, own in facts.items():
-        times = (full.offline_seconds, full.online_seconds, own.offline_whole_seconds,
-                 own.online_seconds)
-        if name == base or None in times or not (full.status.ok and own.status.ok):
-            continue
-        offline, online, before, steps = (float(t or 0.0) for t in times)
-        if steps > 0.0 and abs(full.end - own.end) <= 1e-9 * max(full.end, own.end):
-            found[name] = Gain((offline + online) / (before + steps), (offline + online) / steps)
-    return found
-
-
-def gain_table(found: Mapping[str, Gain]) -> str:
-    """Text table of gains."""
-    return text_table([["wall-clock gain", "with offline", "further runs"], *(
-        [name, number(g.once, ".3g"), number(g.again, ".3g")] for name, g in found.items())])
 
 
 def trained_to(run: RunResult) -> float | None:

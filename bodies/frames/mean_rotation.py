@@ -1,4 +1,5 @@
-"""Functionals of nodal displacements as columns over all d N unknowns, number d * node + component.
+"""Mean displacement and mean rotation of a set of nodes, such as a bore or an end face, and
+loads on them: columns over all d N nodal displacements, number d * node + component.
 """
 
 import numpy as np
@@ -7,7 +8,7 @@ from sparsemor.bodies.frames.rotation import GENERATORS
 from sparsemor.core import FloatArray
 
 
-def along(weights: FloatArray, d: int) -> FloatArray:
+def mean_displacement(weights: FloatArray, d: int) -> FloatArray:
     """(d N, d) columns of the weighted sum of the displacements along each axis; weights (N,)."""
     return np.asarray(np.kron(weights[:, None], np.eye(d)))
 
@@ -20,7 +21,7 @@ def with_torques(forces: FloatArray) -> FloatArray:
     return np.concatenate([forces.reshape(-1, 1), torques], axis=1)
 
 
-def mean_turn(weights: FloatArray, X: FloatArray) -> FloatArray:
+def mean_rotation(weights: FloatArray, X: FloatArray) -> FloatArray:
     """(d N, d) columns of the mean rotation (rad) of weighted points X (N, d), by least squares.
 
     Minimises sum w |u - u_mean - theta x arm|^2. In the plane a zero column follows, because

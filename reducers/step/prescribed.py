@@ -15,7 +15,7 @@ import numpy as np
 from sparsemor.core import FloatArray, StepFormula
 from sparsemor.core.protocols.load_tables import times_rows
 from sparsemor.reducers.step.frame_step import BodyStep
-from sparsemor.reducers.step.loop import Linearisation
+from sparsemor.reducers.step.newton_loop import Linearisation
 from sparsemor.reducers.step.operators import TestedElastic
 from sparsemor.reducers.step.time_tables import TimeTable, along
 
