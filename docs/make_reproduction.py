@@ -1,4 +1,4 @@
-"""Writes the table of docs/reproduce.md from the verdicts of `sparsemor reproduce`.
+"""Writes the table of docs/validation/reproduce.md from the verdicts of `sparsemor reproduce`.
 
     python docs/make_reproduction.py runs/reproduce-quick     # copies its tables to docs/measured
     python docs/make_reproduction.py                          # writes the table again
@@ -22,7 +22,7 @@ from sparsemor.plugins.liang2026.paper import GRADES, MISSED, PaperFile, PaperIt
 from sparsemor.plugins.liang2026.parts import Value
 
 HERE = Path(__file__).parent
-PAGE = HERE / "reproduce.md"
+PAGE = HERE / "validation" / "reproduce.md"
 TABLES = HERE / "measured" / "reproduction"
 QUICK, WHOLE = "quick", "whole"
 MARK = re.compile(r"(<!-- verdicts -->\n).*?(<!-- end -->)", re.DOTALL)
@@ -60,14 +60,13 @@ def table(file: PaperFile) -> str:
     out = [f"* `sparsemor reproduce{option}`: "
            f"{counted([g for g, _ in found.values()]) or 'not run for this table'}."
            for option, found in ((" --quick", quick), ("", whole))]
-    out += ["", "| item | content | published → computed | quick | whole |",
-            "|---|---|---|---|---|"]
+    out += ["", "| item | content | published → computed | verdict |", "|---|---|---|---|"]
     reasons = []
     for item in file.items:
         verdict, latest = (whole if item.id in whole else quick)[item.id]
-        grades = [found[item.id][0] if item.id in found else "not run" for found in (quick, whole)]
-        out.append(f"| {item.name} | {item.title} | {compared(item, latest)} | "
-                   f"{' | '.join(grades)} |")
+        short = quick[item.id][0]
+        shown = verdict if verdict == short else f"{verdict}, quick: {short}"
+        out.append(f"| {item.name} | {item.title} | {compared(item, latest)} | {shown} |")
         if verdict not in GRADES[:2]:
             reasons += wrap(f"* {item.name}, {verdict}: {' '.join(item.shortfall.split())}", 100,
                             subsequent_indent="  ")
@@ -80,8 +79,8 @@ def counted(grades: Sequence[str]) -> str:
 
 
 def compared(item: PaperItem, values: Values) -> str:
-    """The first two published numbers that are no data of the scene, with ours."""
-    shown = [n for n, v in item.values.items() if v.paper is not None][:2]
+    """The first published number that is no datum of the scene, with ours."""
+    shown = [n for n, v in item.values.items() if v.paper is not None][:1]
     return ", ".join(f"{text_of(values[f'paper_{n}'])} → {text_of(values[n])}"
                      f"{item.values[n].unit and ' ' + item.values[n].unit}" for n in shown) or "–"
 

@@ -6,8 +6,8 @@
 
 A table stands between `<!-- study NAME: MEASURE by COLUMN, .. -->` and `<!-- end -->`: one line a
 value of the first columns, one column a value of the last; of several measures, one line a value of
-all columns and one column a measure. Over seeds it shows the median and the worst, and how many
-runs did not end well.
+all columns and one column a measure. `where COLUMN=VALUE|VALUE` after the columns leaves the other
+runs out. Over seeds it shows the median and the worst, and how many runs did not end well.
 """
 
 import csv
@@ -19,11 +19,12 @@ from pathlib import Path
 from statistics import median
 
 HERE = Path(__file__).parent
-PAGES = (HERE / "ablations.md", HERE / "validation" / "slider-plate.md",
-         HERE / "validation" / "brake-disk.md")
+PAGES = tuple(HERE / "validation" / f"{name}.md" for name in (
+    "ablations", "slider-plate", "brake-disk"))
 TABLES = HERE / "measured" / "studies"
 MARK = re.compile(
-    r"(<!-- study (\w+): (\w+(?:, \w+)*) by ([^>]+?) -->\n).*?(<!-- end -->)", re.DOTALL)
+    r"(<!-- study (\w+): (\w+(?:, \w+)*) by ([^>]+?)(?: where (\w+)=([^>]+?))? -->\n).*?"
+    r"(<!-- end -->)", re.DOTALL)
 Row = Mapping[str, str]
 
 
@@ -37,7 +38,8 @@ def table(rows: Sequence[Row], measure: str, columns: Sequence[str]) -> str:
     *down, across = columns
     lines = list(dict.fromkeys(tuple(r[c] for c in down) for r in rows))
     heads = list(dict.fromkeys(r[across] for r in rows))
-    out = ["| " + " | ".join([*map(short, down), *(f"{short(across)} {h}" for h in heads)]) + " |",
+    over = [f"{short(across)} {heads[0]}", *heads[1:]]
+    out = ["| " + " | ".join([*map(short, down), *over]) + " |",
            "|" + "---|" * (len(down) + len(heads))]
     for line in lines:
         here = [r for r in rows if tuple(r[c] for c in down) == line]
@@ -92,9 +94,9 @@ def name(value: str) -> str:
 def page(text: str, folder: Path = TABLES) -> str:
     """The page with every table made again."""
     def made(match: re.Match[str]) -> str:
-        head, study, measure, columns, end = match.groups()
+        head, study, measure, columns, only, values, end = match.groups()
         names, measures = ([c.strip() for c in text.split(",")] for text in (columns, measure))
-        rows = rows_of(study, folder)
+        rows = [r for r in rows_of(study, folder) if not only or r[only] in values.split("|")]
         if len(measures) > 1:
             return head + beside(rows, measures, names) + end
         return head + table(rows, measure, names) + end

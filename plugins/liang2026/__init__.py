@@ -1,6 +1,6 @@
 """Liang et al. (2026) reproduced: its runs, figures and tables, and the command that recomputes
 those of this and other papers, with the published numbers and a verdict next to ours. See
-docs/reproduce.md."""
+docs/validation/reproduce.md."""
 
 from pathlib import Path
 

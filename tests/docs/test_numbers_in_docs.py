@@ -6,7 +6,6 @@ by a scene, by the paper, or constants of a method). The others stand in verific
 with the reason.
 """
 
-import os
 import re
 from pathlib import Path
 
@@ -55,11 +54,8 @@ def test_measured_numbers_name_their_command(page: Path) -> None:
 def test_numbers_without_a_command_are_listed() -> None:
     listed = page_named("verification.md").read_text(encoding="utf-8")
     for page in PAGES:
-        for heading, text in sections(page):
-            for reason in WITHOUT.findall(text):
-                name = Path(os.path.relpath(page, page_named("verification.md").parent))
-                row = f"| [{name.with_suffix('')}]({name}) | {heading.lstrip('# ')} | {reason} |"
-                assert row in listed, row
+        for reason in WITHOUT.findall(page.read_text(encoding="utf-8")):
+            assert f"* {reason}\n" in listed, (page, reason)
 
 
 def test_commands_name_what_exists() -> None:
