@@ -15,7 +15,7 @@ author = project_copyright = "sparsemor developers"
 release = version = version_of("sparsemor")
 language = "en"
 
-extensions = ["myst_nb", "sphinx.ext.autodoc"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx_gallery.gen_gallery"]
 exclude_patterns = ["decisions", "developers", "gallery_src", "examples", "sg_execution_times.rst",
                     "gallery_out/index.rst", "gallery_out/*.ipynb", "gallery_out/*.py", "site"]
 html_theme = "furo"
@@ -31,6 +31,12 @@ nb_execution_mode = "off"  # tests execute the notebooks
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
 autodoc_preserve_defaults = True
+
+sphinx_gallery_conf = {
+    "examples_dirs": "gallery_src", "gallery_dirs": "gallery_out", "download_all_examples": False,
+    "show_memory": False, "write_computation_times": False, "show_signature": False,
+    "remove_config_comments": True, "image_scrapers": ("matplotlib",),
+}
 
 _FENCE = re.compile(r"(^ *```.*?^ *```[ \t]*$)", re.MULTILINE | re.DOTALL)
 _LINK = re.compile(r"(?<!!)\[([^\[\]]*)\]\(([^()\s]+)\)")
