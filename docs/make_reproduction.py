@@ -54,23 +54,27 @@ def value(cell: str) -> Value:
 
 
 def table(file: PaperFile) -> str:
-    """Markdown: how many verdicts of each kind, a line for each item, and why items that are
-    neither `better` nor `reproduced` are not."""
+    """Markdown: how many verdicts of each kind, which items are `reproduced`, a line for each other
+    one, and why items that are neither `better` nor `reproduced` are not."""
     quick, whole = stored(QUICK), stored(WHOLE)
     out = [f"* `sparsemor reproduce{option}`: "
            f"{counted([g for g, _ in found.values()]) or 'not run for this table'}."
            for option, found in ((" --quick", quick), ("", whole))]
-    out += ["", "| item | content | published → computed | verdict |", "|---|---|---|---|"]
-    reasons = []
+    lines, same, reasons = [], [], []
     for item in file.items:
         verdict, latest = (whole if item.id in whole else quick)[item.id]
         short = quick[item.id][0]
+        if verdict == short == GRADES[1]:
+            same.append(item.name)
+            continue
         shown = verdict if verdict == short else f"{verdict}, quick: {short}"
-        out.append(f"| {item.name} | {item.title} | {compared(item, latest)} | {shown} |")
+        lines.append(f"| {item.name} | {item.title} | {compared(item, latest)} | {shown} |")
         if verdict not in GRADES[:2]:
             reasons += wrap(f"* {item.name}, {verdict}: {' '.join(item.shortfall.split())}", 100,
                             subsequent_indent="  ")
-    return "\n".join([*out, "", *reasons]) + "\n"
+    out += wrap(f"* `{GRADES[1]}` in both: {', '.join(same)}.", 100, subsequent_indent="  ")
+    return "\n".join([*out, "", "| item | content | published → computed | verdict |",
+                      "|---|---|---|---|", *lines, "", *reasons]) + "\n"
 
 
 def counted(grades: Sequence[str]) -> str:

@@ -23,7 +23,7 @@ PAGES = tuple(HERE / "validation" / f"{name}.md" for name in (
     "ablations", "slider-plate", "brake-disk"))
 TABLES = HERE / "measured" / "studies"
 MARK = re.compile(
-    r"(<!-- study (\w+): (\w+(?:, \w+)*) by ([^>]+?)(?: where (\w+)=([^>]+?))? -->\n).*?"
+    r"(<!-- study (\w+): (\w+(?:, \w+)*) by ([^>]+?)(?: where ([^=>]+)=([^>]+?))? -->\n).*?"
     r"(<!-- end -->)", re.DOTALL)
 Row = Mapping[str, str]
 
