@@ -209,8 +209,14 @@ class Matrices(BodyPlugin):
         return list(dict.fromkeys(f for n in named if n for f in files_of(base, n)))
 
     def build(self, name: str, base: Path) -> MatrixBody:
+        """The body of the files in the folder `base`; faults are collected and raised together.
+
+        u: unknowns of the files, nodal displacements and rotations, and coordinates without a
+        place. fixed: those that the reference conditions remove, None without an elastic field; the
+        generalized coordinates of `shapes` meet the conditions by a change of basis (`basis`).
+        massive: the free unknowns with mass; the others are condensed statically."""
         files = self._read(base)
-        u, heats = files.unknowns, THERMAL.name in self.selected_fields
+        u, has_heat = files.unknowns, THERMAL.name in self.selected_fields
         mesh = self._points(files)
         gather = Gather()
         centres = gather("sets", given_centres, mesh, self.sets)
@@ -222,33 +228,33 @@ class Matrices(BodyPlugin):
         if self.frame == "spinning" and u.d == 2:
             gather("", _refuse_spinning)
         fixed = gather("", self._fixed, mesh, u)
-        own = None if fixed is None or files.shapes is None else gather(
-            "", self._relative, files.shapes, fixed, u)
+        basis = None if fixed is None or files.shapes is None else gather(
+            "", self._constrained_basis, files.shapes, fixed, u)
         inertia = gather("", self._inertia, files.mechanical, u)
-        left: IntArray | None = None
+        massive: IntArray | None = None
         if fixed is not None and files.shapes is None:
             free = np.setdiff1d(np.arange(u.size), fixed)
-            left = free[checks.have_mass(files.mechanical["mass"])[free]]
-            gather("mass", checks.check_masses, str(self.mass), files.mechanical["mass"], left)
+            massive = free[checks.have_mass(files.mechanical["mass"])[free]]
+            gather("mass", checks.check_masses, str(self.mass), files.mechanical["mass"], massive)
         gather("", self._check, files, mesh)
         gather.check()
         assert centres is not None and weights is not None and T0 is not None
         assert start is not None
         M = files.mechanical.get("mass")
-        if fixed is not None and left is not None and len(left) + len(fixed) < u.size:
-            files, own = self._condensed(files, fixed, left)
+        if fixed is not None and massive is not None and len(massive) + len(fixed) < u.size:
+            files, basis = self._condensed(files, fixed, massive)
         else:
-            left = None
-        shapes = None if own is None or files.shapes is None else files.shapes @ own
+            massive = None
+        shapes = None if basis is None or files.shapes is None else files.shapes @ basis
         return MatrixBody(
             name=name, folder=base, X=mesh.points, inertia=inertia, pose=start[0],
             velocity=start[1], moves=self.frame != "fixed", points=mesh.point_sets,
             centres=centres, weights=weights,
             load_vectors={key: one for key, one in loads.items() if one is not None},
-            declared=self.sets, unknowns=u, mass=M, shapes=shapes, coordinates=left,
-            elasticity=None if fixed is None else self._elasticity(files, fixed, own),
+            declared=self.sets, unknowns=u, mass=M, shapes=shapes, coordinates=massive,
+            elasticity=None if fixed is None else self._elasticity(files, fixed, basis),
             heat=Heat(np.arange(len(mesh.points)), files.thermal["capacity"],
-                      files.thermal["conductivity"]) if heats else None,
+                      files.thermal["conductivity"]) if has_heat else None,
             T0=T0, T_ref=np.full(len(mesh.points), self.reference_temperature),
             mesh_notes=(*files.notes, *self._notes(name, files, inertia)))
 
@@ -470,28 +476,28 @@ class Matrices(BodyPlugin):
                              "reference")
         return fixed
 
-    def _relative(self, T: FloatArray, fixed: IntArray, u: Unknowns) -> FloatArray:
+    def _constrained_basis(self, T: FloatArray, fixed: IntArray, u: Unknowns) -> FloatArray:
         """(k, j) basis of the coordinates of shapes T (n, k) that keep the unknowns `fixed` at
         zero. InputError if none is left, or if they hold rigid motion."""
         size = np.linalg.norm(T, axis=0)
         if not size.all():
             raise InputError(f"'{self.shapes}': shape {int(np.argmin(size)) + 1} is zero", "shapes")
-        own = null_space(T[fixed] / size, rcond=1e-9) / size[:, None] if len(fixed) else (
+        basis = null_space(T[fixed] / size, rcond=1e-9) / size[:, None] if len(fixed) else (
             np.eye(T.shape[1]))
-        if not own.size:
+        if not basis.size:
             raise InputError("no combination of the shapes is zero there: fix fewer nodes",
                              "reference")
         if not self._supported and self.reference is None and len(
                 checks.rigid_coordinates(T, u)[0]):
             raise InputError("missing: the shapes hold rigid motion; give a reference condition, "
                              "such as {clamp: left} or {chord: [a, b]}", "reference")
-        own = own / np.abs(T @ own).max(axis=0)
-        Z = T @ own
+        basis = basis / np.abs(T @ basis).max(axis=0)
+        Z = T @ basis
         rank = int(np.linalg.matrix_rank(Z / np.linalg.norm(Z, axis=0), tol=1e-9))
-        if rank < own.shape[1]:
-            raise InputError(f"'{self.shapes}': {own.shape[1]} shapes are {rank} that are "
+        if rank < basis.shape[1]:
+            raise InputError(f"'{self.shapes}': {basis.shape[1]} shapes are {rank} that are "
                              "linearly independent: leave out the others", "shapes")
-        return np.asarray(own)
+        return np.asarray(basis)
 
     def _elasticity(
         self, files: _Files, fixed: IntArray, own: FloatArray | None
@@ -509,12 +515,12 @@ class Matrices(BodyPlugin):
             recoverable=False)
 
     def _condensed(
-        self, files: _Files, fixed: IntArray, left: IntArray
+        self, files: _Files, fixed: IntArray, massive: IntArray
     ) -> tuple[_Files, FloatArray]:
         """Files with the free massless unknowns i condensed, u_i = -K_ii^-1 K_ib u_b, exactly as
-        inertia does not act on them, and the basis that leaves the unknowns `left`."""
+        inertia does not act on them, and the basis of the unknowns `massive` alone."""
         K = files.mechanical["stiffness"]
-        i = np.setdiff1d(np.arange(K.shape[0]), np.union1d(fixed, left))
+        i = np.setdiff1d(np.arange(K.shape[0]), np.union1d(fixed, massive))
         b = np.setdiff1d(np.arange(K.shape[0]), i)
         if len(b) * K.shape[0] > LARGEST:
             raise InputError(f"{len(i)} of {K.shape[0]} unknowns have no mass, which are too many "
@@ -524,30 +530,30 @@ class Matrices(BodyPlugin):
         T[i] = -splu(K[i][:, i].tocsc()).solve(K[i][:, b].toarray())
         reduced = {key: A if key == "mass" else csr_array(T.T @ (A @ T))
                    for key, A in files.mechanical.items()}
-        own = np.zeros((len(b), len(left)))
-        own[np.searchsorted(b, left), np.arange(len(left))] = 1.0
-        return replace(files, shapes=T, mechanical=reduced), own
+        basis = np.zeros((len(b), len(massive)))
+        basis[np.searchsorted(b, massive), np.arange(len(massive))] = 1.0
+        return replace(files, shapes=T, mechanical=reduced), basis
 
-    def _of_shapes(self, files: _Files, T: FloatArray, own: FloatArray) -> Elasticity:
-        found, N, Z = files.mechanical, len(files.unknowns.X), T @ own
-        K, M = own.T @ (found["stiffness"] @ own), Z.T @ (found["mass"] @ Z)
+    def _of_shapes(self, files: _Files, T: FloatArray, basis: FloatArray) -> Elasticity:
+        found, N, Z = files.mechanical, len(files.unknowns.X), T @ basis
+        K, M = basis.T @ (found["stiffness"] @ basis), Z.T @ (found["mass"] @ Z)
         K, M = csr_array(0.5 * (K + K.T)), csr_array(0.5 * (M + M.T))
         none, d = np.zeros(0, np.int64), files.unknowns.d
-        able = len(checks.rigid_coordinates(T, files.unknowns)[0]) == d * (d + 1) // 2
-        if self.damping.modes_of == "free" and not able:
+        holds_rigid_motion = len(checks.rigid_coordinates(T, files.unknowns)[0]) == d * (d + 1) // 2
+        if self.damping.modes_of == "free" and not holds_rigid_motion:
             raise InputError("the shapes hold no rigid motion: their modes are `held`",
                              "damping.modes_of")
-        if able and self.damping.modes_of != "held" and self.frame == "floating":
+        if holds_rigid_motion and self.damping.modes_of != "held" and self.frame == "floating":
             whole = csr_array(T.T @ (found["mass"] @ T))
             C, modal = self.damping.of(found["stiffness"], whole, none, d, True)
-            C, modal = own.T @ (C @ own), modal and replace(modal, L=own.T @ modal.L)
+            C, modal = basis.T @ (C @ basis), modal and replace(modal, L=basis.T @ modal.L)
         else:
             C, modal = self.damping.of(K, M, none, d, False)
         if "damping_matrix" in found:
-            C = C + csr_array(own.T @ (found["damping_matrix"] @ own))
+            C = C + csr_array(basis.T @ (found["damping_matrix"] @ basis))
         return Elasticity(
-            free=np.arange(own.shape[1]), stiffness=K, damping=csr_array(C), modal=modal,
-            coupling=csr_array((own.shape[1], N)) if files.coupling is None else csr_array(
+            free=np.arange(basis.shape[1]), stiffness=K, damping=csr_array(C), modal=modal,
+            coupling=csr_array((basis.shape[1], N)) if files.coupling is None else csr_array(
                 Z.T @ files.coupling), recoverable=False)
 
     def _inertia(self, found: Mapping[str, Csr], u: Unknowns) -> MassProperties | None:

@@ -6,7 +6,8 @@ P c' + o'(t). The projected residual and its Jacobian are
     r = L y(z, t),      J = (L dy/dz) P,
 
 so that a step costs points x atoms. P (points, k), o and L (l, points) are constant but for
-prescribed temperatures, which add columns times functions of time to o.
+prescribed temperatures, which add columns times functions of time to o. The *kind* of a variable
+that the law reads is 0 for a value, 1 for its rate, 2 for its second difference over a step.
 """
 
 from __future__ import annotations
@@ -115,18 +116,22 @@ class PointTerm(ReducedTerm):
         return len(self.weights)
 
     def arrays(self) -> PointArrays | None:
-        """The term as arrays, None where its law has none."""
+        """The term as arrays for compiled steps, None where its law has none."""
         law = self.law.arrays()
         if law is None:
             return None
-        effects = [column for column, _ in self.parts]
+        columns, functions = [c for c, _ in self.parts], [f for _, f in self.parts]
+        h = getattr(self.law, "step", 0.0)
         return PointArrays(
-            law, self.weights, self.coordinates.reshape(len(self.coordinates), -1), self.P,
-            self.offset, np.array(effects).reshape(len(effects), len(self.P)).T,
-            tuple(f.value for _, f in self.parts), tuple(f.rate for _, f in self.parts),
-            tuple(Bend(f, getattr(self.law, "step", 0.0)) for _, f in self.parts),
-            np.array([(self.spans[i][0].start, self.spans[i][1], kind) for i, kind in self.reads],
-                     dtype=np.int64), self.tests)
+            law=law, weights=self.weights,
+            coordinates=self.coordinates.reshape(len(self.coordinates), -1),
+            P=self.P, offset=self.offset,
+            effects=np.array(columns).reshape(len(columns), len(self.P)).T,
+            values=tuple(f.value for f in functions), rates=tuple(f.rate for f in functions),
+            bends=tuple(Bend(f, h) for f in functions),
+            reads=np.array([(self.spans[i][0].start, self.spans[i][1], kind)
+                            for i, kind in self.reads], dtype=np.int64),
+            tests=self.tests)
 
     def residual(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray:
         return self._rows(self._response(x, v, a, t))
@@ -155,7 +160,7 @@ class PointTerm(ReducedTerm):
                 for column, f in self.parts:
                     z += prescribed(f, kind, t) * column
                 by_kind[kind] = z
-        values = []
+        values = []  # each variable as (E, Q), or (E, 1) where it is constant in each element
         for i, kind in self.reads:
             at, width = self.spans[i]
             values.append(by_kind[kind][at].reshape(-1, width))
@@ -192,17 +197,17 @@ class PointTerm(ReducedTerm):
                 part = L * (D * self.weights).sum(axis=1)
             else:
                 part = (L[:, :, None] * (D * self.weights)).reshape(rows, E * Q)
-            left = sums[rate]
-            if left is None:
-                left = sums[rate] = np.zeros((rows, len(self.P)))
+            by_z = sums[rate]
+            if by_z is None:
+                by_z = sums[rate] = np.zeros((rows, len(self.P)))
             if (variable, rate) in begun:
-                left[:, at] += part
+                by_z[:, at] += part
             else:
-                left[:, at] = part
+                by_z[:, at] = part
                 begun.add((variable, rate))
         by_value, by_rate = sums
         if by_value is not None and by_rate is not None and (c1 == c1[0]).all():
-            by_value += c1[0] * by_rate  # one product
+            by_value += c1[0] * by_rate  # one product with P instead of two
             by_rate = None
         J = np.zeros((rows, self.P.shape[1])) if by_value is None else by_value.dot(self.P)
         return J if by_rate is None else np.asarray(J + by_rate.dot(self.P) * c1)

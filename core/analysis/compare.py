@@ -239,25 +239,30 @@ class Comparison:
         return ["", text_table(table)]
 
     def _error_rows(self) -> list[list[Any]]:
+        """Rows of errors.csv: a heading, then cost and largest error of each run by each measure;
+        empty cells for the reference, and for what a run does not have."""
         measures = ["combined", *self._blocks(), "angle_rad", *further_norms()]
         rows: list[list[Any]] = [
             ["run", "status", "ms_per_step", "offline_s", "offline_whole_s", "online_s",
              "pays_after", *measures, "above_limit", "constant"]]
-        pays = self.pays_after
-        for name, f in self.facts.items():
+        break_even = self.pays_after
+        for name, cost in self.facts.items():
             errors = self.errors.get(name, {})
-            rows.append([name, f.status.value, f.ms_per_step, f.offline_seconds,
-                         f.offline_whole_seconds, f.online_seconds, pays.get(name),
+            rows.append([name, cost.status.value, cost.ms_per_step, cost.offline_seconds,
+                         cost.offline_whole_seconds, cost.online_seconds, break_even.get(name),
                          *(errors.get(m) for m in measures),
                          " ".join(self.above_limit.get(name, {})), " ".join(self._constant(name))])
         return rows
 
     def _error(self, run: str, errors: Mapping[str, float], measure: str) -> str:
+        """An error as text, marked if it is above the limit; a word for a block that does not
+        change in the reference."""
         e = self.measured.get(run)
-        still = e is not None and e.still(measure)
-        return CONSTANT if still else marked(errors.get(measure), ".2e", self.limit)
+        constant = e is not None and e.still(measure)
+        return CONSTANT if constant else marked(errors.get(measure), ".2e", self.limit)
 
     def _constant(self, run: str) -> list[str]:
+        """Blocks and fields that do not change in the reference: their errors have no scale."""
         return sorted(self.measured[run].constant) if run in self.measured else []
 
     def _limit_lines(self) -> list[str]:

@@ -1,5 +1,5 @@
-"""Bases among which the reducer `auto` chooses, as options of a scene that depend on the number of
-atoms."""
+"""Bases among which the reducer `auto` chooses: functions that give the options of a basis, as in a
+scene, for a number of atoms."""
 
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -14,23 +14,23 @@ CONSTANT: Mapping[str, Any] = {"use": "modal", "count": 1}
 
 
 def learned(basis: Basis) -> Source:
-    """The basis of the option `basis`, with another number of atoms. Raises InputError for one
-    without such an option."""
+    """Bases as the scene's option `basis` describes it (a basis that is learned from snapshots),
+    but with another number of atoms. Raises InputError for one without an option `count`."""
     if not counts_atoms(basis):
         raise InputError("auto needs a basis with an option for its number of atoms, `count`",
                          "basis")
     use = Registry().name_of("basis", type(basis))
-    given = {k: v for k, v in basis.model_dump(mode="json").items()
+    options = {k: v for k, v in basis.model_dump(mode="json").items()
              if k in basis.model_fields_set and k != "count"}
-    return lambda k: {"use": use, **given, "count": k}
+    return lambda k: {"use": use, **options, "count": k}
 
 
 def responses(data: BlockData) -> Source:
     """Responses of a block to its load tables; for displacements, also the static responses to all
     loads that do not move."""
-    def own(k: int) -> dict[str, Any]:
+    def impulse(k: int) -> dict[str, Any]:
         return {"use": "impulse", "superposed": True, "count": k}
 
     if data.order == 1 or not data.loads.any():
-        return own
-    return lambda k: {"use": "dictionary", "orthonormal": True, "bases": ["static", own(k)]}
+        return impulse
+    return lambda k: {"use": "dictionary", "orthonormal": True, "bases": ["static", impulse(k)]}

@@ -109,7 +109,7 @@ class _Builder:
             if m.operators is None:
                 continue
             warm = spaces.get(m.thermal)
-            if self.every > 1 and self.local.stiffens(m):
+            if self.every > 1 and self.local.has_nonlinear_stiffness(m):
                 self.notes.append(Note(
                     f"the error of {m.elastic} is estimated by one step for {self.every} of the "
                     "run, which misses fast residuals: with a stiffness that depends on the "

@@ -1,5 +1,8 @@
 """Terms that are not linear in the unknowns of their block, such as radiation and conductivity that
-depends on temperature, at states of the training run: their forces, and their tangent."""
+depends on temperature, at states of the training run: their forces, and their tangent.
+
+`local` terms are those evaluated element by element (core/protocols/separable.py); of the unknowns
+that they read, those marked `hot` are temperatures, the others displacements."""
 
 from dataclasses import replace
 
@@ -11,7 +14,7 @@ from sparsemor.core.protocols import ElasticLocal, HeatBody, MovingBody
 from sparsemor.reducers.estimation.error_space import Operators
 
 ROUND_OFF = 1e-9
-"""Change of a tangent, relative to its largest entry, that is none."""
+"""Change of a tangent, relative to its largest entry, up to which it counts as constant."""
 STATES = 40
 """Number of snapshots at which forces are evaluated."""
 
@@ -39,7 +42,7 @@ class ElementForces:
             return np.zeros((len(d.offset), 0))
         T, start = self._states(b.thermal), self.model.layout[b.thermal].start
         rates = np.hstack([np.diff(T, axis=1), d.atoms[:, :1]])
-        found = np.zeros((2, *T.shape))
+        found = np.zeros((2, *T.shape))  # at zero rates, and with rates
         for term in b.local:
             rows, at = term.rows - start, term.columns - start
             zero = np.zeros(len(at))
@@ -59,9 +62,9 @@ class ElementForces:
         for term in b.local:
             at = term.columns - start
             zero, one = np.zeros(len(at)), np.ones(len(at))
-            still, moved = (_placed(term.jacobian(x[at], zero, zero, 0.0, c, zero),
+            at_rest, changing = (_placed(term.jacobian(x[at], zero, zero, 0.0, c, zero),
                                     term.rows - start, at, K.shape[0]) for c in (zero, one))
-            K, C = K + still, C + (moved - still)
+            K, C = K + at_rest, C + (changing - at_rest)
         return replace(constant, stiffness=csr_array(K), damping=csr_array(C))
 
     def _of_body(self, m: MovingBody) -> tuple[FloatArray, FloatArray]:
@@ -94,32 +97,33 @@ class ElementForces:
         for part in m.operators.local:
             x = _read(part, u[:, i], T[:, i])
             zero = np.zeros(len(x))
-            cold = ~part.hot
-            J = csr_array(part.term.jacobian(x, zero, zero, 0.0, zero, zero))[:, cold]
-            K = K + _placed(J, part.rows, part.columns[cold], K.shape[0])
+            elastic = ~part.hot
+            J = csr_array(part.term.jacobian(x, zero, zero, 0.0, zero, zero))[:, elastic]
+            K = K + _placed(J, part.rows, part.columns[elastic], K.shape[0])
         return replace(constant, stiffness=csr_array(K))
 
-    def stiffens(self, m: MovingBody) -> bool:
+    def has_nonlinear_stiffness(self, m: MovingBody) -> bool:
         """True if a local term of an elastic block is not linear in its displacements: its tangent
         changes with a small displacement."""
         if m.operators is None:
             return False
         u, T = self._of_body(m)
-        moved = u[:, 0] + 1e-3 * np.sin(np.arange(len(u)))
+        # 1 mm with other values at all nodes, so that all elements are strained, and reproducible
+        displaced = u[:, 0] + 1e-3 * np.sin(np.arange(len(u)))
         for part in m.operators.local:
             if part.hot.all():  # it reads temperatures alone
                 continue
             zero = np.zeros(len(part.columns))
-            still, bent = (csr_array(part.term.jacobian(
+            initial, other = (csr_array(part.term.jacobian(
                 _read(part, x, T[:, 0]), zero, zero, 0.0, zero, zero))[:, ~part.hot]
-                for x in (u[:, 0], moved))
-            if abs(bent - still).max() > ROUND_OFF * max(abs(still).max(), abs(bent).max()):
+                for x in (u[:, 0], displaced))
+            if abs(other - initial).max() > ROUND_OFF * max(abs(initial).max(), abs(other).max()):
                 return True
         return False
 
 
 def _read(part: ElasticLocal, u: FloatArray, T: FloatArray) -> FloatArray:
-    """Values at the columns of a local term."""
+    """Values that a local term reads, from displacements u and temperatures T of its body."""
     x = np.empty(len(part.columns))
     x[part.hot], x[~part.hot] = T[part.columns[part.hot]], u[part.columns[~part.hot]]
     return x

@@ -119,22 +119,22 @@ class Build:
         for b in self.model.separated.heat:
             n = b.thermal
             source = self._source(whole, n)
-            th = (source.heat[n].under(TestMap(rows[n])) if source is not None else
+            th = (source.heat[n].through(TestMap(rows[n])) if source is not None else
                   TestedHeat.of(b, self.dictionaries[n], maps[n]))
             block, facts[n] = self._block(n, th.block(c1_first), maps[n], rows.get(n), notes)
-            th = th.under(TestMap(left=block.weight))
+            th = th.through(TestMap(left=block.weight))
             heat[n] = SampledHeat.of(block, th, self.model, b, c1_first)
         for m in self.model.separated.moving:
             if m.operators is None:
                 continue
             n = m.elastic
             source = self._source(whole, n)
-            te = (source.elastic[n].under(TestMap(rows[n])) if source is not None else
+            te = (source.elastic[n].through(TestMap(rows[n])) if source is not None else
                   TestedElastic.of(m.operators, m.frame, self.dictionaries[n],
                                    self.dictionaries.get(m.thermal), maps[n],
                                    rigid=self.model.separated.rigid_equations))
             block, facts[n] = self._block(n, te.block(c1, c2), maps[n], rows.get(n), notes)
-            elastic[n] = SampledElastic.of(block, te.under(TestMap(left=block.weight)))
+            elastic[n] = SampledElastic.of(block, te.through(TestMap(left=block.weight)))
         sampled = [*(h.block for h in heat.values()), *(e.block for e in elastic.values())]
         selecting = {block.name for block in sampled if block.selects}
         if self.model.separated.other or selecting & unselectable_blocks(self.model):

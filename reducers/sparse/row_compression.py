@@ -50,7 +50,7 @@ def compact_elastic(t: TestedElastic, B: FloatArray) -> CompactElastic:
     Z = _joined(Z, np.hstack([
         *t.generators, t.damping, t.coupling, t.loads, t.constant[:, None], t.mass,
         *(table.values.T for table in t.tables)]))
-    return CompactElastic(t.under(TestMap(left=Z.T)), Z.T @ B, reach)
+    return CompactElastic(t.through(TestMap(left=Z.T)), Z.T @ B, reach)
 
 
 def compact_heat(t: TestedHeat, B: FloatArray, whole: bool = False) -> CompactHeat:
@@ -63,7 +63,7 @@ def compact_heat(t: TestedHeat, B: FloatArray, whole: bool = False) -> CompactHe
     reach = Z.shape[1]
     Z = _joined(Z, np.eye(len(B)) if whole else np.hstack([
         t.capacity, t.loads, t.constant[:, None], *(table.values.T for table in t.tables)]))
-    return CompactHeat(t.under(TestMap(left=Z.T)), Z.T @ B, Z, reach)
+    return CompactHeat(t.through(TestMap(left=Z.T)), Z.T @ B, Z, reach)
 
 
 def _joined(Z: FloatArray, A: FloatArray) -> FloatArray:

@@ -176,7 +176,7 @@ class SampledHeat:
                        RangeColumns.of(block.name, block.B), None, model, body, c1)
         t, B, basis, reach = compact_heat(operators, block.B, bool(body.local))
         in_range = np.arange(reach)
-        return cls(block, operators, (t, B), t.under(TestMap(in_range)),
+        return cls(block, operators, (t, B), t.through(TestMap(in_range)),
                    RangeColumns.of(block.name, B[in_range]), basis, model, body, c1)
 
     def on(self, support: IntArray | None) -> CompressedHeat:

@@ -59,7 +59,7 @@ class ProjectedBlock(Generic[T]):
     def solved(self) -> T:
         """The rows multiplied by the left inverse, so that the block's own operator is the
         identity."""
-        return self.tested if self.left is None else self.tested.under(TestMap(left=self.left))
+        return self.tested if self.left is None else self.tested.through(TestMap(left=self.left))
 
     def wide(self, n: int) -> FloatArray:
         """Left inverse times the test map of forces, (k, n), for all n rows of the block."""

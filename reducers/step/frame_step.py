@@ -1,4 +1,9 @@
-"""One body in a mechanical step: evaluation of its frame equations and position of its unknowns."""
+"""One body in a mechanical step: evaluation of its frame equations and position of its unknowns.
+
+The *border* unknowns y (b,) of a body are its rigid coordinates, then its joint forces: the border
+of the bordered matrix of a step, whose interior are the displacements. kappa, mu and sigma are the
+scalars by which the motion of the frame acts on the displacements (core/protocols/body_frame.py).
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -49,18 +54,22 @@ class BodyStep:
         work: FrameWork,
     ) -> None:
         """Evaluates the frame at border unknowns y and rates v, a (b,), for elastic coefficients c
-        (k,) with rates cv, ca; tested: projected elastic operators, None for a rigid body."""
+        (k,) with rates cv, ca. tested: projected elastic operators, None for a rigid body.
+
+        Of the displacements the frame reads few numbers: P^T (c, c', c''), with P^T = `functional`
+        (p, k), and the forms c.Q_g (c, c', c''), with Q_g = `quadratic` (g, k, k)."""
         if tested is None:
             self.frame.evaluate(y, v, a, c1, c2, np.zeros((3, 0)), NONE, t, work)
             return
-        values = np.stack([c, cv, ca])
-        quadratic, own = tested.quadratic, values
-        use = np.flatnonzero(values.any(axis=0))
-        if few(use, len(c)):
-            quadratic, own = quadratic[:, use[:, None], use], values[:, use]
-        forms = (quadratic.dot(own.T) * own[0][:, None]).sum(axis=1).T.ravel()
+        states = np.stack([c, cv, ca])
+        Q, active = tested.quadratic, states
+        use = np.flatnonzero(states.any(axis=0))
+        if few(use, len(c)):  # of a complete basis: products with the active atoms alone
+            Q, active = Q[:, use[:, None], use], states[:, use]
+        # (3 g,): c.Q_g c of all g, then c.Q_g c', then c.Q_g c''
+        forms = (Q.dot(active.T) * active[0][:, None]).sum(axis=1).T.ravel()
         self.frame.evaluate(
-            y, v, a, c1, c2, values.dot(tested.functional.T), forms, t, work)
+            y, v, a, c1, c2, states.dot(tested.functional.T), forms, t, work)
 
     def border_motion(self, t: float) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Prescribed part of the border unknowns and of their first and second rates at t (s), (b,)

@@ -13,10 +13,14 @@ the largest values of each block so far. In space the Jacobian turns with each b
 
     d <- d - L J^-1 L^T F(d),   L: identity but for quaternions, which it turns from there to here,
 
-because inertias and arms are constant in body axes. Of a slender body the moment of inertia about
-its axis is a hundredth of that across: without L, J fails after a turn by one degree. Full steps
-are taken even where they increase the residual for a moment, as at the kinks of a contact force;
-only if that persists is a line search used.
+because inertias and lever arms are constant in body axes. Of a slender body the moment of inertia
+about its axis is a hundredth of that across: without L, J fails after a turn by one degree. Full
+steps are taken even where they increase the residual for a moment, as at the kinks of a contact
+force; only if that persists is a line search used.
+
+A *change* is J^-1 F(d), in each block relative to the largest value that the block has had; *fresh*
+is a Jacobian of the iterate itself; a block is *judged* if its change must converge: joint forces
+are not, they follow from the other unknowns.
 """
 
 from abc import ABC, abstractmethod
@@ -201,21 +205,21 @@ class Ended(NamedTuple):
 
 
 class _Iterate:
-    """Departure d (n,) with its residual r, and after `_turn` its Newton change.
+    """Departure d (n,) with its residual r, and after `_newton_change` its Newton change.
 
-    moved (blocks,): size of the change relative to that of each block; change: the largest of
+    relative (blocks,): size of the change relative to that of each block; change: the largest of
     these; share: step length, relative to a full step, that led here; fresh: True if the Jacobian
     is its own.
     """
 
-    __slots__ = ("absolute", "change", "d", "dx", "fresh", "moved", "r", "share")
+    __slots__ = ("absolute", "change", "d", "dx", "fresh", "relative", "r", "share")
 
     def __init__(self, d: FloatArray, r: FloatArray, share: float = 1.0) -> None:
         self.d, self.r, self.share, self.fresh, self.change = d, r, share, False, inf
 
     dx: FloatArray
     absolute: FloatArray
-    moved: list[float]
+    relative: list[float]
 
 
 class Loop:
@@ -244,13 +248,14 @@ class Loop:
         where the equations cannot be evaluated there."""
         if not len(self.names):
             return Ended(d, Status.DONE, 1)
-        search = _Search(self, eq, step, kept)
+        iteration = _StepIteration(self, eq, step, kept)
         try:
-            ended = search.run(d, newest)
+            ended = iteration.run(d, newest)
         except RuntimeError:
             kept.forget()
-            return search.failed(d, Status.SINGULAR, "the Jacobian of the step is singular")
+            return iteration.failed(d, Status.SINGULAR, "the Jacobian of the step is singular")
         if ended.status.ok and eq.price:
+            # the Jacobian is renewed when its excess iterations have cost as much as a new one
             kept.least = min(kept.least, ended.iterations)
             kept.debt += ended.iterations - kept.least
             if kept.debt >= eq.price or eq.price == 1:
@@ -295,7 +300,7 @@ class Loop:
         np.maximum(kept.rate, self.largest(d) * step.c2, out=kept.rate)
 
 
-class _Search:
+class _StepIteration:
     """The iteration of one step."""
 
     def __init__(self, loop: Loop, eq: StepEquations, step: StepFormula, kept: Kept) -> None:
@@ -305,25 +310,26 @@ class _Search:
         self.point: Linearisation | None = None
         self.L: FloatArray | None = None
         self.bound = inf
-        self.iterations, self.stall, self.least, self.cycles = 0, 0, inf, False
-        self.size = self._size(kept.top, kept.rate)
+        # stall: iterations since the smallest change so far was last halved (_note_progress)
+        self.iterations, self.stall, self.smallest, self.cycles = 0, 0, inf, False
+        self.size = self._reference_sizes(kept.top, kept.rate)
 
     def run(self, d: FloatArray, newest: FloatArray) -> Ended:
-        at = _Iterate(d, self.eq.residual(d, self._due()))
+        at = _Iterate(d, self.eq.residual(d, self._needs_jacobian()))
         if not np.isfinite(at.r).all():  # the extrapolation led astray
             d = newest - self.step.free
-            at = _Iterate(d, self.eq.residual(d, self._due()))
+            at = _Iterate(d, self.eq.residual(d, self._needs_jacobian()))
         if not np.isfinite(at.r).all():
             return self.failed(d, Status.NOT_FINITE, at=at)
-        tol, always, there = self.loop.tol, self.eq.price == 0, self.kept.point
-        if there is not None and len(of := self.loop.attitudes):
-            self.L = turns((self.step.free + at.d)[of], there.x[of])
-        self._count(at)
+        tol, textbook, point = self.loop.tol, self.eq.price == 0, self.kept.point
+        if point is not None and len(quaternions := self.loop.attitudes):
+            self.L = turns((self.step.free + at.d)[quaternions], point.x[quaternions])
+        self._counted_change(at)
         while True:
             if at.change == inf:
                 return self.failed(at.d, Status.NOT_FINITE, at=at)
-            if (left := min(at.change, self._bound(at))) <= tol.remaining:
-                return self._done(at.d - at.dx, left)
+            if (error := min(at.change, self._proved_error(at))) <= tol.remaining:
+                return self._done(at.d - at.dx, error)
             if self.iterations >= tol.max_iterations:
                 return self._unfinished(at)
             new = self._next(at)
@@ -331,22 +337,25 @@ class _Search:
                 return self._unfinished(at)
             if not np.isfinite(new.r).all():
                 return self.failed(new.d, Status.NOT_FINITE, at=new)
-            # the textbook method, a check, trusts no ratio: it goes on until nothing changes
-            if not always and new.share == 1.0:  # a shortened change says nothing of the next
-                left = max(map(estimated_error, new.moved, at.moved, repeat(self.eq.least)))
-                if left <= tol.remaining:
-                    return self._done(new.d - new.dx, left)
+            # the textbook method (price 0), a check, trusts no ratio: it goes on until nothing
+            # changes
+            if not textbook and new.share == 1.0:  # a shortened change says nothing of the next
+                error = max(map(estimated_error, new.relative, at.relative, repeat(self.eq.least)))
+                if error <= tol.remaining:
+                    return self._done(new.d - new.dx, error)
             # changes with an old Jacobian that decrease by less than a half may be a slow mode
-            stalled = new.change >= (STALLED if new.fresh or always else SLOW) * at.change
-            if stalled and self._rounded(new) and (at.fresh or always or self._rounded(at)):
+            stalled = new.change >= (STALLED if new.fresh or textbook else SLOW) * at.change
+            if stalled and self._at_round_off(new) and (
+                    at.fresh or textbook or self._at_round_off(at)):
                 return self._done(new.d - new.dx, new.change)
-            if not (always or new.fresh) and self._slow(new.change, new.change / at.change):
+            if not (textbook or new.fresh) and self._renewal_pays(
+                    new.change, new.change / at.change):
                 if at.fresh and not self.eq.exact and new.change >= SLOW * at.change:
                     return self._unfinished(new)
                 if new.change >= at.change and not at.fresh:
                     new = at  # an old Jacobian led astray
-                self._turn(new, renew=True)
-            self._watch(new, at)
+                self._newton_change(new, renew=True)
+            self._note_progress(new, at)
             at = new
 
     def _next(self, at: _Iterate) -> _Iterate | None:
@@ -354,21 +363,20 @@ class _Search:
         steps do not converge; None where no step length decreases the residual."""
         if self.stall > PATIENCE and not self.eq.exact:
             return None
-        # wanders, if not in circles
-        lost = self.iterations > 2 * PATIENCE and at.change > WANDERING
-        around = self.cycles and at.change > CYCLE  # a full step would lead back into the cycle
-        if self.stall <= PATIENCE and not (lost or around):
+        wanders = self.iterations > 2 * PATIENCE and at.change > WANDERING
+        circles = self.cycles and at.change > CYCLE  # a full step would lead back into the cycle
+        if self.stall <= PATIENCE and not (wanders or circles):
             d = at.d - at.dx
-            new = _Iterate(d, self.eq.residual(d, self._due()))
+            new = _Iterate(d, self.eq.residual(d, self._needs_jacobian()))
             if np.isfinite(new.r).all():
-                self._count(new)
+                self._counted_change(new)
                 return new
-            return self._shorter(at) or new
-        return self._shorter(at)
+            return self._line_search(at) or new
+        return self._line_search(at)
 
-    def _bound(self, at: _Iterate) -> float:
-        """Bound of the error after a change, relative to the size of each block; inf where no
-        contraction is proved."""
+    def _proved_error(self, at: _Iterate) -> float:
+        """Bound |change| q / (1 - q) of the error after a change, relative to the size of each
+        block (fixed-point theorem of Banach); inf where no contraction q is proved."""
         if self.kept.point is not self.point and self.kept.point is not None:
             self.point, self.bound = self.kept.point, self.eq.contraction(self.kept.point)
         q = self.bound
@@ -379,17 +387,17 @@ class _Search:
         norms = np.sqrt(np.add.reduceat(at.dx * at.dx, self.loop.starts))
         return q / (1.0 - q) * float((norms / self.size).max())
 
-    def _count(self, at: _Iterate) -> None:
+    def _counted_change(self, at: _Iterate) -> None:
         """Newton change of an iterate, with the kept Jacobian where it has this step's factors."""
-        self._turn(at, self._due())
+        self._newton_change(at, self._needs_jacobian())
         self.iterations += 1
 
-    def _due(self) -> bool:
+    def _needs_jacobian(self) -> bool:
         """True if the next iterate needs its own Jacobian."""
         point = self.kept.point
         return self.eq.price == 0 or point is None or point.c != self.c
 
-    def _turn(self, at: _Iterate, renew: bool) -> None:
+    def _newton_change(self, at: _Iterate, renew: bool) -> None:
         """Newton change at an iterate; renew: True for its own Jacobian, False for the kept one."""
         kept = self.kept
         if renew:
@@ -400,23 +408,23 @@ class _Search:
             self.loop.factorize(self.eq, kept)
         at.fresh, at.dx = renew, self.loop.solution(self.eq, kept, at.r, self.L)
         at.absolute = self.loop.largest(at.dx)
-        if not self.eq.price:  # the textbook method goes far: relative to where it is
+        if not self.eq.price:  # the textbook method goes far: relative to its present iterate
             x = self.step.free + at.d
             far = np.maximum(self.loop.largest(x), self.loop.largest(x - at.dx))
-            self.size = self._size(np.maximum(kept.top, far), kept.rate)
-        at.moved = self._moved(at.absolute)
-        at.change = max(at.moved)
+            self.size = self._reference_sizes(np.maximum(kept.top, far), kept.rate)
+        at.relative = self._relative_changes(at.absolute)
+        at.change = max(at.relative)
         if 1.0 < at.change < inf and not self.kept.top.all():  # of a block that was zero so far
             d = at.d - at.dx
-            first = self._size(self.loop.largest(self.step.free + d),
-                               self.step.c2 * self.loop.largest(d))
+            first = self._reference_sizes(self.loop.largest(self.step.free + d),
+                                          self.step.c2 * self.loop.largest(d))
             self.size = np.where(self.kept.top > 0.0, self.size, np.maximum(self.size, first))
-            at.moved = self._moved(at.absolute)
-            at.change = max(at.moved)
+            at.relative = self._relative_changes(at.absolute)
+            at.change = max(at.relative)
         if not at.change < inf:
             at.change = inf
 
-    def _moved(self, absolute: FloatArray) -> list[float]:
+    def _relative_changes(self, absolute: FloatArray) -> list[float]:
         moved = absolute / self.size
         if self.eq.price:
             # a change that is not a number counts
@@ -424,22 +432,24 @@ class _Search:
         found: list[float] = moved.tolist()
         return found
 
-    def _size(self, top: FloatArray, rate: FloatArray) -> FloatArray:
+    def _reference_sizes(self, top: FloatArray, rate: FloatArray) -> FloatArray:
         """Magnitudes (blocks,) to which changes are relative: the largest value so far, less where
         an error of the tolerance times that would dominate the accelerations (acceptance.py);
         infinite for multipliers, which follow from the other unknowns. The textbook method knows
         no round-off, and is judged by the unknowns alone."""
         tol = self.loop.tol.remaining
-        bent = rate / max(self.step.c2, 1e-300)
-        least = np.maximum(ACCELERATION_ERROR * bent, 4 * EPS / tol * top)
-        size = np.where(self.loop.second, np.minimum(top, least), top) if self.eq.price else top
+        # a'' = c2 d: displacements whose accelerations are the largest so far
+        accelerated = rate / max(self.step.c2, 1e-300)
+        enough = np.maximum(ACCELERATION_ERROR * accelerated, 4 * EPS / tol * top)
+        size = np.where(self.loop.second, np.minimum(top, enough), top) if self.eq.price else top
         return np.where(self.loop.judged, np.maximum(size, 1e-300), inf)
 
-    def _slow(self, change: float, ratio: float) -> bool:
-        """True if a new Jacobian is due: iterating with the old one would cost more."""
+    def _renewal_pays(self, change: float, ratio: float) -> bool:
+        """True if a new Jacobian costs less than iterating with the old one: after `price` further
+        iterations, each smaller by `ratio`, the change would still be above the tolerance."""
         return ratio >= SLOW or change * ratio**self.eq.price > self.loop.tol.remaining
 
-    def _rounded(self, at: _Iterate) -> bool:
+    def _at_round_off(self, at: _Iterate) -> bool:
         """True if the change is not above the effect of rounding, in each block that has not
         converged."""
         noise = self.kept.noise
@@ -447,14 +457,15 @@ class _Search:
             noise = self.loop.noise(self.eq, self.kept, Linearisation(
                 *self.step.at(at.d), self.step.t, self.c))
         small = at.absolute <= MARGIN * noise
-        return bool((small | (np.array(at.moved) <= self.loop.tol.remaining)).all())
+        return bool((small | (np.array(at.relative) <= self.loop.tol.remaining)).all())
 
     # ------------------------------------------------------------------ kinks
 
-    def _watch(self, at: _Iterate, before: _Iterate) -> None:
-        """Counts the iterations since the smallest change was last halved."""
-        if at.change < 0.5 * self.least:
-            self.least, self.stall = at.change, 0
+    def _note_progress(self, at: _Iterate, before: _Iterate) -> None:
+        """Counts the iterations since the smallest change was last halved, and finds cycles: a
+        change that leads back to the iterate before (`before`), as between two sides of a kink."""
+        if at.change < 0.5 * self.smallest:
+            self.smallest, self.stall = at.change, 0
             return
         self.stall += 1
         if at.change > CYCLE:
@@ -462,10 +473,10 @@ class _Search:
             if back[self.loop.judged].all():
                 self.cycles, self.stall = True, PATIENCE + 1
 
-    def _shorter(self, at: _Iterate) -> _Iterate | None:
+    def _line_search(self, at: _Iterate) -> _Iterate | None:
         """Line search: an iterate along the change with a smaller residual, with its own change."""
         if not at.fresh:
-            self._turn(at, renew=True)
+            self._newton_change(at, renew=True)
         if self.scale is None:  # one for the whole step: under two, each way may seem to descend
             self.scale = self._scales(self.step.free + at.d)
         merit, share = self._merit(at.r), 1.0
@@ -473,8 +484,8 @@ class _Search:
         while share >= SHORTEST:
             d = at.d - share * at.dx
             new = _Iterate(d, self.eq.residual(d), share)
-            if self._merit(new.r) <= (1.0 - 0.1 * share) * merit:
-                self._turn(new, renew=True)
+            if self._merit(new.r) <= (1.0 - 0.1 * share) * merit:  # sufficient decrease (Armijo)
+                self._newton_change(new, renew=True)
                 return new
             share *= 0.5
         return None

@@ -4,6 +4,9 @@ matrix).
 The test map is the only difference between the projected and the sampled reducers: Galerkin uses
 atoms^T, the sparse method sampled rows, DEIM atoms^T for the linear operators of the block and an
 interpolation from a few rows for its forces. All have m rows and k columns here.
+
+*Tested* operators are those after both projections, T^T K A with the trial basis A and the test map
+T^T. Of a step formula c' = c1 c + r1 and c'' = c2 c + r2, r1 and r2 are known before the step.
 """
 
 from collections.abc import Sequence
@@ -69,9 +72,9 @@ class TestMap:
         both = left if self.left is None else left @ self.left
         if self.rows is None:
             return both
-        wide = np.zeros((len(left), n))
-        wide[:, self.rows] = both
-        return wide
+        matrix = np.zeros((len(left), n))
+        matrix[:, self.rows] = both
+        return matrix
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,21 +92,22 @@ class TestedLocal:
         cls, local: ElasticLocal, atoms: Dictionary, heat: Dictionary | None, test: TestMap
     ) -> "TestedLocal":
         """Projection of a local term; heat: dictionary of the temperatures that it depends on."""
-        n, cold, hot = len(atoms.offset), ~local.hot, local.hot
+        n, elastic, thermal = len(atoms.offset), ~local.hot, local.hot
         k = atoms.atoms.shape[1]
         kt = 0 if heat is None else heat.atoms.shape[1]
-        wide, offset = np.zeros((len(hot), k + kt)), np.zeros(len(hot))
-        wide[cold, :k], offset[cold] = atoms.atoms[local.columns[cold]], atoms.offset[
-            local.columns[cold]]
-        if heat is not None and hot.any():
-            wide[hot, k:], offset[hot] = heat.atoms[local.columns[hot]], heat.offset[
-                local.columns[hot]]
+        # trial basis of the values that the term reads, by the coefficients [c | cT]
+        basis, offset = np.zeros((len(thermal), k + kt)), np.zeros(len(thermal))
+        basis[elastic, :k], offset[elastic] = atoms.atoms[local.columns[elastic]], atoms.offset[
+            local.columns[elastic]]
+        if heat is not None and thermal.any():
+            basis[thermal, k:], offset[thermal] = heat.atoms[local.columns[thermal]], heat.offset[
+                local.columns[thermal]]
         m = len(local.rows)
-        seen = test(csr_array((np.ones(m), (local.rows, np.arange(m))), shape=(n, m)))
-        left = np.ascontiguousarray(seen.toarray() if issparse(seen) else seen)
-        return cls(local.term.compress(Trial(wide, offset), left), bool(hot.all()))
+        placed = test(csr_array((np.ones(m), (local.rows, np.arange(m))), shape=(n, m)))
+        left = np.ascontiguousarray(placed.toarray() if issparse(placed) else placed)
+        return cls(local.term.compress(Trial(basis, offset), left), bool(thermal.all()))
 
-    def under(self, test: TestMap, m: int) -> "TestedLocal":
+    def through(self, test: TestMap, m: int) -> "TestedLocal":
         """The term with a further test map of its m rows."""
         left = test(np.eye(m) if self.left is None else self.left)
         return TestedLocal(self.term, self.still, np.ascontiguousarray(left))
@@ -160,41 +164,39 @@ class TestedElastic:
         motion of frames is prescribed and no rigid equation needs the quadratic forms, which for a
         complete basis of 7000 atoms take minutes and a gigabyte.
         """
-        push = test if force is None else force
+        force_map = test if force is None else force
         T, o = atoms.atoms, atoms.offset
         P = ops.directions.copy()
-        pushing = P  # as P, but for the stiffness by loads of an offset
+        loading = P  # sigma multiplies these columns; P gives the functionals of u that frames read
         Mo = [M @ o for M in ops.generators]
         if np.any(o):
             # z = X + offset + atoms c: the shape moves, and with it every direction M_g X
             frame = frame.shifted(P.T @ o, np.array([o @ q for q in Mo]))
             for column, g in frame.shape_columns:
                 P[:, column] += Mo[g]
-            pushing = P.copy()
+            loading = P.copy()
             for column, g in frame.stiff_columns:
-                pushing[:, column] += Mo[g]
-        constant = test(ops.stiffness) @ o - push(ops.constant)
+                loading[:, column] += Mo[g]
+        constant = test(ops.stiffness) @ o - force_map(ops.constant)
         coupling = np.zeros((len(constant), 0))
         if ops.coupling is not None and heat is not None:
-            Kt = push(ops.coupling)
+            Kt = force_map(ops.coupling)
             constant = constant - Kt @ heat.offset
             coupling = np.asarray(Kt @ heat.atoms)
-        k, turns, damped = T.shape[1], ops.generators, bool(ops.damping.nnz or ops.damps)
+        k, inertia, damped = T.shape[1], ops.generators, bool(ops.damping.nnz or ops.damps)
         none = np.zeros((0, len(constant), k))
         mass = np.asarray(test(ops.mass @ T))
         return cls(
-            frame=frame, mass=mass,
-            damping=np.asarray(test(ops.damping_force(T))) if damped else np.zeros(mass.shape),
-            stiffness=np.asarray(test(ops.stiffness) @ T),
-            generators=np.stack([np.asarray(push(M @ T)) for M in turns]) if turns else none,
-            directions=np.asarray(push(pushing)), coupling=coupling,
-            loads=np.asarray(push(ops.loads)),
-            constant=np.asarray(constant),
-            quadratic=np.stack([T.T @ (M @ T) for M in turns]) if turns and rigid else np.zeros(
+            frame=frame, mass=mass, damping=np.asarray(test(ops.damping_force(T))) if damped else
+            np.zeros(mass.shape), stiffness=np.asarray(test(ops.stiffness) @ T),
+            generators=np.stack([np.asarray(force_map(M @ T)) for M in inertia]) if inertia else
+            none, directions=np.asarray(force_map(loading)), coupling=coupling,
+            loads=np.asarray(force_map(ops.loads)), constant=np.asarray(constant),
+            quadratic=np.stack([T.T @ (M @ T) for M in inertia]) if inertia and rigid else np.zeros(
                 (0, k, k)),
             functional=P.T @ T, amplitudes=ops.amplitudes,
-            tables=projected_tables(ops.tables, push),
-            local=tuple(TestedLocal.of(part, atoms, heat, push) for part in ops.local),
+            tables=projected_tables(ops.tables, force_map),
+            local=tuple(TestedLocal.of(part, atoms, heat, force_map) for part in ops.local),
         )
 
     def in_modes(self) -> "TestedElastic":
@@ -206,7 +208,7 @@ class TestedElastic:
         return replace(self, mass=diagonal(self.mass), stiffness=diagonal(self.stiffness),
                        damping=d if alone else self.damping)
 
-    def under(self, test: TestMap) -> "TestedElastic":
+    def through(self, test: TestMap) -> "TestedElastic":
         """These operators with a further test map of their m rows."""
         if test.identity:
             return self
@@ -218,7 +220,7 @@ class TestedElastic:
             generators=np.stack(generators) if generators else np.zeros((0, len(constant), k)),
             directions=test(self.directions), coupling=test(self.coupling), loads=test(self.loads),
             constant=constant, tables=test.of_tables(self.tables),
-            local=tuple(part.under(test, m) for part in self.local))
+            local=tuple(part.through(test, m) for part in self.local))
 
     def by_columns(self) -> "TestedElastic":
         """These operators with contiguous columns, of which some are soon read."""
@@ -262,12 +264,12 @@ class TestedHeat:
     def of(
         cls, heat: HeatBody, atoms: Dictionary, test: TestMap, force: TestMap | None = None
     ) -> "TestedHeat":
-        T, o, push = atoms.atoms, atoms.offset, test if force is None else force
+        T, o, force_map = atoms.atoms, atoms.offset, test if force is None else force
         K = test(heat.conductivity)
         return cls(
             np.asarray(test(heat.capacity) @ T), np.asarray(K @ T),
-            np.asarray(push(heat.constant) - K @ o), np.asarray(push(heat.loads)),
-            heat.amplitudes, projected_tables(heat.tables, push))
+            np.asarray(force_map(heat.constant) - K @ o), np.asarray(force_map(heat.loads)),
+            heat.amplitudes, projected_tables(heat.tables, force_map))
 
     def in_modes(self) -> "TestedHeat":
         """Operators for atoms that are modal coordinates of their span: off-diagonal round-off is
@@ -275,7 +277,7 @@ class TestedHeat:
         return replace(
             self, capacity=diagonal(self.capacity), conductivity=diagonal(self.conductivity))
 
-    def under(self, test: TestMap) -> "TestedHeat":
+    def through(self, test: TestMap) -> "TestedHeat":
         """These operators with a further test map of their rows."""
         if test.identity:
             return self

@@ -1,8 +1,14 @@
-"""Displacements on a frame without unknowns in a step: their rows are linear in them,
+"""Displacements on a frame whose motion is prescribed: the rows of a step are linear in them,
 
     d + base(t) + sum_g (kappa_g G_g u + mu_g G_g u'),    base = E sigma + constant terms - loads,
 
-with factors kappa, mu and sigma that depend on time alone (core/protocols/separable.py).
+with factors kappa, mu and sigma that depend on time alone (core/protocols/body_frame.py), and the
+departure d from the free motion of the step. The *rotation* is the sum over g: inertia forces in
+the turning frame. Rows are times the inverse of the block's own operator, so that the Jacobian is
+
+    J = 1 + sum_g w_g G_g,     w_g = kappa_g + c1 mu_g,
+
+near the identity for small steps; only its part in the leading (soft) modes is factorized.
 """
 
 from copy import copy
@@ -41,8 +47,8 @@ class RowsInTime:
 
 
 class Driven:
-    """Rows of one body without its own operator; rows: their numbers; drive: kappa, mu and sigma;
-    table: `RowsInTime`, if it is known.
+    """Rows of one body with prescribed motion, but for the term d; rows: their numbers; drive:
+    kappa, mu and sigma as functions of time; table: `RowsInTime`, if it is known.
 
     leading: number of unknowns in which the Jacobian differs from the identity. Of a step: weights
     (g,) = kappa + c1 mu, and the range `turning` of the g in which it has any. Of the last Jacobian
@@ -91,9 +97,9 @@ class Driven:
         self.turning = some = slice(acts[0], acts[-1] + 1)
         kappa, mu = factors
         self.weights, self.guess, own = kappa + step.c1 * mu, d, d[at]
-        push = np.multiply.outer(kappa[some], step.free[at] + own)
-        push += np.multiply.outer(mu[some], step.free_rate[at] + step.c1 * own)
-        self._add(r, push)
+        inertia = np.multiply.outer(kappa[some], step.free[at] + own)
+        inertia += np.multiply.outer(mu[some], step.free_rate[at] + step.c1 * own)
+        self._add(r, inertia)
 
     def add(self, r: FloatArray, d: FloatArray) -> None:
         """Adds the rotation at the departure d (n,) to r, which holds that at the guess."""
@@ -101,15 +107,16 @@ class Driven:
             own = d[self.at] - self.guess[self.at]
             self._add(r, np.multiply.outer(self.weights[self.turning], own))
 
-    def _add(self, r: FloatArray, push: FloatArray) -> None:
-        r[self.rows] += push.ravel().dot(self.G[self.turning].reshape(push.size, self.G.shape[2]))
+    def _add(self, r: FloatArray, inertia: FloatArray) -> None:
+        r[self.rows] += inertia.ravel().dot(self.G[self.turning].reshape(inertia.size,
+        self.G.shape[2]))
 
     def rotation(self, x: FloatArray, v: FloatArray, t: float) -> FloatArray:
         """Rows (k,) of the rotation at any unknowns x with rates v, (n,) each, at t, s."""
         g, table = len(self.G), self.table.at(t)
-        push = np.multiply.outer(table[:g], x[self.at])
-        push += np.multiply.outer(table[g : 2 * g], v[self.at])
-        return np.asarray(push.ravel().dot(self.G.reshape(push.size, self.G.shape[2])))
+        inertia = np.multiply.outer(table[:g], x[self.at])
+        inertia += np.multiply.outer(table[g : 2 * g], v[self.at])
+        return np.asarray(inertia.ravel().dot(self.G.reshape(inertia.size, self.G.shape[2])))
 
     def slope(self, t: float, c1: float, size: int | None = None) -> FloatArray:
         """Jacobian of the rotation for dv = c1 dx, in the first `size` unknowns or in all."""
@@ -128,6 +135,8 @@ class Driven:
             return inf
         if not self.size and not self.turning.stop:
             return 0.0
+        # |J^-1| <= 1 / (1 - |J - 1|); dF/dd differs from J by the weights, and outside the leading
+        # modes by all of the rotation
         off = np.abs(self.weights - self.before).dot(sizes[:, 0])
         off += np.abs(self.weights).dot(sizes[:, 1])
         return float(off) / (1.0 - self.size)

@@ -216,11 +216,11 @@ class _Packer:
 
     def node(self, value: Any, name: str) -> Any:
         """JSON of a value; a compound one is a mapping with one key, its type. name: its path."""
+        if isinstance(value, Enum):  # before numbers and texts, which its members may be
+            return {"enum": [self._named(type(value), name), value.name]}
         if value is None or isinstance(value, bool | int) or type(value) is str:
             return value
-        if isinstance(value, Enum):
-            return {"enum": [self._named(type(value), name), value.name]}
-        if isinstance(value, float):
+        if isinstance(value, float):  # also np.float64, which is read back as a float
             return {"float": value.hex()}
         if isinstance(value, np.ndarray):
             return self._dense(value)

@@ -167,10 +167,10 @@ class ModelArrays(NamedTuple):
 class Work(NamedTuple):
     """Working arrays of a step: free, past (q, n), X (3, n + 4): free motion, a state, and unknowns
     with their rates; d, base, r, own, dx (n,): departure, constants, residual, its part in the
-    unknowns `solved`, change; guess (2 n,): extrapolated unknowns and departures;
-    size, absolute, moved (blocks,): reference magnitudes, and sizes of changes with and without a
-    unit; earlier, before (blocks,): those one iteration earlier; L (k, 4, 4): turns of attitudes
-    since the kept Jacobian."""
+    unknowns `solved`, change; guess (2 n,): extrapolated unknowns and departures; size, absolute,
+    relative (blocks,): reference magnitudes, and sizes of changes in units of the unknowns and
+    relative to `size`; earlier, before (blocks,): those one iteration earlier; L (k, 4, 4): turns
+    of attitudes since the kept Jacobian."""
 
     free: FloatArray
     past: FloatArray
@@ -183,7 +183,7 @@ class Work(NamedTuple):
     guess: FloatArray
     size: FloatArray
     absolute: FloatArray
-    moved: FloatArray
+    relative: FloatArray
     earlier: FloatArray
     before: FloatArray
     L: FloatArray
@@ -194,8 +194,8 @@ class RunArrays(NamedTuple):
     n), at (2,): newest row and number of filled ones, by_departure (n,) (predictor.py); top, rate,
     noise (blocks,): sizes and round-off; inverse (s, s), attitudes (k, 4, 4, 4): inverse of the
     kept Jacobian, and the turns from its attitudes (`turns_from`); effort (3,): `least` and `debt`
-    of it (`loop.Kept`), and 1 where a new one is due; remaining (1,): estimated error that the last
-    step leaves."""
+    of it (`newton_loop.Kept`), and 1 where a new Jacobian is due; remaining (1,): estimated error
+    that the last step leaves."""
 
     z: FloatArray
     ring: FloatArray

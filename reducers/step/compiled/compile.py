@@ -30,16 +30,16 @@ FUNCTIONS: tuple[Callable[..., object], ...] = (
     steered, tangent, acceptance.estimated_error, dense.product, dense.add_product,
     dense.add_products, local.evaluate_law, local.rows_of, reduced.motion, reduced.add_terms,
     reduced.begin, reduced.evaluate, reduced.add_bodies, reduced.residual, reduced.turns,
-    reduced.turned, reduced.solution,
-    reduced.moved, reduced.sizes, reduced.solve, reduced.remember, prescribed.corrected,
-    prescribed.solve_body, prescribed.solve_prescribed, prescribed.add_forces,
-    kernel.iterate_heat, kernel.heated, kernel.free_motion, kernel.predict, kernel.predicted,
-    kernel.accept, kernel.heat_ahead, kernel.advance)
+    reduced.turned, reduced.solution, reduced.relative_changes, reduced.reference_sizes,
+    reduced.solve, reduced.remember, prescribed.corrected, prescribed.solve_body,
+    prescribed.solve_prescribed, prescribed.add_forces, kernel.iterate_heat, kernel.solve_heat,
+    kernel.free_motion, kernel.predict, kernel.predicted, kernel.accept, kernel.heat_ahead,
+    kernel.advance)
 """Functions of the kernel, each after those that it calls."""
 COUNTED: tuple[Callable[..., object], ...] = (
     dense.product, dense.add_products, local.rows_of, reduced.add_terms, prescribed.corrected,
     prescribed.solve_body, prescribed.solve_prescribed, prescribed.add_forces, kernel.iterate_heat,
-    kernel.heated)
+    kernel.solve_heat)
 """Functions that create arrays. All others are compiled without the counts of references to arrays,
 which take a third of a step."""
 
@@ -79,13 +79,13 @@ Called: TypeAlias = tuple[Callable[..., object], tuple[Callable[..., object], ..
 
 class Functions(NamedTuple):
     """Functions that belong to a model: that of its frames, None where no motion is unknown, and
-    those of the laws of its terms. moved: True if it has bodies with prescribed motion; terms: True
-    if its bodies with unknown motion have terms; unused: parts of frames that none of these has.
-    What a model does not have is not compiled."""
+    those of the laws of its terms. prescribed: True if it has bodies with prescribed motion; terms:
+    True if its bodies with unknown motion have terms; unused: parts of frames that none of these
+    has. What a model does not have is not compiled."""
 
     frame: Called | None
     laws: tuple[Called, ...]
-    moved: bool = False
+    prescribed: bool = False
     terms: bool = False
     unused: tuple[Callable[..., object], ...] = ()
 
@@ -101,7 +101,7 @@ class Functions(NamedTuple):
             self.unused, nothing)
         if self.frame is None:
             found[reduced.solve] = left
-        if not self.moved:
+        if not self.prescribed:
             found |= {prescribed.solve_prescribed: left, prescribed.add_forces: nothing}
             if self.frame is not None:
                 found[kernel.heat_ahead] = not_ahead

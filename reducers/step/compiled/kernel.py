@@ -48,25 +48,25 @@ def advance(
     n), effort (T, 2): states, and numbers of iterations with the estimated errors that they leave.
     """
     n, first, last = len(w.d), m.first[0], m.first[1]
-    warm, warmed, forces = ahead[0], ahead[1], ahead[2]
-    known = heat_ahead(m, heat, w, run.z, timed, base, warm, warmed)
-    add_forces(prescribed, warm, forces, 0, len(warm) if known else 0)
+    T_ahead, d_ahead, forces = ahead[0], ahead[1], ahead[2]
+    heat_known = heat_ahead(m, heat, w, run.z, timed, base, T_ahead, d_ahead)
+    add_forces(prescribed, T_ahead, forces, 0, len(T_ahead) if heat_known else 0)
     for i in range(len(timed)):
         predicted(m, run, w, base[i])
-        if known:
+        if heat_known:
             for j in range(first, last):
-                w.d[j] = warmed[i, j]
+                w.d[j] = d_ahead[i, j]
             motion(m, w)
-        count, hot = 1, 0.0
-        if not known:
+        count, heat_error = 1, 0.0
+        if not heat_known:
             for h in heat:
-                taken, left = heated(h, m, w, timed[i], base[i], run.ring[run.at[0], :n])
+                taken, error = solve_heat(h, m, w, timed[i], base[i], run.ring[run.at[0], :n])
                 if taken == LEFT:
                     return i
-                count, hot = max(count, taken), max(hot, left)
+                count, heat_error = max(count, taken), max(heat_error, error)
             for j in range(first, last):
-                warm[i, j] = w.X[0, j]
-            add_forces(prescribed, warm, forces, i, i + 1)
+                T_ahead[i, j] = w.X[0, j]
+            add_forces(prescribed, T_ahead, forces, i, i + 1)
         run.remaining[0] = 0.0
         if len(bodies.k):
             for j in range(first, last):
@@ -76,7 +76,7 @@ def advance(
             count = solve_prescribed(m, prescribed, run, w, timed[i], forces[i])
         if count == LEFT:
             return i
-        run.remaining[0] = max(run.remaining[0], hot)
+        run.remaining[0] = max(run.remaining[0], heat_error)
         motion(m, w)
         size = 0.0
         for j in range(n):
@@ -129,7 +129,7 @@ def heat_ahead(
         w.d[:] = 0.0
         motion(m, w)
         for h in heat:
-            heated(h, m, w, timed[i], base[i], w.d)
+            solve_heat(h, m, w, timed[i], base[i], w.d)
         for j in range(first, last):
             d[i, j], x[i, j] = w.d[j], w.X[0, j]
             for r in range(len(z)):
@@ -182,7 +182,7 @@ def accept(m: ModelArrays, run: RunArrays, w: Work) -> None:
                 run.z[2, start : start + 4])
 
 
-def heated(
+def solve_heat(
     h: HeatArrays, m: ModelArrays, w: Work, timed: FloatArray, base: FloatArray, last: FloatArray
 ) -> tuple[int, float]:
     """Solves a thermal block (thermal_block.py), in place; returns the number of iterations, or

@@ -92,8 +92,9 @@ def plan(s: Stepper, c1: float = 1.0) -> Plan:
         raise NotCompiled("bodies of full order, or atoms that are selected during the run")
     eq = mechanics.equations
     if not len(eq.border):
-        moved = tuple(_prescribed(s, eq, b, c1, timed, laws) for b in eq.driven)
-        return Plan(hot, heat, stacked(()), (), moved, Functions(None, tuple(laws), bool(moved)),
+        prescribed = tuple(_prescribed(s, eq, b, c1, timed, laws) for b in eq.driven)
+        return Plan(hot, heat, stacked(()), (), prescribed, Functions(
+            None, tuple(laws), bool(prescribed)),
                     timed, tuple(loads), None)
     if (count := np.arange(s.layout.size)[eq.solved].size) > LARGEST:
         raise NotCompiled(f"{count} unknowns of mechanics")

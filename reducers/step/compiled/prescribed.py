@@ -10,7 +10,7 @@ from sparsemor.reducers.step.acceptance import LEAST, TRUSTED, estimated_error
 from sparsemor.reducers.step.compiled.arrays import ModelArrays, PrescribedArrays, RunArrays, Work
 from sparsemor.reducers.step.compiled.dense import add_products, product
 from sparsemor.reducers.step.compiled.local import rows_of
-from sparsemor.reducers.step.compiled.reduced import LEFT, sizes
+from sparsemor.reducers.step.compiled.reduced import LEFT, reference_sizes
 from sparsemor.reducers.step.newton_loop import SLOW
 
 
@@ -22,7 +22,7 @@ def solve_prescribed(
     largest number of iterations, or LEFT."""
     most = 1
     w.size[:], run.remaining[0] = 0.0, 0.0
-    sizes(m, w, run)
+    reference_sizes(m, w, run)
     for b in bodies:
         count = solve_body(m, b, run, timed, forces[b.u : b.u + b.k], w)
         if count == LEFT:
@@ -65,13 +65,13 @@ def solve_body(
             inputs[:k], rates[:k] = u + now, uv + m.c1 * now
             new -= rows_of(b.local, timed, inputs, rates, rates)
         corrected(m, b, table, now, new)
-        moved2 = 0.0
+        squared = 0.0
         for j in range(k):
             step[j] = new[j] - now[j]
-            moved2 += step[j] ** 2
-        if not moved2 < inf:
+            squared += step[j] ** 2
+        if not squared < inf:
             return LEFT
-        change = sqrt(moved2) / w.size[b.block]
+        change = sqrt(squared) / w.size[b.block]
         error = estimated_error(change, before, max(bound, LEAST) if local else LEAST)
         if bound < TRUSTED and not local:
             error = change * bound / (1.0 - bound)

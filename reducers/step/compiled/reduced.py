@@ -154,30 +154,31 @@ def solve(
     turns(m, w, run)
     least, last, stall = inf, inf, 0
     w.size[:], w.before[:], w.earlier[:] = 0.0, inf, inf
-    sizes(m, w, run)
+    reference_sizes(m, w, run)
     run.effort[2] = 1  # unless the step ends
     for iteration in range(1, m.max_iterations + 1):
         residual(m, b, terms, w, own, timed)
         if not solution(m, w, run) < inf:
             return LEFT
-        if moved(m, w, run) > 1.0:  # larger than all that is known: of a block's first motion
+        if relative_changes(m, w, run) > 1.0:  # first motion of a block that was zero so far
             motion(m, w)
-            sizes(m, w, run)
-            moved(m, w, run)
+            reference_sizes(m, w, run)
+            relative_changes(m, w, run)
         change, remaining, rounded = 0.0, 0.0, True
         for k in range(len(m.judged)):
-            left, noise = estimated_error(w.moved[k], w.before[k]), MARGIN * run.noise[k]
+            error, noise = estimated_error(w.relative[k], w.before[k]), MARGIN * run.noise[k]
             small = w.absolute[k] <= noise and w.earlier[k] <= noise
-            rounded = rounded and (left <= m.remaining or small)
-            change, remaining = max(change, w.moved[k]), max(remaining, left)
-            w.before[k], w.earlier[k] = w.moved[k], w.absolute[k]
+            rounded = rounded and (error <= m.remaining or small)
+            change, remaining = max(change, w.relative[k]), max(remaining, error)
+            w.before[k], w.earlier[k] = w.relative[k], w.absolute[k]
         if remaining <= m.remaining or (rounded and change >= SLOW * last):
             run.remaining[0] = remaining
             run.effort[0] = min(run.effort[0], iteration)
             run.effort[1] += iteration - run.effort[0]
             run.effort[2] = 0
             return iteration
-        # not each change is smaller: errors of positions reach joint forces one iteration later
+        # a change may be larger than the one before: errors of positions reach joint forces one
+        # iteration later
         stall = 0 if change < 0.5 * least else stall + 1
         least, last = min(least, change), change
         if stall > PATIENCE:
@@ -200,11 +201,11 @@ def turned(m: ModelArrays, w: Work, x: FloatArray, back: bool) -> None:
     """The quaternions of x (n,) become L x, or L^T x to turn them `back`."""
     for k in range(len(m.quaternions)):
         q, L = x[m.quaternions[k] : m.quaternions[k] + 4], w.L[k]
-        of = q[0], q[1], q[2], q[3]
+        before = q[0], q[1], q[2], q[3]
         for i in range(4):
             q[i] = 0.0
             for j in range(4):
-                q[i] += (L[j, i] if back else L[i, j]) * of[j]
+                q[i] += (L[j, i] if back else L[i, j]) * before[j]
 
 
 def solution(m: ModelArrays, w: Work, run: RunArrays) -> float:
@@ -226,8 +227,8 @@ def solution(m: ModelArrays, w: Work, run: RunArrays) -> float:
     return size
 
 
-def moved(m: ModelArrays, w: Work, run: RunArrays) -> float:
-    """Size of the change w.dx, in w.absolute, and relative to that of each block, in w.moved;
+def relative_changes(m: ModelArrays, w: Work, run: RunArrays) -> float:
+    """Size of the change w.dx, in w.absolute, and relative to that of each block, in w.relative;
     returns the largest of these."""
     change = 0.0
     for k in range(len(m.judged)):
@@ -235,12 +236,12 @@ def moved(m: ModelArrays, w: Work, run: RunArrays) -> float:
         for i in range(m.starts[k], m.starts[k + 1]):
             absolute = max(absolute, abs(w.dx[i]))
         w.absolute[k] = absolute
-        w.moved[k] = 0.0 if absolute <= NEGLIGIBLE * run.noise[k] else absolute / w.size[k]
-        change = max(change, w.moved[k])
+        w.relative[k] = 0.0 if absolute <= NEGLIGIBLE * run.noise[k] else absolute / w.size[k]
+        change = max(change, w.relative[k])
     return change
 
 
-def sizes(m: ModelArrays, w: Work, run: RunArrays) -> None:
+def reference_sizes(m: ModelArrays, w: Work, run: RunArrays) -> None:
     """Magnitudes w.size to which changes are relative; zero in a new step, otherwise those of
     blocks that were zero so far grow with the present unknowns w.X."""
     for k in range(len(m.judged)):

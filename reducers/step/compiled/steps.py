@@ -47,28 +47,35 @@ class CompiledSteps:
             self.model, self.plan.heat or (NO_HEAT,), self.plan.bodies,
             self.plan.terms or (NO_TERM,), self.plan.prescribed or (NO_PRESCRIBED,),
             work_of(self.model), body_work(self.plan.bodies))
-        self._ahead, self._factor = LONGEST, cast("Factor | None", None)
+        self._block_length, self._factor = LONGEST, cast("Factor | None", None)
         self._inverse, none = np.zeros((0, 0)), np.zeros(0)
         self._attitudes = np.zeros((0, 4, 4, 4))
-        self._known, self._foreseen = (none, none, none), True
-        self._heated: dict[str, FloatArray] = {}
+        # times, functions of time and rows by time alone, tabulated for the next steps; False where
+        # a controller sets one of them anew in each step
+        self._table, self._tabulated = (none, none, none), True
+        # thermal block -> temperatures at which the kept Jacobian in `plan.heat` was evaluated
+        self._heat_points: dict[str, FloatArray] = {}
 
     def advance(self, state: State, memory: Memory, count: int) -> StepBlock:
         """Solves up to `count` steps; none where reference magnitudes are unknown, as at the start,
         and none that does not converge even with a Jacobian of the last state."""
         moves = self.plan.equations is not None or self.plan.prescribed
+        # kept.top: largest value of each block so far, to which changes are relative
         if memory.full_newton_next or (moves and not memory.kept.top.any()):
             return StepBlock()
-        times, timed, base = self._along(state.t, count)
-        block, due = self._solved(state, memory, times, timed, base)
-        while due and not block and self._lag(state, memory.kept) != 0.0:
+        times, timed, base = self._functions_of_time(state.t, count)
+        block, renew = self._solved(state, memory, times, timed, base)
+        # no step solved: try again with a Jacobian of the last state, until that is the kept one
+        while renew and not block and self._jacobian_age(state, memory.kept) != 0.0:
             self._linearize(state, memory)
-            block, due = self._solved(state, memory, times, timed, base)
-        if due and block:
+            block, renew = self._solved(state, memory, times, timed, base)
+        if renew and block:
             self._linearize(block.state(len(block) - 1), memory)
         if self.plan.prescribed:  # whose heat of all steps is solved first, in vain after a stop
+            # next block: four times as long after one without a stop, else twice what was solved
             done = len(block)
-            self._ahead = min(4 * self._ahead if done == len(times) else 2 * done + 2, LONGEST)
+            longer = 4 * self._block_length if done == len(times) else 2 * done + 2
+            self._block_length = min(longer, LONGEST)
         return block
 
     def _solved(
@@ -92,7 +99,7 @@ class CompiledSteps:
                           effort[:done, 0].astype(int).tolist(), effort[:done, 1].tolist())
         return block, bool(run.effort[2])
 
-    def _lag(self, state: State, kept: Kept) -> float:
+    def _jacobian_age(self, state: State, kept: Kept) -> float:
         """Time, s, since the state of the kept Jacobian, negative where that is yet to come."""
         return 0.0 if kept.point is None else state.t - kept.point.t
 
@@ -101,7 +108,7 @@ class CompiledSteps:
         serves as long before this state as after. It depends on nothing else, so that a resumed run
         has equal digits."""
         kept, rigid, x, v = memory.kept, self.solver.layout.frames, state.x.copy(), state.v.copy()
-        tau = min(max(self._lag(state, kept), 0.0), AHEAD * self.h)
+        tau = min(max(self._jacobian_age(state, kept), 0.0), AHEAD * self.h)
         x[rigid] += tau * (v[rigid] + 0.5 * tau * state.a[rigid])
         v[rigid] += tau * state.a[rigid]
         kept.forget()
@@ -109,22 +116,22 @@ class CompiledSteps:
         kept.least, kept.debt = UNKNOWN, 0
         memory.factorizations += 1
 
-    def _along(self, t: float, count: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def _functions_of_time(self, t: float, count: int) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Times of the next steps, functions of time, and rows that depend on time alone; known
         ones are not evaluated again."""
-        first = int(np.searchsorted(self._known[0], next_time(t, self.h)))
-        if not (self._known[0][first : first + 1] == next_time(t, self.h)).any():
-            longest = LONGEST if self._foreseen else 1
+        first = int(np.searchsorted(self._table[0], next_time(t, self.h)))
+        if not (self._table[0][first : first + 1] == next_time(t, self.h)).any():
+            longest = LONGEST if self._tabulated else 1
             ends = accumulate([self.h] * min(count, longest), next_time, initial=t)
             times, first, reads = np.array([*ends][1:]), 0, held_reads()
             timed, n = self.plan.timed.along(times), self.model.new.shape[1]
-            known = times, timed, self.plan.base_along(times, timed, n)
-            if held_reads() != reads:  # they serve this step only
-                self._foreseen, (times, timed, base) = False, (a[:1] for a in known)
+            table = times, timed, self.plan.base_along(times, timed, n)
+            if held_reads() != reads:  # a held value of a controller was read: valid for one step
+                self._tabulated, (times, timed, base) = False, (a[:1] for a in table)
                 return times, timed, base
-            self._known = known
-        at = slice(first, first + min(count, self._ahead))
-        times, timed, base = (values[at] for values in self._known)
+            self._table = table
+        at = slice(first, first + min(count, self._block_length))
+        times, timed, base = (values[at] for values in self._table)
         return times, timed, base
 
     def _take_jacobians(self, state: State, memory: Memory) -> None:
@@ -149,12 +156,12 @@ class CompiledSteps:
                 continue
             known, block = memory.jacobian(name), self.solver.heat[name]
             heat.ready[0] = int(known is not None)
-            if known is not None and known.at is not self._heated.get(name):
+            if known is not None and known.at is not self._heat_points.get(name):
                 assert isinstance(block, CompressedHeat)
                 memory.keep(name, known := block.restored(known))
                 assert known.factors is not None
                 heat.inverse[:] = dgetri(*known.factors[:2])[0]
-                self._heated[name] = known.at
+                self._heat_points[name] = known.at
 
     def _run_arrays(self, state: State, memory: Memory) -> RunArrays:
         past, kept = memory.past, memory.kept

@@ -21,7 +21,7 @@ from sparsemor.reducers.step.compiled.arrays import (
     TermArrays,
     Work,
 )
-from sparsemor.reducers.step.compiled.kernel import advance, heated, predicted
+from sparsemor.reducers.step.compiled.kernel import advance, predicted, solve_heat
 from sparsemor.reducers.step.compiled.local import rows_of
 from sparsemor.reducers.step.compiled.reduced import begin, motion, residual
 from sparsemor.reducers.step.newton_loop import UNKNOWN
@@ -55,7 +55,7 @@ def take(
                 if len(h.inverse) and (attempt or not h.ready[0]):
                     differences_of_heat(h, m, w, timed[0], run.ring[run.at[0], : len(w.d)])
                     h.ready[0] = 1
-                heated(h, m, w, timed[0], base[0], run.ring[run.at[0], : len(w.d)])
+                solve_heat(h, m, w, timed[0], base[0], run.ring[run.at[0], : len(w.d)])
             if len(bodies.k) and (attempt or run.effort[2]):
                 differences(m, bodies, terms, w, own, run, timed[0], J)
             run.effort[2] = 0
