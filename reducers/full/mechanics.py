@@ -97,7 +97,7 @@ class FullBody:
 class Displaced:
     """An elastic body in a step: free motion u0, v0 (n,), its products with the g matrices M_g
     (2, g, n), and its terms h; local: terms evaluated at each iterate; weights (g,) = kappa + c1 mu
-    of a driven frame; known: D^-1 h of one that does not turn, without local terms."""
+    of a prescribed frame; known: D^-1 h of one that does not turn, without local terms."""
 
     __slots__ = ("h", "known", "local", "products", "u", "v", "weights")
 
@@ -148,7 +148,7 @@ class FullMechanics(StepEquations):
     """
 
     named = ()
-    seen: FloatArray = _NONE
+    frames_at: FloatArray = _NONE
     iterations: dict[str, int]
 
     def __init__(
@@ -178,7 +178,7 @@ class FullMechanics(StepEquations):
         return any(b.factor is not None and b.factor.iterative for b in self.bodies)
 
     def begin(self, step: StepFormula, d: FloatArray) -> None:
-        self.seen = _NONE
+        self.frames_at = _NONE
         self.step, self.X0 = step, np.stack([step.free, step.free_rate, np.zeros(len(d))])
         layout, self.R = self.layout, np.zeros((3, len(d)))
         self.R[0], self.R[1, layout.second], self.R[2, layout.second] = 1.0, step.c1, step.c2
@@ -231,7 +231,7 @@ class FullMechanics(StepEquations):
         for i, f in self.targets:
             r[self.border[i]] -= f(self.step.t)
         rates = (self.step.c1, self.step.c2) if slope else None
-        self.seen = X[0] if slope else _NONE
+        self.frames_at = X[0] if slope else _NONE
         for b, w, one, (_, at, to_border) in zip(
                 self.bodies, self.work, self.moved, self.maps, strict=True):
             own = d[b.step.elastic]
@@ -318,12 +318,12 @@ class FullMechanics(StepEquations):
         if not n:
             return None
         X, parts, corners = np.stack([at.x, at.v, at.a]), [], []
-        seen = np.array_equal(at.x, self.seen)  # frames were evaluated with the residual
+        known = np.array_equal(at.x, self.frames_at)  # evaluated with the residual
         for i, (b, w, (used, columns, to_border)) in enumerate(zip(
                 self.bodies, self.work, self.maps, strict=True)):
             if b.drive is not None:
                 continue
-            if not seen:
+            if not known:
                 self._evaluate(b, None, _NONE, X, at.t, w, columns, to_border, at.c[:2])
             H = w.border[:, :-1]
             if b.ops is not None and b.E is not None:

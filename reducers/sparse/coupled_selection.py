@@ -96,7 +96,7 @@ class JointSelection:
         found: dict[str, BoolArray] = {}
         for name, at in base.hot:
             if name not in self.steps.heat:
-                now.heat(at, None, base.heat[name].solve(
+                now.add_temperatures(at, None, base.heat[name].solve(
                     x[at], now.v[at], now.a[at], step.t, step.c2_first).d)
                 continue
             support = self._first(name, memory)
@@ -107,9 +107,9 @@ class JointSelection:
             found[name], x[at] = out.support, out.c
             iterations = max(iterations, out.iterations)
             # temperatures out of bounds would only show in the bodies that they load
-            insane = base.insane(x, name)
-            if insane is not None:
-                return insane
+            failed = base.beyond_limits(x, name)
+            if failed is not None:
+                return failed
         if self.steps.elastic:
             first = {n: self._first(n, memory) for n in self.steps.elastic}
             problem, start = self._mechanics(step, x, first, memory)

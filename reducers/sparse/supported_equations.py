@@ -124,11 +124,11 @@ class SupportedEquations(StepEquations):
         layout, rows = self.layout, self.rows.rows
         free = of.active.copy()
         free[layout.first] = False
-        self.of, self.idle = of, np.flatnonzero(~of.active)
+        self.of, self.inactive = of, np.flatnonzero(~of.active)
         self.needed = free.copy()
         self.blocks: list[tuple[IntArray, slice, FloatArray | None]] = []
         self.sizes: list[FloatArray] = []
-        driven = {d.at.start: d for d in rows.driven} if rows.linear else {}
+        driven = {d.at.start: d for d in rows.prescribed_bodies} if rows.linear else {}
         for name, block in of.blocks.items():
             at, own, left = layout[name], rows.rows[name], block.left
             if left is not None:
@@ -146,16 +146,16 @@ class SupportedEquations(StepEquations):
         self.price = 8 + len(self.solved) // 40
 
     def begin(self, step: StepFormula, d: FloatArray) -> None:
-        d[self.idle] = -step.free[self.idle]
+        d[self.inactive] = -step.free[self.inactive]
         self.step = step
         self.now, self.use = self.rows.some(self.needed, *step.at(d)[:2], d)
         if isinstance(self.use, slice):
-            self.now.idle = self.idle
+            self.now.inactive = self.inactive
             self.now.begin(step, d)
             return
-        use, idle = self.use, np.zeros(len(d), dtype=np.bool_)
-        idle[self.idle] = True
-        self.now.idle = np.flatnonzero(idle[use])
+        use, inactive = self.use, np.zeros(len(d), dtype=np.bool_)
+        inactive[self.inactive] = True
+        self.now.inactive = np.flatnonzero(inactive[use])
         before = None if step.before is None else step.before[use]
         self.now.begin(StepFormula(
             step.t, step.c1, step.c2, step.c1_first, self.now.layout, step.free[use],
@@ -165,7 +165,7 @@ class SupportedEquations(StepEquations):
         own = d if isinstance(self.use, slice) else d[self.use]
         R, r = self.now.residual(own), np.zeros(len(d))
         r[self.rows.rows.border] = R[self.now.border_rows]
-        r[self.idle] = self.step.free[self.idle] + d[self.idle]
+        r[self.inactive] = self.step.free[self.inactive] + d[self.inactive]
         for at, rows, left in self.blocks:
             r[at] = d[at] + (R[rows] if left is None else left.dot(R[rows]))
         return r
@@ -201,7 +201,7 @@ class SupportedEquations(StepEquations):
         if not self.now.linear:
             return inf
         return max(b.contraction(point, sizes)
-                   for b, sizes in zip(self.now.driven, self.sizes, strict=True))
+                   for b, sizes in zip(self.now.prescribed_bodies, self.sizes, strict=True))
 
 
 class SupportedMechanics(LoopMechanics):

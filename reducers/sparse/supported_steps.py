@@ -79,7 +79,7 @@ class SupportedSteps:
         outcome = self.base.accepted(outcome, step, memory)
         if outcome.status.ok:
             return outcome
-        found = (self.base.insane(outcome.x, n) for n in self.heat)
+        found = (self.base.beyond_limits(outcome.x, n) for n in self.heat)
         return next((bad for bad in found if bad is not None), outcome)
 
 

@@ -46,7 +46,7 @@ class RowsInTime:
             np.zeros(len(t.constant)), t.loads, t.amplitudes, t.tables, times)))
 
 
-class Driven:
+class PrescribedBody:
     """Rows of one body with prescribed motion, but for the term d; rows: their numbers; drive:
     kappa, mu and sigma as functions of time; table: `RowsInTime`, if it is known.
 

@@ -8,8 +8,12 @@ departure d from the free motion of the step (core/protocols/integrator.py),
 
 base: free motion, loads and constant terms; kappa, mu, sigma: factors of the body's frame, which
 depend on its rigid coordinates, joint forces, and s = P^T (u, u', u'') and the quadratic forms
-u.Q_g (u, u', u''). The rows of rigid coordinates and joint forces are those of the frames; terms
-that couple bodies or are not linear are added one by one.
+u.Q_g (u, u', u''). G_g are the inertia matrices under the test basis, Q_g under the trial basis.
+The rows of rigid coordinates and joint forces (the *border*) are those of the frames; terms that
+couple bodies or are not linear are added one by one.
+
+A Jacobian ("slope") is that of all rows by the unknowns, with the rates of the step formula,
+dx' = c1 dx and dx'' = c2 dx. It is the identity but for frames, terms and temperature coupling.
 """
 
 from collections.abc import Iterator, Sequence
@@ -37,7 +41,7 @@ from sparsemor.reducers.step.factors import Factor, factorized
 from sparsemor.reducers.step.frame_step import BodyStep
 from sparsemor.reducers.step.newton_loop import Linearisation
 from sparsemor.reducers.step.operators import TestedElastic, TestedHeat
-from sparsemor.reducers.step.prescribed import Driven
+from sparsemor.reducers.step.prescribed import PrescribedBody
 from sparsemor.reducers.step.rejection import Checked
 from sparsemor.reducers.step.relocalised import CopyMemory, Coupled, OfAtoms
 from sparsemor.reducers.step.time_tables import TimeTable, plus_loads
@@ -185,8 +189,8 @@ class Stack:
                 f.exact(v, a, c1, c2, w)
 
     def multiply(self, X: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Products of the displacements with P (B, 3, p) and their quadratic forms (B, 3, g); those
-        with G and Q are kept."""
+        """Functionals s (B, 3, p) of the displacements and their rates, and their quadratic forms
+        (B, 3, g). Products kept: u.Q_g (`products`), G_g u and G_g u' (`turned`)."""
         B, g, k = len(self.bodies), self.g, self.k
         U = X.take(self.at, axis=1).transpose(1, 0, 2)
         self.products = (U @ self.Q).reshape(B, 3, g, k)
@@ -230,17 +234,18 @@ class Reduced(WholeEquations):
 
     price: cost of a new Jacobian in iterations with the old one, by the number of unknowns. solved:
     unknowns for which J is not the identity: all; or all but temperatures, which are then known
-    when a step begins (`heat_first`), and all but stiff modes on driven frames, where nothing is
-    added to them (`linear`).
+    when a step begins (`heat_first`), and all but stiff modes on prescribed frames, where nothing
+    is added to them (`linear`).
 
     rows: layout of the rows, where these are not times the left inverse of each block's operator
-    but as many as are sampled; then `residual` leaves out the operators D d of the blocks. idle:
-    unknowns that are zero in a step, which d contains as minus the free motion. tables: of `driven`
-    bodies, if they are known.
+    but as many as are sampled; then `residual` leaves out the operators D d of the blocks.
+    inactive: unknowns that are zero in a step, which d contains as minus the free motion. tables:
+    of `prescribed_bodies`, if they are known. frames_at: x at which frames were last evaluated with
+    derivatives.
     """
 
-    idle: IntArray = np.zeros(0, dtype=np.int64)
-    seen: FloatArray = np.zeros(0)
+    inactive: IntArray = np.zeros(0, dtype=np.int64)
+    frames_at: FloatArray = np.zeros(0)
 
     def __init__(
         self, layout: Layout, heat: Sequence[ReducedHeat], bodies: Sequence[ReducedBody],
@@ -251,8 +256,8 @@ class Reduced(WholeEquations):
         self.layout, self.heat, self.bodies, self.coupled = layout, heat, bodies, coupled
         self.targets, self.border, self.h, self.named = targets, border, h, named
         self.heat_first, n, first = heat_first, layout.size, layout.first
-        # measured: 6 for 65 unknowns, 14 for 260, 31 for 1300; of rigid bodies, whose derivatives
-        # come with the residual, less than an iteration
+        # cost of a Jacobian in iterations, measured: 6 for 65 unknowns, 14 for 260, 31 for 1300; of
+        # rigid bodies, whose derivatives come with the residual, less than an iteration
         rigid = all(b.tested is None for b in bodies)
         self.price = 1 if rigid and n <= RIGID else 8 + n // 40
         self.atoms = slice(layout.frames.stop, layout.algebraic.start)
@@ -263,17 +268,19 @@ class Reduced(WholeEquations):
         self._at = {layout[b.name].start: self.rows[b.name] for b in layout}
         self.border_rows = border if rows is None else positions(rows)
         own = [b for b in bodies if b.tested is not None and b.drive is not None]
-        self.driven = [Driven(b.step, b.tested, b.drive, self.row(b.step.elastic), table)
-                       for b, table in zip(own, tables or [None] * len(own), strict=True)
-                       if b.tested is not None and b.drive is not None]
+        self.prescribed_bodies = [
+            PrescribedBody(b.step, b.tested, b.drive, self.row(b.step.elastic), table)
+            for b, table in zip(own, tables or [None] * len(own), strict=True)
+            if b.tested is not None and b.drive is not None]
         self.stacks = self._stacks(bodies if len(border) else ())
-        self.linear = heat_first and bool(self.driven) and not (self.iterated or self.known)
+        self.linear = heat_first and bool(self.prescribed_bodies) and not (
+            self.iterated or self.known)
         self.solved = self._solved()
         self._maps(border)
         self.constants, self.thermal = self._constants()
         self.of_motion = _merged(self.constants, self.atoms) if rows is None else [
             c for c in self.constants if c.of < 2 and c.A.any()]
-        self.of_idle = [c for c in self.constants if c.of == 2]
+        self.of_inactive = [c for c in self.constants if c.of == 2]
 
     def row(self, at: slice) -> slice:
         """Rows of the block with these unknowns."""
@@ -312,7 +319,7 @@ class Reduced(WholeEquations):
 
     def linear_system(self) -> LinearSystem:
         """The equations as constant matrices (`StepSolver.linear_system`)."""
-        moving = [b.at for b in self.driven
+        moving = [b.at for b in self.prescribed_bodies
                   if len(b.table.times) or b.table.at(0.0)[: 2 * len(b.G)].any()
                   or (len(b.G) and b.step.guide is None)]
         reason = ("rigid coordinates or joint forces are unknowns" if len(self.border) else
@@ -331,7 +338,7 @@ class Reduced(WholeEquations):
             f = np.zeros(n)
             for h in self.heat:
                 f[h.at] = plus_loads(h.tested.constant, h.tested, t)
-            for b in self.driven:
+            for b in self.prescribed_bodies:
                 f[b.rows] = -b.base(t)
             return f
 
@@ -343,7 +350,7 @@ class Reduced(WholeEquations):
             return slice(None)
         if self.linear:
             return np.concatenate(
-                [np.arange(b.at.start, b.at.start + b.leading) for b in self.driven])
+                [np.arange(b.at.start, b.at.start + b.leading) for b in self.prescribed_bodies])
         if layout.first.stop > layout.first.start:
             return np.arange(layout.size)[np.r_[layout.second, layout.algebraic]]
         return slice(None)
@@ -377,7 +384,8 @@ class Reduced(WholeEquations):
     def working(self, memory: CopyMemory | None = None) -> "Reduced":
         """These equations with new working arrays, and the local copies of terms in `memory`."""
         own = copy(self)
-        own.stacks, own.driven = [copy(s) for s in self.stacks], [b.working() for b in self.driven]
+        own.stacks = [copy(s) for s in self.stacks]
+        own.prescribed_bodies = [b.working() for b in self.prescribed_bodies]
         for stack in own.stacks:
             stack.reset()
         if memory is not None and any(c.term.relocates for c in self.coupled):
@@ -393,7 +401,7 @@ class Reduced(WholeEquations):
         return Reduced(
             self.layout, (), self.bodies, [c for c in self.coupled if not _inside(c.rows, first)],
             self.targets, self.border, self.h, self.named, True,
-            self.rows if self.sampled else None, [b.table for b in self.driven])
+            self.rows if self.sampled else None, [b.table for b in self.prescribed_bodies])
 
     def of_atoms(self, use: IntArray) -> "Reduced":
         """The equations as functions of the unknowns `use`; the others are zero."""
@@ -422,7 +430,7 @@ class Reduced(WholeEquations):
                 OfAtoms(c.term, own, len(c.columns)), c.rows, numbers[c.columns[own]]))
         return Reduced(
             new, heat, bodies, coupled, self.targets, positions(new), self.h, self.named,
-            self.heat_first, self.rows, [b.table for b in self.driven])
+            self.heat_first, self.rows, [b.table for b in self.prescribed_bodies])
 
     @property
     def terms(self) -> list[tuple[ReducedTerm, IntArray]]:
@@ -438,22 +446,22 @@ class Reduced(WholeEquations):
         """Takes over the constants of a step; d (n,): its first guess, with final temperatures if
         these are known."""
         n, base, first = self.layout.size, np.zeros(self.rows.size + 1), self.layout.first
-        self.step, idle = step, self.idle
+        self.step, inactive = step, self.inactive
         motion = [step.free, step.free_rate]
-        if len(idle):
+        if len(inactive):
             motion = [step.free.copy(), step.free_rate.copy(), np.zeros(n)]
-            motion[0][idle], motion[2][idle] = 0.0, -step.c2 * step.free[idle]
-            motion[1][idle] -= step.c1 * step.free[idle]
+            motion[0][inactive], motion[2][inactive] = 0.0, -step.c2 * step.free[inactive]
+            motion[1][inactive] -= step.c1 * step.free[inactive]
         if not self.linear:
             self.X0, self.R = np.zeros((3, n + 1)), _rates(step)
             self.X0[: len(motion), :n] = motion
-            self.R[:, idle] = 0.0
+            self.R[:, inactive] = 0.0
             self._plus_prescribed(base, step.t)
-        for rows, columns, of, A in self.of_idle if len(idle) else ():
+        for rows, columns, of, A in self.of_inactive if len(inactive) else ():
             base[rows] += A.dot(motion[of][columns])
         for rows, columns, of, A in self.of_motion:
             base[rows] += times(A, motion[of][columns])
-        for b in self.driven:
+        for b in self.prescribed_bodies:
             b.begin(step, d, base)
         if self.heat_first:
             if not self.sampled:
@@ -469,7 +477,7 @@ class Reduced(WholeEquations):
         r = self.base.copy()
         if not self.sampled:
             r[self.atoms] += d[self.atoms]
-        for b in self.driven:
+        for b in self.prescribed_bodies:
             b.add(r, d)
         if self.linear:
             return r[:-1]
@@ -479,7 +487,7 @@ class Reduced(WholeEquations):
                 r[rows] += A.dot(X[0, columns])
         rates = (self.step.c1, self.step.c2) if slope else None
         r = self._with_terms(r, X, self.step.t, self.iterated, rates)
-        self.seen = X[0, :-1] if slope else _NONE
+        self.frames_at = X[0, :-1] if slope else _NONE
         return r
 
     def _motion(self, d: FloatArray) -> FloatArray:
@@ -508,7 +516,7 @@ class Reduced(WholeEquations):
     def _evaluate(
         self, X: FloatArray, t: float, rates: tuple[float, float] | None = None
     ) -> None:
-        self.seen = _NONE
+        self.frames_at = _NONE
         Y = X[:, self.border]
         Y = self.T.dot(Y.T).T if issparse(self.T) else Y.dot(self.T)
         for stack in self.stacks:
@@ -518,7 +526,7 @@ class Reduced(WholeEquations):
         """Exact Jacobian of the unknowns `solved`; that of all others is the identity."""
         if self.linear:
             c1, J, rows = at.c[0], np.eye(len(np.arange(self.layout.size)[self.solved])), 0
-            for b in self.driven:
+            for b in self.prescribed_bodies:
                 some = slice(rows, rows := rows + b.leading)
                 J[some, some] += b.slope(at.t, c1, b.leading)
             return J
@@ -539,7 +547,7 @@ class Reduced(WholeEquations):
         return factorized(J)
 
     def contraction(self, point: Linearisation) -> float:
-        return max(b.contraction(point) for b in self.driven) if self.linear else inf
+        return max(b.contraction(point) for b in self.prescribed_bodies) if self.linear else inf
 
     # ------------------------------------------------------------------ at any state
 
@@ -547,12 +555,12 @@ class Reduced(WholeEquations):
         """The part (n,) of the residual that depends on the time (s) alone."""
         r = np.zeros(self.rows.size)
         self._plus_prescribed(r, t)
-        for b in self.driven:
+        for b in self.prescribed_bodies:
             r[b.rows] += b.base(t)
         return r
 
     def _plus_prescribed(self, r: FloatArray, t: float) -> None:
-        """Adds to r what depends on the time (s) alone, without bodies on driven frames."""
+        """Adds to r what depends on the time (s) alone, without bodies on prescribed frames."""
         for i, f in self.targets:
             r[self.border_rows[i]] -= f(t)
         for h in self.heat:
@@ -569,7 +577,7 @@ class Reduced(WholeEquations):
         X[:, :-1] = x, v, a
         for rows, columns, of, A in (*self.constants, *self.thermal):
             r[rows] += A.dot(X[of, columns])
-        for b in self.driven:
+        for b in self.prescribed_bodies:
             r[b.rows] += b.rotation(x, v, t)
         return self._with_terms(r, X, t, self.coupled)
 
@@ -577,7 +585,7 @@ class Reduced(WholeEquations):
         self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: float, c2: float
     ) -> Iterator[BorderBlocks]:
         """Derivatives for each body at a state, for dv = c1 dx and da = c2 dx."""
-        if not np.array_equal(x, self.seen):  # else frames were evaluated with the residual
+        if not np.array_equal(x, self.frames_at):  # else frames were evaluated with the residual
             X = np.zeros((3, len(x) + 1))
             X[:, :-1] = x, v, a
             self._evaluate(X, t, (c1, c2))
@@ -598,7 +606,7 @@ class Reduced(WholeEquations):
             factor = (1.0, rate if first else k1, k2)[of]
             if factor:
                 J[rows, columns] += factor * A
-        for d in self.driven:
+        for d in self.prescribed_bodies:
             J[d.rows, d.at] += d.slope(t, k1)
         for b in self.border_blocks(x, v, a, t, k1, k2):
             J[np.ix_(b.rows, b.at)] += b.corner

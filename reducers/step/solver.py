@@ -1,4 +1,9 @@
-"""Block-wise solution of a step: heat first, then mechanics. Shared by all reducers."""
+"""Block-wise solution of a step: heat first, then mechanics. Shared by all reducers.
+
+Temperatures act on displacements, but not the reverse, so that each thermal block is solved before
+(thermal_block.py; blocks that conduct to each other together, by the Newton loop). Mechanics are
+all elastic blocks with rigid coordinates and joint forces (newton_loop.py).
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
@@ -175,7 +180,7 @@ class Stepper(StepSolver[Memory]):
             step, memory.past.guess(step) if guess is None else guess - step.free)
         iterations = 0
         for name, at in self.hot:
-            status, n, detail = self._heated(name, at, now, memory)
+            status, n, detail = self._solve_heat(name, at, now, memory)
             if not status.ok:
                 return now.outcome(status, n, name, detail)
             iterations = max(iterations, n)
@@ -185,11 +190,11 @@ class Stepper(StepSolver[Memory]):
                 for name, count in memory.work.equations.iterations.items():
                     memory.counted(name, count)
             if not status.ok:
-                return self._rescued(
+                return self._by_exact_jacobian(
                     now.outcome(status, iterations, block, detail), step, memory)
         return now.outcome(Status.DONE, iterations)
 
-    def _heated(
+    def _solve_heat(
         self, name: str, at: slice | IntArray, now: StepUnknowns, memory: Memory
     ) -> tuple[Status, int, str]:
         """Solves one thermal block, or several that are coupled, in place; returns status, number
@@ -197,25 +202,25 @@ class Stepper(StepSolver[Memory]):
         equations = self.warming.get(name)
         block = self.heat[name] if equations is None else None
         if block is not None and isinstance(at, slice):
-            now.cool(at, block.active)
+            now.drop_inactive_temperatures(at, block.active)
         if (block or self.warming[name]).elements:
             last = memory.newest[at]
             far = float(np.abs(now.x[at] - last).max()) > 0.1 * float(np.abs(last).max())
             if far:  # below 0 K radiation has a second solution
-                now.heat(at, None, last - now.x[at])
+                now.add_temperatures(at, None, last - now.x[at])
         if block is None:
-            return self._warmed(name, at, now, memory)
+            return self._solve_heat_by_loop(name, at, now, memory)
         d, status, n, linear, detail, remaining, jacobian = block.solve(
             now.x[at], now.v[at], now.a[at], now.step.t, now.step.c2_first, memory.jacobian(name))
         now.remaining = max(now.remaining, remaining)
         if linear:
             memory.counted(name, linear)
         if status.ok:
-            now.heat(at, block.active, d)
+            now.add_temperatures(at, block.active, d)
             memory.keep(name, jacobian)
         return status, n, detail
 
-    def _warmed(
+    def _solve_heat_by_loop(
         self, name: str, at: slice | IntArray, now: StepUnknowns, memory: Memory
     ) -> tuple[Status, int, str]:
         """Solves the heat of a group by the loop, in place."""
@@ -228,10 +233,10 @@ class Stepper(StepSolver[Memory]):
             memory.counted(block, count)
         if ended.status.ok:
             now.remaining = max(now.remaining, ended.remaining)
-            now.heat(at, None, ended.d[at] - now.d[at])
+            now.add_temperatures(at, None, ended.d[at] - now.d[at])
         return ended.status, ended.iterations, ended.detail
 
-    def _rescued(
+    def _by_exact_jacobian(
         self, failed: StepOutcome, step: StepFormula, memory: Memory
     ) -> StepOutcome:
         """Solution of the step by Newton's method with the exact Jacobian; the original failure if
@@ -260,7 +265,7 @@ class Stepper(StepSolver[Memory]):
     ) -> StepOutcome:
         """The outcome, stored as a past state of the run; or a failure where values exceed their
         limits."""
-        bad = self._insane(outcome.x)
+        bad = self._beyond_limits(outcome.x)
         if bad is None:
             x, rates = outcome.x, outcome.rates
             d = x - step.free if rates is None else step.departure(x, *rates)
@@ -271,16 +276,16 @@ class Stepper(StepSolver[Memory]):
             self.solved.remember(x, d, step, memory)
         return bad or outcome
 
-    def _insane(self, x: FloatArray) -> StepOutcome | None:
+    def _beyond_limits(self, x: FloatArray) -> StepOutcome | None:
         """Failure of the first block with values that are not finite or exceed their limits; None
         if there is none."""
         y = x * self.sanity
         if y.dot(y) <= 1.0:
             return None
-        found = (self.insane(x, b.name) for b in self.layout)
+        found = (self.beyond_limits(x, b.name) for b in self.layout)
         return next((bad for bad in found if bad is not None), None)
 
-    def insane(self, x: FloatArray, block: str) -> StepOutcome | None:
+    def beyond_limits(self, x: FloatArray, block: str) -> StepOutcome | None:
         """Failure of one block with values that are not finite or exceed their limits; None if
         there is none."""
         top = float(np.abs(x[self.layout[block]]).max())

@@ -19,13 +19,15 @@ class StepUnknowns:
         self.step, self.d, self.remaining = step, d, 0.0
         self.x, self.v, self.a = step.at(d)
 
-    def move(self, at: slice | IntArray, active: IntArray | None, d: FloatArray) -> None:
+    def add(self, at: slice | IntArray, active: IntArray | None, d: FloatArray) -> None:
         """Adds increments d of the active unknowns (None: all) among those numbered `at`."""
         if active is not None and isinstance(at, slice):
             at = at.start + active
         self.d[at] += d
 
-    def heat(self, at: slice | IntArray, active: IntArray | None, d: FloatArray) -> None:
+    def add_temperatures(
+        self, at: slice | IntArray, active: IntArray | None, d: FloatArray
+    ) -> None:
         """Adds increments d of temperatures, which are final."""
         if active is not None and isinstance(at, slice):
             at = at.start + active
@@ -34,12 +36,12 @@ class StepUnknowns:
         self.v[at] += self.step.c1_first * d
         self.a[at] += self.step.c2_first * d
 
-    def cool(self, at: slice, active: IntArray | None) -> None:
+    def drop_inactive_temperatures(self, at: slice, active: IntArray | None) -> None:
         """Sets the inactive coefficients of a thermal block to zero."""
         if active is not None:
-            idle = at.start + inactive(at, active)
-            self.heat(idle, None, -self.x[idle])
-            self.x[idle] = 0.0
+            numbers = at.start + inactive(at, active)
+            self.add_temperatures(numbers, None, -self.x[numbers])
+            self.x[numbers] = 0.0
 
     def outcome(
         self, status: Status, iterations: int, block: str = "", detail: str = ""

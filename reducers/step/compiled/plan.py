@@ -26,7 +26,7 @@ from sparsemor.reducers.step.compiled.local_plan import local_arrays
 from sparsemor.reducers.step.compiled.time_functions import NotCompiled, Timed
 from sparsemor.reducers.step.frame_step import BodyStep
 from sparsemor.reducers.step.newton_loop import Loop
-from sparsemor.reducers.step.prescribed import Driven
+from sparsemor.reducers.step.prescribed import PrescribedBody
 from sparsemor.reducers.step.reduced import Reduced, ReducedBody
 from sparsemor.reducers.step.reduced_mechanics import ReducedMechanics
 from sparsemor.reducers.step.solver import Stepper
@@ -92,7 +92,7 @@ def plan(s: Stepper, c1: float = 1.0) -> Plan:
         raise NotCompiled("bodies of full order, or atoms that are selected during the run")
     eq = mechanics.equations
     if not len(eq.border):
-        prescribed = tuple(_prescribed(s, eq, b, c1, timed, laws) for b in eq.driven)
+        prescribed = tuple(_prescribed(s, eq, b, c1, timed, laws) for b in eq.prescribed_bodies)
         return Plan(hot, heat, stacked(()), (), prescribed, Functions(
             None, tuple(laws), bool(prescribed)),
                     timed, tuple(loads), None)
@@ -220,7 +220,7 @@ def body_work(b: BodyArrays) -> BodyWork:
 class _DrivenRows:
     """Functions of time of one body: kappa, mu, the bound of the contraction factor, and loads."""
 
-    body: Driven
+    body: PrescribedBody
     c1: float
 
     def __call__(self, times: FloatArray) -> FloatArray:
@@ -232,7 +232,7 @@ class _DrivenRows:
 
 
 def _prescribed(
-    s: Stepper, eq: Reduced, d: Driven, c1: float, timed: Timed, laws: list[Called]
+    s: Stepper, eq: Reduced, d: PrescribedBody, c1: float, timed: Timed, laws: list[Called]
 ) -> PrescribedArrays:
     b, name, r, g = d.step, d.step.elastic_name, d.leading, len(d.G)
     t = next(body.tested for body in eq.bodies if body.step is b)

@@ -172,7 +172,7 @@ def ahead(solver: StepSolver, repeats: int = 5) -> float:
         *(h.prescribed for h in solver.heat.values()
                                    if isinstance(h, CompressedHeat))]
     if isinstance(solver.mechanics, ReducedMechanics):
-        known += [b.table for b in solver.mechanics.equations.driven]
+        known += [b.table for b in solver.mechanics.equations.prescribed_bodies]
     asked = [(k.source, np.array(k.times)) for k in known if k is not None and k.rows is not None]
     spent = []
     for _ in range(repeats):

@@ -103,7 +103,7 @@ def test_what_a_step_reads_does_not_grow_with_the_mesh_nor_by_rows_for_the_rigid
         scene = bar(5e8, divisions, use="galerkin", basis={"use": "modal", "count": 5})
         solver = march(scene, model=turning(scene, 60.0, 4)).solver
         eq = equations(solver)
-        (driven,) = eq.driven
+        (driven,) = eq.prescribed_bodies
         assert driven.G.shape == (3, 5, 5)
         read.append([driven.table.at(0.0).shape, *(
             part.A.shape for part in (*eq.of_motion, *eq.thermal))])

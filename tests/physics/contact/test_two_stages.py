@@ -93,7 +93,7 @@ def test_a_step_does_not_grow_with_the_loaded_surface(cache):
         model, offline = prepared(scene, cache, new_manager())
         solver: Any = scene.reducer.prepare(ReducedProblem(
             model, scene.integrator, scene.time.step, offline, np.random.default_rng(0)))
-        known = [*(rows.table for rows in solver.mechanics.equations.driven),
+        known = [*(rows.table for rows in solver.mechanics.equations.prescribed_bodies),
                  *(b.prescribed for b in solver.heat.values())]
         widths.append([k.rows.shape for k in known])
         nodes.append([t.columns.shape[1] for b in model.separated.heat for t in b.tables])
