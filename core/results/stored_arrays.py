@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from sparsemor.core.arrays import IntArray
 from sparsemor.core.errors import Damaged, InputError
+from sparsemor.core.registry.installed import require
 from sparsemor.core.results.archive import ArchiveError, is_archive, read_array
 from sparsemor.core.results.atomic_files import replace_file
 from sparsemor.core.results.files.temporary import TemporaryFolder
@@ -237,7 +238,8 @@ class StoredArrays:
 def dataset(stored: ResultArrays) -> "xr.Dataset":
     """All arrays as a lazily loaded dataset with dimension names, units and the attributes of the
     result; those with parts as JSON. Coordinates: the time, and names of components of probes,
-    joint forces and rigid coordinates."""
+    joint forces and rigid coordinates. Raises InputError without the extra `xarray`."""
+    require("xarray", "xarray", "to_xarray")
     import xarray as xr
     from xarray.backends import BackendArray, BackendEntrypoint
     from xarray.core import indexing
