@@ -14,12 +14,14 @@ last steps are Newton's.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from scipy.sparse import csc_array
 from scipy.sparse.linalg import splu
 
 from sparsemor.core import Csr, FloatArray, IntArray, SolveFailed, State, Status
+from sparsemor.plugins.analyses.motion import carried_jacobian
 from sparsemor.plugins.analyses.system import System
 
 TOLERANCE = 1e-10
@@ -74,7 +76,7 @@ class Solver:
 
 
 def newton(
-    system: System, start: State, at: IntArray, moving: Callable[[State], State] = lambda s: s
+    system: System, start: State, at: IntArray, moving: Callable[[State], State] | None = None
 ) -> Solved:
     """State with r = 0 in the equations `at`, by changes of the unknowns `at` of the start.
 
@@ -82,16 +84,19 @@ def newton(
     = (1 - s) r(x0) for s from 0, where x0 is the solution, to 1, with steps that are halved where
     it fails. moving: gives a state its rates. Raises SolveFailed where this ends, too.
     """
+    tangent = partial(_at_rest if moving is None else carried_jacobian, system)
+    moving = moving or (lambda s: s)
+    iterate = partial(_newton, system, at=at, moving=moving, tangent=tangent)
     try:
-        return _newton(system, moving(start), at, moving, np.zeros(len(at)))
+        return iterate(moving(start), wanted=np.zeros(len(at)))
     except SolveFailed:
         s, done, step, count = moving(start), 0.0, 0.25, 0
     first = system.residual(s)[at]
     while done < 1.0:
         ahead = min(done + step, 1.0)
         try:
-            found = _newton(system, s, at, moving, (1.0 - ahead) * first,
-                            TOLERANCE if ahead == 1.0 else 1e-4)
+            found = iterate(s, wanted=(1.0 - ahead) * first,
+                            tolerance=TOLERANCE if ahead == 1.0 else 1e-4)
         except SolveFailed:
             step *= 0.5
             if step < LEAST:
@@ -101,19 +106,25 @@ def newton(
     return Solved(s, count)
 
 
+def _at_rest(system: System, s: State) -> tuple[Csr, FloatArray]:
+    return system.jacobian(s), np.zeros(system.layout.size)
+
+
 def _newton(
-    system: System, s: State, at: IntArray, moving: Callable[[State], State], wanted: FloatArray,
+    system: System, s: State, at: IntArray, moving: Callable[[State], State],
+    tangent: Callable[[State], tuple[Csr, FloatArray]], wanted: FloatArray,
     tolerance: float = TOLERANCE,
 ) -> Solved:
     """State with the residual `wanted`, by damped Newton iterations."""
     size = _scale(system)[at]
     r = system.residual(s)[at] - wanted
     for k in range(1, STEPS + 1):
-        J = system.jacobian(s)[at][:, at]
+        J, inertia = tangent(s)
+        J = J[at][:, at]
         solve = Solver(J, s.t, "stiffness")
         dx, f = -solve(r), 1.0
         weight = _weights(system, _moved(s, at, dx), size, at)
-        exact = ROUNDING * _by_block(system, at, abs(J) @ np.abs(s.x[at] + dx))
+        exact = _by_block(system, at, ROUNDING * (abs(J) @ np.abs(s.x[at] + dx)) + inertia[at])
         length = float(np.abs(dx / weight).max(initial=0.0))
         while True:
             new = moving(_moved(s, at, f * dx))

@@ -20,6 +20,7 @@ from dataclasses import replace
 
 import numpy as np
 from scipy.sparse import block_diag, csc_array, eye_array
+from scipy.sparse.linalg import spsolve
 
 from sparsemor.core import Block, BoolArray, Csr, FloatArray, IntArray, State
 from sparsemor.core.model.constraint_rates import Constraints
@@ -29,6 +30,8 @@ from sparsemor.plugins.analyses.system import System, Tangents
 
 TRIES, CLOSED, LONGEST = 200, 1e-13, 1e3
 """Largest number of steps of `assembled`, last change (m, rad), and longest step."""
+ROUNDING = 1e-13
+"""Of rates by differences, relative to the largest."""
 STEP = 1e-3
 """Rotation, rad, between the attitudes whose differences are T' and T''."""
 
@@ -136,6 +139,18 @@ def _at(b: Block, q: FloatArray) -> FloatArray:
     # p' = p o (0, w) / 2 for a rotation w in body axes
     T[3:, 3:] = 0.5 * np.array([[-x, -y, -z], [p0, -z, y], [z, p0, -x], [-y, x, p0]])
     return T
+
+
+def carried_jacobian(system: System, at: State) -> tuple[Csr, FloatArray]:
+    """Jacobian (n, n) of the residual of a steady rotation, whose rates change with the positions:
+    a rotor off its axis has a centrifugal force there. K + (D T' + M T'') T^+. Also the rounding
+    (n,) of its inertia forces, by that of the differences which give the accelerations."""
+    T, rate, second = body_axes(system.layout, at)
+    t = system.tangents(at)
+    inverse = spsolve(csc_array(T.T @ T), csc_array(T.T))
+    return (csc_array(t.K + (t.D @ rate + t.M @ second) @ inverse),
+            ROUNDING * (abs(t.D) @ np.full_like(at.v, np.abs(at.v).max())
+                        + abs(t.M) @ np.full_like(at.a, np.abs(at.a).max())))
 
 
 def in_body_axes(t: Tangents, axes: tuple[Csr, Csr, Csr]) -> Tangents:

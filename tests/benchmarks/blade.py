@@ -2,11 +2,10 @@
 `nonlinear` strains and by CalculiX on one mesh, and steps of full order and of reduced models.
 
     python tests/benchmarks/blade.py modes [CELLS]        # along, across, thick: 85 10 4
-    python tests/benchmarks/blade.py deck FOLDER [CELLS]  # mesh and deck: ccx -i FOLDER/blade
+    python tests/benchmarks/blade.py deck FOLDER [CELLS]  # mesh and deck: ccx -i FOLDER/job
     python tests/benchmarks/blade.py steps [CELLS]        # errors, and medians of ms per step
 """
 
-import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -22,13 +21,14 @@ from sparsemor.core.model.body_cache import BodyCache
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.simulation.cache import Cache
 
+sys.path.append(str(Path(__file__).parents[1] / "support"))
+import calculix
+
 LENGTH, CHORD, THICK, TWIST, TAPER = 0.5, 0.06, 0.012, np.radians(30.0), 0.4
 """m; twist from root to tip, rad; relative loss of chord and thickness at the tip."""
 MATERIAL = {"E": 1.1e11, "nu": 0.33, "rho": 4400.0}
 SMALL, LARGE = (16, 2, 1), (85, 10, 4)
 ATOMS = 12
-MID = ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3))
-"""Edges of a tetrahedron in the order of C3D10."""
 
 
 def write_mesh(file: Path, cells: Sequence[int]) -> int:
@@ -39,32 +39,15 @@ def write_mesh(file: Path, cells: Sequence[int]) -> int:
     y, z = (block.points[:, i] * (1.0 - TAPER * s) for i in (1, 2))
     X = np.column_stack([block.points[:, 0], y * np.cos(turn) - z * np.sin(turn),
                          y * np.sin(turn) + z * np.cos(turn)])
-    edges, place = np.unique(np.sort(block.cells[:, np.array(MID)], axis=2).reshape(-1, 2), axis=0,
-                             return_inverse=True)
-    nodes = np.column_stack([block.cells, len(X) + place.reshape(-1, 6)])
-    X = np.concatenate([X, X[edges].mean(axis=1)])
-    lines = ["*NODE, NSET=NALL"]
-    lines += [f"{i + 1}, {x:.12g}, {y:.12g}, {z:.12g}" for i, (x, y, z) in enumerate(X.tolist())]
-    lines += ["*ELEMENT, TYPE=C3D10, ELSET=EALL"]
-    lines += [", ".join(map(str, (e + 1, *row))) for e, row in enumerate((nodes + 1).tolist())]
-    for name, at in (("root", X[:, 0] < 1e-9), ("tip", X[:, 0] > LENGTH - 1e-9)):
-        lines += [f"*NSET, NSET={name}", *(f"{i + 1}," for i in np.flatnonzero(at).tolist())]
-    file.write_text("\n".join(lines) + "\n")
-    return len(nodes)
+    made = calculix.solid(X, block.cells, {"root": "x < 1e-9", "tip": f"x > {LENGTH} - 1e-9"})
+    made.write(file)
+    return len(made.nodes)
 
 
-def write_deck(folder: Path, cells: Sequence[int], spin: float) -> None:
+def deck(spin: float) -> str:
     """CalculiX: static equilibrium of the spinning blade, then modes about it."""
-    write_mesh(folder / "mesh.inp", cells)
-    m = MATERIAL
-    (folder / "blade.inp").write_text(f"""*INCLUDE, INPUT=mesh.inp
-*MATERIAL, NAME=M
-*ELASTIC
-{m['E']:g}, {m['nu']:g}
-*DENSITY
-{m['rho']:g}
-*SOLID SECTION, ELSET=EALL, MATERIAL=M
-*BOUNDARY
+    return f"""*INCLUDE, INPUT=mesh.inp
+{calculix.material(MATERIAL['E'], MATERIAL['nu'], MATERIAL['rho'])}*BOUNDARY
 root, 1, 3
 *STEP, NLGEOM
 *STATIC
@@ -75,18 +58,15 @@ EALL, CENTRIF, {spin**2:.15g}, 0., 0., 0., 0., 0., 1.
 *FREQUENCY
 4
 *END STEP
-""")
+"""
 
 
 def by_calculix(cells: Sequence[int], spin: float) -> list[float]:
     """Frequencies, Hz."""
     with TemporaryDirectory() as name:
-        write_deck(Path(name), cells, spin)
-        subprocess.run(["ccx", "-i", "blade"], cwd=name, check=True, capture_output=True)
-        lines = (Path(name) / "blade.dat").read_text().splitlines()
-    first = next(i for i, line in enumerate(lines) if "MODE NO" in line)
-    rows = [line.split() for line in lines[first + 1 :]]
-    return [float(r[3]) for r in rows if len(r) == 5 and r[0].isdigit()][:4]
+        write_mesh(Path(name) / "mesh.inp", cells)
+        rows = calculix.table(calculix.by_ccx(Path(name), deck(spin)), "MODE NO")
+    return [float(f) for f in rows[:4, 3]]
 
 
 def blade(file: Path, strains: str, spin: float, **more: Any) -> Scene:
@@ -177,7 +157,8 @@ def main() -> None:
         with TemporaryDirectory() as name:
             write_mesh(Path(name) / "mesh.inp", cells)
             spin = first_spin(Path(name) / "mesh.inp")
-        write_deck(Path(rest[0]), cells, spin)
+        write_mesh(Path(rest[0]) / "mesh.inp", cells)
+        (Path(rest[0]) / "job.inp").write_text(deck(spin))
     elif command == "modes":
         print_modes(cells)
     elif command == "steps":
