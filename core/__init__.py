@@ -3,7 +3,7 @@
     from sparsemor.core import BlockData, Dictionary, InputError, Sampler
 
 Contracts of plugins, and what their methods take and return. What only some plugins need is
-imported from its module, one of those that docs/how-to-write-a-plugin.md lists; law checks of a
+imported from its module, one of those that docs/reference/modules.md lists; law checks of a
 plugin (tests that it satisfies its contract) from `sparsemor.core.testing`. The module that defines
 a name of this list may change; the name here does not.
 """

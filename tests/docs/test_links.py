@@ -1,6 +1,7 @@
 """Every link of the pages leads to a file or folder that exists, and to a heading that it has."""
 
 import re
+import runpy
 from collections import Counter
 from collections.abc import Iterator
 from functools import cache
@@ -12,6 +13,7 @@ ROOT = Path(__file__).parents[2]
 PAGES = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").rglob("*.md"))]
 _FENCE = re.compile(r"^ *```.*?^ *```[ \t]*$", re.MULTILINE | re.DOTALL)
 _TOCTREE = re.compile(r"^```\{toctree\}\n((?::.*\n)*(?:.*\n)*?)```", re.MULTILINE)
+_IMAGE = re.compile(r"!\[([^\]]*)\]\(([^)]+)\)")
 _CODE = re.compile(r"`[^`\n]*`")
 _LINK = re.compile(r"\[[^\[\]]*\]\(([^()\s]+)\)")
 _HEADING = re.compile(r"^#{1,6} +(.*?) *#*$", re.MULTILINE)
@@ -68,6 +70,20 @@ def test_the_site_leads_to_every_page() -> None:
              for page in p.parent.glob(pattern.replace("**", "**/*") + ".md")}
     pages = {p for p in docs.rglob("*.md") if p.relative_to(docs).parts[0] not in UNPUBLISHED}
     assert pages - named <= {docs / "index.md"}
+
+
+def test_the_picture_of_the_data_flow_is_the_drawn_one() -> None:
+    made = runpy.run_path(str(ROOT / "docs" / "make_data_flow.py"))
+    assert made["drawing"]() == (ROOT / "docs" / "data-flow.svg").read_text(encoding="utf-8")
+
+
+def test_every_picture_has_a_text_in_its_place() -> None:
+    silent = [f"{p.name}: {src}" for p in PAGES for alt, src in _IMAGE.findall(
+        p.read_text(encoding="utf-8")) if len(alt) < 15]
+    silent += [p.name for p in PAGES
+               for tag in re.findall(r"<img [^>]*>", p.read_text(encoding="utf-8"))
+               if not re.search(r'alt="[^"]{10,}"', tag)]
+    assert not silent
 
 
 def test_a_wrong_link_is_found(tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ MODULES = {f"sparsemor.core.{name}" for name in (
     "registry.returned_values", "results.error_norms", "scene.expressions", "scene.nested",
     "simulation.cache", "simulation.memory.estimate", "simulation.memory.limits",
     "simulation.time_stepping")}
-"""Modules of core for some plugins, which docs/how-to-write-a-plugin.md lists."""
+"""Modules of core for some plugins, which docs/reference/modules.md lists."""
 PUBLIC = {"sparsemor", "sparsemor.bodies", "sparsemor.core", "sparsemor.core.testing",
           "sparsemor.reducers", *MODULES}
 

@@ -12,7 +12,7 @@ from sparsemor import bodies, core, reducers
 
 MOST = 120
 """Names of sparsemor.core: what every plugin needs, and no more."""
-PAGE = Path(__file__).parents[3] / "docs" / "how-to-write-a-plugin.md"
+PAGE = Path(__file__).parents[3] / "docs" / "reference" / "modules.md"
 NAMES = {a.asname for n in ast.parse(Path(core.__file__).read_text(encoding="utf-8")).body
          if isinstance(n, ast.ImportFrom) for a in n.names}
 
