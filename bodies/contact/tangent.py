@@ -11,6 +11,12 @@ nodal forces follow with the transpose of y. Where only the first surface moves,
 the other terms are zero.
 
 Edges of overlaps that move where the tractions do not vanish add boundary terms (Leibniz rule).
+
+W (M, k) are the weights of the k quadrature points of M pieces; y_by, n_by, h_by the derivatives of
+y and n, and delta times that of h, by the D corner coordinates (`_moves`); traction and friction
+heat depend on these by force_y, heat_y etc. (`Responses`), so that for positions
+
+    d(heat) = heat_y . dy + heat_n . dn + heat_w . dw,     dw = ... - delta dh.
 """
 
 from collections.abc import Iterator
@@ -219,12 +225,12 @@ def _both_move(
 ) -> tuple[FloatArray, FloatArray]:
     """Derivatives (M, 2 d^2, 2 d^2) of the nodal forces by positions and by velocities of both
     facets' corners."""
-    B, tilt, swing = _moves(o, q)
-    (M, k), d, D = W.shape, o.d, B.shape[3]
-    by_z = of.force_y @ B + of.force_n @ tilt - of.force_w @ swing
-    back = (W[..., None, None] * B).transpose(0, 3, 1, 2).reshape(M, D, d * k)
-    at_corners, by_rate = (back @ x.reshape(M, d * k, D) for x in (by_z, of.force_w @ B))
-    return at_corners + _bent(o, q, W, of, B, tilt), by_rate
+    y_by, n_by, h_by = _moves(o, q)
+    (M, k), d, D = W.shape, o.d, y_by.shape[3]
+    by_z = of.force_y @ y_by + of.force_n @ n_by - of.force_w @ h_by
+    back = (W[..., None, None] * y_by).transpose(0, 3, 1, 2).reshape(M, D, d * k)
+    at_corners, by_rate = (back @ x.reshape(M, d * k, D) for x in (by_z, of.force_w @ y_by))
+    return at_corners + _bent(o, q, W, of, y_by, n_by), by_rate
 
 
 def _warm_both(
@@ -232,15 +238,18 @@ def _warm_both(
 ) -> tuple[FloatArray, FloatArray]:
     """Derivatives (M, 2 d, 2 d^2) of the nodal heats by positions and by velocities of both facets'
     corners."""
-    B, tilt, swing = _moves(o, q)
+    y_by, n_by, h_by = _moves(o, q)
 
-    def columns(by: FloatArray, of_what: FloatArray) -> FloatArray:
-        return W[..., None] * (by[..., None, :] @ of_what)[..., 0, :]
+    def columns(by: FloatArray, variable_by: FloatArray) -> FloatArray:
+        """(M, k, D) weighted derivative by the corners: by a variable, times that of the
+        variable."""
+        return W[..., None] * (by[..., None, :] @ variable_by)[..., 0, :]
 
-    heat = columns(of.heat_y, B) + columns(of.heat_n, tilt) - columns(of.heat_w, swing)
-    by_z = _heats(q, heat, face.share) + _conducted(q, columns(of.flow_y, B))
-    by_z[:, o.d :] += (W[..., None, None] * (_carried(o, q, of, face.share) @ B)).sum(axis=1)
-    return by_z, _heats(q, columns(of.heat_w, B), face.share)
+    heat = columns(of.heat_y, y_by) + columns(of.heat_n, n_by) - columns(of.heat_w, h_by)
+    by_z = _heats(q, heat, face.share) + _conducted(q, columns(of.flow_y, y_by))
+    # the heat of a point moves over the second facet: its shape functions eta change
+    by_z[:, o.d :] += (W[..., None, None] * (_carried(o, q, of, face.share) @ y_by)).sum(axis=1)
+    return by_z, _heats(q, columns(of.heat_w, y_by), face.share)
 
 
 def _moves(o: Overlaps, q: Samples) -> tuple[FloatArray, FloatArray, FloatArray]:

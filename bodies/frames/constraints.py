@@ -223,7 +223,7 @@ class Slide(SpatialItem):
         lam = m.y[k : k + self.forces]
         lines, n = self.lines, far.A.dot(self.lines.T).T  # (l, 3) in space axes
         mine = slice(k, k + self.forces)
-        f = lam.dot(n)
+        f = lam.dot(n)  # force on the own point, in space axes
         H, own = out.H, m.at
         out.rows[mine] = n.dot(gap) - lines.dot(self.base)
         out.rows[:3] += f

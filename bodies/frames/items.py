@@ -119,7 +119,10 @@ class SpatialItem(Item, Protocol):
 
     __slots__ = ()
 
-    def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None: ...
+    def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
+        """Adds its rows and their derivatives (`out`) at the motion m; j, o, k: numbers of its
+        first functional, coordinate of another body and multiplier (notation: motion.py)."""
+        ...
 
 
 class PlanarItem(Item, Protocol):

@@ -1,5 +1,13 @@
 """Motion data of one evaluation of a spatial frame, and the arrays to which its items add.
 
+Notation of all frames: the *border* unknowns y are rigid coordinates, then multipliers; u are
+displacements in body axes. A frame reads them by *functionals* s = P^T u, s1 = P^T u', s2 = P^T u''
+and by second moments u.M_g u; it acts on them by sigma (P sigma), kappa and mu (kappa_g M_g u +
+mu_g M_g u'). tau are derivatives of its rows by s, sigma_y those of sigma by y. R is the position,
+A the rotation matrix, w and al angular velocity and acceleration, skew(w) = w~. An item is called
+with its first functional j, coordinate of another body o and multiplier k; that body is "far" or
+"other".
+
 Vectors with the index b are in body axes. Derivatives by the n attitude coordinates q are for fixed
 step formula of the time integration: dv = c1 dx, da = c2 dx.
 """

@@ -31,6 +31,7 @@ def spring(
     arm = rz.conjugate() * F
     total[0] += F
     total[3] += arm.imag
+    # total: force, its derivative by the angle, ... (`plane_motion.write`)
     # derivatives of gap by own, then by the other body's coordinates; of speed at fixed rates
     by = (1.0 + 0j, 1j, 1j * rz, -1.0 + 0j, -1j, -1j * rb)
     by_turn = (0j, 0j, -m.w * rz, 0j, 0j, turn * rb)

@@ -165,6 +165,7 @@ class RelativeItem(SpringItem):
         s = self.sign
         f, by_q, by_rate, by_load = relative_law(
             *self.law, s * q, s * float(first.dot(rates)), load)
+        # df/dx with q' = first . x' and dx' = c1 dx
         slope = (by_q + m.c1 * by_rate) * first + by_rate * second.dot(rates)
         out.rows[at] += s * f * first
         out.H[np.ix_(at, at)] += np.outer(first, slope) + s * f * second

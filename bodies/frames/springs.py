@@ -91,6 +91,7 @@ class Spring(SpringItem):
         along = n.dot(by)
         of_f = self.stiffness * along + self.damping * (
             (speed - rate * n).dot(by) / length + n.dot(m.c1 * by + by_rate))
+        # dF = n df + f dn, with dn = (1 - n n^T) dgap / length
         d = np.outer(n, of_f) + f / length * (by - np.outer(n, along))
         F = f * n
         out.rows[at] += F.dot(by)

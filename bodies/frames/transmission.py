@@ -27,6 +27,7 @@ class Turned:
     def __call__(self, y: FloatArray) -> Jet:
         turn = attitude(y[3:])
         (c, c1, c2), (s, s1, s2) = (_cosine(turn, self.own, e) for e in (self.first, self.second))
+        # gradient and Hessian of atan2(s, c) by those of s and c
         size = c * c + s * s
         along = (c * s1 - s * c1) / size
         bend = (np.outer(s1, c1) - np.outer(c1, s1) + c * s2 - s * c2) / size - np.outer(

@@ -45,7 +45,9 @@ def write_elasticity(body: HasFields, equations: Equations, e: Elasticity) -> No
 
 
 def write_conduction(body: HasFields, equations: Equations, h: Heat) -> None:
-    """Adds conduction and capacity of the free temperatures."""
+    """Adds conduction and capacity of the free temperatures: C T' + K T, the pointwise laws of
+    properties that depend on temperature, and as loads the effect of prescribed temperatures, sums
+    of shape * f(t) at some nodes."""
     block, free = f"{body.name}.thermal", h.free
     if not len(free):
         return

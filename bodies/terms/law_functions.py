@@ -34,11 +34,11 @@ def curve_at(numbers: FloatArray, first: int, T: float) -> tuple[float, float]:
         start = at + n + low
         slope = numbers[start + 2 * (n + 1)]
         return numbers[start + n + 1] + slope * (T - numbers[start]), slope
-    inside = min(max(T, numbers[at + 1]), numbers[at + 2])
-    if not T == T:
+    inside = min(max(T, numbers[at + 1]), numbers[at + 2])  # constant beyond its limits
+    if not T == T:  # not a number stays one
         inside = T
     z, value, slope = inside - numbers[at], numbers[at + 2 + n], 0.0
-    for i in range(n - 1, 0, -1):
+    for i in range(n - 1, 0, -1):  # Horner's scheme
         slope = value + slope * z
         value = numbers[at + 2 + i] + value * z
     return value, slope if inside == T else 0.0

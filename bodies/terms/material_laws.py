@@ -52,12 +52,14 @@ from sparsemor.core.protocols.step_amplitude import present_step
 STEEP = 2.0
 """Ratio of greatest to least specific heat above which a step may jump over a peak."""
 _INTERVALS = 500
+"""Number of intervals of which the mean specific heats are compared."""
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(12)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Departure:
-    """A property less its value at the reference temperature, p(T) - p(T_ref)."""
+    """A property less its value at the reference temperature, p(T) - p(T_ref). of: the property p;
+    reference: p(T_ref)."""
 
     of: TemperatureProperty
     reference: float
@@ -68,16 +70,18 @@ class Departure:
         return values - self.reference, slopes
 
     def integral(self, T: FloatArray) -> FloatArray:
-        """Integral over temperature up to T, K, from any temperature."""
+        """Integral of p - p(T_ref) up to T, K, from a constant lower limit, which cancels where
+        heat contents are subtracted: that of the property itself, or by Gauss points within its
+        limits and constant beyond them."""
         whole: Callable[[FloatArray], FloatArray] | None = getattr(self.of, "integral", None)
         if whole is not None:
             return whole(T) - self.reference * T
-        low, high = self.of.limits  # where the property has none, by Gauss points
+        low, high = self.of.limits
         inside = np.clip(T, low, high)
         half = 0.5 * (inside - low)
         points = low + half[..., None] * (1.0 + _POINTS)
-        return np.asarray(half * (self.of.at(points)[0] @ _WEIGHTS)
-                          + self.of.at(inside)[0] * (T - inside) - self.reference * T)
+        within, beyond = half * (self.of.at(points)[0] @ _WEIGHTS), T - inside
+        return np.asarray(within + self.of.at(inside)[0] * beyond - self.reference * T)
 
     def steep(self) -> bool:
         """True if means over small intervals differ by more than a factor `STEEP`."""
@@ -179,13 +183,13 @@ class StoredHeat(PointwiseLaw):
         return replace(self, earlier=stepping.differences, step=stepping.h)
 
     def __call__(self, z: Sequence[FloatArray], x: FloatArray, t: float) -> Response:
-        T, rate, bend = z
+        T, rate, bend = z  # second difference 2 (T_0 - T + h T')/h^2
         c, slope = self.c.at(T)
         stored, step = self.rho * c, present_step()
         h = step.h
         if not self.earlier or not h:
             return Response([stored * rate], {(0, 0): self.rho * slope * rate, (0, 1): stored})
-        T_0 = T - h * rate + 0.5 * h * h * bend
+        T_0 = T - h * rate + 0.5 * h * h * bend  # one step before, T_1 two
         past = self.c.integral(T_0)
         change, gain = self.c.integral(T) - past, 1.0
         if self.earlier == 2 and self.peak and step.begins:

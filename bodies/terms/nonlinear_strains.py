@@ -148,8 +148,9 @@ def nonlinear_stress(
     numbers: FloatArray, gains: FloatArray, z: FloatArray, x: FloatArray, y: FloatArray,
     slopes: FloatArray
 ) -> None:
-    """The law at N points, which numba compiles; numbers: d, 1 if it reads T, lam, mu, beta_0, E_0,
-    factor of E alpha in beta, T_ref, first number of alpha, E, alpha."""
+    """The law at N points, which numba compiles: names and formulas of `NonlinearStrains`. numbers:
+    d, 1 if it reads T, lam, mu, beta_0, E_0, factor of E alpha in beta, T_ref, first number of
+    alpha, E, alpha. z (variables, N): T if it reads it, then grad u; y: stress; slopes: dy/dz."""
     d, first = int(numbers[0]), int(numbers[1])
     lam_0, mu_0, beta_0 = numbers[2], numbers[3], numbers[4]
     half, whole, S, B = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3))

@@ -189,6 +189,7 @@ class PointTerm(ReducedTerm):
             rate = kind == 1
             at, width = self.spans[variable]
             D = np.asarray(derivative)
+            # L and the variable each have a value per point, or one per element (sum over points)
             if L.shape[1] == E * Q and width == Q:
                 part = L * _full(D, E, Q).ravel()
             elif L.shape[1] == E * Q:

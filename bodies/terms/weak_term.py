@@ -194,7 +194,8 @@ class WeakTerm(Term):
         return self._part(np.flatnonzero(acts.any(axis=(1, 2))), self.rows[keep], row_of)
 
     def _part(self, elements: IntArray, rows: IntArray, row_of: IntArray) -> WeakTerm:
-        """Term of some elements, with the columns that these read."""
+        """Term of some elements, with the columns that these read. row_of: rows of all nodes in
+        the new numbering."""
         fields, read = {}, {v.quantity for v in self.law.reads}
         used = [np.zeros(0, np.int64)]
         for quantity, field in self.fields.items():
@@ -205,6 +206,7 @@ class WeakTerm(Term):
                 at = fields[quantity].column_of
                 used.append(at[at >= 0])
         columns = np.unique(np.concatenate(used))
+        # new number of each column, -1 for those that are left out and at [-1]: no unknown
         back = np.full(len(self.columns) + 1, -1, np.int64)
         back[columns] = np.arange(len(columns))
         back[-1] = -1
@@ -249,6 +251,7 @@ class WeakTerm(Term):
         return points if stress is None else polynomial_of(points, stress)
 
     def _projected(self, trial: Trial, left: FloatArray) -> PointTerm:
+        # last row of atoms, last column of `left`: zeros, for nodes without an unknown (-1)
         padded = np.concatenate([trial.atoms, np.zeros((1, trial.atoms.shape[1]))])
         reads, projections = [], []
         for variable in dict.fromkeys(v.of_values for v in self.law.reads):
@@ -268,12 +271,13 @@ class WeakTerm(Term):
                               *nodes.shape, field.shape.along(axis).shape[2])), optimize=True)
             reads.append(variable)
             projections.append(ProjectedVariable(P, interpolated(field.shape, offset, axis), parts))
-        shape, wide = self.tested.shape, np.concatenate([left, np.zeros((len(left), 1))], axis=1)
+        shape = self.tested.shape
+        left_padded = np.concatenate([left, np.zeros((len(left), 1))], axis=1)
         tests = []
         for test in self.law.tests:
-            seen = wide[:, self.row_of[shape.nodes, test.component]]  # (l, E, n)
+            at_nodes = left_padded[:, self.row_of[shape.nodes, test.component]]  # (l, E, n)
             functions = shape.along(test.axis)
-            L = np.einsum("len,enq->leq", seen, np.broadcast_to(
+            L = np.einsum("len,enq->leq", at_nodes, np.broadcast_to(
                 functions, (*shape.nodes.shape, functions.shape[2])), optimize=True)
             tests.append(L)
         return PointTerm.of(self.law, self.weights, self.coordinates, reads, projections, tests,

@@ -70,6 +70,8 @@ def assemble(
 
 
 def _assembled(scene: Scene, prescribed: PrescribedQuantities, body_cache: BodyCache) -> Model:
+    """The model; joints with redundant constraints are made compliant, and it is assembled again.
+    """
     bodies, connected, probes = _build(scene, prescribed, body_cache)
     model = _model(scene, prescribed, bodies, connected, probes)
     joints = {n: j for n, j in connected["joints"].items() if isinstance(j, Joint)}
@@ -95,6 +97,8 @@ def _model(
     scene: Scene, prescribed: PrescribedQuantities, bodies: dict[str, Body],
     connected: Mapping[str, Mapping[str, Connector]], probes: tuple[ProbePlace, ...],
 ) -> Model:
+    """The model from built parts: layout of their blocks, then what each contributes. connected:
+    joints, contacts and loads by name."""
     groups: dict[str, Mapping[str, Part]] = {"bodies": bodies, **connected}
     connectors = {n: part for built in connected.values() for n, part in built.items()}
     parts = {**bodies, **connectors}

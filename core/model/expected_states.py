@@ -109,11 +109,11 @@ def _linearised(model: AssembledModel, heat: HeatBody) -> tuple[Csr, Csr, FloatA
     for term in heat.local:
         rows, columns = term.rows - part.start, term.columns - part.start
         x, zero = model.x0[term.columns], np.zeros(len(columns))
-        still, moving = (coo_array(term.jacobian(x, zero, zero, 0.0, zero + c, zero))
+        at_rest, with_rate = (coo_array(term.jacobian(x, zero, zero, 0.0, zero + c, zero))
                          for c in (0.0, 1.0))
-        K = K + csr_array((still.data, (rows[still.row], columns[still.col])), shape=(n, n))
+        K = K + csr_array((at_rest.data, (rows[at_rest.row], columns[at_rest.col])), shape=(n, n))
         with_rates = with_rates + csr_array(
-            (moving.data, (rows[moving.row], columns[moving.col])), shape=(n, n))
+            (with_rate.data, (rows[with_rate.row], columns[with_rate.col])), shape=(n, n))
         np.add.at(r, rows, term.residual(x, zero, zero, 0.0))
     return K, csr_array(with_rates - K), r
 
@@ -121,6 +121,8 @@ def _linearised(model: AssembledModel, heat: HeatBody) -> tuple[Csr, Csr, FloatA
 def _displacements(
     model: AssembledModel, body: MovingBody, ops: ElasticOperators, times: FloatArray, h: float,
 ) -> ExpectedStates:
+    """Static displacements under the mean loads of each coarse step; next to them the responses of
+    the block to unit forces of joints and frame, and to impulses, K^-1 M x."""
     name, thermal = body.elastic, body.thermal
     data = model.block_data(name)
     heat = next((h for h in model.separated.heat if h.thermal == thermal), None)

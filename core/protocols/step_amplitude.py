@@ -152,6 +152,8 @@ class StepAmplitude:
     theta: float
 
     def __call__(self, t: float) -> float:
+        """Mean of the function over the step, where it jumps in it; with the delay theta corrected
+        by the mean of the step before: (1 + theta) mean - theta past."""
         f, near, own = self.function, same_time(t), _SUBSTEP.get()
         if own is not None and own.after is not None:
             return after(f, t + own.after)

@@ -186,6 +186,7 @@ class LoadTraining:
         large = max(values, key=abs)
         low, high = given or (
             (min(values), max(values)) if level else (-abs(large), abs(large)))
+        # from the base value first to the limit that is farther away, or of the larger size
         base = min(max(values[0] if level else 0.0, low), high)
         up = high - base >= base - low if given is not None else large >= base
         return Varying(key, base, *((high, low) if up else (low, high)), level)

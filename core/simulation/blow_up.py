@@ -101,6 +101,7 @@ class Extents:
     def of(
         cls, model: Model | None, layout: Layout, dictionaries: Mapping[str, Dictionary]
     ) -> "Extents":
+        """Extents of the bodies of a model, for unknowns in this layout; none without a mesh."""
         found = []
         if model is None:
             return cls(())

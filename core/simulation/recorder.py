@@ -218,6 +218,7 @@ class Recorder:
         self._saved = time.perf_counter()
 
     def flush(self) -> None:
+        """Writes the buffered steps as one chunk, with the probes and forces at them."""
         estimates = {} if self.errors is None else self.errors.stored()
         if not self._rows:
             return

@@ -228,6 +228,9 @@ class RunSteps:
     def _taken(
         self, count: int, stop: Callable[[], bool], controllers: Controllers
     ) -> SolveFailed | None:
+        """Takes up to `count` steps and records them; returns the failure that ends the run, None
+        if all are taken. After each step: limits, checks that watch, snapshots, recorder,
+        observers."""
         solver, h = self.solver, self.scene.time.step
         step = controllers.around(
             step_of(solver, self.scene.integrator, h), self.stats.controllers)

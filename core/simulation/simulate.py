@@ -57,6 +57,8 @@ def _run(
     scene: Scene, out: Path | None, resume: bool, manager: Manager, cache: Cache,
     body_cache: BodyCache, keep_training: bool,
 ) -> RunResult:
+    """The stages of a run, one after the other. keep_training: its snapshots are kept for reduced
+    models that are trained on this run."""
     begun = time.perf_counter()
     scene = explicit(scene, cache, manager, body_cache)
     if out is not None:

@@ -275,6 +275,8 @@ class ControlledSteps(AroundSteps[StepSolver]):
     def _controlled(
         self, part: _Part, state: State, memory: ControlMemory
     ) -> tuple[StepOutcome, State]:
+        """Solution of one part of a step, in 2^level and in 2^(level + 1) substeps; the level rises
+        until both differ by less than the tolerance."""
         level, most = memory.level, self.control.max_halvings
         if not part.whole:  # substeps about as long as those of a whole step
             level = max(0, level + ceil(log2(part.size / self.h)))
@@ -292,6 +294,7 @@ class ControlledSteps(AroundSteps[StepSolver]):
     def _accepted(
         self, part: _Part, fine: "_Try", memory: ControlMemory, level: int, error: float
     ) -> tuple[StepOutcome, State]:
+        """Takes the finer solution, and chooses the level of the next step."""
         memory.substeps += 2 ** (level + 1)
         size = fine.h
         memory.smallest, memory.largest = min(memory.smallest, size), max(memory.largest, size)

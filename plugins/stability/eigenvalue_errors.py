@@ -62,7 +62,7 @@ def own_radii(step: StepMap) -> dict[str, float]:
     return found
 
 
-def departure(
+def eigenvalue_errors(
     step: StepMap, reference: StepMap | None, exact: Mapping[str, FloatArray]
 ) -> EigenvalueErrors:
     """Eigenvalue errors of a reduced model, linearised as `step`.

@@ -35,7 +35,7 @@ from sparsemor.plugins.stability.check import (
 )
 from sparsemor.plugins.stability.eigenvalue_errors import (
     EigenvalueErrors,
-    departure,
+    eigenvalue_errors,
     exact_values,
     own_radii,
 )
@@ -275,7 +275,7 @@ def _finding(scene: Scene, case: _Case, seed: int) -> SeedStability:
                            unsampled(solver), fields)
         theirs = case.reference.step(step, integrator, h, full)
         found.append(SeedStability(seed, judged(step, theirs, full.t, steps),
-                             departure(step, theirs, case.exact), own_radii(step),
+                             eigenvalue_errors(step, theirs, case.exact), own_radii(step),
                              unsampled(solver), fields))
     worst = max(found, key=lambda f: f.judgement.excess)
     return replace(worst, judgement=over_the_run([f.judgement for f in found]))

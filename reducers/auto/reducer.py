@@ -257,11 +257,13 @@ class Search:
         return more
 
     def _tried(self, projection: Projection, method: str, said: str) -> TrialRun:
+        """Trial run of a method with this projection; its states are kept if its errors are within
+        the tolerance. said: what is reported of it, "" for nothing."""
         try:
             solver = projection.solver()
             trial, states = self.ref.run(method, solver, bool(said))
-            right = max(trial.errors.values()) <= self.auto.tolerance
-            self.last = solver, states if right else ()
+            accurate = max(trial.errors.values()) <= self.auto.tolerance
+            self.last = solver, states if accurate else ()
         except SolveFailed:  # dependent atoms
             self.last = None
             atoms = {n: d.atoms.shape[1] for n, d in projection.dictionaries.items()}

@@ -76,6 +76,7 @@ class _Builder:
         self.active = active
 
     def by_blocks(self) -> ErrorModel:
+        """The error equation of each block alone, for prescribed motion and linear terms."""
         known, spaces = self.solver.dictionaries, dict[str, ErrorSpace]()
         warm = [b for b in self.model.separated.heat if b.thermal in known]
         moving = [m for m in self.model.separated.moving if m.elastic in known]
@@ -92,6 +93,7 @@ class _Builder:
             blocks.layout, self.problem.integrator, self.notes)
 
     def coupled(self) -> CoupledErrors:
+        """The error equation of the whole model, with each block projected on its error space."""
         heat, elastic, spaces = {}, {}, dict[str, ErrorSpace]()
         dictionaries = {}
 
@@ -197,6 +199,7 @@ class _Coordinates:
         return self._block(name, HeatResidual.of(self.layout[name], tested))
 
     def elastic(self, m: MovingBody) -> BlockErrors:
+        """Error equation of displacements, loaded by the errors of the body's temperatures."""
         assert m.operators is not None
         name, o, layout = m.elastic, m.operators, self.layout
         space, warm = self.spaces[name], self.spaces.get(m.thermal)

@@ -177,6 +177,8 @@ class CoupledErrors:
         self, run: Sequence[tuple[StateAt, FloatArray]], memory: dict[str, FloatArray],
         permitted: FloatArray | float = 0.0
     ) -> dict[str, FloatArray]:
+        """Error norms of each block after a step of the error equation to each of these states;
+        where the step size changes, the integrator's history begins anew."""
         found: dict[str, list[float]] = {n: [] for n in self.blocks}
         for at, outside in run:
             x, v, a, *history = memory["errors"]

@@ -153,6 +153,9 @@ class ErrorModel:
     def _advanced(
         self, run: Trajectory | int, count: int, memory: dict[str, FloatArray]
     ) -> dict[str, FloatArray]:
+        """Error norms (count,) of each block after as many estimates along reduced states, or along
+        full-order steps if `run` is their number; errors of heat first, which load displacements.
+        Parts of states outside of the error space (reduced_states.py) are errors as they are."""
         found: dict[str, FloatArray] = {}
         modal: dict[str, FloatArray] = {}
         if isinstance(run, int):

@@ -75,7 +75,9 @@ class FullBody:
         cls, step: BodyStep, ops: ElasticOperators, factor: Factorized,
         drive: TimeTable | None = None
     ) -> "FullBody":
-        """Raises SolveFailed, naming the block, where a linear solver does not converge."""
+        """Body with D^-1 P, and the effect of rounding: D^-1 of unit round-off with random signs
+        times the row sums of |K|, |C| and |M|. Raises SolveFailed, naming the block, where a linear
+        solver does not converge."""
         name, signs = step.elastic_name, rounding(len(ops.constant))
         terms = np.stack([signs * abs(A).sum(axis=1) for A in (
             ops.stiffness, ops.damping, ops.mass)], axis=1)
@@ -301,6 +303,7 @@ class FullMechanics(StepEquations):
         assert o is not None and factor is not None
         if not factor.iterative:
             return factor.solve(right)
+        # D (-d - u0) = right - D u0, for the displacements themselves
         u = one.u
         whole = right - o.stiffness @ u - step.c1 * (o.damping @ u) - step.c2 * (o.mass @ u)
         found = factor.outcome(whole, -d - u)

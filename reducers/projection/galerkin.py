@@ -33,15 +33,15 @@ class Galerkin(ProjectionReducer):
         s = model.separated
         if s.other:
             return {}
-        turned = {b.thermal: modal_coordinates(
+        modal = {b.thermal: modal_coordinates(
                       dictionaries[b.thermal], b.conductivity, b.capacity, "/s")
                   for b in s.heat}
         for m in s.moving:
             if m.operators is not None and not s.border_size:
                 o = m.operators
-                turned[m.elastic] = modal_coordinates(
+                modal[m.elastic] = modal_coordinates(
                     dictionaries[m.elastic], o.stiffness, o.mass, "Hz")
-        return {name: found for name, found in turned.items() if found is not None}
+        return {name: found for name, found in modal.items() if found is not None}
 
     def notes_on(self, projection: Projection) -> Sequence[Note]:
         return projection_notes(projection)

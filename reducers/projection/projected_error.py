@@ -96,6 +96,7 @@ def _remembered(
     model: AssembledModel, offline: OfflineProducts, dictionary: Dictionary, data: BlockData,
     step: StepFactors, least_squares: bool
 ) -> ProjectedError | None:
+    """The error at some of the states to test, cached."""
     assert offline.recording is not None
     end = max(offline.recording.end, step.h)
 

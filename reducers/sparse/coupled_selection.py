@@ -60,6 +60,7 @@ class JointSelection:
         return self.steps.current(memory).solve(step, memory)[0]
 
     def thermal(self, at: SolvedStep, memory: SparseMemory) -> Found:
+        """Thermal blocks with other supports that lower their residual enough."""
         changed, x = {}, at.outcome.x
         for name in self.steps.heat:
             support, here = at.supports[name], x[self.steps.base.layout[name]]
@@ -73,6 +74,7 @@ class JointSelection:
         return changed
 
     def elastic(self, at: SolvedStep, memory: SparseMemory) -> Found:
+        """Elastic blocks with other supports, if together they lower the residual enough."""
         if not self.steps.elastic:
             return {}
         problem, start = self._mechanics(at.step, at.outcome.x, at.supports, memory)

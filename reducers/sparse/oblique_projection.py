@@ -69,11 +69,12 @@ def row_error(block: Sampled, states: FloatArray, D: Csr, slow: Csr) -> RowError
     c = least_squares_coefficients(A, x)
     best = float(np.linalg.norm(x - A @ c, axis=0).max())
     worst = 0.0
-    groups: list[tuple[IntArray | None, FloatArray, FloatArray]] = [(None, x, c)]
+    # support (None: all atoms), states and their coefficients; of a selection each state alone
+    cases: list[tuple[IntArray | None, FloatArray, FloatArray]] = [(None, x, c)]
     if block.selects:
         order = np.argsort(-np.abs(c), axis=0)[: block.budget]
-        groups = [(np.sort(order[:, i]), x[:, [i]], c[:, [i]]) for i in range(x.shape[1])]
-    for support, part, own in groups:
+        cases = [(np.sort(order[:, i]), x[:, [i]], c[:, [i]]) for i in range(x.shape[1])]
+    for support, part, own in cases:
         try:
             inverse = block.left_inverse(support)
         except SolveFailed:
@@ -81,11 +82,12 @@ def row_error(block: Sampled, states: FloatArray, D: Csr, slow: Csr) -> RowError
         atoms = A if support is None else A[:, support]
         rest = part - atoms @ (own if support is None else own[support])
         for S in (D, slow):
-            seen = inverse @ _rows(block, S @ rest)
+            recovered = inverse @ _rows(block, S @ rest)
             if S is slow:  # for S = D this matrix is 1
-                across = inverse @ _rows(block, S @ atoms)
-                seen = np.asarray(np.linalg.lstsq(across, seen, rcond=None)[0], dtype=np.float64)
-            worst = max(worst, float(np.linalg.norm(rest - atoms @ seen, axis=0).max()))
+                of_atoms = inverse @ _rows(block, S @ atoms)
+                recovered = np.asarray(
+                    np.linalg.lstsq(of_atoms, recovered, rcond=None)[0], dtype=np.float64)
+            worst = max(worst, float(np.linalg.norm(rest - atoms @ recovered, axis=0).max()))
     return RowError(worst / change, best / change)
 
 

@@ -235,6 +235,7 @@ def choose_rows(
         count = min(2 * k, most)
         while True:
             found = draw(count)
+            # smallest singular value of the sampled rows of an orthonormal basis (`SPREAD`)
             sigma = float(svd(Q[found])[1].min(initial=np.inf)) if len(found) >= Q.shape[1] else 0.0
             if np.sqrt(len(found) / n) <= SPREAD * sigma or count >= min(MOST_TIMES * k, most):
                 return {"rows": found}

@@ -38,10 +38,10 @@ class SparseStepper(AroundSteps[Stepper]):
             factorizations=self.base.factorizations, supports=self.steps.empty)
 
     def solve(self, step: StepFormula, memory: SparseMemory) -> tuple[StepOutcome, SparseMemory]:
-        due = memory.step % self.every == 0
+        selects = memory.step % self.every == 0
         memory.step += 1
         try:
-            if due:
+            if selects:
                 return self.selection.solve(step, memory), memory
             return self.steps.current(memory).solve(step, memory)[0], memory
         except SolveFailed as error:

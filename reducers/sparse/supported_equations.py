@@ -62,7 +62,7 @@ class SampledRows:
         """The same with working arrays of its own."""
         return SampledRows(self.rows.working())
 
-    def some(
+    def on_nonzero(
         self, needed: BoolArray, *states: FloatArray
     ) -> tuple[Reduced, IntArray | slice]:
         """The residual as a function of the unknowns (n,) that are needed or nonzero in one of the
@@ -95,41 +95,45 @@ class SampledRows:
         self, x: FloatArray, v: FloatArray, a: FloatArray, t: float
     ) -> FloatArray:
         """All rows at a state."""
-        rows, use = self.some(~self.every, x, v, a)
+        rows, use = self.on_nonzero(~self.every, x, v, a)
         return rows.residual_at(x[use], v[use], a[use], t, rows.prescribed(t))
 
 
 class SupportedEquations(StepEquations):
     """Mechanical equations on a support, for known temperatures. all_rows: rows of all blocks, at
-    the solution of a step; rows: those of mechanics."""
+    the solution of a step; rows: those of mechanics.
+
+    support, with blocks: elastic blocks on it, their unknowns, rows and left inverses; inactive:
+    unknowns that are zero; needed (n,): unknowns of mechanics that are not. Of a step, restricted:
+    residual as a function of the unknowns that are nonzero, numbered `in_use` among all."""
 
     named = ()
     solved: IntArray
 
     def __init__(self, residual: Reduced) -> None:
         self.all_rows, self.rows = SampledRows(residual), SampledRows(residual.after_heat())
-        self.layout, self.of = residual.layout, None
+        self.layout, self.support = residual.layout, None
 
-    of: "SupportedMechanics | None"
+    support: "SupportedMechanics | None"
 
     def working(self, memory: Any = None) -> Self:
         own = copy(self)
-        own.all_rows, own.rows, own.of = self.all_rows.working(), self.rows.working(), None
+        own.all_rows, own.rows, own.support = self.all_rows.working(), self.rows.working(), None
         return own
 
-    def take(self, of: "SupportedMechanics") -> None:
-        """Continues on the support of `of`."""
-        if self.of is of:
+    def take(self, support: "SupportedMechanics") -> None:
+        """Continues on another support."""
+        if self.support is support:
             return
         layout, rows = self.layout, self.rows.rows
-        free = of.active.copy()
+        free = support.active.copy()
         free[layout.first] = False
-        self.of, self.inactive = of, np.flatnonzero(~of.active)
+        self.support, self.inactive = support, np.flatnonzero(~support.active)
         self.needed = free.copy()
         self.blocks: list[tuple[IntArray, slice, FloatArray | None]] = []
         self.sizes: list[FloatArray] = []
         driven = {d.at.start: d for d in rows.prescribed_bodies} if rows.linear else {}
-        for name, block in of.blocks.items():
+        for name, block in support.blocks.items():
             at, own, left = layout[name], rows.rows[name], block.left
             if left is not None:
                 own = slice(own.start, own.start + left.shape[1])
@@ -148,23 +152,23 @@ class SupportedEquations(StepEquations):
     def begin(self, step: StepFormula, d: FloatArray) -> None:
         d[self.inactive] = -step.free[self.inactive]
         self.step = step
-        self.now, self.use = self.rows.some(self.needed, *step.at(d)[:2], d)
-        if isinstance(self.use, slice):
-            self.now.inactive = self.inactive
-            self.now.begin(step, d)
+        self.restricted, self.in_use = self.rows.on_nonzero(self.needed, *step.at(d)[:2], d)
+        if isinstance(self.in_use, slice):
+            self.restricted.inactive = self.inactive
+            self.restricted.begin(step, d)
             return
-        use, inactive = self.use, np.zeros(len(d), dtype=np.bool_)
+        use, inactive = self.in_use, np.zeros(len(d), dtype=np.bool_)
         inactive[self.inactive] = True
-        self.now.inactive = np.flatnonzero(inactive[use])
+        self.restricted.inactive = np.flatnonzero(inactive[use])
         before = None if step.before is None else step.before[use]
-        self.now.begin(StepFormula(
-            step.t, step.c1, step.c2, step.c1_first, self.now.layout, step.free[use],
+        self.restricted.begin(StepFormula(
+            step.t, step.c1, step.c2, step.c1_first, self.restricted.layout, step.free[use],
             step.free_rate[use], step.h, before), d[use])
 
     def residual(self, d: FloatArray, slope: bool = False) -> FloatArray:
-        own = d if isinstance(self.use, slice) else d[self.use]
-        R, r = self.now.residual(own), np.zeros(len(d))
-        r[self.rows.rows.border] = R[self.now.border_rows]
+        own = d if isinstance(self.in_use, slice) else d[self.in_use]
+        R, r = self.restricted.residual(own), np.zeros(len(d))
+        r[self.rows.rows.border] = R[self.restricted.border_rows]
         r[self.inactive] = self.step.free[self.inactive] + d[self.inactive]
         for at, rows, left in self.blocks:
             r[at] = d[at] + (R[rows] if left is None else left.dot(R[rows]))
@@ -177,14 +181,15 @@ class SupportedEquations(StepEquations):
         of the first rows on their atoms, (j, k), which the equations of the step leave out."""
         d = solved.x - step.free if solved.rates is None else step.departure(
             solved.x, *solved.rates)
-        R, found = self.now.residual(d if isinstance(self.use, slice) else d[self.use]), {}
+        own, found = d if isinstance(self.in_use, slice) else d[self.in_use], {}
+        R = self.restricted.residual(own)
         for name, B in operators.items():
             found[name] = r = R[self.rows.rows.rows[name]].copy()
             r[: len(B)] += B.dot(np.where(self.needed[at := self.layout[name]], d[at], 0.0))
         return found
 
     def jacobian(self, at: Linearisation) -> FloatArray:
-        rows, use = self.rows.some(self.needed, at.x, at.v, at.a)
+        rows, use = self.rows.on_nonzero(self.needed, at.x, at.v, at.a)
         J = rows.slope_at(Linearisation(at.x[use], at.v[use], at.a[use], at.t, at.c))
         columns = self.solved if isinstance(use, slice) else np.searchsorted(use, self.solved)
         J, n = J[:, columns], self.layout.size
@@ -198,10 +203,10 @@ class SupportedEquations(StepEquations):
         return factorized(J)
 
     def contraction(self, point: Linearisation) -> float:
-        if not self.now.linear:
+        if not self.restricted.linear:
             return inf
         return max(b.contraction(point, sizes)
-                   for b, sizes in zip(self.now.prescribed_bodies, self.sizes, strict=True))
+                   for b, sizes in zip(self.restricted.prescribed_bodies, self.sizes, strict=True))
 
 
 class SupportedMechanics(LoopMechanics):

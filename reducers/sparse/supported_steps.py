@@ -52,6 +52,7 @@ class SupportedSteps:
         return kept_or_made(memory.steppers, key, lambda: self._made(memory, supports))
 
     def _made(self, memory: SparseMemory, supports: SupportOf) -> Stepper:
+        """Step solver on these supports, from the parts of each block that are kept in `memory`."""
         def part(kept: dict[Supports, T], name: str, make: Callable[[IntArray | None], T]) -> T:
             support = supports[name]
             key = self.row_set, name, support.tobytes()

@@ -167,7 +167,9 @@ def coupling_terms(model: AssembledModel) -> list[Term]:
 
 
 def _bodies(projected: ProjectedModel, ahead: bool) -> list[ReducedBody]:
-    layout, driven = projected.layout, not projected.model.separated.border_size
+    """All bodies; where no rigid coordinate is unknown, with the functions of time of their frames.
+    """
+    layout, prescribed = projected.layout, not projected.model.separated.border_size
     none, found = slice(0, 0), []
     for m in projected.model.separated.moving:
         block = projected.elastic.get(m.elastic)
@@ -176,7 +178,7 @@ def _bodies(projected: ProjectedModel, ahead: bool) -> list[ReducedBody]:
             m.name, m.frame if tested is None else tested.frame, m.to_border, m.origin,
             layout[m.elastic] if m.elastic else none,
             layout[m.thermal] if m.thermal in layout else none, m.elastic, m.guide)
-        drive = time_table(step, m, ahead) if driven and tested is not None else None
+        drive = time_table(step, m, ahead) if prescribed and tested is not None else None
         found.append(ReducedBody(step, tested, drive))
     return found
 
@@ -211,8 +213,10 @@ class _Couple:
                 yield b.name, some, at[some] - here.start
 
     def _trial(self, at: IntArray) -> tuple[Trial, IntArray]:
+        """Trial basis of the unknowns `at` of the full model, by reduced unknowns, and the numbers
+        of these; unknowns without a dictionary are their own."""
         offset = np.zeros(len(at))
-        wide, numbers = [np.zeros((len(at), 0))], [np.zeros(0, np.int64)]
+        columns, numbers = [np.zeros((len(at), 0))], [np.zeros(0, np.int64)]
         for name, some, local in self._parts(at):
             d = self.dictionaries.get(name)
             used = np.unique(local) if d is None else np.arange(d.atoms.shape[1])
@@ -221,12 +225,13 @@ class _Couple:
                 atoms[some, np.searchsorted(used, local)] = 1.0
             else:
                 atoms[some], offset[some] = d.atoms[local], d.offset[local]
-            wide.append(atoms)
+            columns.append(atoms)
             numbers.append(self.layout[name].start + used)
-        return Trial(np.hstack(wide), offset), np.concatenate(numbers)
+        return Trial(np.hstack(columns), offset), np.concatenate(numbers)
 
     def _left(self, at: IntArray) -> tuple[FloatArray, IntArray]:
-        tall, numbers = [np.zeros((0, len(at)))], [np.zeros(0, np.int64)]
+        """Test map of the rows `at` of the full model to reduced rows, and the numbers of these."""
+        parts, numbers = [np.zeros((0, len(at)))], [np.zeros(0, np.int64)]
         for name, some, local in self._parts(at):
             map_ = self.wide(name) if name in self.dictionaries else None
             used = np.unique(local) if map_ is None else np.arange(len(map_))
@@ -235,9 +240,9 @@ class _Couple:
                 left[np.searchsorted(used, local), some] = 1.0
             else:
                 left[:, some] = map_[:, local]
-            tall.append(left)
+            parts.append(left)
             numbers.append(self.rows[name].start + used)
-        return np.vstack(tall), np.concatenate(numbers)
+        return np.vstack(parts), np.concatenate(numbers)
 
 
 def with_rates(equations: Reduced, state: State) -> State:

@@ -61,13 +61,14 @@ def consistent_start(
         return state
     if not mechanics.size:
         return _prescribed_start(mechanics, tested, state)
-    forces, before = np.zeros(mechanics.size), NONE
+    # z: rigid accelerations, then multipliers; repeated where friction is not linear in the latter
+    forces, last = np.zeros(mechanics.size), NONE
     for _ in range(AGAIN):
-        z, parts, bent = _at(mechanics, tested, state, scales, forces)
+        z, parts, nonlinear = _accelerations(mechanics, tested, state, scales, forces)
         forces = np.concatenate([np.zeros(nr), z[nr:]])
-        change = np.abs(z[nr:] - before).max(initial=0.0) if len(before) else np.inf
-        before = z[nr:]
-        if not bent or change <= BENT * np.abs(before).max(initial=0.0):
+        change = np.abs(z[nr:] - last).max(initial=0.0) if len(last) else np.inf
+        last = z[nr:]
+        if not nonlinear or change <= BENT * np.abs(last).max(initial=0.0):
             break
     x, a = state.x.copy(), state.a.copy()
     a[:nr], x[mechanics.algebraic] = z[:nr], z[nr:]
@@ -77,7 +78,7 @@ def consistent_start(
     return replace(state, x=x, a=a)
 
 
-def _at(
+def _accelerations(
     mechanics: Mechanics, tested: Sequence[TestedElastic | None], state: State,
     scales: StartTimes, forces: FloatArray,
 ) -> tuple[FloatArray, Sequence[_Body], bool]:
@@ -93,9 +94,9 @@ def _at(
                                 for at, T, p in zip(used, maps, parts, strict=True)))
     z = -least(B, r - _target_accelerations(mechanics, state.t, scales.h))
     there = np.concatenate([np.zeros(nr), z[nr:]])
-    bent = any(_bent(mechanics, body, t, state, p, there)
+    nonlinear = any(_is_nonlinear(mechanics, body, t, state, p, there)
                for body, t, p in zip(mechanics.bodies, tested, parts, strict=True))
-    return z, parts, bent
+    return z, parts, nonlinear
 
 
 def constraint_errors(
@@ -168,7 +169,7 @@ def _linear(
     return _Body(solved[:, 0], solved[:, 1:], rows, H, tau @ t.functional)
 
 
-def _bent(
+def _is_nonlinear(
     mechanics: Mechanics, body: BodyStep, t: TestedElastic | None, state: State, p: _Body,
     forces: FloatArray,
 ) -> bool:

@@ -129,6 +129,8 @@ class WholeStepper(StepSolver[WholeMemory]):
         return (self._sane(outcome) if outcome.status.ok else outcome), memory
 
     def _remember(self, d: FloatArray, step: StepFormula, memory: WholeMemory) -> None:
+        """Stores an accepted step, and chooses the order of the next extrapolation: that with the
+        least error in this step."""
         past, x, starts = memory.past, step.free + d, self.loop.starts
         self.loop.remember(x, d, step, memory.kept)
         guesses = past.ring.guesses()[:, : past.n]

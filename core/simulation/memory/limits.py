@@ -75,6 +75,7 @@ def machine_memory() -> int:
 
 
 def _given() -> int | None:
+    """Limit, bytes, by the environment variable; None without."""
     text = os.environ.get(LIMIT)
     if not text:
         return None
@@ -103,6 +104,8 @@ def _groups() -> list[tuple[int, int]]:
 
 
 def _folders() -> list[Path]:
+    """Folders of the control groups of this process and of their parents, which have limits of
+    their own: version 2, and version 1 with a hierarchy for memory."""
     root = Path("/sys/fs/cgroup")
     found = [root, root / "memory"]
     try:
@@ -125,6 +128,8 @@ def _number(file: Path) -> int | None:
 
 
 def _mentioned(file: str | Path, name: str, unit: int) -> int | None:
+    """Number after a name in a file of lines `name: number`, times `unit`; None if it is not
+    there."""
     try:
         for line in Path(file).read_text().splitlines():
             words = line.replace(":", " ").split()

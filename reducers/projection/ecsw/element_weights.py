@@ -78,6 +78,8 @@ class WeightTraining:
     def _elastic_local(
         self, name: str, local: ElasticLocal, u: Trained, T: Trained | None, effect: FloatArray
     ) -> ElasticLocal:
+        """A term of an elastic block on the elements with a weight; effect (k, n): displacements of
+        the reduced model due to forces on its rows, by which the weights are trained."""
         term = local.term
         if not term.weighs_elements:
             return local

@@ -153,6 +153,8 @@ class Ecsw(ProjectionReducer):
 
 
 def _weigh_elastic(ops: ElasticOperators, g: ElasticIntegrals, w: FloatArray) -> ElasticOperators:
+    """Operators with element integrals times weights w (E,); given loads of elements that are left
+    out stay, as they are constant vectors."""
     fixed, rest = _left_out(g.given, w)
     return replace(
         ops, stiffness=_weighed(ops.stiffness, g.stiffness, w),

@@ -182,9 +182,12 @@ magnitude of the sums (`EquationRows.against`)."""
 
 
 def _equations(count: int, shares: Sequence[Shares]) -> WeightEquations:
+    """Training equations of `count` elements: of each share, left^T (element force) at all M
+    snapshots."""
     parts, content = [], list[object]()
     for left, pairs, factors, against in shares:
-        # r <= z combinations in place of M columns
+        # r <= z combinations of snapshots, by R of a QR factorization, in place of M columns: the
+        # least squares are the same
         combinations = np.asarray(np.linalg.qr(factors.T, mode="r")).T
         parts.append(EquationRows(
             left.shape[1] * combinations.shape[1],

@@ -45,15 +45,16 @@ class FullLocal:
         self, u: FloatArray, v: FloatArray, a: FloatArray, T: FloatArray, rate: FloatArray,
         t: float, still: bool,
     ) -> FloatArray:
+        """Forces of the terms that depend on temperatures alone (`still`), or of the others."""
         r = np.zeros(len(u))
         for part in self.parts:
             if bool(part.hot.all()) != still:
                 continue
             x, xv, xa = (np.zeros(len(part.columns)) for _ in range(3))
-            cold, hot = part.columns[~part.hot], part.columns[part.hot]
-            x[~part.hot], xv[~part.hot], xa[~part.hot] = u[cold], v[cold], a[cold]
-            if len(hot):
-                x[part.hot], xv[part.hot] = T[hot], rate[hot]
+            of_u, of_T = part.columns[~part.hot], part.columns[part.hot]
+            x[~part.hot], xv[~part.hot], xa[~part.hot] = u[of_u], v[of_u], a[of_u]
+            if len(of_T):
+                x[part.hot], xv[part.hot] = T[of_T], rate[of_T]
             r[part.rows] += part.term.residual(x, xv, xa, t)
         return r
 

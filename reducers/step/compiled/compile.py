@@ -117,7 +117,8 @@ def bound(
     also: Sequence[Callable[..., object]] = (),
 ) -> dict[str, Any]:
     """Name -> function of the kernel with these functions, and of `also`, with `compiled` applied
-    to all."""
+    to all. numba resolves the names that a function calls when it compiles it, so that each is a
+    copy whose global names are those of the functions that it shall call here."""
     made: dict[str, Any] = {}
     instead = functions.instead
 

@@ -94,24 +94,25 @@ def rows_of(
             for j in range(effects):
                 rates[of, first:last] += timed[
                     a.effects_at + (of + 1) * effects + j] * a.effects[first:last, j]
-    flux = np.zeros(a.L.shape[1])
+    flux = np.zeros(a.L.shape[1])  # y times the weights of the points, for the columns of L
     for term in range(len(a.terms)):
-        about = a.terms[term]
-        law, Q, point, read, test = about[0], about[2], about[6], about[7], about[9]
-        n, reads = about[1] * Q, about[8] - read
+        row = a.terms[term]  # columns: `LocalArrays.terms`
+        law, elements, Q, point = row[0], row[1], row[2], row[6]
+        numbers, first_gain, read, test = a.numbers[row[3] : row[4]], row[5], row[7], row[9]
+        n, reads = elements * Q, row[8] - read
         tests = (a.terms[term + 1, 9] if term + 1 < len(a.terms) else len(a.tests)) - test
         values, y = np.empty((reads, n)), np.zeros((tests, n))
         for i in range(reads):
-            start, wide, kind = a.reads[read + i]
+            start, by_point, kind = a.reads[read + i]
             source = z if kind == 0 else rates[kind - 1]
             for q in range(n):
-                values[i, q] = source[start + q if wide else start + q // Q]
-        evaluate_law(law, a.numbers[about[3] : about[4]], timed[a.gains + about[5] :], values,
+                values[i, q] = source[start + q if by_point else start + q // Q]
+        evaluate_law(law, numbers, timed[a.gains + first_gain :], values,
                      a.coordinates[:, point : point + n].copy(), y, np.zeros((0, n)))
         for i in range(tests):
-            start, wide = a.tests[test + i]
+            start, by_point = a.tests[test + i]
             for q in range(n):
-                if wide:
+                if by_point:  # L includes the weights
                     flux[start + q] = y[i, q]
                 else:
                     flux[start + q // Q] += a.weights[point + q] * y[i, q]

@@ -142,6 +142,8 @@ def _heat(
     s: Stepper, where: slice | IntArray, name: str, timed: Timed, laws: list[Called],
     loads: list[Loads]
 ) -> HeatArrays:
+    """Arrays of a thermal block; its laws, amplitudes and loads are added to those of the model.
+    Raises NotCompiled."""
     block, at = s.heat[name], _range(where) if isinstance(where, slice) else where
     if not isinstance(block, CompressedHeat) or block.active is not None:
         raise NotCompiled(f"{name} is of full order, or its atoms are selected during the run")
@@ -217,7 +219,7 @@ def body_work(b: BodyArrays) -> BodyWork:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _DrivenRows:
+class _PrescribedRows:
     """Functions of time of one body: kappa, mu, the bound of the contraction factor, and loads."""
 
     body: PrescribedBody
@@ -234,11 +236,13 @@ class _DrivenRows:
 def _prescribed(
     s: Stepper, eq: Reduced, d: PrescribedBody, c1: float, timed: Timed, laws: list[Called]
 ) -> PrescribedArrays:
+    """Arrays of a body with prescribed motion, whose operators enter with their sign on the right
+    side: d = -(...)."""
     b, name, r, g = d.step, d.step.elastic_name, d.leading, len(d.G)
     t = next(body.tested for body in eq.bodies if body.step is b)
     assert t is not None
     k, kt = b.elastic.stop - b.elastic.start, b.thermal.stop - b.thermal.start
-    table, width = TimeTable.of(_DrivenRows(d, c1), np.array(d.table.times)), 2 * g + 1 + k
+    table, width = TimeTable.of(_PrescribedRows(d, c1), np.array(d.table.times)), 2 * g + 1 + k
     return PrescribedArrays(
         [block.name for block in s.layout].index(name), b.elastic.start, k, b.thermal.start, kt,
         _array(-carried(t.mass)), _array(-carried(t.stiffness)),

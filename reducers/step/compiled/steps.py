@@ -81,7 +81,8 @@ class CompiledSteps:
     def _solved(
         self, state: State, memory: Memory, times: FloatArray, timed: FloatArray, base: FloatArray
     ) -> tuple[StepBlock, bool]:
-        """The steps that are solved with the kept Jacobians, and True if a new one is due."""
+        """The steps that are solved with the kept Jacobians, and True if a new one is due. What the
+        compiled function changed in its arrays is taken over into the memory of the run."""
         with substep(Substep(self.h)):
             self._take_jacobians(state, memory)
         run = self._run_arrays(state, memory)
