@@ -322,7 +322,8 @@ class FloatingBody(Body):
         if self.mesh is None:
             return ""
         centre = self.centre_of(which, self.points[which])
-        return f"{centre.how}, is {centre.shift:.3g} m from the mean of its facets"
+        return f"{centre.how}, is {centre.shift:.3g} m from the mean of its facets" if (
+            centre.shift > 1e-9 * self.extent) else ""
 
     def displacement_of(self, which: str) -> FloatArray | None:
         return self._functionals(mean_displacement(

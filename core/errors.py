@@ -31,6 +31,10 @@ class InputError(ValueError):
         super().__init__("\n".join(f"{f.key}: {f.message}" if f.key else f.message
                                    for f in self.faults))
 
+    def _render_traceback_(self) -> list[str]:
+        """What notebooks show: the faults, without the traceback."""
+        return [f"{type(self).__name__}: {self}"]
+
     def under(self, prefix: str) -> "InputError":
         """Error with the same faults, `prefix.` put before each key."""
         return InputError([Fault(f"{prefix}.{f.key}" if f.key else prefix, f.message)

@@ -110,3 +110,7 @@ class SolveFailed(RuntimeError):
         what = f" ({detail})" if detail else ""
         super().__init__(f"{status.value} at t = {time:.6g} s{where}{what}: "
                          f"{advice or status.advice_for(sampled)}")
+
+    def _render_traceback_(self) -> list[str]:
+        """What notebooks show: the message, without the traceback."""
+        return [f"{type(self).__name__}: {self}"]

@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from math import radians
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from sparsemor.bodies.frames.constraints import GROUND as AT_ORIGIN
 from sparsemor.bodies.frames.items import Item
 from sparsemor.bodies.targets import GROUND, Place, find_place
 from sparsemor.core import Body, FloatArray, FrameHistory, Gather, InputError, Part
-from sparsemor.core.protocols.poses import points_in_space
+from sparsemor.core.protocols.poses import in_degrees, points_in_space
 
 NEAR = 1e-8
 """Largest relative initial gap between sides that must coincide."""
@@ -172,8 +173,18 @@ def check_meet(a: Side, b: Side) -> None:
     if gap > NEAR * size_of(a, b) and a.target is not None and b.target is not None:
         raise InputError(
             f"the two sides do not meet at the start: {a.target.text} is at {_place(za)} m, "
-            f"{b.target.text} at {_place(zb)} m, {gap:.3g} m apart; {_from_means(a, b)}correct a "
-            "pose, or name the centre of a set (`sets: {NAME: {centre: [...]}}`)", "between")
+            f"{b.target.text} at {_place(zb)} m, {gap:.3g} m apart; {_from_means(a, b)}"
+            f"{_in_degrees(a, b)}correct a pose, or name the centre of a set "
+            "(`sets: {NAME: {centre: [...]}}`)", "between")
+
+
+def _in_degrees(*sides: Side) -> str:
+    """Hint at angles of plane bodies, beyond a turn, that are round numbers."""
+    angles = {s.body.name: float(s.body.pose[2]) for s in sides
+              if s.body is not None and len(s.body.pose) == 3}
+    return "".join(
+        f"the angle of {name} is {a:g} rad: if degrees are meant, write {radians(a):.6g}; "
+        for name, a in angles.items() if in_degrees(a))
 
 
 def _from_means(*sides: Side) -> str:
@@ -191,4 +202,5 @@ def size_of(*sides: Side) -> float:
 
 
 def _place(z: FloatArray) -> str:
-    return "(" + ", ".join(f"{c:.9g}" for c in z) + ")"
+    least = 1e-12 * float(np.abs(z).max())
+    return "(" + ", ".join(f"{c if abs(c) > least else 0.0:.9g}" for c in z) + ")"

@@ -12,6 +12,7 @@ from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.registry.registry import Registry
 from sparsemor.core.results.cost import RunFacts, run_facts
+from sparsemor.core.results.drawn import CHARTS, Drawn
 from sparsemor.core.results.error_norms import (
     LIMIT,
     START_UP,
@@ -28,13 +29,11 @@ from sparsemor.core.results.tables import CONSTANT, MARK, csv_table, marked, num
 from sparsemor.core.scene.html import html_table
 
 REFERENCE = "reference"
-CHARTS = "charts"
-"""Group of the entry points of charts."""
 NONE: Mapping[str, str] = {}
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Comparison:
+class Comparison(Drawn):
     """Errors and cost of runs relative to a reference run; `str()` returns the table.
 
     runs, measured: run name -> result, errors; name: label of the reference: its reducer, or

@@ -28,10 +28,8 @@ _open_streams()
 try:
     import typer
 
-    from sparsemor.core.cli.cache import cache
     from sparsemor.core.cli.commands import Commands
     from sparsemor.core.cli.compare import compare
-    from sparsemor.core.cli.new_plugin import new_plugin
     from sparsemor.core.cli.options import FAILED, INTERRUPTED
     from sparsemor.core.cli.plugins import plugins, schema, validate
     from sparsemor.core.cli.run import run
@@ -40,11 +38,10 @@ except KeyboardInterrupt:  # Ctrl-C in the first half second, while all this is 
     raise SystemExit(130) from None
 
 app = typer.Typer(
-    cls=Commands, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
+    cls=Commands, no_args_is_help=True, pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]})
-for command in (run, compare, validate, schema, plugins, cache):
+for command in (run, compare, validate, schema, plugins):
     app.command()(command)
-app.command("new-plugin")(new_plugin)
 
 
 def _print_version(wanted: bool) -> None:

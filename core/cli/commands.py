@@ -19,7 +19,7 @@ from sparsemor.core.errors import InputError
 from sparsemor.core.registry.registry import Registry
 
 GROUP = "command"
-OWN = ("run", "compare", "validate", "schema", "plugins", "cache", "new-plugin")
+OWN = ("run", "compare", "validate", "schema", "plugins")
 """Names of core's commands, which nobody else can take."""
 
 

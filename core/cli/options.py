@@ -17,6 +17,7 @@ from typing import Annotated, Any, TextIO, TypeVar
 
 import typer
 
+from sparsemor.core.cli.completion import scene_names, settings, stored_runs
 from sparsemor.core.errors import Damaged, Fault, InputError
 from sparsemor.core.registry.boundary import naming_plugins
 from sparsemor.core.registry.validation_errors import shown
@@ -33,14 +34,14 @@ T = TypeVar("T")
 
 SceneName = Annotated[
     str, typer.Argument(metavar="SCENE", help="A packaged scene's name (`sparsemor plugins scene` "
-                        "lists them), or a scene file.")]
+                        "lists them), or a scene file.", autocompletion=scene_names)]
 Settings = Annotated[
     list[str] | None, typer.Option(
         "--set", metavar="KEY=VALUE",
         help="Change the scene: time.end=0.5, reducer=full, reducer.sampler.use=random. May be "
-             "repeated.")]
+             "repeated.", autocompletion=settings)]
 StoredRun = Annotated[str, typer.Argument(
-    metavar="RUN", help="Directory of a run, finished or not.")]
+    metavar="RUN", help="Directory of a run, finished or not.", autocompletion=stored_runs)]
 At = Annotated[str | None, typer.Option(
     "--at", help="Times in s, such as 0.3,1.2; the nearest stored steps are used.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
@@ -259,10 +260,11 @@ def progress(quiet: bool) -> AbstractContextManager[Sequence[object]]:
 
 @contextmanager
 def place_for_result(
-    out: Path, resume: bool, force: bool, writes: Sequence[str] = (), parts: Sequence[str] = ()
+    out: Path, resume: bool | None, force: bool, writes: Sequence[str] = (),
+    parts: Sequence[str] = (),
 ) -> Iterator[None]:
     """Context that claims the output directory until the end of this command
-    (`OutputDirectory.claimed`)."""
+    (`OutputDirectory.claimed`). resume: None for a command that does not continue."""
     with ExitStack() as stack:
         with located_in():
             stack.enter_context(OutputDirectory(out).claimed(

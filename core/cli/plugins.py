@@ -11,7 +11,7 @@ import typer
 from pydantic import BaseModel
 
 from sparsemor.core.cli.commands import GROUP, function_of
-from sparsemor.core.cli.new_plugin import NO_CLASS
+from sparsemor.core.cli.completion import plugin_names
 from sparsemor.core.cli.options import (
     Json,
     SceneName,
@@ -28,6 +28,9 @@ from sparsemor.core.registry.contracts import CONTRACTS, chosen, required, shape
 from sparsemor.core.registry.option_types import type_in_words
 from sparsemor.core.registry.registry import PluginName, Registry, suggestions
 from sparsemor.core.scene.source import Source
+
+NO_CLASS = ("charts", "choice", "command", "error_norm", "paper", "scene", "study")
+"""Plugin kinds whose entry points refer to objects, functions and files."""
 
 
 def validate(scene: SceneName, settings: Settings = None, as_json: Json = False) -> None:
@@ -63,11 +66,15 @@ def schema() -> None:
 
 def plugins(
     which: Annotated[
-        str | None, typer.Argument(metavar="[KIND or NAME]", help="Show only these.")] = None,
+        str | None, typer.Argument(metavar="[KIND or NAME]", help="Describe only these.",
+                                   autocompletion=plugin_names)] = None,
     as_json: Json = False,
 ) -> None:
-    """List the installed plugins; with a name, also its options."""
+    """List the installed plugins; describe those of a kind, or the options of one."""
     with exit_codes(as_json):
+        if which is None and not as_json:
+            _print_names(Registry())
+            return
         shown = [_described(Registry(), p) for p in _chosen(Registry(), which)]
         with_options = which is not None and which not in Registry().kinds()
         if as_json:
@@ -139,6 +146,17 @@ def first_sentence(text: str) -> str:
     """First sentence of a docstring, which may span lines."""
     paragraph = " ".join(text.strip().partition("\n\n")[0].split())
     return re.split(r"(?<=[.!?])\s+(?=[A-Z`(])", paragraph, maxsplit=1)[0]
+
+
+def _print_names(registry: Registry) -> None:
+    """A line or two for each kind. Imports none of the plugins."""
+    from rich.table import Table
+
+    table = Table.grid(padding=(0, 2, 0, 0))
+    for kind in registry.kinds():
+        table.add_row(kind, ", ".join(map(registry.spelling, registry.names(kind))))
+    _console().print(table)
+    typer.echo("\n`sparsemor plugins KIND` describes a kind, `sparsemor plugins NAME` one of them.")
 
 
 def _print_table(shown: list[dict[str, Any]]) -> None:

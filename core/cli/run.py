@@ -52,7 +52,8 @@ def run(
                 loaded = model.scene.using(parse_settings(settings or ()))
                 model.check(loaded)
         directory = out or Path("runs", f"{loaded.name}-{loaded.reducer_name}")
-        with (place_for_result(directory, resume, force), located_in(loaded),
+        with (place_for_result(directory, resume if model is None else None, force),
+              located_in(loaded),
               progress(quiet or as_json) as observers):
             if model is None:
                 from sparsemor.core.simulation.simulate import simulate

@@ -119,3 +119,8 @@ def steered(d: FloatArray, free: FloatArray) -> None:
     if not square <= FAR * FAR:
         for i in range(4):
             d[i] = scale * free[i]
+
+
+def in_degrees(angle: float) -> bool:
+    """True for a round number of more than a whole turn, as angles in degrees are."""
+    return abs(angle) > 2.0 * np.pi and float(2.0 * angle).is_integer()

@@ -8,6 +8,7 @@ An observer is any object with methods marked by `hookimpl`; each takes the argu
             print(step, t)
 """
 
+import logging
 from abc import abstractmethod
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -22,6 +23,7 @@ from sparsemor.core.protocols.plugin import Plugin
 from sparsemor.core.status import Status
 
 _PROJECT = "sparsemor"
+_log = logging.getLogger(_PROJECT)
 hookspec = pluggy.HookspecMarker(_PROJECT)
 hookimpl = pluggy.HookimplMarker(_PROJECT)
 
@@ -79,6 +81,30 @@ class Events:
         `on_start`."""
 
 
+class Log:
+    """Observer that writes the events of a run to the logger `sparsemor`, as information: from
+    `logging.getLogger("sparsemor").setLevel("INFO")` on. Handlers are the caller's."""
+
+    @hookimpl
+    def on_start(self, run: RunStart) -> None:
+        _log.info("%s %s (%s): %d steps from %g to %g s", run.title, run.reducer, run.phase,
+                  run.steps, run.t_start, run.t_end)
+
+    @hookimpl
+    def on_offline(self, product: str) -> None:
+        _log.info("offline: %s", product)
+
+    @hookimpl
+    def on_failure(self, status: Status, t: float, block: str, detail: str) -> None:
+        _log.error("%s at t = %g s %s %s", status.value, t, block, detail)
+
+    @hookimpl
+    def on_finish(self, summary: Mapping[str, Any]) -> None:
+        for note in summary.get("notes", ()):
+            _log.warning(note)
+        _log.info("%s after %s steps", summary.get("status", "ended"), summary.get("steps", "?"))
+
+
 class Observer(Plugin):
     """Options of an observer, from which `observer` makes an object with methods marked by
     `hookimpl`."""
@@ -105,6 +131,8 @@ def new_manager(observers: Iterable[object] = ()) -> Manager:
     event.
     """
     manager = Manager()
+    if _log.isEnabledFor(logging.INFO):
+        manager.register(Log())
     for observer in observers:
         try:
             manager.register(observer)

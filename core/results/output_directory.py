@@ -127,12 +127,12 @@ class OutputDirectory:
 
     @contextmanager
     def claimed(
-        self, *, resume: bool, force: bool, replaceable: Callable[[], bool] | None = None,
+        self, *, resume: bool | None, force: bool, replaceable: Callable[[], bool] | None = None,
         kind: str = "results only, and this holds none", writes: Sequence[str] = (),
         parts: Sequence[str] = (),
     ) -> Iterator[None]:
         """Context manager: exclusive use of the directory, from which an earlier result is removed
-        for a new one unless `resume`.
+        for a new one unless `resume`, which is None where no run can be continued.
 
         Raises InputError (key `out`) rather than overwrite. With `force` the files of an earlier
         result are kept in OUT/.replaced until the new one has ended, and put back if the new run
@@ -145,8 +145,9 @@ class OutputDirectory:
             self._recover()
             if not resume and self.entries():
                 self.require_replaceable(
-                    force, "use --resume to continue, --force to overwrite, or choose another "
-                    "--out", replaceable or self.is_run_or_comparison, kind)
+                    force, f"use {'' if resume is None else '--resume to continue, '}--force to "
+                    "overwrite, or choose another --out",
+                    replaceable or self.is_run_or_comparison, kind)
                 self._set_aside(writes, parts)
             elif writes:
                 require_ours(self.path, writes)

@@ -22,6 +22,7 @@ from sparsemor.core.protocols.poses import (
 )
 from sparsemor.core.protocols.prescribed_motion import Stage
 from sparsemor.core.registry.registry import Registry
+from sparsemor.core.results.drawn import Drawn, drawing, history_of, html_of
 from sparsemor.core.results.fields import Derived, Field
 from sparsemor.core.results.files.own import STORE
 from sparsemor.core.results.files.temporary import TemporaryFolder
@@ -37,14 +38,14 @@ from sparsemor.core.results.stored_arrays import (
     refuse_older,
 )
 from sparsemor.core.results.variables import one_function
-from sparsemor.core.scene.html import html_table
 from sparsemor.core.status import Status
 
 if TYPE_CHECKING:
+    import pandas as pd
     import xarray as xr
 
 
-class RunResult:
+class RunResult(Drawn):
     """Stored result of one run, complete or not, at the state of the first reading. Pickled as its
     path.
 
@@ -97,15 +98,11 @@ class RunResult:
 
     def _repr_html_(self) -> str:
         """Main facts of the run as a table, for notebooks."""
-        times = self.times
-        place = "in memory" if self._path is None else self._path.parent.name
-        rows = [["run", place], ["status", self.status.value],
-                ["reducer", self.reducer],
-                ["stored", f"{len(times)} steps" + (f" to {times[-1]:g} s" if len(times) else "")],
-                ["blocks", ", ".join(f"{b.name} ({b.size})" for b in self.layout)],
-                ["bodies with a mesh", ", ".join(self.bodies) or "none"],
-                ["probes", ", ".join(self.probes) or "none"]]
-        return html_table(rows)
+        return html_of(self)
+
+    @property
+    def in_memory(self) -> bool:
+        return self._path is None
 
     @cached_property
     def _stored(self) -> ResultArrays:
@@ -151,14 +148,11 @@ class RunResult:
     @cached_property
     def layout(self) -> Layout:
         """Layout of the full-order unknowns."""
-        return self._load_layout("full_layout")
+        return load_layout(self._attributes, "full_layout")
 
     @cached_property
     def solver_layout(self) -> Layout:
-        return self._load_layout("layout")
-
-    def _load_layout(self, which: str) -> Layout:
-        return load_layout(self._attributes, which)
+        return load_layout(self._attributes, "layout")
 
     @property
     def times(self) -> FloatArray:
@@ -239,16 +233,14 @@ class RunResult:
         return tuple(self._attributes.get("estimates", ()))
 
     def error_estimate(self, name: str) -> FloatArray:
-        """(j,) estimated Euclidean norm of a block's error, in the unit of the block, at each
-        stored step."""
+        """(j,) estimated norm of a block's error, in the unit of the block, at each stored step."""
         if name not in self.error_estimates:
             have = ", ".join(self.error_estimates) or "none"
             raise InputError(f"the error of {name!r} was not estimated; estimates: {have}", "block")
         return self._array(f"error_estimate.{name}")
 
     def rows(self, name: str) -> IntArray:
-        """Indices of the sampled rows (equations) of a block; empty if the block was not
-        sampled."""
+        """Indices of the sampled rows (equations) of a block; empty for one without a sample."""
         key = f"{name}.rows"
         return self._array(key) if key in self._data else np.zeros(0, dtype=np.int64)
 
@@ -390,7 +382,9 @@ class RunResult:
             return stage.frames[body].at(float(self.times[self._only(step)][0]))[0]
         if f"{body}.pose" in self._data:
             return self._array(f"{body}.pose")
-        return np.zeros(SPINNING_POSE if self._in_space(body) else PLANAR_POSE)
+        points = f"{body}.points"
+        solid = points in self._data and self._data.shape(points)[1] == 3
+        return np.zeros(SPINNING_POSE if solid else PLANAR_POSE)
 
     def _poses(self, body: str, step: int, count: int) -> FloatArray:
         pose = self.pose(body, step)
@@ -399,9 +393,6 @@ class RunResult:
                 f"{body} has {pose.size} rigid coordinates: only frames (Rx, Ry, theta), "
                 "(R, angle) and (R, quaternion) can be placed", key="body")
         return np.broadcast_to(pose, (count, pose.size))
-
-    def _in_space(self, body: str) -> bool:
-        return f"{body}.points" in self._data and self._data.shape(f"{body}.points")[1] == 3
 
     def stage(self) -> Stage | None:
         """Motion, joint reactions and contact resultants of the rigid pre-simulation that the run
@@ -453,6 +444,20 @@ class RunResult:
     def to_xarray(self) -> "xr.Dataset":
         """All stored arrays as a lazily loaded xarray dataset with dimension names and units."""
         return dataset(self._data)
+
+    def history(self, name: str) -> "xr.DataArray":
+        """Probe, block, joint or another array over time, full-order and with the names of its
+        components: `history("crank.rigid").sel(unknown="angle")`."""
+        return history_of(self, name)
+
+    def to_dataframe(self, name: str) -> "pd.DataFrame":
+        """`history(name)` as a pandas table: times (s) as index, one column for each component."""
+        found = self.history(name)
+        return found.to_dataframe() if found.ndim == 1 else found.to_pandas()
+
+    def animate(self, field: str = "displacement", **options: Any) -> Any:
+        """Animation, which notebooks show; options: frames, at, magnify of `sparsemor.animate`."""
+        return drawing().animation_of(self, field, **options)
 
     def _at_nodes(self, body: str, what: str, shape: tuple[int, ...]) -> FloatArray:
         key = f"{body}.eliminated_{what}"

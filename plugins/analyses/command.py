@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 import typer
 
+from sparsemor.core.cli.completion import scene_names
 from sparsemor.core.cli.options import (
     Force,
     Json,
@@ -34,13 +35,20 @@ MOST = 100000
 """Largest number of frequencies."""
 
 
+def analyses(incomplete: str) -> list[str]:
+    """Analyses, for completion."""
+    from sparsemor.plugins.analyses.solve import ANALYSES
+
+    return [name for name in ANALYSES if name.startswith(incomplete)]
+
+
 def solve(
     scene: Annotated[str, typer.Argument(
         metavar="SCENE|MODEL", help="A packaged scene's name, a scene file, or for "
-        "frequency_response the file of a linear model.")],
+        "frequency_response the file of a linear model.", autocompletion=scene_names)],
     analysis: Annotated[str, typer.Argument(
         metavar="ANALYSIS", help="static, steady_heat, frequencies, buckling or "
-        "frequency_response.")],
+        "frequency_response.", autocompletion=analyses)],
     settings: Settings = None,
     out: Annotated[Path | None, out_option("runs/SCENE-ANALYSIS")] = None,
     at: Annotated[float | None, typer.Option(
@@ -78,7 +86,7 @@ def solve(
         return
     loaded = load_with(scene, settings)
     directory = out or Path("runs", f"{loaded.name}-{analysis}")
-    with (place_for_result(directory, False, force), located_in(loaded),
+    with (place_for_result(directory, None, force), located_in(loaded),
           progress(quiet or as_json) as observers):
         from sparsemor.plugins.analyses.solve import solve as solved
 
@@ -99,7 +107,7 @@ def _kept(
     if wrong := [name for name in options if name not in allowed]:
         raise InputError("a kept model has no such option", wrong[0])
     directory = out or Path("runs", f"{Path(file).stem}-{analysis}")
-    with place_for_result(directory, False, force):
+    with place_for_result(directory, None, force):
         return solve_kept(load_model(file), analysis, out=directory, **options)
 
 

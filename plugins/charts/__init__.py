@@ -3,14 +3,14 @@
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from sparsemor.core.errors import InputError
 from sparsemor.core.results.fields import Field
 from sparsemor.plugins.charts.active_atoms import active_atoms_figure
 from sparsemor.plugins.charts.comparison import error_over_time_of, work_precision_of
 from sparsemor.plugins.charts.error_over_time import error_over_time_figure
-from sparsemor.plugins.charts.fields import NO_RUNS
+from sparsemor.plugins.charts.fields import NO_RUNS, alike
 from sparsemor.plugins.charts.joint_forces import joint_forces_figure
 from sparsemor.plugins.charts.planar_fields import deformation_figure
 from sparsemor.plugins.charts.style import save, saved
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
     from sparsemor.core.analysis.compare import Comparison
     from sparsemor.core.results.run_result import RunResult
+    from sparsemor.plugins.charts.animation import Animation
 
 FORMATS = ("png", "svg")
 Figures: TypeAlias = "Iterator[tuple[str, Figure | None]]"
@@ -119,18 +120,26 @@ def _of_reference(
     yield "positions", positions_figure(moving_bodies(run))
 
 
-def alike(reference: "RunResult", runs: "Mapping[str, RunResult]") -> "dict[str, RunResult]":
-    """Runs whose fields can be drawn next to those of the reference: with the same bodies and
-    meshes."""
-    return {name: run for name, run in runs.items() if len(run.times) and all(
-        body in run.bodies and run.points(body).shape == reference.points(body).shape
-        for body in reference.bodies)}
+def figure_of(
+    run: "RunResult | Comparison", chart: str | None = None, times: Sequence[float] | None = None
+) -> "Figure":
+    """Chart of a run or a comparison by its name (`sparsemor.plot`)."""
+    from sparsemor.plugins.charts.plot import plot
+
+    return plot(run, chart, times)
+
+
+def animation_of(run: "RunResult", field: str = "displacement", **options: Any) -> "Animation":
+    """Animation of a run, in memory."""
+    from sparsemor.plugins.charts.animation import animation_of
+
+    return animation_of(run, field, **options)
 
 
 __all__ = [
     "DEFAULT_FIELDS", "FORMATS", "NAMES", "WorkPoint", "active_atoms_figure", "alike",
-    "angles_figure", "contact_forces_figure",
-    "deformation_figure", "error_over_time_figure", "joint_forces_figure", "positions_figure",
-    "probe_displacement_figure", "probe_temperature_figure", "surface_figures",
+    "angles_figure", "animation_of", "contact_forces_figure",
+    "deformation_figure", "error_over_time_figure", "figure_of", "joint_forces_figure",
+    "positions_figure", "probe_displacement_figure", "probe_temperature_figure", "surface_figures",
     "usual_files", "work_precision_figure", "write_charts", "write_run_charts",
 ]

@@ -1,9 +1,11 @@
 """Animation of a run: the moving bodies in space, coloured by a field, as GIF or MP4."""
 
 import shutil
+from base64 import b64encode
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -50,8 +52,18 @@ def animate(
     that does not exist, and for a file that is not an animation of ours.
     """
     path = Path(file)
-    writer = _writer(path)
+    _writer(path)  # a format that cannot be written
     require_ours(path.parent, [path.name])
+    beside = run.in_memory or run.path.parent != path.parent.absolute()
+    with publishing(path.parent, alone=beside) as fresh:
+        _write(run, fresh / path.name, field, frames, at, magnify, report)
+    return path
+
+
+def _write(
+    run: RunResult, file: Path, field: str, frames: int, at: Sequence[float] | None,
+    magnify: float | None, report: Report | None,
+) -> None:
     if field not in FIELDS:
         raise InputError(f"no field is called {field!r}: give one of {', '.join(FIELDS)}", "field")
     if frames < 2:
@@ -60,9 +72,8 @@ def animate(
     scene = _Stage.of(run, steps, FIELDS[field], magnify)
     figure = new_figure(7.2, 7.2 * min(max(scene.slope, 0.35), 1.2) + 0.5)
     axes, bar = figure.subplots(), None
-    beside = run.path.parent != path.parent.absolute()
-    with publishing(path.parent, alone=beside) as fresh, writer.saving(
-            figure, str(fresh / path.name), 100):
+    writer = _writer(file)
+    with writer.saving(figure, str(file), 100):
         for number, step in enumerate(steps, 1):
             axes.clear()
             scene.draw(axes, step)
@@ -73,7 +84,6 @@ def animate(
             writer.grab_frame()
             if report is not None:
                 report(number, len(steps))
-    return path
 
 
 def _writer(path: Path) -> Any:
@@ -94,6 +104,32 @@ def _steps(run: RunResult, frames: int, at: Sequence[float] | None) -> list[int]
     first, last = int(found[0]), int(found[-1])
     count = min(frames, last - first + 1)
     return [int(i) for i in np.unique(np.linspace(first, last, count).round())]
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Animation:
+    """Animation in memory: the bytes of a GIF, which notebooks show."""
+
+    gif: bytes
+
+    def save(self, file: str | Path) -> Path:
+        """Writes the GIF."""
+        Path(file).write_bytes(self.gif)
+        return Path(file)
+
+    def _repr_html_(self) -> str:
+        return f'<img alt="animation" src="data:image/gif;base64,{b64encode(self.gif).decode()}">'
+
+
+def animation_of(
+    run: RunResult, field: str = "displacement", *, frames: int = 50,
+    at: Sequence[float] | None = None, magnify: float | None = None,
+) -> Animation:
+    """Animation of all bodies, in memory; arguments as of `animate`."""
+    with TemporaryDirectory() as folder:
+        file = Path(folder, "animation.gif")
+        _write(run, file, field, frames, at, magnify, None)
+        return Animation(file.read_bytes())
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -114,3 +114,11 @@ def round_below(x: float) -> float:
     """Largest number of the form 1, 2 or 5 times a power of ten that does not exceed x > 0."""
     power = 10.0 ** np.floor(np.log10(x))
     return float(power * max(m for m in (1.0, 2.0, 5.0) if m * power <= x * (1.0 + 1e-12)))
+
+
+def alike(reference: "RunResult", runs: "Mapping[str, RunResult]") -> "dict[str, RunResult]":
+    """Runs whose fields can be drawn next to those of the reference: with the same bodies and
+    meshes."""
+    return {name: run for name, run in runs.items() if len(run.times) and all(
+        body in run.bodies and run.points(body).shape == reference.points(body).shape
+        for body in reference.bodies)}

@@ -9,23 +9,20 @@ from sparsemor.core.errors import InputError
 from sparsemor.core.registry.registry import suggestions
 from sparsemor.core.results.fields import Field
 from sparsemor.core.results.run_result import RunResult
-from sparsemor.plugins.charts import (
-    NAMES,
-    active_atoms_figure,
-    alike,
+from sparsemor.plugins.charts.active_atoms import active_atoms_figure
+from sparsemor.plugins.charts.comparison import error_over_time_of, work_precision_of
+from sparsemor.plugins.charts.fields import NO_RUNS, alike
+from sparsemor.plugins.charts.joint_forces import joint_forces_figure
+from sparsemor.plugins.charts.planar_fields import deformation_figure
+from sparsemor.plugins.charts.surface_fields import NAMES, solid_bodies, surface_figures
+from sparsemor.plugins.charts.time_histories import (
     angles_figure,
     contact_forces_figure,
-    deformation_figure,
-    joint_forces_figure,
+    moving_bodies,
     positions_figure,
     probe_displacement_figure,
     probe_temperature_figure,
-    surface_figures,
 )
-from sparsemor.plugins.charts.comparison import error_over_time_of, work_precision_of
-from sparsemor.plugins.charts.fields import NO_RUNS
-from sparsemor.plugins.charts.surface_fields import solid_bodies
-from sparsemor.plugins.charts.time_histories import moving_bodies
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

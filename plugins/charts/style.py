@@ -2,6 +2,8 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cache
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +23,8 @@ COLUMN, PAGE = 3.5, 7.2
 """Widths of a figure, inches: one column, and the full page."""
 SMALL, NORMAL = 7.0, 8.0
 """Font sizes, points."""
+SCREEN = 100
+"""Pixels per inch of figures in notebooks, which get twice as many for fine screens."""
 LINE = 0.17
 """Height of a line of small text, inches."""
 REFERENCE_COLOUR = "#b0b0b0"
@@ -69,12 +73,27 @@ def label_of(name: str, status: Status) -> str:
     return name if status.ok else f"{name} ({status.value.replace('_', ' ')})"
 
 
+@cache
+def _figure_class() -> "type[Figure]":
+    """Class of figures that notebooks show, without pyplot and magic commands."""
+    from matplotlib.figure import Figure
+
+    class ChartFigure(Figure):
+        def _repr_png_(self) -> tuple[bytes, dict[str, int]]:
+            picture = BytesIO()
+            self.savefig(picture, format="png", dpi=2 * SCREEN)
+            width, height = SCREEN * self.get_size_inches()
+            return picture.getvalue(), {"width": round(width), "height": round(height)}
+
+    return ChartFigure
+
+
 def new_figure(width: float, height: float) -> "Figure":
     """Empty figure with its own Agg canvas and constrained layout; width and height in inches."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(width, height), layout="constrained", dpi=200, facecolor="white")
+    figure = _figure_class()(
+        figsize=(width, height), layout="constrained", dpi=200, facecolor="white")
     FigureCanvasAgg(figure)
     return figure
 

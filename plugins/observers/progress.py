@@ -1,5 +1,5 @@
-"""Progress bar on the terminal: simulated time, steps per second, remaining time; before the first
-step, what is computed."""
+"""Progress bar on the terminal, or a line in a notebook: simulated time, steps per second,
+remaining time; before the first step, what is computed."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +10,7 @@ from sparsemor.core import (
     RunStart,
     hookimpl,
 )
+from sparsemor.plugins.observers.notebook import NotebookProgress, in_notebook, label_of
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -22,8 +23,10 @@ class ProgressBar(Observer):
     refresh: float = Field(default=4.0, gt=0)
     """Redraws of the bar per second, 1/s."""
 
-    def observer(self, console: "Console | None" = None) -> "RunningBar":
-        """New observer for one run (and its training run)."""
+    def observer(self, console: "Console | None" = None) -> "RunningBar | NotebookProgress":
+        """New observer for one run (and its training run): a bar, or a line in a notebook."""
+        if console is None and in_notebook():
+            return NotebookProgress(self.refresh)
         return RunningBar(self.refresh, console)
 
 
@@ -41,10 +44,9 @@ class RunningBar:
     def on_start(self, run: RunStart) -> None:
         self.close()
         self._bar = self._new_bar(_run_columns())
-        label = f"{run.title} {run.reducer}".strip()
-        label += "" if run.phase == "run" else f" ({run.phase})"
         self._steps = 0
-        self._task = self._bar.add_task(label, total=run.steps, t=run.t_start, end=run.t_end)
+        self._task = self._bar.add_task(
+            label_of(run), total=run.steps, t=run.t_start, end=run.t_end)
         self._bar.start()
 
     @hookimpl

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from sparsemor.core.cli.completion import scene_names, study_names
 from sparsemor.core.cli.options import (
     BAD_INPUT,
     FAILED,
@@ -30,10 +31,11 @@ def study(
     file: Annotated[str, typer.Argument(
         metavar="STUDY", help="A packaged study's name (`sparsemor plugins study` lists them), a "
                               "study file, or the directory of a study, whose charts are drawn "
-                              "again from its table.")],
+                              "again from its table.", autocompletion=study_names)],
     scene: Annotated[str | None, typer.Argument(
         metavar="[SCENE]", help="Scene that the study varies, instead of its own: a packaged "
-                                "scene's name, or a scene file.")] = None,
+                                "scene's name, or a scene file.",
+        autocompletion=scene_names)] = None,
     settings: Settings = None,
     out: Annotated[Path | None, typer.Option(
         "--out", parser=path_of, metavar="DIRECTORY",

@@ -1,10 +1,12 @@
-"""Progress of a study on standard error: a progress bar in a terminal, otherwise lines."""
+"""Progress of a study: a bar in a terminal, a line in a notebook, otherwise lines on standard
+error."""
 
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
+from sparsemor.plugins.observers.notebook import NotebookLine, in_notebook
 from sparsemor.plugins.observers.progress import terminal_bar
 from sparsemor.plugins.study.columns import cell
 from sparsemor.plugins.study.plan import StudyPlan
@@ -20,6 +22,10 @@ def progress_display(plan: StudyPlan, quiet: bool) -> Iterator[OnProgress]:
     """Context manager: callback that displays the progress of a study; silent with `quiet`."""
     if quiet:
         yield lambda state, row: None
+    elif in_notebook():
+        line = NotebookLine()
+        yield lambda state, row: line.show(
+            f"{plan.study.name}: {in_words(state)}", now=state.done == state.total)
     elif sys.stderr.isatty():
         with _bar() as on_progress:
             yield on_progress

@@ -1,21 +1,25 @@
 """Report of a study: text table and work-precision chart."""
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from statistics import median
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from sparsemor.core.errors import InputError
 from sparsemor.core.results.error_norms import LIMIT, measure_names
 from sparsemor.core.results.tables import CONSTANT, MARK, marked, text_table
+from sparsemor.core.scene.html import html_text
 from sparsemor.core.status import Status
 from sparsemor.plugins.study.axes import LABEL
 from sparsemor.plugins.study.columns import ERROR, LATE, OF_CHARTS, SERIES, label
 from sparsemor.plugins.study.plan import Drawing, StudyPlan
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from sparsemor.core.results.error_norms import Errors
     from sparsemor.plugins.charts.work_precision import WorkPoint
 
@@ -116,22 +120,58 @@ def _point(
                      all(row.get("stable") is not False for row in rows))
 
 
+class StudyTable(list[dict[str, Any]]):
+    """Table of a study, a row for each run, with its charts; notebooks show its main columns."""
+
+    def __init__(self, plan: StudyPlan, rows: Sequence[Mapping[str, Any]]) -> None:
+        super().__init__(map(dict, rows))
+        self.plan = plan
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return list, (list(self),)
+
+    def __str__(self) -> str:
+        return in_words(self.plan, self)
+
+    def _repr_html_(self) -> str:
+        return html_text(str(self))
+
+    def plot(self, chart: str = CHART) -> "Figure":
+        """Chart of the study, work_precision or, if it asks for it, error_over_time. InputError for
+        another one, and without data."""
+        makers = figures_of(self.plan.drawing, self)
+        if chart not in makers:
+            raise InputError(f"no chart is called {chart!r}: {', '.join(makers)}", "chart")
+        figure = makers[chart]()
+        if figure is None:
+            raise InputError(f"there are no data for {chart}", "chart")
+        return figure
+
+
 def draw(drawing: Drawing, rows: Sequence[Mapping[str, Any]], folder: Path) -> list[Path]:
     """Writes the charts work_precision and, if the study requests it, error_over_time as PNG and
     SVG to the study's folder; returns their paths."""
-    from sparsemor.plugins.charts import FORMATS, error_over_time_figure
+    from sparsemor.plugins.charts import FORMATS
     from sparsemor.plugins.charts.style import saved
-    from sparsemor.plugins.charts.work_precision import work_precision_figure
+
+    return [path for name, make in figures_of(drawing, rows).items() if (figure := make())
+            for path in saved(figure, folder, name, FORMATS)]
+
+
+def figures_of(
+    drawing: Drawing, rows: Sequence[Mapping[str, Any]]
+) -> "dict[str, Callable[[], Figure | None]]":
+    """Name of a chart -> function that draws it, None without data."""
+    from sparsemor.plugins.charts import error_over_time_figure, work_precision_figure
 
     by_step = any(_step(row) is not None for row in rows)
-    figures = {CHART: work_precision_figure(
+    found: dict[str, Callable[[], Figure | None]] = {CHART: lambda: work_precision_figure(
         work_points(drawing, rows), _reference(drawing, rows, by_step), drawing.fields,
         notes=chart_notes(drawing, rows), unit="s per simulated s" if by_step else "ms/step")}
     if drawing.over_time:
-        figures[SERIES] = error_over_time_figure(
+        found[SERIES] = lambda: error_over_time_figure(
             *over_time(drawing, rows), drawing.fields, trained_to=drawing.trained_to)
-    return [path for name, figure in figures.items() if figure is not None
-            for path in saved(figure, folder, name, FORMATS)]
+    return found
 
 
 def chart_notes(drawing: Drawing, rows: Sequence[Mapping[str, Any]]) -> list[str]:

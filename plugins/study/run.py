@@ -24,6 +24,7 @@ from sparsemor.plugins.study.journal import WRITES, Journal, is_study
 from sparsemor.plugins.study.plan import StudyPlan
 from sparsemor.plugins.study.pools import Pool, SerialPool
 from sparsemor.plugins.study.progress import OnProgress, progress_display
+from sparsemor.plugins.study.report import StudyTable
 from sparsemor.plugins.study.scheduler import LostWorkers, Row, Schedule
 
 KEPT = "runs"
@@ -54,8 +55,9 @@ def study(
     overrides: Mapping[str, Any] | None = None, out: str | Path | None = None, workers: int = 0,
     scheduler: Any = None, times: bool = True, registry: Registry | None = None,
     progress: bool = False,
-) -> list[Row]:
-    """Executes a study and returns its table: one mapping per run, in order.
+) -> StudyTable:
+    """Executes a study and returns its table: a list of one mapping per run, in order, with charts
+    (`plot()`).
 
     file: name of a packaged study, path, or the contents of a study file as plain data; scene:
     name, path or contents of the scene that it varies instead of its own, with changes `overrides`;
@@ -69,7 +71,7 @@ def study(
     with progress_display(plan, not progress) as on_progress:
         done = run_plan(plan, out=out, workers=workers, scheduler=scheduler, times=times,
                         registry=registry, on_progress=on_progress)
-    return list(done.rows)
+    return StudyTable(plan, done.rows)
 
 
 def run_plan(

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from sparsemor.core.cli import app
-from sparsemor.core.cli.cache import bytes_of, in_words
 from sparsemor.core.simulation.cache import Cache
+from sparsemor.plugins.commands.cache import bytes_of, in_words
 
 
 def command(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str]:

@@ -4,8 +4,7 @@ import re
 
 import pytest
 
-from sparsemor.core.cli.new_plugin import NO_CLASS
-from sparsemor.core.cli.plugins import first_sentence
+from sparsemor.core.cli.plugins import NO_CLASS, first_sentence
 from sparsemor.core.registry.registry import Registry
 
 

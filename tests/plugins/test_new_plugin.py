@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from public_names import PUBLIC, ours
-from sparsemor.core.cli.new_plugin import KINDS, package_files
 from sparsemor.core.errors import InputError
 from sparsemor.core.registry.registry import Registry
+from sparsemor.plugins.commands.new_plugin import KINDS, package_files
 
 LONG = {"basis", "body", "contact", "joint", "linear_solver", "load", "paper", "reducer",
         "scene", "sparse_solver", "study"}

@@ -10,7 +10,8 @@ from typing import Annotated
 import typer
 
 from sparsemor.core.cli.commands import OWN
-from sparsemor.core.cli.options import exit_codes, located_in, path_of
+from sparsemor.core.cli.options import located_in, path_of
+from sparsemor.core.cli.plugins import NO_CLASS
 from sparsemor.core.errors import InputError
 from sparsemor.core.registry.registry import Registry, suggestions
 from sparsemor.core.results.output_directory import OutputDirectory
@@ -30,9 +31,6 @@ USES = {"scene": "`sparsemor run $name` runs it", "study": "`sparsemor study $na
         "check": "each run is checked by it"}
 """Plugin kind -> how plugins of that kind are used; scene files select those of all other kinds."""
 
-NO_CLASS = ("charts", "choice", "command", "error_norm", "paper", "scene", "study")
-"""Plugin kinds whose entry points refer to objects, functions and files."""
-
 
 def new_plugin(
     name: Annotated[str, typer.Argument(metavar="NAME", help="The plugin's name, as in my_rows.")],
@@ -42,22 +40,21 @@ def new_plugin(
         help="Directory to create (default: sparsemor-NAME).")] = None,
 ) -> None:
     """Write a third-party package with one plugin and its law test."""
-    with exit_codes():
-        directory = out or Path(f"sparsemor-{name.replace('_', '-')}")
-        files = package_files(name, kind)
-        taken = [p.origin for p in Registry().names(kind) if p.name == name]
-        if kind == "command" and name in OWN:
-            taken.append("sparsemor")
-        if taken:
-            offer = "offers" if len(taken) == 1 else "offer"
-            raise InputError(f"NAME: {' and '.join(taken)} {offer} a {kind} called {name!r} "
-                             "already: choose another name")
-        with located_in():
-            OutputDirectory(directory).require_empty("choose another --out")
-            OutputDirectory(directory).make()
-        for path, text in files.items():
-            (directory / path).parent.mkdir(parents=True, exist_ok=True)
-            (directory / path).write_text(text, encoding="utf-8")
+    directory = out or Path(f"sparsemor-{name.replace('_', '-')}")
+    files = package_files(name, kind)
+    taken = [p.origin for p in Registry().names(kind) if p.name == name]
+    if kind == "command" and name in OWN:
+        taken.append("sparsemor")
+    if taken:
+        offer = "offers" if len(taken) == 1 else "offer"
+        raise InputError(f"NAME: {' and '.join(taken)} {offer} a {kind} called {name!r} "
+                         "already: choose another name")
+    with located_in():
+        OutputDirectory(directory).require_empty("choose another --out")
+        OutputDirectory(directory).make()
+    for path, text in files.items():
+        (directory / path).parent.mkdir(parents=True, exist_ok=True)
+        (directory / path).write_text(text, encoding="utf-8")
     typer.echo(f"wrote {directory}: install it with `pip install -e {directory}`, then run its "
                "law test with `pytest`")
 

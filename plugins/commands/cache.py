@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from sparsemor.core.cli.options import Json, Quiet, exit_codes, located_in, print_json
+from sparsemor.core.cli.options import Json, Quiet, located_in, print_json
 from sparsemor.core.errors import InputError
 
 UNITS = {"": 1, "k": 10**3, "M": 10**6, "G": 10**9, "T": 10**12}
@@ -20,7 +20,7 @@ def cache(
     as_json: Json = False, quiet: Quiet = False,
 ) -> None:
     """Show the cache of offline results (snapshots, bases), or reduce its size."""
-    with exit_codes(as_json), located_in():
+    with located_in():
         from sparsemor.core.simulation.cache import Cache, Removal
 
         store = Cache()
