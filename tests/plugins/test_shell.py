@@ -186,4 +186,4 @@ def test_arrays_have_the_names_of_their_components() -> None:
     assert np.array_equal(table.index, run.times)
     assert list(run.to_dataframe("pin").columns) == ["force x", "force y"]
     assert "image/gif" in run.animate(frames=2)._repr_html_()
-    assert run.plot("joint_forces")._repr_png_()[0][:4] == b"\x89PNG"  # type: ignore[attr-defined]
+    assert len(run.plot("joint_forces").axes) == 1
