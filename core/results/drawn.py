@@ -52,7 +52,9 @@ def history_of(run: Any, name: str) -> "xr.DataArray":
     for key in (name, f"probe.{name}", f"{name}.multiplier", f"force.{name}"):
         if key in stored and stored[key].dims[0] == "time":
             found = stored[key]
-            return found.rename({d: str(d).rpartition(".")[2] for d in found.dims if d != "time"})
+            short: "xr.DataArray" = found.rename(
+                {d: str(d).rpartition(".")[2] for d in found.dims if d != "time"})
+            return short
     import xarray as xr
 
     return xr.DataArray(run.block(name), {"time": run.times}, ("time", "unknown"), name=name)
