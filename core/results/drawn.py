@@ -49,12 +49,10 @@ def html_of(run: Any) -> str:
 def history_of(run: Any, name: str) -> "xr.DataArray":
     """Array over time of a result, its last dimension called `component`, `unknown` or `atom`."""
     stored = run.to_xarray()
-    for key in (name, f"probe.{name}", f"{name}.multiplier", f"force.{name}"):
-        if key in stored and stored[key].dims[0] == "time":
-            found = stored[key]
-            short: "xr.DataArray" = found.rename(
-                {d: str(d).rpartition(".")[2] for d in found.dims if d != "time"})
-            return short
     import xarray as xr
 
+    for key in (name, f"probe.{name}", f"{name}.multiplier", f"force.{name}"):
+        if key in stored and stored[key].dims[0] == "time":
+            found: xr.DataArray = stored[key]
+            return found.rename({d: str(d).rpartition(".")[2] for d in found.dims if d != "time"})
     return xr.DataArray(run.block(name), {"time": run.times}, ("time", "unknown"), name=name)
