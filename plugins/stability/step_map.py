@@ -9,7 +9,7 @@ ones included. Solvers that have an exact response return it: it costs one
 factorization instead of a solve for each unknown, and penetrations of 1e-7 m in contact are too
 small for differences. Multipliers carry no state.
 
-Perturbation sizes belong to the kinds of fields (docs/stability.md): the eigenvalue 1 of rigid
+Perturbation sizes belong to the kinds of fields: the eigenvalue 1 of rigid
 unknowns is nearly defective, so their columns need an error below 1e-10: four points. All other
 unknowns enter almost linearly, and one-sided differences suffice; smaller perturbations would show
 the solver's stopping error (1e-13). Formula and advance are not affine in unit quaternions

@@ -28,8 +28,7 @@ pytestmark = pytest.mark.full
 
 ROOT = Path(__file__).parents[2]
 COMMAND = Path(sys.executable).with_name("sparsemor")
-LONG = ("fmu", "how-to-swap-parts", "machines", "methods", "pictures", "stability",
-        "status-and-failures", "studies")
+LONG = ("kept-models", "machines", "methods", "pictures", "status-and-failures", "studies")
 """Pages that take a quarter of a minute and more each."""
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 _FENCE = re.compile(r"^```([^\n]*)\n(.*?)^```[ \t]*$", re.MULTILINE | re.DOTALL)

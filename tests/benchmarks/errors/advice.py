@@ -134,7 +134,7 @@ CASES = {
     "slider_plate": Case(slider, slider((1.0, 1.0, 1.0)), {
         "POD 100": pod(100, slider=20),  # studies/slider_methods.yaml
         "pulses": pulses(300, 120),
-        "POD 200, 5 training runs": {  # docs/parameters.md
+        "POD 200, 5 training runs": {  # docs/kept-models.md
             **pod(200, slider=100), "parameters": {
                 "speed": {"key": ["joints.drive.x.final", "bodies.slider.pose.velocity.0"],
                           "range": [0.8, 1.0]},
