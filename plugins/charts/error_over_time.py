@@ -38,7 +38,7 @@ def error_over_time_figure(
     error above 0.
 
     A dotted line of the same colour is the error that a run estimated for itself, in a band of half
-    to twice its size, in which errors are found (docs/validation/estimates.md). A line marks `limit`
+    to twice its size, in which errors are found. A line marks `limit`
     where an error exceeds it. Fields that are constant in all runs have no panel. measured: run ->
     errors; kinds: kinds of the runs' fields, in the order of the panels; trained_to: end of
     training, s, which is marked, 0 for none.

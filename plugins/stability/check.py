@@ -140,7 +140,7 @@ def judge(
     The Galerkin reference is computed only if the spectral radius exceeds the limit.
 
     A step that fails, at this state or one near it, counts as infinite growth: all tested models of
-    this kind stopped during the run (docs/status-and-failures.md).
+    this kind stopped during the run.
     """
     try:
         step = step_map(solver, integrator, h, *started(solver, integrator, full))

@@ -98,7 +98,7 @@ def states_along(
     has too many atoms.
 
     Also for integrators of higher order only the initial state: they damp little, and oscillating
-    frames then grow in each linearised map without growing in the run (docs/status-and-failures.md).
+    frames then grow in each linearised map without growing in the run.
     """
     many = sum(d.atoms.shape[1] for d in solver.dictionaries.values()) > MANY
     if many or integrator.order > 1 or not any(times):
