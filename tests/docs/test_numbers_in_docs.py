@@ -17,7 +17,7 @@ ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 PAGES = [ROOT / "README.md", *(p for p in sorted(DOCS.rglob("*.md"))
                                if p.relative_to(DOCS).parts[0] not in UNPUBLISHED)]
-LEFT_OUT = {"bibliography.md", "verification.md"} | (
+LEFT_OUT = {"bibliography.md", "mistakes.md", "verification.md"} | (
     {p.name for p in (DOCS / "reference").glob("*.md")} - {"equations.md", "glossary.md"})
 """The others of the reference are generated from the code."""
 UNITS = "ms|us|s|GB|MB|K|%|times|µm|um|nm|mm"
