@@ -1,6 +1,8 @@
 """Check of values against annotations: fields of objects made of data, and what plugins return."""
 
+import sys
 import types
+import typing
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from enum import Enum
@@ -10,8 +12,9 @@ from numbers import Integral, Real
 from typing import Any, Literal, Self, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
-from typing_extensions import get_protocol_members, is_protocol
+from typing_extensions import TypeAliasType, get_protocol_members, is_protocol
 
+_NAMED = (TypeAliasType, typing.TypeAliasType) if sys.version_info >= (3, 12) else TypeAliasType
 NOT_FINITE = "values that are not finite"
 _FLOAT = np.dtype(np.float64)
 _KINDS = {np.float64: "f", np.int64: "iu", np.bool_: "b"}
@@ -38,6 +41,7 @@ def fits(value: object, hint: Any, exact: bool = True) -> bool:
     """True if a value is of a type as annotations name it; what a callable takes and returns is not
     looked at. exact: integers are no entries of arrays of floats, and lists are no tuples or
     arrays."""
+    hint = _meant(hint)
     if hint is Any or hint is Self or isinstance(hint, TypeVar):
         return True
     if hint is float or hint is int:
@@ -72,6 +76,14 @@ def fits(value: object, hint: Any, exact: bool = True) -> bool:
     return isinstance(value, of or hint)
 
 
+def _meant(hint: Any) -> Any:
+    """Type that a named one (`type X = ..`, NumPy's NDArray) stands for."""
+    of = get_origin(hint)
+    if isinstance(of, _NAMED):
+        return _meant(of.__value__[get_args(hint)])
+    return _meant(hint.__value__) if isinstance(hint, _NAMED) else hint
+
+
 def _is_array(value: object, kinds: str, exact: bool) -> bool:
     if exact:
         return isinstance(value, np.ndarray) and (not kinds or value.dtype.kind in kinds)
@@ -94,6 +106,7 @@ def unfit(value: object, hint: Any, finite: bool = True) -> str:
 def usual(hint: Any, finite: bool = True) -> Callable[[object], bool]:
     """Quick test that accepts the usual values of an annotation, such as arrays of finite floats;
     `unfit` decides on all others."""
+    hint = _meant(hint)
     if hint is float:
         return lambda v: type(v) is float and (isfinite(v) or not finite)
     if hint is int or hint is bool or hint is str:
@@ -150,6 +163,7 @@ def _with_article(name: str) -> str:
 
 def required_type(hint: Any) -> str:
     """A type in words."""
+    hint = _meant(hint)
     of, inner = get_origin(hint), get_args(hint)
     if of is np.ndarray:
         kind = {"f": "finite numbers", "iu": "integers", "b": "truth values"}.get(

@@ -2,10 +2,12 @@
 
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, TypeVar
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
+from typing_extensions import TypeAliasType
 
 from contract_base import with_base
 from sparsemor.core import Plugin
@@ -13,6 +15,7 @@ from sparsemor.core.cli import app
 from sparsemor.core.errors import InputError
 from sparsemor.core.registry.contracts import CONTRACTS, breaches
 from sparsemor.core.registry.registry import Registry
+from sparsemor.core.registry.value_types import fits, required_type, usual
 from sparsemor.core.scene.scene import load
 from sparsemor.core.simulation.simulate import simulate
 from sparsemor.core.simulation.validation import checked_model
@@ -264,3 +267,15 @@ class Own(BodyPlugin):
         checked_model(scene)
     assert ("bodies.other: with rigid_stage, it has to follow a prescribed motion, which "
             "still_body.Still cannot: it has no with_motion(motion)") in str(caught.value)
+
+
+def test_a_named_type_is_what_it_stands_for() -> None:
+    """`type X = ...`, as NumPy names arrays from Python 3.12 on."""
+    T = TypeVar("T", bound=np.generic)
+    arrays = TypeAliasType(
+        "arrays", np.ndarray[Any, np.dtype[T]], type_params=(T,))  # type: ignore[valid-type]
+    floats = TypeAliasType("floats", arrays[np.float64])
+    for hint in (arrays[np.float64], floats, floats | None):
+        assert fits(np.ones(2), hint) and usual(hint)(np.ones(2))
+        assert not fits(np.ones(2, dtype=int), hint) and not fits("text", hint)
+        assert required_type(hint).startswith("an array of finite numbers")
