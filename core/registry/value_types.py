@@ -14,7 +14,9 @@ from typing import Any, Literal, Self, TypeVar, Union, get_args, get_origin, get
 import numpy as np
 from typing_extensions import TypeAliasType, get_protocol_members, is_protocol
 
-_NAMED = (TypeAliasType, typing.TypeAliasType) if sys.version_info >= (3, 12) else TypeAliasType
+_NAMED: tuple[type, ...] = (TypeAliasType,)
+if sys.version_info >= (3, 12):
+    _NAMED += (typing.TypeAliasType,)
 NOT_FINITE = "values that are not finite"
 _FLOAT = np.dtype(np.float64)
 _KINDS = {np.float64: "f", np.int64: "iu", np.bool_: "b"}
