@@ -1,6 +1,7 @@
 """Two distributions that offer one name: which one a scene means, and how it says so."""
 
 import json
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
@@ -50,7 +51,7 @@ def test_a_scene_that_uses_the_name_runs_and_is_warned(clash, here):
     scene = load(TINY, {"time.end": 0.002, "training.end": 0.002, **SPARSE})
     (note,) = scene.notes
     assert note.kind == "same_name"
-    for part in ("'lhs' is that of sparsemor 0.1.0", "sparsemor-bad 0.2.0 offers",
+    for part in (f"'lhs' is that of sparsemor {version('sparsemor')}", "sparsemor-bad 0.2.0 offers",
                  "write sparsemor-bad:lhs"):
         assert part in note.text
     assert note.text in simulate(scene).summary["notes"]
