@@ -14,7 +14,7 @@ from typing import Any, Literal, Self, TypeVar, Union, get_args, get_origin, get
 import numpy as np
 from typing_extensions import TypeAliasType, get_protocol_members, is_protocol
 
-_NAMED: tuple[type, ...] = (TypeAliasType,)
+_NAMED: Any = (TypeAliasType,)
 if sys.version_info >= (3, 12):
     _NAMED += (typing.TypeAliasType,)
 NOT_FINITE = "values that are not finite"
