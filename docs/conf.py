@@ -15,9 +15,10 @@ author = project_copyright = "sparsemor developers"
 release = version = version_of("sparsemor")
 language = "en"
 
-extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx_gallery.gen_gallery"]
-exclude_patterns = ["decisions", "developers", "gallery_src", "examples", "sg_execution_times.rst",
-                    "gallery_out/index.rst", "gallery_out/*.ipynb", "gallery_out/*.py", "site"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx_gallery.gen_gallery"]
+exclude_patterns = ["decisions", "developers", "gallery_src", "notebooks", "examples", "site",
+                    "sg_execution_times.rst", "gallery_out/index.rst", "*_out/*.ipynb", "*_out/*.py"]
+suppress_warnings = ["toc.multiple_toc_parents"]  # of patterns, which find listed pages, too
 html_theme = "furo"
 html_title = f"sparsemor {release}"
 html_show_sourcelink = False
@@ -26,20 +27,22 @@ html_math_renderer = "mathml"
 
 myst_enable_extensions = ["dollarmath", "attrs_block"]
 myst_heading_anchors = 6
-nb_execution_mode = "off"  # tests execute the notebooks
 
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
 autodoc_preserve_defaults = True
 
 sphinx_gallery_conf = {
-    "examples_dirs": "gallery_src", "gallery_dirs": "gallery_out", "download_all_examples": False,
+    "examples_dirs": ["gallery_src", "notebooks"],
+    "gallery_dirs": ["gallery_out", "notebooks_out"],  # tests run the notebooks, the site does not
+    "download_all_examples": False,
     "show_memory": False, "write_computation_times": False, "show_signature": False,
     "remove_config_comments": True, "image_scrapers": ("matplotlib",),
 }
 
 _FENCE = re.compile(r"(^ *```.*?^ *```[ \t]*$)", re.MULTILINE | re.DOTALL)
 _LINK = re.compile(r"(?<!!)\[([^\[\]]*)\]\(([^()\s]+)\)")
+GALLERIES = {"gallery_src": "gallery_out", "notebooks": "notebooks_out"}
 IN_REPOSITORY_ONLY = ("decisions", "developers", "examples")
 
 
@@ -52,8 +55,8 @@ def _repository_links(app: Sphinx, docname: str, source: list[str]) -> None:
         path = (folder / target.partition("#")[0]).resolve()
         if "://" in target or target.startswith("#") or not path.exists():
             return link[0]
-        if path.parent == HERE / "gallery_src":
-            return f"[{text}](/gallery_out/{path.stem}.rst)"
+        if path.suffix == ".py" and path.parent.name in GALLERIES:
+            return f"[{text}](/{GALLERIES[path.parent.name]}/{path.stem}.rst)"
         inside = path.is_relative_to(HERE) and path.relative_to(HERE).parts[0]
         if path.is_file() and inside and inside not in IN_REPOSITORY_ONLY:
             return link[0]

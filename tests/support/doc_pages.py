@@ -3,7 +3,7 @@
 from pathlib import Path
 
 DOCS = Path(__file__).parents[2] / "docs"
-UNPUBLISHED = ("decisions", "developers", "gallery_out")
+UNPUBLISHED = ("decisions", "developers", "gallery_out", "notebooks_out")
 """Folders that are no part of the site."""
 
 

@@ -66,7 +66,7 @@ def test_the_citation_is_of_the_paper() -> None:
     cited = YAML(typ="safe").load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
     assert {"cff-version", "message", "title", "authors"} <= set(cited)
     paper = cited["preferred-citation"]
-    pages = " ".join((ROOT / "docs/bibliography.md").read_text(encoding="utf-8").split())
+    pages = " ".join((ROOT / "docs/reference/bibliography.md").read_text(encoding="utf-8").split())
     assert f"{paper['title']}, {paper['journal']} {paper['volume']}({paper['issue']})" in pages
     assert paper["doi"] in pages and cited["license"] == PROJECT["license"]
 
