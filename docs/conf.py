@@ -16,12 +16,16 @@ release = version = version_of("sparsemor")
 language = "en"
 
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx_gallery.gen_gallery"]
-exclude_patterns = ["decisions", "developers", "gallery_src", "notebooks", "examples", "site",
-                    "sg_execution_times.rst", "gallery_out/index.rst", "*_out/*.ipynb", "*_out/*.py"]
+exclude_patterns = [
+    "decisions", "developers", "gallery_src", "notebooks", "examples", "site",
+    "sg_execution_times.rst", "gallery_out/index.rst", "*_out/*.ipynb", "*_out/*.py"]
 suppress_warnings = ["toc.multiple_toc_parents"]  # of patterns, which find listed pages, too
 html_theme = "furo"
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
 html_title = f"sparsemor {release}"
 html_show_sourcelink = False
+highlight_language = "text"
 pygments_style, pygments_dark_style = "tango", "monokai"
 html_math_renderer = "mathml"
 
@@ -46,8 +50,9 @@ GALLERIES = {"gallery_src": "gallery_out", "notebooks": "notebooks_out"}
 IN_REPOSITORY_ONLY = ("decisions", "developers", "examples")
 
 
-def _repository_links(app: Sphinx, docname: str, source: list[str]) -> None:
-    """Links to files that are no pages of the site become their paths in the repository."""
+def _for_the_site(app: Sphinx, docname: str, source: list[str]) -> None:
+    """Links to files that are no pages of the site become their paths in the repository;
+    commands are shown as on a screen."""
     folder = Path(app.srcdir, docname).parent
 
     def shown(link: re.Match[str]) -> str:
@@ -66,7 +71,14 @@ def _repository_links(app: Sphinx, docname: str, source: list[str]) -> None:
     if app.env.doc2path(docname).suffix == ".md":
         parts = _FENCE.split(source[0])
         parts[::2] = [_LINK.sub(shown, part) for part in parts[::2]]
+        parts[1::2] = [_session(part) if part.startswith("```console") else part
+                       for part in parts[1::2]]
         source[0] = "".join(parts)
+
+
+def _session(block: str) -> str:
+    """A block of commands as a reader's screen shows it: without the marks for the tests."""
+    return re.sub(r"(?m)^# -> ", "", block.replace("\n$ ! ", "\n$ "))
 
 
 def _mathml(translator: Any, node: nodes.math | nodes.math_block) -> None:
@@ -100,4 +112,4 @@ def _plain_docstrings(
 def setup(app: Sphinx) -> None:
     app.connect("autodoc-process-docstring", _plain_docstrings)
     app.add_html_math_renderer("mathml", (_mathml, None), (_mathml, None))
-    app.connect("source-read", _repository_links)
+    app.connect("source-read", _for_the_site)
