@@ -57,10 +57,11 @@ def pages() -> dict[str, str]:
     registry = Registry()
     links = "\n".join(f"* [{kind.replace('_', ' ')}]({kind}.md): {place}"
                       for kind, place in KINDS.items())
-    made = {"scene.md": "\n".join([HEAD.replace("KINDS", links).replace("PAGES", "\n".join(KINDS)), "## The scene\n",
-                                   *_table(Scene)])}
+    head = HEAD.replace("KINDS", links).replace("PAGES", "\n".join(KINDS))
+    made = {"scene.md": "\n".join([head, "## The scene\n", *_table(Scene)])}
     for kind, place in KINDS.items():
-        parts = [HEAD_OF_KIND.replace("TITLE", kind.replace("_", " ").capitalize()).replace("PLACE", place)]
+        title = kind.replace("_", " ").capitalize()
+        parts = [HEAD_OF_KIND.replace("TITLE", title).replace("PLACE", place)]
         for name in _own(registry, kind):
             cls = registry.get(kind, name.name)
             parts += [f"## `{name.name}`\n", _words(cls.__doc__ or "") + "\n", *_table(cls)]
