@@ -19,7 +19,7 @@ extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx_gallery.gen_gallery"]
 exclude_patterns = [
     "decisions", "developers", "gallery_src", "notebooks", "examples", "site",
     "sg_execution_times.rst", "gallery_out/index.rst", "*_out/*.ipynb", "*_out/*.py"]
-suppress_warnings = ["toc.multiple_toc_parents"]  # of patterns, which find listed pages, too
+suppress_warnings = ["toc.multiple_toc_parents"]  # of the pattern validation/*
 html_theme = "furo"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]

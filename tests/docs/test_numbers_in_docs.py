@@ -19,7 +19,7 @@ PAGES = [ROOT / "README.md", *(p for p in sorted(DOCS.rglob("*.md"))
                                if p.relative_to(DOCS).parts[0] not in UNPUBLISHED)]
 LEFT_OUT = {"bibliography.md", "mistakes.md", "verification.md"} | (
     {p.name for p in (DOCS / "reference").glob("*.md")} - {"equations.md", "glossary.md"})
-"""The others of the reference are generated from the code."""
+"""Generated from the code, but the first two."""
 UNITS = "ms|us|s|GB|MB|K|%|times|µm|um|nm|mm"
 NUMBER = re.compile(rf"(?<![\w.])(\d+(?:\.\d+)?e-?\d+|\d+(?:\.\d+)?\s?(?:{UNITS})\b)")
 COMMAND = re.compile(
