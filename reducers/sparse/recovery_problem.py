@@ -22,6 +22,7 @@ from sparsemor.reducers.step.reduced import Reduced
 from sparsemor.reducers.step.time_tables import plus_loads
 
 BORDER = 10.0
+"""Length of the scaled rows of rigid coordinates and multipliers; sampled rows have at most 1."""
 
 
 def shape_needs(rows: int, columns: int) -> frozenset[str]:
@@ -68,7 +69,11 @@ class HeatProblem:
 class MechanicsProblem:
     """Nonlinear least-squares problem of all elastic blocks in a step: unknowns [c of each block |
     rigid coordinates and multipliers], residual and Jacobian dense. residual: of all sampled rows;
-    x: state with the temperatures of the step."""
+    x: state with the temperatures of the step.
+
+    columns, numbers: unknowns and rows of the problem among those of the model; scale: factors of
+    the rows; groups: ranges of the blocks, with their budgets of nonzeros.
+    """
 
     def __init__(
         self, residual: Reduced, sampled: Sequence[SampledElastic], step: StepFormula,

@@ -88,6 +88,7 @@ def _accelerations(
     parts = [_linear(mechanics, body, t, state, scales, forces)
              for body, t in zip(mechanics.bodies, tested, strict=True)]
     maps = [body.to_border for body in mechanics.bodies]
+    # elastic accelerations eliminated (Schur complement): B z + r = target accelerations
     r = sum(T.T @ (p.rows - p.tau @ p.base) for T, p in zip(maps, parts, strict=True))
     used = [np.flatnonzero(T.any(axis=0)) for T in maps]
     B = summed(mechanics.size, ((at, T[:, at].T @ (p.H - p.tau @ p.S) @ T[:, at])

@@ -52,7 +52,10 @@ Facts = Mapping[str, Mapping[str, float | int | str]]
 class Stepper(StepSolver[Memory]):
     """Block-wise step solver: heat first, then mechanics.
 
-    limits: largest permitted |coefficient| of each block. heat: block name -> reduced operators.
+    limits: largest permitted |coefficient| of each block; sanity (n,): the inverse for each
+    unknown, so that one product shows that all are within. heat: block name -> its rows in a step;
+    tested: elastic block -> projected operators. points: number of past states that are
+    extrapolated.
     """
 
     layout: Layout

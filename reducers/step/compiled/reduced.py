@@ -130,8 +130,10 @@ def add_bodies(m: ModelArrays, b: BodyArrays, w: Work, own: BodyWork) -> None:
     last = own.H.shape[1]
     for i in range(len(b.k)):
         e, k, g = b.e[i], b.k[i], b.g[i]
+        # rows of the frame, in the last column of H, to those of rigid coordinates and joint forces
         for j in range(b.entries[i]):
             w.r[b.columns[i, j]] += b.values[i, j] * own.H[i, b.rows[i, j], last]
+        # sum_g G_g (kappa_g u + mu_g u') + E sigma to the rows of displacements
         r, turned = w.r[e : e + k], own.turned[i]
         for f in range(g):
             kappa, mu = own.coefficients[i, f], own.coefficients[i, g + f]
