@@ -1,7 +1,7 @@
 """Contact of a scene: its term in the equations of a time step, and its loads and resultants along
 a prescribed motion."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,6 +16,7 @@ from sparsemor.bodies.contact.along_motion import (
     steps,
     windows,
 )
+from sparsemor.bodies.contact.bristles import BRISTLES, Bristles
 from sparsemor.bodies.contact.broad_phase import BroadPhase
 from sparsemor.bodies.contact.pieces import pressure
 from sparsemor.bodies.contact.projection import nearest
@@ -24,7 +25,15 @@ from sparsemor.bodies.contact.side import ContactSide
 from sparsemor.bodies.contact.surface import Surface
 from sparsemor.bodies.contact.term import ContactTerm
 from sparsemor.bodies.contact.tractions import Interface, Loads, names_of, nodal, resultants
-from sparsemor.core import Contact, Equations, FloatArray, IntArray, SurfaceLoads
+from sparsemor.core import (
+    Block,
+    Contact,
+    Equations,
+    FloatArray,
+    InputError,
+    IntArray,
+    SurfaceLoads,
+)
 
 FLAT = 1e-3
 """Fraction of a surface's extent below which it counts as flat in a direction."""
@@ -48,8 +57,14 @@ class ContactPart(Contact):
     reach: float
     deforms: bool
     heats: bool
+    bristles: Bristles | None = None
     localized: bool = True
     moving: bool = True
+
+    def blocks(self) -> Sequence[Block]:
+        """The deflections of its bristles."""
+        b = self.bristles
+        return () if b is None else (Block(self.name, BRISTLES, b.count * self.first.d),)
 
     # ------------------------------------------------------------------ inside the step
 
@@ -59,7 +74,7 @@ class ContactPart(Contact):
             ContactSide.of(
                 s, equations.layout, moves=True, deforms=self.deforms, conducts=self.heats)
             for s in (self.first, self.second))
-        self._write(equations, (first, second), self.face, self.deforms)
+        self._write(equations, (first, second), self.face, self.deforms, self.bristles)
 
     def conduction(self, equations: Equations, motion: Motion) -> None:
         """Adds conduction between surfaces whose frames have a prescribed motion, without friction.
@@ -73,11 +88,12 @@ class ContactPart(Contact):
 
     def _write(
         self, equations: Equations, sides: tuple[ContactSide, ContactSide], face: Interface,
-        deforms: bool,
+        deforms: bool, bristles: Bristles | None = None,
     ) -> None:
         """Adds the term to the blocks of unknowns on which it depends and acts; nothing if it acts
         on no unknown."""
-        term = ContactTerm.of(sides, face, self.near, deforms, self.reach)
+        deflections = equations.numbers(f"{self.name}.{BRISTLES.name}" if bristles else "")
+        term = ContactTerm.of(sides, face, self.near, deforms, self.reach, bristles, deflections)
         if len(term.rows):
             blocks = equations.layout.containing(np.concatenate([term.rows, term.columns]))
             equations.local(blocks, term, together=deforms)
@@ -89,8 +105,12 @@ class ContactPart(Contact):
         time of the motion.
 
         In space, where surfaces have many nodes, only nodes that are in contact at some time are
-        included (all nodes, if none is).
+        included (all nodes, if none is). InputError with bristles, which have a history.
         """
+        if self.bristles is not None:
+            raise InputError("this law sticks, by a state of the surfaces that no motion tells: "
+                             "drop rigid_stage, with `surfaces: deformed` for bodies that deform, "
+                             "or take `coulomb`", f"contacts.{self.name}.friction")
         face, d = self._prescribed_face(), self.first.d
         made = _Sums(self.first), _Sums(self.second)
         for w, loads in self._loads(motion, face):

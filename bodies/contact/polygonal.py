@@ -7,6 +7,7 @@ import numpy as np
 from pydantic import Field
 
 from sparsemor.bodies.body import FloatingBody
+from sparsemor.bodies.contact.bristles import Bristles, Slip
 from sparsemor.bodies.contact.broad_phase import BroadPhase
 from sparsemor.bodies.contact.initial_overlap import check_start
 from sparsemor.bodies.contact.part import ContactPart
@@ -83,12 +84,14 @@ class Polygonal(ContactPlugin):
         d = _dimension(one, other)
         first, second = (Surface.of(*found) for found in bodies)
         check_start(first, second)
+        bristles = Bristles.of(self.friction, first.X)
+        friction = self.friction if bristles is None else Slip()
         face = self._face(one, other, rule(d, enough_points(
-            d, self.normal, self.friction, self.tolerance)))
+            d, self.normal, friction, self.tolerance)))
         # half a facet: farther in, the nearest facet is not the one that was crossed
         reach = 0.5 * float(min(first.sizes.min(), second.sizes.min()))
         return ContactPart(name, first, second, face, BroadPhase.of(first, second, reach), reach,
-                           self.deforms, self.heat is not None)
+                           self.deforms, self.heat is not None, bristles)
 
     def _face(
         self, first: FloatingBody, second: FloatingBody, points: tuple[FloatArray, FloatArray]

@@ -172,6 +172,11 @@ class Sizes:
         return self.f1 + self.f2 + self.u1 + self.u2
 
     @property
+    def all(self) -> int:
+        """Number of rigid coordinates, displacements and temperatures of both sides."""
+        return self.whole + self.n1 + self.n2
+
+    @property
     def frames(self) -> int:
         """Number of rigid coordinates of both bodies."""
         return self.f1 + self.f2
@@ -211,12 +216,12 @@ class Sizes:
         return np.concatenate([*at, self.whole + nodes], axis=1)
 
     def touched(self, numbers: IntArray) -> tuple[BoolArray, BoolArray]:
-        """(n1,), (n2,) True for nodes with at least one retained unknown; numbers (local + n1 +
-        n2,): -1 for those that are not retained."""
+        """(n1,), (n2,) True for nodes with at least one retained unknown; numbers: -1 for local
+        unknowns and temperatures that are not retained."""
         some = numbers >= 0
         _, _, u1, u2 = self.split(some[: self.whole].astype(np.float64))
         T = some[self.whole :]
-        return u1.any(axis=1) | T[: self.n1], u2.any(axis=1) | T[self.n1 :]
+        return u1.any(axis=1) | T[: self.n1], u2.any(axis=1) | T[self.n1 : self.n1 + self.n2]
 
 
 def dofs(nodes: IntArray, d: int) -> IntArray:

@@ -108,17 +108,20 @@ class Responses:
         n, v = planes.n[q.of][:, None], q.slip
         N, V = n[..., None, :], v[..., None, :]
         p, p_depth, p_sink, phi = (x[..., None] for x in (q.p, q.p_depth, q.p_sink, q.phi))
-        u = n - phi * v
+        u = n - phi * v - q.pull
         # d phi / d speed over the speed; whose square must not underflow
         moves = np.abs(q.speed) > 1e-100
         bend = np.where(moves, q.ratio_slip - q.phi, 0.0) / np.where(moves, q.speed, 1.0) ** 2
         eye = np.eye(o.d)
+        drops = q.pull[..., None] * q.fall[..., None, :]  # of bristles, whose coefficient falls
         slides = p[..., None] * (phi[..., None] * eye + bend[..., None, None] * v[..., None] * V)
         across = eye - n[..., None] * N
-        force_w = -u[..., None] * (p_sink * n)[..., None, :] - slides @ across
-        work = (q.ratio * q.speed)[..., None]
+        force_w = -u[..., None] * (p_sink * n)[..., None, :] - slides @ across - p[
+            ..., None] * drops
+        freed = (q.pull * q.free).sum(axis=2)[..., None]
+        work = (q.ratio * q.speed)[..., None] + freed
         grip = p * (q.ratio_slip + q.phi)[..., None]
-        heat_w = -p_sink * work * n + grip * v
+        heat_w = -p_sink * work * n + grip * v + p * (q.pull + freed * q.fall)
         force_y, heat_y = -u[..., None] * (p_depth * n)[..., None, :], -p_depth * work * n
         force_n, heat_n = np.zeros_like(force_y), np.zeros_like(heat_y)
         if vb is not None:
@@ -130,6 +133,14 @@ class Responses:
             force_n = -u[..., None] * (p_sink * w)[..., None, :] + p[..., None] * eye + slides @ (
                 off[..., None] * eye + n[..., None] * w[..., None, :])
             heat_n = -p_sink * work * w - grip * off * v
+            if q.bent is not None:
+                up, back = ((x * n).sum(axis=2)[..., None] for x in (q.bent, q.free))
+                mu = q.mu[..., None]
+                force_n = force_n + p[..., None] * (mu[..., None] * (
+                    up[..., None] * eye + n[..., None] * q.bent[..., None, :])
+                    + off[..., None] * drops)
+                heat_n = heat_n - p * (mu * (up * q.free + (off + back) * q.bent)
+                                       + off * freed * q.fall)
         flow, flow_y = np.zeros_like(q.p), np.zeros_like(v)
         if T is not None and face.conductance > 0:
             flow = face.conductance * drop(q, T)
@@ -255,11 +266,11 @@ def _warm_both(
 def _moves(o: Overlaps, q: Samples) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Derivatives of y (M, q, d, D), of n (M, 1, d, D) and delta times that of h (M, q, d, D), by
     both facets' corners."""
-    tilt, swing = (x[q.of][:, None] for x in _tilts(o))
+    tilt, swing = (x[q.of][:, None] for x in tilts(o))
     return _displacement(o, q), tilt, q.depth[..., None, None] * swing
 
 
-def _tilts(o: Overlaps) -> tuple[FloatArray, FloatArray]:
+def tilts(o: Overlaps) -> tuple[FloatArray, FloatArray]:
     """Derivatives (P, d, D) of the normal n and of h by the corners of both facets."""
     n, g, vb = o.pairs.planes.n, o.pairs.planes.g, o.pairs.vb
     assert vb is not None
@@ -382,7 +393,7 @@ def _velocity(o: Overlaps, q: Samples, tag: IntArray, both: bool) -> FloatArray:
     lifts = (tag == EDGE)[:, None]
     at = q.of, np.where(lifts[:, 0], 0, tag)
     border, lean_by = cells.borders[at], cells.leans[at][:, None]
-    depth, eta = o.at[q.of, :, DEPTH], o.at[q.of, :, 2 + o.d :]
+    depth, eta = o.at[q.of, :, DEPTH], o.at[q.of, :, 2 + o.d : 2 + 2 * o.d]
     bound = np.where(lifts, depth, (eta @ border[:, :, None])[:, :, 0] - lean_by * depth)
     normal = np.where(lifts, -n, (border[:, None] @ g)[:, 0] + lean_by * n)
     slope = np.linalg.norm(bound[:, :-1] - bound[:, -1:], axis=1)

@@ -8,6 +8,7 @@ from typing import Self
 import numpy as np
 from scipy.sparse import csr_array
 
+from sparsemor.bodies.contact.bristles import Bristles, Sliding
 from sparsemor.bodies.contact.broad_phase import BroadPhase
 from sparsemor.bodies.contact.kinematics import Kinematics
 from sparsemor.bodies.contact.pieces import Overlaps, Pairs, Pieces
@@ -24,8 +25,8 @@ from sparsemor.core.model.compressed_local import CompressedLocal
 @dataclass(frozen=True, slots=True, eq=False)
 class _Evaluation:
     """Contact at one state. nodes (P, 2 d): corners of both facets of each overlap, the second
-    surface's nodes numbered after the first's; T (P, 2 d): temperatures there, K, for conduction.
-    """
+    surface's nodes numbered after the first's; T (P, 2 d): temperatures there, K, for conduction;
+    sliding, rate (k, d): of the bristles."""
 
     kinematics: Kinematics
     nodes: IntArray
@@ -33,6 +34,8 @@ class _Evaluation:
     pieces: Pieces
     loads: Loads
     T: FloatArray | None
+    sliding: Sliding | None
+    rate: FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,9 +44,9 @@ class ContactTerm(Term):
     two surfaces. rows, columns: global numbers of the equations and unknowns; near: search for
     close facets; deforms: nodes move with the displacements, so facets are searched in the deformed
     state; reach: largest admissible penetration, m; active: masks (F,) of the facets of each
-    surface that are evaluated (against all of the other surface). reads, writes (local + n1 + n2,):
-    positions in `columns` and `rows` of the local unknowns (side.py) and then of the temperatures;
-    -1: none."""
+    surface that are evaluated (against all of the other surface). reads, writes: positions in
+    `columns` and `rows` of the local unknowns (side.py), then of the temperatures and of the
+    deflections of bristles; -1: none."""
 
     rows: IntArray
     columns: IntArray
@@ -55,20 +58,22 @@ class ContactTerm(Term):
     active: tuple[BoolArray, BoolArray]
     reads: IntArray
     writes: IntArray
+    bristles: Bristles | None = None
     source: str = ""
 
     @classmethod
     def of(
         cls, sides: tuple[ContactSide, ContactSide], face: Interface, near: BroadPhase,
-        deforms: bool, reach: float,
+        deforms: bool, reach: float, bristles: Bristles | None, deflections: IntArray,
     ) -> Self:
-        """Term with all unknowns of both sides."""
+        """Term with all unknowns of both sides and the deflections of bristles."""
         one, two = sides
-        numbers = np.concatenate([one.frame, two.frame, one.u, two.u, one.T, two.T])
+        numbers = np.concatenate([one.frame, two.frame, one.u, two.u, one.T, two.T, deflections])
         columns = np.unique(numbers[numbers >= 0])
         at = found_in(numbers, columns)
         first, second = (np.ones(len(s.surface.facets), bool) for s in sides)
-        return cls(columns, columns, sides, face, near, deforms, reach, (first, second), at, at)
+        return cls(columns, columns, sides, face, near, deforms, reach, (first, second), at, at,
+                   bristles)
 
     @property
     def elements(self) -> int:
@@ -107,7 +112,17 @@ class ContactTerm(Term):
         nodes = np.concatenate([i[kept], len(first.nodes) + j[kept]], axis=1)
         pieces = Pieces.cut(o, self.face.normal, self.face.friction)
         T = self._temperatures(x, t)[nodes] if self.face.conductance > 0 else None
-        return _Evaluation(here, nodes, o, pieces, nodal(o, pieces, self.face, T), T)
+        sliding, rate = None, np.zeros((0, here.sizes.d))
+        if self.bristles is not None:
+            z, rate = (self._deflections(f) for f in (x, v))
+            sliding = self.bristles.sliding(o, pieces, self.face, i[kept], z)
+            o = self.bristles.on(o, i[kept], z, rate)
+        return _Evaluation(here, nodes, o, pieces, nodal(o, pieces, self.face, T), T, sliding, rate)
+
+    def _deflections(self, x: FloatArray) -> FloatArray:
+        """(k, d) values of x (N,) at the deflections of the bristles."""
+        n = Sizes.of(*self.sides)
+        return picked(x, self.reads[n.all :]).reshape(-1, n.d)
 
     def _pairs(self, here: Kinematics, planes: Planes) -> tuple[IntArray, IntArray]:
         """Numbers of the facets of the first and of the second surface in each evaluated pair."""
@@ -129,7 +144,7 @@ class ContactTerm(Term):
         first, second = self.sides
         n = len(first.T)
         return np.concatenate([first.held.filled(unknown[:n], t),
-                               second.held.filled(unknown[n:], t)])
+                               second.held.filled(unknown[n : n + len(second.T)], t)])
 
     def residual(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray:
         if not self.elements:
@@ -138,6 +153,9 @@ class ContactTerm(Term):
         if now is None:
             return np.full(len(self.rows), np.nan)
         local = np.concatenate([now.kinematics.rows(self._forces(now)), self._heats(now)])
+        if now.sliding is not None:
+            free = now.sliding.V - now.sliding.lost - now.rate
+            local = np.concatenate([local, free.ravel()])
         kept = self.writes >= 0
         return -np.bincount(self.writes[kept], local[kept], minlength=len(self.rows)).astype(
             np.float64)
@@ -162,37 +180,67 @@ class ContactTerm(Term):
         now = self._evaluate(x, v, t)
         if now is None:
             return csr_array(np.full(shape, np.nan))
+        own = self._of_bristles(now.sliding, c1)
         if not len(now.nodes):
-            return csr_array(shape)
+            return csr_array(own, shape=shape)
         n = now.kinematics.sizes
-        local, at = self._of_pairs(now, picked(c1, self.reads[: n.whole])), n.of_pairs(now.nodes)
+        local, at = self._of_pairs(now, picked(c1, self.reads)), n.of_pairs(now.nodes)
+        if self.bristles is not None:
+            at = np.concatenate([at, n.all + self.bristles.numbers(now.nodes[:, : n.d])], axis=1)
         # rows and columns of the frames are those of every pair: their sum is put at the first
         local[0, : n.frames, : n.frames] = local[:, : n.frames, : n.frames].sum(axis=0)
         i, j = self.writes[at][:, :, None], self.reads[at][:, None]
         kept = (i >= 0) & (j >= 0)
         kept[1:, : n.frames, : n.frames] = False
         i, j = (np.broadcast_to(k, kept.shape)[kept] for k in (i, j))
-        return csr_array((-local[kept], (i, j)), shape=shape)
+        data, (rows, columns) = own
+        return csr_array((np.concatenate([-local[kept], data]), (
+            np.concatenate([i, rows]), np.concatenate([j, columns]))), shape=shape)
+
+    def _of_bristles(
+        self, now: Sliding | None, c1: FloatArray
+    ) -> tuple[FloatArray, tuple[IntArray, IntArray]]:
+        """Derivatives of the bristles' rows by their own deflections: values, rows and columns."""
+        start = Sizes.of(*self.sides).all
+        at = self.reads[start:]
+        if now is None:
+            return np.zeros(0), (at, at)
+        d = now.V.shape[1]
+        own = now.lost_z + picked(c1, at).reshape(-1, d, 1) * np.eye(d)
+        i, j = (np.broadcast_to(p.reshape(s), own.shape) for p, s in (
+            (self.writes[start:], (-1, d, 1)), (at, (-1, 1, d))))
+        kept = (i >= 0) & (j >= 0)
+        return own[kept], (i[kept], j[kept])
 
     def _of_pairs(self, now: _Evaluation, c1: FloatArray) -> FloatArray:
-        """(P, m, m) derivatives of the generalized forces and heats of each pair by its unknowns,
-        in the order of `Sizes.of_pairs`."""
+        """(P, m, m) derivatives of the generalized forces and heats of each pair, and of the free
+        motion of its bristles, by its unknowns, in the order of `Sizes.of_pairs`; c1: derivatives
+        of rates, by local number."""
         k, n = now.kinematics, now.kinematics.sizes
         warms = bool((self.writes[n.whole :] >= 0).any())
         tangent = Tangent.of(now.overlaps, now.pieces, self.face, now.loads, now.T, self.deforms,
                            warms)
         i, j, D = now.nodes[:, : n.d], now.nodes[:, n.d :] - n.n1, tangent.z.shape[2]
-        inner = k.by_unknowns(tangent.z, i) + k.by_rates(tangent.rate, i, j, c1)
+        inner = k.by_unknowns(tangent.z, i) + k.by_rates(tangent.rate, i, j, c1[: n.whole])
         P, m, f = len(i), inner.shape[2], n.frames
-        made = np.zeros((P, m + 2 * n.d, m + 2 * n.d))
+        w = m + 2 * n.d
+        size = w + (0 if now.sliding is None else n.d**2)
+        made = np.zeros((P, size, size))
         made[:, :m, :m] = k.by_unknowns(inner[:, :D].transpose(0, 2, 1), i).transpose(0, 2, 1)
-        made[:, m:, :m], made[:, m:, m:] = inner[:, D:], tangent.T
+        made[:, m:w, :m], made[:, m:w, m:w] = inner[:, D:], tangent.T
         forces = summed(now.loads.force[:, : n.d], now.pieces.overlap, P)
         frames, own = k.rows_by(forces, i)
         made[0, :f, :f] += frames
         if n.u1:
             made[:, f : f + n.d**2, :f] += own
             made[:, :f, f : f + n.d**2] += own.transpose(0, 2, 1)
+        if self.bristles is not None and now.sliding is not None:
+            of = now.overlaps, now.pieces, self.face
+            forces, heats = self.bristles.effect(*of, c1[n.all + self.bristles.numbers(i)])
+            made[:, :m, w:] = k.by_unknowns(forces.transpose(0, 2, 1), i).transpose(0, 2, 1)
+            made[:, m:w, w:] = heats
+            by_z, by_rate = self.bristles.by_corners(*of, i, now.sliding, self.deforms)
+            made[:, w:, :m] = k.by_unknowns(by_z, i) + k.by_rates(by_rate, i, j, c1[: n.whole])
         return made
 
     def check_step(self, x: FloatArray, v: FloatArray, t: float, h: float) -> str:
@@ -241,7 +289,7 @@ class ContactTerm(Term):
         writes = renumbered(self.writes, keep, len(self.rows))
         n = Sizes.of(*self.sides)
         active = self.active
-        if not (writes[: n.frames] >= 0).any():
+        if not (writes[: n.frames] >= 0).any() and not (writes[n.all :] >= 0).any():
             first, second = (a & hot[s.surface.facets].any(axis=1) for a, s, hot in zip(
                 self.active, self.sides, n.touched(writes), strict=True))
             active = (first, second)
@@ -251,8 +299,8 @@ class ContactTerm(Term):
                        reads=renumbered(self.reads, used, len(self.columns)), active=active)
 
     def _read(self, active: tuple[BoolArray, BoolArray]) -> BoolArray:
-        """(local + n1 + n2,) True for unknowns and temperatures on which the active facets depend.
-        """
+        """True for each local unknown, temperature and deflection on which the active facets
+        depend."""
         n = Sizes.of(*self.sides)
         if not (active[0].any() or active[1].any()):
             return np.zeros(len(self.reads), bool)
@@ -293,11 +341,12 @@ class ContactTerm(Term):
         n = Sizes.of(*self.sides)
         (one, used1), (two, used2) = (s.some(chosen) for s, chosen in zip(
             self.sides, (first, second), strict=True))
-        mine = n.of_points(used1, used2)
+        mine = np.concatenate([n.of_points(used1, used2), np.arange(n.all, len(self.reads))])
         reads, writes = self.reads[mine], self.writes[mine]
         columns, rows = np.unique(reads[reads >= 0]), np.unique(writes[writes >= 0])
         made = replace(
             self, rows=self.rows[rows], columns=self.columns[columns], sides=(one, two),
             reads=found_in(reads, columns), writes=found_in(writes, rows),
-            active=(self.active[0][first], self.active[1][second]))
+            active=(self.active[0][first], self.active[1][second]),
+            bristles=self.bristles and replace(self.bristles, patch=self.bristles.patch[used1]))
         return made, columns, rows

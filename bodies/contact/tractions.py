@@ -16,6 +16,9 @@ import numpy as np
 from sparsemor.bodies.contact.pieces import DEPTH, SINK, Overlaps, Pieces, pressure
 from sparsemor.core import FloatArray, FrictionLaw, IntArray, NormalLaw
 
+AT_REST = 1e-30
+"""Slip speed, m/s, at which the coefficient of rest of a law is evaluated."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Interface:
@@ -59,33 +62,50 @@ class Samples:
     ratio: FloatArray
     ratio_slip: FloatArray
     phi: FloatArray
+    bent: FloatArray | None
+    mu: FloatArray
+    pull: FloatArray
+    fall: FloatArray
+    free: FloatArray
 
     @classmethod
     def at(cls, o: Overlaps, of: IntArray, s: FloatArray, face: Interface) -> "Samples":
         at, d = s @ o.at[of], o.d
         depth, sink = np.maximum(at[:, :, DEPTH], 0.0), at[:, :, SINK]
-        slip, eta = at[:, :, 2 : 2 + d], at[:, :, 2 + d :]
+        slip, eta = at[:, :, 2 : 2 + d], at[:, :, 2 + d : 2 + 2 * d]
         p, p_depth, p_sink = face.normal.pressure(depth, sink)
         if p.min(initial=0.0) < 0.0:
             pushes = p >= 0.0
             p, p_depth, p_sink = (np.where(pushes, a, 0.0) for a in (p, p_depth, p_sink))
+        none, zero = np.zeros_like(p), np.zeros_like(slip)
+        if at.shape[2] > 2 + 2 * d and face.friction is not None:
+            n = o.pairs.planes.n[of]
+            bent, free = at[:, :, 2 + 2 * d : 2 + 3 * d], slip - at[:, :, 2 + 3 * d :]
+            speed = np.maximum(np.sqrt((slip * slip).sum(axis=2)), AT_REST)
+            mu, mu_speed = face.friction.ratio(speed)
+            pull = mu[:, :, None] * (bent - (bent @ n[:, :, None]) * n[:, None])
+            fall = (mu_speed / (mu * speed))[:, :, None] * slip
+            return cls(of, s, depth, sink, slip, eta, p, p_depth, p_sink, none, none, none, none,
+                       bent, mu, pull, fall, free)
         if d == 2:
             speed = (s @ o.speed[of][:, :, None])[:, :, 0]
         else:
             speed = np.sqrt(np.einsum("nqi,nqi->nq", slip, slip))
-        none = np.zeros_like(p)
         ratio, slope = (none, none) if face.friction is None else face.friction.ratio(speed)
         moves = speed != 0.0
         phi = np.where(moves, ratio, slope) / np.where(moves, speed, 1.0)
-        return cls(of, s, depth, sink, slip, eta, p, p_depth, p_sink, speed, ratio, slope, phi)
+        return cls(of, s, depth, sink, slip, eta, p, p_depth, p_sink, speed, ratio, slope, phi,
+                   None, none, zero, zero, slip)
 
     def drag(self) -> FloatArray:
         """(N, q, d) friction traction on the first body, per area of the second surface, Pa."""
-        return np.asarray(-(self.p * self.phi)[:, :, None] * self.slip)
+        force = -(self.p * self.phi)[:, :, None] * self.slip
+        return force if self.bent is None else np.asarray(force - self.p[:, :, None] * self.pull)
 
     def power(self) -> FloatArray:
         """(N, q) friction power per area, W/m2."""
-        return self.p * self.ratio * self.speed
+        power = self.p * self.ratio * self.speed
+        return power if self.bent is None else power + self.p * (self.pull * self.free).sum(axis=2)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -12,8 +12,7 @@ from sparsemor.core.protocols.prescribed_motion import FrameHistory, SurfaceLoad
 
 
 class Contact(Connector):
-    """A built contact: forces between bodies, evaluated surface element by surface element within
-    each step; it has no unknowns, `blocks` is empty.
+    """A built contact: forces between bodies, surface element by surface element in each step.
 
     Along the motion of a rigid-body pre-simulation it is evaluated in advance. motion: body ->
     motion over all steps.
@@ -92,6 +91,13 @@ class FrictionLaw(Plugin):
     def breaks(self) -> tuple[float, ...]:
         """Slip speeds (m/s) at which a derivative jumps."""
         return ()
+
+    @property
+    def bristles(self) -> tuple[float, int] | None:
+        """Of a law with static friction, whose ratio may jump at zero slip: elastic deflection of
+        the surfaces, m, from which they slip at rest, and largest number of patches that deflect;
+        None for a law of the slip alone."""
+        return None
 
     @abstractmethod
     def ratio(self, slip: FloatArray) -> tuple[FloatArray, FloatArray]:

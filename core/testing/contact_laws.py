@@ -33,12 +33,14 @@ def check_normal_law(normal: NormalLaw, seed: int = 0, trials: int = 20) -> None
 
 
 def check_friction_law(friction: FrictionLaw, seed: int = 0, trials: int = 20) -> None:
-    """Laws of a friction law: friction opposes slip and vanishes with it; the derivative is that of
-    the friction ratio away from the breaks (kinks); equal values for equal arguments. Slip rates
-    are drawn around the breaks."""
+    """Laws of a friction law: friction opposes slip and vanishes with it, without a jump if nothing
+    sticks; the derivative is that of the friction ratio away from the breaks (kinks); equal values
+    for equal arguments. Slip rates are drawn around the breaks."""
     rng, breaks = np.random.default_rng(seed), _breaks(friction.breaks)
-    unit = max(map(abs, breaks), default=1.0)
-    law(not friction.ratio(np.zeros(1))[0].any(), "friction without slip")
+    unit, sticks = max(map(abs, breaks), default=1.0), friction.bristles
+    none, least, most = np.abs(friction.ratio(unit * np.array([0.0, 1e-9, 1.0]))[0])
+    law(none == 0.0 and (sticks or least <= 1e-3 * most), "friction without slip")
+    law(sticks is None or min(least, *sticks) > 0, "bristles without friction or a deflection")
     for _ in range(trials):
         slip = rng.choice([-1.0, 1.0], (3, 4)) * unit * 10.0 ** rng.uniform(-2, 2, (3, 4))
         ratio, slope = friction.ratio(slip)

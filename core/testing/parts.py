@@ -130,10 +130,6 @@ def refuses_absent_bodies(
             optional=not mentioned(plugin, bodies))
 
 
-def without_unknowns(part: Part) -> None:
-    law(not any(b.size for b in part.blocks()), "a load or contact has no unknowns of its own")
-
-
 def check_joint(plugin: JointPlugin, bodies: Entries, seed: int = 0) -> None:
     """Laws of a joint: terms that satisfy the laws of a term (`check_term`); constraint rows that
     are independent and satisfied at the start; reaction forces that do no work along the constraint
@@ -160,8 +156,7 @@ def check_joint(plugin: JointPlugin, bodies: Entries, seed: int = 0) -> None:
 
 
 def _constraint(model: Model, rows: slice) -> None:
-    K = derivative(model, 0)
-    second = model.layout.second
+    K, second = derivative(model, 0), model.layout.second
     G, reactions = K[rows, second], K[second, rows]
     size = float(np.abs(G).max(initial=0.0))
     law(size > 0.0, "its constraint rows do not depend on any motion")
@@ -179,9 +174,8 @@ def _constraint(model: Model, rows: slice) -> None:
 
 def _extent(model: Model) -> float:
     """Largest absolute coordinate of the body frames at the start, m or rad."""
-    poses = [model.x0[model.layout[b.name]] for b in model.layout
-             if b.kind.quantity is Quantity.POSE]
-    return float(np.abs(np.concatenate([np.zeros(1), *poses])).max())
+    return max((float(np.abs(model.x0[model.layout[b.name]]).max()) for b in model.layout
+                if b.kind.quantity is Quantity.POSE), default=0.0)
 
 
 def check_load(plugin: LoadPlugin, bodies: Entries, seed: int = 0) -> None:
@@ -196,7 +190,7 @@ def check_load(plugin: LoadPlugin, bodies: Entries, seed: int = 0) -> None:
     check_parts(scene, seed)
     model = assemble(scene)
     part, layout = model.parts["load"], model.layout
-    without_unknowns(part)
+    law(not any(b.size for b in part.blocks()), "a load has no unknowns of its own")
     rows = np.concatenate([t.rows for t in terms_of(model, "load")] or [np.zeros(0, np.int64)])
     law(rows.size > 0, "it acts on none of the bodies")
     law(bool((rows < layout.algebraic.start).all()), "it acts on rows of multipliers")
@@ -214,9 +208,8 @@ TRIALS = 20
 def check_contact(
     plugin: ContactPlugin, bodies: Entries, seed: int = 0, scale: float = 1e-3
 ) -> None:
-    """Laws of a contact: no unknowns of its own; terms that satisfy the laws of a term
-    (`check_term`); forces on both bodies that sum to zero, in the plane also their moments; a short
-    run.
+    """Laws of a contact: terms that satisfy the laws of a term (`check_term`); forces on both
+    bodies that sum to zero, in the plane also their moments; a short run.
 
     bodies: two that touch at the start, as entries of a scene. scale: standard deviation of the
     random changes of their poses and rates (m, rad, per s).
@@ -224,7 +217,6 @@ def check_contact(
     refuses_absent_bodies(plugin, bodies)
     scene = small_scene(bodies, contacts={"contact": plugin})
     model = assemble(scene)
-    without_unknowns(model.parts["contact"])
     check_parts(scene, seed)
     rng, met = np.random.default_rng(seed), False
     for trial in range(TRIALS):
@@ -249,8 +241,7 @@ def _resultant(model: Model, x: FloatArray, f: FloatArray) -> tuple[FloatArray, 
     for b in model.layout:
         if b.kind.quantity is not Quantity.POSE:
             continue
-        at = model.layout[b.name]
-        F, R = f[at], x[at]
+        F, R = (s[model.layout[b.name]] for s in (f, x))
         if b.size == PLANAR_POSE:
             found.append(np.array([F[0], F[1], F[2] + R[0] * F[1] - R[1] * F[0]]))
         else:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sparsemor.core import Dictionary, InputError, Scene, State
+from sparsemor.core import Dictionary, InputError, Quantity, Scene, State
 from sparsemor.core.model.body_cache import BodyCache
 from sparsemor.core.model.fitting_bases import fitted_bases
 from sparsemor.core.model.model import Model
@@ -47,6 +47,12 @@ def prepare(scene: Scene, observers: Sequence[object] = (), cache: Cache | None 
     manager = new_manager(observers)
     scene = explicit(scene, cache, manager, bodies)
     model, offline = prepared(scene, cache, manager, bodies)
+    sticks = [b.owner for b in model.layout if b.kind.order == 1
+              and b.kind.quantity is not Quantity.TEMPERATURE]
+    if sticks:
+        raise InputError("surfaces that stick have no equilibrium of their own, because it depends "
+                         "on their history: take `coulomb` or no friction, or run it in time",
+                         f"contacts.{sticks[0]}.friction")
     train(scene, model, offline)
     build_bases(scene, model, offline)
     h = scene.time.step

@@ -261,6 +261,10 @@ class Reduced(WholeEquations):
         rigid = all(b.tested is None for b in bodies)
         self.price = 1 if rigid and n <= RIGID else 8 + n // 40
         self.atoms = slice(layout.frames.stop, layout.algebraic.start)
+        solved = [layout[b.name] for b in layout.differential if b.kind.reducible]
+        self.identity: IntArray | slice = self.atoms  # else bristles are between them
+        if sum(at.stop - at.start for at in solved) < self.atoms.stop - self.atoms.start:
+            self.identity = np.r_[np.zeros(0, np.int64), *solved]
         self.terms_in_heat = any(_inside(c.columns, first) for c in coupled)
         self.known = [c for c in coupled if heat_first and _all_inside(c.columns, first)]
         self.iterated = [c for c in coupled if c not in self.known]
@@ -476,7 +480,7 @@ class Reduced(WholeEquations):
         """Residual (n,) at the departure d (n,)."""
         r = self.base.copy()
         if not self.sampled:
-            r[self.atoms] += d[self.atoms]
+            r[self.identity] += d[self.identity]
         for b in self.prescribed_bodies:
             b.add(r, d)
         if self.linear:

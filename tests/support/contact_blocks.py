@@ -17,6 +17,8 @@ from sparsemor.core.testing.in_memory_run import scene_of
 MATERIAL = {"E": 7e8, "nu": 0.3, "rho": 2700, "alpha": 2e-5, "k": 150, "c": 900}
 NORMAL = {"use": "elastic_foundation", "stiffness": 1e9, "damping": 1e5, "damping_depth": 1e-3}
 FRICTION = {"use": "coulomb", "coefficient": 0.3, "critical_velocity": 0.05}
+STICK = {"use": "stick", "coefficient": 0.3, "displacement": 1e-3, "static": 0.4,
+         "decay_velocity": 0.1}
 CASES = ("flat", "open", "bent", "wedge")
 """A block that stands on a plate, over its end, on an edge of it, or with an edge in it."""
 KINDS: list[tuple[str, tuple[str, ...], dict[str, Any]]] = [
@@ -54,7 +56,7 @@ def scene(
 
 def in_plane(
     case: str, surfaces: str = "rigid", fields: tuple[str, ...] = (),
-    normal: dict[str, Any] = NORMAL, **heat: Any,
+    normal: dict[str, Any] = NORMAL, friction: dict[str, Any] = FRICTION, **heat: Any,
 ) -> Model:
     x, angle, tilt, between = {
         "flat": (0.0, 0.02, 0.0, ["block:bottom", "plate:top"]),
@@ -70,7 +72,8 @@ def in_plane(
         block["pose"]["position"] = [-corner.real, -corner.imag]
     plate = body([-0.2, -0.1], [0.4, 0.1], [7, 2], of, "bottom",
                  pose={"angle": 0.001, "spin": 0.03})
-    return assemble(scene(block, plate, heat, between=between, surfaces=surfaces, normal=normal))
+    return assemble(scene(block, plate, heat, between=between, surfaces=surfaces, normal=normal,
+                          friction=friction))
 
 
 def turned(*parts: tuple[list[float], float]) -> FloatArray:
@@ -83,7 +86,7 @@ def turned(*parts: tuple[list[float], float]) -> FloatArray:
 
 def in_space(
     case: str, surfaces: str = "rigid", fields: tuple[str, ...] = (), plate: str | None = None,
-    normal: dict[str, Any] = NORMAL, **heat: Any,
+    normal: dict[str, Any] = NORMAL, friction: dict[str, Any] = FRICTION, **heat: Any,
 ) -> Model:
     x, tilt, between = {
         "flat": (0.0, 0.0, ["block:bottom", "plate:top"]),
@@ -103,7 +106,7 @@ def in_space(
         "pose": {"quaternion": turned(([1, 1, 0], 0.001)).tolist(), "spin": [0.0, 0.1, 0.03]}}
     base = body([-0.2, -0.1, -0.1], [0.4, 0.2, 0.1], [4, 2, 1], of, "bottom", **still)
     return assemble(scene(block, base, heat, between=between, surfaces=surfaces, normal=normal,
-                          tolerance=1e-3))
+                          friction=friction, tolerance=1e-3))
 
 
 def on_a_rigid_plate(d: int) -> Any:

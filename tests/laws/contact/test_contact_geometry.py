@@ -135,7 +135,16 @@ class Driving(Coulomb):
         return -slip, -np.ones_like(slip)
 
 
+class Sudden(Coulomb):
+    """Friction that jumps, of surfaces that do not stick."""
+
+    def ratio(self, slip: Any) -> Any:
+        return np.sign(slip), np.zeros_like(slip)
+
+
 def test_the_law_kit_refuses_wrong_laws() -> None:
+    with pytest.raises(AssertionError, match="friction without slip"):
+        check_friction_law(Sudden(coefficient=1.0, critical_velocity=1.0))
     with pytest.raises(AssertionError, match="just meet"):
         check_normal_law(Jumping(stiffness=1.0))
     with pytest.raises(AssertionError, match="derivative by depth"):

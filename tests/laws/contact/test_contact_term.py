@@ -7,7 +7,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from contact_blocks import CASES, KINDS, NORMAL, PLANE, SPACE, World, on_a_rigid_plate
+from contact_blocks import (
+    CASES,
+    FRICTION,
+    KINDS,
+    NORMAL,
+    PLANE,
+    SPACE,
+    STICK,
+    World,
+    on_a_rigid_plate,
+)
 from sparsemor.bodies.contact.laws.coulomb import Coulomb
 from sparsemor.bodies.contact.laws.elastic_foundation import ElasticFoundation
 from sparsemor.bodies.contact.quadrature import enough_points
@@ -41,6 +51,55 @@ def test_every_contact_keeps_the_laws_of_a_term(
     assert np.abs(term.residual(x, 0 * x, 0 * x, 0.0)).max() > 1.0
     scale, trials = (1e-3, 4) if world is PLANE else (1e-4, 1)  # facets in space are slower
     check_term(term, np.random.default_rng(0), base=x, scale=scale, trials=trials)
+
+
+@pytest.mark.parametrize(("world", "case", "surfaces", "fields", "heat"), [
+    pytest.param(*p.values, id=p.id, marks=[] if p.values[:2] == (PLANE, "flat") and p.values[
+        2:] == KINDS[-1] else pytest.mark.full) for p in LAID])
+def test_bristles_keep_the_laws_of_a_term(
+    world: World, case: str, surfaces: str, fields: tuple[str, ...], heat: dict[str, Any]
+) -> None:
+    """Some of them stick and some slip."""
+    m = world.model(case, surfaces, fields, friction=STICK, **heat)
+    term = world.term(m)
+    x, rng = m.x0[term.columns].copy(), np.random.default_rng(1)
+    x[world.d - 1] -= 1e-3
+    at = m.layout["sole.bristles"]
+    own = (term.columns >= at.start) & (term.columns < at.stop)
+    x[own] = 1.2e-3 * rng.standard_normal(own.sum())
+    size = np.linalg.norm(x[own].reshape(-1, world.d), axis=1)
+    assert size.min() < 1e-3 < size.max()
+    scale, trials = (1e-3, 3) if world is PLANE else (1e-4, 1)
+    check_term(term, rng, base=x, scale=scale, trials=trials)
+
+
+@both
+@pytest.mark.parametrize("case", ["flat", "wedge"])
+def test_what_bristles_take_from_the_motion_is_stored_or_enters_as_heat(
+    world: World, case: str
+) -> None:
+    """At any state, to round-off: power of friction = int p Z . z' dA + heat; and without rates
+    of the deflections all of it is heat, of either sign."""
+    m = world.model(case, *FULL, friction=STICK, share=0.37)
+    term = world.term(m)
+    x, v = world.state(m, term)
+    at, first = m.layout["sole.bristles"], m.layout.first.start
+    own = (term.columns >= at.start) & (term.columns < at.stop)
+    x[own] = 5e-4 * np.random.default_rng(0).standard_normal(own.sum())
+    smooth = np.where(own, 0.0, x)
+    found = []
+    for rate in (0.0, 0.01, 0.02):
+        now = np.where(own, rate, v)
+        r = term.residual(x, now, 0 * x, 0.0)
+        free = term.residual(smooth, now, 0 * x, 0.0)
+        warm = (term.rows >= first) & ~own
+        moves = term.rows < first
+        found.append((float((r - free)[moves] @ now[moves]), -float(r[warm].sum())))
+    (taken, heat), (_, less), (_, least) = found
+    assert abs(taken) > 1e-3
+    assert heat == pytest.approx(taken, rel=1e-11)
+    assert least - less == pytest.approx(less - heat, rel=1e-9)  # linear in the rates
+    assert less != heat
 
 
 @pytest.mark.parametrize("d", [2, 3])
@@ -100,14 +159,17 @@ def test_what_friction_takes_from_the_motion_enters_as_heat(world: World, case: 
 
 
 @both
+@pytest.mark.parametrize("friction", [FRICTION, STICK], ids=["coulomb", "stick"])
 @pytest.mark.parametrize("surfaces", ["rigid", "deformed"])
 @pytest.mark.parametrize("case", ["flat", "bent", "wedge"])
 def test_forces_and_torques_of_both_bodies_cancel(
-    world: World, case: str, surfaces: str
+    world: World, case: str, surfaces: str, friction: dict[str, Any]
 ) -> None:
-    m = world.model(case, surfaces, ("elastic",) if surfaces == "deformed" else ())
+    m = world.model(case, surfaces, ("elastic",) if surfaces == "deformed" else (),
+                    friction=friction)
     term = world.term(m)
     x, v = world.state(m, term)
+    x[term.columns >= m.layout.second.stop] = 5e-4
     x[world.d - 1] -= 5e-3  # deep: a third of it would show an arm that is left out
     r = term.residual(x, v, 0 * x, 0.0)
     force, torque, size = np.zeros(3), np.zeros(3), 0.0

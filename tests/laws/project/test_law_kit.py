@@ -55,6 +55,8 @@ OPTIONS: dict[tuple[str, str], dict[str, Any]] = {
         "rho": 1600.0, "E": (1.2e11, 9e9, 8e9), "nu": (0.3, 0.28, 0.4), "G": (5e9, 4.5e9, 3e9),
         "k": (40.0, 5.0, 2.0), "c": 900.0, "angle": 0.5, "axis": (1.0, 2.0, 3.0)},
     ("friction_law", "coulomb"): {"coefficient": 0.3, "critical_velocity": 0.05},
+    ("friction_law", "stick"): {"coefficient": 0.3, "displacement": 1e-6, "static": 0.4,
+                                "decay_velocity": 0.1},
     ("mesh", "rectangle"): {"size": (2.0, 1.0), "divisions": (4, 3)},
     ("mesh", "unstructured"): {"size": (2.0, 1.0), "divisions": (4, 2), "elements": 24},
     ("mesh", "file"): {"path": "bar.vtk"},

@@ -1,0 +1,187 @@
+"""Static friction of a contact: elastic bristles on the first surface.
+
+The nodes of the first surface are divided into patches with the shape functions phi, sums of those
+of their nodes. Each patch has one deflection z (d,), m, in the second body's axes: unknowns of
+first order. With the pressure p, the slip velocity w, the law's coefficient mu(|w|), and the
+deflection z_0 from which bristles slip (0 without pressure),
+
+    traction on the first body: -p mu Z,   Z = sum phi z / z_0, along the second facet,
+    z' = V - (|z| - z_0)+ / tau z / |z|,   V = int phi p w dA / int phi p dA:
+
+an elastoplastic law (Dupont et al. 2002, doi 10.1109/TAC.2002.1000274) whose bound holds but for
+tau |V| / z_0 (Duvaut and Lions 1976, doi 10.1007/978-3-642-66165-5), so that the rates z' follow
+from any state. Patches with the mean slip V do the work of their tractions, if mu is constant in
+them. Of the power p mu Z . w bristles store p mu Z . z'; p mu Z . (w - z') is heat.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+from sparsemor.bodies.contact.pieces import Overlaps, Pieces
+from sparsemor.bodies.contact.side import dofs
+from sparsemor.bodies.contact.tangent import Tangent, summed, tilts
+from sparsemor.bodies.contact.tractions import Interface, Samples, nodal, weights_of
+from sparsemor.core import FieldKind, FloatArray, FrictionLaw, IntArray
+
+BRISTLES = FieldKind("bristles", order=1, unit="m", title="deflection of bristles",
+                     scale=1e-6, smallest=1e-9, change=1e-2)
+"""Deflections of the patches of a contact."""
+DELAY = 1e-11
+"""Time tau, s: slipping bristles deflect by tau |V| beyond z_1."""
+
+class Slip(FrictionLaw):
+    """Traction p w, whose nodal forces are integrals of the slip."""
+
+    def ratio(self, slip: FloatArray) -> tuple[FloatArray, FloatArray]:
+        return slip, np.ones_like(slip)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sliding:
+    """Bristles at one state: normal force N (k,), N, mean slip V (k, d), m/s, and rate of the
+    deflection that slips through (k, d), m/s, with its derivative by z (k, d, d)."""
+
+    N: FloatArray
+    V: FloatArray
+    lost: FloatArray
+    lost_z: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Bristles:
+    """Bristles that slip from the deflection `give`, m: patch (n1,) of each node of the first
+    surface, of `count`."""
+
+    give: float
+    patch: IntArray
+    count: int
+
+    @classmethod
+    def of(cls, law: FrictionLaw | None, X: FloatArray) -> Self | None:
+        """Bristles on nodes X (n1, d), m; None where the law has none."""
+        if law is None or law.bristles is None:
+            return None
+        give, most = law.bristles
+        patch = patches(X, most)
+        return cls(give, patch, int(patch.max()) + 1)
+
+    def numbers(self, corners: IntArray) -> IntArray:
+        """(P, d^2) numbers of the unknowns of the patches of the corners (P, d) of first facets."""
+        return dofs(self.patch[corners], corners.shape[1])
+
+    def on(self, o: Overlaps, corners: IntArray, z: FloatArray, rate: FloatArray) -> Overlaps:
+        """Overlaps with deflections Z and rates z' at the corners of the first facets."""
+        at = self.patch[corners]
+        return replace(o, at=np.concatenate([o.at, z[at] / self.give, rate[at]], axis=2))
+
+    # ------------------------------------------------------------------ rows of the deflections
+
+    def sliding(
+        self, o: Overlaps, pieces: Pieces, face: Interface, corners: IntArray, z: FloatArray
+    ) -> Sliding:
+        """Slip of the bristles at deflections z (k, d) for overlaps without them."""
+        _, N, moved = _integrals(o, pieces, face)
+        at = self.patch[corners].ravel()
+        whole = np.bincount(at, N.ravel(), self.count).astype(np.float64)
+        V = np.array([np.bincount(at, m, self.count) for m in moved.reshape(-1, o.d).T]).T
+        size, z0 = np.linalg.norm(z, axis=1), np.where(whole > 0.0, self.give, 0.0)
+        slips = np.where((size > z0) | (whole <= 0.0), 1.0 / DELAY, 0.0)
+        share = slips * (1.0 - z0 * _inverse(size))
+        e = z * _inverse(size)[:, None]
+        ee = e[:, :, None] * e[:, None]
+        by_z = share[:, None, None] * (np.eye(o.d) - ee) + slips[:, None, None] * ee
+        return Sliding(whole, V * _inverse(whole)[:, None], share[:, None] * z, by_z)
+
+    def by_corners(
+        self, o: Overlaps, pieces: Pieces, face: Interface, corners: IntArray, now: Sliding,
+        deforms: bool,
+    ) -> tuple[FloatArray, FloatArray]:
+        """Derivatives (P, d^2, D) of V in the rows of the corners' patches, by positions and by
+        velocities of the facets' corners."""
+        P, d, at = len(corners), o.d, self.patch[corners]
+        o = replace(o, at=o.at[:, :, : 2 + 2 * d])  # without bristles
+        force, N, _ = _integrals(o, pieces, face)
+        tangent = Tangent.of(o, pieces, _sliding(face), nodal(o, pieces, _sliding(face), None),
+                             None, deforms, False)
+        n = o.pairs.planes.n
+        tilt = None if o.pairs.vb is None else tilts(o)[0]
+        scale = _inverse(now.N)[at][:, :, None, None]
+        found = []
+        for by in (tangent.z, tangent.rate):
+            F = by[:, : d * d].reshape(P, d, d, -1)
+            dN = (n[:, None, None] @ F)[:, :, 0]
+            moved = -F
+            if by is tangent.z and tilt is not None:
+                dN = dN + force @ tilt
+                moved = moved + N[:, :, None, None] * tilt[:, None]
+            moved = moved + (n[:, None, :, None] - now.V[at][..., None]) * dN[:, :, None]
+            found.append((scale * moved).reshape(P, d * d, -1))
+        return found[0], found[1]
+
+    # ------------------------------------------------------------------ effect of the deflections
+
+    def effect(
+        self, o: Overlaps, pieces: Pieces, face: Interface, c1: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Derivatives of the nodal forces (P, D, d^2) and heats (P, 2 d, d^2) of each overlap by
+        the deflections at the first facet's corners, of which c1 (P, d^2) are those of their rates;
+        overlaps as of `on`."""
+        q, P, d = Samples.at(o, pieces.overlap, pieces.samples(face.points), face), len(o.at), o.d
+        W = weights_of(o, pieces, face) * q.p * q.mu / self.give
+        n, g = o.pairs.planes.n[q.of], o.pairs.planes.g[q.of]
+        across = np.eye(d) - n[:, :, None] * n[:, None]
+        own = np.einsum("mq,mqi,mqj->mij", W, q.s, q.s)
+        rows = [-np.einsum("mij,mab->miajb", own, across)]
+        if o.pairs.vb is not None:
+            other = np.einsum("mq,mqi,mqj->mij", W, q.eta, q.s)
+            arm = np.einsum("mq,mq,mqj->mj", W, q.depth, q.s)
+            rows.append(np.einsum("mij,mab->miajb", other, across)
+                        + np.einsum("mj,mib,ma->miajb", arm, g, n))
+        forces = np.concatenate(rows, axis=1).reshape(len(q.of), -1, d * d)
+        assert q.bent is not None
+        Z = q.bent - (q.bent @ n[:, :, None]) * n[:, None]
+        by_z, by_rate = q.free - (q.free @ n[:, :, None]) * n[:, None], -self.give * Z
+        ends = face.share * q.s, (1.0 - face.share) * q.eta
+        heats = [np.concatenate([np.einsum("mq,mqi,mqj,mqb->mijb", W, e, q.s, by) for e in ends],
+                                axis=1).reshape(len(q.of), -1, d * d) for by in (by_z, by_rate)]
+        return summed(forces, q.of, P), (
+            summed(heats[0], q.of, P) + summed(heats[1], q.of, P) * c1[:, None])
+
+
+def _inverse(x: FloatArray) -> FloatArray:
+    """1 / x where x > 0, else 0."""
+    return np.where(x > 0.0, 1.0, 0.0) / np.where(x > 0.0, x, 1.0)
+
+
+def _sliding(face: Interface) -> Interface:
+    return replace(face, friction=Slip(), conductance=0.0)
+
+
+def _integrals(
+    o: Overlaps, pieces: Pieces, face: Interface
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Of each overlap and corner i of its first facet: int s_i p (n - w) dA (P, d, d), N, its
+    normal part int s_i p dA (P, d), N, and int s_i p w dA (P, d, d), W."""
+    loads = nodal(o, pieces, _sliding(face), None)
+    force = summed(loads.force[:, : o.d], pieces.overlap, len(o.at))
+    n = o.pairs.planes.n
+    N = (force @ n[:, :, None])[:, :, 0]
+    return force, N, N[:, :, None] * n[:, None] - force
+
+
+def patches(X: FloatArray, most: int) -> IntArray:
+    """(n,) patch of each point of X (n, d), of at most `most`: the widest one is halved, across its
+    longest side, until there are enough."""
+    groups = [np.arange(len(X))]
+    while len(groups) < min(most, len(X)):
+        widths = [np.ptp(X[g], axis=0) if len(g) > 1 else -np.ones(X.shape[1]) for g in groups]
+        widest = int(np.argmax([w.max() for w in widths]))
+        g = groups[widest]
+        order = g[np.argsort(X[g, int(np.argmax(widths[widest]))], kind="stable")]
+        groups[widest : widest + 1] = [order[: len(g) // 2], order[len(g) // 2 :]]
+    found = np.zeros(len(X), np.int64)
+    for number, g in enumerate(groups):
+        found[g] = number
+    return found
