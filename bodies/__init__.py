@@ -8,6 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from sparsemor.bodies.body import FloatingBody as FloatingBody
+    from sparsemor.bodies.body_set import Place as Place
+    from sparsemor.bodies.body_set import Target as Target
+    from sparsemor.bodies.body_set import find_body as find_body
+    from sparsemor.bodies.body_set import find_place as find_place
+    from sparsemor.bodies.body_set import find_surfaces as find_surfaces
+    from sparsemor.bodies.body_set import find_target as find_target
+    from sparsemor.bodies.body_set import need_field as need_field
+    from sparsemor.bodies.body_set import need_motion as need_motion
     from sparsemor.bodies.fem.pointwise_law import TEMPERATURE as TEMPERATURE
     from sparsemor.bodies.fem.pointwise_law import TEMPERATURE_RATE as TEMPERATURE_RATE
     from sparsemor.bodies.fem.pointwise_law import PointwiseLaw as PointwiseLaw
@@ -42,14 +50,6 @@ if TYPE_CHECKING:
     from sparsemor.bodies.loads.point_force import write_point_force as write_point_force
     from sparsemor.bodies.material import Isotropic as Isotropic
     from sparsemor.bodies.pose import Pose as Pose
-    from sparsemor.bodies.targets import Place as Place
-    from sparsemor.bodies.targets import Target as Target
-    from sparsemor.bodies.targets import find_body as find_body
-    from sparsemor.bodies.targets import find_place as find_place
-    from sparsemor.bodies.targets import find_surfaces as find_surfaces
-    from sparsemor.bodies.targets import find_target as find_target
-    from sparsemor.bodies.targets import need_field as need_field
-    from sparsemor.bodies.targets import need_motion as need_motion
     from sparsemor.bodies.terms.dense import DenseTerm as DenseTerm
     from sparsemor.bodies.terms.field_kinds import BODY_KINDS as BODY_KINDS
     from sparsemor.bodies.terms.field_kinds import ELASTIC as ELASTIC
@@ -61,6 +61,8 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "body": ("FloatingBody",),
+    "body_set": ("Place", "Target", "find_body", "find_place", "find_surfaces", "find_target",
+                 "need_field", "need_motion"),
     "fem.pointwise_law": (
         "PointwiseLaw", "Response", "TEMPERATURE", "TEMPERATURE_RATE",
         "Variable", "displacement_gradient", "temperature_gradient"),
@@ -79,8 +81,6 @@ _HOMES = {
     "loads.point_force": ("write_point_force",),
     "material": ("Isotropic",),
     "pose": ("Pose",),
-    "targets": ("Place", "Target", "find_body", "find_place", "find_surfaces", "find_target",
-                "need_field", "need_motion"),
     "terms.dense": ("DenseTerm",),
     "terms.law_functions": ("curve_at", "numbers_of"),
     "terms.field_kinds": ("BODY_KINDS", "ELASTIC", "MULTIPLIER", "RIGID", "THERMAL"),

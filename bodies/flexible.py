@@ -28,7 +28,7 @@ from sparsemor.bodies.mesh.expression import FormulaText, evaluate_formula
 from sparsemor.bodies.mesh.plausibility import mesh_notes
 from sparsemor.bodies.mesh.sets import PointSet, given_centres, with_sets
 from sparsemor.bodies.pose import Pose
-from sparsemor.bodies.reference import Reference
+from sparsemor.bodies.reference_conditions import Reference
 from sparsemor.bodies.temperature_file import TemperatureFile
 from sparsemor.bodies.terms.field_kinds import BODY_KINDS, ELASTIC, THERMAL
 from sparsemor.bodies.terms.inertia import generator

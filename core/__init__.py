@@ -109,10 +109,10 @@ from sparsemor.core.registry.hooks import Observer as Observer
 from sparsemor.core.registry.hooks import RunStart as RunStart
 from sparsemor.core.registry.hooks import hookimpl as hookimpl
 from sparsemor.core.registry.installed import require as require
+from sparsemor.core.registry.plugin_option import Slot as Slot
+from sparsemor.core.registry.plugin_option import slot_default as slot_default
 from sparsemor.core.registry.registry import Registry as Registry
 from sparsemor.core.registry.registry import suggestions as suggestions
-from sparsemor.core.registry.slot import Slot as Slot
-from sparsemor.core.registry.slot import slot_default as slot_default
 from sparsemor.core.results.run_result import RunResult as RunResult
 from sparsemor.core.scene.scene import Scene as Scene
 from sparsemor.core.simulation.checks import Check as Check

@@ -27,7 +27,7 @@ from pydantic import Field
 
 from sparsemor.bodies.terms.field_kinds import BODY_KINDS
 from sparsemor.core import BodyPlugin, Integrator, LoadPlugin, Plugin, Reducer
-from sparsemor.core.registry.slot import Slot, slot_default
+from sparsemor.core.registry.plugin_option import Slot, slot_default
 
 
 class Ball(BodyPlugin):

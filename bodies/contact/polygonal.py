@@ -7,6 +7,7 @@ import numpy as np
 from pydantic import Field
 
 from sparsemor.bodies.body import FloatingBody
+from sparsemor.bodies.body_set import find_target
 from sparsemor.bodies.contact.bristles import Bristles, Slip
 from sparsemor.bodies.contact.broad_phase import BroadPhase
 from sparsemor.bodies.contact.initial_overlap import check_start
@@ -15,7 +16,6 @@ from sparsemor.bodies.contact.quadrature import enough_points, rule
 from sparsemor.bodies.contact.surface import Surface
 from sparsemor.bodies.contact.tractions import Interface
 from sparsemor.bodies.fem.surface import divided
-from sparsemor.bodies.targets import find_target
 from sparsemor.core import (
     ContactPlugin,
     Fault,

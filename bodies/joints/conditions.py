@@ -20,6 +20,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from sparsemor.bodies.body import FloatingBody
+from sparsemor.bodies.body_set import Place
 from sparsemor.bodies.frames.attitude import velocity_at
 from sparsemor.bodies.frames.constraints import Facing, Slide
 from sparsemor.bodies.frames.items import Item
@@ -34,7 +35,6 @@ from sparsemor.bodies.joints.side import (
     sides_of,
     size_of,
 )
-from sparsemor.bodies.targets import Place
 from sparsemor.core import Amplitude, Body, FloatArray, InputError, Part
 from sparsemor.core.protocols import Held
 

@@ -13,10 +13,10 @@ from typing import Self
 import numpy as np
 from scipy.sparse import csr_array
 
+from sparsemor.bodies.body_set import find_body
 from sparsemor.bodies.frames.plane_springs import relative_law
 from sparsemor.bodies.frames.relative import RelativeItem
 from sparsemor.bodies.joints.side import Side
-from sparsemor.bodies.targets import find_body
 from sparsemor.core import (
     Csr,
     Equations,

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 from scipy.sparse import csr_array
 
+from sparsemor.bodies.body_set import find_body
 from sparsemor.bodies.joints.side import Side
-from sparsemor.bodies.targets import find_body
 from sparsemor.core import Equations, InputError, Note, Part, information
 from sparsemor.core.protocols import MeanTemperature
 

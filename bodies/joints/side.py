@@ -7,9 +7,9 @@ from math import radians
 
 import numpy as np
 
+from sparsemor.bodies.body_set import GROUND, Place, find_place
 from sparsemor.bodies.frames.constraints import GROUND as AT_ORIGIN
 from sparsemor.bodies.frames.items import Item
-from sparsemor.bodies.targets import GROUND, Place, find_place
 from sparsemor.core import Body, FloatArray, FrameHistory, Gather, InputError, Part
 from sparsemor.core.protocols.poses import in_degrees, points_in_space
 

@@ -14,12 +14,12 @@ import numpy as np
 from pydantic import Field
 
 from sparsemor.bodies.body import FloatingBody
+from sparsemor.bodies.body_set import find_surfaces
 from sparsemor.bodies.fem.surface import divided
 from sparsemor.bodies.fem.view_factors import Facets, bounded, closed, exchange_areas
 from sparsemor.bodies.loads.part import LoadPart, NumberOrFunction
 from sparsemor.bodies.loads.radiation import STEFAN_BOLTZMANN
 from sparsemor.bodies.mesh.plausibility import celsius_notes
-from sparsemor.bodies.targets import find_surfaces
 from sparsemor.bodies.terms.cavity import CavityTerm, Exchange
 from sparsemor.core import (
     Amplitude,

@@ -5,8 +5,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from sparsemor.bodies.body import FloatingBody
+from sparsemor.bodies.body_set import find_body, need_motion
 from sparsemor.bodies.loads.part import LoadPart, NumberOrFunction, amplitude
-from sparsemor.bodies.targets import find_body, need_motion
 from sparsemor.core import Equations, InputError, LoadPlugin, Part
 
 

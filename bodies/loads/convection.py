@@ -8,11 +8,11 @@ import numpy as np
 from pydantic import Field
 
 from sparsemor.bodies.body import FloatingBody
+from sparsemor.bodies.body_set import find_surfaces, surface_notes
 from sparsemor.bodies.fem.pointwise_law import TEMPERATURE, PointwiseLaw, Response, Variable
 from sparsemor.bodies.fem.surface import surface_load, surface_mass
 from sparsemor.bodies.loads.part import LoadPart, NumberOrFunction
 from sparsemor.bodies.material import Positive
-from sparsemor.bodies.targets import find_surfaces, surface_notes
 from sparsemor.bodies.temperature_curve import TemperatureCurve
 from sparsemor.bodies.terms.law_functions import curve_at
 from sparsemor.core import Amplitude, Effect, Equations, FloatArray, LoadPlugin, Part

@@ -2,8 +2,8 @@
 
 from collections.abc import Mapping
 
+from sparsemor.bodies.body_set import all_bodies, find_body
 from sparsemor.bodies.loads.part import LoadPart, NumberOrFunction, Vector, amplitude, components
-from sparsemor.bodies.targets import all_bodies, find_body
 from sparsemor.core import Body, Equations, FloatArray, LoadPlugin, Part
 
 

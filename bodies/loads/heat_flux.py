@@ -5,9 +5,9 @@ from typing import Annotated, ClassVar
 
 from pydantic import Field
 
+from sparsemor.bodies.body_set import find_surfaces, surface_notes
 from sparsemor.bodies.fem.surface import surface_load
 from sparsemor.bodies.loads.part import LoadPart, NumberOrFunction
-from sparsemor.bodies.targets import find_surfaces, surface_notes
 from sparsemor.core import Effect, Equations, LoadPlugin, Part
 
 

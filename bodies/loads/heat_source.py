@@ -7,10 +7,10 @@ import numpy as np
 from pydantic import Field
 
 from sparsemor.bodies.body import FloatingBody
+from sparsemor.bodies.body_set import find_body, find_target, need_field
 from sparsemor.bodies.fem.volume import scalar_mass
 from sparsemor.bodies.loads.part import LoadPart, NumberOrFunction
 from sparsemor.bodies.material import cells_of_set
-from sparsemor.bodies.targets import find_body, find_target, need_field
 from sparsemor.core import Effect, Equations, FloatArray, Gather, InputError, LoadPlugin, Part
 
 

@@ -17,10 +17,10 @@ from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
 from sparsemor.bodies.body import FloatingBody
+from sparsemor.bodies.body_set import find_body, find_target, need_field
 from sparsemor.bodies.fem.volume import conductivity, on_cells
 from sparsemor.bodies.loads.part import LoadPart, NumberOrFunction, unit
 from sparsemor.bodies.material import cells_of_set
-from sparsemor.bodies.targets import find_body, find_target, need_field
 from sparsemor.core import (
     Csr,
     Effect,

@@ -8,8 +8,8 @@ import numpy as np
 from pydantic import model_validator
 
 from sparsemor.bodies.body import FloatingBody
+from sparsemor.bodies.body_set import find_body, find_target, need_field
 from sparsemor.bodies.loads.part import NumberOrFunction
-from sparsemor.bodies.targets import find_body, find_target, need_field
 from sparsemor.bodies.temperature_file import TemperatureFile
 from sparsemor.core import (
     Amplitude,

@@ -5,9 +5,9 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
+from sparsemor.bodies.body_set import find_surfaces, surface_notes
 from sparsemor.bodies.fem.surface import facet_measures, surface_normal_load
 from sparsemor.bodies.loads.part import LoadPart, NumberOrFunction
-from sparsemor.bodies.targets import find_surfaces, surface_notes
 from sparsemor.core import Equations, InputError, LoadPlugin, Part
 
 

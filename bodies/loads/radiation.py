@@ -7,10 +7,10 @@ from typing import Annotated, ClassVar
 import numpy as np
 from pydantic import Field
 
+from sparsemor.bodies.body_set import find_surfaces, joined_surfaces, surface_notes
 from sparsemor.bodies.fem.pointwise_law import TEMPERATURE, PointwiseLaw, Response, Variable
 from sparsemor.bodies.loads.part import LoadPart, NumberOrFunction
 from sparsemor.bodies.mesh.plausibility import celsius_notes
-from sparsemor.bodies.targets import find_surfaces, joined_surfaces, surface_notes
 from sparsemor.core import Amplitude, Effect, Equations, FloatArray, LoadPlugin, Part
 from sparsemor.core.protocols import LawArrays
 

@@ -5,9 +5,9 @@ from typing import Literal
 
 import numpy as np
 
+from sparsemor.bodies.body_set import find_place, need_motion
 from sparsemor.bodies.frames.force_items import Moment
 from sparsemor.bodies.loads.part import LoadPart, NumberOrFunction, amplitude
-from sparsemor.bodies.targets import find_place, need_motion
 from sparsemor.core import Equations, InputError, LoadPlugin, Part
 
 

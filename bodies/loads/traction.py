@@ -6,9 +6,9 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
+from sparsemor.bodies.body_set import find_surfaces, surface_notes
 from sparsemor.bodies.fem.surface import surface_load
 from sparsemor.bodies.loads.part import LoadPart, NumberOrFunction, Vector, amplitude, components
-from sparsemor.bodies.targets import find_surfaces, surface_notes
 from sparsemor.core import Equations, LoadPlugin, Part
 
 

@@ -2,9 +2,9 @@
 
 from collections.abc import Mapping
 
+from sparsemor.bodies.body_set import find_body
 from sparsemor.bodies.loads.part import LoadPart, NumberOrFunction, amplitude
 from sparsemor.bodies.matrices.body import MatrixBody
-from sparsemor.bodies.targets import find_body
 from sparsemor.core import Equations, InputError, LoadPlugin, Part, suggestions
 
 

@@ -32,7 +32,7 @@ from sparsemor.bodies.mesh.expression import FormulaText, evaluate_formula
 from sparsemor.bodies.mesh.formats.content import Numbering
 from sparsemor.bodies.mesh.sets import PointSet, find_set, given_centres, with_sets
 from sparsemor.bodies.pose import Pose
-from sparsemor.bodies.reference import Reference
+from sparsemor.bodies.reference_conditions import Reference
 from sparsemor.bodies.terms.field_kinds import BODY_KINDS, ELASTIC, THERMAL
 from sparsemor.core import (
     BodyPlugin,

@@ -39,7 +39,7 @@ def validate(scene: SceneName, settings: Settings = None, as_json: Json = False)
     with exit_codes(as_json):
         loaded = load_with(scene, settings)
         with located_in(loaded):
-            from sparsemor.core.analysis.bodies import body_facts, in_words
+            from sparsemor.core.analysis.body_summary import body_facts, in_words
             from sparsemor.core.notes import Level, folded, sentences
             from sparsemor.core.simulation.checks import Checks
             from sparsemor.core.simulation.validation import checked_model

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from sparsemor.core.registry.slot import Slot
+from sparsemor.core.registry.plugin_option import Slot
 
 _BOUNDS = {"minimum": ">= {}", "exclusiveMinimum": "> {}", "maximum": "<= {}",
            "exclusiveMaximum": "< {}", "minLength": "length >= {}", "pattern": "matching {}"}

@@ -6,8 +6,8 @@ from typing import Any
 from pydantic import BaseModel
 
 from sparsemor.core.errors import InputError
+from sparsemor.core.registry.plugin_option import Slot
 from sparsemor.core.registry.registry import Registry
-from sparsemor.core.registry.slot import Slot
 from sparsemor.core.scene.scene import Scene
 
 _HERE = "#/$defs/"

@@ -29,8 +29,8 @@ from sparsemor.core.protocols import (
 )
 from sparsemor.core.protocols.layout import FieldKind, ordered
 from sparsemor.core.protocols.plugin import Plugin
+from sparsemor.core.registry.plugin_option import Slot, name_default_slots, slot_default
 from sparsemor.core.registry.registry import Registry
-from sparsemor.core.registry.slot import Slot, name_default_slots, slot_default
 from sparsemor.core.registry.validation_errors import custom, shown, with_advice
 from sparsemor.core.scene.defaults import FULL_ORDER, HEAT, LARGEST_ERROR, MOTION
 from sparsemor.core.scene.html import html_table

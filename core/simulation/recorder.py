@@ -34,10 +34,10 @@ from sparsemor.core.results.saved_state import SavedError
 from sparsemor.core.results.solver_report import solvers_summary
 from sparsemor.core.results.store import ChunkOfSteps, ResultWriter
 from sparsemor.core.results.stored_arrays import read_header
-from sparsemor.core.simulation.admission import admit
 from sparsemor.core.simulation.error_record import ErrorMark, ErrorRecord
 from sparsemor.core.simulation.memory.limits import MemoryUse
 from sparsemor.core.simulation.offline_cache import Products
+from sparsemor.core.simulation.output_admission import admit
 from sparsemor.core.simulation.prepared_run import PreparedRun
 from sparsemor.core.simulation.step_statistics import StepStatistics
 from sparsemor.core.status import Status

@@ -45,19 +45,19 @@ from sparsemor.core.scene.parameters import values_at
 from sparsemor.core.scene.scene import Scene, build
 from sparsemor.core.scene.source import Source
 from sparsemor.core.scene.yaml_reader import LocatedError
-from sparsemor.core.simulation.admission import kept
+from sparsemor.core.simulation.automatic_choices import explicit
 from sparsemor.core.simulation.blow_up import Extents
 from sparsemor.core.simulation.cache import Cache
-from sparsemor.core.simulation.checks import KIND, Checks
-from sparsemor.core.simulation.choices import explicit
-from sparsemor.core.simulation.free_options import FREE, inside, load_functions
-from sparsemor.core.simulation.offline import step_count
-from sparsemor.core.simulation.other_start import (
+from sparsemor.core.simulation.changed_start import (
     Initial,
     block_faults,
     start_notes,
     started_from,
 )
+from sparsemor.core.simulation.checks import KIND, Checks
+from sparsemor.core.simulation.free_options import FREE, inside, load_functions
+from sparsemor.core.simulation.offline import step_count
+from sparsemor.core.simulation.output_admission import kept
 from sparsemor.core.simulation.prepare import prepared_again, prepared_run
 from sparsemor.core.simulation.prepared_run import PreparedRun
 from sparsemor.core.simulation.progress import progress_bar

@@ -14,7 +14,7 @@ import pytest
 import analysed
 from sparsemor import compare, load, open_result, reduce, simulate
 from sparsemor import solve as analyse
-from sparsemor.core.analysis.bodies import body_facts
+from sparsemor.core.analysis.body_summary import body_facts
 from sparsemor.core.cli import app
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.results.run_result import RunResult

@@ -6,8 +6,8 @@ import pytest
 from pydantic import ValidationError
 
 from sparsemor.core.protocols.plugin import Plugin
+from sparsemor.core.registry.plugin_option import Slot, slot_default
 from sparsemor.core.registry.registry import Registry
-from sparsemor.core.registry.slot import Slot, slot_default
 from sparsemor.core.registry.validation_errors import faults_of
 
 

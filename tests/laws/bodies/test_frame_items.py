@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from sparsemor.bodies.body_set import find_target
 from sparsemor.bodies.frames.force_items import BodyForce
 from sparsemor.bodies.frames.items import Item
 from sparsemor.bodies.frames.mean_rotation import with_torques
@@ -16,7 +17,6 @@ from sparsemor.bodies.joints.conditions import conditions_between
 from sparsemor.bodies.joints.part import JointPart
 from sparsemor.bodies.loads.part import LoadPart
 from sparsemor.bodies.mesh.generators.block import BlockMesh
-from sparsemor.bodies.targets import find_target
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.model.assembly import assemble
