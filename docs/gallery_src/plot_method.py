@@ -229,6 +229,5 @@ plt.show()
 # Start with POD atoms, all of them active, and rows of :math:`D^{-1} r`; that is what ``sparse``
 # does when nothing else is said, and its accuracy is then near to Galerkin's. Its merit is the cost
 # of nonlinear terms. Selection pays where a dictionary has far more atoms than one state needs;
-# coherence is then what to look at, and a tight frame is worth a try. How all this
-# turns out on the scenes of the paper is in the :doc:`validation volume </validation/index>`;
-# how to choose is in :doc:`which method </methods>`.
+# coherence is then what to look at, and a tight frame is worth a try.
+# Next: :doc:`which method </methods>`.
