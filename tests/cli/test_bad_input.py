@@ -113,7 +113,7 @@ FAULTS: dict[str, tuple[list[tuple[str, str]], str, str, str]] = {
     "sides of a joint that do not meet": (
         [("position: [1.0, 0.0]", "position: [1.1, 0.0]")], 'between: ["arm:right"',
         "joints.hook.between",
-        "arm:right is at (1, 0.05) m, bob:hook at (1.1, 0.05) m, 0.1 m apart; that of arm:right"),
+        "arm:right is at (1, 0.05) m, bob:hook at (1.1, 0.05) m, 0.1 m apart; correct a pose"),
     "load on a field the body lacks": (
         [("fields: [elastic, thermal]", "fields: [elastic]")], '"arm:top"', "loads.sun.on.0",
         "add `thermal` to its fields"),

@@ -173,7 +173,7 @@ def exudyn_solve(system: Any, sensor: int, end: float) -> tuple[FloatArray, floa
     return np.array(system.GetSensorStoredData(sensor))[:, 1:], steps * STEP / end
 
 
-def sparsemor_crank(rod: Rod, size: int) -> tuple[FloatArray, float]:
+def sparsemor_crank(rod: Rod, size: int, compiled: str = "off") -> tuple[FloatArray, float]:
     """x of the slider, and x and y of the middle of the rod, m, (m, 3)."""
     turn = [0.0, 0.0, -RADIUS * SPEED / LENGTH]
     scene = load({
@@ -202,7 +202,8 @@ def sparsemor_crank(rod: Rod, size: int) -> tuple[FloatArray, float]:
             "guide": {"use": "cylindrical", "between": ["slider:o", "ground"], "axis": [1, 0, 0]}},
         "probes": {"slider": {"body": "slider", "at": "o"},
                    "middle": {"body": "rod", "at": [LENGTH / 2, 0.0, 0.0]}},
-        "reducer": {"use": "galerkin", "basis": {"use": "craig_bampton", "count": size}}})
+        "reducer": {"use": "galerkin", "compiled": compiled,
+                    "basis": {"use": "craig_bampton", "count": size}}})
     run, seconds = cpu_of_steps(scene)
     return (np.stack([run.probe("slider")[:, 0], *run.probe("middle")[:, :2].T], axis=1),
             seconds)

@@ -47,6 +47,10 @@ def apart(got: Any, want: Any) -> float:
     return float(np.abs(np.asarray(got) - want).max() / np.abs(want).max())
 
 
+def compiled_crank(body: rod.Rod, size: int) -> Any:
+    return rod.sparsemor_crank(body, size, "on")
+
+
 def timed(call: Callable[[], Any]) -> tuple[Any, float]:
     begun = time.process_time()
     found = call()
@@ -86,11 +90,15 @@ def fill(out: report.Report, given: argparse.Namespace) -> None:
         for size in (6,):
             for code, label, run, code_of in (
                     ("sparsemor", "sparsemor", rod.sparsemor_crank, (rod.sparsemor_crank,)),
+                    *([] if quick else [("sparsemor", "sparsemor, compiled", compiled_crank,
+                                         (rod.sparsemor_crank,))]),
                     ("exudyn", "Exudyn", rod.exudyn_crank,
                      (rod.exudyn_crank, rod.exudyn_modes, rod.exudyn_solve))):
                 if code in missing:
                     continue
                 report.progress(f"crank, {label}, {size}")
+                if run is compiled_crank:  # the first run of a kind compiles
+                    run(body, size)
                 (y, step), whole = timed(lambda run=run, size=size: run(body, size))
                 first = y if label == "sparsemor" else first
                 table.add(code=label, modes=size, difference=float(np.abs(y - first).max()),

@@ -225,16 +225,16 @@ def test_a_support_needs_only_the_turned_rows_that_the_operator_reaches() -> Non
 def test_rows_of_the_whole_are_the_rows_of_the_mesh() -> None:
     t, _, rows = elastic()
     d = prepared(reduced()).dictionaries
-    taken = Whole.of(full().model, d).elastic["bar.elastic"].under(Map(rows))
+    taken = Whole.of(full().model, d).elastic["bar.elastic"].through(Map(rows))
     left = Map(left=np.random.default_rng(0).standard_normal((5, len(rows))))
-    once, again = t.under(left), taken.under(left)
+    once, again = t.through(left), taken.through(left)
     for name in ("mass", "damping", "stiffness", "generators", "directions", "coupling", "loads",
                  "constant"):
         own = getattr(taken, name)
         np.testing.assert_allclose(own, getattr(t, name), rtol=1e-12, atol=1e-12 * max(
             np.abs(own).max(initial=0.0), 1e-300))
         assert getattr(once, name).shape == getattr(again, name).shape
-    assert t.under(Map()) is t
+    assert t.through(Map()) is t
 
 
 class Failing(GreedyGaussNewton):
