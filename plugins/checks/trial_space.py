@@ -109,8 +109,11 @@ class TrialSpace:
                             "it: train on loads that cover the run (training.overrides), or take "
                             "another basis (reducer.basis, reducer.bases)", TRIAL_SPACE)
         elif self.response_error > LIMIT:
-            what = f"{who} cannot represent {self.response}: projection error " \
-                f"{self.response_error:.2g} of the norm of the static response"
+            return Note(f"{who} cannot represent {self.response}: projection error "
+                        f"{self.response_error:.2g} of the norm of the static response (limit "
+                        f"{LIMIT:g}), and a run with such forces is no better: take more atoms or "
+                        "another basis (reducer.basis, reducer.bases), unless there are none",
+                        TRIAL_SPACE)
         else:
             return None
         return Note(f"{what} (limit {LIMIT:g}), and the reduced run is no better: take more atoms "

@@ -67,7 +67,8 @@ def test_killed_and_continued_with_workers(whole: str) -> None:
             break
         time.sleep(0.01)
     assert not any(alive(pid) for pid in workers)
-    assert not list(Path("killed").glob(".sparsemor-tmp.*"))
+    # the killed process may have been writing; what it left is removed by the next one
+    assert not [p for pid in workers for p in Path("killed").glob(f".sparsemor-tmp.*.{pid}.*")]
     with Path("killed/runs.jsonl").open("ab") as file:
         file.write(b'{"run":9,"sta')
     before = rows_of_whole_lines("killed")

@@ -183,7 +183,7 @@ def test_joints_and_probes_are_at_a_given_centre() -> None:
     with pytest.raises(InputError) as caught:
         assemble(two_plates({}, 0.02))
     text = str(caught.value)
-    assert "0.02 m apart" in text and text.count("is 0 m from the mean of its facets") == 2
+    assert "0.02 m apart" in text and "from the mean of its facets" not in text
     assert "centre" in text
     with pytest.raises(InputError, match="no set of this name"):
         assemble(two_plates({"rihgt": {"centre": [0.4, 0.07]}}, 0.02))
