@@ -2,9 +2,10 @@
 packages: `python docs/make_commands.py`."""
 
 import ast
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from inspect import isclass, isfunction
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from typer.main import get_command
@@ -74,26 +75,25 @@ def _text(doc: str) -> str:
 def _python() -> Iterator[str]:
     yield PYTHON
     yield "## sparsemor\n\n```{eval-rst}"
-    for name in sparsemor.__all__:
-        thing = getattr(sparsemor, name)
-        if isfunction(thing):
-            yield f".. autofunction:: sparsemor.{name}"
-        elif isclass(thing):
-            yield f".. autoclass:: sparsemor.{name}"
-            if name in WITH_MEMBERS:
-                yield "   :members:"
+    yield from _documented(sparsemor, sparsemor.__all__)
     yield "```\n\n## sparsemor.core\n\n```{eval-rst}"
     source = ast.parse(Path(sparsemor.core.__file__).read_text(encoding="utf-8"))
-    for name in (n.asname for node in source.body if isinstance(node, ast.ImportFrom)
-                 for n in node.names if n.asname and n.asname not in sparsemor.__all__):
-        thing = getattr(sparsemor.core, name)
+    yield from _documented(sparsemor.core, (
+        n.asname for node in source.body if isinstance(node, ast.ImportFrom)
+        for n in node.names if n.asname and n.asname not in sparsemor.__all__))
+    yield "```\n"
+
+
+def _documented(module: ModuleType, names: Iterable[str]) -> Iterator[str]:
+    """Directives of functions and classes of a module."""
+    for name in names:
+        thing = getattr(module, name)
         if isfunction(thing):
-            yield f".. autofunction:: sparsemor.core.{name}"
+            yield f".. autofunction:: {module.__name__}.{name}"
         elif isclass(thing):
-            yield f".. autoclass:: sparsemor.core.{name}"
+            yield f".. autoclass:: {module.__name__}.{name}"
             if name in WITH_MEMBERS:
                 yield "   :members:"
-    yield "```\n"
 
 
 if __name__ == "__main__":

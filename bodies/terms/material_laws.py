@@ -206,7 +206,7 @@ class StoredHeat(PointwiseLaw):
         made = _arrays(stored_heat, [(0, 0), (0, 1)], [
             self.rho, self.c.reference, float(self.earlier), self.step], self.c.of)
         return None if made is None else replace(
-            made, amplitudes=(Start(self.step),), calls=(curve_at, integral_at),
+            made, amplitudes=(Start(self.step),), calls=(curve_at, integral_at), step=self.step,
             numbers=np.concatenate([made.numbers[:4], with_integrals(made.numbers[4:])]))
 
 

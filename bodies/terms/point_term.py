@@ -121,14 +121,13 @@ class PointTerm(ReducedTerm):
         if law is None:
             return None
         columns, functions = [c for c, _ in self.parts], [f for _, f in self.parts]
-        h = getattr(self.law, "step", 0.0)
         return PointArrays(
             law=law, weights=self.weights,
             coordinates=self.coordinates.reshape(len(self.coordinates), -1),
             P=self.P, offset=self.offset,
             effects=np.array(columns).reshape(len(columns), len(self.P)).T,
             values=tuple(f.value for f in functions), rates=tuple(f.rate for f in functions),
-            bends=tuple(Bend(f, h) for f in functions),
+            bends=tuple(Bend(f, law.step) for f in functions),
             reads=np.array([(self.spans[i][0].start, self.spans[i][1], kind)
                             for i, kind in self.reads], dtype=np.int64),
             tests=self.tests)

@@ -227,7 +227,7 @@ class LawArrays:
     numbers (j,): constants; amplitudes: functions of time that it depends on; pairs (q, 2): numbers
     (i, j) of the derivatives dy_i/dz_j in the order of `slopes`; function: uses numbers and arrays
     only, so that numba can compile it; calls: the functions that it calls, each after those that it
-    calls itself.
+    calls itself; step: size of the steps over which it reads second differences, s, 0 if none.
     """
 
     numbers: FloatArray
@@ -235,6 +235,7 @@ class LawArrays:
     pairs: IntArray
     function: LawFunction
     calls: tuple[Callable[..., object], ...] = ()
+    step: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -111,9 +111,8 @@ class TrialSpace:
         elif self.response_error > LIMIT:
             return Note(f"{who} cannot represent {self.response}: projection error "
                         f"{self.response_error:.2g} of the norm of the static response (limit "
-                        f"{LIMIT:g}), and a run with such forces is no better: take more atoms or "
-                        "another basis (reducer.basis, reducer.bases), unless there are none",
-                        TRIAL_SPACE)
+                        f"{LIMIT:g}); if the run has such forces, it is no better: then take more "
+                        "atoms or another basis (reducer.basis, reducer.bases)", TRIAL_SPACE)
         else:
             return None
         return Note(f"{what} (limit {LIMIT:g}), and the reduced run is no better: take more atoms "

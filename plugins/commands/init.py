@@ -1,5 +1,6 @@
 """Command `sparsemor init`: a commented scene for a mesh file of one's own, to begin with."""
 
+import json
 import os
 import re
 import sys
@@ -183,29 +184,30 @@ class Start:
     ) -> str:
         d = self.mesh.dimension
         at = "tip" if not self.sets else load or hold
-        loads = [f"  weight: {{use: gravity, g: [{_vector(-G, d)}]}}   # m/s2"]
-        if load:
-            loads.append(f'  push: {{use: point_force, on: "{name}:{load}", '
-                         f"force: [{_vector(-_round(force), d)}], "
-                         "factor: {use: smooth_step, end: END, final: 1.0}}"
-                         "   # N: the weight of the body, along the second axis")
-        if heat:
-            loads.append(f'  heat: {{use: heat_flux, on: ["{name}:{heat}"], flux: 1.0e+4}}'
-                         '   # W/m2')
         step = STEP if not frequency else _round(1.0 / (PER_PERIOD * frequency))
         end = (STEPS if not frequency else PER_PERIOD * PERIODS) * step
         why = (f"{PER_PERIOD} steps for a period of the first vibration, {frequency:.3g} Hz"
                if frequency else "take about 50 steps for a period of the first vibration")
+        loads = [f"  weight: {{use: gravity, g: [{_vector(-G, d)}]}}   # m/s2"]
+        if load:
+            loads.append(f"  push: {{use: point_force, on: {_quoted(f'{name}:{load}')}, "
+                         f"force: [{_vector(-_round(force), d)}], "
+                         f"factor: {{use: smooth_step, end: {_round(end / 4):g}, final: 1.0}}}}"
+                         "   # N: the weight of the body, along the second axis")
+        if heat:
+            on = _quoted(f"{name}:{heat}")
+            loads.append(f"  heat: {{use: heat_flux, on: [{on}], flux: 1.0e+4}}   # W/m2")
         own = "" if self.sets else self._own_sets()
         return TEMPLATE.format(
             name=name, path=_quoted(os.path.relpath(self.path, out.absolute().parent)),
-            scale=self.scale, size=self.size, listed=self.listed, own=own, hold=hold,
+            scale=self.scale, size=self.size, listed=self.listed, own=own,
+            hold=_quoted(hold or ""),
             thickness=f"thickness: {thickness:g}                          # m\n    " if d == 2
             else "", fields="[elastic, thermal]" if heat else "[elastic]"
             "                        # and thermal, for heat",
             damping=2.0 * RATIO / (2.0 * pi * frequency) if frequency else 1.0e-5,
-            ratio=100.0 * RATIO, loads="\n".join(loads).replace("END", f"{_round(end / 4):g}")
-            + "\n", end=end, step=step, why=why, file=out, probe="end", at=at)
+            ratio=100.0 * RATIO, loads="\n".join(loads) + "\n", end=end, step=step, why=why,
+            file=out, probe="end", at=_quoted(at or ""))
 
     def _own_sets(self) -> str:
         """Sets at the two ends along x, for a mesh without sets."""
@@ -225,8 +227,11 @@ def _round(value: float) -> float:
     return float(f"{next(n for n in (5, 2, 1) if value >= 0.999 * n * power) * power:.6g}")
 
 
-def _quoted(path: str) -> str:
-    return path if re.fullmatch(r"[\w./-]+", path) else f'"{path}"'
+def _quoted(text: str) -> str:
+    """A text as a value of YAML, which takes some words, such as null, and numbers for others."""
+    word = re.fullmatch(r"[A-Za-z_.][\w./-]*", text)
+    return text if word and text.lower() not in ("true", "false", "null") else json.dumps(
+        text, ensure_ascii=False)
 
 
 def _parsed(text: str) -> dict[str, Any]:

@@ -114,6 +114,20 @@ def test_a_scene_for_a_mesh_runs_as_it_is() -> None:
 
 
 @pytest.mark.full
+@pytest.mark.parametrize("name", ["END_A", "true", "7", "left: a", "x, y", 'the "left"'])
+def test_names_of_sets_are_written_as_they_are(name: str) -> None:
+    text = ROD.read_text()
+    assert text.count('"bore_b"') == 1
+    Path("rod.msh").write_text(text.replace('"bore_b"', f'"{name}"'))
+    words = ("init", "rod.msh", "--hold", "bore_a", "--load", name, "--heat", name)
+    assert sparsemor(*words, "--quiet") == (0, "", "")
+    scene = load("rod.yaml").dump()
+    assert scene["loads"]["push"]["on"] in (f"rod:{name}", [f"rod:{name}"])
+    assert scene["loads"]["heat"]["on"] == [f"rod:{name}"]
+    assert sparsemor("validate", "rod.yaml")[0] == 0
+
+
+@pytest.mark.full
 def test_a_scene_for_a_solid_mesh_without_sets() -> None:
     n = np.arange(12).reshape(3, 2, 2)
     points = np.indices((3, 2, 2)).reshape(3, -1).T * [50.0, 10.0, 10.0]
