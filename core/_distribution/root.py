@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from sparsemor.plugins.advice.advice import Advice as Advice
     from sparsemor.plugins.advice.advice import advise as advise
     from sparsemor.plugins.analyses.solve import solve as solve
+    from sparsemor.plugins.charts import plot as plot
     from sparsemor.plugins.charts.animation import animate as animate
-    from sparsemor.plugins.charts.plot import plot as plot
     from sparsemor.plugins.export import export as export
     from sparsemor.plugins.liang2026.reproduce import reproduce as reproduce
     from sparsemor.plugins.study import study as study
@@ -47,7 +47,7 @@ _HOMES = {
     "load_model": "core.simulation.reduced_model",
     "open_result": "core.results.run_result",
     "parameter_test": "plugins.study.parameter_test",
-    "plot": "plugins.charts.plot",
+    "plot": "plugins.charts",
     "reduce": "core.simulation.reduced_model",
     "reproduce": "plugins.liang2026.reproduce",
     "simulate": "core.simulation.simulate",

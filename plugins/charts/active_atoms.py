@@ -5,8 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sparsemor.core.results.run_result import RunResult
-from sparsemor.plugins.charts.style import COLUMN, NORMAL, new_figure, plain, style_of, tidy
-from sparsemor.plugins.charts.units import unit
+from sparsemor.plugins.charts.style import COLUMN, NORMAL, new_figure, plain, style_of, tidy, unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -24,8 +24,7 @@ from sparsemor.plugins.charts.fields import (
     shades,
     values_of,
 )
-from sparsemor.plugins.charts.style import NORMAL, SMALL, new_figure, tidy
-from sparsemor.plugins.charts.units import unit
+from sparsemor.plugins.charts.style import NORMAL, SMALL, new_figure, tidy, unit
 from sparsemor.plugins.charts.view import VIEWS, BodySurface, paint
 
 if TYPE_CHECKING:

@@ -11,8 +11,7 @@ from sparsemor.core.model.facets import linear_surface, plane_triangles
 from sparsemor.core.protocols.layout import Quantity
 from sparsemor.core.results.fields import Derived, Field
 from sparsemor.core.results.run_result import RunResult
-from sparsemor.plugins.charts.style import plain
-from sparsemor.plugins.charts.units import unit
+from sparsemor.plugins.charts.style import plain, unit
 
 MAPS: Mapping[Field, str] = {
     Quantity.DISPLACEMENT: "viridis", Quantity.TEMPERATURE: "YlOrRd", Derived.STRESS: "plasma",
@@ -46,10 +45,13 @@ def step_title(run: RunResult, step: int, form: str) -> str:
 
 
 def values_of(run: RunResult, body: str, step: int, quantity: Field) -> FloatArray | None:
+    """The same as `nodal_values`; None for a body without the field."""
+    return nodal_values(run, body, step, quantity) if run.has(body, quantity) else None
+
+
+def nodal_values(run: RunResult, body: str, step: int, quantity: Field) -> FloatArray:
     """(P,) values at the points of `field_mesh`: displacement magnitude |u|, m, temperature, K, von
-    Mises stress, Pa, or equivalent strain; None for a body without the field."""
-    if not run.has(body, quantity):
-        return None
+    Mises stress, Pa, or equivalent strain."""
     if isinstance(quantity, Derived):
         stress = quantity is Derived.STRESS
         return run.von_mises(body, step) if stress else run.equivalent_strain(body, step)

@@ -3,8 +3,7 @@
 from typing import TYPE_CHECKING
 
 from sparsemor.core.results.run_result import RunResult
-from sparsemor.plugins.charts.style import draw_line, handles_of, legend_above, time_panels
-from sparsemor.plugins.charts.units import unit
+from sparsemor.plugins.charts.style import draw_line, handles_of, legend_above, time_panels, unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -30,11 +30,12 @@ from sparsemor.plugins.charts.style import (
     PAGE,
     SMALL,
     TRACE,
+    Unit,
     new_figure,
     plain,
     tidy,
+    unit,
 )
-from sparsemor.plugins.charts.units import Unit, unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -1,16 +1,16 @@
-"""Style of all charts: colours, line styles, sizes. No global matplotlib setting is changed."""
+"""Style of all charts: colours, line styles, sizes, units. No global matplotlib setting is
+changed."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.results.files.listing import publishing
 from sparsemor.core.status import Status
-from sparsemor.plugins.charts.units import Unit, unit
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -96,6 +96,30 @@ def new_figure(width: float, height: float) -> "Figure":
         figsize=(width, height), layout="constrained", dpi=200, facecolor="white")
     FigureCanvasAgg(figure)
     return figure
+
+
+class Unit(NamedTuple):
+    """Unit `name` for the label of an axis: a value in SI units times `factor` is the value in this
+    unit."""
+
+    factor: float
+    name: str
+
+
+_SMALL = ((1e9, "n"), (1e6, "µ"), (1e3, "m"), (1.0, ""))
+_LARGE = ((1e-3, "k"), (1e-6, "M"), (1e-9, "G"))
+_ONLY_SMALL = ("s", "m", "rad")
+"""Units without prefixes for large values: no kiloseconds or megametres."""
+
+
+def unit(largest: float, si: str) -> Unit:
+    """Unit with the prefix for which `largest` (SI unit `si`, either sign) is between 0.5 and
+    500."""
+    sizes = _SMALL if si in _ONLY_SMALL else _SMALL + _LARGE
+    if largest == 0.0:
+        return Unit(1.0, si)
+    factor, prefix = next((s for s in sizes if abs(largest) * s[0] < 500.0), sizes[-1])
+    return Unit(factor, prefix + si)
 
 
 def tidy(axes: "Axes", xlabel: str = "", ylabel: str = "", title: str = "") -> None:

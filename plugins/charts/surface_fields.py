@@ -25,10 +25,8 @@ from sparsemor.plugins.charts.fields import (
     step_title,
     values_of,
 )
-from sparsemor.plugins.charts.style import NORMAL, PAGE, SMALL, new_figure, plain
-from sparsemor.plugins.charts.surface_pyvista import rendered
-from sparsemor.plugins.charts.units import unit
-from sparsemor.plugins.charts.view import VIEWS, BodySurface, View, half_of, middle, paint
+from sparsemor.plugins.charts.style import NORMAL, PAGE, SMALL, new_figure, plain, unit
+from sparsemor.plugins.charts.view import VIEWS, BodySurface, View, half_of, middle, paint, rendered
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -21,8 +21,8 @@ from sparsemor.plugins.charts.style import (
     plain,
     style_of,
     time_panels,
+    unit,
 )
-from sparsemor.plugins.charts.units import unit
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist

@@ -1,16 +1,25 @@
 """Orthographic view of a body in space, in which lengths parallel to the view plane are true, and
-its picture by matplotlib."""
+its picture: rendered by pyvista, or drawn plainly by matplotlib."""
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+import subprocess
+import sys
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sparsemor.core.arrays import FloatArray, IntArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+_SECONDS = 300.0
+_WORKER = "sparsemor.plugins.charts.surface_pyvista_worker"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class View:
@@ -86,3 +95,31 @@ def paint(axes: "Axes", surface: BodySurface) -> None:
         x, y, surface.values[front].ravel(), triangles=np.arange(x.size).reshape(-1, 3),
         shading="gouraud", cmap=surface.colours, vmin=surface.low, vmax=surface.high,
         rasterized=True)
+
+
+def rendered(surfaces: Sequence[BodySurface]) -> list[NDArray[np.uint8]] | None:
+    """Image (h, w, 3) of each surface, which fills its panel, by pyvista (extra `pictures3d`) off
+    screen; None if it is absent or fails.
+
+    It runs in a separate process: VTK may abort its process if neither a display nor EGL or OSMesa
+    is available, and it changes global settings.
+    """
+    if not surfaces or find_spec("pyvista") is None:
+        return None
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        for number, surface in enumerate(surfaces):
+            arrays: dict[str, Any] = asdict(surface)
+            np.savez(folder / f"{number}.npz", **arrays)
+        try:
+            done = subprocess.run(
+                [sys.executable, "-m", _WORKER, name], check=False, capture_output=True,
+                stdin=subprocess.DEVNULL, timeout=_SECONDS)
+        except subprocess.TimeoutExpired:
+            return None
+        files = [folder / f"{number}.npy" for number in range(len(surfaces))]
+        if done.returncode != 0 or not all(file.exists() for file in files):
+            return None
+        images = [np.load(file) for file in files]
+    blank = any(image.min() == image.max() for image in images)
+    return None if blank else images

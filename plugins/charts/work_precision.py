@@ -57,16 +57,6 @@ class WorkPoint:
         return f"{self.method} {self.budget}".strip()
 
 
-@dataclass(frozen=True, slots=True)
-class _Range:
-    """Vertical limits of one panel. bottom, top: errors at whole decades; edge: position of runs
-    that stopped early."""
-
-    bottom: float
-    top: float
-    edge: float
-
-
 def work_precision_figure(
     points: Sequence[WorkPoint], reference: WorkPoint | None, kinds: Sequence[FieldKind],
     limit: float = LIMIT, notes: Sequence[str] = (), unit: str = "ms/step",
@@ -140,9 +130,9 @@ def _lines(
     each line, and of runs that stopped early."""
     from matplotlib.ticker import LogLocator, NullLocator
 
-    limits, labels = _limits(measure, points), []
+    (bottom, top), labels = _limits(measure, points), []
     axes.set_yscale("log")
-    axes.set_ylim(limits.bottom, limits.top)
+    axes.set_ylim(bottom, top)
     axes.yaxis.set_major_locator(LogLocator(numticks=7))
     axes.yaxis.set_minor_locator(NullLocator())
     for number, method in enumerate(methods):
@@ -150,8 +140,8 @@ def _lines(
         own = sorted((p for p in points if p.method == method), key=_budget_order)
         ended = [p for p in own if p.status.ok]
         # an error of 0 has no place on a logarithmic axis: it stands at the lower edge
-        placed = [(p, max(p.errors.get(measure, 0.0), limits.bottom)) for p in ended]
-        placed += [(p, limits.edge) for p in own if not p.status.ok]
+        placed = [(p, max(p.errors.get(measure, 0.0), bottom)) for p in ended]
+        placed += [(p, top) for p in own if not p.status.ok]
         joined = all(_numbers(p.budget) for p in ended)
         axes.plot([p.ms_per_step for p in ended], [y for _, y in placed[:len(ended)]],
                   color=style.colour, linestyle=style.dash if joined else "none", linewidth=1.1)
@@ -175,14 +165,16 @@ def _marker(axes: Any, x: float | None, y: float, style: LineStyle, ok: bool) ->
               markerfacecolor=style.colour if ok else "white", clip_on=False, zorder=3)
 
 
-def _limits(measure: str, points: Sequence[WorkPoint]) -> _Range:
+def _limits(measure: str, points: Sequence[WorkPoint]) -> tuple[float, float]:
+    """Vertical limits of one panel, errors at whole decades; runs that stopped early stand at the
+    upper one."""
     errors = [p.errors.get(measure, 0.0) for p in points if p.status.ok]
     positive = [e for e in errors if e > 0.0] or [1e-3]
     bottom = 10.0 ** np.floor(np.log10(min(positive) / 2.0))
     top = max(10.0 ** np.ceil(np.log10(max(positive) * 2.0)), 10.0 * bottom)
     if any(not p.status.ok for p in points):
         top *= 100.0
-    return _Range(float(bottom), float(top), float(top))
+    return float(bottom), float(top)
 
 
 def _budget_order(p: WorkPoint) -> tuple[list[float], float]:

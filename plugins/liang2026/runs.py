@@ -23,8 +23,8 @@ from sparsemor.plugins.liang2026.paper import PaperFile, PaperItem, RunEntry, St
 from sparsemor.plugins.liang2026.quantities import split
 from sparsemor.plugins.liang2026.split import SPLIT, write_split
 from sparsemor.plugins.study.file import Study
-from sparsemor.plugins.study.jobs import UNCOMPUTED, completed
-from sparsemor.plugins.study.plan import Drawing, Run, SceneData, StudyPlan
+from sparsemor.plugins.study.jobs import UNCOMPUTED, completed, scene_data
+from sparsemor.plugins.study.plan import Drawing, Run, StudyPlan
 from sparsemor.plugins.study.run import run_plan, worker_pool
 from sparsemor.plugins.study.scheduler import Row, Schedule, StudyProgress
 
@@ -88,7 +88,7 @@ class Work:
             if completed(scene, self.folder / RUNS / name) is None:
                 remove_listed(self.folder / RUNS / name, SPLIT)
             found.append(Run(
-                len(found) + 1, {}, scene.reducer_name, scene.seed, SceneData.of(scene), name=name,
+                len(found) + 1, {}, scene.reducer_name, scene.seed, scene_data(scene), name=name,
                 after=(entry.after,), offered=name in offered))
 
         for name, entry in runs.items():

@@ -10,10 +10,9 @@ from sparsemor.core.arrays import FloatArray
 from sparsemor.core.model.facets import linear_surface, plane_triangles
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.plugins.charts.planar_fields import drawable_bodies
-from sparsemor.plugins.charts.style import COLUMN, NORMAL, PAGE, SMALL, new_figure, plain
+from sparsemor.plugins.charts.style import COLUMN, NORMAL, PAGE, SMALL, new_figure, plain, unit
 from sparsemor.plugins.charts.style import style_of as style
 from sparsemor.plugins.charts.surface_fields import solid_bodies
-from sparsemor.plugins.charts.units import unit
 from sparsemor.plugins.charts.view import VIEWS, front_facing
 
 if TYPE_CHECKING:

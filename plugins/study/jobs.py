@@ -11,7 +11,8 @@ import sys
 import traceback
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
-from functools import partial
+from dataclasses import dataclass, field
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -41,13 +42,12 @@ from sparsemor.core.simulation.automatic_choices import explicit
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.offline_cache import mesh_content
 from sparsemor.core.simulation.prepare import prepared
+from sparsemor.core.simulation.reduced_model import ReducedModel, reduce
 from sparsemor.core.simulation.simulate import simulate
 from sparsemor.core.simulation.training import TRAINING
 from sparsemor.core.simulation.validation import checked_model
 from sparsemor.core.status import SolveFailed, Status
-from sparsemor.plugins.study.columns import RESULT
-from sparsemor.plugins.study.kept_models import KeptModels
-from sparsemor.plugins.study.metrics import measured
+from sparsemor.plugins.study.columns import RESULT, measured
 from sparsemor.plugins.study.quantities import QuantityOfInterest
 
 _log = logging.getLogger(__name__)
@@ -58,18 +58,14 @@ UNCOMPUTED = (REFUSED, BROKEN, DIED)
 """Outcomes that are no results."""
 
 
-def execute(
-    job: Mapping[str, Any], registry: Registry | None = None, models: KeptModels | None = None
-) -> dict[str, Any]:
-    """Executes a job and returns its result; failures are returned in it, not raised. models: those
-    that earlier jobs in this process have prepared.
+def execute(job: Mapping[str, Any], registry: Registry | None = None) -> dict[str, Any]:
+    """Executes a job and returns its result; failures are returned in it, not raised.
 
     Raises KeyboardInterrupt if the user interrupts the run.
     """
     try:
         with fixed_threads():
-            answer = _KINDS[job["kind"]](
-                job, scene_of(job["scene"], registry), registry, models or KeptModels())
+            answer = _KINDS[job["kind"]](job, scene_of(job["scene"], registry), registry)
     except InputError as error:
         answer = {"status": REFUSED, "message": _one_line(str(error))}
     except SolveFailed as error:
@@ -83,23 +79,27 @@ def execute(
     return dict(finite(answer))
 
 
+def scene_data(scene: Scene) -> dict[str, Any]:
+    """Scene as plain data, from which another process builds it by `scene_of`."""
+    source = scene.source
+    return {"tree": source.tree, "name": source.document.name, "folder": str(scene.folder)}
+
+
 def scene_of(data: Mapping[str, Any], registry: Registry | None = None) -> Scene:
-    """Scene built from the plain data of `SceneData.plain`."""
+    """Scene built from the plain data of `scene_data`."""
     tree = dict(data["tree"])
     document = Document(str(data["name"]), tree)
     return build(Source(document, tree, registry or Registry(), Path(data["folder"])))
 
 
 def _reference(
-    job: Mapping[str, Any], scene: Scene, registry: Registry | None, models: KeptModels
+    job: Mapping[str, Any], scene: Scene, registry: Registry | None
 ) -> dict[str, Any]:
     key, result = cached_reference(scene, job.get("keep_training", False))
     return {"status": result.status.value, "key": key}
 
 
-def _products(
-    job: Mapping[str, Any], scene: Scene, registry: Registry | None, models: KeptModels
-) -> dict[str, Any]:
+def _products(job: Mapping[str, Any], scene: Scene, registry: Registry | None) -> dict[str, Any]:
     """Computes the training run and bases shared by several runs, by preparing one of these runs;
     they are stored in the cache.
 
@@ -121,9 +121,7 @@ def _products(
     return {"status": Status.DONE.value}
 
 
-def _run(
-    job: Mapping[str, Any], scene: Scene, registry: Registry | None, models: KeptModels
-) -> dict[str, Any]:
+def _run(job: Mapping[str, Any], scene: Scene, registry: Registry | None) -> dict[str, Any]:
     reference = None if job["reference"] is None else _stored_reference(
         scene_of(job["reference"], registry), job["reference_key"])
     table = partial(measured, reference=reference, errors_from=job["errors_from"], quantities={
@@ -140,10 +138,7 @@ def _run(
     if job.get("continue"):
         return table(_continued(scene, Path(job["keep"]), job["offered"]), failure="") | folder
     with _place(job["keep"], job["scratch"]) as place:
-        failure, model = "", None
-        if job.get("model"):
-            model = models.of(job["model"]["key"], lambda: scene_of(
-                job["model"]["scene"], registry), scene)
+        failure, model = "", _model_for(scene, job.get("model"), registry)
         try:
             result = simulate(scene, out=place) if model is None else model.run(scene, out=place)
         except SolveFailed as error:
@@ -152,6 +147,39 @@ def _run(
             result, failure = error.result, str(error)
         prepared = None if model is None else model.offline_seconds
         return table(result, failure=failure, prepared=prepared) | folder
+
+
+def _model_for(
+    scene: Scene, base: Mapping[str, Any] | None, registry: Registry | None
+) -> ReducedModel | None:
+    """Model that the run of a scene shares with others, which is prepared from the scene `base`
+    whatever run comes first; None if it needs its own."""
+    model = None if base is None else shared_model(SharedBase(**base), registry)
+    try:
+        if model is not None:
+            model.check(scene)
+    except InputError:
+        return None
+    return model
+
+
+@dataclass(frozen=True, slots=True)
+class SharedBase:
+    """Scene, as `scene_data`, from which a model is prepared that several runs share by its key."""
+
+    key: str
+    scene: Mapping[str, Any] = field(compare=False)
+
+
+@lru_cache(maxsize=4)
+def shared_model(base: SharedBase, registry: Registry | None) -> ReducedModel | None:
+    """Prepared model, None where it cannot be: then each run reports its own failure. A process
+    keeps the last few."""
+    try:
+        model = reduce(scene_of(base.scene, registry))
+    except (InputError, SolveFailed):
+        return None
+    return None if model.estimates_errors else model  # which runs with other loads do not
 
 
 def _continued(scene: Scene, folder: Path, offered: bool) -> RunResult:

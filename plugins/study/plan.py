@@ -29,26 +29,14 @@ from sparsemor.plugins.study.axes import (
 )
 from sparsemor.plugins.study.columns import OUTCOME, RESERVED, columns_of, error_columns
 from sparsemor.plugins.study.file import Study, StudyFault
+from sparsemor.plugins.study.jobs import scene_data
 
 OF_CHARTS = ("title", "method", "budget")
 """Keys of a study file that do not change its table."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class SceneData:
-    """Scene as plain data, from which another process can build it."""
-
-    tree: Mapping[str, Any]
-    name: str
-    folder: str
-
-    @classmethod
-    def of(cls, scene: Scene) -> "SceneData":
-        source = scene.source
-        return cls(source.tree, source.document.name, str(scene.folder))
-
-    def plain(self) -> dict[str, Any]:
-        return {"tree": self.tree, "name": self.name, "folder": self.folder}
+SceneData = Mapping[str, Any]
+"""Scene as plain data (`jobs.scene_data`), from which another process can build it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -170,9 +158,9 @@ class StudyPlan:
         about = digest(
             {k: v for k, v in read.source.tree.items() if k not in OF_CHARTS},
             environment(), folder_digest(Path(__file__).parent), maker.identities,
-            [[r.refused, dict(r.scene.tree) if r.scene else None] for r in runs],
-            {key: dict(s.tree) for key, s in maker.references.items()})
-        steps = {s.tree["time"]["step"] for s in maker.references.values()}
+            [[r.refused, r.scene["tree"] if r.scene else None] for r in runs],
+            {key: s["tree"] for key, s in maker.references.items()})
+        steps = {s["tree"]["time"]["step"] for s in maker.references.values()}
         drawing = Drawing(
             read.name, tuple(chart_columns(file, points)), file.budget, fields, file.errors_from,
             maker.trained.pop() if len(maker.trained) == 1 else 0.0, file.over_time,
@@ -242,7 +230,7 @@ class _Maker:
             training = ""
         own = bool(key) and reducer.full_order and (
             _compared(dump) == _compared(reference_dump))
-        return Run(number, settings, scene.reducer_name, scene.seed, SceneData.of(scene), key,
+        return Run(number, settings, scene.reducer_name, scene.seed, scene_data(scene), key,
                    own, training, digest(training, bases) if training else "", model, learns)
 
     def _followed(self, changes: Mapping[str, Any]) -> dict[str, Any]:
@@ -264,7 +252,7 @@ class _Maker:
         except InputError as error:
             return "reference: " + self._blame(number, error, source, owners)
         key = scene.digest()[:16]
-        self.references[key] = SceneData.of(scene)
+        self.references[key] = scene_data(scene)
         return key, scene.dump()
 
     def _reference_place(self, key: str) -> KeyPath:

@@ -8,11 +8,11 @@ from pydantic import model_validator
 
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
-from sparsemor.core.protocols.layout import Quantity as Kind
 from sparsemor.core.protocols.plugin import Plugin
 from sparsemor.core.registry.registry import suggestions
-from sparsemor.core.results.fields import FIELDS, Derived
+from sparsemor.core.results.fields import FIELDS
 from sparsemor.core.results.run_result import RunResult
+from sparsemor.plugins.charts.fields import nodal_values
 
 Take = Literal["max", "min", "largest", "final", "mean", "integral", "time_of_max"]
 FORMS = ("probe", "joint", "contact", "field")
@@ -96,17 +96,8 @@ class QuantityOfInterest(Plugin):
             return times, np.sqrt(np.sum([
                 v**2 for (_, unit), v in forces.items() if unit == "N"], axis=0))
         extreme = np.min if self.take == "min" else np.max
-        return times, np.array([extreme(self._nodal(result, i)) for i in range(len(times))])
-
-    def _nodal(self, result: RunResult, step: int) -> FloatArray:
-        kind = FIELDS[self.field]
-        if kind is Derived.STRESS:
-            return result.von_mises(self.body, step)
-        if kind is Derived.STRAIN:
-            return result.equivalent_strain(self.body, step)
-        if kind is Kind.TEMPERATURE:
-            return result.nodal_temperature(self.body, step)
-        return np.asarray(np.linalg.norm(result.nodal_displacement(self.body, step), axis=1))
+        return times, np.array([extreme(nodal_values(result, self.body, i, FIELDS[self.field]))
+                                for i in range(len(times))])
 
 
 def _integral(t: FloatArray, y: FloatArray) -> float:

@@ -22,7 +22,7 @@ from sparsemor.core.status import Status
 from sparsemor.plugins.study.jobs import DIED
 from sparsemor.plugins.study.journal import WRITES, Journal, is_study
 from sparsemor.plugins.study.plan import StudyPlan
-from sparsemor.plugins.study.pools import Pool, SerialPool
+from sparsemor.plugins.study.pools import DaskPool, Pool, SerialPool
 from sparsemor.plugins.study.progress import OnProgress, progress_display
 from sparsemor.plugins.study.report import StudyTable
 from sparsemor.plugins.study.scheduler import LostWorkers, Row, Schedule
@@ -91,7 +91,7 @@ def run_plan(
     folder = (Path(out) if out is not None else Path("runs", plan.study.name)).absolute()
     parts = [f"{KEPT}/{run.number}" for run in plan.runs] if plan.study.file.keep else []
     # refused before anything is written
-    cluster = None if scheduler is None else _cluster(scheduler)
+    cluster = None if scheduler is None else DaskPool(scheduler)
     try:
         with OutputDirectory(folder).claimed(
                 resume=not force, force=force, replaceable=lambda: is_study(folder),
@@ -121,12 +121,6 @@ def run_plan(
         if cluster is not None:
             cluster.close()
     return StudyOutcome(plan, folder, tuple(rows), tuple(files), lost)
-
-
-def _cluster(scheduler: Any) -> Pool:
-    from sparsemor.plugins.study.dask_pool import DaskPool
-
-    return DaskPool(scheduler)
 
 
 @contextmanager

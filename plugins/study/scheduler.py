@@ -151,15 +151,15 @@ class Schedule:
 
     def _payload(self, job: _Job) -> dict[str, Any]:
         run = job.run
-        reference = self._plan.references[run.reference].plain() if run.reference else None
+        reference = self._plan.references[run.reference] if run.reference else None
         if job.kind == "reference":
             learns = any(r.learns for r in self._plan.runs if r.reference == run.reference)
             return {"kind": job.kind, "scene": reference, "keep_training": learns}
         assert run.scene is not None
         if job.kind == "products":
-            return {"kind": job.kind, "scene": run.scene.plain()}
+            return {"kind": job.kind, "scene": run.scene}
         return {
-            "kind": job.kind, "scene": run.scene.plain(), "reference": reference,
+            "kind": job.kind, "scene": run.scene, "reference": reference,
             "reference_key": self._answers[f"reference:{run.reference}"]["key"]
             if reference else "",
             "is_reference": run.is_reference,
@@ -222,8 +222,8 @@ def _shared_models(runs: Sequence[Run]) -> dict[str, dict[str, Any]]:
     """Key of each model that several runs may share -> the same key, and the scene of the first of
     them, from which it is prepared."""
     count = Counter(run.model for run in runs if run.model)
-    first = {run.model: run.scene for run in reversed(runs) if count[run.model] > 1}
-    return {key: {"key": key, "scene": scene.plain()} for key, scene in first.items() if scene}
+    return {run.model: {"key": run.model, "scene": run.scene} for run in reversed(runs)
+            if count[run.model] > 1}
 
 
 def _jobs_of(runs: Sequence[Run]) -> list[_Job]:

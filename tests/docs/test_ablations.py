@@ -62,7 +62,7 @@ def test_a_row_of_a_table_comes_out_again(name: str, number: int) -> None:
     """To one percent, but for one row that turns with the kernels the processor gets."""
     run = StudyPlan.of(STUDIES[name]).runs[number - 1]
     assert run.scene is not None
-    scene = scene_of(run.scene.plain())
+    scene = scene_of(run.scene)
     errors = compare(reference=simulate(scene.using({"reducer": "full"})),
                      run=simulate(scene)).errors["run"]
     with (DOCS / "measured" / "studies" / f"{name}.csv").open(encoding="utf-8") as file:

@@ -11,13 +11,13 @@ from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.protocols.layout import Block, Layout
 from sparsemor.core.protocols.prescribed_motion import FrameHistory, Stage
 from sparsemor.core.results.run_result import RunResult
+from sparsemor.plugins.charts.style import unit
 from sparsemor.plugins.charts.time_histories import (
     angles_figure,
     contact_forces_figure,
     moving_bodies,
     positions_figure,
 )
-from sparsemor.plugins.charts.units import unit
 
 TIMES = np.linspace(0.0, 3.75e-3, 51)
 

@@ -34,8 +34,7 @@ from sparsemor.plugins.liang2026.quantities import formula, study
 from sparsemor.plugins.liang2026.reproduce import chosen_items, reproduce
 from sparsemor.plugins.liang2026.runs import command_of, commands_of, plan_of, scene_of
 from sparsemor.plugins.liang2026.split import LOOP, Counted
-from sparsemor.plugins.study.jobs import execute, keep_reference
-from sparsemor.plugins.study.plan import SceneData
+from sparsemor.plugins.study.jobs import execute, keep_reference, scene_data
 
 ROOT = Path(__file__).parents[3]
 PAPER = packaged_paper()
@@ -142,7 +141,7 @@ def test_a_run_is_the_reference_of_studies_with_its_physics(here: Path) -> None:
     keep_reference(scene, Path("out"))
     for change, same in (({"title": "another", "seed": 7}, True), ({"output.every": 3}, False),
                          ({"time.end": 0.002}, False)):
-        job = {"kind": "reference", "scene": SceneData.of(scene.using(change)).plain()}
+        job = {"kind": "reference", "scene": scene_data(scene.using(change))}
         kept = Cache().root / "reference" / execute(job)["key"] / "result" / "header.json"
         assert kept.samefile(Path("out", "result", "header.json")) is same
 

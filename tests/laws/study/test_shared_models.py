@@ -8,9 +8,8 @@ import pytest
 from small_scenes import tiny
 from sparsemor import study
 from sparsemor.core.simulation import training
-from sparsemor.plugins.study import kept_models
+from sparsemor.plugins.study import jobs
 from sparsemor.plugins.study.columns import TIMES
-from sparsemor.plugins.study.kept_models import KeptModels
 
 FLUX = "loads.heating.flux"
 
@@ -27,13 +26,13 @@ def test_runs_that_differ_in_free_keys_share_a_model(
                                        {"time.end": 0.014, "reducer.basis.count": 3}],
         "set": {"time.end": 0.01, "training": {"end": 0.006, "overrides": {FLUX: 1.0e6}}}}))
     prepared: list[object] = []
-    made = kept_models.reduce
-    monkeypatch.setattr(kept_models, "reduce", lambda s: prepared.append(s) or made(s))
+    made = jobs.reduce
+    monkeypatch.setattr(jobs, "reduce", lambda s: prepared.append(s) or made(s))
     monkeypatch.setattr(training, "train", lambda *a: pytest.fail("full order is solved twice"))
     shared = study(file, out=tmp_path / "shared")
     assert len(prepared) == 2
     assert {row["offline_cache"] for row in shared} == {"shared model"}
-    monkeypatch.setattr(KeptModels, "of", lambda *a: None)
+    monkeypatch.setattr(jobs, "shared_model", lambda *a: None)
     own = study(file, out=tmp_path / "own")
     for one, other in zip(shared, own, strict=True):
         assert one["status"] == "done" and one["steps"] in (10, 14)
@@ -56,12 +55,12 @@ def test_runs_at_several_values_of_a_parameter_share_a_model(
         "scene": "tiny.json", "reference": "none", "grid": {"parameters.angle": [0.0, 0.4]},
         "quantities": {"y": {"probe": "end", "component": "y"}}}))
     prepared: list[object] = []
-    made = kept_models.reduce
-    monkeypatch.setattr(kept_models, "reduce", lambda s: prepared.append(s) or made(s))
+    made = jobs.reduce
+    monkeypatch.setattr(jobs, "reduce", lambda s: prepared.append(s) or made(s))
     shared = study(file, out=tmp_path / "shared")
     assert len(prepared) == 1
     assert {row["offline_cache"] for row in shared} == {"shared model"}
-    monkeypatch.setattr(KeptModels, "of", lambda *a: None)
+    monkeypatch.setattr(jobs, "shared_model", lambda *a: None)
     own = study(file, out=tmp_path / "own")
     for one, other in zip(shared, own, strict=True):
         assert one["status"] == "done" and one["y"] == pytest.approx(other["y"], rel=1e-9)

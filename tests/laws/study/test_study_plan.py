@@ -29,9 +29,9 @@ def test_a_grid_is_every_combination_in_order() -> None:
                       for how in ("few", "many") for seed in (7, 4)]
     first, last = plan.runs[0], plan.runs[-1]
     assert first.scene is not None and last.scene is not None
-    assert first.scene.tree["reducer"]["sampler"]["mix"] == 0.1
-    assert last.scene.tree["reducer"]["budgets"] == {"a": 9}
-    assert (last.scene.tree["integrator"]["rho"], last.scene.tree["seed"]) == (0.5, 4)
+    assert first.scene["tree"]["reducer"]["sampler"]["mix"] == 0.1
+    assert last.scene["tree"]["reducer"]["budgets"] == {"a": 9}
+    assert (last.scene["tree"]["integrator"]["rho"], last.scene["tree"]["seed"]) == (0.5, 4)
     assert "integrator.rho" not in first.settings
 
 
@@ -40,7 +40,7 @@ def test_runs_share_a_reference_when_their_physics_integrator_and_step_are_the_s
     plan = planned(GRID)
     assert len(plan.references) == 3 * 2  # masses, and the integrator of `many`
     for run in plan.runs:
-        tree = plan.references[run.reference].tree
+        tree = plan.references[run.reference]["tree"]
         assert tree["reducer"] == "direct"
         assert tree["bodies"]["a"]["mass"] == run.settings["bodies.a.mass"]
         assert "seed" not in tree
