@@ -77,9 +77,7 @@ def buckling(
 
 def _about(p: Prepared, system: System, s: State, count: int) -> Buckled:
     step, K = _linear(p, system, s), system.jacobian(s)
-    size = system.sizes()
-    some, moved = size > 0.0, np.abs(system.direction(step))
-    e = CHANGE / max(float((moved[some] / size[some]).max(initial=0.0)), 1e-300)
+    e = CHANGE / max(system.motion(system.direction(step)), 1e-300)
     ahead, behind = (system.jacobian(replace(s, x=s.x + k * step)) for k in (e, -e))
     change = (ahead - behind) / (2.0 * e) + p.system.jacobian(s) - K
     here, there = (_stress_stiffness(p.model, system, x, s.t) for x in (s.x, s.x + step))

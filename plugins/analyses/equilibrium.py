@@ -22,7 +22,7 @@ from scipy.sparse.linalg import splu
 
 from sparsemor.core import Csr, FloatArray, IntArray, SolveFailed, State, Status
 from sparsemor.plugins.analyses.motion import carried_jacobian
-from sparsemor.plugins.analyses.system import System
+from sparsemor.plugins.analyses.system import System, stiffness_to_mass
 
 TOLERANCE = 1e-10
 """Largest last change of an unknown, relative to the largest one of its block and, of rigid
@@ -158,7 +158,7 @@ def flow(system: System, start: State, at: IntArray) -> Solved:
     M = csc_array(system.tangents(s).M)[at][:, at]
     mass = M.diagonal()
     some = mass > 0.0
-    ratio = float(np.mean(np.abs(system.jacobian(s).diagonal()[at][some]) / mass[some]))
+    ratio = stiffness_to_mass(system.jacobian(s)[at][:, at], M)
     floor, r = FLOOR * max(ratio, 1.0), system.residual(s)[at]
     sigma, moved = max(floor, _rate(r, mass, some, size)), np.zeros(len(at))
     for k in range(1, FLOW + 1):
@@ -216,10 +216,7 @@ def neutral(system: System, at: State, free: FloatArray) -> FloatArray:
     N = np.zeros((len(numbers), free.shape[1]))
     N[: len(free)] = free
     b = M @ N
-    diagonal = M.diagonal()
-    some = diagonal > 0.0
-    ratio = float(np.mean(np.abs(K.diagonal()[some]) / diagonal[some]))
-    sigma = FLOOR * 1e2 * max(ratio, 1.0)
+    sigma = FLOOR * 1e2 * max(stiffness_to_mass(K, M), 1.0)
     y = Solver(K + sigma * M, at.t, "stiffness")(b)
     values, vectors = np.linalg.eig(np.linalg.solve(N.T @ b, b.T @ y))
     kept = np.abs(sigma * values.real - 1.0) < 1e-2

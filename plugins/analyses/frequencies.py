@@ -11,8 +11,7 @@ from sparsemor.core.protocols.layout import Quantity
 from sparsemor.core.protocols.poses import FREE_POSE, PLANAR_POSE
 from sparsemor.plugins.analyses.modes import ComplexArray, Constrained, Modes, modes_of
 from sparsemor.plugins.analyses.motion import body_axes, in_body_axes, kept_rows
-from sparsemor.plugins.analyses.prepared import Prepared, equilibrium, rates, time_of
-from sparsemor.plugins.analyses.steady_heat import steady_heat
+from sparsemor.plugins.analyses.prepared import Prepared, equilibrium, rates, steady_heat, time_of
 from sparsemor.plugins.analyses.system import Tangents
 
 LATER, VARIES = 0.37, 1e-6

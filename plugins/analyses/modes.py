@@ -9,6 +9,7 @@ iterations with that of lambda^2 M + lambda D + K find the lambda of smallest ma
 Numerical Methods for Large Eigenvalue Problems, doi 10.1137/1.9781611970739, Sec. 4.6 and 9.3).
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +20,7 @@ from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigs, eigsh
 
 from sparsemor.core import Csr, FloatArray, InputError, IntArray
 from sparsemor.plugins.analyses.equilibrium import Solver
-from sparsemor.plugins.analyses.system import Tangents
+from sparsemor.plugins.analyses.system import Tangents, stiffness_to_mass
 
 ComplexArray = NDArray[np.complex128]
 DENSE = 200
@@ -56,34 +57,22 @@ class Constrained:
     def size(self) -> int:
         return int(self.K.shape[0])
 
-    def inverse(self, A: Csr) -> "Bordered":
-        """Inverse of A under the constraints."""
-        return Bordered(Solver(block_array([[A, self.G.T], [self.G, self.C]], format="csc"),
-                               what="the bordered stiffness matrix"), self.size)
+    def inverse(self, A: Csr) -> Callable[[FloatArray], FloatArray]:
+        """Inverse of A under the constraints: solution y of A y + G^T mu = b, G y = 0."""
+        solve = Solver(block_array([[A, self.G.T], [self.G, self.C]], format="csc"),
+                       what="the bordered stiffness matrix")
+
+        def held(b: FloatArray) -> FloatArray:
+            whole = np.zeros((len(solve.size), *b.shape[1:]))
+            whole[: self.size] = b
+            return solve(whole)[: self.size]
+
+        return held
 
     @property
     def ratio(self) -> float:
         """Mean ratio of stiffness to inertia, 1/s2."""
-        mass = self.M.diagonal()
-        some = mass > 0.0
-        return float(np.mean(np.abs(self.K.diagonal()[some]) / mass[some])) if some.any() else 1.0
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Bordered:
-    """Solution y of A y + G^T mu = b, G y = 0."""
-
-    solve: Solver
-    size: int
-
-    def __call__(self, b: FloatArray) -> FloatArray:
-        whole = np.zeros((self._rows, *b.shape[1:]))
-        whole[: self.size] = b
-        return self.solve(whole)[: self.size]
-
-    @property
-    def _rows(self) -> int:
-        return len(self.solve.size)
+        return stiffness_to_mass(self.K, self.M)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

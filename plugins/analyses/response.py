@@ -156,11 +156,10 @@ def _seen(
     system, state = p.system, p.system.state(lin.state)
     x = system.direction(np.asarray(lin.axes[0] @ z))
     v = system.direction(np.asarray(lin.axes[0] @ (1j * w * z) + lin.axes[1] @ z))
-    size, found = system.sizes(), np.zeros(len(outputs), complex)
-    some = size > 0.0
+    found = np.zeros(len(outputs), complex)
     for factor, part in ((1.0, np.real), (1j, np.imag)):
         dx, dv = part(x), part(v)
-        largest = float((np.abs(dx[some]) / size[some]).max(initial=0.0))
+        largest = system.motion(dx)
         e = SMALL / largest if largest > 0.0 else 1.0
         ahead, behind = (read(outputs, replace(
             state, x=state.x + k * dx, v=state.v + k * dv)) for k in (e, -e))

@@ -69,14 +69,18 @@ class Solution:
         return [row[name] for row in self.rows]
 
     @property
-    def summary(self) -> dict[str, Any]:
-        """Summary as plain data, with the whole table."""
+    def stored_summary(self) -> dict[str, Any]:
+        """Summary that is stored with the states."""
         return {
             "status": Status.DONE.value, "analysis": self.analysis, "scene": self.scene,
             "reducer": self.reducer, **self.facts, "states": list(self.states),
             "notes": sentences(self.notes, Level.WARNING),
-            "information": sentences(self.notes, Level.INFORMATION),
-            "table": [dict(row) for row in self.rows]}
+            "information": sentences(self.notes, Level.INFORMATION)}
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """Summary as plain data, with the whole table."""
+        return self.stored_summary | {"table": [dict(row) for row in self.rows]}
 
     def write(self, folder: Path) -> list[Path]:
         """Writes the table ANALYSIS.csv and the charts into a folder; returns their paths."""

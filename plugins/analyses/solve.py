@@ -11,7 +11,6 @@ import numpy as np
 
 from sparsemor.core import FloatArray, InputError, Note, Quantity, Scene, State
 from sparsemor.core.linalg.threads import fixed_threads
-from sparsemor.core.notes import Level, sentences
 from sparsemor.core.registry.boundary import naming_plugins
 from sparsemor.core.registry.registry import suggestions
 from sparsemor.core.results.output_lock import owned
@@ -21,7 +20,7 @@ from sparsemor.plugins.analyses.buckling import buckling
 from sparsemor.plugins.analyses.equilibrium import Solved, free_motions, neutral
 from sparsemor.plugins.analyses.frequencies import frequencies
 from sparsemor.plugins.analyses.modes import ComplexArray
-from sparsemor.plugins.analyses.prepared import Prepared, equilibrium, prepare, time_of
+from sparsemor.plugins.analyses.prepared import Prepared, equilibrium, prepare, steady_heat, time_of
 from sparsemor.plugins.analyses.response import Response, frequency_response, kept_response
 from sparsemor.plugins.analyses.solution import (
     Solution,
@@ -30,7 +29,6 @@ from sparsemor.plugins.analyses.solution import (
     scaled,
     stored,
 )
-from sparsemor.plugins.analyses.steady_heat import steady_heat
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -98,21 +96,10 @@ def _of_state(
     state, name = p.system.state(solved.state), analysis.replace("_", " ")
     facts = {"t": state.t, "iterations": solved.iterations, "unknowns": p.system.layout.size}
     title = f"{name} at {state.t:g} s"
-    result = stored(p, [state], [state.t], _summary(p, analysis, [title], facts, notes), out)
-    return Solution(
-        analysis, p.scene.name, p.scene.reducer_name, quantities(p, state, result, shown),
-        tuple(notes), [title], facts, result,
-        lambda: field_charts(result, analysis, shown, [state.t]))
-
-
-def _summary(
-    p: Prepared, analysis: str, states: Sequence[str], facts: Mapping[str, Any],
-    notes: Sequence[Note],
-) -> dict[str, Any]:
-    return {"status": "done", "analysis": analysis, "scene": p.scene.name,
-            "reducer": p.scene.reducer_name, **facts, "states": list(states),
-            "notes": sentences(notes, Level.WARNING),
-            "information": sentences(notes, Level.INFORMATION)}
+    made = Solution(analysis, p.scene.name, p.scene.reducer_name, (), tuple(notes), [title], facts)
+    result = stored(p, [state], [state.t], made.stored_summary, out)
+    return replace(made, rows=quantities(p, state, result, shown), result=result,
+                   draw=lambda: field_charts(result, analysis, shown, [state.t]))
 
 
 def _left_out(p: Prepared, spin: bool) -> list[Note]:
@@ -178,14 +165,15 @@ def of_shapes(
     shapes = scaled(turned, p, SHAPE)
     states = [state, *(replace(state, x=state.x + shape) for shape in shapes.T)]
     numbers = [float(i) for i in range(len(states))]
-    result = stored(p, states, numbers, _summary(p, analysis, names, facts, notes), out)
+    made = Solution(
+        analysis, p.scene.name, p.scene.reducer_name, rows, tuple(notes), names, facts)
+    result = stored(p, states, numbers, made.stored_summary, out)
 
     def draw() -> "Mapping[str, Figure]":
         drawn = numbers[1 : DRAWN + 1]
         return field_charts(result, analysis, Quantity.DISPLACEMENT, drawn) if drawn else {}
 
-    return Solution(analysis, p.scene.name, p.scene.reducer_name, rows, tuple(notes), names,
-                    facts, result, draw)
+    return replace(made, result=result, draw=draw)
 
 
 def _buckling(

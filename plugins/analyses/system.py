@@ -45,6 +45,13 @@ class Tangents:
     M: Csr
 
 
+def stiffness_to_mass(K: Csr, M: Csr) -> float:
+    """Mean ratio of the diagonals of stiffness and mass, 1/s2, of unknowns with mass; 1 without."""
+    mass = M.diagonal()
+    some = mass > 0.0
+    return float(np.mean(np.abs(K.diagonal()[some]) / mass[some])) if some.any() else 1.0
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Projected(Term):
     """Galerkin projection of a term as a term of the reduced unknowns: rows (l,), columns (k,);
@@ -196,6 +203,12 @@ class System:
                 own[:2 if b.size == 3 else 3] = extent[b.owner]
             found[layout[b.name]] = own
         return found
+
+    def motion(self, change: FloatArray) -> float:
+        """Largest change of the model's unknowns (N,), real, relative to large motions."""
+        size = self.sizes()
+        some = size > 0.0
+        return float((np.abs(change[some]) / size[some]).max(initial=0.0))
 
 
 def _trial(

@@ -10,12 +10,13 @@ from sparsemor.core.linalg.coherence import oriented_unit_columns
 from sparsemor.core.model.model import distinct_names
 from sparsemor.plugins.bases.load_patterns import (
     known_step,
+    largest_directions,
     moving_loads,
     refuse_both,
     refuse_nowhere,
+    steps_of,
 )
 from sparsemor.plugins.bases.orthogonalise import independent
-from sparsemor.plugins.bases.response_compression import largest_directions, steps_of
 from sparsemor.plugins.bases.static_response import factorize, is_thermal
 
 

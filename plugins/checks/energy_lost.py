@@ -21,7 +21,7 @@ from sparsemor.core import (
 )
 from sparsemor.core.model.equations import system_residual
 from sparsemor.plugins.checks import place
-from sparsemor.plugins.checks.alternating_joint_forces import ROUNDING, inner_force
+from sparsemor.plugins.checks.unresolved_motion import ROUNDING, inner_force
 
 ENERGY_LOST = "energy_lost"
 """Kind of the note."""

@@ -15,9 +15,13 @@ from sparsemor.core.results.output_directory import OutputDirectory
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.plugins.export.histories import write_csv, write_netcdf
 from sparsemor.plugins.export.request import FORMATS, ExportPlan, plan_export
-from sparsemor.plugins.export.snapshot import BodySnapshot, exported_mesh, frame_at
-from sparsemor.plugins.export.vtu import VtuSeries
-from sparsemor.plugins.export.xdmf import XdmfSeries
+from sparsemor.plugins.export.series import (
+    BodySnapshot,
+    VtuSeries,
+    XdmfSeries,
+    exported_mesh,
+    frame_at,
+)
 
 EXPORT = "export"
 """Kind of the list of an export."""

@@ -116,7 +116,7 @@ def _model(
 
 
 def _line(run: "RunResult", body: str, file: Path, fields: tuple[str, ...], times: int) -> str:
-    from sparsemor.plugins.export.snapshot import exported_mesh
+    from sparsemor.plugins.export.series import exported_mesh
 
     what = ", ".join(fields) or "no field"
     points = len(exported_mesh(run, body, fields)[0])

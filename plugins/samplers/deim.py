@@ -6,9 +6,8 @@ from typing import Literal
 import numpy as np
 
 from sparsemor.core import FloatArray
-from sparsemor.plugins.samplers.rows_by_node import GreedyRows
+from sparsemor.plugins.samplers.base import GreedyRows, SpanSampler
 from sparsemor.plugins.samplers.smallest_singular_pair import EPS, RowFactor, Smallest
-from sparsemor.plugins.samplers.subspace import SpanSampler
 
 NEW = 1e-8
 """Norm of a row's component outside the span of the rows taken, below which it adds no information,

@@ -6,8 +6,7 @@ import numpy as np
 from scipy import linalg
 
 from sparsemor.core import FloatArray
-from sparsemor.plugins.samplers.rows_by_node import GreedyRows
-from sparsemor.plugins.samplers.subspace import SpanSampler
+from sparsemor.plugins.samplers.base import GreedyRows, SpanSampler
 
 
 class Leverage(SpanSampler):

@@ -4,8 +4,7 @@ Sec. 3.1)."""
 import numpy as np
 
 from sparsemor.core import BlockData, Dictionary, IntArray
-from sparsemor.plugins.samplers.base import RowSampler
-from sparsemor.plugins.samplers.rows_by_node import sample_rows
+from sparsemor.plugins.samplers.base import RowSampler, sample_rows
 
 
 class LatinHypercube(RowSampler):

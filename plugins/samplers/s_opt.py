@@ -3,9 +3,8 @@
 import numpy as np
 
 from sparsemor.core import FloatArray
-from sparsemor.plugins.samplers.rows_by_node import GreedyRows
+from sparsemor.plugins.samplers.base import GreedyRows, SpanSampler
 from sparsemor.plugins.samplers.smallest_singular_pair import LOST, RowFactor
-from sparsemor.plugins.samplers.subspace import SpanSampler
 
 TINY = 1e-300
 """Lower bound of squares before logarithms are taken, below every nonzero square."""

@@ -33,18 +33,18 @@ from sparsemor.plugins.stability.check import (
     judged,
     over_the_run,
 )
-from sparsemor.plugins.stability.eigenvalue_errors import (
-    EigenvalueErrors,
-    eigenvalue_errors,
-    exact_values,
-    own_radii,
-)
 from sparsemor.plugins.stability.reference import (
     along,
     linearization_times,
     projected,
     states_along,
     times_checked,
+)
+from sparsemor.plugins.stability.spectrum import (
+    EigenvalueErrors,
+    eigenvalue_errors,
+    exact_values,
+    own_radii,
 )
 from sparsemor.plugins.stability.step_map import step_map
 from sparsemor.plugins.stability.variants import SurveyPlan, Variant, variants

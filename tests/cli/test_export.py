@@ -185,7 +185,7 @@ def test_nothing_is_left_of_an_export_that_fails(
     def full_disk(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("sparsemor.plugins.export.vtu.VtuSeries.close", full_disk)
+    monkeypatch.setattr("sparsemor.plugins.export.series.VtuSeries.close", full_disk)
     with pytest.raises(OSError, match="No space"):
         export(run, tmp_path / "files")
     assert not list(tmp_path.iterdir())

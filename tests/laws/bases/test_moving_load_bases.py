@@ -16,10 +16,9 @@ from sparsemor.core.protocols.load_tables import Table
 from sparsemor.core.testing import check_basis
 from sparsemor.plugins.bases.attachment import Attachment
 from sparsemor.plugins.bases.impulse import Impulse
-from sparsemor.plugins.bases.load_patterns import patch_weights, unit_loads
+from sparsemor.plugins.bases.load_patterns import likely_states, patch_weights, unit_loads
 from sparsemor.plugins.bases.modal import Modal
 from sparsemor.plugins.bases.pod import Pod
-from sparsemor.plugins.bases.response_compression import likely_states
 from sparsemor.plugins.bases.union import Overcomplete
 from sparsemor.reducers.checks import most_atoms
 

@@ -10,9 +10,9 @@ from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.linalg.svd import svd
 from sparsemor.core.protocols import BlockData, Dictionary
+from sparsemor.plugins.samplers.base import SpanSampler
 from sparsemor.plugins.samplers.deim import DeimPoints
 from sparsemor.plugins.samplers.s_opt import SOpt
-from sparsemor.plugins.samplers.subspace import SpanSampler
 
 GIVES_UP = np.linalg.LinAlgError("SVD did not converge")
 

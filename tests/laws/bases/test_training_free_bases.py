@@ -18,8 +18,7 @@ from sparsemor.core.protocols import BlockData, Dictionary
 from sparsemor.core.scene.scene import load
 from sparsemor.core.testing import check_basis
 from sparsemor.core.testing.random_inputs import DISPLACEMENTS, random_block, random_heat
-from sparsemor.plugins.bases.craig_bampton import CraigBampton
-from sparsemor.plugins.bases.modal import Modal
+from sparsemor.plugins.bases.modal import CraigBampton, Modal
 from sparsemor.plugins.bases.pod import Pod
 from sparsemor.plugins.bases.static import Static
 from sparsemor.reducers.checks import most_atoms

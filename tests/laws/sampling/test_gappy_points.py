@@ -8,8 +8,8 @@ import pytest
 
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.plugins.samplers import smallest_singular_pair as smallest
+from sparsemor.plugins.samplers.base import GreedyRows
 from sparsemor.plugins.samplers.deim import pivots, raise_smallest
-from sparsemor.plugins.samplers.rows_by_node import GreedyRows
 from sparsemor.plugins.samplers.smallest_singular_pair import SMALL, RowFactor, Smallest, largest
 
 Columns = Callable[[int, int, int], FloatArray]

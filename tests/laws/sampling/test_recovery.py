@@ -25,8 +25,7 @@ from sparsemor.core.testing.problems import (
     incoherent,
     tall,
 )
-from sparsemor.plugins.sparse_solvers.basis_pursuit import BasisPursuit
-from sparsemor.plugins.sparse_solvers.basis_pursuit_lp import BasisPursuitLp
+from sparsemor.plugins.sparse_solvers.basis_pursuit import BasisPursuit, BasisPursuitLp
 from sparsemor.plugins.sparse_solvers.lasso_lars import LassoLars
 from sparsemor.plugins.sparse_solvers.least_squares_on_support import Linearised
 from sparsemor.plugins.sparse_solvers.newton import LinearRecovery, Recovered

@@ -30,8 +30,7 @@ from sparsemor.core.testing.problems import (
     incoherent,
     tall,
 )
-from sparsemor.plugins.sparse_solvers.basis_pursuit import BasisPursuit
-from sparsemor.plugins.sparse_solvers.basis_pursuit_lp import BasisPursuitLp
+from sparsemor.plugins.sparse_solvers.basis_pursuit import BasisPursuit, BasisPursuitLp
 from sparsemor.plugins.sparse_solvers.cosamp import Cosamp
 from sparsemor.plugins.sparse_solvers.greedy_gauss_newton import GreedyGaussNewton
 from sparsemor.plugins.sparse_solvers.lasso_lars import LassoLars

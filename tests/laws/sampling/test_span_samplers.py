@@ -12,11 +12,10 @@ from sparsemor.core.errors import InputError
 from sparsemor.core.protocols import BlockData, Dictionary
 from sparsemor.core.testing import check_sampler
 from sparsemor.core.testing.random_inputs import random_block, random_dictionary
+from sparsemor.plugins.samplers.base import GreedyRows, SpanSampler, orthonormal
 from sparsemor.plugins.samplers.deim import DeimPoints
 from sparsemor.plugins.samplers.leverage import Leverage, leverage
-from sparsemor.plugins.samplers.rows_by_node import GreedyRows
 from sparsemor.plugins.samplers.s_opt import SOpt
-from sparsemor.plugins.samplers.subspace import SpanSampler, orthonormal
 from tiers import quick
 
 NONE = np.zeros(0, dtype=np.int64)

@@ -9,7 +9,7 @@ import pytest
 from sparsemor import simulate
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.testing.in_memory_run import scene_of
-from sparsemor.plugins.checks.alternating_joint_forces import alternation
+from sparsemor.plugins.checks.unresolved_motion import alternation
 
 
 def links(out: Path, integrator: Any, joints: bool = True) -> RunResult:

@@ -16,8 +16,13 @@ from sparsemor.core.simulation.time_stepping import started
 from sparsemor.core.simulation.training import train
 from sparsemor.core.testing.in_memory_run import scene_of
 from sparsemor.plugins.stability.check import ReferenceModels, judge
-from sparsemor.plugins.stability.eigenvalue_errors import exact_values, own_radii, own_values
-from sparsemor.plugins.stability.spectrum import eigenvalues, radius
+from sparsemor.plugins.stability.spectrum import (
+    eigenvalues,
+    exact_values,
+    own_radii,
+    own_values,
+    radius,
+)
 from sparsemor.plugins.stability.step_map import StepMap, step_map
 
 H, G = 1e-3, 9.81
