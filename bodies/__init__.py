@@ -33,13 +33,13 @@ if TYPE_CHECKING:
     from sparsemor.bodies.frames.moments import MassProperties as MassProperties
     from sparsemor.bodies.frames.plane_items import PlanePart as PlanePart
     from sparsemor.bodies.frames.springs import SpringItem as SpringItem
-    from sparsemor.bodies.joints.between import Between as Between
     from sparsemor.bodies.joints.conditions import Conditions as Conditions
     from sparsemor.bodies.joints.conditions import conditions_between as conditions_between
     from sparsemor.bodies.joints.conditions import conditions_on as conditions_on
     from sparsemor.bodies.joints.conditions import constant as constant
     from sparsemor.bodies.joints.force_element import Drive as Drive
     from sparsemor.bodies.joints.force_element import ForceElement as ForceElement
+    from sparsemor.bodies.joints.pairs import Between as Between
     from sparsemor.bodies.joints.part import JointPart as JointPart
     from sparsemor.bodies.joints.relative import Relative as Relative
     from sparsemor.bodies.joints.side import Side as Side
@@ -71,7 +71,7 @@ _HOMES = {
     "frames.moments": ("MassProperties",),
     "frames.plane_items": ("PlanePart",),
     "frames.springs": ("SpringItem",),
-    "joints.between": ("Between",),
+    "joints.pairs": ("Between",),
     "joints.conditions": ("Conditions", "conditions_between", "conditions_on", "constant"),
     "joints.force_element": ("Drive", "ForceElement"),
     "joints.part": ("JointPart",),

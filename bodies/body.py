@@ -22,10 +22,10 @@ from sparsemor.bodies.frames.floating import (
     write_weight,
 )
 from sparsemor.bodies.frames.force_items import BodyForce, SpaceForce
-from sparsemor.bodies.frames.mean_rotation import mean_displacement, mean_rotation, with_torques
+from sparsemor.bodies.frames.items import Stiffening
+from sparsemor.bodies.frames.joint_items import mean_displacement, mean_rotation, with_torques
 from sparsemor.bodies.frames.moments import MassProperties
 from sparsemor.bodies.frames.rotation import torque
-from sparsemor.bodies.frames.stiffening import Stiffening
 from sparsemor.bodies.mesh.centres import Centre, centre_of_set
 from sparsemor.bodies.mesh.sets import PointSet
 from sparsemor.bodies.terms.body_terms import (

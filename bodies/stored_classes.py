@@ -12,16 +12,11 @@ from sparsemor.bodies.frames import (
     items,
     joint_items,
     moments,
-    relative,
     springs,
-    transmission,
 )
 from sparsemor.bodies.frames.inertia import Inertia
-from sparsemor.bodies.frames.plane import PlanarFrame
-from sparsemor.bodies.frames.stiffening import Stiffening
-from sparsemor.bodies.frames.unit_quaternion import UnitLength
 from sparsemor.bodies.joints.force_element import Drive, ItemForce
-from sparsemor.bodies.joints.friction_heat import FrictionPower, ReducedFrictionHeat
+from sparsemor.bodies.joints.heat import FrictionPower, ReducedFrictionHeat
 from sparsemor.bodies.loads.cavity_radiation import nothing
 from sparsemor.bodies.loads.convection import Film
 from sparsemor.bodies.loads.joule_heat import Squared
@@ -34,16 +29,15 @@ from sparsemor.bodies.terms.cavity import Exchange, ReducedCavity
 from sparsemor.bodies.terms.point_term import PointTerm
 
 CLASSES: Sequence[object] = (
-    Drive, Exchange, Film, FrictionPower, GreyBody, Inertia, ItemForce, Law, PlanarFrame, PointTerm,
-    ReducedCavity, ReducedFrictionHeat, Samples, Squared, Stiffening,
-    TemperatureCurve, Variable, nothing, unit,
-    constraints.Facing, constraints.Slide, dense.DenseTerm, dense.ReducedDense,
-    force_items.BodyForce, force_items.Moment, force_items.SpaceForce, frame.SpatialFrame,
-    items.Compliance, items.Nothing, UnitLength, joint_items.MeanPoint, joint_items.Reaction,
-    joint_items.Rotation, items.Wrench, material_laws.Conduction, material_laws.Departure,
-    material_laws.Expansion, material_laws.Softening, material_laws.StoredHeat, moments.Moments,
-    nonlinear_strains.NonlinearStrains, polynomial.PolynomialTerm, relative.Angle,
-    relative.Distance, relative.PlaneAngle, relative.RelativeItem, springs.RotationalSpringItem,
-    springs.SpatialRotationalSpring, springs.Spring, transmission.Shifted,
-    transmission.Transmission, transmission.Turned,
+    Drive, Exchange, Film, FrictionPower, GreyBody, Inertia, ItemForce, Law, PointTerm,
+    ReducedCavity, ReducedFrictionHeat, Samples, Squared, TemperatureCurve, Variable, nothing, unit,
+    constraints.Facing, constraints.Shifted, constraints.Slide, constraints.Transmission,
+    constraints.Turned, dense.DenseTerm, dense.ReducedDense,
+    force_items.BodyForce, force_items.Moment, force_items.SpaceForce, frame.PlanarFrame,
+    frame.SpatialFrame, items.Compliance, items.Nothing, items.Stiffening, items.UnitLength,
+    items.Wrench, joint_items.MeanPoint, joint_items.Reaction, joint_items.Rotation,
+    material_laws.Conduction, material_laws.Departure, material_laws.Expansion,
+    material_laws.Softening, material_laws.StoredHeat, moments.Moments,
+    nonlinear_strains.NonlinearStrains, polynomial.PolynomialTerm, springs.Angle, springs.Distance,
+    springs.Length, springs.PlaneAngle, springs.RelativeItem,
 )

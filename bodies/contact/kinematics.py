@@ -16,8 +16,8 @@ from typing import TypeAlias
 import numpy as np
 
 from sparsemor.bodies.contact.side import ContactSide, Sizes
+from sparsemor.bodies.frames.attitude import UnitQuaternion
 from sparsemor.bodies.frames.rotation import LEVI_CIVITA
-from sparsemor.bodies.frames.unit_quaternion import UnitQuaternion
 from sparsemor.core import FloatArray, IntArray
 
 QUARTER = np.array([[0.0, -1.0], [1.0, 0.0]])

@@ -6,7 +6,8 @@ axis: it needs no multiplier, and BDF1 keeps a constant rate exactly, whereas ea
 rate of a quaternion by the fraction (w h)^2 / 8.
 """
 
-from typing import TypeAlias
+from math import atan2
+from typing import Self, TypeAlias
 
 import numpy as np
 
@@ -108,6 +109,58 @@ Attitude: TypeAlias = Free | Spin
 def attitude(q: FloatArray) -> Attitude:
     """Attitude with coordinates q: quaternion (4,) or angle (1,)."""
     return Free(q) if len(q) == Free.size else Spin(q)
+
+
+class UnitQuaternion:
+    """Attitude and angular velocity from coordinates q (n,), normalised if a quaternion, and their
+    rates, for contact: Newton iterates include quaternions of other lengths, for which the matrix
+    of body axes is no rotation, so that surfaces would be stretched and penetrations wrong.
+
+    A (3, 3): body axes to space axes; w (3,): angular velocity in body axes, rad/s; by (3, n):
+    derivative of the rotation (in body axes) by q, equal to that of w by the rates; w_by (3, n):
+    derivative of w by q.
+    """
+
+    __slots__ = ("A", "_down", "_lever", "_of_lever", "_size", "_unit", "by", "w", "w_by")
+
+    def __init__(self, q: FloatArray, rate: FloatArray) -> None:
+        self._size = size = float(np.linalg.norm(q)) if len(q) == Free.size else 1.0
+        self._unit = q / size if len(q) == Free.size else np.zeros(len(q))
+        turn = attitude(q / size)
+        rates = turn.rates(rate / size, rate / size, 0.0, 0.0)
+        self._down = (np.eye(len(q)) - np.outer(self._unit, self._unit)) / size
+        self._lever, self._of_lever = turn.lever() / size, turn.of_lever
+        self.A, self.w, self.by = turn.A, rates[0], self._lever.T
+        self.w_by = rates[2] @ self._down - np.outer(self.w, self._unit) / size
+
+    def rows(self, torque: FloatArray) -> FloatArray:
+        """(n,) generalized force on the coordinates of a torque (3,) in body axes, N m."""
+        return np.asarray(self._lever @ torque)
+
+    def rows_by(self, torque: FloatArray) -> FloatArray:
+        """(n, n) derivative of `rows` by the coordinates, for a constant torque."""
+        force = self._lever @ torque
+        return np.asarray(self._of_lever(torque) @ self._down
+                          - np.outer(force, self._unit)) / self._size
+
+    @classmethod
+    def of(cls, pose: FloatArray, rate: FloatArray) -> Self:
+        """Attitude from rigid coordinates, position first, and their rates."""
+        return cls(pose[3:], rate[3:])
+
+
+Jet: TypeAlias = tuple[float, FloatArray, FloatArray]
+"""A function of n rigid coordinates with its first (n,) and second (n, n) derivatives."""
+
+
+def of_angle(cosine: Jet, sine: Jet) -> Jet:
+    """Angle atan2(s, c), rad, from its cosine and sine, both times one factor."""
+    (c, c1, c2), (s, s1, s2) = cosine, sine
+    size = c * c + s * s
+    along = (c * s1 - s * c1) / size
+    bend = (np.outer(s1, c1) - np.outer(c1, s1) + c * s2 - s * c2) / size - np.outer(
+        along, 2.0 * (c * c1 + s * s1) / size)
+    return atan2(s, c), along, bend
 
 
 def vector_rates(pose: FloatArray, rate: FloatArray, z: FloatArray) -> FloatArray:

@@ -1,20 +1,21 @@
 """Constraints between two frames: points that slide and, in space, directions that stay
-perpendicular.
+perpendicular, gears and racks.
 
-Both are products of coordinates of both bodies. They are evaluated with the equations of one of
-them (the own body, which may be flexible) and read the rigid coordinates of the other; the ground
-is another body at rest at the origin. All derivatives follow from the potential sum lambda_k g_k,
-so the matrix of rigid coordinates and multipliers stays symmetric.
+The first two are products of coordinates of both bodies. They are evaluated with the equations of
+one of them (the own body, which may be flexible) and read the rigid coordinates of the other; the
+ground is another body at rest at the origin. All derivatives follow from the potential sum
+lambda_k g_k, so the matrix of rigid coordinates and multipliers stays symmetric.
 """
 
 from dataclasses import dataclass, field, replace
+from math import pi
 
 import numpy as np
 
 from sparsemor.bodies.frames import plane_items as plane
 from sparsemor.bodies.frames import rotation as rot
 from sparsemor.bodies.frames import space_items as spatial
-from sparsemor.bodies.frames.attitude import Attitude, attitude
+from sparsemor.bodies.frames.attitude import Attitude, Jet, attitude, of_angle
 from sparsemor.bodies.frames.items import AXES, SpatialItem, Wrench
 from sparsemor.bodies.frames.motion import Motion, Sums
 from sparsemor.core import Amplitude, FloatArray
@@ -261,3 +262,74 @@ class Slide(SpatialItem):
         for i, e in enumerate(self.lines):
             H[k + i, place] = H[place, k + i] = -n[i]
             H[k + i, there] = H[there, k + i] = gap.dot(far.of_body(e))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Turned:
+    """Angle of a body, rad, about an axis fixed in space: atan2(A d . e_2, A d . e_1); own (3,) = d
+    in body axes."""
+
+    own: FloatArray
+    first: FloatArray
+    second: FloatArray
+
+    def __call__(self, y: FloatArray) -> Jet:
+        turn = attitude(y[3:])
+        angle, along, bend = of_angle(*(_cosine(turn, self.own, e)
+                                        for e in (self.first, self.second)))
+        first, second = np.zeros(len(y)), np.zeros((len(y), len(y)))
+        first[3:], second[3:, 3:] = along, bend
+        return angle, first, second
+
+
+def _cosine(turn: Attitude, d: FloatArray, e: FloatArray) -> Jet:
+    return float(turn.A.dot(d).dot(e)), e.dot(turn.of_body(d)), turn.bend(e, d)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shifted:
+    """Distance (R + A z) . e - start, m, of a point of a body along a direction of space."""
+
+    point: FloatArray
+    along: FloatArray
+    start: float
+
+    def __call__(self, y: FloatArray) -> Jet:
+        turn = attitude(y[3:])
+        second = np.zeros((len(y), len(y)))
+        second[3:, 3:] = turn.bend(self.along, self.point)
+        value = float((y[:3] + turn.A.dot(self.point)).dot(self.along)) - self.start
+        return value, np.concatenate([self.along, self.along.dot(turn.of_body(self.point))]), second
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Transmission(SpatialItem):
+    """Constraint scale wrap(n_1 q_1 + n_2 q_2) = 0 with one multiplier, of coordinates q_1 of the
+    own and q_2 of the other body.
+
+    An angle is known up to whole turns: its factor is an integer (the number of teeth), so that
+    these do not matter where the sum is wrapped into -pi to pi.
+    """
+
+    own: Turned
+    other: Turned | Shifted
+    factors: tuple[float, float]
+    scale: float
+    others: int
+    unit: str = "N m"
+
+    @property
+    def forces(self) -> int:
+        return 1
+
+    def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
+        size = m.at.stop
+        (a, a1, a2), (b, b1, b2) = self.own(m.y[:size]), self.other(m.y[o : o + self.others])
+        n1, n2 = self.factors
+        u, lam = n1 * a + n2 * b, m.y[k]
+        out.rows[k] = self.scale * (u - 2.0 * pi * round(u / (2.0 * pi)))
+        for at, n, first, second in ((slice(0, size), n1, a1, a2),
+                                     (slice(o, o + self.others), n2, b1, b2)):
+            out.rows[at] += lam * self.scale * n * first
+            out.H[at, at] += lam * self.scale * n * second
+            out.H[k, at] = out.H[at, k] = self.scale * n * first

@@ -16,11 +16,10 @@ from typing import Any
 import numpy as np
 
 from sparsemor.bodies.frames.force_items import SpaceForce
-from sparsemor.bodies.frames.frame import SpatialFrame
+from sparsemor.bodies.frames.frame import PlanarFrame, SpatialFrame
 from sparsemor.bodies.frames.inertia import Inertia
+from sparsemor.bodies.frames.items import UnitLength
 from sparsemor.bodies.frames.moments import MassProperties, moments_of
-from sparsemor.bodies.frames.plane import PlanarFrame
-from sparsemor.bodies.frames.unit_quaternion import UnitLength
 from sparsemor.core import Amplitude, Body, Csr, Equations, FloatArray
 from sparsemor.core.protocols import (
     BodyFrame,

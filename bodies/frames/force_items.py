@@ -6,8 +6,7 @@ from dataclasses import dataclass, replace
 from sparsemor.bodies.frames import plane_items as plane
 from sparsemor.bodies.frames import space_items as spatial
 from sparsemor.bodies.frames.items import AXES, EYE, Item
-from sparsemor.bodies.frames.motion import Motion, Sums
-from sparsemor.bodies.frames.motion_at_times import Moved, Pushed
+from sparsemor.bodies.frames.motion import Motion, Moved, Pushed, Sums
 from sparsemor.core import Amplitude, FloatArray
 
 

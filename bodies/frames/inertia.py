@@ -19,9 +19,8 @@ from sparsemor.bodies.frames import rotation as rot
 from sparsemor.bodies.frames import space_items as spatial
 from sparsemor.bodies.frames.items import AXES, Item
 from sparsemor.bodies.frames.moments import MassProperties, Moments
-from sparsemor.bodies.frames.motion import Motion, Sums
-from sparsemor.bodies.frames.motion_at_times import Moved, Pushed
-from sparsemor.bodies.frames.space_inertia import space_inertia
+from sparsemor.bodies.frames.motion import Motion, Moved, Pushed, Sums
+from sparsemor.bodies.frames.space_items import space_inertia
 from sparsemor.core import FloatArray
 
 FIRST = 3

@@ -18,8 +18,7 @@ import numpy as np
 
 from sparsemor.bodies.frames import plane_items as plane
 from sparsemor.bodies.frames import space_items as spatial
-from sparsemor.bodies.frames.motion import Motion, Sums
-from sparsemor.bodies.frames.motion_at_times import Moved, Pushed
+from sparsemor.bodies.frames.motion import Motion, Moved, Pushed, Sums
 from sparsemor.core import FloatArray
 from sparsemor.core.protocols import FrameWork
 
@@ -174,3 +173,52 @@ class Nothing(SpatialItem):
             out.sigma[j : j + self.directions] = 0.0
             out.sigma_y[:, j : j + self.directions] = 0.0
             out.tau[:, j : j + self.directions] = 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stiffening(Item):
+    """Force sum_j sigma_j H_j u on the displacements u, where sigma_j is the present factor of the
+    load on functional j of the frame, and H_j the geometric stiffness of a unit of this load.
+
+    matrices: number of functionals of the frame, all of which have one; first: number of inertia
+    matrices M_g, which come before. It is the last item of its frame.
+    """
+
+    first: int
+    matrices: int = 0
+    others = 0
+    pushes = True
+
+    def in_plane(self) -> plane.PlanePart:
+        return plane.PlanePart(plane.stiffening, (float(self.matrices), float(self.first)))
+
+    def in_space(self) -> tuple[spatial.SpacePart, ...]:
+        return (spatial.SpacePart(
+            spatial.stiffening, (float(self.matrices), float(self.first))),)
+
+    def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
+        self.push(m, j, out)
+
+    def push(self, m: Moved, j: int, out: Pushed) -> None:
+        out.coefficients[..., self.first : self.first + self.matrices] = out.sigma
+
+    def bend(self, work: FrameWork) -> None:
+        work.kappa_y[:, self.first : self.first + self.matrices] = work.sigma[:-1]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class UnitLength(RigidItem):
+    """Constraint (p.p - 1)/2 = 0 of a unit quaternion p, with a multiplier, N m."""
+
+    others = 0
+    forces = 1
+
+    def in_space(self) -> tuple[spatial.SpacePart, ...]:
+        return (spatial.SpacePart(spatial.unit_length, ()),)
+
+    def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
+        mu, p = m.y[k], m.y[m.at]
+        out.rows[m.at] += mu * p
+        out.rows[k] = 0.5 * (p.dot(p) - 1.0)
+        out.H[m.at, k] = out.H[k, m.at] = p
+        out.diagonal[m.at] += mu

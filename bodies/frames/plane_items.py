@@ -237,8 +237,8 @@ class PlaneReaction:
 def stiffening(
     numbers: Numbers, g: float, m: PlaneMotion, j: int, o: int, k: int, total: Total, out: Views
 ) -> None:
-    """Factors of geometric stiffness: those of all loads (stiffening.py). numbers: of functionals,
-    of inertia matrices."""
+    """Factors of geometric stiffness: those of all loads (`items.Stiffening`). numbers: of
+    functionals, of inertia matrices."""
     first = int(numbers[1])
     for i in range(int(numbers[0]) // 2):
         out.coefficients[first + 2 * i] = out.sigma[i].real

@@ -65,11 +65,11 @@ def rotational_spring(
 ) -> None:
     """Moment stiffness phi + damping phi' + g that acts against the relative angle phi of two
     frames, rad. numbers: stiffness, N m/rad, damping, N m s/rad, 1 where the other body's
-    coordinates are unknowns, else 0, and its angle at rest, rad."""
+    coordinates are unknowns, else 0, and the angle that counts as zero, rad."""
     stiffness, damping, moves = numbers[0], numbers[1], numbers[2] > 0.0
     phi, rate = m.y[2] - numbers[3], m.w
     if moves:
-        phi, rate = m.y[2] - m.y[o + 2], m.w - m.v[o + 2]
+        phi, rate = phi - m.y[o + 2], rate - m.v[o + 2]
     moment, slope = stiffness * phi + damping * rate + g, stiffness + damping * m.c1
     total[3] += complex(moment, slope)
     if moves:
@@ -105,7 +105,7 @@ def relative_law(
 def relative(
     numbers: Numbers, g: float, m: PlaneMotion, j: int, o: int, k: int, total: Total, out: Views
 ) -> None:
-    """Force by a law of a relative coordinate of two frames (relative.py).
+    """Force by a law of a relative coordinate of two frames (springs.py).
 
     numbers: law (5), sign, 1 for a distance and 0 for an angle, 1 where the other body's
     coordinates are unknowns, number of joint forces that the law reads; own point (2), axis of the

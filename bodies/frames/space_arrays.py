@@ -5,21 +5,24 @@ from itertools import chain
 
 import numpy as np
 
-from sparsemor.bodies.frames import space_inertia as inertia
 from sparsemor.bodies.frames import space_motion as motion
 from sparsemor.bodies.frames.items import Item
-from sparsemor.bodies.frames.space_inertia import space_inertia
 from sparsemor.bodies.frames.space_items import (
     SpaceFunction,
     add_pull,
+    axial,
     body_force,
     compliance,
     constraint,
+    factor,
+    inert,
     moment,
     moved,
     pull,
     space_force,
+    space_inertia,
     stiffening,
+    trace,
     unit_length,
 )
 from sparsemor.bodies.frames.space_motion import SpaceMotion, SpaceSums, levers, spin, turn, vector
@@ -40,8 +43,8 @@ FUNCTIONS: tuple[SpaceFunction, ...] = (
 CALLS: tuple[Callable[..., object], ...] = (
     motion.vector, motion.plus, motion.dot, motion.cross, motion.times, motion.back, motion.add,
     motion.put, motion.turn, motion.turn_rate, motion.bend, motion.add_bend, motion.levers,
-    motion.spin, motion.add_torque, inertia.trace, inertia.inert, inertia.axial, inertia.factor,
-    moved, pull, add_pull, quaternion, overlap, counted_angle, *FUNCTIONS)
+    motion.spin, motion.add_torque, trace, inert, axial, factor, moved, pull, add_pull, quaternion,
+    overlap, counted_angle, *FUNCTIONS)
 """All functions that it calls, each after those that it calls itself."""
 
 

@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 from pydantic import Field
 
-from sparsemor.bodies.frames.relative import LINEAR, RelativeItem
+from sparsemor.bodies.frames.springs import RelativeItem, linear
 from sparsemor.bodies.joints.force_element import ForceElement, ForceElementPart, ItemForce
 from sparsemor.bodies.joints.relative import relative_item
 from sparsemor.bodies.joints.side import Side, unit
@@ -87,7 +87,7 @@ class Bushing(ForceElement):
             k = self._numbers(f"{key}stiffness", count)
             c = self._numbers(f"{key}damping", count)
             about = axes if d == 3 or motion == "slide" else np.zeros((1, 2))
-            found += [relative_item(motion, e, own, other, first, (LINEAR, ki, ci, 0.0, 0.0))
+            found += [relative_item(motion, e, own, other, first, linear(ki, ci))
                       for e, ki, ci in zip(about, k, c, strict=True)]
         if not any(i.law[1] or i.law[2] for i in found):
             raise InputError("it does nothing: give a stiffness or a damping", "stiffness")

@@ -12,7 +12,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from sparsemor.bodies.frames.springs import SpatialRotationalSpring, SpringItem
+from sparsemor.bodies.frames.springs import LINEAR, Angle, RelativeItem, SpringItem
 from sparsemor.bodies.joints.conditions import Conditions, constant, massless_frame
 from sparsemor.bodies.joints.part import JointPart, write_reactions
 from sparsemor.bodies.joints.side import Side, sides_of
@@ -80,12 +80,14 @@ class ItemForce:
     def bounded_angle(
         self, times: FloatArray, own: FloatArray, other: FloatArray
     ) -> FloatArray | None:
-        if not isinstance(self.item, SpatialRotationalSpring) or not self.item.stiffness:
+        item = self.item
+        if not isinstance(item, RelativeItem) or not isinstance(item.coordinate, Angle) or (
+                item.law[0] != LINEAR or not item.law[1]):
             return None
-        if own.shape[1] < FREE_POSE and (other.shape[1] < FREE_POSE or not self.item.others):
+        if own.shape[1] < FREE_POSE and (other.shape[1] < FREE_POSE or not item.others):
             return None  # these count all turns
-        relaxed = self.item.relaxed_at(times)
-        return self.item.nearly(own[:, 3:], other[:, 3:], relaxed) - relaxed
+        relaxed = item.near_at(times)
+        return item.coordinate.nearly(own[:, 3:], other[:, 3:], relaxed) - relaxed
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -7,9 +7,9 @@ from typing import Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from sparsemor.bodies.frames.relative import FRICTION, Numbers, RelativeItem
+from sparsemor.bodies.frames.springs import FRICTION, Numbers, RelativeItem
 from sparsemor.bodies.joints.force_element import ForceElementPart
-from sparsemor.bodies.joints.friction_heat import HeatOfFriction, heat_of_friction
+from sparsemor.bodies.joints.heat import HeatOfFriction, heat_of_friction
 from sparsemor.bodies.joints.relative import RECORDED, Relative
 from sparsemor.bodies.joints.side import sides_of
 from sparsemor.core import Equations, InputError, Note, Part

@@ -1,17 +1,30 @@
 """Joint of a scene: constraint equations, summed from conditions on the frames of its bodies."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from sparsemor.bodies.frames.items import Compliance
+from sparsemor.bodies.frames.items import Compliance, Item
 from sparsemor.bodies.frames.joint_items import MeanPoint, Reaction
+from sparsemor.bodies.frames.rotation import torque
 from sparsemor.bodies.joints.heat import HeatExchange
 from sparsemor.bodies.joints.side import Condition, Side
-from sparsemor.bodies.joints.wrench import holding, size, wrenches
 from sparsemor.bodies.terms.field_kinds import MULTIPLIER
-from sparsemor.core import Amplitude, Block, Body, Equations, FloatArray, Joint, Note, Table
+from sparsemor.core import (
+    Amplitude,
+    Block,
+    Body,
+    Equations,
+    FloatArray,
+    InputError,
+    Joint,
+    Note,
+    Table,
+)
+from sparsemor.core.protocols.poses import points_in_space
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -21,7 +34,7 @@ class JointPart(Joint):
 
     sides: sides that are bodies. adjusted: intermediate massless frame between two flexible bodies;
     the equations of its weld come last. localized: hyper-reduction keeps its rows, because a joint
-    reaction acts on few unknowns. reactions: prescribed force and moment (wrench.py) on each side;
+    reaction acts on few unknowns. reactions: prescribed force and moment (`wrenches`) on each side;
     then the joint has neither unknowns nor constraints. exchange: its heat flow; notes: warnings on
     its options; compliance (l,): of constraints that depend on those of other joints.
     """
@@ -87,7 +100,7 @@ class JointPart(Joint):
                             C=np.eye(len(self.targets))[:, [i]])
         equations.constraint(block, self.targets)
 
-    def compliant(self, compliance: FloatArray, note: Note | None) -> "JointPart":
+    def compliant(self, compliance: FloatArray, note: Note | None) -> JointPart:
         notes = self.notes if note is None else (*self.notes, note)
         return replace(self, compliance=compliance, notes=notes)
 
@@ -109,7 +122,7 @@ class JointPart(Joint):
         return wrenches(self.sides, self.conditions, times, multipliers, poses,
                         welded=bool(self.adjusted))
 
-    def known(self, reactions: Table) -> "JointPart":
+    def known(self, reactions: Table) -> JointPart:
         """The same joint with prescribed forces and moments on its sides."""
         return replace(self, reactions=reactions, adjusted={})
 
@@ -127,3 +140,54 @@ def write_reactions(
         vectors = [v for v in (side.displacement, turning) if v is not None]
         equations.frame(side.body.name, Reaction(mine, turning is not None),
                         np.concatenate(vectors, axis=1))
+
+
+def size(side: Side) -> int:
+    """Number of components of a reaction on a side: force (d), N, and moment (1 or 3), N m."""
+    return 3 * side.d - 3
+
+
+def wrenches(
+    sides: Sequence[Side], conditions: Sequence[Condition], times: FloatArray,
+    multipliers: FloatArray, poses: Mapping[str, FloatArray], *, welded: bool,
+) -> FloatArray:
+    """(T, sum of sizes) force (N) on each side and moment (N m) about its mean point, in space
+    axes, with the sign of the left-hand sides of the equations.
+
+    multipliers (T, l); poses: rigid coordinates (T, n) of bodies that move; welded: an intermediate
+    massless frame is welded to the first side.
+    """
+    bodies = [side.body for side in sides if side.body is not None]
+    motion = {b.name: poses.get(b.name, b.pose[None]) for b in bodies}
+    of, d = {b.name: i for i, b in enumerate(bodies)}, sides[0].d
+    found = np.zeros((len(times), len(bodies), size(sides[0])))
+    for c in conditions:
+        if c.body.name not in of:
+            continue
+        other = poses[c.other] if c.other else None
+        w = holding(c.item).wrench(times, multipliers @ c.C, motion[c.body.name], other)
+        found[:, of[c.body.name], :d] += w.force
+        found[:, of[c.body.name], d:] += w.moment
+        if w.reach is None or welded:
+            continue
+        for name, i in of.items():
+            if name != c.body.name:  # it answers with a force at `reach`
+                found[:, i, :d] -= w.force
+                found[:, i, d:] -= w.moment + torque(
+                    w.reach - _mean_point(sides[i], motion[name]), w.force)
+    return found.reshape(len(times), -1)
+
+
+def holding(item: Item) -> Item:
+    """The item of a joint, checked. InputError for one without `wrench`."""
+    if item.reactions:
+        return item
+    raise InputError(
+        f"its item {type(item).__name__} has no method `wrench`, so what it does to its bodies "
+        "cannot be passed on by a rigid stage: give it that method (bodies/frames/items.py, "
+        "`Item`), or drop rigid_stage")
+
+
+def _mean_point(side: Side, pose: FloatArray) -> FloatArray:
+    """(T or 1, d) position of a side's mean point, m, space axes."""
+    return points_in_space(pose, np.broadcast_to(side.point, (len(pose), side.d)))

@@ -5,7 +5,7 @@ from typing import Literal
 
 from sparsemor.bodies.body_set import Place, find_place, need_motion
 from sparsemor.bodies.frames.force_items import BodyForce, SpaceForce
-from sparsemor.bodies.frames.mean_rotation import with_torques
+from sparsemor.bodies.frames.joint_items import with_torques
 from sparsemor.bodies.frames.rotation import torque
 from sparsemor.bodies.loads.part import LoadPart, NumberOrFunction, Vector, amplitude, components
 from sparsemor.core import Amplitude, Equations, FloatArray, LoadPlugin, Part

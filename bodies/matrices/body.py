@@ -11,7 +11,7 @@ from scipy.sparse import csr_array
 from sparsemor.bodies.body import FloatingBody
 from sparsemor.bodies.frames.floating import FieldInertia, inertia_matrices
 from sparsemor.bodies.frames.force_items import BodyForce
-from sparsemor.bodies.frames.mean_rotation import mean_displacement, with_torques
+from sparsemor.bodies.frames.joint_items import mean_displacement, with_torques
 from sparsemor.bodies.frames.moments import MassProperties
 from sparsemor.bodies.frames.rotation import torque
 from sparsemor.bodies.matrices.unknowns import Unknowns

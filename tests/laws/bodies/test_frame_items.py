@@ -10,9 +10,8 @@ import pytest
 from sparsemor.bodies.body_set import find_target
 from sparsemor.bodies.frames.force_items import BodyForce
 from sparsemor.bodies.frames.items import Item
-from sparsemor.bodies.frames.mean_rotation import with_torques
-from sparsemor.bodies.frames.motion import Motion, Sums
-from sparsemor.bodies.frames.motion_at_times import Moved, Pushed
+from sparsemor.bodies.frames.joint_items import with_torques
+from sparsemor.bodies.frames.motion import Motion, Moved, Pushed, Sums
 from sparsemor.bodies.joints.conditions import conditions_between
 from sparsemor.bodies.joints.part import JointPart
 from sparsemor.bodies.loads.part import LoadPart

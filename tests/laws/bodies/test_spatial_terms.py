@@ -13,7 +13,7 @@ from sparsemor.bodies.frames import rotation as rot
 from sparsemor.bodies.frames.force_items import Moment
 from sparsemor.bodies.frames.frame import SpatialFrame
 from sparsemor.bodies.frames.joint_items import Reaction
-from sparsemor.bodies.frames.springs import SpatialRotationalSpring, Spring
+from sparsemor.bodies.frames.springs import Angle, Length, RelativeItem, linear
 from sparsemor.bodies.loads.radiation import GreyBody
 from sparsemor.bodies.mesh.generators.block import BlockMesh
 from sparsemor.core import FloatArray, Mesh, Table
@@ -212,9 +212,9 @@ AXES = np.linalg.qr(np.arange(1.0, 10.0).reshape(3, 3) ** 1.5)[0]
 def more(others: int, own: int) -> list[Any]:
     """Springs to a body with this many coordinates, or at rest, and moments on body and set."""
     place = np.array([1.0, 2.0, 0.5, *([0.3] if own == 4 else [0.5, 0.5, -0.5, 0.5])])
-    return [Spring(AXES[0], AXES[1], 40.0, 3.0, drive, others, place),
-            SpatialRotationalSpring(AXES[0], AXES[1], AXES[2], 40.0, 3.0, drive, others, place,
-                                    place[3:]),
+    spring = linear(40.0, 3.0)
+    return [RelativeItem(Length(others, place, AXES[0], AXES[1]), spring, drive=drive),
+            RelativeItem(Angle(others, place, *AXES, place[3:]), spring, drive=drive),
             *(Moment(AXES[0], drive, turns, space) for turns in (False, True)
               for space in (False, True))]
 

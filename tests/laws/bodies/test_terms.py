@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from small_scenes import everything, everything_assembled
-from sparsemor.bodies.frames.plane import PlanarFrame
+from sparsemor.bodies.frames.frame import PlanarFrame
 from sparsemor.bodies.terms.weak_term import WeakTerm
 from sparsemor.core.model.assembled_term import AssembledTerm
 from sparsemor.core.model.equations import system_jacobian, system_residual

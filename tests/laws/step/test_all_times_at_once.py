@@ -6,9 +6,9 @@ import pytest
 from sparsemor.bodies.frames.force_items import BodyForce, SpaceForce
 from sparsemor.bodies.frames.frame import SpatialFrame
 from sparsemor.bodies.frames.inertia import Inertia
+from sparsemor.bodies.frames.items import UnitLength
 from sparsemor.bodies.frames.joint_items import MeanPoint, Reaction
 from sparsemor.bodies.frames.moments import moments_of
-from sparsemor.bodies.frames.unit_quaternion import UnitLength
 from sparsemor.core.protocols import Frame
 from sparsemor.core.protocols.body_frame import FrameWork
 from sparsemor.core.protocols.load_tables import Table, total_load, total_load_along

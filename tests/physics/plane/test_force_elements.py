@@ -10,10 +10,8 @@ from reduced_runs import decoded, learnt
 from sparsemor import simulate
 from sparsemor.bodies.frames.attitude import vector_rates, velocity_at
 from sparsemor.bodies.frames.rotation import across
-from sparsemor.bodies.frames.springs import RotationalSpringItem as PlaneRotationalSpring
-from sparsemor.bodies.frames.springs import SpatialRotationalSpring, Spring
-from sparsemor.bodies.joints.rotational_spring import RotationalSpring
-from sparsemor.bodies.joints.spring_damper import SpringDamper
+from sparsemor.bodies.frames.springs import Angle, Length, PlaneAngle, RelativeItem, linear
+from sparsemor.bodies.joints.springs import RotationalSpring, SpringDamper
 from sparsemor.bodies.loads.torque import Torque
 from sparsemor.core.errors import InputError
 from sparsemor.core.model.assembly import assemble
@@ -249,13 +247,10 @@ def test_recorded_forces_are_the_ones_that_act(others: int) -> None:
     t, h = np.zeros(1), 1e-6
 
     def item(k: float, c: float, f: float, spins: bool) -> Any:
-        if not spins:
-            return Spring(point, base, k, c, lambda t: f, others, still)
-        if d == 2:
-            return PlaneRotationalSpring(k, c, lambda t: f, others, 0.0)
-        return SpatialRotationalSpring(
-            axes[0], axes[1], axes[2], k, c, lambda t: f, others, still,
-            moving[0][0][0, 3:])
+        coordinate = Length(others, still, point, base) if not spins else (
+            PlaneAngle(others, still, 0.0) if d == 2 else
+            Angle(others, still, *axes, moving[0][0][0, 3:]))
+        return RelativeItem(coordinate, linear(k, c), drive=lambda t: f)
 
     for spins in (False, True):
         ahead, back = (item(1, 0, 0, spins).along(t, *motion(s))[0][0] for s in (h, -h))
