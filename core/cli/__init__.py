@@ -29,10 +29,7 @@ try:
     import typer
 
     from sparsemor.core.cli.commands import Commands
-    from sparsemor.core.cli.compare import compare
     from sparsemor.core.cli.options import FAILED, INTERRUPTED
-    from sparsemor.core.cli.plugins import plugins, schema, validate
-    from sparsemor.core.cli.run import run
 except KeyboardInterrupt:  # Ctrl-C in the first half second, while all this is read
     sys.stderr.write("interrupted\n")
     raise SystemExit(130) from None
@@ -40,8 +37,6 @@ except KeyboardInterrupt:  # Ctrl-C in the first half second, while all this is 
 app = typer.Typer(
     cls=Commands, no_args_is_help=True, pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]})
-for command in (run, compare, validate, schema, plugins):
-    app.command()(command)
 
 
 def _print_version(wanted: bool) -> None:

@@ -1,12 +1,13 @@
 """Commands of the program: those of core, and those that distributions offer by entry points of the
 group `sparsemor.command`.
 
-An entry point names a function that typer takes as a command. It is imported when its command is
-called or the help lists it.
+A command is a function that typer takes as one. It is imported when it is called or the help lists
+it.
 """
 
 from collections.abc import Callable
 from functools import wraps
+from importlib import import_module
 from inspect import getdoc
 from typing import Any
 
@@ -19,8 +20,9 @@ from sparsemor.core.errors import InputError
 from sparsemor.core.registry.registry import Registry
 
 GROUP = "command"
-OWN = ("run", "compare", "validate", "schema", "plugins")
-"""Names of core's commands, which nobody else can take."""
+OWN = {"run": "run", "compare": "compare", "validate": "plugins", "schema": "plugins",
+       "plugins": "plugins"}
+"""Core's commands, whose names nobody else can take, and their modules in core/cli."""
 
 
 class Commands(TyperGroup):
@@ -29,11 +31,13 @@ class Commands(TyperGroup):
     def list_commands(self, ctx: Any) -> list[str]:
         registry = Registry()
         offered = (registry.spelling(p) for p in registry.names(GROUP) if p.name not in OWN)
-        return [*super().list_commands(ctx), *offered]
+        return [*OWN, *offered]
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
-        own = super().get_command(ctx, cmd_name)
-        return own if own is not None or not Registry().has(GROUP, cmd_name) else _found(cmd_name)
+        if cmd_name in OWN:
+            module = import_module(f"sparsemor.core.cli.{OWN[cmd_name]}")
+            return _made(cmd_name, vars(module)[cmd_name])
+        return _found(cmd_name) if Registry().has(GROUP, cmd_name) else None
 
 
 def _found(name: str) -> Any:

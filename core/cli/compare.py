@@ -16,7 +16,6 @@ from sparsemor.core.cli.options import (
     Resume,
     SceneName,
     Settings,
-    exit_codes,
     leave,
     load_with,
     located_in,
@@ -68,27 +67,26 @@ def compare(
     ] = 0.1,
 ) -> None:
     """Run a scene with several reducers and tabulate errors and cost."""
-    with exit_codes(as_json):
-        loaded = load_with(scene, settings)
-        with located_in(loaded):
-            if training_end is None and covered(loaded, settings):
-                training_end = HALF
-            if training_end is not None:
-                loaded = trained_on(loaded, training_end)
-            scenes = variants(loaded, words(reducers) or [])
-        directory = out or Path("runs", f"{loaded.name}-compare")
-        body_cache = BodyCache()
-        _refuse_early(scenes, body_cache)
-        writes = list(TABLES)
-        if charts:
-            from sparsemor.core.analysis.compare import installed_charts
+    loaded = load_with(scene, settings)
+    with located_in(loaded):
+        if training_end is None and covered(loaded, settings):
+            training_end = HALF
+        if training_end is not None:
+            loaded = trained_on(loaded, training_end)
+        scenes = variants(loaded, words(reducers) or [])
+    directory = out or Path("runs", f"{loaded.name}-compare")
+    body_cache = BodyCache()
+    _refuse_early(scenes, body_cache)
+    writes = list(TABLES)
+    if charts:
+        from sparsemor.core.analysis.compare import installed_charts
 
-            for drawing in installed_charts():
-                writes += drawing.usual_files(tuple(scenes))
-        with place_for_result(directory, resume, force, writes, tuple(scenes)):
-            results, failures = _run_all(scenes, directory, resume, quiet or as_json, body_cache)
-        _report(results, failures, directory, as_json, quiet, charts, error_limit,
-                [*loaded.bodies, *loaded.joints])
+        for drawing in installed_charts():
+            writes += drawing.usual_files(tuple(scenes))
+    with place_for_result(directory, resume, force, writes, tuple(scenes)):
+        results, failures = _run_all(scenes, directory, resume, quiet or as_json, body_cache)
+    _report(results, failures, directory, as_json, quiet, charts, error_limit,
+            [*loaded.bodies, *loaded.joints])
 
 
 def covered(scene: Scene, settings: Sequence[str] | None) -> bool:

@@ -36,24 +36,23 @@ NO_CLASS = ("charts", "choice", "command", "error_norm", "paper", "scene", "stud
 def validate(scene: SceneName, settings: Settings = None, as_json: Json = False) -> None:
     """Check a scene file and build its parts, without running it: nodes, unknowns, masses, first
     frequencies and sets of its bodies."""
-    with exit_codes(as_json):
-        loaded = load_with(scene, settings)
-        with located_in(loaded):
-            from sparsemor.core.analysis.body_summary import body_facts, in_words
-            from sparsemor.core.notes import Level, folded, sentences
-            from sparsemor.core.simulation.checks import Checks
-            from sparsemor.core.simulation.validation import checked_model
+    loaded = load_with(scene, settings)
+    with located_in(loaded):
+        from sparsemor.core.analysis.body_summary import body_facts, in_words
+        from sparsemor.core.notes import Level, folded, sentences
+        from sparsemor.core.simulation.checks import Checks
+        from sparsemor.core.simulation.validation import checked_model
 
-            model = checked_model(loaded)
-            found = sentences(Checks.of(loaded).of_model(loaded, model), Level.WARNING)
-            bodies = body_facts(model, loaded.bodies)
-        if as_json:
-            print_json({"status": "done", "scene": loaded.dump(), "notes": found,
-                        "bodies": {name: facts.plain() for name, facts in bodies.items()}})
-        else:
-            warn(folded({"": found}, loaded.bodies))
-            typer.echo(f"{loaded.name}: valid ({', '.join(loaded.bodies)})")
-            typer.echo(in_words(bodies))
+        model = checked_model(loaded)
+        found = sentences(Checks.of(loaded).of_model(loaded, model), Level.WARNING)
+        bodies = body_facts(model, loaded.bodies)
+    if as_json:
+        print_json({"status": "done", "scene": loaded.dump(), "notes": found,
+                    "bodies": {name: facts.plain() for name, facts in bodies.items()}})
+    else:
+        warn(folded({"": found}, loaded.bodies))
+        typer.echo(f"{loaded.name}: valid ({', '.join(loaded.bodies)})")
+        typer.echo(in_words(bodies))
 
 
 def schema() -> None:
@@ -71,19 +70,18 @@ def plugins(
     as_json: Json = False,
 ) -> None:
     """List the installed plugins; describe those of a kind, or the options of one."""
-    with exit_codes(as_json):
-        if which is None and not as_json:
-            _print_names(Registry())
-            return
-        shown = [_described(Registry(), p) for p in _chosen(Registry(), which)]
-        with_options = which is not None and which not in Registry().kinds()
-        if as_json:
-            print_json({"plugins": shown})
-        elif with_options:
-            for plugin in shown:
-                _print_options(plugin)
-        else:
-            _print_table(shown)
+    if which is None and not as_json:
+        _print_names(Registry())
+        return
+    shown = [_described(Registry(), p) for p in _chosen(Registry(), which)]
+    with_options = which is not None and which not in Registry().kinds()
+    if as_json:
+        print_json({"plugins": shown})
+    elif with_options:
+        for plugin in shown:
+            _print_options(plugin)
+    else:
+        _print_table(shown)
 
 
 def _chosen(registry: Registry, which: str | None) -> list[PluginName]:

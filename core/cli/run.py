@@ -13,7 +13,6 @@ from sparsemor.core.cli.options import (
     Resume,
     SceneName,
     Settings,
-    exit_codes,
     inform,
     load_with,
     located_in,
@@ -43,35 +42,34 @@ def run(
     force: Force = False, as_json: Json = False, quiet: Quiet = False,
 ) -> None:
     """Simulate a scene, or a model that `sparsemor reduce` wrote, and store the result."""
-    with exit_codes(as_json):
-        model = _kept(scene, resume)
+    model = _kept(scene, resume)
+    if model is None:
+        loaded = load_with(scene, settings)
+    else:
+        with located_in_settings():
+            loaded = model.scene.using(parse_settings(settings or ()))
+            model.check(loaded)
+    directory = out or Path("runs", f"{loaded.name}-{loaded.reducer_name}")
+    with (place_for_result(directory, resume if model is None else None, force),
+          located_in(loaded),
+          progress(quiet or as_json) as observers):
         if model is None:
-            loaded = load_with(scene, settings)
-        else:
-            with located_in_settings():
-                loaded = model.scene.using(parse_settings(settings or ()))
-                model.check(loaded)
-        directory = out or Path("runs", f"{loaded.name}-{loaded.reducer_name}")
-        with (place_for_result(directory, resume if model is None else None, force),
-              located_in(loaded),
-              progress(quiet or as_json) as observers):
-            if model is None:
-                from sparsemor.core.simulation.simulate import simulate
+            from sparsemor.core.simulation.simulate import simulate
 
-                result = simulate(loaded, out=directory, resume=resume, observers=observers)
-            else:
-                result = model.run(loaded, out=directory, observers=observers)
-        summary = dict(result.summary)
-        if as_json:
-            print_json(summary)
-        elif not quiet:
-            typer.echo(in_words(summary))
-            typer.echo(f"result: {directory}")
-        owners = [*loaded.bodies, *loaded.joints]
-        if not quiet:
-            warn(folded({"": summary.get("notes", ())}, owners))
-        if not (quiet or as_json):  # programs find it in the summary
-            inform(folded({"": summary.get("information", ())}, owners))
+            result = simulate(loaded, out=directory, resume=resume, observers=observers)
+        else:
+            result = model.run(loaded, out=directory, observers=observers)
+    summary = dict(result.summary)
+    if as_json:
+        print_json(summary)
+    elif not quiet:
+        typer.echo(in_words(summary))
+        typer.echo(f"result: {directory}")
+    owners = [*loaded.bodies, *loaded.joints]
+    if not quiet:
+        warn(folded({"": summary.get("notes", ())}, owners))
+    if not (quiet or as_json):  # programs find it in the summary
+        inform(folded({"": summary.get("information", ())}, owners))
 
 
 def _kept(scene: str, resume: bool) -> "ReducedModel | None":

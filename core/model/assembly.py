@@ -59,28 +59,25 @@ def assemble(
     models without prescribed motion, built earlier. Raises InputError with all faults found,
     located by dotted input keys (`joints.A.between.0`).
     """
-    if body_cache is None or prescribed is not NOTHING:
-        return _assembled(scene, prescribed, body_cache or BodyCache())
-    key = digest(str(scene.folder), scene.digest(*_PARTS), repr(_stepping(scene)))
-    model = body_cache.models.get(key)
-    if model is None:
-        body_cache.models[key] = model = _assembled(scene, prescribed, body_cache)
+    shared = body_cache is not None and prescribed is NOTHING
+    known, key = (body_cache or BodyCache()).models, ""
+    if shared:
+        key = digest(str(scene.folder), scene.digest(*_PARTS), repr(_stepping(scene)))
+    if not shared or key not in known:
+        bodies, connected, probes = _build(scene, prescribed, body_cache or BodyCache())
+        model = _model(scene, prescribed, bodies, connected, probes)
+        # joints with redundant constraints are made compliant, and the model is assembled again
+        joints = {n: j for n, j in connected["joints"].items() if isinstance(j, Joint)}
+        changed = {n: made for n, softer in redundant_joints(model, scene.time.step).items()
+                   if (made := joints[n].compliant(*softer)) is not None}
+        if changed:
+            connected["joints"] |= changed
+            model = _model(scene, prescribed, bodies, connected, probes)
+        if not shared:
+            return model
+        known[key] = model
     # with a log of its own, and a start of its own
-    return replace(model, solvers=BlockSolvers(scene.linear_solver, scene.linear_solvers))
-
-
-def _assembled(scene: Scene, prescribed: PrescribedQuantities, body_cache: BodyCache) -> Model:
-    """The model; joints with redundant constraints are made compliant, and it is assembled again.
-    """
-    bodies, connected, probes = _build(scene, prescribed, body_cache)
-    model = _model(scene, prescribed, bodies, connected, probes)
-    joints = {n: j for n, j in connected["joints"].items() if isinstance(j, Joint)}
-    changed = {n: made for n, softer in redundant_joints(model, scene.time.step).items()
-               if (made := joints[n].compliant(*softer)) is not None}
-    if not changed:
-        return model
-    connected["joints"] |= changed
-    return _model(scene, prescribed, bodies, connected, probes)
+    return replace(known[key], solvers=BlockSolvers(scene.linear_solver, scene.linear_solvers))
 
 
 def with_joints(scene: Scene, model: Model, changed: Mapping[str, Joint]) -> Model:

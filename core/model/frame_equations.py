@@ -105,7 +105,7 @@ class FrameEquations(ReducedTerm):
             factors[0] += k2
         Y, L, H = self.Y, self.L, w.border[:, :-1]
         if not self.V or issparse(self.V[0]):  # few columns of Y and few rows of L are not zero
-            Y, L, column, row, H = (csr_array(m) for m in (Y, L, column, row, H))
+            Y, L, column, row, H = map(csr_array, (Y, L, column, row, H))
         J = column @ Y + L @ (row + H @ Y)
         for factor, V in zip(factors, self.V, strict=True):
             J = J + factor * V

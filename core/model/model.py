@@ -44,6 +44,7 @@ class Model:
     state, once it is computed (core/model/initial_state.py); a modified copy of the model computes
     its own. stress_checks: body -> sizes of its largest displacement and change of temperature, and
     change of stiffness, in a state that was checked (plugins/checks/stress_stiffness.py).
+    blocks_data: block -> its `block_data`, once it is put together.
     """
 
     layout: Layout
@@ -59,6 +60,7 @@ class Model:
     solvers: BlockSolvers
     stage: Stage | None = None
     starts: list[State] = field(default_factory=list, init=False, repr=False)
+    blocks_data: dict[str, BlockData] = field(default_factory=dict, init=False, repr=False)
     stress_checks: dict[str, tuple[float, float, float]] = field(
         default_factory=dict, init=False, repr=False)
 
@@ -114,20 +116,29 @@ class Model:
         is reduced for. Nothing is solved: matrices are passed on, load vectors become columns of
         one array.
         """
-        taken = step or StepFactors(0.0, 0.0, 0.0, 0.0)
+        if name not in self.blocks_data:
+            self.blocks_data[name] = self._block_data(name)
+        data = self.blocks_data[name]
+        if step is not None:
+            data = replace(
+                data, step=step.h, heat=data.heat and self.block_data(data.heat.name, step=step),
+                factors=(step.c1, step.c2) if data.order == 2 else (0.0, step.c1_first))
+        return data if snapshots is None else replace(data, snapshots=snapshots)
+
+    def _block_data(self, name: str) -> BlockData:
+        """Data of a block without snapshots and step."""
         n = self.layout[name].stop - self.layout[name].start
         coordinates, component = self.geometry[name]
         data = partial(
             BlockData, name=name, coordinates=coordinates, component=component,
-            snapshots=np.zeros((n, 0)) if snapshots is None else snapshots,
-            start=self.x0[self.layout[name]], ring=self.ring(name), moving=self.moving(name),
-            step=taken.h, solver=self.solvers.of(name))
+            snapshots=np.zeros((n, 0)), start=self.x0[self.layout[name]],
+            ring=self.ring(name), moving=self.moving(name), solver=self.solvers.of(name))
         for h in self.separated.heat:
             if h.thermal == name:
                 loads, names, _ = _loads([
                     (h.loads, h.columns or _columns(h.loads)), _constant(h.constant)])
                 return data(order=1, mass=h.capacity, stiffness=h.conductivity, loads=loads,
-                            load_names=names, factors=(0.0, taken.c1_first))
+                            load_names=names)
         for m in self.separated.moving:
             if m.elastic == name and m.operators is not None:
                 ops = m.operators
@@ -139,8 +150,7 @@ class Model:
                     mass=ops.mass, stiffness=ops.stiffness, loads=loads, load_names=names,
                     joints=joints, interface=self._interface(name),
                     coupling=ops.coupling if coupled else None,
-                    heat=self.block_data(m.thermal, step=step) if coupled else None,
-                    damping=ops.damping, factors=(taken.c1, taken.c2),
+                    heat=self.block_data(m.thermal) if coupled else None, damping=ops.damping,
                     tangent=partial(ops.tangent, T=self.x0[self.layout.numbers(m.thermal)]) if (
                         ops.local) else None)
         raise KeyError(name)

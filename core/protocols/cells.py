@@ -8,7 +8,9 @@ last number up to the length of the longest; so do facets of three corners next 
 """
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +18,8 @@ from numpy.typing import NDArray
 from sparsemor.core.arrays import FloatArray, IntArray
 
 
-class CellKind(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class CellKind:
     """Kind of cells. names: of first and second order in meshio. places (p, d): corners of the
     reference cell; facets: corners, ordered for outward normals; edges: both corners; turns: at
     each corner (of a simplex, at the first) itself and its neighbours in positive orientation;
@@ -29,13 +32,13 @@ class CellKind(NamedTuple):
     turns: tuple[tuple[int, ...], ...]
     filled: bool = False
 
-    @property
+    @cached_property
     def further(self) -> tuple[tuple[int, ...], ...]:
         """Corners between which each further node of second order lies."""
         quads = tuple(f for f in self.facets if len(f) == 4)
         return self.edges + quads + ((tuple(range(len(self.places))),) if self.filled else ())
 
-    @property
+    @cached_property
     def nodes(self) -> FloatArray:
         """(q, d) nodes of the reference cell of second order."""
         corners = np.array(self.places)
@@ -68,12 +71,13 @@ KINDS: Mapping[tuple[int, int], CellKind] = {
                      ((0, 1, 3, 4), (1, 2, 0, 5), (2, 3, 1, 6), (3, 0, 2, 7), (4, 7, 5, 0),
                       (5, 4, 6, 1), (6, 5, 7, 2), (7, 6, 4, 3)), True)}
 """Kinds by dimension and number of corners."""
+_CORNERS = {(d, nodes): corners for (d, corners), kind in KINDS.items()
+            for nodes in (corners, corners + len(kind.further))}
 
 
 def corners_of(d: int, nodes: int) -> int:
     """Number of corners of a cell of this dimension with so many nodes."""
-    return next(p for (of, p), kind in KINDS.items()
-                if of == d and nodes in (p, p + len(kind.further)))
+    return _CORNERS[d, nodes]
 
 
 def by_kind(cells: IntArray, d: int) -> list[tuple[IntArray, IntArray]]:

@@ -121,12 +121,16 @@ class Layout:
                 raise ValueError(f"two kinds of field are named {name}")
         self.blocks = tuple(b for kind in self.kinds for b in given
                             if b.kind == kind and b.size > 0)
+        self._named: dict[str, Block] = {}
         self._slices: dict[str, slice] = {}
+        self._first_of: dict[tuple[str, Quantity], Block] = {}
         start = 0
         for b in self.blocks:
-            if b.name in self._slices:
-                raise ValueError(f"two blocks are named {b.name}")
-            self._slices[b.name] = slice(start, start + b.size)
+            name = b.name
+            if name in self._named:
+                raise ValueError(f"two blocks are named {name}")
+            self._named[name], self._slices[name] = b, slice(start, start + b.size)
+            self._first_of.setdefault((b.owner, b.kind.quantity), b)
             start += b.size
         self.size = start
         n2 = sum(b.size for b in self.blocks if b.kind.order == 2)
@@ -134,7 +138,7 @@ class Layout:
         self.second, self.first = slice(0, n2), slice(n2, n2 + n1)
         self.algebraic = slice(n2 + n1, start)
         self.quaternions = tuple(
-            self._slices[b.name].stop - QUATERNION for b in self.blocks
+            self._slices[name].stop - QUATERNION for name, b in self._named.items()
             if b.kind.quantity is Quantity.POSE and b.size == FREE_POSE)
         """First unknown of each unit quaternion, the last four coordinates of a free frame."""
         self.frames = slice(0, sum(
@@ -160,9 +164,10 @@ class Layout:
     def containing(self, numbers: IntArray) -> tuple[str, ...]:
         """Names of the blocks that contain the given positions of the state vector, in layout
         order."""
-        starts = [self[b.name].start for b in self.blocks]
+        starts = [at.start for at in self._slices.values()]
         found = np.unique(np.searchsorted(starts, numbers, "right") - 1)
-        return tuple(self.blocks[i].name for i in found.tolist())
+        names = [*self._named]
+        return tuple([names[i] for i in found.tolist()])
 
     @property
     def differential(self) -> tuple[Block, ...]:
@@ -171,16 +176,12 @@ class Layout:
 
     def block(self, name: str) -> Block:
         """Block of this name; KeyError if there is none."""
-        for b in self.blocks:
-            if b.name == name:
-                return b
-        raise KeyError(name)
+        return self._named[name]
 
     def of(self, owner: str, quantity: Quantity) -> Block | None:
         """First block of an owner (body or joint) with this physical meaning, None if there is
         none."""
-        return next((b for b in self.blocks
-                     if b.owner == owner and b.kind.quantity is quantity), None)
+        return self._first_of.get((owner, quantity))
 
     def name_of(self, owner: str, quantity: Quantity) -> str:
         """Name of the first block of an owner with this physical meaning, "" if there is none."""

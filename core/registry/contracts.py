@@ -10,6 +10,7 @@ import inspect
 from abc import ABC
 from collections.abc import Mapping
 from functools import cache
+from types import FunctionType
 from typing import Any, Generic, Protocol, get_type_hints
 
 from pydantic import BaseModel
@@ -40,6 +41,7 @@ CLOSE = 0.82
 _ROOTS = frozenset({*BaseModel.__mro__, ABC, Generic, Protocol})
 
 
+@cache
 def members(contract: type) -> dict[str, object]:
     """Public members of a contract, a class with defaults or a protocol, as they stand in it; None
     for data that are annotated only."""
@@ -54,6 +56,7 @@ def members(contract: type) -> dict[str, object]:
             if not n.startswith("_") and n not in ("model_config", "sparsemor_api")}
 
 
+@cache
 def required(contract: type) -> dict[str, str]:
     """Members of a contract that have no default, methods with their arguments, by name."""
     return {n: shape(n, m) for n, m in members(contract).items()
@@ -118,7 +121,7 @@ def origin(plugin: object) -> str:
 def shape(name: str, member: object) -> str:
     """Signature of a method without types, such as `sample(block, m, dictionary, rng, required)`;
     the bare name of a value."""
-    return f"{name}{_call(member)}" if inspect.isfunction(_function(member)) else name
+    return f"{name}{_call(member) or ''}"
 
 
 def _own(cls: type, contract: type) -> dict[str, Any]:
@@ -132,18 +135,22 @@ def _own(cls: type, contract: type) -> dict[str, Any]:
 
 def _misfit(name: str, has: Any, wanted: Any) -> str:
     """The form of a member that differs from that in the contract, in words, "" if none does."""
-    if not inspect.isfunction(_function(wanted)):
-        if inspect.isfunction(_function(has)):
+    mine, theirs = _call(has), _call(wanted)
+    if theirs is None:
+        if mine is not None:
             return f"{name} must be a property or a value, and is a method"
         plain = isinstance(wanted, property) and not hasattr(has, "__get__")
         hint = get_type_hints(wanted.fget).get("return", Any) if plain else Any
         return "" if fits(has, hint, exact=False) else (
             f"{name} must be {required_type(hint)} (got {has!r})")
-    if not inspect.isfunction(_function(has)):
+    if mine is None:
         return "" if callable(has) else f"{name} must be a method {shape(name, wanted)}"
-    mine, theirs = _call(has), _call(wanted).parameters.values()
-    always = [p.name for p in theirs if p.default is p.empty]
-    rest = {p.name: None for p in theirs if p.default is not p.empty}
+    always, rest = list[str](), dict[str, None]()
+    for argument in theirs.parameters.values():
+        if argument.default is argument.empty:
+            always.append(argument.name)
+        else:
+            rest[argument.name] = None
     try:
         for arguments, named in ((always, {}), ([*always, *rest], {}), (always, rest)):
             mine.bind(*arguments, **named)
@@ -155,12 +162,14 @@ def _misfit(name: str, has: Any, wanted: Any) -> str:
             f"{shape(name, wanted)}") if moved else ""
 
 
-def _function(member: Any) -> Any:
-    return member.__func__ if isinstance(member, staticmethod | classmethod) else member
+def _call(member: Any) -> inspect.Signature | None:
+    """Signature of a method without types and `self`; None for what is no method."""
+    function = member.__func__ if isinstance(member, staticmethod | classmethod) else member
+    return _without_types(function, isinstance(member, staticmethod)) if (
+        inspect.isfunction(function)) else None
 
 
-def _call(method: Any) -> inspect.Signature:
-    """Signature of a method without types and `self`."""
-    parameters = list(inspect.signature(_function(method)).parameters.values())
-    return inspect.Signature([p.replace(annotation=p.empty) for p in parameters[
-        0 if isinstance(method, staticmethod) else 1:]])
+@cache
+def _without_types(function: FunctionType, static: bool) -> inspect.Signature:
+    parameters = [*inspect.signature(function).parameters.values()][0 if static else 1:]
+    return inspect.Signature([p.replace(annotation=p.empty) for p in parameters])

@@ -19,6 +19,8 @@ if sys.version_info >= (3, 12):
     _NAMED += (typing.TypeAliasType,)
 NOT_FINITE = "values that are not finite"
 _FLOAT = np.dtype(np.float64)
+_BY_CLASS = frozenset({int, bool, str, types.NoneType})
+"""Types all of whose instances are usual values."""
 _KINDS = {np.float64: "f", np.int64: "iu", np.bool_: "b"}
 
 
@@ -78,6 +80,7 @@ def fits(value: object, hint: Any, exact: bool = True) -> bool:
     return isinstance(value, of or hint)
 
 
+@cache
 def _meant(hint: Any) -> Any:
     """Type that a named one (`type X = ..`, NumPy's NDArray) stands for."""
     of = get_origin(hint)
@@ -105,24 +108,25 @@ def unfit(value: object, hint: Any, finite: bool = True) -> str:
     return NOT_FINITE if finite and not _is_finite(value) else ""
 
 
+@cache
 def usual(hint: Any, finite: bool = True) -> Callable[[object], bool]:
     """Quick test that accepts the usual values of an annotation, such as arrays of finite floats;
     `unfit` decides on all others."""
     hint = _meant(hint)
     if hint is float:
         return lambda v: type(v) is float and (isfinite(v) or not finite)
-    if hint is int or hint is bool or hint is str:
+    if hint in _BY_CLASS:
         return lambda v: type(v) is hint
-    if hint is types.NoneType:
-        return lambda v: v is None
     of, inner = get_origin(hint), get_args(hint)
     if of is np.ndarray and get_args(inner[1])[0] is np.float64:
         # squares of large numbers are not finite, either: `unfit` decides on these
         return lambda v: type(v) is np.ndarray and v.dtype == _FLOAT and (
             not finite or isfinite(np.vdot(v, v)))
-    tests = [usual(h, finite) for h in inner] if of in (Union, types.UnionType, tuple) else []
     if of in (Union, types.UnionType):
-        return lambda v: any([test(v) for test in tests])
+        plain = _BY_CLASS & {*inner}
+        tests = [usual(h, finite) for h in inner if h not in plain]
+        return lambda v: type(v) in plain or any([test(v) for test in tests])
+    tests = [usual(h, finite) for h in inner] if of is tuple else []
     if of is tuple and inner[-1:] != (...,):
         return lambda v: type(v) is tuple and len(v) == len(tests) and all(
             [test(part) for test, part in zip(tests, v, strict=True)])

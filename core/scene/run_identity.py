@@ -9,8 +9,9 @@ import hashlib
 import os
 import sys
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
-from functools import cache, lru_cache
+from functools import cache
 from importlib import metadata
 from importlib.util import find_spec
 from pathlib import Path
@@ -33,6 +34,8 @@ LIBRARIES = ("numpy", "scipy", "scikit-fem", "meshio", "pypardiso", "scikit-spar
              "cvxpy", "scikit-learn")
 """Distributions that compute parts of a product, whether installed or not, because the linear
 solver `auto` chooses among those installed."""
+_read: dict[tuple[Path, int, int, int], bytes] = {}
+"""Digest of each file that was read, by path, time of its last change, size and inode."""
 _SOURCES = (".py", ".so", ".pyd")
 _KNOWN = frozenset({PACKAGE, "pydantic", "typing_extensions", "__main__"}) | sys.stdlib_module_names
 
@@ -193,28 +196,23 @@ def sources(folder: Path) -> list[Path]:
 
 
 def _digest_of(files: Sequence[Path], root: Path | None) -> str:
+    """SHA-256 digest of the names and contents of files, each read once as long as its time, size
+    and inode stay the same; one that cannot be read has its name alone."""
     state = hashlib.sha256()
     for file in files:
+        digest = b""
+        with suppress(OSError):  # whoever reads it says what is wrong
+            found = file.stat()
+            version = file, found.st_mtime_ns, found.st_size, found.st_ino
+            if version not in _read:
+                with file.open("rb") as stream:
+                    _read[version] = hashlib.file_digest(stream, "sha256").digest()
+            digest = _read[version]
         name = file.name if root is None else file.relative_to(root).as_posix()
-        state.update(f"{name}:{_file_digest(file)}\n".encode())
+        state.update(f"{name}:".encode() + digest)
     return state.hexdigest()
-
-
-def _file_digest(file: Path) -> str:
-    try:
-        found = file.stat()
-        return _hashed(file, found.st_mtime_ns, found.st_size, found.st_ino)
-    except OSError:
-        return ""  # whoever reads it says what is wrong
-
-
-@lru_cache(maxsize=4096)
-def _hashed(file: Path, *_version: int) -> str:
-    """SHA-256 digest of a file, read once as long as time, size and inode stay the same."""
-    with file.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def _files(parts: Sequence[object], base: Path) -> dict[str, str]:
     named = [f for part in parts if isinstance(part, Plugin) for f in part.files(base)]
-    return {Path(os.path.relpath(f, base)).as_posix(): _file_digest(f) for f in named}
+    return {Path(os.path.relpath(f, base)).as_posix(): _digest_of([f], None) for f in named}

@@ -120,8 +120,9 @@ class Offline:
         Raises SolveFailed if one stops early."""
         if self._snapshots is None:
             in_parallel = self._train_in_parallel()
-            found = [self.products.remember("training", self._place(key), train)
-                     for key, train in self._runs]
+            found = []
+            for key, train in self._runs:
+                found.append(self.products.remember("training", self._place(key), train))
             if in_parallel:
                 self.products.used["training"] = "miss" if in_parallel == len(found) else "mixed"
             self._snapshots = found[0] if len(found) == 1 else {

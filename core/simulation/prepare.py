@@ -57,7 +57,8 @@ def prepared_again(
     """A run of the scene of a prepared run with other values of its parameters: its trial bases (or
     their first `atoms` atoms) and findings are used again. Raises as `prepared_run`."""
     products = Products(cache)
-    model = _model(scene, products, manager, body_cache)
+    model = checked_model(scene, body_cache) if scene.rigid_stage is None else _after_stage(
+        scene, products, manager, body_cache)
     return checked(reduced(scene, model, kept[1].of_model(model, products, atoms)), kept[0])
 
 
@@ -74,16 +75,18 @@ def prepared(
     snapshots not on the disk; SolveFailed if the pre-simulation stops early.
     """
     body_cache, products = body_cache or BodyCache(), Products(cache)
-    model = _model(scene, products, manager, body_cache)
+    model = checked_model(scene, body_cache) if scene.rigid_stage is None else _after_stage(
+        scene, products, manager, body_cache)
     offline = offline_of(scene, model, products, manager, body_cache)
     offline.expected = fitting(scene, model, offline).total
     room_for_snapshots(scene, model, offline)
     return model, offline
 
 
-def _model(scene: Scene, products: Products, manager: Manager, body_cache: BodyCache) -> Model:
-    if scene.rigid_stage is None:
-        return checked_model(scene, body_cache)
+def _after_stage(
+    scene: Scene, products: Products, manager: Manager, body_cache: BodyCache
+) -> Model:
+    """Model of a two-stage scene after all input checks and the pre-simulation."""
     checked_model(scene, body_cache)  # which is not held next to the one that is run
     return staged(scene, products, manager, body_cache)
 

@@ -9,7 +9,7 @@ from sparsemor.core.errors import InputError
 from sparsemor.core.linalg.threads import fixed_threads
 from sparsemor.core.model.body_cache import BodyCache
 from sparsemor.core.registry.boundary import naming_plugins
-from sparsemor.core.registry.hooks import Manager, new_manager
+from sparsemor.core.registry.hooks import new_manager
 from sparsemor.core.results.files.temporary import TemporaryFolder
 from sparsemor.core.results.output_lock import owned
 from sparsemor.core.results.run_result import RunResult
@@ -48,39 +48,29 @@ def simulate(
     if resume and out is None:
         raise InputError("resume needs the directory of the result to continue", "out")
     with nullcontext() if out is None else owned(Path(out)), progress_bar(progress) as bar:
-        return _run(scene, None if out is None else Path(out), resume,
-                    new_manager((*observers, *bar)), cache or Cache(), body_cache or BodyCache(),
-                    keep_training)
-
-
-def _run(
-    scene: Scene, out: Path | None, resume: bool, manager: Manager, cache: Cache,
-    body_cache: BodyCache, keep_training: bool,
-) -> RunResult:
-    """The stages of a run, one after the other. keep_training: its snapshots are kept for reduced
-    models that are trained on this run."""
-    begun = time.perf_counter()
-    scene = explicit(scene, cache, manager, body_cache)
-    if out is not None:
-        admit(scene, out, resume)
-    model, offline = prepared(scene, cache, manager, body_cache)
-    temporary = TemporaryFolder() if out is None else None
-    folder = Path(out or "") if temporary is None else temporary.path
-    if not resume:  # what is left to write is less than the whole
-        room_for_result(scene, model, folder)
-    train(scene, model, offline)
-    build_bases(scene, model, offline)
-    run = checked(reduced(scene, model, offline))
-    stats = StepStatistics(offline=time.perf_counter() - begun)
-    recorder = Recorder.open(run, folder, resume, offline.products)
-    recorder.folder, recorder.memory = temporary, MemoryUse(offline.expected, peak())
-    # snapshots are those of a whole run: not of the rest of an interrupted one
-    snapshots = snapshot_keeper(scene, model, offline) if keep_training and not resume else None
-    with kept(recorder.writer, new=recorder.checkpoint is None):
-        steps = RunSteps(run, recorder, manager, stats, snapshots)
-        failure = steps.take()
-        result = steps.finish(failure)
-    if snapshots is not None:
-        online = result.summary["wall_s"]["online"]
-        offline.keep_training(snapshots.finished(), snapshots.share * online)
-    return result
+        begun, manager = time.perf_counter(), new_manager((*observers, *bar))
+        cache, body_cache = cache or Cache(), body_cache or BodyCache()
+        scene = explicit(scene, cache, manager, body_cache)
+        if out is not None:
+            admit(scene, Path(out), resume)
+        model, offline = prepared(scene, cache, manager, body_cache)
+        temporary = TemporaryFolder() if out is None else None
+        folder = Path(out or "") if temporary is None else temporary.path
+        if not resume:  # what is left to write is less than the whole
+            room_for_result(scene, model, folder)
+        train(scene, model, offline)
+        build_bases(scene, model, offline)
+        run = checked(reduced(scene, model, offline))
+        stats = StepStatistics(offline=time.perf_counter() - begun)
+        recorder = Recorder.open(run, folder, resume, offline.products)
+        recorder.folder, recorder.memory = temporary, MemoryUse(offline.expected, peak())
+        # snapshots are those of a whole run: not of the rest of an interrupted one
+        snapshots = snapshot_keeper(scene, model, offline) if keep_training and not resume else None
+        with kept(recorder.writer, new=recorder.checkpoint is None):
+            steps = RunSteps(run, recorder, manager, stats, snapshots)
+            failure = steps.take()
+            result = steps.finish(failure)
+        if snapshots is not None:
+            online = result.summary["wall_s"]["online"]
+            offline.keep_training(snapshots.finished(), snapshots.share * online)
+        return result
