@@ -14,7 +14,6 @@ from sparsemor.core import (
     StepSolver,
 )
 from sparsemor.core.protocols import ErrorAction
-from sparsemor.reducers.estimation.build import error_model
 from sparsemor.reducers.step.acceptance import Tolerances
 from sparsemor.reducers.step.compiled.stepper import Compiled
 
@@ -77,7 +76,11 @@ class ReducedStepOptions(StepOptions):
         if every and not problem.integrator.one_solve:
             raise InputError("the estimate needs an integrator with one solve a step",
                              "error_estimate")
-        return error_model(problem, solver, every, self.active_atoms) if every else None
+        if not every:
+            return None
+        from sparsemor.reducers.estimation.build import error_model
+
+        return error_model(problem, solver, every, self.active_atoms)
 
     def active_atoms(self, name: str, atoms: int) -> int:
         """Largest number of active ones of the `atoms` atoms of a block."""

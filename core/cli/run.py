@@ -27,8 +27,6 @@ from sparsemor.core.errors import InputError
 from sparsemor.core.notes import folded
 from sparsemor.core.results.error_norms import LIMIT
 from sparsemor.core.results.model_format import is_model_file
-from sparsemor.core.results.solver_report import solvers_in_words
-from sparsemor.core.results.tables import marked
 from sparsemor.core.scene.overrides import parse_settings
 
 if TYPE_CHECKING:
@@ -88,6 +86,9 @@ def _kept(scene: str, resume: bool) -> "ReducedModel | None":
 def in_words(summary: Mapping[str, Any]) -> str:
     """Summary of a run as aligned lines of text; entries that the run does not report are left
     out."""
+    from sparsemor.core.results.solver_report import solvers_in_words
+    from sparsemor.core.results.tables import marked
+
     lines = [("status", summary.get("status")), ("reducer", summary.get("reducer"))]
     if "steps" in summary:
         lines.append(("steps", f"{summary['steps']} to t = {summary.get('t_end', 0.0):g} s"))

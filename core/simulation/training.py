@@ -26,7 +26,6 @@ from sparsemor.core.simulation.memory.estimate import trains
 from sparsemor.core.simulation.offline import STATE, Offline, TrainingRun, full_run, step_count
 from sparsemor.core.simulation.offline_cache import Products, mesh_content
 from sparsemor.core.simulation.rigid_stage import staged
-from sparsemor.core.simulation.workers.training_runs import train_in_parallel
 from sparsemor.core.status import SolveFailed
 
 TRAINING = "training run"
@@ -116,11 +115,14 @@ def offline_of(
         return [run(own) for own in scene.training_changes]
 
     def in_parallel(missing: Sequence[str]) -> None:
+        from sparsemor.core.simulation.workers.training_runs import train_in_parallel
+
         assert box is not None and products.cache is not None
         changes = {digest(run(own)[0]): own for own in scene.training_changes}
-        train_in_parallel(scene, {k: changes[k] for k in missing}, products.cache, box.workers,
-                      lambda done: manager.hook.on_offline(
-                          product=f"training runs, {done} of {len(missing)} done"))
+        train_in_parallel(
+            scene, {k: changes[k] for k in missing}, products.cache, box.workers,
+            lambda done: manager.hook.on_offline(
+                product=f"training runs, {done} of {len(missing)} done"))
 
     training = scene.for_training()
     recording = Recording(training.integrator, training.time.step, training.training.every,

@@ -1,9 +1,23 @@
-"""The names of core's own commands are those that nobody else can take."""
+"""Core's own commands are functions of the modules that are named for them."""
+
+from typing import Any
+
+import pytest
+from typer.main import get_command
 
 from sparsemor.core.cli import app
 from sparsemor.core.cli.commands import OWN
 
 
-def test_own_names_are_those_of_core() -> None:
-    assert tuple(c.name or c.callback.__name__ for c in app.registered_commands if c.callback) == (
-        OWN)
+@pytest.mark.parametrize("name", OWN)
+def test_own_commands_are_functions_of_core(name: str) -> None:
+    program: Any = get_command(app)
+    function = program.get_command(None, name).callback.__wrapped__
+    assert function.__module__ == f"sparsemor.core.cli.{OWN[name]}"
+    assert function.__name__ == name
+
+
+def test_own_commands_come_first() -> None:
+    program: Any = get_command(app)
+    listed = program.list_commands(None)
+    assert listed[:len(OWN)] == list(OWN) and len(set(listed)) == len(listed)

@@ -15,7 +15,6 @@ from collections.abc import Callable, Sequence
 from functools import cache
 from importlib import import_module
 from importlib.metadata import version
-from importlib.util import find_spec
 from pathlib import Path
 from types import FunctionType
 from typing import Any, NamedTuple, TypeAlias
@@ -66,11 +65,6 @@ def no_rows(a: Any, *given: Any) -> Any:
 
 def nothing(*given: Any) -> None:
     """Instead of a part of a frame that no body has, or of the sum of no terms."""
-
-
-def installed() -> bool:
-    """True if numba can be imported."""
-    return find_spec("numba") is not None
 
 
 Called: TypeAlias = tuple[Callable[..., object], tuple[Callable[..., object], ...]]

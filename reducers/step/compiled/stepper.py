@@ -1,7 +1,7 @@
 """Step solver whose steps can be compiled."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, fields
+from importlib.util import find_spec
 from typing import Any, Literal, TypeAlias
 
 from sparsemor.core import (
@@ -12,14 +12,6 @@ from sparsemor.core import (
     require,
 )
 from sparsemor.core.protocols import MachineRequest, MachineSteps, ManySteps
-from sparsemor.reducers.step.compiled.compile import (
-    has_code,
-    installed,
-)
-from sparsemor.reducers.step.compiled.library import machine_steps
-from sparsemor.reducers.step.compiled.plan import plan
-from sparsemor.reducers.step.compiled.steps import CompiledSteps
-from sparsemor.reducers.step.compiled.time_functions import NotCompiled
 from sparsemor.reducers.step.memory import Memory
 from sparsemor.reducers.step.solver import Stepper
 
@@ -38,13 +30,23 @@ class CompiledStepper(Stepper):
 
     def many(self, rules: UpdateRules, h: float, steps: int) -> "ManySteps[Memory] | None":
         """Compiled steps of size h, s, for a run of `steps` steps."""
+        on = self.compiled == "on"
+        if not (on or self.compiled == "auto" and steps >= KEPT and installed()):
+            return None
+        from sparsemor.reducers.step.compiled.compile import has_code
+        from sparsemor.reducers.step.compiled.plan import plan
+        from sparsemor.reducers.step.compiled.steps import CompiledSteps
+        from sparsemor.reducers.step.compiled.time_functions import NotCompiled
+
         try:
-            return CompiledSteps(self, rules, h) if wanted(
-                self.compiled, steps, lambda: has_code(plan(self).functions)) else None
+            return CompiledSteps(self, rules, h) if (
+                on or steps >= AUTO or has_code(plan(self).functions)) else None
         except NotCompiled:
             return None
 
     def machine_steps(self, of: MachineRequest[Memory]) -> MachineSteps:
+        from sparsemor.reducers.step.compiled.library import machine_steps
+
         return machine_steps(self, of)
 
     def stepping_alike(self, copy: StepSolver) -> StepSolver:
@@ -67,12 +69,20 @@ def compilable(made: Stepper, option: Compiled) -> Stepper:
     """The step solver with compiled steps as the option says; a note where they are wanted and the
     model is not covered. Raises InputError where numba is wanted and not installed."""
     reason = ""
-    try:
-        if option == "on":
+    if option == "on":
+        from sparsemor.reducers.step.compiled.plan import plan
+        from sparsemor.reducers.step.compiled.time_functions import NotCompiled
+
+        try:
             plan(made)
-    except NotCompiled as error:
-        reason = str(error)
+        except NotCompiled as error:
+            reason = str(error)
     return _with(made, (*made.notes, *no_effect_of(option, reason)), option)
+
+
+def installed() -> bool:
+    """True if numba can be imported."""
+    return find_spec("numba") is not None
 
 
 def _with(made: Stepper, notes: tuple[Note, ...], option: Compiled) -> CompiledStepper:
@@ -87,11 +97,3 @@ def no_effect_of(option: Compiled, reason: str) -> tuple[Note, ...]:
         require("numba", "fast", "compiled: on")
     return (information(f"compiled: on has no effect: {reason}", "compiled"),) if (
         option == "on" and reason) else ()
-
-
-def wanted(option: Compiled, steps: int, kept: Callable[[], bool]) -> bool:
-    """True if the steps of a run are to be compiled; kept: whether there is machine code of an
-    earlier run."""
-    if option != "auto":
-        return option == "on"
-    return installed() and steps >= KEPT and (steps >= AUTO or kept())
