@@ -111,7 +111,7 @@ def variants(scene: Scene, reducers: list[str]) -> dict[str, Scene]:
     """Reducer name -> copy of the scene with that reducer (model reduction method).
 
     The scene's own reducer keeps its options; any other takes over what both share, as with `--set
-    reducer=NAME` (`core/scene/reducer_words.py`). Raises InputError for fewer than two names.
+    reducer=NAME` (`core/scene/overrides.py`). Raises InputError for fewer than two names.
     """
     if len(reducers) < 2 or len(set(reducers)) < len(reducers):
         raise InputError(

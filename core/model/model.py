@@ -91,6 +91,18 @@ class Model:
     def contacts(self) -> dict[str, Contact]:
         return {n: part for n, part in self.parts.items() if isinstance(part, Contact)}
 
+    @property
+    def multiplier_components(self) -> dict[str, tuple[tuple[str, str], ...]]:
+        """Multiplier block of a joint -> name and unit of each Lagrange multiplier, for joints that
+        name them."""
+        found = {}
+        for name, joint in self.joints.items():
+            block = self.layout.multipliers(name)
+            if block is not None and joint.components:
+                names, units = zip(*joint.components, strict=True)
+                found[block.name] = tuple(zip(distinct_names(list(names)), units, strict=True))
+        return found
+
     def reducible(self) -> tuple[str, ...]:
         return tuple(b.name for b in self.layout if b.kind.reducible)
 

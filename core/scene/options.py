@@ -10,7 +10,7 @@ from sparsemor.core.errors import InputError
 from sparsemor.core.protocols.layout import FieldKind
 from sparsemor.core.protocols.plugin import Plugin
 from sparsemor.core.scene.overrides import split
-from sparsemor.core.scene.training_points import BoxTraining
+from sparsemor.core.scene.parameters import BoxTraining
 from sparsemor.core.scene.varying_loads import VaryingLoads
 
 _NOT_SIZES = frozenset({"tolerance", "max_halvings", "fields"})

@@ -1,18 +1,25 @@
-"""Overrides of options of a scene, applied to the parsed file before validation."""
+"""Overrides of options of a scene, applied to the parsed file before validation.
+
+The name of a reducer, and an option that the reducer of the scene lacks, mean the same for `--set`,
+`compare` and studies.
+"""
 
 from collections.abc import Mapping, Sequence
 from itertools import repeat
 from typing import Any, NamedTuple
 
 from sparsemor.core.errors import Fault, InputError
-from sparsemor.core.notes import Note
+from sparsemor.core.notes import Note, information
 from sparsemor.core.registry.registry import Registry, suggestions
 from sparsemor.core.registry.validation_errors import shown
-from sparsemor.core.scene.reducer_words import NAMES, REDUCER, name_notes, named, sampled
+from sparsemor.core.scene.defaults import SAMPLED
 from sparsemor.core.scene.yaml_reader import KeyPath, not_finite, parse_value
 
 REMOVABLE = ("bodies", "joints", "loads", "contacts", "probes", "linear_solvers")
 """Tables of the scene from which `NAME: null` removes an entry."""
+REDUCER: KeyPath = ("reducer",)
+NAMES = (REDUCER, (*REDUCER, "use"))
+"""Keys whose value is the name of a reducer."""
 
 
 def parse_settings(settings: Sequence[str]) -> dict[str, Any]:
@@ -52,6 +59,12 @@ def split(key: str) -> KeyPath:
     return tuple(parts)
 
 
+def inside(key: str, of: str) -> bool:
+    """True for the key `of` and those below it."""
+    parts = split(of)
+    return split(key)[: len(parts)] == parts
+
+
 def find(tree: object, key: str) -> KeyPath:
     """Path in `tree` of a dotted key. Existing keys that contain dots themselves take
     precedence."""
@@ -74,7 +87,7 @@ def apply(
     """Changed copy of the tree.
 
     The order of the overrides does not matter: outer keys are applied first, and `use` before the
-    options next to it. A reducer's name keeps shared options (reducer_words.py).
+    options next to it. A reducer's name keeps shared options.
     """
     changed = copied(tree)
     origins: dict[KeyPath, str] = {}
@@ -88,10 +101,10 @@ def apply(
         try:
             path, value = find(changed, key), copied(value)
             if path in NAMES and isinstance(value, str):
-                notes += name_notes(changed, value, registry)
-                path, value = REDUCER, named(changed, value, registry)
+                notes += _name_notes(changed, value, registry)
+                path, value = REDUCER, _with_name(changed, value, registry)
             elif path[:1] == REDUCER and len(path) > 1 and not new_reducer:
-                found = sampled(changed, str(path[1]), registry)
+                found = _sampling(changed, str(path[1]), registry)
                 if found is not None:
                     changed["reducer"], more = found
                     notes, new_reducer = (*notes, *more), True
@@ -174,3 +187,69 @@ def _matched(tree: object, parts: KeyPath) -> KeyPath:
         rest = tree[index] if index < len(tree) else None
         return (index, *_matched(rest, parts[1:]))
     return parts
+
+
+# ------------------------------------------------------------------ the reducer of a scene
+
+
+def _with_name(tree: Mapping[str, Any], name: str, registry: Registry) -> object:
+    """Reducer of a scene's data after a change of its name alone.
+
+    The same name keeps all options. Another reducer takes over the options that both declare as
+    shared (such as `basis`, `bases` and `budgets`), and those of the same name, type and default;
+    an option with another default has another meaning.
+    """
+    old = tree.get("reducer")
+    options = old if isinstance(old, Mapping) else {}
+    mine, theirs = _reducer_class(old, registry), _reducer_class(name, registry)
+    if mine is None or theirs is None:
+        return name
+    if mine is theirs:
+        return old
+    fields, own, shared = theirs.model_fields, mine.model_fields, (
+        {*mine.shared_options} & {*theirs.shared_options})
+    kept = {key: value for key, value in options.items() if key in fields and key in own and (
+        key in shared or (fields[key].annotation == own[key].annotation
+                          and fields[key].default == own[key].default))}
+    return {"use": name, **kept} if kept else name
+
+
+def _name_notes(tree: Mapping[str, Any], name: object, registry: Registry) -> tuple[Note, ...]:
+    """Note on a change of the reducer's name to the one that the scene has."""
+    mine = _reducer_class(tree.get("reducer"), registry)
+    if not isinstance(name, str) or mine is None or mine is not _reducer_class(name, registry):
+        return ()
+    return (information(
+        f"reducer: {name} changes nothing: the reducer of the scene is {name}, whose options stay; "
+        f"reducer: {{use: {name}}} is {name} with its defaults", "no_effect"),)
+
+
+def _sampling(
+    tree: Mapping[str, Any], option: str, registry: Registry
+) -> tuple[object, tuple[Note, ...]] | None:
+    """Reducer of a scene's data after a change of an option that its own reducer lacks and the
+    reducer `SAMPLED` has, with a note; None where the reducer stays.
+
+    Only a reducer that shares options with `SAMPLED` is replaced: not the full-order one.
+    """
+    mine, other = _reducer_class(tree.get("reducer"), registry), _reducer_class(SAMPLED, registry)
+    if mine is None or other is None or option in mine.model_fields or (
+            option not in other.model_fields) or not (
+            {*mine.shared_options} & {*other.shared_options}):
+        return None
+    old = registry.name_of("reducer", mine)
+    return _with_name(tree, SAMPLED, registry), (Note(
+        f"reducer.{option}: {old}, the reducer of the scene, has no {option}: the run takes "
+        f"{SAMPLED}, which has one, with the options that both share", "reducer_changed"),)
+
+
+def _reducer_class(reducer: object, registry: Registry) -> Any:
+    """Plugin class of a reducer as written in a scene: a name, {use: name} or an instance; None
+    where there is none."""
+    name = reducer.get("use") if isinstance(reducer, Mapping) else reducer
+    if name is not None and not isinstance(name, str):
+        return type(name)
+    try:
+        return None if name is None else registry.get("reducer", name)
+    except InputError:  # which the validation reports
+        return None

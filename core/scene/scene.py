@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -14,7 +15,7 @@ from pydantic import (
     ValidationError,
     model_validator,
 )
-from pydantic_core import PydanticSerializationError
+from pydantic_core import InitErrorDetails, PydanticSerializationError
 
 from sparsemor.core.errors import Fault, InputError
 from sparsemor.core.notes import Note
@@ -30,22 +31,30 @@ from sparsemor.core.protocols import (
 from sparsemor.core.protocols.layout import FieldKind, ordered
 from sparsemor.core.protocols.plugin import Plugin
 from sparsemor.core.registry.plugin_option import Slot, name_default_slots, slot_default
-from sparsemor.core.registry.registry import Registry
+from sparsemor.core.registry.registry import Registry, suggestions
 from sparsemor.core.registry.validation_errors import custom, shown, with_advice
 from sparsemor.core.scene.defaults import FULL_ORDER, HEAT, LARGEST_ERROR, MOTION
 from sparsemor.core.scene.html import html_table
-from sparsemor.core.scene.names import name_faults
 from sparsemor.core.scene.options import Initial, Output, Probe, RigidStage, Time, Training
 from sparsemor.core.scene.overrides import find
 from sparsemor.core.scene.parameters import (
     Parameter,
     number_at,
     parameter_faults,
+    training_faults,
     values_at,
 )
 from sparsemor.core.scene.source import Source
-from sparsemor.core.scene.training_points import training_faults
 from sparsemor.core.scene.varying_loads import LoadTraining
+
+_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+_OWN = ("probes", "parameters")
+"""Groups whose names may be those of another group, too."""
+_NAMED = ("bodies", "joints", "contacts", "loads", *_OWN)
+LONGEST = 100
+"""Largest number of characters of a name."""
+RESERVED = "ground"
+"""Name of the fixed world in joints."""
 
 
 def _an_integer(value: object) -> object:
@@ -352,3 +361,38 @@ def _subtree(tree: object, key: str) -> object:
         else:
             raise InputError([Fault(key, "there is no such key in the scene")])
     return tree
+
+
+def name_faults(data: Mapping[str, Any]) -> list[InitErrorDetails]:
+    """Faults of all names that break a rule, and of probes of bodies that do not exist."""
+    owners: dict[object, str] = {}
+    lines: list[InitErrorDetails] = []
+    groups = {g: data[g] for g in _NAMED if isinstance(data.get(g), Mapping)}
+    for group, entries in groups.items():
+        for name in entries:
+            complaint = _complaint(group, name, owners)
+            if complaint:
+                lines.append(custom("name", complaint, (group, str(name)), name))
+    bodies = sorted(map(str, groups.get("bodies", {})))
+    for name, probe in groups.get("probes", {}).items():
+        body = probe.get("body") if isinstance(probe, Mapping) else None
+        if isinstance(body, str) and body not in bodies:
+            message = f"no body is called {body!r}: {suggestions(body, bodies, 'bodies')}"
+            lines.append(custom("name", message, ("probes", str(name), "body"), body))
+    return lines
+
+
+def _complaint(group: str, name: object, owners: dict[object, str]) -> str:
+    if not (isinstance(name, str) and _NAME.fullmatch(name)):
+        return f"a name is made of letters, digits and _, and starts with no digit (got {name})"
+    if len(name) > LONGEST:  # files of the result are called by it
+        return f"a name has at most {LONGEST} characters (this one has {len(name)})"
+    if name == RESERVED:
+        return f"{RESERVED} means the fixed world: choose another name"
+    if group in _OWN:
+        return ""
+    if name in owners:
+        return (f"this name is taken in {owners[name]}: bodies, joints, contacts and loads share "
+                "their names")
+    owners[name] = group
+    return ""

@@ -12,7 +12,7 @@ from sparsemor.core.protocols import HeldFunction, LoadPlugin, TimeFunction
 from sparsemor.core.registry.registry import suggestions
 from sparsemor.core.scene.defaults import TABLE
 from sparsemor.core.scene.nested import functions_of_time
-from sparsemor.core.scene.overrides import split
+from sparsemor.core.scene.overrides import inside, split
 
 Range = Annotated[list[float], Field(min_length=2, max_length=2)]
 """Smallest and largest value."""
@@ -118,7 +118,7 @@ class LoadTraining:
                 yield v
                 continue
             for key in overrides:
-                if _inside(key, v.key):
+                if inside(key, v.key):
                     yield ("overrides", key), f"{v.key} varies in training (training.loads), so " \
                         "that this has no effect: remove it"
         if not found:
@@ -148,7 +148,7 @@ class LoadTraining:
             ranged = isinstance(self.varying, Mapping)
             at: tuple[str | int, ...] = ("loads", name if ranged else i)
             given = self.varying[name] if isinstance(self.varying, Mapping) else None
-            keys = [k for k in functions if _inside(k, f"loads.{name}")]
+            keys = [k for k in functions if inside(k, f"loads.{name}")]
             if split(name)[0] not in self.loads:
                 yield at, (f"the scene has no load {name!r}: "
                            f"{suggestions(name, list(self.loads), 'loads')}")
@@ -169,12 +169,12 @@ class LoadTraining:
         """Key -> function of time of the loads, without those inside of others."""
         found: dict[str, TimeFunction] = {}
         for key, f in functions_of_time({"loads": self.loads}):
-            if not any(_inside(key, other) for other in found):
+            if not any(inside(key, other) for other in found):
                 found[key] = f
         return found
 
     def _is_parameter(self, key: str) -> bool:
-        return any(_inside(other, key) for other in self.fixed)
+        return any(inside(other, key) for other in self.fixed)
 
     def _ranged(self, key: str, f: TimeFunction, given: list[float] | None) -> Varying:
         """A function of time with its range: that which is given, else the values of a level over
@@ -190,9 +190,3 @@ class LoadTraining:
         base = min(max(values[0] if level else 0.0, low), high)
         up = high - base >= base - low if given is not None else large >= base
         return Varying(key, base, *((high, low) if up else (low, high)), level)
-
-
-def _inside(key: str, of: str) -> bool:
-    """True for the key `of` and those below it."""
-    parts = split(of)
-    return split(key)[: len(parts)] == parts

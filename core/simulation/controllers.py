@@ -15,7 +15,6 @@ from sparsemor.core.results.probes import ForceReader, ProbeReader
 from sparsemor.core.scene.nested import functions_of_time
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.outputs import Output, outputs_of, read
-from sparsemor.core.simulation.run_header import multiplier_components
 from sparsemor.core.simulation.time_stepping import Step
 
 Memory = dict[str, tuple[float, ...]]
@@ -62,7 +61,7 @@ class Controllers:
 def sensors(model: Model, layout: Layout, maps: Mapping[str, Dictionary]) -> Mapping[str, Output]:
     """What controllers may read of a step solver's unknowns, by name. maps: those of its blocks."""
     return outputs_of(
-        layout, multiplier_components(model),
+        layout, model.multiplier_components,
         [ProbeReader.of(p, layout, maps) for p in model.probes],
         [ForceReader.of(n, j.force, layout) for n, j in model.joints.items() if j.force])
 

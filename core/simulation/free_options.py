@@ -5,7 +5,7 @@ from typing import Any
 
 from sparsemor.core.protocols import TimeFunction
 from sparsemor.core.scene.nested import functions_of_time
-from sparsemor.core.scene.overrides import find, split
+from sparsemor.core.scene.overrides import find
 from sparsemor.core.scene.scene import Scene
 
 FREE = ("title", "output", "time.end")
@@ -30,9 +30,3 @@ def kept_options(scene: Scene, parameters: bool = False) -> Mapping[str, object]
             node = node[part]
         node[last] = None
     return tree
-
-
-def inside(key: str, of: str) -> bool:
-    """True for the key `of` or one of its entries."""
-    parts = split(of)
-    return split(key)[: len(parts)] == parts

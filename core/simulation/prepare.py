@@ -1,11 +1,14 @@
-"""Stages of a run before its first step: model, training run, trial bases, step solver, consistent
-start, checks."""
+"""Stages of a run before its first step: choices that a scene leaves to trial runs, model, training
+run, trial bases, step solver, consistent start, checks; header of the result."""
 
+import platform
 from dataclasses import replace
+from importlib.metadata import version
 
 import numpy as np
 
 from sparsemor.core.errors import InputError
+from sparsemor.core.linalg.threads import described
 from sparsemor.core.model.assembly import with_joints
 from sparsemor.core.model.body_cache import BodyCache
 from sparsemor.core.model.fitting_bases import fitted_bases
@@ -20,23 +23,30 @@ from sparsemor.core.protocols import (
     StepSolver,
 )
 from sparsemor.core.registry.hooks import Manager
+from sparsemor.core.registry.installed import entry_points
 from sparsemor.core.registry.returned_values import complete
+from sparsemor.core.results.metadata import RunHeader
 from sparsemor.core.results.probes import ForceReader, ProbeReader
+from sparsemor.core.scene.run_identity import Identity
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.checks import Checks
 from sparsemor.core.simulation.controllers import controllers_of
 from sparsemor.core.simulation.initial_from_result import initial_notes
-from sparsemor.core.simulation.memory.disk import room_for_snapshots
-from sparsemor.core.simulation.memory.estimate import fitting
+from sparsemor.core.simulation.memory.estimate import fitting, room_for_snapshots
 from sparsemor.core.simulation.offline import Offline, step_count
 from sparsemor.core.simulation.offline_cache import Products
 from sparsemor.core.simulation.prepared_run import PreparedRun
 from sparsemor.core.simulation.rigid_stage import staged
-from sparsemor.core.simulation.run_header import header_of
 from sparsemor.core.simulation.step_control import controlled
 from sparsemor.core.simulation.training import offline_of
 from sparsemor.core.simulation.validation import checked_model
+
+CHOICE = "choice"
+"""Kind of the functions that make explicit what a scene leaves to trial runs, such as its reducer:
+scene, cache, manager of events and built bodies -> the scene with what
+is chosen and notes on that, or the same scene if it leaves nothing to choose."""
+
 
 
 def prepared_run(
@@ -63,6 +73,22 @@ def prepared_again(
 
 
 # ------------------------------------------------------------------ stages
+
+
+def explicit(
+    scene: Scene, cache: Cache, manager: Manager, body_cache: BodyCache | None = None
+) -> Scene:
+    """The scene with all that is chosen for it. Raises InputError and SolveFailed as trial runs
+    do."""
+    registry = scene.source.registry
+    for plugin in registry.names(CHOICE):
+        choose = registry.load(CHOICE, registry.spelling(plugin))
+        made = choose(scene, cache, manager, body_cache or BodyCache())
+        if not isinstance(made, Scene):
+            raise InputError(f"choice {plugin.name!r} returned no scene: report it to the authors "
+                             f"of {plugin.distribution}")
+        scene = made
+    return scene
 
 
 def prepared(
@@ -173,3 +199,39 @@ def checked(run: PreparedRun, again: PreparedRun | None = None) -> PreparedRun:
     return replace(
         run, solver=solver, summary=found.summary, kept=found.kept, changes=found.changes, notes=(
             *run.notes, *solver.notes, *checks.of_model(scene, model), *found.notes, *estimator))
+
+
+# ------------------------------------------------------------------ header of the result
+
+
+def header_of(
+    scene: Scene, model: Model, solver: StepSolver, steps: int, estimates: tuple[str, ...] = ()
+) -> RunHeader:
+    """Header of the result of a run of `steps` steps. estimates: blocks whose error is
+    estimated."""
+    return replace(
+        full_order_header(scene, model, steps), layout=solver.layout,
+        dictionaries=solver.dictionaries, rows=solver.rows,
+        probes=tuple(ProbeReader.of(p, solver.layout, solver.dictionaries).header()
+                     for p in model.probes),
+        stage=model.stage,
+        contacts={a.name: a.term.histories for a in solver.resultant_sources(None)}
+        if model.stage is None else {}, estimates=estimates)
+
+
+def full_order_header(scene: Scene, model: Model, steps: int) -> RunHeader:
+    """Header of a result in the unknowns of the model, without resultants of contacts."""
+    # one reading of metadata for each distribution, not for each of its plugins
+    offering = {e.dist for e in entry_points() if e.dist is not None}
+    names = {"sparsemor", "numpy", "scipy", "scikit-fem", "pydantic", *(d.name for d in offering)}
+    return RunHeader(
+        scene=scene.dump(), scene_digest=scene.digest(), seed=scene.seed,
+        identity=Identity.of(scene).plain(), platform=described(),
+        versions={"python": platform.python_version()} | {n: version(n) for n in sorted(names)},
+        reducer=scene.reducer_name, layout=model.layout, full_layout=model.layout,
+        step=scene.time.step, steps_planned=steps, bodies=model.shapes(),
+        probes=tuple(ProbeReader.of(p, model.layout, {}).header() for p in model.probes),
+        multipliers=model.multiplier_components,
+        forces={n: joint.force.component for n, joint in model.joints.items()
+                if joint.force is not None},
+    )

@@ -1,7 +1,9 @@
-"""Recorder of a run: buffers stored steps, evaluates probes, writes results, sums up the run."""
+"""Recorder of a run: admission to its output directory, buffers of stored steps, probes, written
+results, summary."""
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -10,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from sparsemor.core.arrays import BoolArray, FloatArray
-from sparsemor.core.errors import InputError
+from sparsemor.core.errors import Damaged, InputError
 from sparsemor.core.linalg.threads import elsewhere
 from sparsemor.core.notes import Level, Note, information, kinds, sentences
 from sparsemor.core.protocols import (
@@ -22,11 +24,12 @@ from sparsemor.core.protocols import (
 from sparsemor.core.protocols.integrator import HeldValues, held_values, holding
 from sparsemor.core.protocols.step_solver import resultants
 from sparsemor.core.results.arrays_in_memory import MemoryWriter
-from sparsemor.core.results.checkpoint import Checkpoint
+from sparsemor.core.results.checkpoint import Checkpoint, checkpoint_file
 from sparsemor.core.results.error_norms import estimated_errors
 from sparsemor.core.results.files.own import STORE
 from sparsemor.core.results.files.temporary import TemporaryFolder
 from sparsemor.core.results.json_data import finite
+from sparsemor.core.results.output_directory import OutputDirectory
 from sparsemor.core.results.output_lock import check_owned
 from sparsemor.core.results.probes import ForceReader, ProbeReader, rate_columns
 from sparsemor.core.results.run_result import RunResult
@@ -34,10 +37,10 @@ from sparsemor.core.results.saved_state import SavedError
 from sparsemor.core.results.solver_report import solvers_summary
 from sparsemor.core.results.store import ChunkOfSteps, ResultWriter
 from sparsemor.core.results.stored_arrays import read_header
+from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.error_record import ErrorMark, ErrorRecord
 from sparsemor.core.simulation.memory.limits import MemoryUse
 from sparsemor.core.simulation.offline_cache import Products
-from sparsemor.core.simulation.output_admission import admit
 from sparsemor.core.simulation.prepared_run import PreparedRun
 from sparsemor.core.simulation.step_statistics import StepStatistics
 from sparsemor.core.status import Status
@@ -47,6 +50,30 @@ CHUNK, SECONDS = 1024, 2.0
 disk."""
 BUFFER = 2**26
 """Bytes of buffered states after which results are written to disk."""
+
+
+def admit(scene: Scene, out: Path, resume: bool) -> None:
+    """Checks, before anything is computed, that a run may write to `out`, or with `resume` continue
+    the result in it. Raises InputError."""
+    directory = OutputDirectory(out)
+    if resume:
+        ResultWriter.resumable(directory.store, scene)
+    else:
+        directory.require_writable()
+
+
+@contextmanager
+def kept(writer: ResultWriter | MemoryWriter, new: bool) -> Iterator[None]:
+    """Context that deletes a new result if its run is refused by an input error, or fails before
+    its first checkpoint."""
+    try:
+        yield
+    except (InputError, OSError) as error:
+        if new and isinstance(writer, ResultWriter):
+            first = not checkpoint_file(writer.path).exists()
+            if first or isinstance(error, InputError) and not isinstance(error, Damaged):
+                writer.discard()
+        raise
 
 
 @dataclass(frozen=True, slots=True, eq=False)

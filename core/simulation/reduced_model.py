@@ -40,12 +40,11 @@ from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.results.variables import time_arrays
 from sparsemor.core.scene.html import html_table
 from sparsemor.core.scene.nested import changes, functions_of_time, nested
-from sparsemor.core.scene.overrides import split
+from sparsemor.core.scene.overrides import inside, split
 from sparsemor.core.scene.parameters import values_at
 from sparsemor.core.scene.scene import Scene, build
 from sparsemor.core.scene.source import Source
 from sparsemor.core.scene.yaml_reader import LocatedError
-from sparsemor.core.simulation.automatic_choices import explicit
 from sparsemor.core.simulation.blow_up import Extents
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.changed_start import (
@@ -55,13 +54,12 @@ from sparsemor.core.simulation.changed_start import (
     started_from,
 )
 from sparsemor.core.simulation.checks import KIND, Checks
-from sparsemor.core.simulation.free_options import FREE, inside, load_functions
+from sparsemor.core.simulation.free_options import FREE, load_functions
 from sparsemor.core.simulation.offline import step_count
-from sparsemor.core.simulation.output_admission import kept
-from sparsemor.core.simulation.prepare import prepared_again, prepared_run
+from sparsemor.core.simulation.prepare import explicit, prepared_again, prepared_run
 from sparsemor.core.simulation.prepared_run import PreparedRun
 from sparsemor.core.simulation.progress import progress_bar
-from sparsemor.core.simulation.recorder import Recorder
+from sparsemor.core.simulation.recorder import Recorder, kept
 from sparsemor.core.simulation.run_steps import RunSteps
 from sparsemor.core.simulation.step_statistics import StepStatistics
 from sparsemor.core.simulation.stepper import Input, Stepper

@@ -30,7 +30,6 @@ from sparsemor.core.scene.run_identity import Identity
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.offline import Offline, full_run
 from sparsemor.core.simulation.offline_cache import Products, mesh_content
-from sparsemor.core.simulation.run_header import multiplier_components
 from sparsemor.core.status import SolveFailed, Status
 
 STAGE = "rigid stage"
@@ -162,7 +161,7 @@ def _run(scene: Scene, model: Model, manager: Manager) -> Arrays:
         raise SolveFailed(failure.status, failure.time, failure.block,
                           f"{failure.detail}; {_OWN_STEPS}") from None
     times = np.array([s.t for s in kept])
-    components = multiplier_components(model)
+    components = model.multiplier_components
     frames = {b.owner: np.stack([np.stack([s.x, s.v, s.a])[:, layout[b.name]] for s in kept])
               for b in layout if b.kind.quantity is Quantity.POSE}
     made: dict[str, Any] = {

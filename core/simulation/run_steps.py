@@ -1,11 +1,15 @@
 """Time loop of a run: its steps and what is recorded of them."""
 
 import errno
+import signal
+import threading
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from copy import deepcopy
 from dataclasses import dataclass
+from types import FrameType, TracebackType
+from typing import Any
 
 import numpy as np
 
@@ -20,7 +24,6 @@ from sparsemor.core.simulation.blow_up import Extents, Growth, Large, diverged, 
 from sparsemor.core.simulation.checks import Checks, Findings
 from sparsemor.core.simulation.controllers import Controllers
 from sparsemor.core.simulation.error_record import ErrorRecord
-from sparsemor.core.simulation.interrupt import Interrupt
 from sparsemor.core.simulation.outputs import outputs_of
 from sparsemor.core.simulation.prepared_run import PreparedRun
 from sparsemor.core.simulation.recorder import Recorder, RecordMark, in_summary
@@ -52,6 +55,40 @@ class StepControl(ABC):
     def take(self, steps: "RunSteps", wanted: Callable[[], bool]) -> SolveFailed | None:
         """Takes all remaining steps by `steps.portion`; returns None, or the error of a failed step
         or an interruption. wanted: True when the run is to be interrupted."""
+
+
+class Interrupt:
+    """Context in which a first Ctrl-C only sets `wanted`, so that a run stops between two steps, in
+    a state from which it can be resumed; a second one stops at once, as usual.
+
+    Without effect outside the main thread, where Python sets no signal handlers, or where Ctrl-C is
+    ignored.
+    """
+
+    def __init__(self) -> None:
+        self.wanted = False
+        self._before: Any = None
+
+    def __enter__(self) -> "Interrupt":
+        in_main = threading.current_thread() is threading.main_thread()
+        if in_main and callable(signal.getsignal(signal.SIGINT)):
+            self._before = signal.signal(signal.SIGINT, self._ask)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._restore()
+
+    def _ask(self, number: int, frame: FrameType | None) -> None:
+        self.wanted = True
+        self._restore()
+
+    def _restore(self) -> None:
+        if self._before is not None:
+            signal.signal(signal.SIGINT, self._before)
+            self._before = None
 
 
 class RunSteps:

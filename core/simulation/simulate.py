@@ -14,14 +14,19 @@ from sparsemor.core.results.files.temporary import TemporaryFolder
 from sparsemor.core.results.output_lock import owned
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.scene.scene import Scene
-from sparsemor.core.simulation.automatic_choices import explicit
 from sparsemor.core.simulation.cache import Cache
-from sparsemor.core.simulation.memory.disk import room_for_result
+from sparsemor.core.simulation.memory.estimate import room_for_result
 from sparsemor.core.simulation.memory.limits import MemoryUse, peak
-from sparsemor.core.simulation.output_admission import admit, kept
-from sparsemor.core.simulation.prepare import build_bases, checked, prepared, reduced, train
+from sparsemor.core.simulation.prepare import (
+    build_bases,
+    checked,
+    explicit,
+    prepared,
+    reduced,
+    train,
+)
 from sparsemor.core.simulation.progress import progress_bar
-from sparsemor.core.simulation.recorder import Recorder
+from sparsemor.core.simulation.recorder import Recorder, admit, kept
 from sparsemor.core.simulation.run_steps import RunSteps
 from sparsemor.core.simulation.step_statistics import StepStatistics
 from sparsemor.core.simulation.training import snapshot_keeper

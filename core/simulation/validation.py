@@ -15,8 +15,7 @@ from sparsemor.core.registry.registry import suggestions
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.controllers import controller_faults
 from sparsemor.core.simulation.initial_from_result import started_from_result
-from sparsemor.core.simulation.memory.estimate import chosen_bases, grid_refusal
-from sparsemor.core.simulation.memory.precheck import check_memory
+from sparsemor.core.simulation.memory.estimate import check_memory, chosen_bases, grid_refusal
 from sparsemor.core.simulation.offline import step_count
 from sparsemor.core.simulation.rigid_stage import check_rigid, rigid_scene, stage_faults
 

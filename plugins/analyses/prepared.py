@@ -18,10 +18,9 @@ from sparsemor.core.model.fitting_bases import fitted_bases
 from sparsemor.core.model.model import Model
 from sparsemor.core.protocols import StepFactors
 from sparsemor.core.registry.hooks import new_manager
-from sparsemor.core.simulation.automatic_choices import explicit
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.controllers import controllers_of
-from sparsemor.core.simulation.prepare import build_bases, prepared, train
+from sparsemor.core.simulation.prepare import build_bases, explicit, prepared, train
 from sparsemor.plugins.analyses.equilibrium import Solved, flow, free_motions, newton
 from sparsemor.plugins.analyses.motion import assembled, spinning
 from sparsemor.plugins.analyses.system import System

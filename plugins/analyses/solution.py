@@ -25,7 +25,7 @@ from sparsemor.core.results.store import ChunkOfSteps, ResultWriter
 from sparsemor.core.results.tables import csv_table, text_table, with_head
 from sparsemor.core.simulation.controllers import sensors
 from sparsemor.core.simulation.outputs import read
-from sparsemor.core.simulation.run_header import full_order_header
+from sparsemor.core.simulation.prepare import full_order_header
 from sparsemor.plugins.analyses.modes import ComplexArray
 from sparsemor.plugins.analyses.prepared import Prepared
 

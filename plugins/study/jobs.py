@@ -38,10 +38,9 @@ from sparsemor.core.scene.run_identity import Identity
 from sparsemor.core.scene.scene import Scene, build
 from sparsemor.core.scene.source import Source
 from sparsemor.core.scene.yaml_reader import Document
-from sparsemor.core.simulation.automatic_choices import explicit
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.offline_cache import mesh_content
-from sparsemor.core.simulation.prepare import prepared
+from sparsemor.core.simulation.prepare import explicit, prepared
 from sparsemor.core.simulation.reduced_model import ReducedModel, reduce
 from sparsemor.core.simulation.simulate import simulate
 from sparsemor.core.simulation.training import TRAINING

@@ -16,9 +16,8 @@ from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.results.tables import csv_table, marked, number, text_table, with_head
 from sparsemor.core.scene.defaults import FULL_ORDER
 from sparsemor.core.scene.html import html_text
-from sparsemor.core.scene.parameters import values_at
+from sparsemor.core.scene.parameters import uniform, values_at
 from sparsemor.core.scene.scene import Scene
-from sparsemor.core.scene.training_points import uniform
 from sparsemor.core.simulation.reduced_model import ReducedModel, reduce
 from sparsemor.core.status import SolveFailed
 from sparsemor.plugins.study.jobs import cached_reference

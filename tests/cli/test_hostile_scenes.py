@@ -11,7 +11,7 @@ from sparsemor.core.scene.expressions import Expression
 from sparsemor.core.scene.overrides import parse_settings
 from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.scene.yaml_reader import MOST_BYTES
-from sparsemor.core.simulation.memory.disk import room_for_result
+from sparsemor.core.simulation.memory.estimate import room_for_result
 from sparsemor.core.simulation.simulate import simulate
 from sparsemor.core.simulation.validation import checked_model
 from tiers import quick

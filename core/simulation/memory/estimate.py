@@ -1,26 +1,29 @@
-"""Memory estimate of a run before it starts, and refusal if the run would not fit.
+"""Memory and disk space that a run needs, estimated before it starts, and refusal if it would not
+fit.
 
 Large arrays are counted: matrices and factors of full order, snapshots, atoms, tables and stored
-results. The memory of the assembled scene is measured here; `core/simulation/memory/precheck.py`
-estimates it from mesh sizes, before the scene is assembled.
+results. Before the scene is assembled, its memory is estimated from the sizes of its meshes
+(`check_memory`): too fine a mesh would fill the machine during assembly. Sizes that need the
+matrices (fill of factors) or the cache (whether the training run is in it) are counted after it.
 """
 
+import shutil
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from math import inf
+from math import inf, log2
+from pathlib import Path
 
 from sparsemor.core.arrays import Csr
-from sparsemor.core.errors import InputError
+from sparsemor.core.errors import Gather, InputError
 from sparsemor.core.linalg.snapshots import HELD
 from sparsemor.core.model.block_patterns import matched_option
 from sparsemor.core.model.fitting_bases import fitted_bases
 from sparsemor.core.model.model import Model
-from sparsemor.core.protocols import (
-    Basis,
-)
+from sparsemor.core.protocols import Basis
+from sparsemor.core.protocols.mesh import BodySize
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.memory.limits import LIMIT, ceiling, gb, resident
-from sparsemor.core.simulation.offline import Offline, snapshot_count
+from sparsemor.core.simulation.offline import Offline, snapshot_count, step_count
 
 ENTRY = 12
 """Bytes per entry of a sparse matrix or factor: a value and its index."""
@@ -40,6 +43,14 @@ MOST_STEPS = 1e10
 """Number of steps above which every run is refused: it would take three days at least."""
 ROUGH = 0.5
 """Share of the memory limit up to which a rough estimate is accepted without an exact count."""
+CELL = {2: 400, 3: 500}
+"""Spatial dimension -> bytes per cell: numbers of its points, and facets during the mesh check and
+the location of loads."""
+OPERATOR_COPIES = 7
+"""Copies of each entry of operators on displacements: in the body, in terms, in separated form, and
+memory that the process does not return after assembly."""
+SCALAR_COPIES = 4
+"""Copies of each entry of mass, capacity and conductivity, initial state included."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -259,3 +270,105 @@ def refusal(expected: Estimate, limit: int) -> str:
     return (f"this run would hold about {gb(expected.total)} of memory ({expected.largest}: "
             f"{parts}; held already: {gb(expected.base)}), and {gb(limit)} are there for it (the "
             f"machine's, or {LIMIT}): take {items[0].advice}")
+
+
+# ------------------------------------------------------------------ before assembly
+
+
+def check_memory(scene: Scene) -> None:
+    """Checks that a run fits in memory, whatever is in the cache. Raises InputError. Bodies that do
+    not know their size in advance are left out."""
+    expected, limit = precheck_memory(scene), ceiling()
+    if expected is not None and expected.total > limit:
+        raise InputError(refusal(expected, limit))
+
+
+def precheck_memory(scene: Scene) -> Estimate | None:
+    """Memory estimate from mesh sizes alone; None if no body knows its size in advance."""
+    bodies = {name: size for name, plugin in scene.bodies.items()
+              if (size := plugin.expected()) is not None}
+    if not bodies:
+        return None
+    blocks = {f"{name}.{field}": n for name, size in bodies.items()
+              for field, n in size.unknowns.items()}
+    assembled = [item for name, size in bodies.items() for item in _assembly(name, size)]
+    start = [MemoryItem("all operators once more, at the start", START * ENTRY * sum(
+        b.vector_entries for b in bodies.values()), "a coarser mesh")]
+    if scene.reducer.full_order:
+        factors = [i for name, size in bodies.items() for i in _factors(scene, name, size)]
+        phases = {"steps": [*assembled, states(sum(blocks.values())), *factors, *start]}
+    else:
+        phases = {"start": [*assembled, *start], "steps": [*assembled, *reduced(scene, blocks)]}
+    if trains(scene, blocks):  # an impossible training run is reported elsewhere
+        phases["bases"] = [*assembled, *(Gather()("", bases, scene, blocks) or [])]
+    return Estimate(resident(), {name: tuple(items) for name, items in phases.items()}, False)
+
+
+def _assembly(name: str, size: BodySize) -> list[MemoryItem]:
+    return [
+        MemoryItem(f"the mesh of {name}, {size.mesh.cells} cells",
+             CELL[size.mesh.dimension] * size.mesh.cells, "a coarser mesh"),
+        MemoryItem(f"the operators of {name}",
+             ENTRY * (OPERATOR_COPIES * size.vector_entries + SCALAR_COPIES * size.scalar_entries),
+             "a coarser mesh")]
+
+
+def _factors(scene: Scene, name: str, size: BodySize) -> list[MemoryItem]:
+    """Least memory of the factors of blocks with a direct solver: n log2 n entries in the plane,
+    n^(4/3) in space (Lipton, Rose and Tarjan 1979, doi 10.1137/0716027), with a constant of 1,
+    small enough for long and thin bodies, which have less fill."""
+    found = []
+    for field, n in size.unknowns.items():
+        block = f"{name}.{field}"
+        solver = matched_option(block, scene.linear_solvers, scene.linear_solver)
+        if not solver.direct:
+            continue
+        fill = n * log2(n + 1) if size.mesh.dimension == 2 else n ** (4 / 3)
+        found.append(MemoryItem(f"the factors of {block}, at least", 2 * ENTRY * fill,
+                          f'linear_solvers: {{"{block}": amg}} (or cg for heat), which hold no '
+                          "factors"))
+    return found
+
+
+# ------------------------------------------------------------------ disk
+
+
+def room_for_snapshots(scene: Scene, model: Model, offline: Offline) -> None:
+    """Checks that snapshots that are written to disk fit there. Raises InputError."""
+    cache = offline.products.cache
+    blocks = block_sizes(model)
+    if not trains(scene, blocks, model) or offline.has_training() or cache is None:
+        return
+    M = snapshot_count(scene)
+    sizes = [8 * n * M for n in blocks.values()]
+    wanted = sum(size for size in sizes if size > HELD)
+    place = _existing(cache.root)
+    free = shutil.disk_usage(place).free
+    if wanted > free:
+        raise InputError(
+            f"the snapshots of the training run would take {gb(wanted)}, and {place} has "
+            f"{gb(free)} left: use a larger training.every, or set SPARSEMOR_CACHE to another "
+            "directory")
+
+
+def room_for_result(scene: Scene, model: Model, out: Path) -> None:
+    """Checks that the stored steps of a run fit on the disk of `out`. Raises InputError."""
+    blocks = block_sizes(model)
+    numbers = model.layout.size - sum(blocks.values()) + 4  # time, iterations, error, seconds
+    numbers += sum(p.displacement.shape[0] if p.displacement is not None else 3
+                   for p in model.probes)
+    bases = chosen_bases(scene, blocks)
+    numbers += sum(most_atoms(bases[n], size) if n in bases else size for n, size in blocks.items())
+    rows = step_count(scene) // scene.output.every + 2
+    free = shutil.disk_usage(_existing(out)).free
+    if 8 * numbers * rows > free:
+        raise InputError(
+            f"the result would take about {gb(8 * numbers * rows)} on the disk ({rows:.3g} stored "
+            f"steps of {numbers} numbers), which has {gb(free)} left, and the run "
+            f"{duration(step_count(scene))} at the least: take a larger output.every, a larger "
+            "time.step or an earlier time.end", "time.step")
+
+
+def _existing(path: Path) -> Path:
+    """The path, or the first folder above it that exists."""
+    return next((p for p in (path, *path.absolute().parents) if p.exists()), Path("/"))

@@ -22,8 +22,8 @@ from sparsemor.core.protocols import StepSolver
 from sparsemor.core.registry.hooks import new_manager
 from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.simulation.cache import Cache
+from sparsemor.core.simulation.memory.estimate import precheck_memory
 from sparsemor.core.simulation.memory.limits import GIGABYTE, peak, resident
-from sparsemor.core.simulation.memory.precheck import precheck_memory
 from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.simulation.prepare import prepared
 from sparsemor.core.status import SolveFailed

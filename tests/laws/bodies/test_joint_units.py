@@ -7,7 +7,6 @@ import pytest
 
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.scene.scene import load
-from sparsemor.core.simulation.run_header import multiplier_components
 from sparsemor.core.simulation.simulate import simulate
 from sparsemor.core.simulation.validation import checked_model
 
@@ -35,7 +34,7 @@ def test_a_joint_in_the_plane(options: dict[str, Any], names, units, here):
 
 def test_joints_in_space_name_every_multiplier():
     model = checked_model(load(SCENES / "everything_in_space.yaml"))
-    found = multiplier_components(model)
+    found = model.multiplier_components
     for block in model.layout:
         if block.name in found:
             names = [name for name, _ in found[block.name]]

@@ -16,8 +16,7 @@ from sparsemor.core.cli import app
 from sparsemor.core.errors import InputError
 from sparsemor.core.registry.registry import Registry
 from sparsemor.core.simulation.memory import limits as memory
-from sparsemor.core.simulation.memory.estimate import estimate
-from sparsemor.core.simulation.memory.precheck import precheck_memory
+from sparsemor.core.simulation.memory.estimate import estimate, precheck_memory
 from sparsemor.core.simulation.validation import checked_model
 
 SCENES = Path(__file__).parents[2] / "scenes"

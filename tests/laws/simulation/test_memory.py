@@ -148,15 +148,15 @@ def test_results_say_what_was_held(tmp_path: Path) -> None:
 def test_snapshots_must_fit_on_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     import shutil
 
-    from sparsemor.core.simulation.memory import disk
+    from sparsemor.core.simulation.memory import estimate
 
     scene, model, offline = asked(tmp_path / "cache")
-    monkeypatch.setattr(disk, "HELD", 1000)
-    disk.room_for_snapshots(scene, model, offline)
+    monkeypatch.setattr(estimate, "HELD", 1000)
+    estimate.room_for_snapshots(scene, model, offline)
     usage = shutil.disk_usage(tmp_path)._replace(free=10_000)
     monkeypatch.setattr(shutil, "disk_usage", lambda place: usage)
     with pytest.raises(InputError, match="larger training.every"):
-        disk.room_for_snapshots(scene, model, offline)
+        estimate.room_for_snapshots(scene, model, offline)
 
 
 def test_auto_takes_its_limit_from_the_same_place(monkeypatch: pytest.MonkeyPatch) -> None:

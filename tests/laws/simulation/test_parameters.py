@@ -13,9 +13,8 @@ from small_scenes import tiny
 from sparsemor import InputError, ReducedModel, load, load_model, parameter_test, reduce, simulate
 from sparsemor.core.results.error_norms import measure_errors
 from sparsemor.core.results.run_result import RunResult
-from sparsemor.core.scene.parameters import Parameter
+from sparsemor.core.scene.parameters import Parameter, corners, latin_hypercube
 from sparsemor.core.scene.scene import Scene
-from sparsemor.core.scene.training_points import corners, latin_hypercube
 from sparsemor.core.simulation import training
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.offline_cache import Products
