@@ -1,5 +1,6 @@
 """Step solver whose steps can be compiled."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from importlib.util import find_spec
 from typing import Any, Literal, TypeAlias
@@ -30,19 +31,26 @@ class CompiledStepper(Stepper):
 
     def many(self, rules: UpdateRules, h: float, steps: int) -> "ManySteps[Memory] | None":
         """Compiled steps of size h, s, for a run of `steps` steps."""
-        on = self.compiled == "on"
-        if not (on or self.compiled == "auto" and steps >= KEPT and installed()):
+        if not wanted(self.compiled, steps, self._has_code):
             return None
-        from sparsemor.reducers.step.compiled.compile import has_code
-        from sparsemor.reducers.step.compiled.plan import plan
         from sparsemor.reducers.step.compiled.steps import CompiledSteps
         from sparsemor.reducers.step.compiled.time_functions import NotCompiled
 
         try:
-            return CompiledSteps(self, rules, h) if (
-                on or steps >= AUTO or has_code(plan(self).functions)) else None
+            return CompiledSteps(self, rules, h)
         except NotCompiled:
             return None
+
+    def _has_code(self) -> bool:
+        """True if an earlier run has kept machine code for its steps."""
+        from sparsemor.reducers.step.compiled.compile import has_code
+        from sparsemor.reducers.step.compiled.plan import plan
+        from sparsemor.reducers.step.compiled.time_functions import NotCompiled
+
+        try:
+            return has_code(plan(self).functions)
+        except NotCompiled:
+            return False
 
     def machine_steps(self, of: MachineRequest[Memory]) -> MachineSteps:
         from sparsemor.reducers.step.compiled.library import machine_steps
@@ -78,6 +86,14 @@ def compilable(made: Stepper, option: Compiled) -> Stepper:
         except NotCompiled as error:
             reason = str(error)
     return _with(made, (*made.notes, *no_effect_of(option, reason)), option)
+
+
+def wanted(option: Compiled, steps: int, kept: Callable[[], bool]) -> bool:
+    """True if the steps of a run are to be compiled; kept: whether there is machine code of an
+    earlier run."""
+    if option != "auto":
+        return option == "on"
+    return installed() and steps >= KEPT and (steps >= AUTO or kept())
 
 
 def installed() -> bool:
