@@ -6,7 +6,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from sparsemor.core import Basis, BlockData, Dictionary, FloatArray, InputError, Slot
-from sparsemor.core.linalg.coherence import oriented_unit_columns, unit_columns
+from sparsemor.core.linalg.coherence import unit_columns
 from sparsemor.core.model.model import distinct_names
 from sparsemor.plugins.bases.load_patterns import (
     known_step,
@@ -16,7 +16,7 @@ from sparsemor.plugins.bases.load_patterns import (
     refuse_both,
     refuse_nowhere,
 )
-from sparsemor.plugins.bases.orthogonalise import independent
+from sparsemor.plugins.bases.orthogonalise import independent, independent_atoms
 from sparsemor.plugins.bases.static_response import StaticSolver, factorize
 
 
@@ -115,13 +115,9 @@ class Attachment(Basis):
         if not np.isfinite(found).all():
             raise InputError(f"attachment: the responses of {data.name} are not finite: its "
                              "stiffness is nearly singular")
-        seen = np.flatnonzero(np.linalg.norm(found, axis=0) > 0.0)
-        atoms = oriented_unit_columns(found[:, seen])
-        kept, added = independent(atoms, self.rank_rtol)
+        atoms, kept = independent_atoms(found, self.rank_rtol, self.orthonormal)
         return Dictionary(
-            oriented_unit_columns(added if self.orthonormal else atoms[:, kept]),
-            np.zeros(data.size),
-            tuple(distinct_names([said[seen[i]] for i in kept])),
+            atoms, np.zeros(data.size), tuple(distinct_names([said[i] for i in kept])),
             {"responses": len(kept), "dependent": found.shape[1] - len(kept)})
 
     def _forces(self, data: BlockData) -> list[tuple[FloatArray, list[str]]]:

@@ -7,10 +7,8 @@ import numpy as np
 from pydantic import Field
 
 from sparsemor.core import Basis, BlockData, Csr, Dictionary, FloatArray
-from sparsemor.core.linalg.coherence import oriented_unit_columns
-from sparsemor.plugins.bases.eigenmodes import lowest_modes
-from sparsemor.plugins.bases.modal import mode_info
-from sparsemor.plugins.bases.orthogonalise import independent
+from sparsemor.plugins.bases.modal import lowest_modes, mode_info
+from sparsemor.plugins.bases.orthogonalise import independent_atoms
 from sparsemor.plugins.bases.static_response import StaticSolver
 
 SMALL = 1e-4
@@ -53,11 +51,9 @@ class ModalDerivatives(Basis):
             names += [f"derivative of mode {a} by mode {b}"
                       for a, b in zip(i.tolist(), j.tolist(), strict=True)]
         found = np.concatenate(columns, axis=1)
-        seen = np.flatnonzero(np.linalg.norm(found, axis=0) > 0.0)
-        kept, atoms = independent(oriented_unit_columns(found[:, seen]), self.rank_rtol)
+        atoms, kept = independent_atoms(found, self.rank_rtol, orthonormal=True)
         return Dictionary(
-            oriented_unit_columns(atoms), np.zeros(data.size),
-            tuple(names[seen[i]] for i in kept),
+            atoms, np.zeros(data.size), tuple(names[i] for i in kept),
             {"modes": len(modes.values), "derivatives": len(kept) - len(modes.values),
              **mode_info(data, modes)})
 

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from sparsemor.core import FloatArray, IntArray
+from sparsemor.core.linalg.coherence import oriented_unit_columns
 
 
 def independent(A: FloatArray, rtol: float) -> tuple[IntArray, FloatArray]:
@@ -21,6 +22,18 @@ def independent(A: FloatArray, rtol: float) -> tuple[IntArray, FloatArray]:
         if np.abs(left).min() > 2.0 * rtol:
             return np.arange(k), Q * np.where(left < 0.0, -1.0, 1.0)
     return _one_by_one(A, rtol)
+
+
+def independent_atoms(
+    found: FloatArray, rtol: float, orthonormal: bool
+) -> tuple[FloatArray, IntArray]:
+    """Unit atoms (n, k): columns of `found` (n, q) that are not zero and do not depend on earlier
+    ones (`independent`), or with `orthonormal` the orthonormal columns of their span; and their
+    numbers (k,)."""
+    seen = np.flatnonzero(np.linalg.norm(found, axis=0) > 0.0)
+    atoms = oriented_unit_columns(found[:, seen])
+    kept, added = independent(atoms, rtol)
+    return oriented_unit_columns(added if orthonormal else atoms[:, kept]), seen[kept]
 
 
 def _one_by_one(A: FloatArray, rtol: float) -> tuple[IntArray, FloatArray]:

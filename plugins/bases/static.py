@@ -6,9 +6,8 @@ import numpy as np
 from pydantic import Field
 
 from sparsemor.core import Basis, BlockData, Dictionary, FloatArray, InputError, Slot
-from sparsemor.core.linalg.coherence import oriented_unit_columns
 from sparsemor.plugins.bases.modal import load_names
-from sparsemor.plugins.bases.orthogonalise import independent
+from sparsemor.plugins.bases.orthogonalise import independent_atoms
 from sparsemor.plugins.bases.static_response import StaticSolver, factorize, is_thermal
 
 
@@ -57,18 +56,14 @@ class Static(Basis):
         """Dictionary with atoms (n, k). Raises InputError when nothing loads the block."""
         columns, names = self._of_heat(data) if is_thermal(data) else self._of_forces(data)
         found = np.concatenate(columns, axis=1) if columns else np.zeros((data.size, 0))
-        seen = np.flatnonzero(np.linalg.norm(found, axis=0) > 0.0)
-        if not len(seen):
+        if not found.any():
             raise InputError(
                 f"no load, joint or temperature acts on {data.name}, so there is no static "
                 "response: give this block another basis under reducer.bases, such as modal")
-        atoms = oriented_unit_columns(found[:, seen])
-        kept, added = independent(atoms, self.rank_rtol)
-        left_out = [names[seen[i]] for i in np.setdiff1d(np.arange(len(seen)), kept)]
+        atoms, kept = independent_atoms(found, self.rank_rtol, self.orthonormal)
+        left_out = [names[i] for i in np.setdiff1d(np.flatnonzero(found.any(axis=0)), kept)]
         return Dictionary(
-            oriented_unit_columns(added if self.orthonormal else atoms[:, kept]),
-            np.zeros(data.size),
-            tuple(names[seen[i]] for i in kept),
+            atoms, np.zeros(data.size), tuple(names[i] for i in kept),
             {"responses": len(kept), "dependent": ", ".join(left_out) or "none"})
 
     def _of_forces(self, data: BlockData) -> tuple[list[FloatArray], list[str]]:

@@ -12,10 +12,9 @@ from sparsemor.core.results.fields import Field
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.plugins.charts.active_atoms import active_atoms_figure
 from sparsemor.plugins.charts.animation import animation_of
-from sparsemor.plugins.charts.comparison import error_over_time_of, work_precision_of
+from sparsemor.plugins.charts.comparison import work_notes, work_points
 from sparsemor.plugins.charts.error_over_time import error_over_time_figure
 from sparsemor.plugins.charts.fields import NO_RUNS, alike
-from sparsemor.plugins.charts.joint_forces import joint_forces_figure
 from sparsemor.plugins.charts.planar_fields import deformation_figure
 from sparsemor.plugins.charts.style import save, saved
 from sparsemor.plugins.charts.surface_fields import (
@@ -27,6 +26,7 @@ from sparsemor.plugins.charts.surface_fields import (
 from sparsemor.plugins.charts.time_histories import (
     angles_figure,
     contact_forces_figure,
+    joint_forces_figure,
     moving_bodies,
     positions_figure,
     probe_displacement_figure,
@@ -113,6 +113,11 @@ def plot(
         chart = chart or "work_precision"
         makers = _of_run(run.reference, times, tuple(NAMES), chart) | _of_comparison(
             run, times, tuple(NAMES), chart)
+    return drawn(makers, chart)
+
+
+def drawn(makers: Makers, chart: str) -> "Figure":
+    """One of some charts. Raises InputError for another name, and without data."""
     if chart not in makers:
         others = suggestions(chart, list(makers), "charts")
         raise InputError(f"no chart is called {chart!r}: {others}", "chart")
@@ -141,10 +146,14 @@ def _of_comparison(
 ) -> Makers:
     """Charts of a comparison, as `_of_run`."""
     reference, runs, name = comparison.reference, comparison.runs, comparison.name
+    kinds, limit = reference.layout.kinds, comparison.limit
     return _of_every(reference, times, alike(reference, runs), name, fields, only) | {
         "angles": lambda: angles_figure(reference, runs, name),
-        "error_over_time": lambda: error_over_time_of(comparison),
-        "work_precision": lambda: work_precision_of(comparison),
+        "error_over_time": lambda: error_over_time_figure(
+            comparison.measured, {label: run.status for label, run in runs.items()}, kinds, limit,
+            comparison.trained_to),
+        "work_precision": lambda: work_precision_figure(
+            *work_points(comparison), kinds, limit, work_notes(comparison)),
         **{_atoms_file(label): partial(active_atoms_figure, run, label)
            for label, run in runs.items()}}
 
@@ -156,12 +165,12 @@ def _of_every(
     """Charts that single runs and comparisons have, of a run called `name` and of others."""
     surfaces = {f"{NAMES[f]}_{body}": (body, f) for body in solid_bodies(run) for f in fields
                 if run.has(body, f)}
-    drawn = cache(partial(  # all at once: each call of the renderer starts a process
+    figures = cache(partial(  # all at once: each call of the renderer starts a process
         surface_figures, run, times, others=others, name=name, fields=fields,
         only=[of for chart, of in surfaces.items() if only in (None, chart)]))
 
     def surface(chart: str) -> "Figure | None":
-        return drawn().get(chart)
+        return figures().get(chart)
 
     return {
         **{NAMES[f]: partial(deformation_figure, run, f, times, others, name) for f in fields},

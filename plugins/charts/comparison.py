@@ -1,28 +1,8 @@
-"""Charts of a comparison: errors against computing times and over time."""
-
-from typing import TYPE_CHECKING
+"""Work-precision chart of a comparison: its points, and the notes below it."""
 
 from sparsemor.core.analysis.compare import Comparison
 from sparsemor.core.analysis.training_span import training_lines
-from sparsemor.plugins.charts.error_over_time import error_over_time_figure
-from sparsemor.plugins.charts.work_precision import WorkPoint, work_precision_figure
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-
-def work_precision_of(comparison: Comparison) -> "Figure | None":
-    """Work-precision chart of a comparison."""
-    return work_precision_figure(
-        *work_points(comparison), comparison.reference.layout.kinds, comparison.limit,
-        work_notes(comparison))
-
-
-def error_over_time_of(comparison: Comparison) -> "Figure | None":
-    """Errors of the runs of a comparison over time."""
-    return error_over_time_figure(
-        comparison.measured, {name: run.status for name, run in comparison.runs.items()},
-        comparison.reference.layout.kinds, comparison.limit, comparison.trained_to)
+from sparsemor.plugins.charts.work_precision import WorkPoint
 
 
 def work_points(comparison: Comparison) -> tuple[list[WorkPoint], WorkPoint]:

@@ -1,7 +1,7 @@
 """Style of all charts: colours, line styles, sizes, units. No global matplotlib setting is
 changed."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from io import BytesIO
@@ -153,6 +153,40 @@ def time_panels(
         tidy(axes, f"time ({clock.name})" if axes is panels[-1] else "", label, title)
         axes.ticklabel_format(axis="y", useOffset=False)  # full numbers, no differences from one
     return figure, panels, clock
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LinePanel:
+    """Panel of lines over time. what, si: quantity and SI unit of the vertical axis; lines: name ->
+    times (j,), s, and values (j,)."""
+
+    what: str
+    si: str
+    title: str
+    lines: Mapping[str, tuple[FloatArray, FloatArray]]
+
+
+def lines_figure(
+    panels: Sequence[LinePanel], order: Sequence[str], height: float
+) -> "Figure | None":
+    """Panels of lines over time from the start of the run, each in its own unit, with one legend;
+    None without steps. order: names of the lines, in that of the legend; height: of a panel,
+    inches."""
+    ends = [float(times[-1]) for p in panels for times, _ in p.lines.values() if len(times)]
+    if max(ends, default=0.0) <= 0.0:
+        return None
+    order, end = list(dict.fromkeys(order)), max(ends)
+    scales = [unit(max((float(abs(v).max()) for _, v in p.lines.values()), default=0.0), p.si)
+              for p in panels]
+    figure, axes, clock = time_panels(
+        [(f"{p.what} ({scale.name})", p.title) for p, scale in zip(panels, scales, strict=True)],
+        end, height)
+    for panel, scale, ax in zip(panels, scales, axes, strict=True):
+        for name, (times, values) in panel.lines.items():
+            draw_line(ax, clock.factor * times, scale.factor * values, order.index(name), name)
+        ax.set_xlim(0.0, clock.factor * end)
+    legend_above(figure, handles_of(axes, order))
+    return figure
 
 
 def draw_line(

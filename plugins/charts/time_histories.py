@@ -1,4 +1,5 @@
-"""Charts over time: rotations and displacements of bodies, contact forces, and probes."""
+"""Charts over time: rotations and displacements of bodies, forces of contacts and joints, and
+probes."""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
@@ -13,11 +14,13 @@ from sparsemor.core.results.run_result import RunResult
 from sparsemor.plugins.charts.fields import NO_RUNS
 from sparsemor.plugins.charts.style import (
     REFERENCE_COLOUR,
+    LinePanel,
     dash_of,
     draw_line,
     handles_of,
     label_of,
     legend_above,
+    lines_figure,
     plain,
     style_of,
     time_panels,
@@ -153,22 +156,10 @@ def positions_figure(moving: Poses) -> "Figure | None":
     One panel per direction, because their magnitudes differ: a slider moves millimetres along and
     micrometres normal to its path.
     """
-    end = max((float(times[-1]) for times, _ in moving.values() if len(times) > 1), default=0.0)
-    rows = {what: shown for what in _AXES if (shown := _moved(moving, what))}
-    if end <= 0.0 or not rows:
-        return None
-    scales = {what: unit(_largest(moved.values()), "rad" if what == "turned" else "m")
-              for what, moved in rows.items()}
-    figure, panels, clock = time_panels(
-        [(f"{what} ({scale.name})", "") for what, scale in scales.items()], end, 1.3)
-    for axes, (what, moved) in zip(panels, rows.items(), strict=True):
-        for number, body in enumerate(moving):
-            if body in moved:
-                draw_line(axes, moving[body][0] * clock.factor, moved[body] * scales[what].factor,
-                          number, body)
-        axes.set_xlim(0.0, end * clock.factor)
-    legend_above(figure, handles_of(panels, moving))
-    return figure
+    panels = [LinePanel(what, "rad" if what == "turned" else "m", "", {
+        body: (moving[body][0], values) for body, values in shown.items()})
+        for what in _AXES if (shown := _moved(moving, what))]
+    return lines_figure(panels, list(moving), 1.3)
 
 
 def _moved(moving: Poses, what: str) -> dict[str, FloatArray]:
@@ -192,23 +183,26 @@ def contact_forces_figure(contacts: Mapping[str, Mapping[str, FloatArray]]) -> "
     contacts: as `RunResult.contacts` returns them. The initial time, at which contact may not be
     established, is omitted.
     """
-    end = max((float(h["time"][-1]) for h in contacts.values() if len(h["time"]) > 1), default=0.0)
-    if end <= 0.0:
-        return None
-    forces = {name: unit(_largest(h[what][1:] for what in FORCES if what in h), "N")
-              for name, h in contacts.items()}
-    figure, panels, clock = time_panels(
-        [(f"force ({force.name})", name) for name, force in forces.items()], end, 1.75)
-    for (name, history), axes in zip(contacts.items(), panels, strict=True):
-        for number, (what, label) in enumerate(FORCES.items()):
-            if what in history:
-                draw_line(axes, history["time"][1:] * clock.factor,
-                          history[what][1:] * forces[name].factor, number, label)
+    panels = [LinePanel("force", "N", name, {
+        label: (h["time"][1:], h[what][1:]) for what, label in FORCES.items() if what in h})
+        for name, h in contacts.items()]
+    figure = lines_figure(panels, list(FORCES.values()), 1.75)
+    for axes in () if figure is None else figure.axes:
         low, high = axes.get_ylim()
         axes.set_ylim(min(0.0, low), max(1.08 * high, 0.0) or 1.0)
-        axes.set_xlim(0.0, end * clock.factor)
-    legend_above(figure, panels[0].get_legend_handles_labels()[0])
     return figure
+
+
+def joint_forces_figure(run: RunResult) -> "Figure | None":
+    """Forces and moments of joints over time, the multipliers with their names and units: one panel
+    per joint and unit; None if no joint has any."""
+    if len(run.times) < 2:
+        return None
+    panels = [LinePanel("moment" if si == "N m" else "force", si, joint, {
+        name: (run.times, v) for (name, u), v in values.items() if u == si})
+        for joint, values in run.joint_forces().items()
+        for si in dict.fromkeys(u for _, u in values)]
+    return lines_figure(panels, [name for p in panels for name in p.lines], 1.4)
 
 
 def probe_temperature_figure(

@@ -36,7 +36,7 @@ from sparsemor.core import (
 )
 from sparsemor.core.model.factorizations import BlockSolvers, solve_or_fail
 from sparsemor.core.protocols import MovingBody, StressStiffness
-from sparsemor.core.protocols.poses import FREE_POSE
+from sparsemor.core.protocols.poses import angle_between
 from sparsemor.plugins.checks import place
 from sparsemor.plugins.checks.plausibility import checked_steps
 
@@ -234,10 +234,4 @@ def largest_spin(result: RunResult, body: str) -> float:
     if block is None or len(result.times) < 2:
         return 0.0
     pose = result.block(block.name)
-    if block.size == FREE_POSE:
-        p = pose[:, 3:] / np.linalg.norm(pose[:, 3:], axis=1, keepdims=True)
-        same = np.abs((p[1:] * p[:-1]).sum(axis=1)).clip(0.0, 1.0)
-        turned = 2.0 * np.arccos(same)
-    else:
-        turned = np.abs(np.diff(pose[:, -1]))
-    return float((turned / np.diff(result.times)).max())
+    return float((angle_between(pose[:-1], pose[1:]) / np.diff(result.times)).max())

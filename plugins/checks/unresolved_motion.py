@@ -22,7 +22,7 @@ from sparsemor.core import (
     Status,
 )
 from sparsemor.core.protocols.layout import joints_with_forces
-from sparsemor.core.protocols.poses import FREE_POSE
+from sparsemor.core.protocols.poses import FREE_POSE, angle_between
 from sparsemor.plugins.checks import place
 
 LAST = 20
@@ -116,13 +116,11 @@ def rotation_notes(scene: Scene, result: RunResult) -> Iterator[Note]:
         if (block.kind.quantity is not Quantity.POSE or block.size != FREE_POSE
                 or len(result.times) < 2 or scene.time.control is not None):
             continue
-        p = result.block(block.name)[:, 3:]
-        if not np.isfinite(p).all():
+        pose = result.block(block.name)
+        if not np.isfinite(pose).all():
             continue
-        p = p / np.linalg.norm(p, axis=1, keepdims=True)
         steps = np.diff(result.times) / h  # between stored states
-        half = np.arccos(np.abs((p[1:] * p[:-1]).sum(axis=1)).clip(0.0, 1.0))
-        turns = 2.0 * half / steps
+        turns = angle_between(pose[:-1], pose[1:]) / steps
         if (most := float(turns.max())) > LARGEST_TURN:
             yield Note(
                 f"{block.owner} turns by {most:.3g} rad in a step of {h:.3g} s: the step does not "

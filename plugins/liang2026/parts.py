@@ -7,6 +7,8 @@ function gets them opened.
 """
 
 import json
+import sys
+import traceback
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -31,6 +33,14 @@ _WRITTEN: Mapping[Any, Any] = {
 """Type of a parameter that is opened -> type of its option."""
 errors_of = lru_cache(maxsize=64)(measure_errors)
 """Errors of a run relative to a reference run, measured once."""
+
+
+def reason_of(error: Exception) -> str:
+    """An error as one line; of one that is no InputError the traceback is printed."""
+    if isinstance(error, InputError):
+        return "; ".join(str(error).splitlines())
+    traceback.print_exception(error, file=sys.stderr)
+    return f"{type(error).__name__}: {error}"
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -3,8 +3,6 @@ nothing that is complete is repeated."""
 
 import json
 import shlex
-import sys
-import traceback
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -20,6 +18,7 @@ from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.scene.source import Source
 from sparsemor.core.status import SolveFailed, Status
 from sparsemor.plugins.liang2026.paper import PaperFile, PaperItem, RunEntry, StudyEntry
+from sparsemor.plugins.liang2026.parts import reason_of
 from sparsemor.plugins.liang2026.quantities import split
 from sparsemor.plugins.liang2026.split import SPLIT, write_split
 from sparsemor.plugins.study.file import Study
@@ -134,11 +133,8 @@ def _reason(work: Callable[[], object]) -> str:
         if error.status is Status.INTERRUPTED:
             raise KeyboardInterrupt from None
         return str(error)
-    except InputError as error:
-        return "; ".join(str(error).splitlines())
     except Exception as error:  # a fault in one must not end the others
-        traceback.print_exc(file=sys.stderr)
-        return f"{type(error).__name__}: {error}"
+        return reason_of(error)
     return ""
 
 

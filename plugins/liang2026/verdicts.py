@@ -1,16 +1,13 @@
 """Verdict on one figure or table: its numbers, the rule that they meet, and its pictures."""
 
-import sys
-import traceback
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sparsemor.core.errors import InputError
 from sparsemor.plugins.charts.style import saved
 from sparsemor.plugins.liang2026.paper import BROKEN, GRADES, PaperItem
-from sparsemor.plugins.liang2026.parts import Results, Value
-from sparsemor.plugins.liang2026.sketches import numbers_figure
+from sparsemor.plugins.liang2026.parts import Results, Value, reason_of
+from sparsemor.plugins.liang2026.pictures import numbers_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -58,7 +55,7 @@ def judged(item: PaperItem, results: Results, folder: Path) -> Verdict:
             known[name] = value.of.made(results, known)
         except Exception as error:  # a fault in one number must not lose the others
             known[name] = None
-            faults.append(f"{value.label}: {_reason(error)}")
+            faults.append(f"{value.label}: {reason_of(error)}")
     grade = BROKEN if faults else item.grade(known)
     numbers = tuple(Number(n, v.label, v.unit, v.paper, known[n]) for n, v in item.values.items())
     for number, picture in enumerate(item.pictures, 1):
@@ -66,7 +63,7 @@ def judged(item: PaperItem, results: Results, folder: Path) -> Verdict:
             drawn |= {f"{item.id}_{number}_{name}": figure
                       for name, figure in picture.made(results, known).items()}
         except Exception as error:
-            faults.append(f"picture {number}: {_reason(error)}")
+            faults.append(f"picture {number}: {reason_of(error)}")
     drawn[f"{item.id}_numbers"] = numbers_figure({
         n.label: (n.paper, n.here) for n in numbers if n.paper != n.here
         and isinstance(n.paper, int | float) and isinstance(n.here, int | float)
@@ -77,10 +74,3 @@ def judged(item: PaperItem, results: Results, folder: Path) -> Verdict:
     met = next((rule for g, rule in item.verdict.items() if g == grade), "")
     return Verdict(
         item.id, grade, " ".join(met.split()), numbers, tuple(files), tuple(faults))
-
-
-def _reason(error: Exception) -> str:
-    if isinstance(error, InputError):
-        return "; ".join(str(error).splitlines())
-    traceback.print_exception(error, file=sys.stderr)
-    return f"{type(error).__name__}: {error}"

@@ -35,15 +35,6 @@ class Exchanged(NamedTuple):
     r: FloatArray
 
 
-class Cholesky(NamedTuple):
-    """Lower Cholesky factor of the Gram matrix of some columns."""
-
-    factor: FloatArray
-
-    def solve(self, b: FloatArray) -> FloatArray:
-        return np.asarray(lapack.dpotrs(self.factor, b, lower=1)[0])
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class GramExchange:
     """Columns J (m, k) as rows of `transposed` (k, m); gram (k, k): J^T J, None where it would be
@@ -71,7 +62,7 @@ class GramExchange:
         factor = self._factor(wide)
         if factor is None:
             return None
-        size = np.abs(z[wide] + factor.solve(-g[wide]))
+        size = np.abs(z[wide] + _solved(factor, -g[wide]))
         kept = wide
         if budget < len(wide):
             kept = np.sort(wide[size.argpartition(len(wide) - budget)[len(wide) - budget :]])
@@ -88,13 +79,14 @@ class GramExchange:
         new = np.zeros(len(z))
         new[kept] = z[kept]
         for _ in range(2):
-            d = factor.solve(-near.dot(r))
+            d = _solved(factor, -near.dot(r))
             new[kept] += d
             r = r + d.dot(near)
         return Exchanged(mask, new, r)
 
-    def _factor(self, columns: IntArray) -> Cholesky | None:
-        """Factor of the Gram matrix of some columns; None if it is too ill conditioned."""
+    def _factor(self, columns: IntArray) -> FloatArray | None:
+        """Lower Cholesky factor of the Gram matrix of some columns; None if that is too ill
+        conditioned."""
         if self.gram is None:
             rows = self.transposed[columns]
             G = rows @ rows.T
@@ -104,4 +96,8 @@ class GramExchange:
         factor, info = lapack.dpotrf(G, lower=1)
         if info or not float(lapack.dpocon(factor, size, uplo="L")[0]) > LEAST_RCOND:
             return None
-        return Cholesky(factor)
+        return np.asarray(factor)
+
+
+def _solved(factor: FloatArray, b: FloatArray) -> FloatArray:
+    return np.asarray(lapack.dpotrs(factor, b, lower=1)[0])

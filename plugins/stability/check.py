@@ -150,7 +150,7 @@ def judge(
     theirs = None
     if (abs(values[0]) - 1.0) * steps > LIMIT:
         theirs = reference.step(step, integrator, h, full)
-    return _judged(step, values, theirs, full.t, steps)
+    return judged(step, values, theirs, full.t, steps)
 
 
 def judge_along(
@@ -181,14 +181,11 @@ def failed(t: float, steps: int, failure: SolveFailed) -> Judgement:
                      failure.status)
 
 
-def judged(step: StepMap, reference: StepMap | None, t: float, steps: int) -> Judgement:
-    """Judgement from the time-step maps of a reduced model and of its Galerkin reference."""
-    return _judged(step, eigenvalues(step.matrix), reference, t, steps)
-
-
-def _judged(
+def judged(
     step: StepMap, values: ComplexArray, reference: StepMap | None, t: float, steps: int
 ) -> Judgement:
+    """Judgement from the time-step map of a reduced model, its eigenvalues, and the map of its
+    Galerkin reference."""
     theirs = None if reference is None else eigenvalues(reference.matrix)
     beyond, value = excess(values, theirs)
     stable = beyond * steps <= LIMIT

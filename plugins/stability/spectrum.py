@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from scipy import linalg
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
-from scipy.sparse.linalg import eigsh
 
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.model.model import Model
 from sparsemor.core.protocols.layout import Quantity
+from sparsemor.plugins.bases.modal import lowest_modes
 from sparsemor.plugins.stability.step_map import StepMap
 
 ComplexArray = NDArray[np.complex128]
@@ -120,7 +120,7 @@ def own_radii(step: StepMap) -> dict[str, float]:
     its map in a fixed frame, if the solver provides the block's response; under the name of the
     rigid coordinates, the diagonal part of all frames together.
     """
-    alone = _alone(step)
+    alone = step.solver.alone()
     found = {}
     for b in step.layout:
         if b.kind.reducible and b.kind.order == 1:
@@ -177,7 +177,7 @@ def own_values(step: StepMap) -> dict[str, ComplexArray]:
     Computed from the derivatives of the block's solution of a step by the right-hand sides r1 and
     r2 of the integrator: -D^-1 D_m and -D^-1 M, with damping D_m and D = K + c1 D_m + c2 M.
     """
-    alone, f, found = _alone(step), step.formula, {}
+    alone, f, found = step.solver.alone(), step.formula, {}
     for b in step.layout:
         if b.kind.reducible and b.kind.order == 1:
             mass = -step.block_response(b.name)[:, : b.size]
@@ -193,24 +193,6 @@ def own_values(step: StepMap) -> dict[str, ComplexArray]:
 
 
 def exact_values(model: Model, count: int = LOWEST + 1) -> dict[str, FloatArray]:
-    """Block -> its `count` lowest full-order eigenvalues, by sparse shift-invert Lanczos
-    iteration."""
-    found = {}
-    for name in model.reducible():
-        data = model.block_data(name)
-        K, M = data.stiffness, data.mass
-        # below zero, because K of an insulated body is singular
-        shift = -1e-6 * float(K.diagonal().max() / M.diagonal().max())
-        if K.shape[0] <= 2 * count + 1:
-            values = linalg.eigh(K.toarray(), M.toarray(), eigvals_only=True)[:count]
-        else:
-            values = eigsh(K.tocsc(), count, M.tocsc(), sigma=shift, return_eigenvectors=False,
-                           v0=np.ones(K.shape[0]))
-        found[name] = np.sort(np.asarray(values, dtype=np.float64))
-    return found
-
-
-def _alone(step: StepMap) -> Mapping[str, FloatArray]:
-    """Elastic block -> derivative of its solution of a step by its own right-hand sides; {} if the
-    solver does not provide it."""
-    return step.solver.alone()
+    """Block -> its `count` lowest full-order eigenvalues."""
+    return {name: lowest_modes(model.block_data(name), count).values
+            for name in model.reducible()}

@@ -43,6 +43,7 @@ from sparsemor.plugins.stability.reference import (
 from sparsemor.plugins.stability.spectrum import (
     EigenvalueErrors,
     eigenvalue_errors,
+    eigenvalues,
     exact_values,
     own_radii,
 )
@@ -274,9 +275,10 @@ def _finding(scene: Scene, case: _Case, seed: int) -> SeedStability:
             return SeedStability(seed, failed(full.t, steps, failure), UNKNOWN, {},
                            unsampled(solver), fields)
         theirs = case.reference.step(step, integrator, h, full)
-        found.append(SeedStability(seed, judged(step, theirs, full.t, steps),
-                             eigenvalue_errors(step, theirs, case.exact), own_radii(step),
-                             unsampled(solver), fields))
+        judgement = judged(step, eigenvalues(step.matrix), theirs, full.t, steps)
+        found.append(SeedStability(
+            seed, judgement, eigenvalue_errors(step, theirs, case.exact), own_radii(step),
+            unsampled(solver), fields))
     worst = max(found, key=lambda f: f.judgement.excess)
     return replace(worst, judgement=over_the_run([f.judgement for f in found]))
 

@@ -6,8 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from sparsemor.plugins.observers.notebook import NotebookLine, in_notebook
-from sparsemor.plugins.observers.progress import terminal_bar
+from sparsemor.plugins.observers.progress import NotebookLine, in_notebook, terminal_bar
 from sparsemor.plugins.study.columns import cell
 from sparsemor.plugins.study.plan import StudyPlan
 from sparsemor.plugins.study.scheduler import Row, StudyProgress

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sparsemor.core.errors import InputError
 from sparsemor.core.results.error_norms import LIMIT, measure_names
 from sparsemor.core.results.tables import CONSTANT, MARK, marked, text_table
 from sparsemor.core.scene.html import html_text
@@ -139,13 +138,9 @@ class StudyTable(list[dict[str, Any]]):
     def plot(self, chart: str = CHART) -> "Figure":
         """Chart of the study, work_precision or, if it asks for it, error_over_time. InputError for
         another one, and without data."""
-        makers = figures_of(self.plan.drawing, self)
-        if chart not in makers:
-            raise InputError(f"no chart is called {chart!r}: {', '.join(makers)}", "chart")
-        figure = makers[chart]()
-        if figure is None:
-            raise InputError(f"there are no data for {chart}", "chart")
-        return figure
+        from sparsemor.plugins.charts import drawn
+
+        return drawn(figures_of(self.plan.drawing, self), chart)
 
 
 def draw(drawing: Drawing, rows: Sequence[Mapping[str, Any]], folder: Path) -> list[Path]:

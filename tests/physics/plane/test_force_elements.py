@@ -18,7 +18,7 @@ from sparsemor.core.model.assembly import assemble
 from sparsemor.core.protocols.poses import vectors_in_space
 from sparsemor.core.testing import check_joint, check_load
 from sparsemor.core.testing.in_memory_run import March, march, scene_of
-from sparsemor.plugins.charts.joint_forces import joint_forces_figure
+from sparsemor.plugins.charts.time_histories import joint_forces_figure
 from sparsemor.plugins.study.quantities import QuantityOfInterest
 
 EXACT = {"use": "generalized_alpha", "rho_inf": 1.0}
