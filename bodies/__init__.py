@@ -47,7 +47,7 @@ if TYPE_CHECKING:
     from sparsemor.bodies.loads.part import NumberOrFunction as NumberOrFunction
     from sparsemor.bodies.loads.part import amplitude as amplitude
     from sparsemor.bodies.loads.part import components as components
-    from sparsemor.bodies.loads.point_force import write_point_force as write_point_force
+    from sparsemor.bodies.loads.point_loads import write_point_force as write_point_force
     from sparsemor.bodies.material import Isotropic as Isotropic
     from sparsemor.bodies.pose import Pose as Pose
     from sparsemor.bodies.terms.dense import DenseTerm as DenseTerm
@@ -78,7 +78,7 @@ _HOMES = {
     "joints.relative": ("Relative",),
     "joints.side": ("Side",),
     "loads.part": ("LoadPart", "NumberOrFunction", "amplitude", "components"),
-    "loads.point_force": ("write_point_force",),
+    "loads.point_loads": ("write_point_force",),
     "material": ("Isotropic",),
     "pose": ("Pose",),
     "terms.dense": ("DenseTerm",),

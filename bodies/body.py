@@ -29,15 +29,16 @@ from sparsemor.bodies.frames.rotation import torque
 from sparsemor.bodies.mesh.centres import Centre, centre_of_set
 from sparsemor.bodies.mesh.sets import PointSet
 from sparsemor.bodies.terms.body_terms import (
+    about,
+    generator,
     write_conduction,
     write_elasticity,
     write_film,
     write_law,
+    write_surface_loads,
 )
 from sparsemor.bodies.terms.field_kinds import ELASTIC, MULTIPLIER, RIGID, THERMAL
-from sparsemor.bodies.terms.inertia import about, generator
 from sparsemor.bodies.terms.prestress import load_stiffness
-from sparsemor.bodies.terms.surface_loads import write_surface_loads
 from sparsemor.core import (
     Amplitude,
     Block,

@@ -7,9 +7,9 @@ from functools import cached_property
 import numpy as np
 
 from sparsemor.bodies.body import FloatingBody
-from sparsemor.bodies.fem.surface import boundary_facets
+from sparsemor.bodies.fem.integrals import boundary_facets
 from sparsemor.bodies.mesh.centres import Centre
-from sparsemor.bodies.mesh.patches import cut_measures
+from sparsemor.bodies.mesh.sets import cut_measures
 from sparsemor.core import (
     Body,
     FloatArray,

@@ -18,9 +18,9 @@ from sparsemor.bodies.axisymmetric import held, option_faults, revolved_faults
 from sparsemor.bodies.body import FloatingBody
 from sparsemor.bodies.fem.elasticity import Model, elastic_stiffness, law, thermoelastic_coupling
 from sparsemor.bodies.fem.fields import Elasticity, Heat, ModalFactors
+from sparsemor.bodies.fem.integrals import capacity, conductivity, lumped, scalar_mass
 from sparsemor.bodies.fem.quadratic import with_midpoints, without_midpoints
 from sparsemor.bodies.fem.stress import CellStress
-from sparsemor.bodies.fem.volume import capacity, conductivity, lumped, scalar_mass
 from sparsemor.bodies.frames.moments import MassProperties
 from sparsemor.bodies.material import Region, constants_at, curves, regions_of, require, summed
 from sparsemor.bodies.mesh.check import check_mesh
@@ -30,8 +30,8 @@ from sparsemor.bodies.mesh.sets import PointSet, given_centres, with_sets
 from sparsemor.bodies.pose import Pose
 from sparsemor.bodies.reference_conditions import Reference
 from sparsemor.bodies.temperature_file import TemperatureFile
+from sparsemor.bodies.terms.body_terms import generator
 from sparsemor.bodies.terms.field_kinds import BODY_KINDS, ELASTIC, THERMAL
-from sparsemor.bodies.terms.inertia import generator
 from sparsemor.bodies.terms.material_laws import heat_laws, stress_laws
 from sparsemor.bodies.terms.modal_damping import modal_factors
 from sparsemor.core import (

@@ -17,15 +17,13 @@ from sparsemor.bodies.frames import (
 from sparsemor.bodies.frames.inertia import Inertia
 from sparsemor.bodies.joints.force_element import Drive, ItemForce
 from sparsemor.bodies.joints.heat import FrictionPower, ReducedFrictionHeat
-from sparsemor.bodies.loads.cavity_radiation import nothing
-from sparsemor.bodies.loads.convection import Film
+from sparsemor.bodies.loads.cavity_radiation import Exchange, ReducedCavity, nothing
 from sparsemor.bodies.loads.joule_heat import Squared
 from sparsemor.bodies.loads.part import unit
-from sparsemor.bodies.loads.radiation import GreyBody
+from sparsemor.bodies.loads.surface_heat import Film, GreyBody
 from sparsemor.bodies.temperature_curve import TemperatureCurve
 from sparsemor.bodies.temperature_file import Samples
 from sparsemor.bodies.terms import dense, material_laws, nonlinear_strains, polynomial
-from sparsemor.bodies.terms.cavity import Exchange, ReducedCavity
 from sparsemor.bodies.terms.point_term import PointTerm
 
 CLASSES: Sequence[object] = (

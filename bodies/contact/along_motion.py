@@ -7,10 +7,9 @@ from typing import TypeAlias
 
 import numpy as np
 
-from sparsemor.bodies.contact.broad_phase import BroadPhase
 from sparsemor.bodies.contact.kinematics import attitude_of, crossed
 from sparsemor.bodies.contact.pieces import Overlaps, Pairs, Pieces
-from sparsemor.bodies.contact.surface import Surface, balls_in_cells
+from sparsemor.bodies.contact.surface import BroadPhase, Surface, balls_in_cells
 from sparsemor.bodies.contact.tractions import Interface
 from sparsemor.core import FloatArray, FrameHistory, IntArray
 

@@ -1,5 +1,5 @@
-"""Positions and velocities of two contact surfaces in the second body's axes, and their
-derivatives.
+"""Positions and velocities of two contact surfaces in the second body's axes, their derivatives,
+and a check for tunnelling: a step that moved a surface through the other one.
 
 With frame origins R1, R2 and rotation matrices A, B of the two bodies and y = X + u in the first
 body's axes,
@@ -16,6 +16,7 @@ from typing import TypeAlias
 import numpy as np
 
 from sparsemor.bodies.contact.side import ContactSide, Sizes
+from sparsemor.bodies.contact.surface import BroadPhase, Planes, Surface, tree_of
 from sparsemor.bodies.frames.attitude import UnitQuaternion
 from sparsemor.bodies.frames.rotation import LEVI_CIVITA
 from sparsemor.core import FloatArray, IntArray
@@ -243,3 +244,52 @@ class Kinematics:
 def _total(a: FloatArray, b: FloatArray) -> FloatArray:
     """(k, l) sum over i of a[i]^T b[i], for a (n, d, k) and b (n, d, l)."""
     return np.asarray(a.reshape(-1, a.shape[2]).T @ b.reshape(-1, b.shape[2]))
+
+
+def too_deep(
+    first: Surface, second: Surface, now: Kinematics, h: float, reach: float, near: BroadPhase
+) -> float:
+    """Largest depth (m) of a node of the first surface below the second, if it exceeds `reach` (m)
+    and did not one step of h (s) before; else 0.
+
+    Before a step in which it crosses a facet, a node is no farther from the facet than the distance
+    that both move in the step.
+    """
+    before, facing = now.a - h * now.va, now.b - h * now.vb
+    deforms = now.sizes.u2 > 0
+    speed = float(np.linalg.norm(now.va, axis=1).max())
+    if deforms:
+        speed += float(np.linalg.norm(now.vb, axis=1).max())
+    tree = tree_of(facing, second.facets) if deforms else second.tree
+    found = tree.query(before, k=np.arange(1, min(4 * near.most, tree.n) + 1),
+                       distance_upper_bound=second.radius + reach + h * speed)[1]
+    node, rank = np.nonzero(found < tree.n)
+    facet = found[node, rank]
+    depth = _depth(now.a[node], now.b if deforms else None, second, facet)
+    deep = np.flatnonzero(depth > reach)
+    if not len(deep):
+        return 0.0
+    was = _depth(before[node[deep]], facing if deforms else None, second, facet[deep])
+    return float(depth[deep[(was <= reach) & (was > -np.inf)]].max(initial=0.0))
+
+
+def _depth(
+    z: FloatArray, points: FloatArray | None, surface: Surface, facet: IntArray
+) -> FloatArray:
+    """(m,) depth, m, of points z (m, d) below the facets `facet` (m,); -inf outside the facet's
+    cell.
+
+    points: current node positions of the surface, None if it does not deform.
+    """
+    if points is None:
+        planes, cells = surface.planes.some(facet), surface.cells.some(facet)
+    else:
+        planes = Planes.of(points[surface.facets[facet]])
+        cells = surface.cells_at(facet, planes)
+    rel = (z - planes.corner)[:, :, None]
+    depth = -(planes.n[:, None] @ rel)[:, 0, 0]
+    eta = (planes.g @ rel)[:, :, 0]
+    eta[:, 0] += 1.0
+    borders = cells.values(eta[:, None], depth[:, None])
+    inside = (borders >= 0).all(axis=(1, 2))
+    return np.where(inside, depth, -np.inf)

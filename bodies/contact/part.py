@@ -17,12 +17,11 @@ from sparsemor.bodies.contact.along_motion import (
     windows,
 )
 from sparsemor.bodies.contact.bristles import BRISTLES, Bristles
-from sparsemor.bodies.contact.broad_phase import BroadPhase
+from sparsemor.bodies.contact.distance import nearest
 from sparsemor.bodies.contact.pieces import pressure
-from sparsemor.bodies.contact.projection import nearest
 from sparsemor.bodies.contact.quadrature import PRESCRIBED, points_along, rule
 from sparsemor.bodies.contact.side import ContactSide
-from sparsemor.bodies.contact.surface import Surface
+from sparsemor.bodies.contact.surface import BroadPhase, Surface
 from sparsemor.bodies.contact.term import ContactTerm
 from sparsemor.bodies.contact.tractions import Interface, Loads, names_of, nodal, resultants
 from sparsemor.core import (

@@ -20,7 +20,8 @@ from typing import Self
 import numpy as np
 
 from sparsemor.bodies.contact.clipping import NONE, Parts, joined, left
-from sparsemor.bodies.contact.surface import FacetCells, Planes, area_vector
+from sparsemor.bodies.contact.surface import FacetCells, Planes
+from sparsemor.bodies.mesh.simplices import area_vectors
 from sparsemor.core import BoolArray, FloatArray, FrictionLaw, IntArray, NormalLaw
 
 EDGE = 1_000_000
@@ -60,7 +61,7 @@ class Pairs:
     def measure(self) -> FloatArray:
         """(P,) (d - 1)! times the length (m) or area (m2) of the first facet projected on the
         second one."""
-        return np.asarray(-(area_vector(self.a) * self.planes.n).sum(axis=1))
+        return np.asarray(-(area_vectors(self.a) * self.planes.n).sum(axis=1))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

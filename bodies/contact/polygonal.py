@@ -9,13 +9,12 @@ from pydantic import Field
 from sparsemor.bodies.body import FloatingBody
 from sparsemor.bodies.body_set import find_target
 from sparsemor.bodies.contact.bristles import Bristles, Slip
-from sparsemor.bodies.contact.broad_phase import BroadPhase
-from sparsemor.bodies.contact.initial_overlap import check_start
+from sparsemor.bodies.contact.distance import check_start
 from sparsemor.bodies.contact.part import ContactPart
 from sparsemor.bodies.contact.quadrature import enough_points, rule
-from sparsemor.bodies.contact.surface import Surface
+from sparsemor.bodies.contact.surface import BroadPhase, Surface
 from sparsemor.bodies.contact.tractions import Interface
-from sparsemor.bodies.fem.surface import divided
+from sparsemor.bodies.fem.integrals import divided
 from sparsemor.core import (
     ContactPlugin,
     Fault,

@@ -1,5 +1,5 @@
-"""Contact surface of a body: its facets, their planes, and the regions of space nearest to each
-facet, its cell.
+"""Contact surface of a body: its facets, their planes, the regions of space nearest to each facet,
+its cell, and the search for pairs of close facets of two surfaces.
 
 A cell is the prism over its facet. Where the surface turns by an angle alpha at an edge (in the
 plane: at an end of a segment), the side of the prism inclines into the bisecting plane, which both
@@ -18,24 +18,12 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from sparsemor.bodies.body import FloatingBody
+from sparsemor.bodies.mesh.simplices import area_vectors
 from sparsemor.core import BoolArray, FloatArray, IntArray
 
 
-def area_vector(a: FloatArray) -> FloatArray:
-    """(F, d) outward normals of facets with corners a (F, d, d), of length (d - 1)! times the
-    facet's measure.
-
-    In the plane the body is on the left of a segment, in space corners run counter-clockwise seen
-    from outside.
-    """
-    side = a[:, 1:] - a[:, :1]
-    if a.shape[2] == 2:
-        return np.stack([side[:, 0, 1], -side[:, 0, 0]], axis=1)
-    return np.cross(side[:, 0], side[:, 1])
-
-
 def area_slopes(a: FloatArray, n: FloatArray) -> FloatArray:
-    """(F, d, d) derivative of area_vector(a) . n by each corner of facets a (F, d, d), with
+    """(F, d, d) derivative of area_vectors(a) . n by each corner of facets a (F, d, d), with
     constant n (F, d)."""
     if a.shape[2] == 2:
         r = np.stack([-n[:, 1], n[:, 0]], axis=1)
@@ -56,7 +44,7 @@ class Planes:
     @classmethod
     def of(cls, b: FloatArray) -> Self:
         """Planes of facets with corners b (F, d, d), m."""
-        N = area_vector(b)
+        N = area_vectors(b)
         size = (N * N).sum(axis=1, keepdims=True)
         side = b[:, 1:] - b[:, :1]
         if b.shape[2] == 2:
@@ -295,3 +283,31 @@ def radii_of(corners: FloatArray) -> FloatArray:
 def tree_of(z: FloatArray, facets: IntArray) -> Any:
     """Search tree over the centroids of facets (F, d), whose nodes are at z (n, d), m."""
     return cKDTree(z[facets].mean(axis=1))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BroadPhase:
+    """Search for facet pairs whose bounding circles or spheres, enlarged by a length `reach` (m),
+    intersect.
+
+    radius: search radius between centroids, m; most: largest number of facets of the second surface
+    within the radius of any point.
+    """
+
+    radius: float
+    most: int
+
+    @classmethod
+    def of(cls, first: Surface, second: Surface, reach: float) -> "BroadPhase":
+        radius = first.radius + second.radius + reach
+        # a ball that holds one middle at all lies in the ball of twice the radius about it
+        held = second.tree.query_ball_point(second.tree.data, 2.0 * radius, return_length=True)
+        return cls(radius, int(held.max()))
+
+    def pairs(self, middles: FloatArray, tree: Any) -> tuple[IntArray, IntArray]:
+        """Pairs of close facets, sorted: positions in `middles` (m, d), the centroids of first
+        facets, m, and facet numbers in `tree`, the search tree of the second surface."""
+        _, found = tree.query(middles, k=np.arange(1, self.most + 1),
+                              distance_upper_bound=self.radius)
+        here, rank = np.nonzero(found < tree.n)
+        return here, found[here, rank]

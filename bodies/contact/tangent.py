@@ -27,8 +27,9 @@ import numpy as np
 from sparsemor.bodies.contact.clipping import Parts
 from sparsemor.bodies.contact.pieces import DEPTH, EDGE, Overlaps, Pieces
 from sparsemor.bodies.contact.quadrature import points_along
-from sparsemor.bodies.contact.surface import area_slopes, area_vector
+from sparsemor.bodies.contact.surface import area_slopes
 from sparsemor.bodies.contact.tractions import Interface, Loads, Samples, drop, weights_of
+from sparsemor.bodies.mesh.simplices import area_vectors
 from sparsemor.core import FloatArray, IntArray
 
 
@@ -162,7 +163,7 @@ def _measure(o: Overlaps) -> FloatArray:
     facets."""
     a, n, g = o.pairs.a, o.pairs.planes.n, o.pairs.planes.g
     first = -area_slopes(a, n)
-    second = (g @ area_vector(a)[:, :, None]) * n[:, None]
+    second = (g @ area_vectors(a)[:, :, None]) * n[:, None]
     return np.concatenate([first, second], axis=1).reshape(len(a), -1)
 
 

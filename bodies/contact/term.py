@@ -9,12 +9,10 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from sparsemor.bodies.contact.bristles import Bristles, Sliding
-from sparsemor.bodies.contact.broad_phase import BroadPhase
-from sparsemor.bodies.contact.kinematics import Kinematics
+from sparsemor.bodies.contact.kinematics import Kinematics, too_deep
 from sparsemor.bodies.contact.pieces import Overlaps, Pairs, Pieces
 from sparsemor.bodies.contact.side import ContactSide, Sizes, found_in, picked, renumbered
-from sparsemor.bodies.contact.step_check import too_deep
-from sparsemor.bodies.contact.surface import Planes, balls_in_cells, radii_of, tree_of
+from sparsemor.bodies.contact.surface import BroadPhase, Planes, balls_in_cells, radii_of, tree_of
 from sparsemor.bodies.contact.tangent import Tangent, summed
 from sparsemor.bodies.contact.tractions import Interface, Loads, names_of, nodal, resultants
 from sparsemor.bodies.contact.verlet_list import FollowedContact, Mover

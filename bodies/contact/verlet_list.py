@@ -16,7 +16,7 @@ from typing import Any, Protocol, Self
 import numpy as np
 from scipy.spatial import cKDTree
 
-from sparsemor.bodies.contact.broad_phase import BroadPhase
+from sparsemor.bodies.contact.surface import BroadPhase
 from sparsemor.core import BoolArray, FloatArray, IntArray
 from sparsemor.core.model.compressed_local import CompressedLocal
 from sparsemor.core.protocols import DelegatingTerm, LocalCopy

@@ -7,18 +7,19 @@ from sparsemor.bodies.fem.elasticity import (
     law,
     thermoelastic_coupling,
 )
-from sparsemor.bodies.fem.surface import (
+from sparsemor.bodies.fem.integrals import (
     boundary_facets,
+    capacity,
+    conductivity,
     facet_measures,
-    facet_normals,
+    scalar_mass,
     surface_load,
     surface_mass,
     surface_normal_load,
 )
-from sparsemor.bodies.fem.volume import capacity, conductivity, scalar_mass
 
 __all__ = [
     "Law", "Model", "boundary_facets", "capacity", "conductivity", "elastic_stiffness",
-    "facet_measures", "facet_normals", "law", "scalar_mass", "surface_load", "surface_mass",
+    "facet_measures", "law", "scalar_mass", "surface_load", "surface_mass",
     "surface_normal_load", "thermoelastic_coupling",
 ]

@@ -22,8 +22,8 @@ from scipy.sparse.linalg import splu
 
 from sparsemor.bodies.fem.elasticity import rigid_modes
 from sparsemor.bodies.fem.fields import Elasticity
+from sparsemor.bodies.fem.integrals import on_cells
 from sparsemor.bodies.fem.quadratic import with_midpoints
-from sparsemor.bodies.fem.volume import on_cells
 from sparsemor.core import FloatArray, Mesh, Note, information
 from sparsemor.core.protocols.cells import KINDS, by_kind
 

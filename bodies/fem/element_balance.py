@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from sparsemor.bodies.fem.elasticity import expansion_weight, stiffness_form
-from sparsemor.bodies.fem.fields import HasFields, Heat
+from sparsemor.bodies.fem.fields import HasFields, Heat, numbered
 from sparsemor.core import Amplitude, FloatArray, IntArray, Mesh
 from sparsemor.core.protocols import ElasticIntegrals, HeatIntegrals, Integrals
 
@@ -28,13 +28,13 @@ def elastic_integrals(body: HasFields) -> ElasticIntegrals:
     n = len(e.free)
     d = mesh.dimension
     dofs = d * mesh.nodes[:, :, None] + np.arange(d)
-    rows = _positions(e.free, d * len(mesh.points))[dofs.reshape(len(mesh.cells), -1)]
+    rows = numbered(e.free, d * len(mesh.points))[dofs.reshape(len(mesh.cells), -1)]
     assert body.T0 is not None and body.T_ref is not None
     stiffness = Integrals(rows, rows, K, (n, n))
     if body.heat is None:
         return ElasticIntegrals(
             stiffness, None, _columns(rows, n, [_applied(Kt, mesh, body.T0 - body.T_ref)]), ())
-    nodes = _positions(body.heat.free, len(mesh.points))[mesh.nodes]
+    nodes = numbered(body.heat.free, len(mesh.points))[mesh.nodes]
     vectors, amplitudes = [-_applied(Kt, mesh, body.T_ref)], []
     for held, function, shape in body.heat.prescribed:
         vectors.append(_applied(Kt, mesh, _shaped(mesh, held, shape)))
@@ -58,7 +58,7 @@ def heat_integrals(body: HasFields) -> HeatIntegrals:
         forms.conduction, mesh, 0, cells=cells, weight=conducted))
         for cells, (_, conducted) in h.regions])
     n = len(h.free)
-    nodes = _positions(h.free, len(mesh.points))[mesh.nodes]
+    nodes = numbered(h.free, len(mesh.points))[mesh.nodes]
     vectors, amplitudes = _prescribed(h, mesh, C, K)
     return HeatIntegrals(
         Integrals(nodes, nodes, C, (n, n)), Integrals(nodes, nodes, K, (n, n)),
@@ -88,13 +88,6 @@ def _prescribed(
         columns += [-_applied(K, mesh, there), -_applied(C, mesh, there)]
         amplitudes += [function.value, function.rate]
     return columns, tuple(amplitudes)
-
-
-def _positions(free: IntArray, size: int) -> IntArray:
-    """(size,) position of each unknown among the free ones; -1 for prescribed ones."""
-    positions = np.full(size, -1, dtype=np.int64)
-    positions[free] = np.arange(len(free))
-    return positions
 
 
 def _shaped(mesh: Mesh, nodes: IntArray, shape: FloatArray) -> FloatArray:

@@ -85,6 +85,13 @@ class Heat:
     laws: tuple[tuple[PointwiseLaw, Cells], ...] = ()
 
 
+def numbered(free: IntArray, size: int) -> IntArray:
+    """(size,) position of each unknown among the free ones; -1 for prescribed ones."""
+    positions = np.full(size, -1, dtype=np.int64)
+    positions[free] = np.arange(len(free))
+    return positions
+
+
 class HasFields(Protocol):
     """Interface of a body with a mesh and fields: T0, T_ref (N,): initial and stress-free
     temperature, K; thickness, m."""

@@ -7,7 +7,7 @@ from scipy.sparse import csr_array, eye_array, kron
 
 from sparsemor.bodies.fem.elasticity import Anisotropy
 from sparsemor.bodies.fem.fields import HasFields
-from sparsemor.bodies.fem.volume import on_cells
+from sparsemor.bodies.fem.integrals import on_cells
 from sparsemor.core import Csr, FloatArray
 
 

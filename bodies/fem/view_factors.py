@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sparsemor.bodies.mesh.simplices import area_vectors
 from sparsemor.core import BoolArray, FloatArray, IntArray
 
 NEAR = 2.0
@@ -39,12 +40,7 @@ class Facets:
     @classmethod
     def of(cls, corners: FloatArray) -> "Facets":
         """Facets ordered for outward normals."""
-        a = corners
-        if a.shape[2] == 2:
-            side = a[:, 1] - a[:, 0]
-            n = np.stack([side[:, 1], -side[:, 0]], axis=1)
-        else:
-            n = np.cross(a[:, 1] - a[:, 0], a[:, 2] - a[:, 0]) / 2.0
+        n = area_vectors(corners) / (corners.shape[2] - 1)
         areas = np.linalg.norm(n, axis=1)
         return cls(corners, n / areas[:, None], areas)
 

@@ -1,43 +1,18 @@
 """Bushing: springs and dampers between two frames along and about the axes of one of them."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, fields
 from typing import Annotated, ClassVar
 
 import numpy as np
 from pydantic import Field
 
 from sparsemor.bodies.frames.springs import RelativeItem, linear
-from sparsemor.bodies.joints.force_element import ForceElement, ForceElementPart, ItemForce
+from sparsemor.bodies.joints.force_element import ForceElement, ItemForce
 from sparsemor.bodies.joints.relative import relative_item
 from sparsemor.bodies.joints.side import Side, unit
 from sparsemor.bodies.pose import Vector
-from sparsemor.core import Equations, FloatArray, InputError, Part, Table
+from sparsemor.core import FloatArray, InputError
 
 Size = Annotated[float, Field(ge=0.0)]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class SeveralForces(ForceElementPart):
-    """Force element of several items: `item` and `more`."""
-
-    more: tuple[RelativeItem, ...] = ()
-
-    def contribute(self, equations: Equations) -> None:
-        ForceElementPart.contribute(self, equations)
-        own, other = self.sides
-        assert own.body is not None
-        reads = f"{other.reads}.rigid" if other.reads else ""
-        for item in () if self.prescribed else self.more:
-            equations.frame(own.body.name, item, reads=reads)
-
-    def _reactions(self, equations: Equations) -> Table:
-        first = ForceElementPart._reactions(self, equations)
-        motion, values = [s.motion for s in self.sides], first.values
-        for item in self.more:
-            _, wrench = item.along(first.times, *(m.along(first.times)[:2] for m in motion))
-            values = values + np.hstack([wrench, -wrench])
-        return Table(first.times, values)
 
 
 class Bushing(ForceElement):
@@ -66,21 +41,14 @@ class Bushing(ForceElement):
     second_axis: tuple[float, float, float] | None = None
     """In space: direction of the second axis, perpendicular to the first; y when not given."""
 
-    def build(self, name: str, parts: Mapping[str, Part]) -> SeveralForces:
-        made = super().build(name, parts)
-        own, other = made.sides
-        assert isinstance(made.item, RelativeItem)
-        return SeveralForces(**{f.name: getattr(made, f.name) for f in fields(made)},
-                             more=self._items(own, other, made.item.sign > 0.0)[1:])
-
     def item(self, own: Side, other: Side, first: bool) -> RelativeItem:
-        return self._items(own, other, first)[0]
+        return self.items(own, other, first)[0]
 
     def _law(self, item: object, first: bool) -> ItemForce:
         assert isinstance(item, RelativeItem)
         return ItemForce(item, -1.0)
 
-    def _items(self, own: Side, other: Side, first: bool) -> tuple[RelativeItem, ...]:
+    def items(self, own: Side, other: Side, first: bool) -> tuple[RelativeItem, ...]:
         d, axes = own.d, self._axes(own.d)
         found = []
         for key, count, motion in (("", d, "slide"), ("turning_", 2 * d - 3, "turn")):

@@ -92,14 +92,14 @@ class ItemForce:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ForceElementPart(Joint):
-    """Force element of a scene: an item of the frame of the first of its two `sides`, which reads
+    """Force element of a scene: items of the frame of the first of its two `sides`, which read
     the coordinates of the other one. law, recorded: force that is recorded, its name and unit;
     held: constraints of massless frames, None for rigid sides; adjusted: these frames; prescribed:
     True if the motion of its sides is: then its force is a load on both."""
 
     name: str
     sides: tuple[Side, Side]
-    item: SpringItem
+    items: tuple[SpringItem, ...]
     law: ItemForce
     recorded: tuple[str, str]
     held: JointPart | None = None
@@ -132,16 +132,19 @@ class ForceElementPart(Joint):
             self.held.contribute(equations)
         own, other = self.sides
         assert own.body is not None
-        equations.frame(own.body.name, self.item,
-                        reads=f"{other.reads}.rigid" if other.reads else "")
+        for item in self.items:
+            equations.frame(own.body.name, item,
+                            reads=f"{other.reads}.rigid" if other.reads else "")
 
     def _reactions(self, equations: Equations) -> Table:
         """Forces and moments on both sides along their prescribed motion, with the functions of
         time that the steps of the run see."""
         motion = [s.motion for s in self.sides]
         times = max((m.times for m in motion), key=len)
-        item: SpringItem = equations.over_steps(self.item)
-        _, wrench = item.along(times, *(m.along(times)[:2] for m in motion))
+        along = [m.along(times)[:2] for m in motion]
+        items: list[SpringItem] = [equations.over_steps(item) for item in self.items]
+        wrench = sum((item.along(times, *along)[1] for item in items[1:]),
+                     items[0].along(times, *along)[1])
         return Table(times, np.hstack([wrench, -wrench]))
 
 
@@ -185,20 +188,20 @@ class ForceElement(JointPlugin):
         own, other = sides if first else sides[::-1]
         if not own.reads:
             raise InputError("no side can move", "between")
-        item = self.item(own, other, first)
-        return ForceElementPart(name, (own, other), item, self._law(item, first), self.recorded,
-                                held[0].joint() if held else None, frames)
+        items = self.items(own, other, first)
+        return ForceElementPart(name, (own, other), items, self._law(items[0], first),
+                                self.recorded, held[0].joint() if held else None, frames)
 
     def _prescribed(self, name: str, ends: tuple[Side, Side]) -> ForceElementPart:
         """The element between sides whose motion is prescribed."""
         first = ends[0].body is not None
         own, other = ends if first else ends[::-1]
-        item = self.item(own, other, first)
+        items = self.items(own, other, first)
         if self.acts_on_rotations:
             for side in ends:  # refuses a set without a mean rotation
                 _ = side.turning
         return ForceElementPart(
-            name, (own, other), item, self._law(item, first), self.recorded, prescribed=True,
+            name, (own, other), items, self._law(items[0], first), self.recorded, prescribed=True,
             turns=self.acts_on_rotations)
 
     def _law(self, item: SpringItem, first: bool) -> ItemForce:
@@ -209,6 +212,10 @@ class ForceElement(JointPlugin):
     def item(self, own: Side, other: Side, first: bool) -> SpringItem:
         """Item of the frame of `own`, which moves; first: True if it is the first side of the
         scene."""
+
+    def items(self, own: Side, other: Side, first: bool) -> tuple[SpringItem, ...]:
+        """All items of an element of several forces, of which the first one is recorded."""
+        return (self.item(own, other, first),)
 
     def _held(self, name: str, end: Side, frame: Side) -> Conditions:
         """Constraints of a massless frame to a flexible side; its rotation is that of the set, or

@@ -30,6 +30,12 @@ class FrictionPart(ForceElementPart):
     notes: tuple[Note, ...] = ()
 
     @property
+    def _item(self) -> RelativeItem:
+        (item,) = self.items
+        assert isinstance(item, RelativeItem)
+        return item
+
+    @property
     def force(self) -> RecordedForce | None:  # type: ignore[override]
         """The force that is recorded: none that depends on multipliers."""
         return None if self.joint else ForceElementPart.force.fget(self)  # type: ignore[attr-defined]
@@ -54,8 +60,8 @@ class FrictionPart(ForceElementPart):
         if self.held is not None:
             self.held.contribute(equations)
         own, other = self.sides
-        assert own.body is not None and isinstance(self.item, RelativeItem)
-        equations.frame(own.body.name, replace(self.item, forces=count), multipliers=block,
+        assert own.body is not None
+        equations.frame(own.body.name, replace(self._item, forces=count), multipliers=block,
                         C=np.eye(size, count), reads=f"{other.reads}.rigid" if other.reads else "")
         self._warm(equations, count)
 
@@ -63,11 +69,10 @@ class FrictionPart(ForceElementPart):
         """Adds the heat; count: number of joint forces that the law reads."""
         if self.heat is None:
             return
-        assert isinstance(self.item, RelativeItem)
         if self.prescribed:
-            self.heat.contribute_along(equations, self.item, self.sides)
+            self.heat.contribute_along(equations, self._item, self.sides)
         else:
-            self.heat.contribute(equations, replace(self.item, forces=count), self.sides,
+            self.heat.contribute(equations, replace(self._item, forces=count), self.sides,
                                  f"{self.joint}.multiplier" if count else "")
 
 

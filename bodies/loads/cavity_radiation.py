@@ -8,21 +8,23 @@ surroundings, F_a, which are what the rows of F lack of 1.
 """
 
 from collections.abc import Mapping, Sequence
-from typing import Annotated, ClassVar
+from dataclasses import dataclass, replace
+from typing import Annotated, ClassVar, Self
 
 import numpy as np
 from pydantic import Field
+from scipy.sparse import csr_array
 
 from sparsemor.bodies.body import FloatingBody
 from sparsemor.bodies.body_set import find_surfaces
-from sparsemor.bodies.fem.surface import divided
+from sparsemor.bodies.fem.integrals import divided
 from sparsemor.bodies.fem.view_factors import Facets, bounded, closed, exchange_areas
 from sparsemor.bodies.loads.part import LoadPart, NumberOrFunction
-from sparsemor.bodies.loads.radiation import STEFAN_BOLTZMANN
+from sparsemor.bodies.loads.surface_heat import STEFAN_BOLTZMANN
 from sparsemor.bodies.mesh.plausibility import celsius_notes
-from sparsemor.bodies.terms.cavity import CavityTerm, Exchange
 from sparsemor.core import (
     Amplitude,
+    Csr,
     Effect,
     Equations,
     FloatArray,
@@ -31,6 +33,9 @@ from sparsemor.core import (
     LoadPlugin,
     Note,
     Part,
+    ReducedTerm,
+    Term,
+    Trial,
     information,
 )
 from sparsemor.core.protocols.poses import points_in_space
@@ -39,6 +44,92 @@ OPEN = 0.1
 """Largest share of 1 that a row of view factors of a closed cavity may lack before correction."""
 MOST = 2000
 """Largest number of straight facets whose view factors are computed."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Exchange:
+    """Heat, W, by radiation of patches in some rows: shares q, with the net heat q = G T^4 + g
+    T_a^4 (P,), W/m2, that patches with the mean temperatures T (P,), K, lose.
+
+    G (P, P), g (P,), W/(m2 K^4): grey exchange with each other and with the surroundings at T_a.
+    T = offset + W x + given: W (P, n), of the unknowns x, offset (P,), given: shapes (P,) and
+    functions of time of the parts that are prescribed. shares (m, P): area, m2, of each patch at
+    each row.
+    """
+
+    G: FloatArray
+    g: FloatArray
+    surroundings: Amplitude
+    given: Sequence[tuple[FloatArray, Amplitude]]
+    W: FloatArray
+    offset: FloatArray
+    shares: FloatArray
+
+    def temperatures(self, x: FloatArray, t: float) -> FloatArray:
+        T = self.offset + self.W @ x
+        for shape, f in self.given:
+            T = T + shape * f(t)
+        return T
+
+    def heat(self, x: FloatArray, t: float) -> FloatArray:
+        q = self.G @ self.temperatures(x, t) ** 4 + self.g * self.surroundings(t) ** 4
+        return np.asarray(self.shares @ q)
+
+    def slopes(self, x: FloatArray, t: float) -> FloatArray:
+        """(m, n) derivatives of the heat by the unknowns."""
+        return np.asarray(self.shares @ (4.0 * self.G * self.temperatures(x, t) ** 3) @ self.W)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CavityTerm(Term):
+    """Heat lost by radiation in the rows of temperatures."""
+
+    rows: IntArray
+    columns: IntArray
+    exchange: Exchange
+    source: str = ""
+
+    @property
+    def elements(self) -> int:
+        return len(self.exchange.W)
+
+    def residual(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray:
+        return self.exchange.heat(x, t)
+
+    def jacobian(
+        self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
+    ) -> Csr:
+        return csr_array(self.exchange.slopes(x, t))
+
+    def restrict(self, keep: IntArray) -> Self:
+        return replace(self, rows=self.rows[keep], exchange=replace(
+            self.exchange, shares=self.exchange.shares[keep]))
+
+    def compress(self, trial: Trial, left: FloatArray) -> "ReducedCavity":
+        of = self.exchange
+        return ReducedCavity(replace(
+            of, W=of.W @ trial.atoms, offset=of.offset + of.W @ trial.offset,
+            shares=left @ of.shares), self.source)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ReducedCavity(ReducedTerm):
+    """Projected radiation, which is evaluated at the patches alone."""
+
+    exchange: Exchange
+    source: str = ""
+
+    @property
+    def elements(self) -> int:
+        return len(self.exchange.W)
+
+    def residual(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray:
+        return self.exchange.heat(x, t)
+
+    def jacobian(
+        self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
+    ) -> FloatArray:
+        return self.exchange.slopes(x, t)
 
 
 def nothing(t: float) -> float:
@@ -216,5 +307,5 @@ def write_cavity(
     if not blocks:
         return
     at, S = np.concatenate(numbers), np.concatenate(shares)
-    equations.local(blocks, CavityTerm(
-        at, at, Exchange(G, g, ambient, tuple(given)), S.T / areas[:, None], depth * S))
+    equations.local(blocks, CavityTerm(at, at, Exchange(
+        G, g, ambient, tuple(given), S.T / areas[:, None], np.zeros(len(areas)), depth * S)))

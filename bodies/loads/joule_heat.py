@@ -18,7 +18,7 @@ from scipy.sparse.linalg import splu
 
 from sparsemor.bodies.body import FloatingBody
 from sparsemor.bodies.body_set import find_body, find_target, need_field
-from sparsemor.bodies.fem.volume import conductivity, on_cells
+from sparsemor.bodies.fem.integrals import conductivity, on_cells
 from sparsemor.bodies.loads.part import LoadPart, NumberOrFunction, unit
 from sparsemor.bodies.material import cells_of_set
 from sparsemor.core import (

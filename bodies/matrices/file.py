@@ -9,24 +9,28 @@ from typing import TypeVar
 import numpy as np
 from scipy.sparse import tril, triu
 
-from sparsemor.bodies.matrices.formats import ansys, arrays, calculix, matlab, nastran, text
-from sparsemor.bodies.matrices.formats.content import FileMatrix, remark, table, whole
-from sparsemor.bodies.mesh.formats.abaqus_statements import (
-    data_words,
-    integer,
-    key_of,
-    real,
-    statements,
+from sparsemor.bodies.matrices.formats import (
+    FileMatrix,
+    read_ansys,
+    read_arrays,
+    read_calculix,
+    read_matlab,
+    read_nastran,
+    read_text,
+    remark,
+    table,
+    unknowns_of,
+    whole,
 )
-from sparsemor.bodies.mesh.formats.content import BadLine, Numbering, decoded
+from sparsemor.bodies.mesh.formats import abaqus
+from sparsemor.bodies.mesh.formats.content import Numbering, decoded
 from sparsemor.bodies.mesh.formats.nastran import grids
 from sparsemor.core import BoolArray, Csr, FloatArray, InputError, IntArray
 
 T = TypeVar("T")
 FORMATS: dict[str, Callable[[Path, str], FileMatrix]] = {
-    ".npy": arrays.read, ".npz": arrays.read, ".mat": matlab.read, ".mtx": text.read,
-    ".sti": calculix.read, ".mas": calculix.read, ".pch": nastran.read,
-    ".full": ansys.read}
+    ".npy": read_arrays, ".npz": read_arrays, ".mat": read_matlab, ".mtx": read_text,
+    ".sti": read_calculix, ".mas": read_calculix, ".pch": read_nastran, ".full": read_ansys}
 """Reader of each ending."""
 BULK = (".bdf", ".fem", ".nas", ".dat")
 """Endings of Nastran bulk data."""
@@ -45,8 +49,8 @@ def place_of(base: Path, written: str) -> tuple[Path, str]:
 def files_of(base: Path, written: str) -> list[Path]:
     """The file, and the one that belongs to it."""
     path = place_of(base, written)[0]
-    return [path, *([calculix.unknowns_of(path)] if FORMATS.get(path.suffix.lower())
-                    is calculix.read else [])]
+    return [path, *([unknowns_of(path)] if FORMATS.get(path.suffix.lower())
+                    is read_calculix else [])]
 
 
 def read_matrix(base: Path, written: str, key: str) -> FileMatrix:
@@ -109,7 +113,8 @@ def read_nodes(base: Path, written: str, key: str) -> FileNodes:
     if kind not in allowed:
         raise InputError(f"'{written}': nodes are in a file {', '.join(allowed)}", key)
     if kind == ".inp":
-        found = _read(path, written, key, lambda: _input_file(decoded(path.read_bytes())))
+        found = _read(path, written, key,
+                      lambda: FileNodes(*abaqus.nodes(decoded(path.read_bytes()))))
     elif kind in BULK:
         found = _read(path, written, key,
                       lambda: FileNodes(*grids(path.read_bytes(), written)))
@@ -131,52 +136,6 @@ def _lines(content: str) -> FileNodes:
     first = next((line for line in content.splitlines() if not remark(line)), "")
     values = table(content, 4 if len(first.replace(",", " ").split()) > 3 else 3)
     return FileNodes(whole(values[:, 0], "the number of a node,"), values[:, 1:])
-
-
-def _input_file(lines: list[str]) -> FileNodes:
-    labels, X, named = list[int](), list[list[float]](), dict[str, list[IntArray]]()
-    spelled = dict[str, str]()
-
-    def add(options: Mapping[str, str], members: list[int]) -> None:
-        name = key_of(options["NSET"])
-        spelled.setdefault(name, options["NSET"].strip('"'))
-        named.setdefault(name, []).append(np.array(members, dtype=np.int64))
-
-    for line, keyword, options, body in statements(lines):
-        word = f"*{keyword}"
-        if keyword == "SYSTEM" and body or (
-                keyword == "NODE" and options.get("SYSTEM", "R").upper() != "R"):
-            raise BadLine(line, word, "coordinate systems of nodes are not supported: write global "
-                          "rectangular coordinates")
-        if keyword in ("INSTANCE", "INCLUDE", "NGEN") or (
-                keyword in ("NODE", "NSET") and "INPUT" in options):
-            raise BadLine(line, word, "not supported: write all nodes and sets into one file, "
-                          "without parts and instances")
-        rows = [(at, data_words(text)[0]) for at, text in body]
-        if keyword == "NODE":
-            new = [integer(words[0], at, word) for at, words in rows if words]
-            labels += new
-            X += [[real(w, at, word) for w in [*words[1:], "", "", ""][:3]]
-                  for at, words in rows if words]
-            if "NSET" in options:
-                add(options, new)
-        elif keyword == "NSET" and "NSET" in options and "ELSET" not in options:
-            members, known = list[int](), Numbering(np.array(labels, dtype=np.int64))
-            for at, words in rows:
-                if "GENERATE" in options:
-                    first, last, step = (integer(w, at, word) for w in [*words, "1"][:3])
-                    members += known.between(first, last, step).tolist()
-                else:
-                    for w in words:
-                        members += [int(i) for one in named[key_of(w)] for i in one] if (
-                            key_of(w) in named) else [integer(w, at, word)]
-            add(options, members)
-    numbers = Numbering(np.array(labels, dtype=np.int64))
-    sets = {}
-    for name, parts in named.items():
-        found = np.unique(numbers.rows(np.concatenate(parts)))
-        sets[name] = sets[spelled[name]] = found[found >= 0]
-    return FileNodes(np.array(labels, dtype=np.int64), np.array(X).reshape(-1, 3), sets)
 
 
 def read_table(base: Path, written: str, columns: int, key: str) -> FloatArray:

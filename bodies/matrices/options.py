@@ -26,7 +26,7 @@ from sparsemor.bodies.matrices.file import (
     read_unknowns,
     symmetric,
 )
-from sparsemor.bodies.matrices.formats.content import FileMatrix, whole
+from sparsemor.bodies.matrices.formats import FileMatrix, whole
 from sparsemor.bodies.matrices.unknowns import Unknowns
 from sparsemor.bodies.mesh.expression import FormulaText, evaluate_formula
 from sparsemor.bodies.mesh.formats.content import Numbering

@@ -8,8 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from sparsemor.bodies.fem.quadratic import with_midpoints
-from sparsemor.bodies.mesh.cell_orientation import oriented
-from sparsemor.bodies.mesh.check import check_mesh, some
+from sparsemor.bodies.mesh.check import check_mesh, oriented, some
 from sparsemor.bodies.mesh.formats import abaqus, gmsh, nastran, other
 from sparsemor.bodies.mesh.formats.content import CELLS, BadLine, CellBlock, Content
 from sparsemor.bodies.mesh.formats.counts import difference

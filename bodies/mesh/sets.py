@@ -1,4 +1,5 @@
-"""Named sets of points: defined in a scene, used by joints and loads."""
+"""Named sets of points: defined in a scene, used by joints and loads; and surfaces whose border
+cuts facets: their measure compared with that of the facets in the set."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -10,6 +11,7 @@ from pydantic import model_validator
 from sparsemor.bodies.fem.quadratic import with_further
 from sparsemor.bodies.mesh.centres import centre_of_set
 from sparsemor.bodies.mesh.expression import ConditionText, evaluate_condition
+from sparsemor.bodies.mesh.simplices import area_vectors, triangulated
 from sparsemor.core import (
     BoolArray,
     Fault,
@@ -21,6 +23,7 @@ from sparsemor.core import (
     Plugin,
     suggestions,
 )
+from sparsemor.core.model.facets import outer_facets
 
 
 class PointSet(Plugin):
@@ -144,3 +147,56 @@ def find_set(mesh: Mesh, name: str, key: str) -> IntArray:
 def _same_dimension(count: int, mesh: Mesh, key: str) -> None:
     if count != mesh.dimension:
         raise InputError(f"{count} coordinates given for a {mesh.dimension}-D mesh", key)
+
+
+SAMPLES = {2: 64, 3: 8}
+"""Parts of an edge (in space: of each side of a triangle) at whose centres a condition is
+evaluated."""
+SAME_SIDE = 0.7
+"""Smallest cosine of the angle between facets that belong to the same side of a body."""
+
+
+def cut_measures(mesh: Mesh, declared: PointSet, facets: IntArray) -> tuple[float, float]:
+    """Length (m) or area (m2) of the facets (F, d) of a set, and of the patch of the surface that
+    its `box` or `where` describes there.
+
+    Facets next to them on the same side of the body, with some corners in the set and some not, are
+    the cut ones: the share of each that is in the patch is found by sampling.
+    """
+    outer, facets = triangulated(outer_facets(mesh)), triangulated(facets)
+    inside = np.isin(outer, facets)
+    ours = area_vectors(mesh.points[facets]) / (mesh.dimension - 1)
+    total = float(np.linalg.norm(ours, axis=1).sum())
+    mixed = outer[inside.any(axis=1) & ~inside.all(axis=1)]
+    if not len(mixed) or (declared.box is None and declared.where is None):
+        return total, total
+    # unit normals of the facets of the set, gathered at their corners
+    sums = np.zeros_like(mesh.points)
+    np.add.at(sums, facets, ours[:, None])
+    normals = area_vectors(mesh.points[mixed]) / (mesh.dimension - 1)
+    size = np.linalg.norm(normals, axis=1)
+    near = sums[mixed]
+    length = np.linalg.norm(near, axis=2)
+    cosine = np.einsum("fkd,fd->fk", near, normals) / np.maximum(length * size[:, None], 1e-300)
+    mixed, size = (a[(cosine > SAME_SIDE).any(axis=1)] for a in (mixed, size))
+    if not len(mixed):
+        return total, total
+    weights = _weights(mesh.dimension)
+    at = np.einsum("sk,fkd->fsd", weights, mesh.points[mixed])
+    try:
+        found = declared.contains(at.reshape(-1, mesh.dimension), mesh).reshape(len(mixed), -1)
+    except InputError:  # the condition is defined at nodes only
+        return total, total
+    return total, total + float(size @ found.mean(axis=1))
+
+
+def _weights(d: int) -> FloatArray:
+    """(S, d) barycentric coordinates of the centres of equal parts of a facet."""
+    n = SAMPLES[d]
+    if d == 2:
+        x = (np.arange(n) + 0.5) / n
+        return np.stack([1 - x, x], axis=1)
+    upright = [(i + 1 / 3, j + 1 / 3) for i in range(n) for j in range(n - i)]
+    turned = [(i + 2 / 3, j + 2 / 3) for i in range(n) for j in range(n - i - 1)]
+    xy = np.array(upright + turned) / n
+    return np.column_stack([1 - xy.sum(axis=1), xy])

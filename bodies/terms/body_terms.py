@@ -1,19 +1,31 @@
-"""Contributions of a body's fields to the equations: elasticity, conduction, convection."""
+"""Contributions of a body's fields to the equations: elasticity, conduction, convection, inertia of
+displacements, and loads that move over its surface as time tables."""
 
 from __future__ import annotations
 
-import numpy as np
-from scipy.sparse import csr_array, diags_array
+from collections.abc import Sequence
 
-from sparsemor.bodies.fem.fields import Elasticity, HasFields, Heat
+import numpy as np
+from scipy.sparse import csr_array, diags_array, kron
+
+from sparsemor.bodies.fem.fields import Elasticity, HasFields, Heat, numbered
+from sparsemor.bodies.fem.integrals import on_cells, on_facets
 from sparsemor.bodies.fem.pointwise_law import PointwiseLaw, StressLaw
 from sparsemor.bodies.fem.quadrature import Quadrature
-from sparsemor.bodies.fem.surface import on_facets
-from sparsemor.bodies.fem.volume import on_cells
 from sparsemor.bodies.terms.modal_damping import ModalDamping
 from sparsemor.bodies.terms.prestress import thermal_stiffness
 from sparsemor.bodies.terms.weak_term import NodalField, WeakTerm
-from sparsemor.core import Amplitude, Csr, Equations, FloatArray, IntArray, Quantity
+from sparsemor.core import (
+    Amplitude,
+    Csr,
+    Equations,
+    FloatArray,
+    IntArray,
+    Quantity,
+    SurfaceLoads,
+    Table,
+)
+from sparsemor.core.protocols import LoadTable
 
 
 def write_elasticity(body: HasFields, equations: Equations, e: Elasticity) -> None:
@@ -158,18 +170,61 @@ def _field(body: HasFields, quantity: Quantity, quadrature: Quadrature) -> Nodal
     N, d = body.mesh.points.shape
     if quantity is Quantity.DISPLACEMENT:
         free = np.zeros(0, np.int64) if body.elasticity is None else body.elasticity.free
-        return NodalField(quadrature.shape, _numbered(free, N * d).reshape(N, d), np.zeros((N, d)))
+        return NodalField(quadrature.shape, numbered(free, N * d).reshape(N, d), np.zeros((N, d)))
     T0 = np.zeros(N) if body.T0 is None else body.T0
     if body.heat is None:
-        return NodalField(quadrature.shape, _numbered(np.zeros(0, np.int64), N)[:, None],
+        return NodalField(quadrature.shape, numbered(np.zeros(0, np.int64), N)[:, None],
                           T0[:, None])
-    return NodalField(quadrature.shape, _numbered(body.heat.free, N)[:, None],
+    return NodalField(quadrature.shape, numbered(body.heat.free, N)[:, None],
                       np.zeros((N, 1)), body.heat.prescribed)
 
 
-def _numbered(free: IntArray, size: int) -> IntArray:
-    """(size,) position of each number in `free`, -1 for the others."""
-    found = np.full(size, -1, np.int64)
-    found[free] = np.arange(len(free))
-    return found
+def generator(m: Csr, B: FloatArray) -> Csr:
+    """(d N, d N) inertia matrix m (x) B without stored zeros; m (N, N): mass matrix, kg; B (d, d).
+    """
+    return csr_array(kron(m, csr_array(B), format="csr"))
 
+
+def about(m: Csr, X: FloatArray, matrices: FloatArray) -> FloatArray:
+    """(d N, g) functionals M_g X of the g matrices (g, d, d)."""
+    return np.stack([(m @ X @ B.T).ravel() for B in matrices], axis=1)
+
+
+def write_surface_loads(
+    body: HasFields, equations: Equations, loads: SurfaceLoads, times: FloatArray
+) -> None:
+    """Adds forces on the elastic and heat on the thermal unknowns of the loaded nodes at times
+    (T,), s.
+
+    A frame with prescribed motion needs no resultants: its rigid equations are not solved.
+    """
+    names = [f"{equations.origin.part}, node {n}" for n in loads.nodes.tolist()]
+    if body.elasticity is not None:
+        d = loads.force.shape[2]
+        dofs = (d * loads.nodes[:, None] + np.arange(d)).ravel()
+        force = loads.force.reshape(len(times), -1)
+        _write(equations, f"{body.name}.elastic", body.elasticity.free, dofs,
+               [f"{n}, {axis}" for n in names for axis in "xyz"[:d]], Table(times, force))
+    if body.heat is not None:
+        _write(equations, f"{body.name}.thermal", body.heat.free, loads.nodes, names,
+               Table(times, loads.heat))
+
+
+def _write(
+    equations: Equations, block: str, free: IntArray, dofs: IntArray, names: Sequence[str],
+    table: Table,
+) -> None:
+    """Adds a load table: its column i acts on dof number dofs[i] of a field.
+
+    Columns of prescribed displacements or temperatures are dropped, and a table without remaining
+    columns.
+    """
+    acts = np.flatnonzero(np.isin(dofs, free))
+    if not len(acts):
+        return
+    at = np.searchsorted(free, dofs[acts])
+    columns = csr_array((np.ones(len(acts)), (at, np.arange(len(acts)))),
+                        shape=(len(free), len(acts)))
+    equations.table(block, LoadTable(
+        equations.origin.part, columns, tuple(names[i] for i in acts.tolist()),
+        table.columns(acts)))

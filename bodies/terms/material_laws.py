@@ -44,7 +44,7 @@ from sparsemor.bodies.terms.law_functions import (
     stored_heat,
     with_integrals,
 )
-from sparsemor.bodies.terms.nonlinear_strains import NonlinearStrains
+from sparsemor.bodies.terms.nonlinear_strains import NonlinearStrains, evaluated
 from sparsemor.core import FloatArray, TemperatureProperty
 from sparsemor.core.protocols import LawArrays, Stepping
 from sparsemor.core.protocols.step_amplitude import present_step
@@ -288,7 +288,7 @@ class Expansion(StressLaw):
     def __call__(self, z: Sequence[FloatArray], x: FloatArray, t: float) -> Response:
         (T,) = z
         rise = T - self.reference
-        (E, E_T), (alpha, alpha_T) = _evaluated(self.E, T), _evaluated(self.alpha, T)
+        (E, E_T), (alpha, alpha_T) = evaluated(self.E, T), evaluated(self.alpha, T)
         change = self.factor * E * alpha - self.beta_0
         stress = -change * rise
         slope = -self.factor * (E_T * alpha + E * alpha_T) * rise - change
@@ -299,12 +299,6 @@ class Expansion(StressLaw):
         return None if E is None else _arrays(
             expansion, [(i, 0) for i in range(self.d)],
             [self.factor, self.beta_0, self.reference, 4.0 + len(E)], self.E, self.alpha)
-
-
-def _evaluated(
-    of: TemperatureProperty | float, T: FloatArray
-) -> tuple[FloatArray | float, FloatArray | float]:
-    return (of, 0.0) if isinstance(of, int | float) else of.at(T)
 
 
 def heat_laws(region: Region, d: int) -> list[PointwiseLaw]:

@@ -78,7 +78,7 @@ class NonlinearStrains(StressLaw):
         S_T = pressure = np.zeros(())
         if self.heated:
             rise = z[0] - self.reference
-            (E, E_T), (alpha, alpha_T) = _at(self.E, z[0]), _at(self.alpha, z[0])
+            (E, E_T), (alpha, alpha_T) = evaluated(self.E, z[0]), evaluated(self.alpha, z[0])
             e, e_T = E / self.E_0, E_T / self.E_0
             pressure = self.factor * E * alpha * rise
             pressure_T = self.factor * ((E_T * alpha + E * alpha_T) * rise + E * alpha)
@@ -140,7 +140,8 @@ class NonlinearStrains(StressLaw):
                          nonlinear_stress, (curve_at,))
 
 
-def _at(of: Property, T: FloatArray) -> tuple[FloatArray | float, FloatArray | float]:
+def evaluated(of: Property, T: FloatArray) -> tuple[FloatArray | float, FloatArray | float]:
+    """Values and derivatives of a property at temperatures T, K."""
     return (of, 0.0) if isinstance(of, int | float) else of.at(T)
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from sparsemor import load, reduce, simulate
 from sparsemor.bodies.fem.view_factors import Facets, closed, exchange_areas
-from sparsemor.bodies.loads.radiation import STEFAN_BOLTZMANN as SIGMA
+from sparsemor.bodies.loads.surface_heat import STEFAN_BOLTZMANN as SIGMA
 from sparsemor.core.errors import InputError
 
 

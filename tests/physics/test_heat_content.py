@@ -9,7 +9,7 @@ import pytest
 from pydantic import ValidationError
 
 from sparsemor import load, simulate
-from sparsemor.bodies.fem.volume import on_cells
+from sparsemor.bodies.fem.integrals import on_cells
 from sparsemor.bodies.mesh.generators.block import BlockMesh
 from sparsemor.bodies.mesh.generators.rectangle import Rectangle
 from sparsemor.bodies.temperature_curve import TemperatureCurve

@@ -80,6 +80,29 @@ def read(data: bytes, name: str) -> Content:
     return _Reader(name).read(decoded(data))
 
 
+def nodes(lines: Sequence[str]) -> tuple[IntArray, FloatArray, dict[str, IntArray]]:
+    """Labels (n,) and positions (n, 3) of the nodes of an input file without parts, and the rows of
+    each set of nodes; all but *NODE and *NSET is passed over."""
+    reader = _Reader("")
+    for line, keyword, options, body in statements(lines):
+        word = f"*{keyword}"
+        if keyword == "SYSTEM" and body or (
+                keyword == "NODE" and options.get("SYSTEM", "R").upper() != "R"):
+            raise BadLine(line, word, "coordinate systems of nodes are not supported: write global "
+                          "rectangular coordinates")
+        if keyword in ("INSTANCE", "INCLUDE", "NGEN"):
+            raise BadLine(line, word, "not supported: write all nodes and sets into one file, "
+                          "without parts and instances")
+        if keyword == "NODE" or keyword == "NSET" and "ELSET" not in options:
+            reader.statement(line, keyword, options, body)
+    labels, X = _once(reader.model)
+    none = np.zeros(0, np.int64)
+    whole = Placed(reader.model, 0, 0, np.zeros(1, np.int64), Numbering(labels), Numbering(none))
+    sets = AbaqusSets({MODEL: whole}, reader.spelled, ()).groups()
+    return labels, X, {name: np.unique(np.concatenate([none, *group.points]))
+                       for name, group in sets.items()}
+
+
 class _Reader:
     """Reader of one file: statements one after the other, sets at the end."""
 
@@ -101,12 +124,12 @@ class _Reader:
 
     def read(self, lines: Sequence[str]) -> Content:
         for line, keyword, options, body in statements(lines):
-            self._statement(line, keyword, options, body)
+            self.statement(line, keyword, options, body)
         if self.placement is not None:
             raise BadLine(len(lines), "*INSTANCE", "has no *END INSTANCE")
         return self._content()
 
-    def _statement(
+    def statement(
         self, line: int, keyword: str, options: dict[str, str], body: list[tuple[int, str]]
     ) -> None:
         word = "*" + keyword

@@ -6,8 +6,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, model_validator
 
-from sparsemor.bodies.mesh.generators.extrude import extrude, extruded
-from sparsemor.bodies.mesh.generators.outline import interior_points, plan_mesh
+from sparsemor.bodies.mesh.generators.extrusion import extrude, extruded, interior_points, plan_mesh
 from sparsemor.core import FloatArray, InputError, IntArray, Mesh, MeshPlugin, MeshSize
 
 Positive = Annotated[float, Field(gt=0)]

@@ -5,8 +5,7 @@ from pathlib import Path
 import numpy as np
 from pydantic import Field, model_validator
 
-from sparsemor.bodies.mesh.generators.extrude import extrude, extruded
-from sparsemor.bodies.mesh.generators.outline import interior_points, plan_mesh
+from sparsemor.bodies.mesh.generators.extrusion import extrude, extruded, interior_points, plan_mesh
 from sparsemor.core import FloatArray, Mesh, MeshPlugin, MeshSize
 
 OUTER = np.array([[0.0, 0.135], [0.02, 0.135], [0.05, 0.13], [0.04, 0.105]])

@@ -8,8 +8,7 @@ import pytest
 
 from sparsemor.bodies import Isotropic, PointwiseLaw
 from sparsemor.bodies.fem.elasticity import law as constants
-from sparsemor.bodies.loads.convection import Film
-from sparsemor.bodies.loads.radiation import GreyBody
+from sparsemor.bodies.loads.surface_heat import Film, GreyBody
 from sparsemor.bodies.temperature_curve import TemperatureCurve
 from sparsemor.bodies.terms.material_laws import (
     Conduction,

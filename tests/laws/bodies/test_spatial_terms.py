@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sparsemor.bodies.fem.surface import on_facets
+from sparsemor.bodies.fem.integrals import on_facets
 from sparsemor.bodies.frames import rotation as rot
 from sparsemor.bodies.frames.force_items import Moment
 from sparsemor.bodies.frames.frame import SpatialFrame
 from sparsemor.bodies.frames.joint_items import Reaction
 from sparsemor.bodies.frames.springs import Angle, Length, RelativeItem, linear
-from sparsemor.bodies.loads.radiation import GreyBody
+from sparsemor.bodies.loads.surface_heat import GreyBody
 from sparsemor.bodies.mesh.generators.block import BlockMesh
 from sparsemor.core import FloatArray, Mesh, Table
 from sparsemor.core.model.assembled_term import AssembledTerm

@@ -18,8 +18,7 @@ from contact_blocks import (
     World,
     on_a_rigid_plate,
 )
-from sparsemor.bodies.contact.laws.coulomb import Coulomb
-from sparsemor.bodies.contact.laws.elastic_foundation import ElasticFoundation
+from sparsemor.bodies.contact.contact_laws import Coulomb, ElasticFoundation
 from sparsemor.bodies.contact.quadrature import enough_points
 from sparsemor.core.errors import InputError
 from sparsemor.core.testing import check_parts, check_term

@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from sparsemor import load
-from sparsemor.bodies.fem.volume import capacity
+from sparsemor.bodies.fem.integrals import capacity
 from sparsemor.bodies.flexible import body_size
 from sparsemor.bodies.mesh.generators.disk import Disk
 from sparsemor.bodies.mesh.generators.pad import Pad

@@ -195,7 +195,7 @@ def test_a_run_is_not_continued_with_another_plugin_or_program(
 ) -> None:
     monkeypatch.setattr(sys, "dont_write_bytecode", True)
     distribute("leading", {"load": {"still": "still_load:Still"}}, still_load=(
-        "from sparsemor.bodies.loads.gravity import Gravity\n\n\nclass Still(Gravity):\n"
+        "from sparsemor.bodies.loads.body_forces import Gravity\n\n\nclass Still(Gravity):\n"
         '    """Gravity under another name."""\n'))
     scene = load(TINY, {**SHORT, "reducer": "full", "loads.gravity":
                         {"use": "still", "g": [0.0, -9.81]}})

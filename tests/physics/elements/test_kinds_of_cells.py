@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from scipy.sparse.linalg import spsolve
 
+from facet_normals import facet_normals
 from sparsemor.bodies import fem as fe
 from sparsemor.bodies.fem import forms
+from sparsemor.bodies.fem.integrals import lumped, on_cells, on_facets
 from sparsemor.bodies.fem.quadratic import with_midpoints
 from sparsemor.bodies.fem.stress import CellStress
-from sparsemor.bodies.fem.surface import on_facets
-from sparsemor.bodies.fem.volume import lumped, on_cells
 from sparsemor.bodies.material import Isotropic
 from sparsemor.bodies.mesh.centres import centre_of_set
 from sparsemor.bodies.mesh.check import check_mesh
@@ -116,7 +116,7 @@ def test_every_kind_is_ordered_as_it_says(linear: Mesh) -> None:
     facets, owner = cell_facets(linear.cells, d)
     middles = np.array([X[np.unique(c)].mean(axis=0) for c in linear.cells])
     out = X[facets].mean(axis=1) - middles[owner]
-    assert (np.sum(fe.facet_normals(linear, facets) * out, axis=1) > 0.0).all()
+    assert (np.sum(facet_normals(linear, facets) * out, axis=1) > 0.0).all()
     for mesh in (linear, with_midpoints(linear)):
         a = mesh.points[linear_surface(mesh.nodes, d)]
         size = np.linalg.det(a).sum() / (2.0 if d == 2 else 6.0)

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from mesh_texts import Bar, abaqus, bar, gmsh, nastran
+from sparsemor.bodies.fem.integrals import boundary_facets, facet_measures
 from sparsemor.bodies.fem.quadratic import with_midpoints
-from sparsemor.bodies.fem.surface import boundary_facets, facet_measures
 from sparsemor.bodies.mesh.file import MeshFile
 from sparsemor.core.errors import InputError
 from sparsemor.core.protocols.mesh import Mesh

@@ -8,8 +8,8 @@ import pytest
 from sparsemor.bodies.mesh.check import check_mesh
 from sparsemor.bodies.mesh.generators.block import BlockMesh
 from sparsemor.bodies.mesh.generators.disk import Disk
-from sparsemor.bodies.mesh.generators.extrude import extrude
-from sparsemor.bodies.mesh.generators.outline import (
+from sparsemor.bodies.mesh.generators.extrusion import (
+    extrude,
     interior_points,
     plan_mesh,
     polygon_area,

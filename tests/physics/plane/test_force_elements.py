@@ -12,7 +12,7 @@ from sparsemor.bodies.frames.attitude import vector_rates, velocity_at
 from sparsemor.bodies.frames.rotation import across
 from sparsemor.bodies.frames.springs import Angle, Length, PlaneAngle, RelativeItem, linear
 from sparsemor.bodies.joints.springs import RotationalSpring, SpringDamper
-from sparsemor.bodies.loads.torque import Torque
+from sparsemor.bodies.loads.point_loads import Torque
 from sparsemor.core.errors import InputError
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.protocols.poses import vectors_in_space

@@ -1,14 +1,63 @@
-"""Boundary facets, and integrals over them.
+"""Integrals over cells and boundary facets: scalar matrices and nodal loads.
 
 A facet is a row of corner numbers, ordered for an outward normal; where some have four corners,
 those of three repeat the last.
 """
 
 import numpy as np
+from scipy.sparse import csr_array, diags_array
 
 from sparsemor.bodies.fem.quadrature import Quadrature
 from sparsemor.core import Csr, FloatArray, InputError, IntArray, Mesh
 from sparsemor.core.model.facets import cell_facets, facet_numbers, linear_facets, rows_among
+
+
+def on_cells(
+    mesh: Mesh, degree: int, cells: IntArray | None = None, *, gradients: bool = True,
+    at_nodes: bool = False, positive: bool = False,
+) -> list[tuple[IntArray, Quadrature]]:
+    """Quadrature of the cells of each kind (all, or those with the given numbers), with their
+    positions among them; exact for polynomials of this degree. at_nodes: points at the nodes with
+    the weights of lumped matrices; positive: without negative weights."""
+    from sparsemor.bodies.fem import forms
+
+    return forms.cell_quadratures(mesh, degree, cells, gradients, at_nodes, positive)
+
+
+def scalar_mass(mesh: Mesh, weight: float, cells: IntArray | None = None) -> Csr:
+    """Scalar mass matrix (N, N): integral of weight * phi_i * phi_j, consistent (not lumped).
+
+    weight: rho * thickness (kg/m2) in 2-D, rho (kg/m3) in 3-D, for the mass of one displacement
+    component; times the specific heat (J/(kg K)) for the heat capacity (J/K). cells: numbers of the
+    cells to integrate over, None for all.
+    """
+    from sparsemor.bodies.fem import forms
+
+    return forms.matrix(forms.mass, mesh, 2, cells=cells, weight=weight)
+
+
+def capacity(
+    mesh: Mesh, rho: float, c: float, thickness: float = 1.0, cells: IntArray | None = None
+) -> Csr:
+    """Heat capacity matrix (N, N), J/K: integral of rho c phi_i phi_j. thickness in m, 1 in 3-D."""
+    return scalar_mass(mesh, rho * c * thickness, cells)
+
+
+def lumped(matrix: Csr) -> Csr:
+    """Lumped matrix (N, N): row sums of a mass or capacity matrix on the diagonal; the total is the
+    same."""
+    sums = np.asarray(matrix.sum(axis=1)).ravel()
+    return csr_array(diags_array(sums))
+
+
+def conductivity(
+    mesh: Mesh, k: float | FloatArray, thickness: float = 1.0, cells: IntArray | None = None
+) -> Csr:
+    """Conductivity matrix (N, N), W/K: integral of k grad phi_i . grad phi_j, k a number or a
+    tensor (d, d). thickness in m, 1 in 3-D."""
+    from sparsemor.bodies.fem import forms
+
+    return forms.matrix(forms.conduction, mesh, 0, cells=cells, weight=k * thickness)
 
 
 def boundary_facets(mesh: Mesh, nodes: IntArray, name: str = "") -> IntArray:
@@ -56,17 +105,6 @@ def divided(mesh: Mesh, facets: IntArray) -> IntArray:
     rows, of = linear_facets(mesh.nodes, mesh.dimension)
     chosen = rows_among(cell_facets(mesh.cells, mesh.dimension)[0], facets)
     return np.asarray(rows[chosen[of]])
-
-
-def facet_normals(mesh: Mesh, facets: IntArray) -> FloatArray:
-    """(F, d) integrals of the outward normal over the facets: in their direction, with the facet's
-    measure, m (2-D) or m2 (3-D), as length where it is flat."""
-    a = mesh.points[facets]
-    if mesh.dimension == 2:
-        side = a[:, 1] - a[:, 0]
-        return np.stack([side[:, 1], -side[:, 0]], axis=1)
-    return np.asarray(np.cross(a[:, 2] - a[:, 0], a[:, -1] - a[:, 1]) / 2 if a.shape[1] == 4 else (
-        np.cross(a[:, 1] - a[:, 0], a[:, 2] - a[:, 0]) / 2))
 
 
 def facet_measures(mesh: Mesh, facets: IntArray) -> FloatArray:

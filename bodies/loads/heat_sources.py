@@ -1,4 +1,4 @@
-"""Heat produced inside a body."""
+"""Prescribed heat: flux into a surface that moves with the body, or produced inside a body."""
 
 from collections.abc import Mapping
 from typing import Annotated, ClassVar
@@ -7,11 +7,38 @@ import numpy as np
 from pydantic import Field
 
 from sparsemor.bodies.body import FloatingBody
-from sparsemor.bodies.body_set import find_body, find_target, need_field
-from sparsemor.bodies.fem.volume import scalar_mass
+from sparsemor.bodies.body_set import (
+    find_body,
+    find_surfaces,
+    find_target,
+    need_field,
+    surface_notes,
+)
+from sparsemor.bodies.fem.integrals import scalar_mass, surface_load
 from sparsemor.bodies.loads.part import LoadPart, NumberOrFunction
 from sparsemor.bodies.material import cells_of_set
 from sparsemor.core import Effect, Equations, FloatArray, Gather, InputError, LoadPlugin, Part
+
+
+class HeatFlux(LoadPlugin):
+    """Heat flux: prescribed q into the body over the boundary facets of each set."""
+
+    acts_on: ClassVar[Effect] = "temperature"
+
+    on: Annotated[list[str], Field(min_length=1)]
+    """Surfaces `body:set`."""
+    flux: NumberOrFunction
+    """Heat flux, W/m^2, a number or a function of time; positive heats the body."""
+
+    def build(self, name: str, parts: Mapping[str, Part]) -> LoadPart:
+        loads = [(body, surface_load(mesh, facets, body.thickness))
+                 for body, mesh, facets in find_surfaces(parts, self.on, "thermal")]
+
+        def write(equations: Equations) -> None:
+            for b, w in loads:
+                b.heat_load(equations, w, self.flux.value)
+
+        return LoadPart(name, write, notes=surface_notes(parts, name, self.on))
 
 
 class HeatSource(LoadPlugin):
