@@ -314,7 +314,7 @@ class ContactTerm(Term):
             start += count
         return read
 
-    # ------------------------------------------------------------------ as a Followable
+    # ------------------------------------------------------------------ for a Verlet list
 
     @property
     def movers(self) -> tuple[Mover, Mover]:

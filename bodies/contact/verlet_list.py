@@ -11,12 +11,11 @@ building a new list costs as much as the number of all facets.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol, Self
+from typing import Any, Self
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from sparsemor.bodies.contact.surface import BroadPhase
 from sparsemor.core import BoolArray, FloatArray, IntArray
 from sparsemor.core.model.compressed_local import CompressedLocal
 from sparsemor.core.protocols import DelegatingTerm, LocalCopy
@@ -104,25 +103,6 @@ def _rows(matrix: FloatArray, at: IntArray) -> FloatArray:
 MARGIN = 0.1
 """Margin of the list as a fraction of the smaller surface's extent, a length that does not shrink
 with the facets."""
-
-
-class Followable(Protocol):
-    """A contact term of two surfaces that move with its unknowns, for use with a Verlet list."""
-
-    @property
-    def near(self) -> BroadPhase: ...
-    @property
-    def movers(self) -> tuple[Mover, Mover]: ...
-
-    def points(self, x: FloatArray, t: float) -> tuple[FloatArray, FloatArray] | None:
-        """Node positions of both surfaces, (n1, d) and (n2, d), m, in common axes; None if the
-        state is not finite."""
-        ...
-
-    def among(self, first: IntArray, second: IntArray) -> tuple[Any, IntArray, IntArray]:
-        """The contact between the facets `first` and `second` of the two surfaces alone, with the
-        positions of its columns and rows among those of the whole term."""
-        ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)

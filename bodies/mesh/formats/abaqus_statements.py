@@ -3,7 +3,7 @@
 import re
 from collections.abc import Iterator, Sequence
 
-from sparsemor.bodies.mesh.formats.content import INTEGER, BadLine, numbered
+from sparsemor.bodies.mesh.formats.content import INTEGER, BadLine
 
 _REAL = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(E[+-]?\d+)?", re.ASCII)
 
@@ -16,7 +16,7 @@ def statements(
     start, head = 0, ""
     body: list[tuple[int, str]] = []
     open_head = False
-    for number, raw in numbered(lines):
+    for number, raw in enumerate(lines, 1):
         text = raw.strip()
         if not text or text.startswith("**"):
             continue

@@ -1,7 +1,7 @@
 """Content of a mesh file, as all readers return it."""
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -96,11 +96,6 @@ def decoded(data: bytes) -> list[str]:
     except UnicodeDecodeError:
         text = data.decode("latin-1")
     return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
-
-
-def numbered(lines: Sequence[str]) -> Iterator[tuple[int, str]]:
-    """Lines with their numbers, from 1."""
-    return enumerate(lines, 1)
 
 
 COMPLETE = " (Gmsh: set Mesh.SecondOrderIncomplete = 1 for this format)"

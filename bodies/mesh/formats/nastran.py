@@ -19,7 +19,6 @@ from sparsemor.bodies.mesh.formats.content import (
     MeshGroup,
     Numbering,
     decoded,
-    numbered,
 )
 from sparsemor.core import FloatArray, IntArray, information
 
@@ -289,14 +288,14 @@ def cards(lines: Sequence[str]) -> Iterator[Card]:
 
 def _bulk(lines: Sequence[str]) -> Iterator[tuple[int, str]]:
     """Lines of the bulk data with their numbers, without comments and blank lines."""
-    begins = [n for n, t in numbered(lines) if t.lstrip()[:6].upper().rstrip() == "BEGIN"]
+    begins = [n for n, t in enumerate(lines, 1) if t.lstrip()[:6].upper().rstrip() == "BEGIN"]
     if len(begins) > 1:
         raise BadLine(begins[1], "BEGIN", "a second part of bulk data is not supported")
     first = begins[0] if begins else 0
     if not begins:
-        cend = [n for n, t in numbered(lines) if re.match(r"\s*CEND\b", t, re.IGNORECASE)]
+        cend = [n for n, t in enumerate(lines, 1) if re.match(r"\s*CEND\b", t, re.IGNORECASE)]
         first = cend[-1] if cend else 0
-    for number, raw in numbered(lines):
+    for number, raw in enumerate(lines, 1):
         text = raw.split("$", 1)[0].rstrip()
         if number <= first or not text.strip():
             continue
