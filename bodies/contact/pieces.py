@@ -21,7 +21,7 @@ import numpy as np
 
 from sparsemor.bodies.contact.clipping import NONE, Parts, joined, left
 from sparsemor.bodies.contact.surface import FacetCells, Planes
-from sparsemor.bodies.mesh.simplices import area_vectors
+from sparsemor.bodies.fem.integrals import area_vectors
 from sparsemor.core import BoolArray, FloatArray, FrictionLaw, IntArray, NormalLaw
 
 EDGE = 1_000_000

@@ -18,7 +18,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from sparsemor.bodies.body import FloatingBody
-from sparsemor.bodies.mesh.simplices import area_vectors
+from sparsemor.bodies.fem.integrals import area_vectors
 from sparsemor.core import BoolArray, FloatArray, IntArray
 
 

@@ -29,7 +29,7 @@ from sparsemor.bodies.contact.pieces import DEPTH, EDGE, Overlaps, Pieces
 from sparsemor.bodies.contact.quadrature import points_along
 from sparsemor.bodies.contact.surface import area_slopes
 from sparsemor.bodies.contact.tractions import Interface, Loads, Samples, drop, weights_of
-from sparsemor.bodies.mesh.simplices import area_vectors
+from sparsemor.bodies.fem.integrals import area_vectors
 from sparsemor.core import FloatArray, IntArray
 
 

@@ -107,6 +107,19 @@ def divided(mesh: Mesh, facets: IntArray) -> IntArray:
     return np.asarray(rows[chosen[of]])
 
 
+def area_vectors(corners: FloatArray) -> FloatArray:
+    """(F, d) outward normals of facets with corners (F, d, d), m, of length (d - 1)! times the
+    facet's measure, m or m2.
+
+    In the plane the body is on the left of a segment, in space corners run counter-clockwise seen
+    from outside.
+    """
+    side = corners[:, 1:] - corners[:, :1]
+    if corners.shape[2] == 2:
+        return np.stack([side[:, 0, 1], -side[:, 0, 0]], axis=1)
+    return np.cross(side[:, 0], side[:, 1])
+
+
 def facet_measures(mesh: Mesh, facets: IntArray) -> FloatArray:
     """(F,) length (m) or area (m2) of each facet."""
     from sparsemor.bodies.fem import forms

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sparsemor.bodies.mesh.simplices import area_vectors
+from sparsemor.bodies.fem.integrals import area_vectors
 from sparsemor.core import BoolArray, FloatArray, IntArray
 
 NEAR = 2.0

@@ -19,19 +19,6 @@ def signed_measures(points: FloatArray, cells: IntArray) -> FloatArray:
     return np.asarray(np.linalg.det(edge_vectors(points, cells)) / factorial(points.shape[1]))
 
 
-def area_vectors(corners: FloatArray) -> FloatArray:
-    """(F, d) outward normals of facets with corners (F, d, d), m, of length (d - 1)! times the
-    facet's measure, m or m2.
-
-    In the plane the body is on the left of a segment, in space corners run counter-clockwise seen
-    from outside.
-    """
-    side = corners[:, 1:] - corners[:, :1]
-    if corners.shape[2] == 2:
-        return np.stack([side[:, 0, 1], -side[:, 0, 0]], axis=1)
-    return np.cross(side[:, 0], side[:, 1])
-
-
 def longest_edges(points: FloatArray, cells: IntArray) -> FloatArray:
     """(E,) length of each cell's longest edge, m."""
     first, second = np.triu_indices(cells.shape[1], 1)

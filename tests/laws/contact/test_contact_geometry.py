@@ -11,7 +11,8 @@ from sparsemor.bodies.contact.contact_laws import Coulomb, ElasticFoundation
 from sparsemor.bodies.contact.distance import closest_points, nearest
 from sparsemor.bodies.contact.pieces import Overlaps, Pairs, Pieces
 from sparsemor.bodies.contact.quadrature import rule
-from sparsemor.bodies.contact.surface import Planes, area_slopes, area_vector, cells_of
+from sparsemor.bodies.contact.surface import Planes, area_slopes, cells_of
+from sparsemor.bodies.fem.integrals import area_vectors
 from sparsemor.bodies.mesh.generators.block import BlockMesh
 from sparsemor.core.model.facets import outer_facets
 from sparsemor.core.testing import check_friction_law, check_normal_law
@@ -90,7 +91,7 @@ def test_planes_of_facets_have_the_slopes_of_their_measure(d: int) -> None:
     assert np.allclose((planes.n * (a[:, 1] - a[:, 0])).sum(axis=1), 0.0, atol=1e-14)
     assert np.allclose(planes.g @ (a - a[:, :1]).transpose(0, 2, 1) + [[1.0], *[[0.0]] * (d - 1)],
                        np.eye(d), atol=1e-13)
-    one, two = ((area_vector(a + s * da) * n).sum(axis=1) for s in (h, -h))
+    one, two = ((area_vectors(a + s * da) * n).sum(axis=1) for s in (h, -h))
     slope = (area_slopes(a, n) * da).sum(axis=(1, 2))
     assert np.allclose((one - two) / (2 * h), slope, rtol=1e-8)
 
