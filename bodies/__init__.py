@@ -63,3 +63,7 @@ __all__ = [
     "need_motion", "numbers_of", "temperature_gradient", "write_frame", "write_point_force",
     "write_weight",
 ]
+
+
+def __dir__() -> list[str]:
+    return __all__
