@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 from sparsemor.bodies.frames.springs import FRICTION, Numbers, RelativeItem
 from sparsemor.bodies.joints.force_element import ForceElementPart
 from sparsemor.bodies.joints.heat import HeatOfFriction, heat_of_friction
-from sparsemor.bodies.joints.relative import RECORDED, Relative
+from sparsemor.bodies.joints.relative import Relative
 from sparsemor.bodies.joints.side import sides_of
 from sparsemor.core import Equations, InputError, Note, Part
 from sparsemor.core.protocols import RecordedForce
@@ -112,10 +112,6 @@ class JointFriction(Relative):
             raise ValueError("friction of joint forces on a turn needs the radius of the pin, and "
                              "no other friction has one")
         return self
-
-    @property
-    def recorded(self) -> tuple[str, str]:  # type: ignore[override]
-        return RECORDED[self.motion]
 
     def law(self) -> Numbers:
         return FRICTION, self.force, self.coefficient * (self.radius or 1.0), self.critical_rate, 0

@@ -39,6 +39,10 @@ class Relative(ForceElement):
     def acts_on_rotations(self) -> bool:
         return True
 
+    @property
+    def recorded(self) -> tuple[str, str]:  # type: ignore[override]
+        return RECORDED[self.motion]
+
     @abstractmethod
     def law(self) -> Numbers:
         """Kind and numbers of the law (`relative_law`)."""
@@ -119,10 +123,6 @@ class Stop(Relative):
         if self.lower is None and self.upper is None:
             raise ValueError("it limits nothing: give lower, upper or both")
         return self
-
-    @property
-    def recorded(self) -> tuple[str, str]:  # type: ignore[override]
-        return RECORDED[self.motion]
 
     def law(self) -> Numbers:
         lower, upper = (f if x is None else x for x, f in ((self.lower, -NONE), (self.upper, NONE)))

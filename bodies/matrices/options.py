@@ -37,6 +37,7 @@ from sparsemor.bodies.terms.field_kinds import BODY_KINDS, ELASTIC, THERMAL
 from sparsemor.core import (
     BodyPlugin,
     Csr,
+    Fault,
     FieldKind,
     FloatArray,
     Gather,
@@ -226,7 +227,7 @@ class Matrices(BodyPlugin):
         T0 = gather("", self._initial_temperature, mesh.points)
         start = gather("", self.pose.start, u.d, self.frame == "spinning" and u.d == 3)
         if self.frame == "spinning" and u.d == 2:
-            gather("", _refuse_spinning)
+            gather.faults.append(Fault("frame", "the nodes are plane: its frame is `floating`"))
         fixed = gather("", self._fixed, mesh, u)
         basis = None if fixed is None or files.shapes is None else gather(
             "", self._constrained_basis, files.shapes, fixed, u)
@@ -303,7 +304,9 @@ class Matrices(BodyPlugin):
                 *((key, (N, N), f"{N} nodes") for key in THERMAL_KEYS)):
             m = same.get(key, found[key].matrix if key in found else None)
             if m is not None and m.shape != shape:
-                gather(key, _refuse_size, getattr(self, key), m.shape, shape, what)
+                gather.faults.append(Fault(key, f"'{getattr(self, key)}' is {m.shape[0]} x "
+                                           f"{m.shape[1]}, and the body has {what}: {shape[0]} x "
+                                           f"{shape[1]} is needed"))
         gather.check()
         energy = self.units.mass * self.units.length**2
         by = diags_array(np.where((u.component >= 0) & (u.component < u.d),
@@ -402,13 +405,15 @@ class Matrices(BodyPlugin):
             if one.nodes is not None:
                 rows = at.rows(np.array(one.nodes))
                 if name in named:
-                    gather(f"sets.{name}", _refuse, f"'{self.nodes}' has a set '{name}' already: "
-                           "take another name")
-                elif (rows < 0).any() or len(np.unique(rows)) < len(rows):
-                    gather(f"sets.{name}.nodes", _refuse, f"'{self.nodes}' has no node "
-                           f"{one.nodes[int(np.argmin(rows))]}"
-                           + " with unknowns" * bool(files.notes) if (rows < 0).any() else
-                           "a node is given twice")
+                    gather.faults.append(Fault(f"sets.{name}", f"'{self.nodes}' has a set '{name}' "
+                                               "already: take another name"))
+                elif (rows < 0).any():
+                    gather.faults.append(Fault(
+                        f"sets.{name}.nodes", f"'{self.nodes}' has no node "
+                        f"{one.nodes[int(np.argmin(rows))]}"
+                        + " with unknowns" * bool(files.notes)))
+                elif len(np.unique(rows)) < len(rows):
+                    gather.faults.append(Fault(f"sets.{name}.nodes", "a node is given twice"))
                 else:
                     named[name] = np.sort(rows)
         gather.check()
@@ -600,19 +605,3 @@ def _rows(labels: IntArray, wanted: IntArray, key: str, written: str) -> IntArra
         raise InputError(f"'{written}' has the unknown {direction} of node {node}, which is not "
                          "in the file of unknowns", key)
     return rows
-
-
-def _refuse(message: str) -> None:
-    raise InputError(message)
-
-
-def _refuse_spinning() -> None:
-    raise InputError("the nodes are plane: its frame is `floating`", "frame")
-
-
-def _refuse_size(
-    written: str, found: tuple[int, int], needed: tuple[int, int], what: str
-) -> None:
-    raise InputError(f"'{written}' is {found[0]} x {found[1]}, and the body has {what}: "
-                     f"{needed[0]} x {needed[1]} is needed")
-

@@ -7,6 +7,7 @@ the mesh in a way that is not supported are refused with their line.
 
 import re
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 
@@ -136,8 +137,8 @@ class _Reader:
         if keyword in REFUSED and (body or keyword != "SYSTEM"):
             raise BadLine(line, word, REFUSED[keyword])
         handlers: dict[str, Callable[..., None]] = {
-            "NODE": self._nodes, "ELEMENT": self._elements, "NSET": self._nset,
-            "ELSET": self._elset, "SURFACE": self._surface, "PART": self._part,
+            "NODE": self._nodes, "ELEMENT": self._elements, "NSET": partial(self._set, "NSET"),
+            "ELSET": partial(self._set, "ELSET"), "SURFACE": self._surface, "PART": self._part,
             "ENDPART": self._outside, "ASSEMBLY": self._outside, "INSTANCE": self._instance,
             "ENDINSTANCE": self._end_instance, "ENDASSEMBLY": self._outside}
         handler = handlers.get(keyword)
@@ -257,17 +258,10 @@ class _Reader:
             self._add(self.here.elsets, options["ELSET"], SetDefinition(
                 word, "block", [(line, [str(len(self.here.blocks) - 1)])] if labels else []))
 
-    def _nset(self, line: int, word: str, options: dict[str, str],
-              body: list[tuple[int, str]]) -> None:
-        self._set(line, word, "NSET", self.here.nsets, options, body)
-
-    def _elset(self, line: int, word: str, options: dict[str, str],
-               body: list[tuple[int, str]]) -> None:
-        self._set(line, word, "ELSET", self.here.elsets, options, body)
-
-    def _set(self, line: int, word: str, kind: str, sets: dict[str, list[SetDefinition]],
-             options: dict[str, str], body: list[tuple[int, str]]) -> None:
+    def _set(self, kind: str, line: int, word: str, options: dict[str, str],
+             body: list[tuple[int, str]]) -> None:
         name = needed(options, kind, line, word)
+        sets = self.here.nsets if kind == "NSET" else self.here.elsets
         known = {kind, "GENERATE", "INSTANCE", "INTERNAL", "UNSORTED", *(
             ("ELSET",) if kind == "NSET" else ())}
         if set(options) - known:
