@@ -14,7 +14,6 @@ from sparsemor.bodies.fem.element_balance import elastic_integrals, heat_integra
 from sparsemor.bodies.fem.fields import Elasticity, Heat
 from sparsemor.bodies.fem.pointwise_law import PointwiseLaw
 from sparsemor.bodies.fem.stress import CellStress
-from sparsemor.bodies.fem.stress_stiffness import stress_stiffness
 from sparsemor.bodies.frames.floating import (
     FieldInertia,
     inertia_matrices,
@@ -38,7 +37,7 @@ from sparsemor.bodies.terms.body_terms import (
     write_surface_loads,
 )
 from sparsemor.bodies.terms.field_kinds import ELASTIC, MULTIPLIER, RIGID, THERMAL
-from sparsemor.bodies.terms.prestress import load_stiffness
+from sparsemor.bodies.terms.geometric_stiffness import load_stiffness, stress_stiffness
 from sparsemor.core import (
     Amplitude,
     Block,
@@ -206,7 +205,7 @@ class FloatingBody(Body):
     def _stiffened(
         self, directions: FloatArray, first: int
     ) -> tuple[FrameItem, tuple[Csr, ...]]:
-        """Geometric stiffness of a body whose strains are `prestressed` (terms/prestress.py)."""
+        """Geometric stiffness of a body whose strains are `prestressed`."""
         assert self.elasticity is not None
         matrices = load_stiffness(self, directions, self._stiffness)
         return Stiffening(first, len(matrices)), matrices

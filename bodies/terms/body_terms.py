@@ -12,8 +12,8 @@ from sparsemor.bodies.fem.fields import Elasticity, HasFields, Heat, numbered
 from sparsemor.bodies.fem.integrals import on_cells, on_facets
 from sparsemor.bodies.fem.pointwise_law import PointwiseLaw, StressLaw
 from sparsemor.bodies.fem.quadrature import Quadrature
+from sparsemor.bodies.terms.geometric_stiffness import thermal_stiffness
 from sparsemor.bodies.terms.modal_damping import ModalDamping
-from sparsemor.bodies.terms.prestress import thermal_stiffness
 from sparsemor.bodies.terms.weak_term import NodalField, WeakTerm
 from sparsemor.core import (
     Amplitude,

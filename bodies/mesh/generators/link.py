@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 
-from sparsemor.bodies.mesh.generators.quads import grid_quads, shorter_diagonal, split_quads
+from sparsemor.bodies.mesh.generators.rectangle import grid_quads, shorter_diagonal, split_quads
 from sparsemor.core import FloatArray, InputError, IntArray, Mesh, MeshPlugin, MeshSize
 
 REGULAR = 1280
