@@ -77,11 +77,9 @@ class Gather:
     ) -> T | None:
         """Result of `make`, or None when it raised InputError, whose faults are kept under `key`,
         if given."""
-        try:
+        with self.under(key):
             return make(*args, **kwargs)
-        except InputError as error:
-            self.faults += (error.under(key) if key else error).faults
-            return None
+        return None
 
     @contextmanager
     def under(self, key: str) -> Iterator[None]:

@@ -11,24 +11,24 @@ import typer
 from sparsemor.core.errors import InputError
 from sparsemor.core.registry.registry import Registry
 from sparsemor.core.results.output_directory import OutputDirectory
+from sparsemor.core.scene.source import packaged
 
 SCENES = (".yaml", ".yml", ".model")
 
 
 def scene_names(incomplete: str) -> list[str]:
     """Packaged scenes, scene files, kept models and folders."""
-    registry = Registry()
-    names = [registry.spelling(p) for p in registry.names("scene")]
-    return [*_starting(names, incomplete),
-            *(p for p in _paths(incomplete) if p.endswith(("/", *SCENES)))]
+    return _packaged_or_file("scene", SCENES, incomplete)
 
 
 def study_names(incomplete: str) -> list[str]:
     """Packaged studies, study files and folders."""
-    registry = Registry()
-    names = [registry.spelling(p) for p in registry.names("study")]
-    return [*_starting(names, incomplete),
-            *(p for p in _paths(incomplete) if p.endswith(("/", *SCENES[:2])))]
+    return _packaged_or_file("study", SCENES[:2], incomplete)
+
+
+def _packaged_or_file(kind: str, endings: tuple[str, ...], incomplete: str) -> list[str]:
+    return [*_starting(packaged(Registry(), kind), incomplete),
+            *(p for p in _paths(incomplete) if p.endswith(("/", *endings)))]
 
 
 def stored_runs(incomplete: str) -> list[str]:
@@ -50,10 +50,8 @@ def settings(ctx: typer.Context, incomplete: str) -> list[str]:
     from sparsemor.core.scene.scene import load
 
     key, equals, value = incomplete.partition("=")
-    registry = Registry()
     if equals:
-        kind = key.removesuffix(".use").rpartition(".")[2]
-        names = [registry.spelling(p) for p in registry.names(kind)]
+        names = packaged(Registry(), key.removesuffix(".use").rpartition(".")[2])
         return [f"{key}={name}" for name in _starting(names, value)]
     try:
         scene = load(str(ctx.params.get("scene") or "".join(ctx.args[:1])))

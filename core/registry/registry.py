@@ -19,15 +19,33 @@ from sparsemor.core.registry.contracts import refusal
 _UNNAMED = "an unnamed distribution"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False)
 class PluginName:
     """Kind, name and distribution of an installed plugin, which is not imported yet."""
 
-    kind: str
-    name: str
-    distribution: str
-    version: str
-    target: str
+    entry_point: metadata.EntryPoint
+
+    @property
+    def kind(self) -> str:
+        return self.entry_point.group.removeprefix(PREFIX)
+
+    @property
+    def name(self) -> str:
+        return self.entry_point.name
+
+    @cached_property
+    def distribution(self) -> str:
+        """Name of its distribution, read from the metadata of that; "" if it has none."""
+        return self.entry_point.dist.name if self.entry_point.dist else ""
+
+    @property
+    def version(self) -> str:
+        return self.entry_point.dist.version if self.entry_point.dist else ""
+
+    @property
+    def own(self) -> bool:
+        """True for a plugin of sparsemor."""
+        return canonical(self.distribution) == OWN
 
     @property
     def qualified(self) -> str:
@@ -55,19 +73,22 @@ class Registry:
         self._classes: dict[tuple[str, str], type[Plugin]] = {}
 
     @cached_property
-    def _entry_points(self) -> tuple[metadata.EntryPoint, ...]:
-        if self._replaced is not None:
-            return tuple([e for e in self._replaced if e.group.startswith(PREFIX)])
-        return installed.entry_points()
+    def _plugins(self) -> Mapping[str, list[PluginName]]:
+        """Kind -> its plugins."""
+        found: dict[str, list[PluginName]] = {}
+        for e in installed.entry_points() if self._replaced is None else self._replaced:
+            if e.group.startswith(PREFIX):
+                found.setdefault(e.group.removeprefix(PREFIX), []).append(PluginName(e))
+        return found
 
     def kinds(self) -> tuple[str, ...]:
         """Kinds of plugins that the installed distributions offer, sorted."""
-        return tuple(sorted({e.group.removeprefix(PREFIX) for e in self._entry_points}))
+        return tuple(sorted(self._plugins))
 
     def names(self, kind: str) -> tuple[PluginName, ...]:
         """Plugins of one kind, sorted by name. Imports nothing."""
-        found = [_named(e) for e in self._of(kind)]
-        return tuple(sorted(found, key=lambda p: (p.name, p.distribution)))
+        return tuple(sorted(
+            self._plugins.get(kind, ()), key=lambda p: (p.name, p.distribution)))
 
     def has(self, kind: str, name: str) -> bool:
         """True if at least one plugin has this plain or qualified name. Imports nothing."""
@@ -86,19 +107,20 @@ class Registry:
     def _checked(self, kind: str, name: str) -> type[Plugin]:
         one = self._only(kind, name)
         loaded = _Driver(one).plugin
-        blame = f"report it to the authors of that package (its entry point is {one.value})"
+        blame = ("report it to the authors of that package (its entry point is "
+                 f"{one.entry_point.value})")
         if not (isinstance(loaded, type) and issubclass(loaded, Plugin)):
-            raise InputError(f"{kind} plugin {one.name!r} of {_origin(one)} is no "
+            raise InputError(f"{kind} plugin {one.name!r} of {one.origin} is no "
                              f"sparsemor.core.protocols.plugin.Plugin class: {blame}")
         broken = refusal(kind, loaded)
         if broken:
-            raise InputError(f"{kind} plugin {one.name!r} of {_origin(one)} {broken}: {blame}")
+            raise InputError(f"{kind} plugin {one.name!r} of {one.origin} {broken}: {blame}")
         admit(kind, loaded)
         return loaded
 
     def every(self, kind: str) -> tuple[type[Plugin], ...]:
         """Classes of all plugins of one kind, imported. Raises InputError as `get`."""
-        return tuple(self.get(kind, self._spelled(e)) for e in self._of(kind))
+        return tuple(self.get(kind, self.spelling(p)) for p in self._plugins.get(kind, ()))
 
     def load(self, kind: str, name: str) -> Any:
         """Object to which an entry point refers, imported (for packaged example inputs, a path)."""
@@ -107,8 +129,7 @@ class Registry:
     def spelling(self, plugin: PluginName) -> str:
         """Shortest name that selects a plugin: plain if possible, else `package:name`."""
         offers = self._called(plugin.kind, plugin.name)
-        plain = len(offers) < 2 or canonical(plugin.distribution) == OWN
-        return plugin.name if plain else plugin.qualified
+        return plugin.name if len(offers) < 2 or plugin.own else plugin.qualified
 
     def passed_over(self, kind: str, name: str) -> str:
         """Note on the other packages that offer the same plain name, "" if there are none."""
@@ -116,70 +137,51 @@ class Registry:
         if len(offers) < 2:
             return ""
         one = self._only(kind, name)
-        others = [_named(e) for e in offers if e is not one]
-        return (f"{kind} plugin {name!r} is that of {_origin(one)}; "
+        others = [p for p in offers if p is not one]
+        return (f"{kind} plugin {name!r} is that of {one.origin}; "
                 f"{' and '.join(p.origin for p in others)} "
                 f"{'offers' if len(others) == 1 else 'offer'} one of that name too: write "
-                f"{' or '.join(p.qualified for p in others)} for it, or {_named(one).qualified} "
+                f"{' or '.join(p.qualified for p in others)} for it, or {one.qualified} "
                 "for this one")
 
     def name_of(self, kind: str, cls: type) -> str:
         """Name under which a class is registered, the inverse of `get`."""
         same = f"{cls.__module__}:{cls.__qualname__}"
         package = cls.__module__.partition(".")[0]
-        candidates = self._of(kind)
-        for e in candidates:
-            if e.value.replace(" ", "") == same:
-                return self._spelled(e)
+        candidates = self._plugins.get(kind, [])
+        for p in candidates:
+            if p.entry_point.value.replace(" ", "") == same:
+                return self.spelling(p)
         # a package may name its class through a re-export; import only that package's own
-        for e in candidates:
-            if e.module.partition(".")[0] == package and _loads_as(e, cls):
-                return self._spelled(e)
+        for p in candidates:
+            if p.entry_point.module.partition(".")[0] == package and _loads_as(p, cls):
+                return self.spelling(p)
         raise InputError(
             f"{same} is not registered as a {kind}, so it cannot be written down by name: give it "
             f"an entry point in the group {PREFIX}{kind}"
         )
 
-    def _spelled(self, e: metadata.EntryPoint) -> str:
-        # the distribution's name is read from its metadata only where it matters
-        unique = len(self._called(e.group.removeprefix(PREFIX), e.name)) < 2
-        return e.name if unique else self.spelling(_named(e))
-
-    @cached_property
-    def _groups(self) -> Mapping[str, list[metadata.EntryPoint]]:
-        found: dict[str, list[metadata.EntryPoint]] = {}
-        for e in self._entry_points:
-            found.setdefault(e.group, []).append(e)
-        return found
-
-    def _of(self, kind: str) -> list[metadata.EntryPoint]:
-        return self._groups.get(PREFIX + kind, [])
-
-    def _called(self, kind: str, name: str) -> list[metadata.EntryPoint]:
-        """Entry points of all plugins with this plain or qualified name."""
+    def _called(self, kind: str, name: str) -> list[PluginName]:
+        """All plugins with this plain or qualified name."""
         package, colon, plain = name.partition(":")
-        if not colon:
-            offers = [e for e in self._of(kind) if e.name == name]
-            # the order of several; names of distributions are read from their metadata
-            return offers if len(offers) < 2 else sorted(
-                offers, key=lambda e: _named(e).distribution)
-        return [e for e in self._of(kind) if e.name == plain and e.dist is not None
-                and canonical(e.dist.name) == canonical(package)]
+        offers = [p for p in self._plugins.get(kind, ()) if p.name == (plain if colon else name)]
+        if colon:
+            return [p for p in offers if p.distribution
+                    and canonical(p.distribution) == canonical(package)]
+        # the order of several; names of distributions are read from their metadata
+        return offers if len(offers) < 2 else sorted(offers, key=lambda p: p.distribution)
 
-    def _only(self, kind: str, name: str) -> metadata.EntryPoint:
-        """Entry point of the plugin with this name; InputError if there is none or more than
-        one."""
+    def _only(self, kind: str, name: str) -> PluginName:
+        """The plugin with this name; InputError if there is none or more than one."""
         found = self._called(kind, name)
         if not found:
             raise InputError(self._unknown(kind, name))
-        if len(found) == 1:
-            return found[0]
-        own = [e for e in found if e.dist is not None and canonical(e.dist.name) == OWN]
+        own = [p for p in found if p.own] if len(found) > 1 else found
         if len(own) == 1:
             return own[0]
         raise InputError(
-            f"{kind} plugin {name!r} is offered by {' and by '.join(map(_origin, found))}: write "
-            f"{' or '.join(_named(e).qualified for e in found)}, or uninstall one of them")
+            f"{kind} plugin {name!r} is offered by {' and by '.join(p.origin for p in found)}: "
+            f"write {' or '.join(p.qualified for p in found)}, or uninstall one of them")
 
     def _unknown(self, kind: str, name: str) -> str:
         names = sorted({self.spelling(p) for p in self.names(kind)})
@@ -189,15 +191,15 @@ class Registry:
 
 
 class _Driver(DriverManager[Any]):
-    """Loader of exactly one entry point by stevedore, without its cache on disk."""
+    """Loader of exactly one plugin by stevedore, without its cache on disk."""
 
-    def __init__(self, entry_point: metadata.EntryPoint) -> None:
-        self._only = entry_point
-        super().__init__(entry_point.group, entry_point.name,
+    def __init__(self, one: PluginName) -> None:
+        self._only = one
+        super().__init__(one.entry_point.group, one.name,
             on_load_failure_callback=_reraise, on_missing_entrypoints_callback=None)
 
     def list_entry_points(self) -> list[metadata.EntryPoint]:
-        return [self._only]
+        return [self._only.entry_point]
 
     @property
     def plugin(self) -> Any:
@@ -208,16 +210,15 @@ class _Driver(DriverManager[Any]):
         try:
             return super()._load_one_plugin(ep, *args)
         except (Exception, SystemExit) as cause:
-            kind = ep.group.removeprefix(PREFIX)
             raise InputError(
-                f"{kind} plugin {ep.name!r} of {_origin(ep)} cannot be imported "
+                f"{self._only.kind} plugin {ep.name!r} of {self._only.origin} cannot be imported "
                 f"({type(cause).__name__}: {cause}): fix or uninstall the package"
             ) from cause
 
 
-def _loads_as(e: metadata.EntryPoint, cls: type) -> bool:
+def _loads_as(one: PluginName, cls: type) -> bool:
     try:
-        return _Driver(e).plugin is cls
+        return _Driver(one).plugin is cls
     except InputError:  # another plugin's failure is no concern of this one
         return False
 
@@ -232,16 +233,6 @@ def suggestions(name: str, allowed: Iterable[str], label: str = "allowed") -> st
     close = difflib.get_close_matches(name, names, n=3, cutoff=0.6)
     hint = f"did you mean {' or '.join(close)}? " if close else ""
     return f"{hint}{label}: {', '.join(names) or 'none'}"
-
-
-def _named(e: metadata.EntryPoint) -> PluginName:
-    dist = e.dist
-    return PluginName(e.group.removeprefix(PREFIX), e.name,
-        dist.name if dist else "", dist.version if dist else "", e.value)
-
-
-def _origin(e: metadata.EntryPoint) -> str:
-    return _named(e).origin
 
 
 def canonical(distribution: str) -> str:

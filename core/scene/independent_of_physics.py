@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from typing import Any
 
 from sparsemor.core.protocols.integrator import Controller
-from sparsemor.core.scene.nested import functions_of_time
 from sparsemor.core.scene.scene import Scene
 
 IRRELEVANT: Mapping[str, Any] = {
@@ -27,8 +26,7 @@ def physics_of(scene: Scene, label: str) -> Scene:
     without = {f"training.{key}": None for key in ("parameters", "loads")
                if getattr(scene.training, key) is not None}
     reset = dict(IRRELEVANT)
-    if any(isinstance(f, Controller) for _, f in functions_of_time(
-            {"loads": scene.loads, "joints": scene.joints, "contacts": scene.contacts})):
+    if any(isinstance(f, Controller) for f in scene.functions_of_time.values()):
         del reset["probes"]  # sensors
     return scene.using({**reset, **without}, label=label)
 

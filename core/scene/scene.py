@@ -27,6 +27,7 @@ from sparsemor.core.protocols import (
     LinearSolver,
     LoadPlugin,
     Reducer,
+    TimeFunction,
 )
 from sparsemor.core.protocols.layout import FieldKind, ordered
 from sparsemor.core.protocols.plugin import Plugin
@@ -35,6 +36,7 @@ from sparsemor.core.registry.registry import Registry, suggestions
 from sparsemor.core.registry.validation_errors import custom, shown, with_advice
 from sparsemor.core.scene.defaults import FULL_ORDER, HEAT, LARGEST_ERROR, MOTION
 from sparsemor.core.scene.html import html_table
+from sparsemor.core.scene.nested import functions_of_time
 from sparsemor.core.scene.options import Initial, Output, Probe, RigidStage, Time, Training
 from sparsemor.core.scene.overrides import find
 from sparsemor.core.scene.parameters import (
@@ -245,6 +247,12 @@ class Scene(Plugin):
         """Parameters whose value in this scene is outside its range, with the value."""
         ranges = {n: p.range for n, p in self.parameters.items()}
         return {n: v for n, v in self.point.items() if not ranges[n][0] <= v <= ranges[n][1]}
+
+    @property
+    def functions_of_time(self) -> dict[str, TimeFunction]:
+        """Functions of time of loads, joints and contacts, by dotted key."""
+        return dict(functions_of_time(
+            {"loads": self.loads, "joints": self.joints, "contacts": self.contacts}))
 
     @property
     def reducer_name(self) -> str:

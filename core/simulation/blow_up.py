@@ -14,14 +14,13 @@ from sparsemor.core.model.model import Model
 from sparsemor.core.protocols import (
     Dictionary,
     OfflineProducts,
-    ReducedProblem,
     State,
     StepSolver,
 )
 from sparsemor.core.protocols.layout import Layout, Quantity
 from sparsemor.core.protocols.poses import FREE_POSE
 from sparsemor.core.scene.scene import Scene
-from sparsemor.core.simulation.time_stepping import FixedStep, iterate, started
+from sparsemor.core.simulation.time_stepping import FixedStep, iterate, problem_of, started
 from sparsemor.core.status import SolveFailed, Status
 
 BEYOND = 2.0
@@ -217,8 +216,7 @@ def _smaller(
     if count > TRIALS or scene.time.control is not None:
         return False
     try:
-        solver: StepSolver = scene.reducer.prepare(ReducedProblem(
-            model, scene.integrator, h, offline, np.random.default_rng(scene.seed)))
+        solver: StepSolver = scene.reducer.prepare(problem_of(scene, model, offline, h))
         state, memory = started(solver, scene.integrator, start)
         extents = Extents.of(model, solver.layout, solver.dictionaries)
         for taken in iterate(FixedStep.of(scene.integrator, solver, h), state, memory, count):

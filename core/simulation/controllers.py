@@ -12,7 +12,6 @@ from sparsemor.core.protocols.layout import Layout
 from sparsemor.core.registry.registry import suggestions
 from sparsemor.core.registry.returned_values import controller_step
 from sparsemor.core.results.probes import ForceReader, ProbeReader
-from sparsemor.core.scene.nested import functions_of_time
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.outputs import Output, outputs_of, read
 from sparsemor.core.simulation.time_stepping import Step
@@ -23,8 +22,7 @@ Memory = dict[str, tuple[float, ...]]
 
 def controllers_of(scene: Scene) -> dict[str, Controller]:
     """Controllers of a scene by their keys, such as `loads.motor.factor`."""
-    acting = {"loads": scene.loads, "joints": scene.joints, "contacts": scene.contacts}
-    return {k: f for k, f in functions_of_time(acting) if isinstance(f, Controller)}
+    return {k: f for k, f in scene.functions_of_time.items() if isinstance(f, Controller)}
 
 
 class Controllers:

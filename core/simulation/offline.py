@@ -17,7 +17,6 @@ from sparsemor.core.protocols import (
     BlockData,
     Dictionary,
     Recording,
-    ReducedProblem,
     State,
     StepFactors,
     StepSolver,
@@ -31,7 +30,7 @@ from sparsemor.core.simulation.blow_up import Extents, diverged
 from sparsemor.core.simulation.controllers import Controllers, sensors
 from sparsemor.core.simulation.offline_cache import Products
 from sparsemor.core.simulation.step_control import controlled, step_of
-from sparsemor.core.simulation.time_stepping import iterate, started
+from sparsemor.core.simulation.time_stepping import iterate, problem_of, started
 from sparsemor.core.status import SolveFailed
 
 TrainingRun = tuple[str, Callable[[], Mapping[str, FloatArray]]]
@@ -295,8 +294,7 @@ def full_run(
     Raises SolveFailed if the run stops before its end.
     """
     h, steps = scene.time.step, step_count(scene)
-    solver: StepSolver = scene.reducer.prepare(ReducedProblem(
-        model, scene.integrator, h, offline, np.random.default_rng(scene.seed)))
+    solver: StepSolver = scene.reducer.prepare(problem_of(scene, model, offline))
     solver = controlled(scene, model, offline, solver)
     controllers = Controllers(scene, sensors(model, solver.layout, solver.dictionaries))
     step = controllers.around(step_of(solver, scene.integrator, h), controllers.begin())

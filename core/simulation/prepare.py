@@ -18,7 +18,6 @@ from sparsemor.core.model.redundancy import undetermined_forces
 from sparsemor.core.model.resolved_start import resolved_start
 from sparsemor.core.notes import Note
 from sparsemor.core.protocols import (
-    ReducedProblem,
     StepFactors,
     StepSolver,
 )
@@ -39,6 +38,7 @@ from sparsemor.core.simulation.offline_cache import Products
 from sparsemor.core.simulation.prepared_run import PreparedRun
 from sparsemor.core.simulation.rigid_stage import staged
 from sparsemor.core.simulation.step_control import controlled
+from sparsemor.core.simulation.time_stepping import problem_of
 from sparsemor.core.simulation.training import offline_of
 from sparsemor.core.simulation.validation import checked_model
 
@@ -149,7 +149,7 @@ def reduced(scene: Scene, model: Model, offline: Offline) -> PreparedRun:
     InputError as the reducer, SolveFailed for singular matrices."""
     h, integrator, reducer = scene.time.step, scene.integrator, scene.reducer
     model, undetermined = _determined(scene, model, offline)
-    problem = ReducedProblem(model, integrator, h, offline, np.random.default_rng(scene.seed))
+    problem = problem_of(scene, model, offline)
     solver: StepSolver = reducer.prepare(problem)
     complete(solver, StepSolver, reducer, "prepare", "reducer")
     start = resolved_start(model, integrator, h)

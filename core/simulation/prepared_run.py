@@ -15,7 +15,6 @@ from sparsemor.core.protocols import (
     BodyShape,
     ErrorEstimator,
     ErrorLimit,
-    ReducedProblem,
     State,
     StepMemory,
     StepSolver,
@@ -30,7 +29,13 @@ from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.blow_up import Extents
 from sparsemor.core.simulation.offline import Offline, step_count
 from sparsemor.core.simulation.step_control import Judged, judged, step_of
-from sparsemor.core.simulation.time_stepping import FixedStep, full_state, iterate, started
+from sparsemor.core.simulation.time_stepping import (
+    FixedStep,
+    full_state,
+    iterate,
+    problem_of,
+    started,
+)
 from sparsemor.core.simulation.training import in_training
 
 
@@ -88,8 +93,7 @@ class PreparedRun:
         assert self.model is not None and self.offline is not None
         full, h = self.scene.using({"reducer": {"use": FULL_ORDER}}, label="full order"), (
             self.scene.time.step)
-        solver: StepSolver = full.reducer.prepare(ReducedProblem(
-            self.model, full.integrator, h, self.offline, np.random.default_rng(full.seed)))
+        solver: StepSolver = full.reducer.prepare(problem_of(full, self.model, self.offline))
         state, memory = started(
             solver, full.integrator, resolved_start(self.model, full.integrator, h).state)
         taken = iterate(step_of(solver, full.integrator, h), state, memory,
@@ -133,7 +137,6 @@ class PreparedRun:
         LookupError where some are not, InputError and SolveFailed as the reducer."""
         if self.model is None or self.offline is None:
             raise LookupError("model")
-        made: StepSolver = self.scene.reducer.prepare(ReducedProblem(
-            self.model, self.scene.integrator, h, self.offline.as_computed(),
-            np.random.default_rng(self.scene.seed)))
+        made: StepSolver = self.scene.reducer.prepare(
+            problem_of(self.scene, self.model, self.offline.as_computed(), h))
         return made

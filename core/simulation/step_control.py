@@ -14,7 +14,8 @@ right, and with the loads a little later: the rates of these solutions, and thei
 with which the next part begins, so that it need not wait for the integrator's history to follow.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import ceil, inf, log2, sqrt
 from typing import Any, NamedTuple, Self
@@ -27,7 +28,6 @@ from sparsemor.core.protocols import (
     Integrator,
     NextStep,
     OfflineProducts,
-    ReducedProblem,
     State,
     StepFormula,
     StepMemory,
@@ -43,10 +43,9 @@ from sparsemor.core.protocols.step_solver import (
     ResultantSource,
 )
 from sparsemor.core.registry.returned_values import complete
-from sparsemor.core.scene.nested import functions_of_time
 from sparsemor.core.scene.options import Control
 from sparsemor.core.scene.scene import Scene
-from sparsemor.core.simulation.time_stepping import FixedStep, Step, loads_of
+from sparsemor.core.simulation.time_stepping import FixedStep, Step, loads_of, problem_of
 from sparsemor.core.status import Status
 
 MOST_CUTS = 8
@@ -68,14 +67,12 @@ def controlled(
     if clock.control is None:
         return solver
 
-    def prepare(h: float) -> StepSolver:  # the same seed, so the same rows are drawn
-        made: StepSolver = scene.reducer.prepare(ReducedProblem(
-            model, scene.integrator, h, offline, np.random.default_rng(scene.seed)))
+    def prepare(h: float) -> StepSolver:
+        made: StepSolver = scene.reducer.prepare(problem_of(scene, model, offline, h))
         return made
 
-    acting = {"loads": scene.loads, "joints": scene.joints, "contacts": scene.contacts}
     return ControlledSteps(solver, scene.integrator, clock.step, clock.end, clock.control, prepare,
-                           [f for _, f in functions_of_time(acting)])
+                           [*scene.functions_of_time.values()])
 
 
 def step_of(solver: StepSolver, integrator: Integrator, h: float) -> Step:
@@ -215,18 +212,12 @@ class ControlledSteps(AroundSteps[StepSolver]):
     def counters(self, memory: ControlMemory) -> Mapping[str, int]:
         """Counts of events, such as factorizations, summed over the solvers of all substep
         sizes."""
-        total: dict[str, int] = {}
-        for level, inner in memory.levels.items():
-            for name, count in self._solver(level, memory).counters(inner).items():
-                total[name] = total.get(name, 0) + count
-        return total
+        return _summed(self._solver(level, memory).counters(inner)
+                       for level, inner in memory.levels.items())
 
     def linear_iterations(self, memory: ControlMemory) -> Mapping[str, int]:
-        found: dict[str, int] = {}
-        for level, inner in memory.levels.items():
-            for name, count in self._solver(level, memory).linear_iterations(inner).items():
-                found[name] = found.get(name, 0) + count
-        return found
+        return _summed(self._solver(level, memory).linear_iterations(inner)
+                       for level, inner in memory.levels.items())
 
     def summary(self, memory: ControlMemory) -> dict[str, Any]:
         """Summary of step control. Step sizes in s; `largest_error`: largest error estimate over
@@ -423,6 +414,13 @@ class ControlledSteps(AroundSteps[StepSolver]):
                 memory.parts.pop(next(iter(memory.parts)))
             known, memory.parts[h] = h, self._prepare(h)
         return memory.parts[known]
+
+
+def _summed(counts: Iterable[Mapping[str, int]]) -> dict[str, int]:
+    total = Counter[str]()
+    for one in counts:
+        total.update(one)
+    return dict(total)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -12,9 +12,12 @@ from typing_extensions import TypeVar
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.linalg.least_squares import least_squares_coefficients
 from sparsemor.core.protocols import (
+    AssembledModel,
     Integrator,
     ManySteps,
     NextStep,
+    OfflineProducts,
+    ReducedProblem,
     State,
     StepFormula,
     StepMemory,
@@ -24,6 +27,7 @@ from sparsemor.core.protocols import (
 )
 from sparsemor.core.protocols.integrator import next_time
 from sparsemor.core.protocols.step_amplitude import Substep, substep
+from sparsemor.core.scene.scene import Scene
 from sparsemor.core.status import SolveFailed, Status
 
 UNRESOLVED = 100.0
@@ -77,6 +81,15 @@ class FixedStep(Generic[M]):
             self.rules, solver.layout, state, self.h, next_time(state.t, self.h))
         outcome, state = self.integrator.advance(solve, step)
         return outcome, state, memory
+
+
+def problem_of(
+    scene: Scene, model: AssembledModel, offline: OfflineProducts, h: float | None = None
+) -> ReducedProblem:
+    """Problem of a time step of h, s (by default that of the scene), from which the reducer of the
+    scene prepares a step solver; the same seed, so the same rows are drawn."""
+    return ReducedProblem(model, scene.integrator, h or scene.time.step, offline,
+                          np.random.default_rng(scene.seed))
 
 
 def loads_of(integrator: Integrator, h: float, begins: bool = False) -> Substep:

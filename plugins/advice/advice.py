@@ -21,7 +21,6 @@ from sparsemor.core.model.resolved_start import resolved_start
 from sparsemor.core.notes import Note, information
 from sparsemor.core.protocols import (
     Choice,
-    ReducedProblem,
     Reducer,
     State,
     StepSolver,
@@ -40,7 +39,7 @@ from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.offline import Offline, step_count
 from sparsemor.core.simulation.prepare import prepared
 from sparsemor.core.simulation.progress import progress_bar
-from sparsemor.core.simulation.time_stepping import full_state
+from sparsemor.core.simulation.time_stepping import full_state, problem_of
 from sparsemor.core.simulation.training import offline_of
 from sparsemor.core.status import SolveFailed
 from sparsemor.plugins.stability.check import check_run
@@ -193,7 +192,7 @@ def _asked(
 ) -> tuple[tuple[str, ...], Choice | None]:
     """Blocks that are left out, and the chosen reducer; None where no block remains."""
     training = _training(scene)
-    problem = _problem(training, model, offline)
+    problem = problem_of(training, model, offline)
 
     def choice_for(model: Model, offline: Offline) -> Choice:
         start = resolved_start(model, training.integrator, training.time.step).state
@@ -209,7 +208,7 @@ def _asked(
                 tried, model, solver, start, offline,
                 [full_state(solver, s) for s in states])[0])
 
-        return chooser.choose(_problem(training, model, offline), unstable)
+        return chooser.choose(problem_of(training, model, offline), unstable)
 
     covered = not scene.training.overrides and scene.training_end >= scene.time.end
     gone = chooser.left_out(problem) if covered else ()
@@ -227,11 +226,6 @@ def _asked(
             if not choice.doubts:
                 return gone, choice
     return (), choice_for(model, offline)
-
-
-def _problem(scene: Scene, model: Model, offline: Offline) -> ReducedProblem:
-    return ReducedProblem(model, scene.integrator, scene.time.step, offline,
-                          np.random.default_rng(scene.seed))
 
 
 def _training(scene: Scene) -> Scene:

@@ -14,7 +14,6 @@ from sparsemor.core.protocols import (
     Dictionary,
     OfflineProducts,
     Recording,
-    ReducedProblem,
     State,
     StepFactors,
     StepSolver,
@@ -23,6 +22,7 @@ from sparsemor.core.protocols.layout import Layout
 from sparsemor.core.results.probes import ProbeReader
 from sparsemor.core.simulation.prepared_run import PreparedRun
 from sparsemor.core.simulation.step_control import controlled
+from sparsemor.core.simulation.time_stepping import problem_of
 
 STEPS = 10
 """Least number of full-order steps from which atoms are added."""
@@ -95,8 +95,7 @@ def enriched(run: PreparedRun, dictionaries: Mapping[str, Dictionary], t: float)
     scene, model, reducer = run.scene, run.model, run.scene.reducer
     assert model is not None and run.offline is not None
     offline = OtherBases(run.offline, dictionaries)
-    problem = ReducedProblem(
-        model, scene.integrator, scene.time.step, offline, np.random.default_rng(scene.seed))
+    problem = problem_of(scene, model, offline)
     solver: StepSolver = scene.reducer.prepare(problem)
     estimator = reducer.error_estimator(problem, solver)
     solver = controlled(scene, model, offline, solver)

@@ -12,13 +12,14 @@ import numpy as np
 
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.notes import Note
-from sparsemor.core.protocols import Dictionary, ErrorLimit, ReducedProblem, State, StepSolver
+from sparsemor.core.protocols import Dictionary, ErrorLimit, State, StepSolver
 from sparsemor.core.protocols.layout import Layout
 from sparsemor.core.results.probes import ProbeReader
 from sparsemor.core.scene.defaults import FULL_ORDER
 from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.simulation.prepared_run import PreparedRun
 from sparsemor.core.simulation.step_control import controlled
+from sparsemor.core.simulation.time_stepping import problem_of
 from sparsemor.core.status import SolveFailed
 
 
@@ -95,8 +96,7 @@ def at_full_order(run: PreparedRun, why: Exceeded) -> PreparedRun:
     assert model is not None
     full = scene.using({"reducer": FULL_ORDER, "probes": {}})
     offline = Offline.of(model, {})
-    solver: StepSolver = full.reducer.prepare(ReducedProblem(
-        model, scene.integrator, scene.time.step, offline, np.random.default_rng(scene.seed)))
+    solver: StepSolver = full.reducer.prepare(problem_of(full, model, offline))
     solver = controlled(full, model, offline, solver)
     return replace(
         run, solver=solver, kept={}, trained_to=None, notes=(*run.notes, why.note()),
