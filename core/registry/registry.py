@@ -19,7 +19,7 @@ from sparsemor.core.registry.contracts import refusal
 _UNNAMED = "an unnamed distribution"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class PluginName:
     """Kind, name and distribution of an installed plugin, which is not imported yet."""
 
