@@ -132,8 +132,8 @@ class StepSolver(ABC, Generic[M]):
         return ()
 
     def many(self, rules: UpdateRules, h: float, steps: int) -> "ManySteps[M] | None":
-        """A faster way for a run of `steps` steps of size h, s, by an integrator with these rules,
-        such as compiled steps; None where there is none or it does not pay."""
+        """A faster way for runs of `steps` steps in all of size h, s, by an integrator with these
+        rules, such as compiled steps; None where there is none or it does not pay."""
         return None
 
     def machine_steps(self, of: "MachineRequest[M]") -> "MachineSteps":

@@ -199,6 +199,7 @@ class ReducedModel:
     ) -> None:
         self._file_name = file
         self._run, self._again, self._fixed = run, again, fixed_in_memory(run.header)
+        self._earlier = 0  # number of steps of its runs so far
         self.offline_seconds = offline_seconds
         """Time of its preparation with an empty cache, s; 0 for a model from a file."""
 
@@ -268,17 +269,20 @@ class ReducedModel:
             begin = state, memory.copy()
         own = None if run.offline is self._run.offline else run.offline  # projected again
         products = None if own is None else own.products
+        earlier, self._earlier = self._earlier, self._earlier + run.steps
         if out is None:
             with usable(self._file_name):
                 writer = MemoryWriter(
                     run.header, self._fixed if own is None else fixed_in_memory(run.header))
                 recorder = Recorder(run, writer, None, products)
-                steps = RunSteps(run, recorder, manager, stats, begin=begin)
+                steps = RunSteps(
+                    run, recorder, manager, stats, begin=begin, earlier=earlier)
                 return steps.finish(steps.take())
         with owned(Path(out)):
             recorder = Recorder.open(run, Path(out), False, products)
             with kept(recorder.writer, new=True), usable(self._file_name):
-                steps = RunSteps(run, recorder, manager, stats, begin=begin)
+                steps = RunSteps(
+                    run, recorder, manager, stats, begin=begin, earlier=earlier)
                 return steps.finish(steps.take())
 
     def at(self, parameters: Mapping[str, float], atoms: int | None = None) -> "ReducedModel":

@@ -95,14 +95,16 @@ class RunSteps:
     """Time loop of one run: constant data, current state, step memory and statistics. Takes all
     steps of a prepared run, or those after its checkpoint.
 
-    begin: the state and memory with which they begin (`started`), if they are known. held: True
-    while a control decides on what is written.
+    begin: the state and memory with which they begin (`started`), if they are known. earlier:
+    number of steps that this process has taken with the same model, for which machine code pays,
+    too. held: True while a control decides on what is written.
     """
 
     @np.errstate(all="ignore")  # overflow ends in a status, not in a warning
     def __init__(
         self, run: PreparedRun, recorder: Recorder, manager: Manager, stats: StepStatistics,
         collector: SnapshotCollector | None = None, begin: tuple[State, StepMemory] | None = None,
+        earlier: int = 0,
     ) -> None:
         scene = run.scene
         self.run, self.scene, self.solver = run, scene, run.solver
@@ -110,7 +112,8 @@ class RunSteps:
         self.collector, self.due, self.held = collector, False, False
         self.state, self.memory = begin or started(self.solver, scene.integrator, run.start)
         complete(self.memory, StepMemory, scene.reducer, "start", "reducer")
-        self.many = many_steps(self.solver, scene.integrator, scene.time.step, run.steps)
+        self.many = many_steps(
+            self.solver, scene.integrator, scene.time.step, earlier + run.steps)
         if run.estimator is not None:
             recorder.errors = ErrorRecord(
                 run.estimator, run.full_start or run.start, self.state, run.changes)

@@ -19,7 +19,6 @@ from sparsemor.core import (
     State,
     information,
 )
-from sparsemor.core.model.equations import system_residual
 from sparsemor.plugins.checks import place
 from sparsemor.plugins.checks.unresolved_motion import ROUNDING, inner_force
 
@@ -90,40 +89,39 @@ def energy_lost(model: Model, states: Sequence[State], h: float, steps: int) -> 
     if steps < FEWEST:
         return None
     lost, most, inertia, other = 0.0, 0.0, 0.0, 0.0
-    at = model.layout.frames
+    at, changes = model.layout.frames, list[float]()
     for s in states:
-        most = max(most, 0.5 * float(s.v[at] @ _inertia(model, s, s.v)))
-        force = _inertia(model, s, s.a)
-        lost += h * h * float(s.a[at] @ force)
-        inertia = max(inertia, float(np.abs(force).max(initial=0.0)))
-        other = max(other, _other(model, s))
+        of_v, of_a, rest = _forces(model, s)
+        most = max(most, 0.5 * float(s.v[at] @ of_v))
+        lost += h * h * float(s.a[at] @ of_a)
+        inertia = max(inertia, float(np.abs(of_a).max(initial=0.0)))
+        other = max(other, rest)
+        changes.append(float(s.a[at] @ of_v))
     if not most > 0.0 or not np.isfinite(lost + most) or inertia < INERTIA * other:
         return None
     if inertia <= ROUNDING * inner_force(model, lambda name: states[-1].x[model.layout[name]]):
         return None  # a settling of bodies that deform
-    first, last = (float(s.a[at] @ _inertia(model, s, s.v)) for s in (states[0], states[-1]))
-    return max(0.0, lost / len(states) * steps - 0.5 * h * (last - first)) / most
+    return max(0.0, lost / len(states) * steps - 0.5 * h * (changes[-1] - changes[0])) / most
 
 
-def _inertia(model: Model, s: State, u: FloatArray) -> FloatArray:
-    """M u of the frames (m,), with the mass matrix M of a state: inertia forces are linear in
-    accelerations."""
-    at, a = model.layout.frames, np.zeros(len(u))
-    a[at] = u[at]
-    with np.errstate(all="ignore"):
-        return (system_residual(model.layout, model.terms, s.x, s.v, a, s.t) - system_residual(
-            model.layout, model.terms, s.x, s.v, 0.0 * a, s.t))[at]
-
-
-def _other(model: Model, s: State) -> float:
-    """Largest force of one term on a frame without inertia, N or N m."""
-    most, end = 0.0, model.layout.frames.stop
+def _forces(model: Model, s: State) -> tuple[FloatArray, FloatArray, float]:
+    """M v and M a of the frames (m,), with the mass matrix M of a state, as inertia forces are
+    linear in accelerations; and the largest force of one term on a frame without inertia, N or
+    N m. Terms that act on no frame are not evaluated."""
+    at, most = model.layout.frames, 0.0
+    found = np.zeros((2, at.stop))
     with np.errstate(all="ignore"):
         for term in model.terms:
-            j = term.columns
-            r = term.residual(s.x[j], s.v[j], 0.0 * s.a[j], s.t)
-            most = max(most, float(np.abs(r[term.rows < end]).max(initial=0.0)))
-    return most
+            on = term.rows < at.stop
+            if not on.any():
+                continue
+            j, frames = term.columns, term.columns < at.stop
+            rest = term.residual(s.x[j], s.v[j], 0.0 * s.a[j], s.t)[on]
+            most = max(most, float(np.abs(rest).max(initial=0.0)))
+            for forces, u in zip(found, (s.v, s.a), strict=True):
+                moved = term.residual(s.x[j], s.v[j], np.where(frames, u[j], 0.0), s.t)[on]
+                np.add.at(forces, term.rows[on], moved - rest)
+    return found[0], found[1], most
 
 
 def energy_notes(lost: float | None, h: float) -> tuple[Note, ...]:

@@ -30,8 +30,9 @@ K."""
 COLDEST = 50.0
 """Initial temperature, K, above which temperatures are taken as absolute. Temperatures that start
 at 0 are changes, for which the discretisation may undershoot 0."""
-ROUND = 1e-6
-"""Temperature difference, K, by which a property's range may be exceeded without a warning."""
+ROUND, BEYOND = 1e-6, 1e-3
+"""Temperature difference, K, and share of a property's finite range by which that may be exceeded
+without a warning: a reduced run does so by its error, where its temperatures begin at a limit."""
 STORED, LARGE = 8, 20_000
 """Number of stored steps at which a block is checked, and number of unknowns above which only the
 last one is."""
@@ -86,7 +87,8 @@ def property_notes(body: Body, T: FloatArray) -> Iterator[Note]:
     for key, (low, high) in body.temperature_limits.items() if values.size else ():
         coldest, hottest = float(values.min()), float(values.max())
         worst = hottest if hottest - high > low - coldest else coldest
-        if coldest < low - ROUND or hottest > high + ROUND:
+        beyond = max(ROUND, BEYOND * (high - low) if np.isfinite(high - low) else 0.0)
+        if coldest < low - beyond or hottest > high + beyond:
             yield Note(f"bodies.{body.name}.{key} is defined from {low:g} to {high:g} K, and "
                        f"temperatures of {body.name} reach {worst:.5g} K: it is constant outside",
                        "property_range")

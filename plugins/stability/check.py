@@ -23,6 +23,7 @@ from sparsemor.core.registry.registry import Registry
 from sparsemor.core.scene.defaults import PROJECTION
 from sparsemor.core.scene.digest import digest
 from sparsemor.core.scene.independent_of_physics import IRRELEVANT
+from sparsemor.core.scene.overrides import split
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.checks import Check, Findings
 from sparsemor.core.simulation.offline import Offline, step_count
@@ -219,8 +220,8 @@ def check_run(
     warnings, and numbers to store. The result is cached with the offline products.
 
     states: those of a full-order run, or of one that is known to be accurate, in the order of their
-    times; without them, those of the training run where this is the same run, or else of a run of
-    the Galerkin model of the same atoms.
+    times; without them, those of the training run where this is the same run but for its loads, or
+    else of a run of the Galerkin model of the same atoms.
 
     Full-order and Galerkin models are the reference and are not checked. Raises InputError (key
     `check_stability`) if the model is unstable and the scene's option is `refuse`.
@@ -249,11 +250,19 @@ def _judged_run(
 ) -> Judgement:
     integrator, h, steps = scene.integrator, scene.time.step, step_count(scene)
     registry = scene.source.registry
-    if not known and integrator.order == 1 and offline.trained and in_training(scene):
+    if not known and integrator.order == 1 and offline.trained and _trained_along(scene):
         known = offline.states()
     states = states_along(
         model, integrator, h, solver, full, linearization_times(h, steps), registry, known)
     return judge_along(solver, integrator, h, steps, states, ReferenceModels(model, registry))
+
+
+def _trained_along(scene: Scene) -> bool:
+    """True if the training run is the run itself, or the same run of its bodies under other loads:
+    its states are as near to those of the run as the model is valid for."""
+    own = scene.training.overrides
+    return in_training(scene.using({"training.overrides": {}}) if own and all(
+        split(key)[0] == "loads" for key in own) else scene)
 
 
 def _as_arrays(found: Judgement) -> Arrays:

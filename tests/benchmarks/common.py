@@ -44,8 +44,10 @@ LATE = 0.1
 
 
 def scene_at(elements: int, end: float, name: str = "double_pendulum", **changes: Any) -> Scene:
-    """A packaged scene with this many triangles a link, trained over what is run, `end` s."""
+    """A packaged scene with this many triangles a link, trained over what is run, `end` s; with
+    consistent capacity, whose snapshots span 30 displacements and 20 temperatures of a link."""
     return load(name, {
+        "bodies.link1.capacity": "consistent", "bodies.link2.capacity": "consistent",
         "bodies.link1.mesh.elements": elements, "bodies.link2.mesh.elements": elements,
         "time.end": end, "training.end": end, **changes})
 

@@ -137,34 +137,37 @@ def bound(
     return made
 
 
-def has_code(functions: Functions) -> bool:
-    """True if an earlier run has kept machine code for models with these functions."""
-    return bool(MachineCode(name_of(functions), make=False))
+def has_code(functions: Functions, checked: bool = False) -> bool:
+    """True if an earlier run has kept machine code for models with these functions; checked: as in
+    `compiled`."""
+    return bool(MachineCode(name_of(functions, checked), make=False))
 
 
 @cache
-def compiled_advance(functions: Functions) -> Any:
-    """Compiled `kernel.advance` for models with these functions."""
-    return compiled(functions)["advance"]
+def compiled_advance(functions: Functions, checked: bool = False) -> Any:
+    """Compiled `kernel.advance` for models with these functions; checked: as in `compiled`."""
+    return compiled(functions, checked=checked)["advance"]
 
 
 def compiled(
-    functions: Functions, also: Sequence[Callable[..., object]] = (), creating: Any = None
+    functions: Functions, also: Sequence[Callable[..., object]] = (), creating: Any = None,
+    checked: bool = False
 ) -> dict[str, Any]:
     """Name -> compiled function of the kernel with these functions, and of `also`; creating: one of
-    these that creates arrays."""
+    these that creates arrays; checked: True for code that raises IndexError for each index outside
+    its array, for models whose numbers come from elsewhere."""
     import numba  # optional, and takes half a second to import
 
     njit: Any = numba.njit  # its types lack `_nrt`
-    kept = MachineCode(name_of(functions))
+    kept = MachineCode(name_of(functions, checked))
     if not kept:
         _log.warning("compiling the time step once, some ten seconds; machine code: %s",
                      kept.folder or "not kept, since no folder is this user's alone")
     counted = {f.__code__ for f in (*COUNTED, no_rows, creating) if isinstance(f, FunctionType)}
     # sums may be reordered, which makes products several times faster
     return bound(functions, lambda f: with_kept_code(njit(
-        error_model="numpy", _nrt=f.__code__ in counted, fastmath={"contract", "reassoc"})(f),
-        kept), also)
+        error_model="numpy", boundscheck=checked, _nrt=f.__code__ in counted,
+        fastmath={"contract", "reassoc"})(f), kept), also)
 
 
 def with_kept_code(compiled: Any, kept: MachineCode) -> Any:
@@ -200,9 +203,9 @@ def with_kept_code(compiled: Any, kept: MachineCode) -> Any:
 
 
 @cache
-def name_of(functions: Functions) -> str:
+def name_of(functions: Functions, checked: bool = False) -> str:
     """Name of the machine code of the kernel with these functions: a digest of their sources and
-    their order, and of the versions of Python and numba."""
+    their order, of the versions of Python and numba, and of whether indices are checked."""
     own = functions.all
     files = sorted({__file__, *(inspect.getfile(f) for f in (*own, *FUNCTIONS))})
     frame = () if functions.frame is None else (functions.frame,)
@@ -211,4 +214,5 @@ def name_of(functions: Functions) -> str:
                   sorted(f.__qualname__ for f in functions.instead)))
     versions = [platform.python_version(), *map(version, ("numba", "llvmlite", "numpy"))]
     sources = b"".join(Path(f).read_bytes() for f in files)
-    return hashlib.sha256(sources + names.encode() + repr(versions).encode()).hexdigest()[:16]
+    about = names + repr(versions) + ("checked" if checked else "")
+    return hashlib.sha256(sources + about.encode()).hexdigest()[:16]

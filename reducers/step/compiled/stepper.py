@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields
+from functools import partial
 from importlib.util import find_spec
 from typing import Any, Literal, TypeAlias
 
@@ -18,26 +19,33 @@ from sparsemor.reducers.step.solver import Stepper
 
 Compiled: TypeAlias = Literal["auto", "on", "off"]
 AUTO, KEPT = 80_000, 2_000
-"""Smallest number of steps of a run for which `auto` compiles, and takes machine code that an
-earlier run has kept: compilation and loading take as long as about as many uncompiled steps."""
+"""Smallest number of steps of a run, or of all runs of a kept model in this process, for which
+`auto` compiles, and takes machine code that an earlier run has kept: compilation and loading take
+as long as about as many uncompiled steps."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CompiledStepper(Stepper):
     """Block-wise step solver that takes several steps at once as machine code, unless `compiled` is
-    "off" or its model is not covered (plan.py)."""
+    "off" or its model is not covered (plan.py).
+
+    checked: True for the model of a file. Its numbers are those of others, and machine code that
+    checks no index would read and write anywhere for wrong ones: such steps check all.
+    """
 
     compiled: Compiled = "off"
+    checked: bool = False
 
     def many(self, rules: UpdateRules, h: float, steps: int) -> "ManySteps[Memory] | None":
-        """Compiled steps of size h, s, for a run of `steps` steps."""
+        """Compiled steps of size h, s, for runs of `steps` steps in all."""
         if not wanted(self.compiled, steps, self._has_code):
             return None
+        from sparsemor.reducers.step.compiled.compile import compiled_advance
         from sparsemor.reducers.step.compiled.steps import CompiledSteps
         from sparsemor.reducers.step.compiled.time_functions import NotCompiled
 
         try:
-            return CompiledSteps(self, rules, h)
+            return CompiledSteps(self, rules, h, partial(compiled_advance, checked=self.checked))
         except NotCompiled:
             return None
 
@@ -48,7 +56,7 @@ class CompiledStepper(Stepper):
         from sparsemor.reducers.step.compiled.time_functions import NotCompiled
 
         try:
-            return has_code(plan(self).functions)
+            return has_code(plan(self).functions, self.checked)
         except NotCompiled:
             return False
 
@@ -58,19 +66,19 @@ class CompiledStepper(Stepper):
         return machine_steps(self, of)
 
     def stepping_alike(self, copy: StepSolver) -> StepSolver:
-        return _with(copy, copy.notes, self.compiled) if isinstance(copy, Stepper) else copy
+        return _with(copy, copy.notes, self.compiled, self.checked) if isinstance(
+            copy, Stepper) else copy
 
     def without_mesh(self) -> Stepper:
         made = Stepper.without_mesh(self)
-        return _with(made, made.notes, "off")
+        return _with(made, made.notes, self.compiled, self.checked)
 
     def parts(self) -> tuple[Any, ...]:
-        return tuple(getattr(self, f.name) for f in fields(Stepper))
+        return (*(getattr(self, f.name) for f in fields(Stepper)), self.compiled)
 
     @classmethod
     def of_parts(cls, *parts: Any) -> "CompiledStepper":
-        """A model of a file, whose steps are not compiled: machine code checks no indices."""
-        return cls(*parts)
+        return cls(*parts, checked=True)
 
 
 def compilable(made: Stepper, option: Compiled) -> Stepper:
@@ -89,10 +97,10 @@ def compilable(made: Stepper, option: Compiled) -> Stepper:
 
 
 def wanted(option: Compiled, steps: int, kept: Callable[[], bool]) -> bool:
-    """True if the steps of a run are to be compiled; kept: whether there is machine code of an
-    earlier run."""
+    """True if steps are to be compiled, for runs of so many in all; kept: whether there is machine
+    code of an earlier run."""
     if option != "auto":
-        return option == "on"
+        return option == "on" and installed()  # not where a file says so
     return installed() and steps >= KEPT and (steps >= AUTO or kept())
 
 
@@ -101,9 +109,11 @@ def installed() -> bool:
     return find_spec("numba") is not None
 
 
-def _with(made: Stepper, notes: tuple[Note, ...], option: Compiled) -> CompiledStepper:
+def _with(
+    made: Stepper, notes: tuple[Note, ...], option: Compiled, checked: bool = False
+) -> CompiledStepper:
     kept: dict[str, Any] = {f.name: getattr(made, f.name) for f in fields(Stepper)}
-    return CompiledStepper(**{**kept, "notes": notes}, compiled=option)
+    return CompiledStepper(**{**kept, "notes": notes}, compiled=option, checked=checked)
 
 
 def no_effect_of(option: Compiled, reason: str) -> tuple[Note, ...]:

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from small_pendulum import small
+from small_scenes import tiny
 from sparsemor.core import ReducedProblem
+from sparsemor.core.errors import PluginError
 from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.protocols import StepSolver
 from sparsemor.core.protocols.integrator import advanced, step_formula
@@ -247,3 +249,20 @@ def test_a_run_is_looked_at_from_its_start_to_its_end() -> None:
     at = model.layout["link1.rigid"]
     truth = simulate(scene.using({"reducer": "full"}), cache=Cache()).block("link1.rigid")[-1]
     np.testing.assert_allclose(states[-1].x[at], truth, atol=1e-8)
+
+
+def test_states_of_a_training_run_under_other_loads_are_taken(
+    monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """No other run is made for the states about which a model is linearised."""
+    def along(*given: Any) -> None:
+        raise AssertionError("a run of the Galerkin model")
+
+    monkeypatch.setattr("sparsemor.plugins.stability.reference.along", along)
+    plain = {"reducer": {"use": "sparse", "residual": "plain", "basis": {"use": "pod", "count": 6},
+                         "budgets": {"*": {"rows": 20}}}}
+    other = tiny().using({**plain, "training.overrides": {"loads.gravity.g": [0.0, -5.0]}})
+    assert prepared_run(other, Cache(None), new_manager())[0].summary["stability"]["stable"]
+    mass = tiny().using({**plain, "training.overrides": {"bodies.bar.thickness": 0.03}})
+    with pytest.raises(PluginError, match="Galerkin"):
+        prepared_run(mass, Cache(None), new_manager())

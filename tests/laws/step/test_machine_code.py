@@ -10,12 +10,15 @@ import numpy as np
 import pytest
 
 from small_scenes import SCENES, tiny
+from sparsemor import load_model, reduce
 from sparsemor.core import hookimpl
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.protocols import FrameWork
 from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.simulation.simulate import simulate
+from sparsemor.core.simulation.time_stepping import FixedStep, iterate, started
 from sparsemor.core.status import SolveFailed, Status
+from sparsemor.reducers.step.compiled.steps import CompiledSteps
 
 numba: Any = pytest.importorskip("numba")
 # compilation takes most of a minute: once for all tests of this file
@@ -63,9 +66,48 @@ def test_auto_takes_code_that_was_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     auto = simulate(heated("auto"))
     for block in BLOCKS:
         assert np.array_equal(compiled.block(block), auto.block(block)), block
-    monkeypatch.setattr("sparsemor.reducers.step.compiled.stepper.has_code", lambda of: False)
+    monkeypatch.setattr("sparsemor.reducers.step.compiled.stepper.has_code", lambda *of: False)
     monkeypatch.setattr("sparsemor.reducers.step.compiled.stepper.CompiledSteps", None)
     simulate(heated("auto"))
+
+
+def test_the_steps_of_a_file_are_compiled_and_check_every_index(tmp_path: Path) -> None:
+    """Numbers of a file are those of others: an index outside of an array ends the run."""
+    scene = tiny().using({"reducer": {
+        "use": "galerkin", "basis": {"use": "pod", "count": 4}, "compiled": "on"},
+        "time.end": 0.1, "training.end": 0.04})
+    model, file = reduce(scene), tmp_path / "bar.model"
+    model.save(file)
+    first, again = simulate(scene.using({"reducer.compiled": "off"})), load_model(file).run()
+    for block in BLOCKS:
+        x, y = first.block(block), again.block(block)
+        assert np.abs(x - y).max() < 1e-10 * max(float(np.abs(x).max()), 1e-3), block
+    solver, h = load_model(file)._run.solver, scene.time.step
+    for array in ("columns", "e", "rows"):
+        many = solver.many(scene.integrator.rules(h), h, 100)
+        assert isinstance(many, CompiledSteps)
+        getattr(many.plan.bodies, array)[:] = 10**9
+        state, memory = started(solver, scene.integrator, load_model(file)._run.start)
+        step = FixedStep.of(scene.integrator, solver, h)
+        with pytest.raises(IndexError):
+            list(iterate(step, state, memory, 100, many=many))
+
+
+def test_runs_of_a_kept_model_are_compiled_when_that_pays(
+    monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """After as many steps in all as compilation takes."""
+    seen = list[int]()
+
+    def counted(option: str, steps: int, kept: Any) -> bool:
+        seen.append(steps)
+        return False
+
+    monkeypatch.setattr("sparsemor.reducers.step.compiled.stepper.wanted", counted)
+    model = reduce(heated("auto"))
+    for _ in range(3):
+        model.run({"time.end": 0.1})
+    assert seen == [100, 200, 300]
 
 
 class StopsAt:
