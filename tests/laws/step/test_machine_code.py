@@ -66,8 +66,8 @@ def test_auto_takes_code_that_was_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     auto = simulate(heated("auto"))
     for block in BLOCKS:
         assert np.array_equal(compiled.block(block), auto.block(block)), block
-    monkeypatch.setattr("sparsemor.reducers.step.compiled.stepper.has_code", lambda *of: False)
-    monkeypatch.setattr("sparsemor.reducers.step.compiled.stepper.CompiledSteps", None)
+    monkeypatch.setattr("sparsemor.reducers.step.compiled.compile.has_code", lambda *of: False)
+    monkeypatch.setattr("sparsemor.reducers.step.compiled.steps.CompiledSteps", None)
     simulate(heated("auto"))
 
 
