@@ -1,7 +1,7 @@
 """Step solver whose steps can be compiled."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import partial
 from importlib.util import find_spec
 from typing import Any, Literal, TypeAlias
@@ -78,7 +78,7 @@ class CompiledStepper(Stepper):
 
     @classmethod
     def of_parts(cls, *parts: Any) -> "CompiledStepper":
-        return cls(*parts, checked=True)
+        return replace(cls(*parts), checked=True)
 
 
 def compilable(made: Stepper, option: Compiled) -> Stepper:
