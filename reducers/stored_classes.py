@@ -17,13 +17,13 @@ from sparsemor.reducers.step import (
     reduced,
     reduced_mechanics,
     relocalised,
+    thermal_groups,
     time_tables,
 )
 from sparsemor.reducers.step.acceptance import Tolerances
-from sparsemor.reducers.step.blocks import thermal_groups
-from sparsemor.reducers.step.blocks.thermal_block import CompressedHeat
 from sparsemor.reducers.step.compiled.stepper import CompiledStepper
 from sparsemor.reducers.step.solver import Stepper
+from sparsemor.reducers.step.thermal_block import CompressedHeat
 
 CLASSES: Sequence[object] = (
     CompiledStepper, CompressedHeat, Stepper, Tolerances, frame_step.BodyStep,
@@ -34,7 +34,7 @@ CLASSES: Sequence[object] = (
     residuals.HeatResidual,
     operators.TestedElastic, operators.TestedHeat, operators.TestedLocal, operators.TestMap,
     reduced.Reduced, reduced.ReducedBody, reduced.ReducedHeat,
-    reduced_mechanics.ReducedMechanics,
+    reduced_mechanics.Mechanics, reduced_mechanics.ReducedMechanics,
     relocalised.Coupled, thermal_groups.GroupLocal, time_tables.LoadsInTime,
     time_tables.TabulatedLoads, time_tables.TimeTable,
 )

@@ -63,7 +63,7 @@ def angle_between(first: FloatArray, pose: FloatArray) -> FloatArray:
     return np.asarray(2.0 * np.arctan2(np.linalg.norm(vector, axis=1), np.abs(scalar)))
 
 
-_LEFT = np.array([
+LEFT = np.array([
     [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]],
     [[0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 0, -1], [0, 0, 1, 0]],
     [[0, 0, -1, 0], [0, 0, 0, 1], [1, 0, 0, 0], [0, -1, 0, 0]],
@@ -75,7 +75,7 @@ def turns_from(q: FloatArray) -> FloatArray:
     """Matrices (k, 4, 4, 4) whose sum with the components of quaternions p (k, 4) as weights is the
     orthogonal matrix by which quaternions, and their derivatives, turn from attitudes q (k, 4) to
     p; it makes p of q."""
-    return np.asarray(_LEFT @ np.tensordot(q, _LEFT, 1).transpose(0, 2, 1)[:, None])
+    return np.asarray(LEFT @ np.tensordot(q, LEFT, 1).transpose(0, 2, 1)[:, None])
 
 
 def turns(p: FloatArray, q: FloatArray) -> FloatArray:

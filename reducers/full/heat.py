@@ -34,9 +34,9 @@ from sparsemor.core.model.factorizations import unconverged_note
 from sparsemor.core.protocols import HeatBody, LoadTable
 from sparsemor.core.protocols.integrator import second_difference
 from sparsemor.reducers.linalg.superlu import factorize
-from sparsemor.reducers.step.blocks.thermal_groups import couplings_of, group_name, starts_of
 from sparsemor.reducers.step.factors import Factor, Identity
 from sparsemor.reducers.step.newton_loop import Linearisation, StepEquations
+from sparsemor.reducers.step.thermal_groups import couplings_of, group_name, starts_of
 from sparsemor.reducers.step.time_tables import plus_loads
 
 SYMMETRIC = 1e-12

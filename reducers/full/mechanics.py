@@ -33,14 +33,12 @@ from sparsemor.core import (
     StepFormula,
 )
 from sparsemor.core.model.factorizations import solve_or_fail, unconverged_note
-from sparsemor.core.protocols import ElasticOperators, FrameWork
+from sparsemor.core.protocols import ElasticLocal, ElasticOperators, FrameWork
 from sparsemor.reducers.linalg.coarse_correction import CoarseCorrection
 from sparsemor.reducers.step.acceptance import LEAST, rounding
-from sparsemor.reducers.step.blocks.elastic_local import FullLocal, StepForces
 from sparsemor.reducers.step.factors import Factor, Identity, Matrix, factorized, summed
 from sparsemor.reducers.step.frame_step import BodyStep, buffers
 from sparsemor.reducers.step.newton_loop import Linearisation, StepEquations
-from sparsemor.reducers.step.predictor import Prediction
 from sparsemor.reducers.step.time_tables import TimeTable, plus_loads
 
 PRICE = 2
@@ -105,11 +103,44 @@ class Displaced:
 
     h: FloatArray
     known: FloatArray | None
-    local: StepForces | None
+    local: "LocalForces | None"
     products: FloatArray
     u: FloatArray
     v: FloatArray
     weights: FloatArray
+
+
+class LocalForces:
+    """Local terms of an elastic body in one step, such as nonlinear springs and stiffness that
+    depends on temperature: forces (n,) as a function of the departure from the free motion u, v
+    (n,), for final temperatures T with their rate. They are evaluated at each iterate, while the
+    operator D stays constant."""
+
+    def __init__(
+        self, parts: Sequence[ElasticLocal], step: StepFormula, u: FloatArray, v: FloatArray,
+        T: FloatArray, rate: FloatArray,
+    ) -> None:
+        self.step, self.u, self.v, self.T, self.rate = step, u, v, T, rate
+        of_heat = [bool(part.hot.all()) for part in parts]
+        self.iterated = [part for part, known in zip(parts, of_heat, strict=True) if not known]
+        # terms that depend on temperatures alone are evaluated once
+        self.known = self._sum([part for part, known in zip(parts, of_heat, strict=True) if known],
+                               np.zeros(len(u)))
+
+    def rows(self, d: FloatArray) -> FloatArray:
+        """Forces (n,) at the departure d (n,)."""
+        return self.known + self._sum(self.iterated, d)
+
+    def _sum(self, parts: Sequence[ElasticLocal], d: FloatArray) -> FloatArray:
+        step, r = self.step, np.zeros(len(d))
+        u, v, a = self.u + d, self.v + step.c1 * d, step.c2 * d
+        for part in parts:
+            hot, (x, xv, xa) = part.hot, np.zeros((3, len(part.columns)))
+            of_u, of_T = part.columns[~hot], part.columns[hot]
+            x[~hot], xv[~hot], xa[~hot] = u[of_u], v[of_u], a[of_u]
+            x[hot], xv[hot] = self.T[of_T], self.rate[of_T]
+            r[part.rows] += part.term.residual(x, xv, xa, step.t)
+        return r
 
 
 class Bordered(NamedTuple):
@@ -203,9 +234,7 @@ class FullMechanics(StepEquations):
         one.h = plus_loads(h, o, step.t, -1.0)
         if o.local or o.damps:
             rate = step.free_rate[b.step.thermal] + step.c1_first * d[b.step.thermal]
-            guess = Prediction(one.u, one.v, np.zeros(len(one.u)), T, step.t)
-            one.local = StepForces(
-                FullLocal((*o.local, *o.damps)), guess, rate, step.c1, step.c2, None)
+            one.local = LocalForces((*o.local, *o.damps), step, one.u, one.v, T, rate)
         if b.drive is None:
             one.products = b.turned(np.stack([one.u, one.v], axis=1))
             return one

@@ -19,9 +19,8 @@ from sparsemor.reducers.coupled_blocks import coupling
 from sparsemor.reducers.linalg.superlu import factorize
 from sparsemor.reducers.step.factors import Factor
 from sparsemor.reducers.step.newton_loop import Linearisation
-from sparsemor.reducers.step.rejection import Checked, checked
 from sparsemor.reducers.step.relocalised import CopyMemory
-from sparsemor.reducers.step.whole_step import WholeEquations
+from sparsemor.reducers.step.whole_step import Checked, WholeEquations, checked
 
 
 @dataclass(eq=False)

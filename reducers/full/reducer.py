@@ -10,17 +10,18 @@ from sparsemor.reducers.full.heat import full_heat
 from sparsemor.reducers.full.mechanics import FullBody, FullMechanics
 from sparsemor.reducers.full.monolithic import Summed
 from sparsemor.reducers.notes import local_heat_notes, whole_step_notes
-from sparsemor.reducers.step.blocks.thermal_groups import group_name
 from sparsemor.reducers.step.compiled.stepper import compilable
 from sparsemor.reducers.step.coupled_reduced import (
     ProjectedModel,
     dense_equations,
     reduced_general,
 )
+from sparsemor.reducers.step.frame_step import PrescribedFactors
 from sparsemor.reducers.step.newton_loop import Loop
-from sparsemor.reducers.step.prepare import constants, stepper, time_table
 from sparsemor.reducers.step.reduced import positions
-from sparsemor.reducers.step.solver import bodies
+from sparsemor.reducers.step.reduced_mechanics import LoopMechanics
+from sparsemor.reducers.step.solver import stepper
+from sparsemor.reducers.step.thermal_groups import group_name
 from sparsemor.reducers.step.whole_step import WholeNewton, WholeStepper
 from sparsemor.reducers.step_options import StepOptions
 
@@ -54,7 +55,7 @@ class Full(StepOptions):
         if model.separated.other:
             names = ", ".join(sorted({n for n, _ in coupling(model) if n})) or "a term"
             return self._whole(model, PRICE, f"{names} couples blocks inside the step")
-        c1, c2, c1_first = constants(integrator, h)
+        c1, c2, c1_first = integrator.rules(h).factors
         heat = {group_name(group): full_heat(model, group, c1_first)
                 for group in model.separated.heat_groups}
         done = len(heat)
@@ -64,19 +65,20 @@ class Full(StepOptions):
         made = stepper(model, model.layout, {}, {}, {}, tol, self.predictor, done,
                        notes=local_heat_notes(model), visited=visited)
         found = []
-        for m, step in zip(model.separated.moving, bodies(made), strict=True):
+        for m, step in zip(model.separated.moving, made.system.bodies, strict=True):
             if (o := m.operators) is None:
                 found.append(FullBody(step))
                 continue
             D = o.stiffness + c1 * o.damping + c2 * o.mass
             driven = not m.to_border.any()
             found.append(FullBody.of(
-                step, o, model.factorize(m.elastic, D), time_table(step, m) if driven else None))
+                step, o, model.factorize(m.elastic, D),
+                PrescribedFactors.table(step, m) if driven else None))
             done += 1
         equations = FullMechanics(model.layout, found, model.separated.border_targets,
                                   positions(model.layout))
-        made = replace(made, mechanics=made.by_loop(equations), factorizations=done,
-                       warming=heat, loop=Loop(model.layout, tol), iterating=equations.iterates)
+        made = replace(made, mechanics=LoopMechanics(equations, tol), factorizations=done,
+                       full_heat=heat, loop=Loop(model.layout, tol), iterating=equations.iterates)
         if not made.iterating:  # chosen where a factor is too large
             made = replace(made, newton=WholeNewton(lambda: Summed.of(model, PRICE), tol))
         return compilable(made, self.compiled)

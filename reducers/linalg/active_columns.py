@@ -23,38 +23,26 @@ def few(active: IntArray | None, columns: int) -> bool:
 
 
 class ActiveColumns:
-    """Matrix A (m, k), or left A (r, k), whose columns are read, and multiplied by `left` (r, m),
-    only where the vector is nonzero.
+    """Matrix A (m, k) whose columns are read only where the vector is nonzero.
 
     The columns of recent sets of nonzero entries are kept, because supports change seldom: a
-    product then costs r times the number of nonzero entries. Results do not depend on the order of
+    product then costs m times the number of nonzero entries. Results do not depend on the order of
     the products, so that several threads may share one object. A is not copied where its columns
     are contiguous.
     """
 
-    def __init__(self, A: FloatArray, left: FloatArray | None = None) -> None:
-        self.transposed, self.left = np.ascontiguousarray(A.T), left
+    def __init__(self, A: FloatArray) -> None:
+        self.transposed = np.ascontiguousarray(A.T)
         self._columns = lru_cache(maxsize=KEPT)(self._gathered)
 
     def times(self, u: FloatArray) -> FloatArray:
-        """A u (r,), or U A^T (j, r) for several vectors U (j, k)."""
+        """A u (m,), or U A^T (j, m) for several vectors U (j, k)."""
         some = _nonzero(u)
         return np.asarray(u[..., some].dot(self._columns(some.tobytes())))
 
-    def magnitude(self, u: FloatArray) -> FloatArray:
-        """|A| |u| (r,), the size of the terms of A u."""
-        some = _nonzero(u)
-        return np.asarray(np.abs(u[some]).dot(np.abs(self._columns(some.tobytes()))))
-
-    @property
-    def whole(self) -> FloatArray:
-        """All columns (r, k)."""
-        return self._gathered(np.ones(len(self.transposed), dtype=np.bool_).tobytes()).T
-
     def _gathered(self, nonzero: bytes) -> FloatArray:
-        """Columns (j, r), transposed, in a mask (k,)."""
-        some = self.transposed[np.frombuffer(nonzero, dtype=np.bool_)]
-        return some if self.left is None else some @ self.left.T
+        """Columns (j, m), transposed, in a mask (k,)."""
+        return np.asarray(self.transposed[np.frombuffer(nonzero, dtype=np.bool_)])
 
 
 def _nonzero(u: FloatArray) -> BoolArray:

@@ -28,15 +28,13 @@ from sparsemor.core import (
     StepFactors,
     slot_default,
 )
+from sparsemor.core.model.block_patterns import unmatched_patterns
 from sparsemor.core.protocols import HeatBody, MovingBody
-from sparsemor.reducers.checks import pattern_faults
 from sparsemor.reducers.field_options import BASES
 from sparsemor.reducers.linalg.left_inverse import left_inverse
 from sparsemor.reducers.notes import shadowed_basis
 from sparsemor.reducers.projection.maps import Approximation, LinearOperators, Maps, Reducible
 from sparsemor.reducers.step.acceptance import Tolerances
-from sparsemor.reducers.step.blocks.thermal_block import CompressedHeat
-from sparsemor.reducers.step.blocks.thermal_groups import heat_groups
 from sparsemor.reducers.step.compiled.stepper import compilable
 from sparsemor.reducers.step.coupled_reduced import (
     ProjectedBlock,
@@ -45,8 +43,9 @@ from sparsemor.reducers.step.coupled_reduced import (
     reduced_general,
 )
 from sparsemor.reducers.step.operators import TestedElastic, TestedHeat
-from sparsemor.reducers.step.prepare import constants, stepper
-from sparsemor.reducers.step.solver import Facts, Stepper
+from sparsemor.reducers.step.solver import Facts, Stepper, stepper
+from sparsemor.reducers.step.thermal_block import CompressedHeat
+from sparsemor.reducers.step.thermal_groups import heat_groups
 from sparsemor.reducers.step_options import ReducedStepOptions
 from sparsemor.reducers.trial_bases import local_terms, spanned, trial_bases
 
@@ -98,7 +97,7 @@ class ProjectionReducer(ReducedStepOptions, ABC):
     def check(self, model: AssembledModel) -> Sequence[Fault]:
         """Faults of the options found by counting, before any training; keys relative to the
         reducer."""
-        return pattern_faults(model, "bases", self.bases)
+        return unmatched_patterns(model.layout, "bases", self.bases)
 
     def trial_bases(self) -> BlockBases:
         return BlockBases(self.basis, self.bases)
@@ -111,7 +110,7 @@ class ProjectionReducer(ReducedStepOptions, ABC):
         InputError where the reducer does not apply to the scene."""
         model, h, offline = problem.model, problem.step, problem.offline
         bases, limits, notes = spanned(trial_bases(
-            offline, model, self, StepFactors(h, *constants(problem.integrator, h))), offline)
+            offline, model, self, StepFactors(h, *problem.integrator.rules(h).factors)), offline)
         return Projection(
             self, problem, bases, limits, self.approximation(model, bases, offline, h),
             dict(zip(bases, problem.rng.spawn(len(bases)), strict=True)), notes)
@@ -162,7 +161,7 @@ class Projection:
         dependent atoms."""
         reducer, problem, model = self.reducer, self.problem, self.approximation.model
         integrator, h, offline = problem.integrator, problem.step, problem.offline
-        c1, c2, c1_first = constants(integrator, h)
+        c1, c2, c1_first = integrator.rules(h).factors
         modes = reducer.in_modes(problem.model, self.dictionaries)
         dictionaries = {**self.dictionaries, **{n: d for n, (d, _) in modes.items()}}
         limits = {n: top * modes[n][1] if n in modes else top for n, top in self.limits.items()}
@@ -198,7 +197,7 @@ class Projection:
         facts = {n: {**(maps[n].facts if n in maps else {}), **known.get(n, {})}
                  for n in {**known, **maps}}
         projected = ProjectedModel(model, dictionaries, rows, heat, elastic)
-        made = reduced_general if model.separated.other else partial(fast, (c1, c2, c1_first))
+        made = reduced_general if model.separated.other else partial(block_wise, (c1, c2, c1_first))
         solver = made(projected, reducer.tolerances, reducer.predictor, limits, notes, facts)
         if isinstance(solver, Stepper):
             solver = compilable(solver, reducer.compiled)
@@ -207,7 +206,7 @@ class Projection:
             **touched, **{n: touched[n] + e for n, e in self.approximation.elements.items()}})
 
 
-def fast(
+def block_wise(
     rates: tuple[float, float, float], projected: ProjectedModel, tolerances: Tolerances,
     points: int, limits: Mapping[str, float], notes: tuple[Note, ...], facts: Facts,
 ) -> Stepper:
@@ -218,14 +217,14 @@ def fast(
     c1_first, heat, model = rates[2], {}, projected.model
     for b in model.separated.heat:
         n, p = b.thermal, projected.heat[b.thermal]
-        local = local_terms(model, b, projected.dictionaries[n], projected.wide(n)) if (
+        local = local_terms(model, b, projected.dictionaries[n], projected.force_map(n)) if (
             b.local) else []
         assert p.left is not None
         heat[n] = CompressedHeat.of(p.tested, p.left, None, c1_first, local)
-    wide = {c.rows: projected.wide(c.rows) for c in model.separated.couplings}
+    force_maps = {c.rows: projected.force_map(c.rows) for c in model.separated.couplings}
     made = stepper(
         model, projected.layout, projected.dictionaries, projected.rows,
-        heat_groups(model, heat, projected.dictionaries, wide, c1_first), tolerances,
+        heat_groups(model, heat, projected.dictionaries, force_maps, c1_first), tolerances,
         points, len(heat) + len(projected.elastic), limits, notes,
         {n: p.tested for n, p in projected.elastic.items()}, facts,
         {n: block.elements for n, block in heat.items()})

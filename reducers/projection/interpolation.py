@@ -20,9 +20,9 @@ from sparsemor.core import (
     StepFactors,
     slot_default,
 )
-from sparsemor.core.model.block_patterns import matched_option
+from sparsemor.core.model.block_patterns import matched_option, unmatched_patterns
 from sparsemor.core.model.expected_states import expected_states
-from sparsemor.reducers.checks import block_size, bound_of_atoms, pattern_faults
+from sparsemor.reducers.checks import block_size
 from sparsemor.reducers.notes import unsampled_loads
 from sparsemor.reducers.projection.base import ProjectionReducer
 from sparsemor.reducers.projection.force_snapshots import FROM_ZERO
@@ -60,14 +60,15 @@ class Interpolating(ProjectionReducer):
     def check(self, model: AssembledModel) -> Sequence[Fault]:
         """Faults of the options found by counting, before any training; keys relative to the
         reducer."""
-        faults = [*super().check(model), *pattern_faults(model, "points", self.points),
-                  *pattern_faults(model, "force_bases", self.force_bases)]
+        layout = model.layout
+        faults = [*super().check(model), *unmatched_patterns(layout, "points", self.points),
+                  *unmatched_patterns(layout, "force_bases", self.force_bases)]
         for name in model.reducible():
             basis = matched_option(name, self.force_bases, self.force_basis)
             if getattr(basis, "centred", False):
                 faults.append(Fault("force_basis", f"forces of {name}: {FROM_ZERO}"))
             points, size = matched_option(name, self.points, 0), block_size(model, name)
-            modes = self._modes_asked(name, size)
+            modes = basis.most_atoms(size) or 0  # 0 where the options set no number
             held = len(model.required[name]) if self.required else 0
             if points > size - held:
                 faults.append(Fault("points", f"{points} points were requested of {name}, which "
@@ -76,11 +77,6 @@ class Interpolating(ProjectionReducer):
                 faults.append(Fault("points", f"{name}: {points + held} points cannot determine "
                                     f"{modes} modes: take more points or fewer modes"))
         return faults
-
-    def _modes_asked(self, name: str, size: int) -> int:
-        """Number of force modes that the options set for a block of `size` unknowns; 0 where they
-        set none."""
-        return bound_of_atoms(matched_option(name, self.force_bases, self.force_basis), size) or 0
 
     def force_bases_used(self) -> Sequence[Basis]:
         return self.force_basis, *self.force_bases.values()

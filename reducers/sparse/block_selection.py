@@ -32,11 +32,10 @@ from sparsemor.core.registry.returned_values import checked_return, prepared_rec
 from sparsemor.reducers.sparse.memory import SparseMemory
 from sparsemor.reducers.sparse.sampled_block import RangeColumns, SampledElastic, SampledHeat
 from sparsemor.reducers.sparse.supported_steps import (
-    Found,
-    SelectionFailed,
+    AtomSelection,
     SolvedStep,
     SupportedSteps,
-    reselected_step,
+    no_selection,
 )
 from sparsemor.reducers.step.reduced import Reduced
 
@@ -127,19 +126,22 @@ class AtSolution:
     remaining: float
     current: float
 
-    def selected(self) -> Selection:
-        """Support on which the sparse solver would end."""
+    def selected(self) -> BoolArray:
+        """Support on which the sparse solver would end; the present one itself where that stays.
+        Raises SolveFailed."""
         found = checked_return(
             self.block.recovery.select(self.range_residual, self.z, self.support), Selection,
             self.block.recovery, "select", "reducer.solver")
-        if not found.status.ok or bool((found.support == self.support).all()):
-            return Selection(self.support, found.status)
+        if not found.status.ok:
+            raise no_selection(self.block.rows.name, found.status)
+        if bool((found.support == self.support).all()):
+            return self.support
         used, budget = int(np.count_nonzero(found.support)), self.block.rows.budget
         if used > budget:
             raise InputError(f"{type(self.block.recovery).__name__} selected {used} atoms in "
                              f"{self.block.rows.name}, {budget} allowed: report it to the authors "
                              "of that sparse solver", "reducer.solver")
-        return found
+        return found.support
 
     def after(self, other: BoolArray) -> float | None:
         """Squared residual after least squares on the support `other`; None where the rows do not
@@ -157,9 +159,9 @@ class AtSolution:
         return self.block.weight * self.block.tolerance**2 * float(self.z.dot(self.z))
 
 
-def exchanged(blocks: Sequence[AtSolution], hysteresis: float) -> Found:
+def exchanged(blocks: Sequence[AtSolution], hysteresis: float) -> dict[str, BoolArray]:
     """Supports that replace those of the blocks: the ones of the sparse solver if together they
-    lower the norm of the residual by more than the fraction `hysteresis`."""
+    lower the norm of the residual by more than the fraction `hysteresis`. Raises SolveFailed."""
     current, share = sum(b.current for b in blocks), (1.0 - hysteresis) ** 2
     # the remaining residual is a lower bound: not even all atoms together lower it enough
     if sum(b.remaining for b in blocks) >= share * current:
@@ -168,35 +170,30 @@ def exchanged(blocks: Sequence[AtSolution], hysteresis: float) -> Found:
         return {}
     found, after = {}, 0.0
     for b in blocks:
-        name, new = b.block.rows.name, b.selected()
-        if not new.status.ok:
-            return SelectionFailed(name, new.status)
-        squared = b.current if new.support is b.support else b.after(new.support)
-        if squared is not None and new.support is not b.support:
-            found[name] = new.support
+        new = b.selected()
+        squared = b.current if new is b.support else b.after(new)
+        if squared is not None and new is not b.support:
+            found[b.block.rows.name] = new
         after += b.current if squared is None else squared
     return found if after < share * current else {}
 
 
-def chosen(blocks: Sequence[AtSolution]) -> Found:
-    """Supports of the sparse solver, whatever the present ones are."""
+def chosen(blocks: Sequence[AtSolution]) -> dict[str, BoolArray]:
+    """Supports of the sparse solver, whatever the present ones are. Raises SolveFailed."""
     found = {}
     for b in blocks:
         name, new = b.block.rows.name, b.selected()
-        if not new.status.ok:
-            return SelectionFailed(name, new.status)
-        if not b.block.columns.independent(new.support):
-            return SelectionFailed(name, Status.RANK_DEFICIENT)
-        if new.support is not b.support:
-            found[name] = new.support
+        if not b.block.columns.independent(new):
+            raise no_selection(name, Status.RANK_DEFICIENT)
+        if new is not b.support:
+            found[name] = new
     return found
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class BlockwiseSelection:
-    """Selection in each block on its own. hysteresis: fraction by which other supports must lower
-    the residual norm to replace nonempty ones; carried: start from the supports of the previous
-    step, otherwise from the empty ones.
+class BlockwiseSelection(AtomSelection):
+    """Selection in each block on its own. carried: start from the supports of the previous step,
+    otherwise from the empty ones.
 
     Each thermal block decides on its own. Elastic blocks decide together, as in the joint problem:
     joint forces pass the error of one body on to the others, and an exchange that lowers a residual
@@ -208,10 +205,8 @@ class BlockwiseSelection:
     rows are fewer than the atoms, it is made at the solution without atoms, of rigid bodies.
     """
 
-    steps: SupportedSteps
     heat: Sequence[BlockSelection]
     bodies: Sequence[BlockSelection]
-    hysteresis: float
     carried: bool
     distinguishable: dict[str, BoolArray]
 
@@ -225,42 +220,38 @@ class BlockwiseSelection:
         thermal, elastic = ([
             BlockSelection.of(BlockRows.of(s, residual), solver, settled)
             for s in blocks.values()] for blocks in (steps.heat, steps.elastic))
-        return cls(steps, thermal, elastic, hysteresis, carried,
+        return cls(steps, hysteresis, thermal, elastic, carried,
                    {b.rows.name: b.distinguishable for b in (*thermal, *elastic)})
 
     def solve(self, step: StepFormula, memory: SparseMemory) -> StepOutcome:
-        """Solution of a step with a selection in every block."""
         starts = [self.distinguishable, self.steps.empty]
         if self.carried and any(s.any() for s in memory.supports.values()):
             starts.insert(0, memory.supports)
         for start in starts:
-            outcome = reselected_step(self.steps, self, step, memory, start)
+            outcome = self.reselected(step, memory, start)
             if outcome is not None:
                 return outcome
         return self.steps.on(memory, starts[0]).tried(step, memory)  # the failure
 
-    def thermal(self, at: SolvedStep, memory: SparseMemory) -> Found:
+    def thermal(self, at: SolvedStep, memory: SparseMemory) -> dict[str, BoolArray]:
         changed: dict[str, BoolArray] = {}
         for block in self.heat:
             rows = self.steps.rows(at, memory)[block.rows.rows]
-            found = self._exchanged([block], at, {block.rows.name: rows})
-            if isinstance(found, SelectionFailed):
-                return found
-            changed |= found
+            changed |= self._exchanged([block], at, {block.rows.name: rows})
         return changed
 
-    def elastic(self, at: SolvedStep, memory: SparseMemory) -> Found:
+    def elastic(self, at: SolvedStep, memory: SparseMemory) -> dict[str, BoolArray]:
         if not self.bodies:
             return {}
         return self._exchanged(self.bodies, at, self.steps.elastic_rows(at, memory))
 
     def _exchanged(
         self, blocks: Sequence[BlockSelection], at: SolvedStep, rows: Mapping[str, FloatArray]
-    ) -> Found:
+    ) -> dict[str, BoolArray]:
         """Exchanges in blocks that decide together, from the rows of each."""
         x = at.outcome.x
         parts = [b.at(rows[b.rows.name], x[b.rows.at], at.supports[b.rows.name]) for b in blocks]
         bad = next((p for p in parts if not p.current < np.inf), None)
         if bad is not None:
-            return SelectionFailed(bad.block.rows.name, Status.NOT_FINITE)
+            raise no_selection(bad.block.rows.name, Status.NOT_FINITE)
         return chosen(parts) if at.fresh else exchanged(parts, self.hysteresis)

@@ -21,11 +21,11 @@ from sparsemor.core import (
 )
 from sparsemor.core.model.block_patterns import matched_option
 from sparsemor.core.protocols.sparse_solver import solver_refusal
-from sparsemor.reducers.checks import unselectable, unselectable_blocks
 from sparsemor.reducers.notes import no_effect, unsampled_loads, worse_conditioned
 from sparsemor.reducers.sparse.block_selection import BlockwiseSelection
+from sparsemor.reducers.sparse.checks import unselectable, unselectable_blocks
 from sparsemor.reducers.sparse.coupled_selection import JointSelection
-from sparsemor.reducers.sparse.oblique_projection import checked_rows
+from sparsemor.reducers.sparse.oblique_projection import checked_rows, row_note
 from sparsemor.reducers.sparse.options import SparseOptions
 from sparsemor.reducers.sparse.recovery_problem import mechanics_needs, shape_needs
 from sparsemor.reducers.sparse.sampled_block import (
@@ -37,14 +37,12 @@ from sparsemor.reducers.sparse.sampled_block import (
     row_facts,
     weigh,
 )
-from sparsemor.reducers.sparse.stepper import SparseStepper
 from sparsemor.reducers.sparse.supported_equations import (
     ActiveRows,
     SupportedEquations,
     SupportedMechanics,
 )
-from sparsemor.reducers.sparse.supported_steps import SupportedSteps
-from sparsemor.reducers.step.blocks.thermal_groups import heat_groups
+from sparsemor.reducers.sparse.supported_steps import SparseStepper, SupportedSteps
 from sparsemor.reducers.step.compiled.stepper import compilable, no_effect_of
 from sparsemor.reducers.step.coupled_reduced import (
     ProjectedBlock,
@@ -54,8 +52,8 @@ from sparsemor.reducers.step.coupled_reduced import (
     reduced_general,
 )
 from sparsemor.reducers.step.operators import TestedElastic, TestedHeat, TestMap
-from sparsemor.reducers.step.prepare import stepper
-from sparsemor.reducers.step.solver import Facts, Stepper
+from sparsemor.reducers.step.solver import Facts, Stepper, stepper
+from sparsemor.reducers.step.thermal_groups import heat_groups
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -216,8 +214,8 @@ class Build:
         error = None if self.offline is None or rows is None else checked_rows(
             self.model, self.offline, block, self.step)
         if error is not None:
-            measured["row_error"] = error.rows
-            notes += [note for note in (error.note(block),) if note is not None]
+            measured["row_error"] = error.solved
+            notes += [note for note in (row_note(error, block),) if note is not None]
         return block, {"norm": "D^-1" if inverted else "rows", **measured}
 
     def _compressed(self, name: str, m: int, k: int) -> Note:
@@ -272,10 +270,8 @@ class Build:
         residual = dense_equations(
             self._projected(rows, maps, heat, elastic, {*selecting, *selecting_heat}),
             ahead=self.offline is not None)
-        m = base.mechanics
-        assert m is not None
         mechanics = SupportedMechanics(
-            m.bodies, m.n_rigid, m.algebraic, m.targets, m.tol, SupportedEquations(residual),
+            SupportedEquations(residual), o.tolerances,
             {n: ActiveRows(np.arange(e.block.atoms)) for n, e in elastic.items()})
         steps = SupportedSteps(replace(base, mechanics=mechanics), mechanics, selecting_heat,
                                selecting, row_set)
@@ -284,7 +280,7 @@ class Build:
         selection = (
             BlockwiseSelection.of(steps, o.solver, gain, bool(carried), o.settled)
             if o.selection == "blocks" else
-            JointSelection(steps, o.solver, gain, carried, o.polish))
+            JointSelection(steps, gain, o.solver, carried, o.polish))
         return SparseStepper(steps.base, steps, selection, o.every)
 
     def _refuse(
@@ -296,9 +292,9 @@ class Build:
         problems = {n: shape_needs(*h.block.B.shape) for n, h in selecting_heat.items()}
         if self.options.selection == "blocks":
             problems |= {n: shape_needs(*e.block.B.shape) for n, e in selecting.items()}
-        elif selecting and base.mechanics is not None:
+        elif selecting:
             problems[", ".join(selecting)] = mechanics_needs(
-                list(selecting.values()), base.mechanics.size)
+                list(selecting.values()), base.system.size)
         refused = [Fault("reducer.solver", why) for n, needs in problems.items()
                    if (why := solver_refusal(n, self.options.solver, needs))]
         if refused:

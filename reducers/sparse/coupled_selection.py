@@ -19,19 +19,17 @@ from sparsemor.core.registry.returned_values import checked_return
 from sparsemor.reducers.sparse.memory import SparseMemory
 from sparsemor.reducers.sparse.recovery_problem import HeatProblem, MechanicsProblem
 from sparsemor.reducers.sparse.supported_steps import (
-    Found,
-    SelectionFailed,
+    AtomSelection,
     SolvedStep,
-    SupportedSteps,
     SupportOf,
-    reselected_step,
+    no_selection,
     take,
 )
 from sparsemor.reducers.step.step_unknowns import StepUnknowns
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class JointSelection:
+class JointSelection(AtomSelection):
     """Selection by the sparse solver's own `solve`, in full in every step.
 
     carried: blocks that start from the support of the previous step, the others start from the
@@ -40,16 +38,13 @@ class JointSelection:
     residual norm by the fraction `hysteresis`.
     """
 
-    steps: SupportedSteps
     solver: SparseSolver
-    hysteresis: float
     carried: frozenset[str]
     polish: bool
 
     def solve(self, step: StepFormula, memory: SparseMemory) -> StepOutcome:
-        """Solution of a step with a selection in all blocks."""
         if self.polish and self.carried and all(s.any() for s in memory.supports.values()):
-            outcome = reselected_step(self.steps, self, step, memory, memory.supports)
+            outcome = self.reselected(step, memory, memory.supports)
             if outcome is not None:
                 return outcome
         found = self._predicted(step, memory)
@@ -59,28 +54,22 @@ class JointSelection:
             return self.steps.base.accepted(found, step, memory)
         return self.steps.current(memory).solve(step, memory)[0]
 
-    def thermal(self, at: SolvedStep, memory: SparseMemory) -> Found:
-        """Thermal blocks with other supports that lower their residual enough."""
+    def thermal(self, at: SolvedStep, memory: SparseMemory) -> dict[str, BoolArray]:
         changed, x = {}, at.outcome.x
         for name in self.steps.heat:
             support, here = at.supports[name], x[self.steps.base.layout[name]]
             problem = self._heat(name, at.step)
             out = self._solved(problem, SparseStart(np.where(support, here, 0.0), support))
-            if not out.status.ok:
-                return SelectionFailed(name, out.status, out.iterations)
             if not np.array_equal(out.support, support) and self._better(
                     out, problem.residual(here)):
                 changed[name] = out.support
         return changed
 
-    def elastic(self, at: SolvedStep, memory: SparseMemory) -> Found:
-        """Elastic blocks with other supports, if together they lower the residual enough."""
+    def elastic(self, at: SolvedStep, memory: SparseMemory) -> dict[str, BoolArray]:
         if not self.steps.elastic:
             return {}
         problem, start = self._mechanics(at.step, at.outcome.x, at.supports, memory)
         out = self._solved(problem, start)
-        if not out.status.ok:
-            return _failed(problem, out)
         changed = {g.name: out.support[g.start : g.stop] for g in problem.groups[:-1]
                    if not np.array_equal(out.support[g.start : g.stop], at.supports[g.name])}
         return changed if changed and self._better(out, problem.residual(start.c)) else {}
@@ -96,7 +85,7 @@ class JointSelection:
         now = StepUnknowns(step, memory.past.guess(step))
         x = now.x
         found: dict[str, BoolArray] = {}
-        for name, at in base.hot:
+        for name, at in base.heat_groups:
             if name not in self.steps.heat:
                 now.add_temperatures(at, None, base.heat[name].solve(
                     x[at], now.v[at], now.a[at], step.t, step.c2_first).d)
@@ -104,21 +93,16 @@ class JointSelection:
             support = self._first(name, memory)
             out = self._solved(
                 self._heat(name, step), SparseStart(np.where(support, x[at], 0.0), support))
-            if not out.status.ok:
-                return StepOutcome(x, out.status, out.iterations, name, "selection of atoms")
             found[name], x[at] = out.support, out.c
             iterations = max(iterations, out.iterations)
             # temperatures out of bounds would only show in the bodies that they load
-            failed = base.beyond_limits(x, name)
+            failed = base.beyond_limits(x, [name])
             if failed is not None:
                 return failed
         if self.steps.elastic:
             first = {n: self._first(n, memory) for n in self.steps.elastic}
             problem, start = self._mechanics(step, x, first, memory)
             out = self._solved(problem, start)
-            if not out.status.ok:
-                bad = _failed(problem, out)
-                return StepOutcome(x, bad.status, bad.iterations, bad.block, bad.detail)
             for g in problem.groups[:-1]:
                 found[g.name] = out.support[g.start : g.stop]
                 x[base.layout[g.name]] = out.c[g.start : g.stop]
@@ -152,10 +136,10 @@ class JointSelection:
     def _solved(
         self, problem: HeatProblem | MechanicsProblem, start: SparseStart
     ) -> SparseOutcome:
-        return checked_return(self.solver.solve(problem, start), SparseOutcome, self.solver,
-                              "solve", "reducer.solver")
-
-
-def _failed(problem: MechanicsProblem, out: SparseOutcome) -> SelectionFailed:
-    return SelectionFailed(problem.groups[0].name, out.status, out.iterations,
-                           f"selection of atoms, residual {out.residual_norm:.1e}")
+        """Result of the sparse solver. Raises SolveFailed where it fails."""
+        out = checked_return(self.solver.solve(problem, start), SparseOutcome, self.solver,
+                             "solve", "reducer.solver")
+        if not out.status.ok:
+            raise no_selection(
+                problem.groups[0].name, out.status, f"residual {out.residual_norm:.1e}")
+        return out

@@ -5,9 +5,9 @@ from dataclasses import dataclass, field, replace
 from typing import Self, TypeAlias, TypeVar
 
 from sparsemor.reducers.sparse.supported_equations import ActiveRows
-from sparsemor.reducers.step.blocks.thermal_block import CompressedHeat
 from sparsemor.reducers.step.memory import Memory
 from sparsemor.reducers.step.solver import Stepper
+from sparsemor.reducers.step.thermal_block import CompressedHeat
 
 KEPT = 64
 """Number of supports (sets of active atoms) whose reduced operators are kept: supports often

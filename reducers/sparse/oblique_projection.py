@@ -1,8 +1,6 @@
 """Error of recovering known states from sampled rows: the oblique projection of the sparse method,
 whose amplification determines the error of a sampled model with accurate atoms."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from sparsemor.core import (
@@ -16,43 +14,34 @@ from sparsemor.core import (
     StepFactors,
 )
 from sparsemor.core.linalg.least_squares import least_squares_coefficients
-from sparsemor.core.results.error_norms import CONSTANT_CHANGE
 from sparsemor.reducers.sparse.sampled_block import Sampled
-from sparsemor.reducers.states_to_test import states_to_test
+from sparsemor.reducers.states_to_test import (
+    LIMIT,
+    STATES,
+    StateError,
+    error_at_states,
+    largest_change,
+)
 
 SAMPLED_ROWS = "sampled_rows"
 """Kind of the note on inaccurate sampled rows."""
-LIMIT = 0.01
-"""Largest relative error of the recovered states without a note."""
-_STATES, _SELECTED = 400, 8
-"""Largest number of recovered states: with all atoms, and with an individual support for each
-state."""
-_ENTRIES = 2**22
-"""Largest number of entries of these states in memory, unless there are few states."""
+_SELECTED = 8
+"""Largest number of recovered states with an individual support for each."""
 
 
-@dataclass(frozen=True, slots=True)
-class RowError:
-    """Largest errors of test states relative to the largest change of the field. rows: of the
-    states recovered from sampled rows; best: of their orthogonal projection on the atoms."""
-
-    rows: float
-    best: float
-
-    def note(self, block: Sampled) -> Note | None:
-        """Note on an inaccurate recovery; None where the error is below the limit or less than
-        twice the projection error of the atoms."""
-        if not self.rows > max(LIMIT, 2.0 * self.best):
-            return None
-        used = f"{block.budget} of {block.atoms}" if block.selects else f"{block.atoms}"
-        return Note(
-            f"the {len(block.B)} sampled rows of {block.name} do not determine its {used} "
-            f"atoms well enough: test states are recovered with an error of {self.rows:.2g} of "
-            f"their largest change (limit {LIMIT:g}; projected on all atoms {self.best:.2g}): take "
-            "more rows, another basis or sampler, or residual: preconditioned", SAMPLED_ROWS)
+def row_note(error: StateError, block: Sampled) -> Note | None:
+    """Note on an inaccurate recovery of a block."""
+    if not error.inaccurate:
+        return None
+    used = f"{block.budget} of {block.atoms}" if block.selects else f"{block.atoms}"
+    return Note(
+        f"the {len(block.B)} sampled rows of {block.name} do not determine its {used} "
+        f"atoms well enough: test states are recovered with an error of {error.solved:.2g} of "
+        f"their largest change (limit {LIMIT:g}; projected on all atoms {error.best:.2g}): take "
+        "more rows, another basis or sampler, or residual: preconditioned", SAMPLED_ROWS)
 
 
-def row_error(block: Sampled, states: FloatArray, D: Csr, slow: Csr) -> RowError | None:
+def row_error(block: Sampled, states: FloatArray, D: Csr, slow: Csr) -> StateError | None:
     """Error of coefficients recovered from sampled rows of D x = f and of S x = f,
 
         c = (L P W S A)^-1 L P W S x        with L P W D A = 1 and L = left inverse of the rows,
@@ -62,8 +51,7 @@ def row_error(block: Sampled, states: FloatArray, D: Csr, slow: Csr) -> RowError
     None for constant states, or rows that do not determine the coefficients.
     """
     A, o = block.dictionary.atoms, block.dictionary.offset
-    change = float(np.linalg.norm(states - states[:, :1], axis=0).max())
-    if change <= CONSTANT_CHANGE * float(np.linalg.norm(states, axis=0).max()):
+    if not (change := largest_change(states)):
         return None
     x = states - o[:, None]
     c = least_squares_coefficients(A, x)
@@ -88,12 +76,12 @@ def row_error(block: Sampled, states: FloatArray, D: Csr, slow: Csr) -> RowError
                 recovered = np.asarray(
                     np.linalg.lstsq(of_atoms, recovered, rcond=None)[0], dtype=np.float64)
             worst = max(worst, float(np.linalg.norm(rest - atoms @ recovered, axis=0).max()))
-    return RowError(worst / change, best / change)
+    return StateError(worst / change, best / change)
 
 
 def checked_rows(
     model: AssembledModel, offline: OfflineProducts, block: Sampled, step: StepFactors
-) -> RowError | None:
+) -> StateError | None:
     """Recovery error of a block's sampled rows at the training snapshots, or at estimated states
     where there was no training run; cached. None where there are no states."""
     if offline.recording is None:
@@ -101,22 +89,13 @@ def checked_rows(
     data = model.block_data(block.name, step=step)
     span = max(offline.recording.end, step.h)
     slow = data.stiffness + data.mass / span if data.order == 1 else data.stiffness
-
-    def make() -> dict[str, FloatArray]:
-        states = states_to_test(model, offline, data, step, span)
-        if states is None:
-            return {"error": np.array([])}
-        most = _SELECTED if block.selects else min(_STATES, max(_SELECTED, _ENTRIES // data.size))
-        at = np.unique(np.linspace(0, states.shape[1] - 1, most).astype(np.int64))
-        found = row_error(block, np.asarray(states[:, at]), data.operator, slow)
-        return {"error": np.array([]) if found is None else np.array([found.rows, found.best])}
-
     weight = np.zeros(0) if block.weight is None else block.weight
-    error = offline.remember("row_error", (
-        block.name, block.dictionary.atoms, block.dictionary.offset, block.B, weight,
-        block.test.rows, block.test.left,
-        block.budget, data.operator, slow, offline.trained, span), make)["error"]
-    return RowError(float(error[0]), float(error[1])) if len(error) else None
+    return error_at_states(
+        model, offline, data, step, "row_error",
+        (block.name, block.dictionary.atoms, block.dictionary.offset, block.B, weight,
+         block.test.rows, block.test.left, block.budget, data.operator, slow),
+        lambda states: row_error(block, states, data.operator, slow),
+        _SELECTED if block.selects else STATES)
 
 
 def _rows(block: Sampled, values: FloatArray) -> FloatArray:

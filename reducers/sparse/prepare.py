@@ -33,7 +33,6 @@ from sparsemor.reducers.sparse.residual_rows import (
     samplers,
 )
 from sparsemor.reducers.sparse.sampled_block import CompressedRows, choose_rows, effect_of_rows
-from sparsemor.reducers.step.prepare import constants
 from sparsemor.reducers.trial_bases import spanned, trial_bases
 
 
@@ -42,7 +41,7 @@ def step_solver(options: SparseOptions, problem: ReducedProblem) -> StepSolver:
     r compressed, weights of elements. Raises InputError and SolveFailed as `Build.solver`."""
     model, h, offline = problem.model, problem.step, problem.offline
     budgets = {n: matched_option(n, options.budgets, Budget()) for n in model.reducible()}
-    step = StepFactors(h, *constants(problem.integrator, h))
+    step = StepFactors(h, *problem.integrator.rules(h).factors)
     bases = trial_bases(offline, model, options, step)
     sizes = {n: d.atoms.shape[1] for n, d in bases.dictionaries.items()}
     dictionaries, limits, unfit = spanned(bases, offline, {

@@ -13,17 +13,16 @@ from sparsemor.core import (
     ReducedProblem,
     StepSolver,
 )
-from sparsemor.core.model.block_patterns import matched_option
-from sparsemor.reducers.checks import (
+from sparsemor.core.model.block_patterns import matched_option, unmatched_patterns
+from sparsemor.reducers.checks import local_blocks
+from sparsemor.reducers.field_options import BASES, counted, of_field
+from sparsemor.reducers.sparse.checks import (
     budget_faults,
     capability_faults,
     coupled_faults,
-    local_blocks,
-    pattern_faults,
     preconditioner_faults,
     resampling_faults,
 )
-from sparsemor.reducers.field_options import BASES, counted, of_field
 from sparsemor.reducers.sparse.options import Budget, SparseOptions
 from sparsemor.reducers.sparse.residual_rows import (
     inverted_blocks,
@@ -91,24 +90,21 @@ class Sparse(SparseOptions):
     def check(self, model: AssembledModel) -> Sequence[Fault]:
         """Faults of the options found by counting, before any training; keys relative to the
         reducer."""
-        faults = budget_faults(model, self.budgets, self.sampler)
-        faults += pattern_faults(model, "bases", self.bases)
-        faults += pattern_faults(model, "preconditioned", self.preconditioned)
-        faults += preconditioner_faults(
-            model, self.budgets, self.sampler, self.preconditioner, self.preconditioned,
-            self.basis, self.bases)
+        layout = model.layout
+        faults = budget_faults(model, self)
+        faults += unmatched_patterns(layout, "bases", self.bases)
+        faults += unmatched_patterns(layout, "preconditioned", self.preconditioned)
+        faults += preconditioner_faults(model, self)
         faults += capability_faults(
-            model, self.budgets, self.sampler, self.solver, self.basis, self.bases,
-            self.selection == "joint",
-            {n for n in inverted_blocks(model, self) if not self.samples(n)})
-        faults += resampling_faults(model, self.resample, self.row_sets)
+            model, self, {n for n in inverted_blocks(model, self) if not self.samples(n)})
+        faults += resampling_faults(model, self)
         faults += self._residual_faults(model)
         if not isinstance(self.carried, bool):
-            faults += pattern_faults(model, "carried", self.carried)
+            faults += unmatched_patterns(layout, "carried", self.carried)
             if self.polish:
                 faults.append(Fault("carried", "selections in a step that is solved again start "
                                     "together: take true or false, or polish: false"))
-        faults += coupled_faults(model, self.budgets, self.basis, self.bases, self.resample)
+        faults += coupled_faults(model, self)
         if not self.polish and self.every > 1:
             faults.append(Fault("every", "without polish each step needs its own selection: "
                                 "take every: 1"))
@@ -125,7 +121,7 @@ class Sparse(SparseOptions):
         """Faults of sampling D^-1 r where a step, or a draw of rows, would need operations with the
         whole mesh."""
         faults = ([] if isinstance(self.residual, str) else
-                  pattern_faults(model, "residual", self.residual))
+                  unmatched_patterns(model.layout, "residual", self.residual))
         inverted = [n for n in model.reducible() if self.residual_of(n) == "preconditioned"]
         local, whole = local_blocks(model), unweighed(model, self)
         for name in inverted:

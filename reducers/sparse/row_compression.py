@@ -8,7 +8,9 @@ Where B has at least as many columns as rows, as with a complete basis, nothing 
 rotation of m rows of several matrices with k columns would take m^2 k operations each.
 """
 
-from typing import NamedTuple
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Generic, TypeVar
 
 import numpy as np
 from scipy import linalg
@@ -20,50 +22,45 @@ DEPENDENT = 1e-14
 """Distance of a unit column from the span of the others below which it is round-off."""
 
 
-class CompactElastic(NamedTuple):
-    """Elastic operators and B (l, k) in the compressed rows; B is nonzero in the first `reach` rows
-    only."""
-
-    operators: TestedElastic
-    B: FloatArray
-    reach: int
+T = TypeVar("T", TestedElastic, TestedHeat)
 
 
-class CompactHeat(NamedTuple):
-    """Thermal operators and B (l, k) in the compressed rows; basis (m, l): their orthonormal basis
-    in the sampled rows, None where they are the same; reach: number of its first columns that span
-    the range of B."""
+@dataclass(frozen=True, slots=True, eq=False)
+class Compact(Generic[T]):
+    """Operators of a block and B (l, k) in the compressed rows; basis (m, l): their orthonormal
+    basis in the sampled rows, None where they are the same; reach: number of its first columns,
+    which span the range of B: in the other rows B is zero."""
 
-    operators: TestedHeat
+    operators: T
     B: FloatArray
     basis: FloatArray | None
     reach: int
 
 
-def compact_elastic(t: TestedElastic, B: FloatArray) -> CompactElastic:
-    """Compressed rows of B (m, k) and of the elastic operators in the same m sampled rows."""
+def compact(t: T, B: FloatArray, columns: Sequence[FloatArray]) -> Compact[T]:
+    """Compressed rows of B (m, k) and of the operators in the same m sampled rows; columns: what
+    the rows consist of beside B, in the order of the basis."""
     m, k = B.shape
     if k >= m:
-        return CompactElastic(t, B, m)
-    Z = np.linalg.qr(_unit(B))[0]
-    reach, Z = Z.shape[1], _joined(Z, t.directions)
-    Z = _joined(Z, np.hstack([
-        *t.generators, t.damping, t.coupling, t.loads, t.constant[:, None], t.mass,
-        *(table.values.T for table in t.tables)]))
-    return CompactElastic(t.through(TestMap(left=Z.T)), Z.T @ B, reach)
-
-
-def compact_heat(t: TestedHeat, B: FloatArray, whole: bool = False) -> CompactHeat:
-    """Compressed rows of B (m, k) and of the thermal operators in the same m sampled rows; whole:
-    as many as there are sampled rows, for blocks with local terms, whose span is not known."""
-    m, k = B.shape
-    if k >= m:
-        return CompactHeat(t, B, None, m)
+        return Compact(t, B, None, m)
     Z = np.linalg.qr(_unit(B))[0]
     reach = Z.shape[1]
-    Z = _joined(Z, np.eye(len(B)) if whole else np.hstack([
-        t.capacity, t.loads, t.constant[:, None], *(table.values.T for table in t.tables)]))
-    return CompactHeat(t.through(TestMap(left=Z.T)), Z.T @ B, Z, reach)
+    for A in columns:
+        Z = _joined(Z, A)
+    return Compact(t.through(TestMap(left=Z.T)), Z.T @ B, Z, reach)
+
+
+def elastic_columns(t: TestedElastic) -> tuple[FloatArray, FloatArray]:
+    """Frame directions, and all other columns of which the rows of an elastic block consist."""
+    return t.directions, np.hstack([
+        *t.generators, t.damping, t.coupling, t.loads, t.constant[:, None], t.mass,
+        *(table.values.T for table in t.tables)])
+
+
+def heat_columns(t: TestedHeat) -> tuple[FloatArray]:
+    """Columns of which the rows of a thermal block without local terms consist."""
+    return np.hstack([
+        t.capacity, t.loads, t.constant[:, None], *(table.values.T for table in t.tables)]),
 
 
 def _joined(Z: FloatArray, A: FloatArray) -> FloatArray:

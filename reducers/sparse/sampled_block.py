@@ -3,7 +3,7 @@ operators for a support (set of active atoms)."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 from scipy.sparse import eye_array
@@ -18,7 +18,6 @@ from sparsemor.core import (
     IntArray,
     OfflineProducts,
     Preconditioner,
-    ReducedTerm,
     Sampler,
     StepFactors,
 )
@@ -31,12 +30,13 @@ from sparsemor.core.protocols import HeatBody
 from sparsemor.core.registry.returned_values import built_weights, sampled_rows
 from sparsemor.reducers.checks import compresses, required_rows
 from sparsemor.reducers.linalg.left_inverse import SAMPLED_RTOL, left_inverse, squares
-from sparsemor.reducers.sparse.row_compression import compact_elastic, compact_heat
+from sparsemor.reducers.sparse.row_compression import compact, elastic_columns, heat_columns
 from sparsemor.reducers.sparse.supported_equations import ActiveRows
-from sparsemor.reducers.step.blocks.thermal_block import CompressedHeat
 from sparsemor.reducers.step.operators import TestedElastic, TestedHeat, TestMap
+from sparsemor.reducers.step.thermal_block import CompressedHeat
 from sparsemor.reducers.trial_bases import DEPENDENT, local_terms
 
+T = TypeVar("T", TestedElastic, TestedHeat)
 _CHUNK = 256
 """Number of right-hand sides that are solved at once."""
 
@@ -115,35 +115,43 @@ class RangeColumns:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SampledElastic:
-    """Sampled rows of an elastic block and their compressions.
+class SampledBlock(Generic[T]):
+    """Sampled rows of a block and their compressions.
 
     operators: operators in the sampled rows, including the preconditioner. compressed: operators
     and B in the compressed rows (row_compression.py) where atoms are selected; columns: B in the
     rows in which it is nonzero, the first ones and the only ones that affect a least-squares
-    solution.
+    solution; basis (m, l): basis of the compressed rows in the sampled rows, None where they are
+    the same.
     """
 
     block: Sampled
-    operators: TestedElastic
-    compressed: tuple[TestedElastic, FloatArray]
+    operators: T
+    compressed: tuple[T, FloatArray]
     columns: RangeColumns
+    basis: FloatArray | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SampledElastic(SampledBlock[TestedElastic]):
+    """Sampled rows of an elastic block."""
 
     @classmethod
     def of(cls, block: Sampled, operators: TestedElastic) -> "SampledElastic":
         if not block.selects:
             return cls(block, operators, (operators, block.B), RangeColumns.of(
-                block.name, block.B))
-        t, B, reach = compact_elastic(operators, block.B)
-        if reach == len(B):
+                block.name, block.B), None)
+        c = compact(operators, block.B, elastic_columns(operators))
+        t, B = c.operators, c.B
+        if c.reach == len(B):
             t, B = t.by_columns(), np.asfortranarray(B)
-        return cls(block, operators, (t, B), RangeColumns.of(block.name, B[:reach]))
+        return cls(block, operators, (t, B), RangeColumns.of(block.name, B[: c.reach]), c.basis)
 
     @property
     def forces(self) -> TestMap | None:
         """Test map of other forces in the rows of `compressed`, None where these are the sampled
         ones; there are none in blocks whose atoms are selected."""
-        return None if self.block.selects is False else TestMap()
+        return TestMap() if self.block.selects else None
 
     def on(self, support: IntArray | None) -> ActiveRows:
         """The active rows on a support, of all atoms if None. Raises SolveFailed."""
@@ -152,17 +160,11 @@ class SampledElastic:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SampledHeat:
-    """Sampled rows of a thermal block and their compressions; operators, compressed, columns: see
-    `SampledElastic`; range_rows: operators in the rows of `columns`. basis (m, l): basis of the
-    compressed rows in the sampled rows, None where they are the same."""
+class SampledHeat(SampledBlock[TestedHeat]):
+    """Sampled rows of a thermal block; range_rows: operators in the rows of `columns`; c1: factor
+    of rates in a step."""
 
-    block: Sampled
-    operators: TestedHeat
-    compressed: tuple[TestedHeat, FloatArray]
     range_rows: TestedHeat
-    columns: RangeColumns
-    basis: FloatArray | None
     model: AssembledModel
     body: HeatBody
     c1: float
@@ -172,17 +174,15 @@ class SampledHeat:
         cls, block: Sampled, operators: TestedHeat, model: AssembledModel, body: HeatBody, c1: float
     ) -> "SampledHeat":
         if not block.selects:
-            return cls(block, operators, (operators, block.B), operators,
-                       RangeColumns.of(block.name, block.B), None, model, body, c1)
-        t, B, basis, reach = compact_heat(operators, block.B, bool(body.local))
-        in_range = np.arange(reach)
-        return cls(block, operators, (t, B), t.through(TestMap(in_range)),
-                   RangeColumns.of(block.name, B[in_range]), basis, model, body, c1)
-
-    def on(self, support: IntArray | None) -> CompressedHeat:
-        inverse = self.columns.left_inverse(support)
-        rows = inverse if self.basis is None else inverse @ self.basis[:, : inverse.shape[1]].T
-        return CompressedHeat.of(self.range_rows, inverse, support, self.c1, self._local(rows))
+            return cls(block, operators, (operators, block.B), RangeColumns.of(
+                block.name, block.B), None, operators, model, body, c1)
+        # the span of local terms is not known: as many compressed rows as sampled ones
+        c = compact(operators, block.B, (
+            np.eye(len(block.B)),) if body.local else heat_columns(operators))
+        in_range = np.arange(c.reach)
+        return cls(block, operators, (c.operators, c.B), RangeColumns.of(
+            block.name, c.B[in_range]), c.basis, c.operators.through(TestMap(in_range)), model,
+            body, c1)
 
     @property
     def forces(self) -> TestMap | None:
@@ -190,10 +190,13 @@ class SampledHeat:
         Z = self.basis
         return None if Z is None else self.block.test.then(self.block.weight).then(Z.T)
 
-    def _local(self, rows: FloatArray) -> list[ReducedTerm]:
-        """Local terms in combinations `rows` (l, m) of the sampled rows."""
-        return local_terms(self.model, self.body, self.block.dictionary, self.block.on_all_rows(
+    def on(self, support: IntArray | None) -> CompressedHeat:
+        """The reduced block on a support, of all atoms if None. Raises SolveFailed."""
+        inverse = self.columns.left_inverse(support)
+        rows = inverse if self.basis is None else inverse @ self.basis[:, : inverse.shape[1]].T
+        local = local_terms(self.model, self.body, self.block.dictionary, self.block.on_all_rows(
             rows)) if self.body.local else []
+        return CompressedHeat.of(self.range_rows, inverse, support, self.c1, local)
 
 
 SPREAD = 2.0

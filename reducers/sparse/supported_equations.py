@@ -6,7 +6,7 @@ active have the coefficient zero; their rates, of steps before, are part of R.
 """
 
 from collections import OrderedDict
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from copy import copy
 from math import inf
 from typing import Any, NamedTuple, Self
@@ -14,7 +14,6 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 
 from sparsemor.core import (
-    Amplitude,
     BoolArray,
     FloatArray,
     IntArray,
@@ -25,7 +24,6 @@ from sparsemor.core import (
 from sparsemor.reducers.linalg.active_columns import NEGLIGIBLE, WIDE
 from sparsemor.reducers.step.acceptance import Tolerances
 from sparsemor.reducers.step.factors import Factor, factorized
-from sparsemor.reducers.step.frame_step import BodyStep
 from sparsemor.reducers.step.memory import Memory
 from sparsemor.reducers.step.newton_loop import Linearisation, StepEquations
 from sparsemor.reducers.step.reduced import Reduced
@@ -214,11 +212,10 @@ class SupportedMechanics(LoopMechanics):
     unknowns that are not elastic or active."""
 
     def __init__(
-        self, bodies: Sequence[BodyStep], n_rigid: int, algebraic: slice,
-        targets: Sequence[tuple[int, Amplitude]], tolerances: Tolerances,
-        equations: SupportedEquations, blocks: Mapping[str, ActiveRows],
+        self, equations: SupportedEquations, tolerances: Tolerances,
+        blocks: Mapping[str, ActiveRows],
     ) -> None:
-        super().__init__(bodies, n_rigid, algebraic, targets, tolerances, equations)
+        super().__init__(equations, tolerances)
         self.sampled, self.blocks = equations, blocks
         self.active = np.ones(equations.layout.size, dtype=np.bool_)
         for name, block in blocks.items():
@@ -228,8 +225,7 @@ class SupportedMechanics(LoopMechanics):
 
     def on(self, blocks: Mapping[str, ActiveRows]) -> "SupportedMechanics":
         """The same on other supports of some blocks."""
-        return SupportedMechanics(self.bodies, self.n_rigid, self.algebraic, self.targets, self.tol,
-                                  self.sampled, {**self.blocks, **blocks})
+        return SupportedMechanics(self.sampled, self.tol, {**self.blocks, **blocks})
 
     def working(self, memory: Memory) -> SupportedEquations:
         """The equations with the working arrays of a run, whose rows may have changed."""

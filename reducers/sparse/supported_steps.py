@@ -1,15 +1,29 @@
-"""Step solvers on given supports, and a step whose supports are selected at its own solution."""
+"""Time step of the sparse method: atoms are selected at the solution of a step, which is then
+solved again on their support with its reduced operators."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Protocol, TypeAlias, TypeVar
+from typing import TypeAlias, TypeVar
 
 import numpy as np
 
-from sparsemor.core import BoolArray, FloatArray, IntArray, Status, StepFormula, StepOutcome
+from sparsemor.core import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    SolveFailed,
+    State,
+    Status,
+    StepFormula,
+    StepOutcome,
+)
+from sparsemor.core.protocols import AroundSteps
 from sparsemor.reducers.sparse.memory import SparseMemory, Supports, kept_or_made
 from sparsemor.reducers.sparse.sampled_block import SampledElastic, SampledHeat, numbers
 from sparsemor.reducers.sparse.supported_equations import SupportedMechanics
+from sparsemor.reducers.step.newton_loop import Kept
+from sparsemor.reducers.step.predictor import Past, block_starts
 from sparsemor.reducers.step.solver import Stepper
 
 ROUNDS = 10
@@ -80,8 +94,7 @@ class SupportedSteps:
         outcome = self.base.accepted(outcome, step, memory)
         if outcome.status.ok:
             return outcome
-        found = (self.base.beyond_limits(outcome.x, n) for n in self.heat)
-        return next((bad for bad in found if bad is not None), outcome)
+        return self.base.beyond_limits(outcome.x, list(self.heat)) or outcome
 
 
 def take(found: SupportOf, memory: SparseMemory) -> bool:
@@ -98,20 +111,6 @@ def take(found: SupportOf, memory: SparseMemory) -> bool:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SelectionFailed:
-    """Failure of a selection: its block, status and number of iterations."""
-
-    block: str
-    status: Status
-    iterations: int = 1
-    detail: str = "selection of atoms"
-
-
-Found: TypeAlias = dict[str, BoolArray] | SelectionFailed
-"""Supports that change, by block."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class SolvedStep:
     """Solution of a step on given supports: `now` is the step solver that computed it, `fresh` is
     True where these supports are not those of an earlier step."""
@@ -123,49 +122,104 @@ class SolvedStep:
     fresh: bool
 
 
-class SelectsAtSolution(Protocol):
-    """Selection of supports at the solution of a step."""
+@dataclass(frozen=True, slots=True, eq=False)
+class AtomSelection(ABC):
+    """Selection of atoms in a step. steps: step solvers on supports; hysteresis: fraction by which
+    other supports must lower the residual norm to replace those of the previous step.
 
-    def thermal(self, at: SolvedStep, memory: SparseMemory) -> Found: ...
+    A failure is raised as SolveFailed, with the block in which no atoms could be selected."""
 
-    def elastic(self, at: SolvedStep, memory: SparseMemory) -> Found: ...
+    steps: SupportedSteps
+    hysteresis: float
+
+    @abstractmethod
+    def solve(self, step: StepFormula, memory: SparseMemory) -> StepOutcome:
+        """Solution of a step with a selection in all blocks."""
+
+    @abstractmethod
+    def thermal(self, at: SolvedStep, memory: SparseMemory) -> dict[str, BoolArray]:
+        """Thermal blocks with other supports that replace those of a solution."""
+
+    @abstractmethod
+    def elastic(self, at: SolvedStep, memory: SparseMemory) -> dict[str, BoolArray]:
+        """Elastic blocks with other supports that replace those of a solution."""
+
+    def reselected(
+        self, step: StepFormula, memory: SparseMemory, start: SupportOf
+    ) -> StepOutcome | None:
+        """Solution of a step whose supports are selected at its solution on the supports `start`:
+        thermal ones first, because temperatures load the bodies, then elastic ones. None where
+        there is no solution on `start`."""
+        steps, fresh, supports = self.steps, start is not memory.supports, start
+        kept, linearised_on = memory.kept, memory.linearised_on
+
+        def solved(guess: FloatArray | None) -> SolvedStep:
+            # as if the step had not been solved on other supports
+            memory.kept, memory.linearised_on = kept.copy(), linearised_on
+            now = steps.on(memory, supports) if fresh or guess is not None else (
+                steps.current(memory))
+            return SolvedStep(step, now.tried(step, memory, guess), now, supports, fresh)
+
+        at = solved(None)
+        if not at.outcome.status.ok:
+            memory.kept, memory.linearised_on = kept, linearised_on
+            return None
+        for select in (self.thermal, self.elastic):
+            for repeated in range(ROUNDS if fresh else 1):
+                found = select(replace(at, fresh=False) if repeated else at, memory)
+                if not found:
+                    break
+                supports = {**supports, **found}
+                at = solved(at.outcome.x)
+                if not at.outcome.status.ok:
+                    return at.outcome
+        if take(supports, memory):
+            memory.current = at.now
+            if fresh:
+                memory.past.restart()  # coefficients may jump: the past is no guide
+        return steps.accepted(at.outcome, step, memory)
 
 
-def reselected_step(
-    steps: SupportedSteps, selects: SelectsAtSolution, step: StepFormula, memory: SparseMemory,
-    start: SupportOf,
-) -> StepOutcome | None:
-    """Solution of a step whose supports are selected at its solution on the supports `start`:
-    thermal ones first, because temperatures load the bodies, then elastic ones. None where there is
-    no solution on `start`."""
-    fresh = start is not memory.supports
-    kept, linearised_on, supports = memory.kept, memory.linearised_on, start
+def no_selection(block: str, status: Status, detail: str = "") -> SolveFailed:
+    """Failure of a selection in a block."""
+    return SolveFailed(status, 0.0, block, f"selection of atoms{detail and ', '}{detail}")
 
-    def solved(guess: FloatArray | None) -> SolvedStep:
-        # as if the step had not been solved on other supports
-        memory.kept, memory.linearised_on = kept.copy(), linearised_on
-        now = steps.on(memory, supports) if fresh or guess is not None else steps.current(memory)
-        return SolvedStep(step, now.tried(step, memory, guess), now, supports, fresh)
 
-    at = solved(None)
-    if not at.outcome.status.ok:
-        memory.kept, memory.linearised_on = kept, linearised_on
-        return None
-    for select in (selects.thermal, selects.elastic):
-        for repeated in range(ROUNDS if fresh else 1):
-            found = select(replace(at, fresh=False) if repeated else at, memory)
-            if isinstance(found, SelectionFailed):
-                memory.kept, memory.linearised_on = kept, linearised_on
-                return StepOutcome(
-                    at.outcome.x, found.status, found.iterations, found.block, found.detail)
-            if not found:
-                break
-            supports = {**supports, **found}
-            at = solved(at.outcome.x)
-            if not at.outcome.status.ok:
-                return at.outcome
-    if take(supports, memory):
-        memory.current = at.now
-        if fresh:
-            memory.past.restart()  # coefficients may jump: the past is no guide
-    return steps.accepted(at.outcome, step, memory)
+@dataclass(frozen=True, slots=True, eq=False)
+class SparseStepper(AroundSteps[Stepper]):
+    """Step solver with atom selection. base: step solver with the blocks in which no atoms are
+    selected; steps: step solvers on the supports of the others; every: number of steps between
+    selections."""
+
+    steps: SupportedSteps
+    selection: AtomSelection
+    every: int
+
+    def start(self, state: State) -> tuple[State, SparseMemory]:
+        reduced = self.base.reduced(state)
+        return reduced, SparseMemory(
+            past=Past(self.base.points, reduced.x, block_starts(self.layout)),
+            kept=Kept.of(len(list(self.layout))),
+            factorizations=self.base.factorizations, supports=self.steps.empty)
+
+    def solve(self, step: StepFormula, memory: SparseMemory) -> tuple[StepOutcome, SparseMemory]:
+        selects = memory.step % self.every == 0
+        memory.step += 1
+        try:
+            if selects:
+                return self.selection.solve(step, memory), memory
+            return self.steps.current(memory).solve(step, memory)[0], memory
+        except SolveFailed as error:
+            x = step.free + memory.past.guess(step)
+            return StepOutcome(x, error.status, 0, error.block, error.detail), memory
+
+    def supports(self, memory: SparseMemory) -> Mapping[str, BoolArray]:
+        return memory.supports
+
+    def frozen(self, memory: SparseMemory) -> tuple[Stepper, SparseMemory]:
+        """Step solver with the current supports fixed, and its memory, for a linearised time-step
+        map. Raises SolveFailed where the sampled rows do not distinguish the active atoms."""
+        return self.steps.on(memory, memory.supports), memory
+
+    def counters(self, memory: SparseMemory) -> Mapping[str, int]:
+        return self.base.counters(memory)

@@ -33,10 +33,9 @@ from sparsemor.core.protocols.step_solver import unavailable_resultants
 from sparsemor.reducers.coupled_blocks import coupling, elements
 from sparsemor.reducers.linalg.least_norm import least
 from sparsemor.reducers.step.acceptance import Tolerances
-from sparsemor.reducers.step.frame_step import BodyStep
+from sparsemor.reducers.step.frame_step import BodyStep, PrescribedFactors
 from sparsemor.reducers.step.newton_loop import Loop
 from sparsemor.reducers.step.operators import TestedElastic, TestedHeat, TestMap
-from sparsemor.reducers.step.prepare import time_table
 from sparsemor.reducers.step.reduced import Reduced, ReducedBody, ReducedHeat, positions
 from sparsemor.reducers.step.relocalised import Coupled
 from sparsemor.reducers.step.solver import Facts, reduce_state
@@ -61,7 +60,7 @@ class ProjectedBlock(Generic[T]):
         identity."""
         return self.tested if self.left is None else self.tested.through(TestMap(left=self.left))
 
-    def wide(self, n: int) -> FloatArray:
+    def force_map(self, n: int) -> FloatArray:
         """Left inverse times the test map of forces, (k, n), for all n rows of the block."""
         left = np.eye(len(self.tested.constant)) if self.left is None else self.left
         return self.forces.times(left, n)
@@ -91,10 +90,11 @@ class ProjectedModel:
             return None
         return self.layout.resized({n: len(b.solved.constant) for n, b in blocks.items()})
 
-    def wide(self, name: str) -> FloatArray:
+    def force_map(self, name: str) -> FloatArray:
         """Left inverse of a block times its test map of forces, (k, n)."""
         n = len(self.dictionaries[name].offset)
-        return self.heat[name].wide(n) if name in self.heat else self.elastic[name].wide(n)
+        block = self.heat[name] if name in self.heat else self.elastic[name]
+        return block.force_map(n)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -110,10 +110,7 @@ class ReducedGeneral(WholeStepper):
         return WholeStepper.start(self, state)
 
     def alone(self) -> Mapping[str, FloatArray]:
-        """Reduced elastic block -> (k, 2 k): response of its coefficients to changes of their r1
-        and r2 with all other unknowns fixed and coupling terms neglected."""
-        return {b.step.elastic_name: -np.hstack([b.tested.damping, b.tested.mass])
-                for b in self.equations.bodies if b.tested is not None}
+        return self.equations.alone()
 
     def response(self, step: StepFormula, x: FloatArray) -> FloatArray:
         """Linear response (n, 2 n) of the step's solution x to changes of [r1; r2]."""
@@ -151,7 +148,7 @@ def dense_equations(
     `reduced_general`."""
     model, layout, rows = projected.model, projected.layout, projected.row_layout
     couple = _Couple(model, layout, rows or layout, projected.dictionaries,
-                     cache(projected.wide), by_elements)
+                     cache(projected.force_map), by_elements)
     return Reduced(
         layout,
         [ReducedHeat(layout[n], b.solved) for n, b in projected.heat.items()],
@@ -170,29 +167,27 @@ def _bodies(projected: ProjectedModel, ahead: bool) -> list[ReducedBody]:
     """All bodies; where no rigid coordinate is unknown, with the functions of time of their frames.
     """
     layout, prescribed = projected.layout, not projected.model.separated.border_size
-    none, found = slice(0, 0), []
+    found = []
     for m in projected.model.separated.moving:
         block = projected.elastic.get(m.elastic)
         tested = None if block is None else block.solved
-        step = BodyStep(
-            m.name, m.frame if tested is None else tested.frame, m.to_border, m.origin,
-            layout[m.elastic] if m.elastic else none,
-            layout[m.thermal] if m.thermal in layout else none, m.elastic, m.guide)
-        drive = time_table(step, m, ahead) if prescribed and tested is not None else None
+        step = BodyStep.of(m, layout, None if tested is None else tested.frame)
+        drive = PrescribedFactors.table(step, m, ahead) if (
+            prescribed and tested is not None) else None
         found.append(ReducedBody(step, tested, drive))
     return found
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Couple:
-    """Projection of a coupling term block by block; rows: layout of the rows; wide: test map of
-    forces (l, n) of a block."""
+    """Projection of a coupling term block by block; rows: layout of the rows; force_map: test map
+    of forces (l, n) of a block."""
 
     model: AssembledModel
     layout: Layout
     rows: Layout
     dictionaries: Mapping[str, Dictionary]
-    wide: Callable[[str], FloatArray]
+    force_map: Callable[[str], FloatArray]
     by_elements: bool = False
 
     def __call__(self, term: Term) -> Coupled:
@@ -233,7 +228,7 @@ class _Couple:
         """Test map of the rows `at` of the full model to reduced rows, and the numbers of these."""
         parts, numbers = [np.zeros((0, len(at)))], [np.zeros(0, np.int64)]
         for name, some, local in self._parts(at):
-            map_ = self.wide(name) if name in self.dictionaries else None
+            map_ = self.force_map(name) if name in self.dictionaries else None
             used = np.unique(local) if map_ is None else np.arange(len(map_))
             left = np.zeros((len(used), len(at)))
             if map_ is None:

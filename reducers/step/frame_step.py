@@ -10,10 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sparsemor.core import FloatArray, Frame, FrameHistory
-from sparsemor.core.protocols import FrameWork
+from sparsemor.core import FloatArray, Frame, FrameHistory, Layout
+from sparsemor.core.protocols import FrameWork, MovingBody
 from sparsemor.reducers.linalg.active_columns import few
 from sparsemor.reducers.step.operators import TestedElastic
+from sparsemor.reducers.step.time_tables import TimeTable
 
 NONE = np.zeros(0)
 
@@ -29,8 +30,8 @@ class BodyStep:
 
     frame: equations of the floating frame; to_border, origin: affine map of rigid coordinates and
     multipliers to the pose and attachment forces of this body; elastic, thermal: ranges of its
-    unknowns; elastic_name, rigid_name: names of its blocks of displacements and rigid coordinates,
-    "" where it has none; guide: prescribed motion.
+    unknowns; elastic_name: name of its block of displacements, "" where it has none; guide:
+    prescribed motion.
     """
 
     name: str
@@ -41,7 +42,15 @@ class BodyStep:
     thermal: slice
     elastic_name: str
     guide: FrameHistory | None = None
-    rigid_name: str = ""
+
+    @classmethod
+    def of(cls, body: MovingBody, layout: Layout, frame: Frame | None = None) -> "BodyStep":
+        """A body with the layout of a step; frame: its frame, if not that of full order."""
+        none = slice(0, 0)
+        return cls(
+            body.name, frame or body.frame, body.to_border, body.origin,
+            layout[body.elastic] if body.elastic else none,
+            layout[body.thermal] if body.thermal in layout else none, body.elastic, body.guide)
 
     @property
     def free(self) -> bool:
@@ -108,6 +117,17 @@ class PrescribedFactors:
     depend on displacements (core/protocols/body_frame.py)."""
 
     body: BodyStep
+
+    @classmethod
+    def table(cls, step: BodyStep, body: MovingBody, ahead: bool = True) -> TimeTable:
+        """The factors as functions of time; if `ahead`, tabulated at the times of the prescribed
+        motion or of the loads."""
+        times = np.zeros(0)
+        if ahead and body.guide is not None:
+            times = body.guide.times
+        elif ahead and body.operators is not None and body.operators.tables:
+            times = body.operators.tables[0].table.times
+        return TimeTable.of(cls(step), times)
 
     def __call__(self, times: FloatArray) -> FloatArray:
         frame = self.body.frame

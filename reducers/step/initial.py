@@ -25,15 +25,6 @@ from sparsemor.reducers.step.reduced_mechanics import Mechanics
 from sparsemor.reducers.step.time_tables import plus_loads
 
 
-@dataclass(frozen=True, slots=True)
-class StartTimes:
-    """Times, s: step h, and step `motion` of the finite differences of constraint Jacobians
-    (core/model/constraint_rates.py)."""
-
-    h: float
-    motion: float
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class _Body:
     """Linear equations of one body in its border unknowns z (rigid accelerations, multipliers):
@@ -48,10 +39,11 @@ class _Body:
 
 def consistent_start(
     mechanics: Mechanics, tested: Sequence[TestedElastic | None], state: State,
-    scales: StartTimes,
+    motion: float,
 ) -> State:
     """The state with elastic and rigid accelerations and multipliers that satisfy the reduced
-    equations.
+    equations. motion: step of the finite differences of constraint Jacobians, s
+    (core/model/constraint_rates.py).
 
     Multipliers that the reduced equations do not determine (all atoms satisfy their constraint
     already) are the solution of least norm.
@@ -64,7 +56,7 @@ def consistent_start(
     # z: rigid accelerations, then multipliers; repeated where friction is not linear in the latter
     forces, last = np.zeros(mechanics.size), NONE
     for _ in range(AGAIN):
-        z, parts, nonlinear = _accelerations(mechanics, tested, state, scales, forces)
+        z, parts, nonlinear = _accelerations(mechanics, tested, state, motion, forces)
         forces = np.concatenate([np.zeros(nr), z[nr:]])
         change = np.abs(z[nr:] - last).max(initial=0.0) if len(last) else np.inf
         last = z[nr:]
@@ -80,12 +72,12 @@ def consistent_start(
 
 def _accelerations(
     mechanics: Mechanics, tested: Sequence[TestedElastic | None], state: State,
-    scales: StartTimes, forces: FloatArray,
+    motion: float, forces: FloatArray,
 ) -> tuple[FloatArray, Sequence[_Body], bool]:
     """Rigid accelerations and multipliers, by equations that are linear at `forces` (n,), zeros and
     multipliers; the equations of each body; True if these are not linear up to the result."""
     nr = mechanics.n_rigid
-    parts = [_linear(mechanics, body, t, state, scales, forces)
+    parts = [_linear(mechanics, body, t, state, motion, forces)
              for body, t in zip(mechanics.bodies, tested, strict=True)]
     maps = [body.to_border for body in mechanics.bodies]
     # elastic accelerations eliminated (Schur complement): B z + r = target accelerations
@@ -93,7 +85,7 @@ def _accelerations(
     used = [np.flatnonzero(T.any(axis=0)) for T in maps]
     B = summed(mechanics.size, ((at, T[:, at].T @ (p.H - p.tau @ p.S) @ T[:, at])
                                 for at, T, p in zip(used, maps, parts, strict=True)))
-    z = -least(B, r - _target_accelerations(mechanics, state.t, scales.h))
+    z = -least(B, r - _target_accelerations(mechanics, state.t))
     there = np.concatenate([np.zeros(nr), z[nr:]])
     nonlinear = any(_is_nonlinear(mechanics, body, t, state, p, there)
                for body, t, p in zip(mechanics.bodies, tested, parts, strict=True))
@@ -101,26 +93,26 @@ def _accelerations(
 
 
 def constraint_errors(
-    mechanics: Mechanics, tested: Sequence[TestedElastic | None], state: State, h: float
+    mechanics: Mechanics, tested: Sequence[TestedElastic | None], state: State
 ) -> tuple[FloatArray, FloatArray]:
     """Values and time derivatives (l, 2) of the constraints at a state, and magnitudes (l, 2) of
-    their terms; h: time step, s."""
+    their terms."""
     found, sizes = (np.zeros((mechanics.size, 2)) for _ in range(2))
     for i, f in mechanics.targets:
-        target = np.array([f(state.t), time_derivatives(f, state.t, h)[0]])
+        target = np.array([f(state.t), time_derivatives(f, state.t, mechanics.h)[0]])
         found[i] -= target
         sizes[i] += np.abs(target)
-    for body, t, count in zip(mechanics.bodies, tested, mechanics.positions, strict=True):
+    for body, t in zip(mechanics.bodies, tested, strict=True):
         origin, rate, _ = body.border_motion(state.t)
         y, v = _border(mechanics, body, state.x, origin), _border(mechanics, body, state.v, rate)
         d, w = body.frame.rigid_size, _evaluate(body, t, y, v, 0.0, state)
         rows, size = np.zeros((len(y), 2)), np.zeros((len(y), 2))
         rows[d:, 0], rows[d:, 1] = w.border[d:, -1], _moving(body, t, y, v, state)
-        of_time = body.frame.time_derivative(1, state.t, h)
+        of_time = body.frame.time_derivative(1, state.t, mechanics.h)
         if of_time is not None:
             rows[d:, 1] += _evaluate(replace(body, frame=of_time), t, y, v, 0.0, state).border[
                 d:, -1]
-        reach = np.abs(y[:d])
+        reach, count = np.abs(y[:d]), min(3, d - 1)  # the position, before the attitude
         reach[count:] = np.maximum(reach[count:], 1.0)
         size[d:] = np.abs(w.border[d:, :d]) @ np.stack([reach, np.abs(v[:d])], axis=1)
         found += body.to_border.T @ rows
@@ -144,7 +136,7 @@ def _prescribed_start(
 
 
 def _linear(
-    mechanics: Mechanics, body: BodyStep, t: TestedElastic | None, state: State, scales: StartTimes,
+    mechanics: Mechanics, body: BodyStep, t: TestedElastic | None, state: State, motion: float,
     forces: FloatArray,
 ) -> _Body:
     """The body's equations at zero accelerations and multipliers, by their derivatives with respect
@@ -152,14 +144,14 @@ def _linear(
     origin, rate, _ = body.border_motion(state.t)
     known = body.to_border @ forces
     y, v = _border(mechanics, body, state.x, origin), _border(mechanics, body, state.v, rate)
-    c2 = 1.0 / scales.h**2  # large enough that masses are not lost against centrifugal terms
+    c2 = 1.0 / mechanics.h**2  # large enough that masses are not lost against centrifugal terms
     w0, w1 = (_evaluate(body, t, y + known, v, c, state) for c in (0.0, c2))
     d = body.frame.rigid_size
     H = np.zeros_like(w0.border[:, :-1])
     H[:d, :d], H[:d, d:] = (w1.border - w0.border)[:d, :d] / c2, w0.border[:d, d:-1]
     H[d:, :d], H[d:, d:] = w0.border[d:, :d], c2 * w0.border[d:, d:-1]  # a compliance
     rows = w0.border[:, -1] - H[:, d:] @ known[d:]
-    rows[d:] = _curvature(body, t, y, v, state, scales)
+    rows[d:] = _curvature(mechanics, body, t, y, v, state, motion)
     if t is None:
         return _Body(NONE, np.zeros((0, len(rows))), rows, H, np.zeros((len(rows), 0)))
     sigma = np.concatenate([(w1.sigma[:d] - w0.sigma[:d]) / c2, w0.sigma[d:-1]])
@@ -222,14 +214,14 @@ def _elastic_rows(
 
 
 def _curvature(
-    body: BodyStep, t: TestedElastic | None, y: FloatArray, v: FloatArray, state: State,
-    scales: StartTimes,
+    mechanics: Mechanics, body: BodyStep, t: TestedElastic | None, y: FloatArray, v: FloatArray,
+    state: State, motion: float,
 ) -> FloatArray:
     """Second time derivative of the constraint rows of the body's attachments at zero
     accelerations."""
     found = derivative_along_motion(lambda s: _moving(body, t, y + s * v, v, replace(
-        state, x=state.x + s * state.v)), scales.motion)
-    first, second = (body.frame.time_derivative(n, state.t, scales.h) for n in (1, 2))
+        state, x=state.x + s * state.v)), motion)
+    first, second = (body.frame.time_derivative(n, state.t, mechanics.h) for n in (1, 2))
     if first is not None:
         found = found + 2.0 * _moving(replace(body, frame=first), t, y, v, state)
     if second is not None:
@@ -247,9 +239,9 @@ def _moving(
     return found if t is None else found + w.tau[d:] @ (t.functional @ state.v[body.elastic])
 
 
-def _target_accelerations(mechanics: Mechanics, t: float, h: float) -> FloatArray:
+def _target_accelerations(mechanics: Mechanics, t: float) -> FloatArray:
     """Second time derivative of prescribed joint motion."""
     found = np.zeros(mechanics.size)
     for i, f in mechanics.targets:
-        found[i] = time_derivatives(f, t, h)[1]
+        found[i] = time_derivatives(f, t, mechanics.h)[1]
     return found

@@ -4,9 +4,9 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
 from sparsemor.core import BoolArray, FloatArray, StepMemory
-from sparsemor.reducers.step.blocks.thermal_block import HeatJacobian
 from sparsemor.reducers.step.newton_loop import Kept, StepEquations
 from sparsemor.reducers.step.predictor import Past
+from sparsemor.reducers.step.thermal_block import HeatJacobian
 
 
 @dataclass(eq=False, kw_only=True)
@@ -71,19 +71,19 @@ class Memory(RunMemory):
     (`Workspace`) and the kept Jacobian of the mechanical iteration, and counts of the steps that it
     did not solve.
 
-    linearised_on (n,): active unknowns of the kept Jacobian where atoms are selected; exact,
-    warming: what the iteration with the exact Jacobian keeps, and that of each group of thermal
-    blocks; full_newton_steps: number of steps that it solved; full_newton_next: number of coming
-    steps that begin with it; linear: block ->
-    iterations of its linear solver; linearized: thermal block -> [T, T', T'', t] at which its kept
-    Jacobian was evaluated (`HeatJacobian`).
+    linearised_on (n,): active unknowns of the kept Jacobian where atoms are selected; exact: what
+    the iteration with the exact Jacobian keeps; full_newton_steps: number of steps that it solved;
+    full_newton_next: number of coming steps that begin with it; heat_kept: what the iteration of
+    each group of full-order thermal blocks keeps; linear: block -> iterations of its linear solver;
+    linearized: reduced thermal block -> [T, T', T'', t] at which its kept Jacobian was evaluated
+    (`HeatJacobian`).
     """
 
     work: Workspace = field(default_factory=Workspace)
     kept: Kept = field(default_factory=lambda: Kept.of(0))
     linearised_on: BoolArray | None = None
     exact: Kept = field(default_factory=lambda: Kept.of(0))
-    warming: dict[str, Kept] = field(default_factory=dict)
+    heat_kept: dict[str, Kept] = field(default_factory=dict)
     full_newton_steps: int = 0
     full_newton_next: int = 0
     linear: dict[str, int] = field(default_factory=dict)
@@ -95,12 +95,8 @@ class Memory(RunMemory):
     def copy(self) -> Self:
         return replace(super().copy(), work=Workspace(),
                        kept=self.kept.copy(), exact=self.exact.copy(),
-                       warming={n: k.copy() for n, k in self.warming.items()},
+                       heat_kept={n: k.copy() for n, k in self.heat_kept.items()},
                        linear=dict(self.linear), linearized=dict(self.linearized))
-
-    @property
-    def restarts(self) -> bool:
-        return True
 
     def moved(self, x: FloatArray) -> None:
         super().moved(x)

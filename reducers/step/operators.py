@@ -80,11 +80,11 @@ class TestMap:
 @dataclass(frozen=True, slots=True, eq=False)
 class TestedLocal:
     """A local term of an elastic block on the trial basis and under the test map, as a function of
-    the coefficients [c | cT] of displacements and temperatures; still: True if it depends on
-    temperatures alone; left: a further test map of its rows, None for the identity."""
+    the coefficients [c | cT] of displacements and temperatures; of_temperature: True if it depends
+    on temperatures alone; left: a further test map of its rows, None for the identity."""
 
     term: ReducedTerm
-    still: bool
+    of_temperature: bool
     left: FloatArray | None = None
 
     @classmethod
@@ -110,7 +110,7 @@ class TestedLocal:
     def through(self, test: TestMap, m: int) -> "TestedLocal":
         """The term with a further test map of its m rows."""
         left = test(np.eye(m) if self.left is None else self.left)
-        return TestedLocal(self.term, self.still, np.ascontiguousarray(left))
+        return TestedLocal(self.term, self.of_temperature, np.ascontiguousarray(left))
 
     def rows(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray:
         """Forces (m,) at coefficients [c | cT] and their rates."""

@@ -5,22 +5,10 @@ from collections.abc import Sequence
 from copy import copy
 from functools import cache
 from math import comb
-from typing import NamedTuple
 
 import numpy as np
 
 from sparsemor.core import BoolArray, FloatArray, IntArray, Layout, StepFormula
-
-
-class Prediction(NamedTuple):
-    """Predicted displacements of a block with their rates, (n,) each, the temperatures of its body,
-    and the time, s."""
-
-    x: FloatArray
-    v: FloatArray
-    a: FloatArray
-    T: FloatArray
-    t: float
 
 
 @cache

@@ -42,10 +42,9 @@ from sparsemor.reducers.step.frame_step import BodyStep
 from sparsemor.reducers.step.newton_loop import Linearisation
 from sparsemor.reducers.step.operators import TestedElastic, TestedHeat
 from sparsemor.reducers.step.prescribed import PrescribedBody
-from sparsemor.reducers.step.rejection import Checked
 from sparsemor.reducers.step.relocalised import CopyMemory, Coupled, OfAtoms
 from sparsemor.reducers.step.time_tables import TimeTable, plus_loads
-from sparsemor.reducers.step.whole_step import WholeEquations
+from sparsemor.reducers.step.whole_step import Checked, WholeEquations
 
 TOGETHER = 64
 """Largest number of displacements of bodies whose arrays are filled up to one size; larger bodies
@@ -444,6 +443,13 @@ class Reduced(WholeEquations):
     def checks(self) -> list[Checked]:
         return [(c.term, c.columns) for c in self.coupled if c.term.rejects]
 
+    def alone(self) -> dict[str, FloatArray]:
+        """Elastic block -> (k, 2 k): response of its coefficients to changes of their r1 and r2
+        with all other unknowns fixed and coupling terms neglected, [-D^-1 D_m, -D^-1 M] projected,
+        with the damping D_m."""
+        return {b.step.elastic_name: -np.hstack([b.tested.damping, b.tested.mass])
+                for b in self.bodies if b.tested is not None}
+
     # ------------------------------------------------------------------ in a step
 
     def begin(self, step: StepFormula, d: FloatArray) -> None:
@@ -542,10 +548,10 @@ class Reduced(WholeEquations):
     def slope_at(self, at: Linearisation) -> FloatArray:
         """Exact Jacobian of all rows by all unknowns."""
         c1, c2, c1_first, c2_first = at.c
-        of_rate, of_bend = np.full(self.layout.size, c1), np.full(self.layout.size, c2)
+        of_rate, of_acceleration = np.full(self.layout.size, c1), np.full(self.layout.size, c2)
         of_rate[self.layout.first], of_rate[self.layout.algebraic] = c1_first, 0.0
-        of_bend[self.layout.first], of_bend[self.layout.algebraic] = c2_first, 0.0
-        return self.slope(at.x, at.v, at.a, at.t, of_rate, of_bend)
+        of_acceleration[self.layout.first], of_acceleration[self.layout.algebraic] = c2_first, 0.0
+        return self.slope(at.x, at.v, at.a, at.t, of_rate, of_acceleration)
 
     def factorize(self, J: FloatArray) -> Factor:
         return factorized(J)

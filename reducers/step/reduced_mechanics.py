@@ -1,10 +1,9 @@
 """Mechanics of a step: rigid coordinates, joint forces and all displacements together, by the loop
 of newton_loop.py."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
-
-import numpy as np
 
 from sparsemor.core import Amplitude, FloatArray, Status, StepFormula
 from sparsemor.reducers.step.acceptance import Tolerances
@@ -15,38 +14,31 @@ from sparsemor.reducers.step.reduced import Reduced
 from sparsemor.reducers.step.step_unknowns import StepUnknowns
 
 
+@dataclass(frozen=True, slots=True, eq=False)
 class Mechanics:
-    """Bodies and constraints of the mechanics of a step. targets: prescribed values of the
-    constraints; size: number of rigid coordinates and multipliers; positions: number of coordinates
-    of each body's position, the first of its rigid ones."""
+    """Bodies and constraints of the mechanics of a step. n_rigid: number of rigid coordinates;
+    algebraic: range of the multipliers; targets: prescribed values of the constraints; h: step, s.
+    """
 
-    def __init__(
-        self, bodies: Sequence[BodyStep], n_rigid: int, algebraic: slice,
-        targets: Sequence[tuple[int, Amplitude]], tolerances: Tolerances,
-    ) -> None:
-        self.bodies, self.n_rigid, self.algebraic = tuple(bodies), n_rigid, algebraic
-        self.size = n_rigid + algebraic.stop - algebraic.start
-        self.targets, self.tol = tuple(targets), tolerances
-        self.positions = [min(3, b.frame.rigid_size - 1) for b in self.bodies]
+    bodies: tuple[BodyStep, ...]
+    n_rigid: int
+    algebraic: slice
+    targets: tuple[tuple[int, Amplitude], ...]
+    h: float
 
-    def parts(self) -> tuple[Any, ...]:
-        return self.bodies, self.n_rigid, self.algebraic, self.targets, self.tol
-
-    @classmethod
-    def of_parts(cls, *parts: Any) -> "Mechanics":
-        return cls(*parts)
+    @property
+    def size(self) -> int:
+        """Number of rigid coordinates and multipliers."""
+        return int(self.n_rigid + self.algebraic.stop - self.algebraic.start)
 
 
-class LoopMechanics(Mechanics):
+class LoopMechanics:
     """Mechanics of a step, solved after its temperatures by the loop. equations: of the mechanics,
     for known temperatures."""
 
-    def __init__(
-        self, bodies: Sequence[BodyStep], n_rigid: int, algebraic: slice,
-        targets: Sequence[tuple[int, Amplitude]], tolerances: Tolerances, equations: StepEquations,
-    ) -> None:
-        super().__init__(bodies, n_rigid, algebraic, targets, tolerances)
-        self.equations, self.loop = equations, Loop(equations.layout, tolerances)
+    def __init__(self, equations: StepEquations, tolerances: Tolerances) -> None:
+        self.equations, self.tol = equations, tolerances
+        self.loop = Loop(equations.layout, tolerances)
 
     def alone(self) -> Mapping[str, FloatArray]:
         """Reduced elastic block -> (s, 2 s): response of its active coefficients to changes of
@@ -76,16 +68,16 @@ class ReducedMechanics(LoopMechanics):
 
     equations: Reduced
 
-    def __init__(
-        self, bodies: Sequence[BodyStep], n_rigid: int, algebraic: slice,
-        targets: Sequence[tuple[int, Amplitude]], tolerances: Tolerances, whole: Reduced,
-    ) -> None:
-        super().__init__(bodies, n_rigid, algebraic, targets, tolerances, whole.after_heat())
+    def __init__(self, whole: Reduced, tolerances: Tolerances) -> None:
+        super().__init__(whole.after_heat(), tolerances)
         self.whole = whole
 
     def parts(self) -> tuple[Any, ...]:
-        return (*super().parts(), self.whole)
+        return self.whole, self.tol
+
+    @classmethod
+    def of_parts(cls, *parts: Any) -> "ReducedMechanics":
+        return cls(*parts)
 
     def alone(self) -> Mapping[str, FloatArray]:
-        return {b.step.elastic_name: -np.hstack([b.tested.damping, b.tested.mass])
-                for b in self.whole.bodies if b.tested is not None}
+        return self.whole.alone()

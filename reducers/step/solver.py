@@ -11,10 +11,10 @@ from dataclasses import dataclass, field, fields, replace
 import numpy as np
 
 from sparsemor.core import (
+    AssembledModel,
     BoolArray,
     Dictionary,
     FloatArray,
-    Frame,
     IntArray,
     Layout,
     Note,
@@ -27,11 +27,10 @@ from sparsemor.core import (
 )
 from sparsemor.core.linalg.least_squares import least_squares_coefficients
 from sparsemor.core.model.constraint_rates import motion_step
-from sparsemor.core.protocols import LinearSystem, MovingBody, Separated
+from sparsemor.core.protocols import LinearSystem
 from sparsemor.reducers.step.acceptance import Tolerances
-from sparsemor.reducers.step.blocks.thermal_block import HeatBlock
 from sparsemor.reducers.step.frame_step import BodyStep
-from sparsemor.reducers.step.initial import StartTimes, consistent_start, constraint_errors
+from sparsemor.reducers.step.initial import consistent_start, constraint_errors
 from sparsemor.reducers.step.memory import Memory
 from sparsemor.reducers.step.newton_loop import Kept, Loop, StepEquations
 from sparsemor.reducers.step.operators import TestedElastic
@@ -39,7 +38,9 @@ from sparsemor.reducers.step.predictor import Past, block_starts
 from sparsemor.reducers.step.reduced import Reduced
 from sparsemor.reducers.step.reduced_mechanics import LoopMechanics, Mechanics, ReducedMechanics
 from sparsemor.reducers.step.step_unknowns import StepUnknowns
-from sparsemor.reducers.step.whole_step import WholeNewton, linear_response
+from sparsemor.reducers.step.thermal_block import HeatBlock
+from sparsemor.reducers.step.thermal_groups import group_name
+from sparsemor.reducers.step.whole_step import WholeNewton, beyond_limits, linear_response
 
 STEPS = 10
 """Number of steps after one that needed the exact Jacobian before the cheaper iteration is tried
@@ -62,9 +63,8 @@ class Stepper(StepSolver[Memory]):
     dictionaries: Mapping[str, Dictionary]
     rows: Mapping[str, IntArray]
     elements_touched: Mapping[str, int]
-    separated: Separated
+    system: Mechanics
     heat: Mapping[str, HeatBlock]
-    frames: Mapping[str, Frame]
     tolerances: Tolerances
     points: int
     factorizations: int
@@ -73,16 +73,16 @@ class Stepper(StepSolver[Memory]):
     notes: tuple[Note, ...] = ()
     facts: Facts = field(default_factory=dict)
     tested: Mapping[str, TestedElastic] = field(default_factory=dict)
-    mechanics: Mechanics | None = None
+    mechanics: LoopMechanics | None = None
     iterating: bool = False
     """True if any elastic block has an iterative linear solver."""
-    hot: tuple[tuple[str, slice | IntArray], ...] = ()
+    heat_groups: tuple[tuple[str, slice | IntArray], ...] = ()
     """Name and unknowns of each thermal block, or of several that are solved together."""
     meshless: bool = False
     """True if `start` takes a state in the reduced unknowns."""
     newton: WholeNewton | None = None
     """The whole step with its exact Jacobian, where the mechanics do not converge."""
-    warming: Mapping[str, StepEquations] = field(default_factory=dict)
+    full_heat: Mapping[str, StepEquations] = field(default_factory=dict)
     """Equations of the heat of each group of coupled bodies that is solved for by the loop."""
     loop: Loop | None = None
     whole: Reduced | None = None
@@ -91,30 +91,19 @@ class Stepper(StepSolver[Memory]):
     @property
     def solved(self) -> LoopMechanics:
         """The mechanics with equations."""
-        assert isinstance(self.mechanics, LoopMechanics)
+        assert self.mechanics is not None
         return self.mechanics
-
-    def by_loop(self, equations: StepEquations) -> Mechanics:
-        """The mechanics with these equations, solved by the loop."""
-        m = self.mechanics
-        assert m is not None
-        return LoopMechanics(
-            m.bodies, m.n_rigid, m.algebraic, m.targets, m.tol, equations)
 
     def with_equations(self, whole: Reduced) -> "Stepper":
         """This step solver of a reduced model with all its bodies solved for together."""
-        m = self.mechanics
-        if m is None:
-            return replace(self, whole=whole)
-        return replace(self, whole=whole, mechanics=ReducedMechanics(
-            m.bodies, m.n_rigid, m.algebraic, m.targets, m.tol, whole))
+        return replace(self, whole=whole, mechanics=ReducedMechanics(whole, self.tolerances))
 
     def start(self, state: State) -> tuple[State, Memory]:
         reduced = self.reduced(state)
         count = len(list(self.layout))
         return reduced, Memory(
             past=Past(self.points, reduced.x, block_starts(self.layout)),
-            kept=Kept.of(count), warming={n: Kept.of(count) for n in self.warming},
+            kept=Kept.of(count), heat_kept={n: Kept.of(count) for n in self.full_heat},
             factorizations=self.factorizations)
 
     def linear_system(self) -> LinearSystem:
@@ -131,36 +120,34 @@ class Stepper(StepSolver[Memory]):
     def without_mesh(self) -> "Stepper":
         """This step solver without operators and bases of the mesh's size, and with the loads of
         the consistent start at that time only."""
-        moving = tuple(replace(m, operators=None) for m in self.separated.moving)
         bases = {n: replace(d, atoms=d.atoms[:0], offset=d.offset[:0], provenance=())
                  for n, d in self.dictionaries.items()}
         own = {f.name: getattr(self, f.name) for f in fields(Stepper)}
         tested = {n: replace(t, tables=tuple(Table(p.times[:1], p.at(0.0)[None]) for p in t.tables))
                   for n, t in self.tested.items()}
-        separated = replace(self.separated, moving=moving, heat=(), couplings=(), other=())
-        return Stepper(**{**own, "meshless": True, "tested": tested, "dictionaries": bases,
-                          "separated": separated})
+        return Stepper(**{**own, "meshless": True, "tested": tested, "dictionaries": bases})
 
     def reduced(self, state: State) -> State:
         """A full-order state in the unknowns of this model, with consistent rates."""
         reduced = self.projection(state)
         reduced = replace(reduced, v=reduced.v.copy())  # without mesh it is the caller's state
-        for name, at in self.hot:
+        for name, at in self.heat_groups:
             if self.dictionaries and name in self.heat:  # not where atoms are selected
                 reduced.v[at] = self.heat[name].start_rates(
                     reduced.x[at], reduced.v[at], reduced.t)
-        if self.dictionaries and self.mechanics is not None:
-            tested = [self.tested.get(b.elastic_name) for b in self.mechanics.bodies]
-            h = self.separated.step
-            scales = StartTimes(h, motion_step(self.layout, reduced.v, h))
-            reduced = consistent_start(self.mechanics, tested, reduced, scales)
+        if self.dictionaries:
+            scale = motion_step(self.layout, reduced.v, self.system.h)
+            reduced = consistent_start(self.system, self._tested_bodies(), reduced, scale)
         return reduced
 
     def constraint_errors(self, state: State) -> tuple[FloatArray, FloatArray]:
-        if self.mechanics is None or not self.mechanics.size:
+        if not self.system.size:
             return np.zeros((0, 2)), np.zeros((0, 2))
-        tested = [self.tested.get(b.elastic_name) for b in self.mechanics.bodies]
-        return constraint_errors(self.mechanics, tested, state, self.separated.step)
+        return constraint_errors(self.system, self._tested_bodies(), state)
+
+    def _tested_bodies(self) -> list[TestedElastic | None]:
+        """Projected operators of each body, None where it has no elastic block."""
+        return [self.tested.get(b.elastic_name) for b in self.system.bodies]
 
     def solve(self, step: StepFormula, memory: Memory) -> tuple[StepOutcome, Memory]:
         outcome = self.tried(step, memory)
@@ -182,12 +169,12 @@ class Stepper(StepSolver[Memory]):
         now = StepUnknowns(
             step, memory.past.guess(step) if guess is None else guess - step.free)
         iterations = 0
-        for name, at in self.hot:
+        for name, at in self.heat_groups:
             status, n, detail = self._solve_heat(name, at, now, memory)
             if not status.ok:
                 return now.outcome(status, n, name, detail)
             iterations = max(iterations, n)
-        if self.mechanics is not None and self.mechanics.bodies:
+        if self.system.bodies:
             status, iterations, block, detail = self.solved.solve(step, now, memory)
             if self.iterating:
                 for name, count in memory.work.equations.iterations.items():
@@ -202,11 +189,11 @@ class Stepper(StepSolver[Memory]):
     ) -> tuple[Status, int, str]:
         """Solves one thermal block, or several that are coupled, in place; returns status, number
         of iterations and details."""
-        equations = self.warming.get(name)
+        equations = self.full_heat.get(name)
         block = self.heat[name] if equations is None else None
         if block is not None and isinstance(at, slice):
             now.drop_inactive_temperatures(at, block.active)
-        if (block or self.warming[name]).elements:
+        if (block or self.full_heat[name]).elements:
             last = memory.newest[at]
             far = float(np.abs(now.x[at] - last).max()) > 0.1 * float(np.abs(last).max())
             if far:  # below 0 K radiation has a second solution
@@ -227,9 +214,9 @@ class Stepper(StepSolver[Memory]):
         self, name: str, at: slice | IntArray, now: StepUnknowns, memory: Memory
     ) -> tuple[Status, int, str]:
         """Solves the heat of a group by the loop, in place."""
-        equations, loop = self.warming[name].working(), self.loop
+        equations, loop = self.full_heat[name].working(), self.loop
         assert loop is not None
-        kept = memory.warming[name]
+        kept = memory.heat_kept[name]
         equations.begin(now.step, now.d)
         ended = loop.solve(equations, now.step, now.d, kept, memory.newest)
         for block, count in equations.iterations.items():
@@ -273,7 +260,7 @@ class Stepper(StepSolver[Memory]):
             x, rates = outcome.x, outcome.rates
             d = x - step.free if rates is None else step.departure(x, *rates)
             memory.past.push(x, d)
-            for kept in memory.warming.values():
+            for kept in memory.heat_kept.values():
                 if self.loop is not None:
                     self.loop.remember(x, d, step, kept)
             self.solved.remember(x, d, step, memory)
@@ -285,20 +272,12 @@ class Stepper(StepSolver[Memory]):
         y = x * self.sanity
         if y.dot(y) <= 1.0:
             return None
-        found = (self.beyond_limits(x, b.name) for b in self.layout)
-        return next((bad for bad in found if bad is not None), None)
+        return self.beyond_limits(x, [b.name for b in self.layout])
 
-    def beyond_limits(self, x: FloatArray, block: str) -> StepOutcome | None:
-        """Failure of one block with values that are not finite or exceed their limits; None if
-        there is none."""
-        top = float(np.abs(x[self.layout[block]]).max())
-        if not top < np.inf:
-            return StepOutcome(x, Status.NOT_FINITE, 1, block)
-        limit = self.limits.get(block, np.inf)
-        if top > limit:
-            detail = f"largest coefficient {top:.3g}, {limit:.3g} allowed"
-            return StepOutcome(x, Status.DIVERGED, 1, block, detail)
-        return None
+    def beyond_limits(self, x: FloatArray, blocks: Sequence[str]) -> StepOutcome | None:
+        """Failure of the first of these blocks with values that are not finite or exceed their
+        limits; None if there is none."""
+        return next(beyond_limits(x, self.layout, self.limits, blocks), None)
 
     def alone(self) -> Mapping[str, FloatArray]:
         """Reduced elastic block -> (s, 2 s): response of its active coefficients to changes of
@@ -324,23 +303,6 @@ class Stepper(StepSolver[Memory]):
                 "full_newton_steps": memory.full_newton_steps}
 
 
-def bodies(s: Stepper) -> Sequence[BodyStep]:
-    none, found = slice(0, 0), []
-    for m in s.separated.moving:
-        found.append(BodyStep(
-            m.name, s.frames.get(m.name, m.frame), m.to_border, m.origin,
-            s.layout[m.elastic] if m.elastic else none,
-            s.layout[m.thermal] if m.thermal in s.layout else none, m.elastic, m.guide,
-            rigid_block(s.layout, m)))
-    return found
-
-
-def rigid_block(layout: Layout, body: MovingBody) -> str:
-    """Name of the block of a body's rigid coordinates, "" where its frame has no unknowns."""
-    used = body.to_border[: body.frame.rigid_size, : layout.frames.stop].any(axis=0)
-    return ", ".join(layout.containing(np.flatnonzero(used)))
-
-
 def reduce_state(
     state: State, layout: Layout, dictionaries: Mapping[str, Dictionary]
 ) -> State:
@@ -358,3 +320,43 @@ def reduce_state(
         columns = np.stack([state.x[there] - d.offset, state.v[there], state.a[there]], axis=1)
         x[here], v[here], a[here] = least_squares_coefficients(d.atoms, columns).T
     return State(state.t, x, v, a, state.memory)
+
+
+def stepper(
+    model: AssembledModel, layout: Layout, dictionaries: Mapping[str, Dictionary],
+    rows: Mapping[str, IntArray], heat: Mapping[str, HeatBlock], tol: Tolerances, points: int,
+    factorizations: int, limits: Mapping[str, float] | None = None,
+    notes: tuple[Note, ...] = (), tested: Mapping[str, TestedElastic] | None = None,
+    facts: Facts | None = None, visited: Mapping[str, int] | None = None,
+) -> Stepper:
+    """Block-wise step solver from reduced or full-order blocks, with the elements that one step
+    visits.
+
+    points: number of past states to extrapolate; tested: projected elastic operators, for
+    consistent initial rates; visited: elements of each thermal block's local terms, where these are
+    not those of `heat`, whose keys are groups of coupled blocks.
+    """
+    # constant matrices were assembled once: only local terms visit elements in a step
+    elements = {name: 0 for name in model.reducible()}
+    elements |= visited or {name: block.elements for name, block in heat.items()}
+    elements |= {n: sum(part.term.elements for part in t.local)
+                 for n, t in (tested or {}).items() if t.local}
+    # unknowns over their limits; those without one are scaled to be caught when not finite only
+    sanity = np.full(layout.size, 1e-150)
+    for name, limit in (limits or {}).items():
+        sanity[layout[name]] = 1.0 / limit
+    separated, known = model.separated, tested or {}
+    bodies = tuple(BodyStep.of(m, layout, known[m.elastic].frame if m.elastic in known else None)
+                   for m in separated.moving)
+    system = Mechanics(bodies, layout.frames.stop, layout.algebraic,
+                       tuple(separated.border_targets), separated.step)
+    return Stepper(layout, dictionaries, rows, elements, system, heat, tol, points,
+                   factorizations, limits or {}, sanity, notes, facts or {}, known,
+                   heat_groups=_heat_groups(model, layout))
+
+
+def _heat_groups(model: AssembledModel, layout: Layout) -> tuple[tuple[str, slice | IntArray], ...]:
+    """Name and unknowns of each group of coupled thermal blocks."""
+    at = np.arange(layout.size)
+    return tuple((group_name(g), layout[g[0].thermal] if len(g) == 1 else np.concatenate(
+        [at[layout[b.thermal]] for b in g])) for g in model.separated.heat_groups)

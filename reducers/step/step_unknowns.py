@@ -19,16 +19,11 @@ class StepUnknowns:
         self.step, self.d, self.remaining = step, d, 0.0
         self.x, self.v, self.a = step.at(d)
 
-    def add(self, at: slice | IntArray, active: IntArray | None, d: FloatArray) -> None:
-        """Adds increments d of the active unknowns (None: all) among those numbered `at`."""
-        if active is not None and isinstance(at, slice):
-            at = at.start + active
-        self.d[at] += d
-
     def add_temperatures(
         self, at: slice | IntArray, active: IntArray | None, d: FloatArray
     ) -> None:
-        """Adds increments d of temperatures, which are final."""
+        """Adds increments d of the active temperatures (None: all) among those numbered `at`, which
+        are final."""
         if active is not None and isinstance(at, slice):
             at = at.start + active
         self.d[at] += d
@@ -39,7 +34,9 @@ class StepUnknowns:
     def drop_inactive_temperatures(self, at: slice, active: IntArray | None) -> None:
         """Sets the inactive coefficients of a thermal block to zero."""
         if active is not None:
-            numbers = at.start + inactive(at, active)
+            inactive = np.ones(at.stop - at.start, dtype=np.bool_)
+            inactive[active] = False
+            numbers = at.start + np.flatnonzero(inactive)
             self.add_temperatures(numbers, None, -self.x[numbers])
             self.x[numbers] = 0.0
 
@@ -49,10 +46,3 @@ class StepUnknowns:
         """The unknowns and their rates as the solution of the step."""
         x, v, a = self.step.at(self.d)
         return StepOutcome(x, status, iterations, block, detail, (v, a), self.remaining)
-
-
-def inactive(at: slice, active: IntArray) -> IntArray:
-    """Numbers within the range `at` of the unknowns that are not active."""
-    out = np.ones(at.stop - at.start, dtype=np.bool_)
-    out[active] = False
-    return np.flatnonzero(out)

@@ -1,7 +1,7 @@
 """Step solver that solves for all unknowns of a model together."""
 
 from abc import abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Self
@@ -13,6 +13,7 @@ from sparsemor.core import (
     Dictionary,
     FloatArray,
     IntArray,
+    Layout,
     Note,
     ReducedTerm,
     State,
@@ -30,11 +31,12 @@ from sparsemor.reducers.step.factors import Matrix
 from sparsemor.reducers.step.memory import RunMemory
 from sparsemor.reducers.step.newton_loop import Ended, Kept, Loop, StepEquations
 from sparsemor.reducers.step.predictor import Past, block_starts
-from sparsemor.reducers.step.rejection import Checked, rejected_step
 from sparsemor.reducers.step.relocalised import state_of
 
 EXTRAPOLATION_ERROR = 1e-2
 """Relative error above which an extrapolation is no better a guess than the last state."""
+Checked = tuple[Term | ReducedTerm, IntArray]
+"""A term that checks steps, with its columns."""
 
 
 class WholeEquations(StepEquations):
@@ -126,7 +128,8 @@ class WholeStepper(StepSolver[WholeMemory]):
         if ended.status.ok:
             self._remember(ended.d, step, memory)
         outcome = rejected_step(outcome_of(ended, step), equations.checks, step)
-        return (self._sane(outcome) if outcome.status.ok else outcome), memory
+        bad = next(beyond_limits(outcome.x, self.layout, self.limits, self.limits), None)
+        return (bad if outcome.status.ok and bad else outcome), memory
 
     def _remember(self, d: FloatArray, step: StepFormula, memory: WholeMemory) -> None:
         """Stores an accepted step, and chooses the order of the next extrapolation: that with the
@@ -141,15 +144,6 @@ class WholeStepper(StepSolver[WholeMemory]):
         # a motion that no order came close to is not extrapolated
         memory.order = int(missed.argmin()) + 1 if missed.min() <= EXTRAPOLATION_ERROR else 1
 
-    def _sane(self, outcome: StepOutcome) -> StepOutcome:
-        for name, limit in self.limits.items():
-            top = float(np.abs(outcome.x[self.layout[name]]).max(initial=0.0))
-            if not top <= limit:
-                return replace(
-                    outcome, status=Status.DIVERGED, block=name,
-                    detail=f"largest coefficient {top:.3g}, {limit:.3g} allowed")
-        return outcome
-
     def resultant_sources(self, memory: WholeMemory | None) -> tuple[ResultantSource, ...]:
         if memory is None:
             return resultant_sources(self.equations.terms)
@@ -162,6 +156,41 @@ class WholeStepper(StepSolver[WholeMemory]):
     def counters(self, memory: WholeMemory) -> Mapping[str, int]:
         return {"factorizations": memory.factorizations,
                 "support_changes": memory.support_changes, "searches": memory.searches}
+
+
+def checked(terms: Iterable[tuple[Term | ReducedTerm, IntArray]]) -> tuple[Checked, ...]:
+    """The terms that can reject steps, each with the numbers of its unknowns."""
+    return tuple((t, columns) for t, columns in terms if t.rejects)
+
+
+def rejected_step(
+    outcome: StepOutcome, terms: Sequence[Checked], step: StepFormula
+) -> StepOutcome:
+    """The outcome, or status "not converged" where a term rejects it: for example a surface has
+    passed through another one, where no contact force acts."""
+    if not (outcome.status.ok and terms):
+        return outcome
+    rates = outcome.rates or step.at(outcome.x - step.free)[1:]
+    v = rates[0]
+    for term, columns in terms:
+        why = term.check_step(outcome.x[columns], v[columns], step.t, 1.0 / step.c1)
+        if why:
+            return replace(outcome, status=Status.NOT_CONVERGED, detail=why)
+    return outcome
+
+
+def beyond_limits(
+    x: FloatArray, layout: Layout, limits: Mapping[str, float], blocks: Iterable[str]
+) -> Iterator[StepOutcome]:
+    """Failures of the blocks among `blocks` with values that are not finite or exceed their limits,
+    largest permitted |coefficient| of a block."""
+    for name in blocks:
+        top, limit = float(np.abs(x[layout[name]]).max(initial=0.0)), limits.get(name, np.inf)
+        if not top < np.inf:
+            yield StepOutcome(x, Status.NOT_FINITE, 1, name)
+        elif top > limit:
+            detail = f"largest coefficient {top:.3g}, {limit:.3g} allowed"
+            yield StepOutcome(x, Status.DIVERGED, 1, name, detail)
 
 
 def outcome_of(ended: Ended, step: StepFormula) -> StepOutcome:

@@ -100,8 +100,8 @@ class PrescribedArrays(NamedTuple):
     temperatures; inertia, stiffness, damping: (k, k), or (1, k) for a diagonal, damping (0, k) for
     none; coupling (kt, k): transposed; G (g, k, k), leading (g r, r). table, width: number of the
     first value and of all values of its functions of time: kappa, mu (g,), the bound of the
-    contraction factor, and k loads. still, local: terms that depend on temperatures alone, and on
-    displacements.
+    contraction factor, and k loads. of_temperature, local: terms that depend on temperatures alone,
+    and on displacements.
     """
 
     block: int
@@ -117,7 +117,7 @@ class PrescribedArrays(NamedTuple):
     leading: FloatArray
     table: int
     width: int
-    still: LocalArrays
+    of_temperature: LocalArrays
     local: LocalArrays
 
 

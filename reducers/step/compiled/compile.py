@@ -19,23 +19,13 @@ from pathlib import Path
 from types import FunctionType
 from typing import Any, NamedTuple, TypeAlias
 
-from sparsemor.core.protocols.poses import steered, tangent
-from sparsemor.reducers.step import acceptance
 from sparsemor.reducers.step.compiled import dense, kernel, local, prescribed, reduced
 from sparsemor.reducers.step.compiled.machine_code import MachineCode
 
 _log = logging.getLogger(__name__)
-FUNCTIONS: tuple[Callable[..., object], ...] = (
-    steered, tangent, acceptance.estimated_error, dense.product, dense.add_product,
-    dense.add_products, local.evaluate_law, local.rows_of, reduced.motion, reduced.add_terms,
-    reduced.begin, reduced.evaluate, reduced.add_bodies, reduced.residual, reduced.turns,
-    reduced.turned, reduced.solution, reduced.relative_changes, reduced.reference_sizes,
-    reduced.solve, reduced.remember, prescribed.corrected, prescribed.solve_body,
-    prescribed.solve_prescribed, prescribed.add_forces, kernel.iterate_heat, kernel.solve_heat,
-    kernel.free_motion, kernel.predict, kernel.predicted, kernel.accept, kernel.heat_ahead,
-    kernel.advance)
-"""Functions of the kernel, each after those that it calls."""
-COUNTED: tuple[Callable[..., object], ...] = (
+ArrayFunction: TypeAlias = Callable[..., object]
+"""A function on arrays, which numba compiles."""
+COUNTED: tuple[ArrayFunction, ...] = (
     dense.product, dense.add_products, local.rows_of, reduced.add_terms, prescribed.corrected,
     prescribed.solve_body, prescribed.solve_prescribed, prescribed.add_forces, kernel.iterate_heat,
     kernel.solve_heat)
@@ -67,34 +57,27 @@ def nothing(*given: Any) -> None:
     """Instead of a part of a frame that no body has, or of the sum of no terms."""
 
 
-Called: TypeAlias = tuple[Callable[..., object], tuple[Callable[..., object], ...]]
-"""A function on arrays, and those that it calls, each after those that it calls itself."""
-
-
 class Functions(NamedTuple):
-    """Functions that belong to a model: that of its frames, None where no motion is unknown, and
-    those of the laws of its terms. prescribed: True if it has bodies with prescribed motion; terms:
-    True if its bodies with unknown motion have terms; unused: parts of frames that none of these
-    has. What a model does not have is not compiled."""
+    """Functions on arrays that belong to a model: that of its frames, None where no motion is
+    unknown, and those of the laws of its terms. prescribed: True if it has bodies with prescribed
+    motion; terms: True if its bodies with unknown motion have terms; unused: parts of frames that
+    none of these has. What a model does not have is not compiled."""
 
-    frame: Called | None
-    laws: tuple[Called, ...]
+    frame: ArrayFunction | None
+    laws: tuple[ArrayFunction, ...]
     prescribed: bool = False
     terms: bool = False
-    unused: tuple[Callable[..., object], ...] = ()
+    unused: tuple[ArrayFunction, ...] = ()
 
     @property
-    def all(self) -> list[Callable[..., object]]:
-        own = [self.frame] if self.frame is not None else []
-        return [f for function, calls in (*own, *self.laws) for f in (*calls, function)]
-
-    @property
-    def instead(self) -> dict[Callable[..., object], Callable[..., object]]:
+    def instead(self) -> dict[ArrayFunction, ArrayFunction]:
         """Functions with what replaces them."""
-        found: dict[Callable[..., object], Callable[..., object]] = dict.fromkeys(
+        found: dict[ArrayFunction, ArrayFunction] = dict.fromkeys(
             self.unused, nothing)
         if self.frame is None:
             found[reduced.solve] = left
+        else:
+            found[reduced.evaluate_frame] = self.frame
         if not self.prescribed:
             found |= {prescribed.solve_prescribed: left, prescribed.add_forces: nothing}
             if self.frame is not None:
@@ -106,35 +89,39 @@ class Functions(NamedTuple):
         return found
 
 
-def bound(
+def linked(
     functions: Functions, compiled: Callable[[FunctionType], Any],
-    also: Sequence[Callable[..., object]] = (),
+    wanted: Sequence[ArrayFunction] = (kernel.advance,),
 ) -> dict[str, Any]:
-    """Name -> function of the kernel with these functions, and of `also`, with `compiled` applied
-    to all. numba resolves the names that a function calls when it compiles it, so that each is a
-    copy whose global names are those of the functions that it shall call here."""
-    made: dict[str, Any] = {}
-    instead = functions.instead
+    """Name -> function of the kernel, and each that it calls, for a model with these functions and
+    with `compiled` applied. numba resolves the names that a function calls when it compiles it, so
+    that each is a copy whose global names are those of the functions that it shall call here."""
+    instead, made = functions.instead, dict[object, Any]()
 
-    def with_calls(of: Called) -> Any:
-        names: dict[str, Any] = {}
-        for function in (*of[1], of[0]):
-            names[function.__name__] = copied(function, names)
-        return names[of[0].__name__]
-
-    def copied(function: Callable[..., object], names: dict[str, Any]) -> Any:
+    def link(function: ArrayFunction) -> Any:
         own = instead.get(function, function)
-        assert isinstance(own, FunctionType)
-        return compiled(FunctionType(own.__code__, {**own.__globals__, **names},
-                                     own.__name__, own.__defaults__))
+        if own not in made:
+            made[own] = copied(own, "", {})
+        return made[own]
 
-    made["evaluate_frame"] = with_calls(functions.frame or (reduced.evaluate_frame, ()))
-    none = with_calls((local.no_law, ()))
-    for i in range(local.LAWS):
-        made[f"law_{i}"] = with_calls(functions.laws[i]) if i < len(functions.laws) else none
-    for function in (*FUNCTIONS, *also):
-        made[function.__name__] = copied(function, made)
-    return made
+    def copied(own: ArrayFunction, suffix: str, names: dict[str, Any]) -> Any:
+        assert isinstance(own, FunctionType)
+        called = {n: f for n in own.__code__.co_names if n not in names
+                  and isinstance(f := own.__globals__.get(n), FunctionType)}
+        copy = FunctionType(
+            own.__code__, {**own.__globals__, **{n: link(f) for n, f in called.items()}, **names},
+            own.__name__, own.__defaults__)
+        copy.__qualname__ += suffix
+        return compiled(copy)
+
+    laws = link(local.no_law)
+    for i, law in reversed([*enumerate(functions.laws)]):
+        laws = copied(local.evaluate_law, f"_{i}", {"first_law": link(law), "other_laws": laws})
+    made[local.evaluate_law] = laws
+    for function in wanted:
+        link(function)
+    return {function.__name__: copy for function, copy in made.items()
+            if isinstance(function, FunctionType)}
 
 
 def has_code(functions: Functions, checked: bool = False) -> bool:
@@ -150,12 +137,13 @@ def compiled_advance(functions: Functions, checked: bool = False) -> Any:
 
 
 def compiled(
-    functions: Functions, also: Sequence[Callable[..., object]] = (), creating: Any = None,
-    checked: bool = False
+    functions: Functions, wanted: Sequence[ArrayFunction] = (kernel.advance,),
+    creating: Any = None, checked: bool = False
 ) -> dict[str, Any]:
-    """Name -> compiled function of the kernel with these functions, and of `also`; creating: one of
-    these that creates arrays; checked: True for code that raises IndexError for each index outside
-    its array, for models whose numbers come from elsewhere."""
+    """Name -> compiled function of the kernel with these functions; wanted: those that are called
+    from outside; creating: one that creates arrays, besides `COUNTED`; checked: True for code that
+    raises IndexError for each index outside its array, for models whose numbers come from
+    elsewhere."""
     import numba  # optional, and takes half a second to import
 
     njit: Any = numba.njit  # its types lack `_nrt`
@@ -165,9 +153,9 @@ def compiled(
                      kept.folder or "not kept, since no folder is this user's alone")
     counted = {f.__code__ for f in (*COUNTED, no_rows, creating) if isinstance(f, FunctionType)}
     # sums may be reordered, which makes products several times faster
-    return bound(functions, lambda f: with_kept_code(njit(
+    return linked(functions, lambda f: with_kept_code(njit(
         error_model="numpy", boundscheck=checked, _nrt=f.__code__ in counted,
-        fastmath={"contract", "reassoc"})(f), kept), also)
+        fastmath={"contract", "reassoc"})(f), kept), wanted)
 
 
 def with_kept_code(compiled: Any, kept: MachineCode) -> Any:
@@ -206,12 +194,10 @@ def with_kept_code(compiled: Any, kept: MachineCode) -> Any:
 def name_of(functions: Functions, checked: bool = False) -> str:
     """Name of the machine code of the kernel with these functions: a digest of their sources and
     their order, of the versions of Python and numba, and of whether indices are checked."""
-    own = functions.all
-    files = sorted({__file__, *(inspect.getfile(f) for f in (*own, *FUNCTIONS))})
-    frame = () if functions.frame is None else (functions.frame,)
-    names = repr(([[f"{f.__module__}.{f.__qualname__}" for f in (function, *calls)]
-                   for function, calls in (*frame, *functions.laws)],
-                  sorted(f.__qualname__ for f in functions.instead)))
+    reached = linked(functions, lambda function: function).values()
+    files = sorted({__file__, *map(inspect.getfile, reached)})
+    laws = [f"{f.__module__}.{f.__qualname__}" for f in (functions.frame, *functions.laws) if f]
+    names = repr((laws, sorted(f.__qualname__ for f in functions.instead)))
     versions = [platform.python_version(), *map(version, ("numba", "llvmlite", "numpy"))]
     sources = b"".join(Path(f).read_bytes() for f in files)
     about = names + repr(versions) + ("checked" if checked else "")

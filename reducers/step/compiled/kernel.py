@@ -13,7 +13,6 @@ from sparsemor.core import FloatArray
 from sparsemor.core.protocols.integrator import same_time
 from sparsemor.core.protocols.poses import steered, tangent
 from sparsemor.reducers.step.acceptance import estimated_error
-from sparsemor.reducers.step.blocks.thermal_block import RENEWED, SLOW, TINY
 from sparsemor.reducers.step.compiled.arrays import (
     BodyArrays,
     BodyWork,
@@ -28,6 +27,7 @@ from sparsemor.reducers.step.compiled.dense import product
 from sparsemor.reducers.step.compiled.local import rows_of
 from sparsemor.reducers.step.compiled.prescribed import add_forces, solve_prescribed
 from sparsemor.reducers.step.compiled.reduced import LEFT, motion, remember, solve
+from sparsemor.reducers.step.thermal_block import RENEWED, SLOW, TINY
 
 ROUND_OFF = same_time(1.0)
 """Largest second difference that is round-off, relative to the unknown."""

@@ -15,7 +15,7 @@ from sparsemor.core.protocols import HeldValues, MachineRequest, MachineSteps
 from sparsemor.core.protocols.integrator import holding
 from sparsemor.core.simulation.time_stepping import FixedStep
 from sparsemor.reducers.step.compiled import arrays, without_python
-from sparsemor.reducers.step.compiled.compile import Functions, bound, compiled
+from sparsemor.reducers.step.compiled.compile import Functions, compiled, linked
 from sparsemor.reducers.step.compiled.local import LocalArrays
 from sparsemor.reducers.step.compiled.steps import CompiledSteps
 from sparsemor.reducers.step.compiled.time_functions import NotCompiled
@@ -79,8 +79,9 @@ def machine_steps(solver: Stepper, of: MachineRequest[Memory]) -> MachineSteps:
     made: dict[str, Any] = {}
 
     def code(functions: Functions) -> Callable[..., int]:
-        own = [getattr(without_python, name) for name in without_python.ALONE]
-        made.update(compiled(functions, own, without_python.differences_of_heat))
+        own = without_python
+        made.update(compiled(
+            functions, (own.take, own.given, own.outputs), own.differences_of_heat))
         return lambda *_: 0
 
     try:
@@ -118,7 +119,7 @@ def _at_start(
     in machine code, finds arrays of the second step that do not fit each other."""
     memory, layout = of.memory.copy(), steps.solver.layout
     step = FixedStep.of(of.integrator, steps.solver, of.h)
-    in_python = CompiledSteps(solver, of.integrator.rules(of.h), of.h, lambda functions: bound(
+    in_python = CompiledSteps(solver, of.integrator.rules(of.h), of.h, lambda functions: linked(
         functions, lambda function: function)["advance"])
     with np.errstate(all="ignore"):
         outcome, state, after = step(of.state, memory.copy())

@@ -1,6 +1,7 @@
 """Terms that depend on the unknowns, as functions on arrays: residual L y(z) of laws at points,
 z = P x + o(t) (`PointArrays`). Their Jacobians are those of the uncompiled solver."""
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -45,38 +46,26 @@ NO_LOCAL = LocalArrays(
 
 
 def no_law(
-    numbers: FloatArray, gains: FloatArray, z: FloatArray, x: FloatArray, y: FloatArray,
+    law: int, numbers: FloatArray, gains: FloatArray, z: FloatArray, x: FloatArray, y: FloatArray,
     slopes: FloatArray
 ) -> None:
-    """Law that does nothing, for numbers that no law of a model has."""
+    """Instead of a law with a number that no law of a model has."""
 
 
-law_0 = law_1 = law_2 = law_3 = law_4 = law_5 = law_6 = law_7 = no_law
-LAWS = 8
-"""Largest number of laws with different functions, with which the steps are compiled."""
+first_law: Callable[..., None] = no_law
+other_laws: Callable[..., None] = no_law
 
 
 def evaluate_law(
     law: int, numbers: FloatArray, gains: FloatArray, z: FloatArray, x: FloatArray, y: FloatArray,
     slopes: FloatArray
 ) -> None:
-    """The law of this number."""
+    """The law of this number. The steps are compiled with a copy for each law of a model: it is
+    `first_law`, and `other_laws` the copy for the next one."""
     if law == 0:
-        law_0(numbers, gains, z, x, y, slopes)
-    elif law == 1:
-        law_1(numbers, gains, z, x, y, slopes)
-    elif law == 2:
-        law_2(numbers, gains, z, x, y, slopes)
-    elif law == 3:
-        law_3(numbers, gains, z, x, y, slopes)
-    elif law == 4:
-        law_4(numbers, gains, z, x, y, slopes)
-    elif law == 5:
-        law_5(numbers, gains, z, x, y, slopes)
-    elif law == 6:
-        law_6(numbers, gains, z, x, y, slopes)
+        first_law(numbers, gains, z, x, y, slopes)
     else:
-        law_7(numbers, gains, z, x, y, slopes)
+        other_laws(law - 1, numbers, gains, z, x, y, slopes)
 
 
 def rows_of(

@@ -6,8 +6,8 @@ import numpy as np
 
 from sparsemor.core import Amplitude, FloatArray, ReducedTerm
 from sparsemor.core.protocols import PointArrays
-from sparsemor.reducers.step.compiled.compile import Called
-from sparsemor.reducers.step.compiled.local import LAWS, NO_LOCAL, LocalArrays
+from sparsemor.reducers.step.compiled.compile import ArrayFunction
+from sparsemor.reducers.step.compiled.local import NO_LOCAL, LocalArrays
 from sparsemor.reducers.step.compiled.time_functions import NotCompiled, Timed
 from sparsemor.reducers.step.operators import TestedLocal
 
@@ -22,8 +22,8 @@ def points_of(term: ReducedTerm | TestedLocal, name: str) -> PointArrays:
 
 
 def local_arrays(
-    terms: Sequence[ReducedTerm | TestedLocal], name: str, laws: list[Called], timed: Timed,
-    first: int = 0
+    terms: Sequence[ReducedTerm | TestedLocal], name: str, laws: list[ArrayFunction],
+    timed: Timed, first: int = 0
 ) -> LocalArrays:
     """Terms of one block, stacked; first: that of the inputs, without those that no term depends
     on. Functions of new laws are added to `laws`."""
@@ -35,7 +35,7 @@ def local_arrays(
     point = row = column = constants = 0
     rated: tuple[list[int], list[int]] = [], []
     for one in found:
-        law, (E, Q) = (one.law.function, one.law.calls), one.weights.shape
+        law, (E, Q) = one.law.function, one.weights.shape
         if law not in laws:
             laws.append(law)
         about.append([
@@ -52,8 +52,6 @@ def local_arrays(
             L.append(test)
             column += test.shape[1]
         constants, point, row = constants + len(one.law.numbers), point + E * Q, row + len(one.P)
-    if len(laws) > LAWS:
-        raise NotCompiled(f"more than {LAWS} different laws")
     effects, row = np.zeros((row, sum(len(one.values) for one in found))), 0
     column = 0
     for one in found:

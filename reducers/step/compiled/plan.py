@@ -11,7 +11,6 @@ from sparsemor.core import FloatArray, IntArray, UpdateRules
 from sparsemor.core.protocols import FrameArrays
 from sparsemor.core.protocols.load_tables import total_load_along
 from sparsemor.reducers.linalg.modal_coordinates import carried
-from sparsemor.reducers.step.blocks.thermal_block import CompressedHeat
 from sparsemor.reducers.step.compiled.arrays import (
     BodyArrays,
     BodyWork,
@@ -21,7 +20,7 @@ from sparsemor.reducers.step.compiled.arrays import (
     TermArrays,
     Work,
 )
-from sparsemor.reducers.step.compiled.compile import Called, Functions
+from sparsemor.reducers.step.compiled.compile import ArrayFunction, Functions
 from sparsemor.reducers.step.compiled.local_plan import local_arrays
 from sparsemor.reducers.step.compiled.time_functions import NotCompiled, Timed
 from sparsemor.reducers.step.frame_step import BodyStep
@@ -30,6 +29,7 @@ from sparsemor.reducers.step.prescribed import PrescribedBody
 from sparsemor.reducers.step.reduced import Reduced, ReducedBody
 from sparsemor.reducers.step.reduced_mechanics import ReducedMechanics
 from sparsemor.reducers.step.solver import Stepper
+from sparsemor.reducers.step.thermal_block import CompressedHeat
 from sparsemor.reducers.step.time_tables import Moving, TimeTable
 
 LARGEST = 800
@@ -49,12 +49,12 @@ class Loads(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plan:
-    """Arrays of a model for compiled steps. hot: names of the thermal blocks `heat`; bodies, terms:
-    of all bodies with unknown motion; prescribed: each with prescribed motion; functions: those of
-    frames and laws; timed: functions of time; loads: rows that depend on these alone; equations: of
-    the bodies with unknown motion, None where there are none."""
+    """Arrays of a model for compiled steps. heat_groups: names of the thermal blocks `heat`;
+    bodies, terms: of all bodies with unknown motion; prescribed: each with prescribed motion;
+    functions: those of frames and laws; timed: functions of time; loads: rows that depend on these
+    alone; equations: of the bodies with unknown motion, None where there are none."""
 
-    hot: tuple[str, ...]
+    heat_groups: tuple[str, ...]
     heat: tuple[HeatArrays, ...]
     bodies: BodyArrays
     terms: tuple[TermArrays, ...]
@@ -81,19 +81,17 @@ class Plan:
 def plan(s: Stepper, c1: float = 1.0) -> Plan:
     """Arrays for the steps of `s` with this factor of rates. Raises NotCompiled, with the reason,
     where its model contains what compiled steps do not."""
-    mechanics, timed, laws, loads = s.mechanics, Timed(), list[Called](), list[Loads]()
-    if mechanics is None:
-        raise NotCompiled("the model has no step of its own blocks")
-    if s.warming:
+    mechanics, timed, laws, loads = s.mechanics, Timed(), list[ArrayFunction](), list[Loads]()
+    if s.full_heat:
         raise NotCompiled("the model has blocks at full order")
-    hot = tuple(name for name, _ in s.hot)
-    heat = tuple(_heat(s, where, name, timed, laws, loads) for name, where in s.hot)
+    heat_groups = tuple(name for name, _ in s.heat_groups)
+    heat = tuple(_heat(s, where, name, timed, laws, loads) for name, where in s.heat_groups)
     if not isinstance(mechanics, ReducedMechanics):
         raise NotCompiled("bodies of full order, or atoms that are selected during the run")
     eq = mechanics.equations
     if not len(eq.border):
         prescribed = tuple(_prescribed(s, eq, b, c1, timed, laws) for b in eq.prescribed_bodies)
-        return Plan(hot, heat, stacked(()), (), prescribed, Functions(
+        return Plan(heat_groups, heat, stacked(()), (), prescribed, Functions(
             None, tuple(laws), bool(prescribed)),
                     timed, tuple(loads), None)
     if (count := np.arange(s.layout.size)[eq.solved].size) > LARGEST:
@@ -117,8 +115,8 @@ def plan(s: Stepper, c1: float = 1.0) -> Plan:
               for i, f in eq.targets]
     used = np.unique(np.concatenate([f.kinds for f in frames])).tolist()
     unused = tuple(f for i, f in enumerate(frames[0].parts) if i not in used)
-    return Plan(hot, heat, stacked(bodies), tuple(terms), (), Functions(
-        (frames[0].function, frames[0].calls), tuple(laws), False, bool(terms), unused),
+    return Plan(heat_groups, heat, stacked(bodies), tuple(terms), (), Functions(
+        frames[0].function, tuple(laws), False, bool(terms), unused),
         timed, tuple(loads), eq)
 
 
@@ -139,7 +137,7 @@ def _frame(b: BodyStep) -> FrameArrays:
 
 
 def _heat(
-    s: Stepper, where: slice | IntArray, name: str, timed: Timed, laws: list[Called],
+    s: Stepper, where: slice | IntArray, name: str, timed: Timed, laws: list[ArrayFunction],
     loads: list[Loads]
 ) -> HeatArrays:
     """Arrays of a thermal block; its laws, amplitudes and loads are added to those of the model.
@@ -234,7 +232,7 @@ class _PrescribedRows:
 
 
 def _prescribed(
-    s: Stepper, eq: Reduced, d: PrescribedBody, c1: float, timed: Timed, laws: list[Called]
+    s: Stepper, eq: Reduced, d: PrescribedBody, c1: float, timed: Timed, laws: list[ArrayFunction]
 ) -> PrescribedArrays:
     """Arrays of a body with prescribed motion, whose operators enter with their sign on the right
     side: d = -(...)."""
@@ -249,8 +247,8 @@ def _prescribed(
         _array(-carried(t.damping)) if t.damping.any() else np.zeros((0, k)),
         _array(t.coupling.T), np.array(d.G), _array(t.generators[:, :r, :r].reshape(g * r, r)),
         timed.table(table, width), width,
-        local_arrays([p for p in t.local if p.still], name, laws, timed, k),
-        local_arrays([p for p in t.local if not p.still], name, laws, timed))
+        local_arrays([p for p in t.local if p.of_temperature], name, laws, timed, k),
+        local_arrays([p for p in t.local if not p.of_temperature], name, laws, timed))
 
 
 def model_arrays(s: Stepper, p: Plan, rules: UpdateRules, h: float) -> ModelArrays:

@@ -46,8 +46,8 @@ def solve_body(
     inputs = np.concatenate((u, x[b.T : b.T + b.kt]))
     rates = np.concatenate((uv, v[b.T : b.T + b.kt]))
     local, bound = len(b.local.terms) > 0, table[len(table) - k - 1]
-    if len(b.still.terms):
-        image -= rows_of(b.still, timed, inputs[k:], rates[k:], rates[k:])
+    if len(b.of_temperature.terms):
+        image -= rows_of(b.of_temperature, timed, inputs[k:], rates[k:], rates[k:])
     if bound == 0.0 and not local:  # nothing turns: that is all
         for j in range(k):
             w.d[b.u + j] += image[j]

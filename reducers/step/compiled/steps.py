@@ -12,7 +12,6 @@ from sparsemor.core.protocols import StepBlock
 from sparsemor.core.protocols.integrator import held_reads
 from sparsemor.core.protocols.poses import turns_from
 from sparsemor.core.protocols.step_amplitude import Substep, substep
-from sparsemor.reducers.step.blocks.thermal_block import CompressedHeat
 from sparsemor.reducers.step.compiled.arrays import NO_HEAT, NO_PRESCRIBED, NO_TERM, RunArrays
 from sparsemor.reducers.step.compiled.compile import Functions, compiled_advance
 from sparsemor.reducers.step.compiled.plan import body_work, model_arrays, plan, work_of
@@ -20,6 +19,7 @@ from sparsemor.reducers.step.factors import Factor, Inverse
 from sparsemor.reducers.step.memory import Memory
 from sparsemor.reducers.step.newton_loop import UNKNOWN, Kept, Linearisation, Loop
 from sparsemor.reducers.step.solver import Stepper
+from sparsemor.reducers.step.thermal_block import CompressedHeat
 
 LONGEST = 400
 """Largest number of steps of a block: functions of time are tabulated for it."""
@@ -89,7 +89,7 @@ class CompiledSteps:
         states, effort = np.empty((len(times), *run.z.shape)), np.zeros((len(times), 2))
         done = self._advance(*self._arrays, run, timed, base,
                              np.zeros((3, *base.shape)), states, effort)
-        for name, heat in zip(self.plan.hot, self.plan.heat, strict=True):
+        for name, heat in zip(self.plan.heat_groups, self.plan.heat, strict=True):
             if heat.inverse.size and not heat.ready[0]:
                 memory.keep(name, None)
         if done:
@@ -152,7 +152,7 @@ class CompiledSteps:
                     [kept.point.x[i : i + 4] for i in at]).reshape(len(at), 4))
                 self._inverse = (kept.factor if isinstance(kept.factor, Inverse)
                                  else Inverse(kept.J)).inverse
-        for name, heat in zip(self.plan.hot, self.plan.heat, strict=True):
+        for name, heat in zip(self.plan.heat_groups, self.plan.heat, strict=True):
             if not heat.inverse.size:
                 continue
             known, block = memory.jacobian(name), self.solver.heat[name]

@@ -10,6 +10,7 @@ changes the number of iterations, not what they converge to.
 import numpy as np
 
 from sparsemor.core import FloatArray, IntArray
+from sparsemor.core.protocols.poses import LEFT
 from sparsemor.reducers.step.acceptance import EPS
 from sparsemor.reducers.step.compiled.arrays import (
     BodyArrays,
@@ -26,10 +27,6 @@ from sparsemor.reducers.step.compiled.local import rows_of
 from sparsemor.reducers.step.compiled.reduced import begin, motion, residual
 from sparsemor.reducers.step.newton_loop import UNKNOWN
 
-ALONE: tuple[str, ...] = (
-    "given", "outputs", "unit_product", "turns_from_here", "inverted", "differences_of_heat",
-    "differences", "take")
-"""Functions of this file, each after those that it calls."""
 SMALL = 1e-6
 """Departure in differences, relative to the largest value of its block."""
 
@@ -138,31 +135,15 @@ def differences_of_heat(
 
 
 def turns_from_here(x: FloatArray, at: int, T: FloatArray) -> None:
-    """`turns_from` the quaternion of x (n,) with first unknown `at`, in T (4, 4, 4)."""
-    q = x[at], x[at + 1], x[at + 2], x[at + 3]
+    """`turns_from` the quaternion of x (n,) with first unknown `at`, in T (4, 4, 4): the matrices
+    LEFT_c (sum_b q_b LEFT_b)^T."""
     for c in range(4):
         for i in range(4):
             for j in range(4):
                 T[c, i, j] = 0.0
-    # p q* as a matrix: sum_c p_c (unit c)(conjugate of q), each a product from the left
-    for c in range(4):
-        for o in range(4):
-            size = q[o] if o == 0 else -q[o]
-            for j in range(4):
-                first, sign = unit_product(o, j)
-                last, other = unit_product(c, first)
-                T[c, last, j] += size * sign * other
-
-
-def unit_product(a: int, b: int) -> tuple[int, float]:
-    """Product of two of the units 1, i, j, k: its number and sign."""
-    if a == 0:
-        return b, 1.0
-    if b == 0:
-        return a, 1.0
-    if a == b:
-        return 0, -1.0
-    return 6 - a - b, 1.0 if (b - a) % 3 == 1 else -1.0
+                for k in range(4):
+                    for b in range(4):
+                        T[c, i, j] += LEFT[c, i, k] * x[at + b] * LEFT[b, j, k]
 
 
 def inverted(A: FloatArray, inverse: FloatArray) -> None:

@@ -22,7 +22,6 @@ from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.prepare import prepared
-from sparsemor.reducers.step.prepare import constants
 
 POD = {"disk.thermal": (50, 100, 200, 400), "disk.elastic": (20, 50, 100, 200),
        "pad.elastic": (20, 40)}
@@ -38,8 +37,7 @@ def fill(
     lines: dict[tuple[str, str], dict[str, Any]] = {}
     for case, (scene, truth) in cases.items():
         model, offline = prepared(scene.using({"reducer": packaged}), Cache(), new_manager())
-        step = StepFactors(scene.time.step, *constants(
-            scene.integrator, scene.time.step))
+        step = StepFactors(scene.time.step, *scene.integrator.rules(scene.time.step).factors)
         states = {b: truth.block(b, slice(None)) for b in (*POD, "pad.thermal")}
         for block, atoms, basis, counts in wanted(packaged, beside):
             made = scene.using({"reducer": basis}).reducer

@@ -32,7 +32,6 @@ from sparsemor.core.registry.registry import Registry
 from sparsemor.core.status import Status
 from sparsemor.plugins.bases.pod import Pod
 from sparsemor.plugins.preconditioners.untf import UnitNormTightFrame
-from sparsemor.reducers.step.prepare import constants
 
 SOLVERS: dict[str, tuple[str, dict[str, Any]]] = {
     "greedy": ("greedy_gauss_newton", {"candidates": "correlated"}),
@@ -62,7 +61,8 @@ def fill(out: report.Report, given: argparse.Namespace) -> None:
     for field, (m, s) in rows_of.items():
         truth = case.reference[f"link1.{field}"]
         data = case.model.block_data(
-            f"link1.{field}", np.asarray(truth).T, StepFactors(h, *constants(scene.integrator, h)))
+            f"link1.{field}", np.asarray(truth).T,
+            StepFactors(h, *scene.integrator.rules(h).factors))
         x, A = np.asarray(truth[-1]), Pod(complete=True).build(data).atoms
         DA, load = np.asarray(data.operator @ A), np.asarray(data.operator @ x)
         seen: dict[str, list[dict[str, float]]] = {}
@@ -97,7 +97,7 @@ def few_atoms(out: report.Report, given: argparse.Namespace) -> None:
         h = case.scene.time.step
         for name in case.model.reducible():
             x = np.asarray(case.reference[name]).T
-            step = StepFactors(h, *constants(case.scene.integrator, h))
+            step = StepFactors(h, *case.scene.integrator.rules(h).factors)
             data = case.model.block_data(name, x, step)
             if np.ptp(x) <= 1e-12 * np.abs(x).max():
                 continue

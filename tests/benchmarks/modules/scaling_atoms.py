@@ -14,7 +14,6 @@ from sparsemor.core.model.block_patterns import matched_option
 from sparsemor.core.model.model import Model, StepFactors
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.offline import Offline
-from sparsemor.reducers.step.prepare import constants
 
 
 def projections(
@@ -24,7 +23,7 @@ def projections(
     displacements, also in the energy of a step; of the disk's temperatures, by shapes of the table
     and number of pulses."""
     h = scene.time.step
-    step = StepFactors(h, *constants(scene.integrator, h))
+    step = StepFactors(h, *scene.integrator.rules(h).factors)
     own, found = scene.dump()["reducer"], dict[str, float]()
     for block in model.reducible():
         if block != "disk.thermal":

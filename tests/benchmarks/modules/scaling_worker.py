@@ -27,9 +27,9 @@ from sparsemor.core.simulation.memory.limits import GIGABYTE, peak, resident
 from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.simulation.prepare import prepared
 from sparsemor.core.status import SolveFailed
-from sparsemor.reducers.step.blocks.thermal_block import CompressedHeat
 from sparsemor.reducers.step.reduced_mechanics import ReducedMechanics
 from sparsemor.reducers.step.solver import Stepper
+from sparsemor.reducers.step.thermal_block import CompressedHeat
 from sparsemor.reducers.step.time_tables import TimeTable
 
 BASE = resident()

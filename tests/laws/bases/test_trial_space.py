@@ -16,7 +16,8 @@ from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.offline import Offline
 from sparsemor.plugins.checks.trial_space import trial_spaces
-from sparsemor.reducers.projection.projected_error import ProjectedError, projected_error
+from sparsemor.reducers.projection.projected_error import projected_error, projection_note
+from sparsemor.reducers.states_to_test import StateError
 from tiers import quick
 from tiny_scene import full, snapshots
 
@@ -172,7 +173,7 @@ def test_galerkin_errors_are_those_of_the_reduced_equations() -> None:
     assert found.best == pytest.approx(np.linalg.norm(x - A @ A.T @ x, axis=0).max() / change)
     assert found.best <= found.solved
     whole = projected_error(Dictionary(np.eye(9), np.zeros(9), ()), csr_array(D), x)
-    assert whole is not None and whole.solved < 1e-12 and whole.note("a", 9) is None
+    assert whole is not None and whole.solved < 1e-12 and projection_note(whole, "a", 9) is None
     assert projected_error(Dictionary(A, np.zeros(9), ()), csr_array(D), x[:, :1]) is None
 
 
@@ -181,7 +182,7 @@ def test_galerkin_errors_are_those_of_the_reduced_equations() -> None:
 def test_galerkin_errors_are_noted_beyond_those_of_the_atoms(
     galerkin: float, best: float, noted: bool
 ) -> None:
-    note = ProjectedError(galerkin, best).note("bar.elastic", 3)
+    note = projection_note(StateError(galerkin, best), "bar.elastic", 3)
     assert (note is not None) == noted
     if note is not None:
         assert f"an error of {galerkin:.2g} of its largest change" in note.text

@@ -20,7 +20,7 @@ from sparsemor.core.protocols.contributions import Equations, Origin, Records
 from sparsemor.core.protocols.layout import Block, Layout
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.testing.in_memory_run import March, march
-from sparsemor.reducers.sparse.stepper import SparseStepper
+from sparsemor.reducers.sparse.supported_steps import SparseStepper
 from sparsemor.reducers.step.solver import Stepper
 from springs import bars
 from tiers import quick
@@ -76,7 +76,7 @@ def test_the_error_of_coupled_temperatures_is_estimated() -> None:
 def test_full_order_is_the_textbook_newton_by_one_factor_of_the_group(textbook: March) -> None:
     fast = run("full")
     assert isinstance(fast.solver, Stepper) and not fast.model.separated.other
-    assert [name for name, _ in fast.solver.hot] == ["+".join(HOT)]
+    assert [name for name, _ in fast.solver.heat_groups] == ["+".join(HOT)]
     _, memory = fast.solver.start(fast.end)
     assert fast.solver.counters(memory)["factorizations"] == 3  # both temperatures, two bars
     assert max(errors(fast, textbook).values()) < 1e-9

@@ -20,15 +20,15 @@ from sparsemor.core.protocols import Selection
 from sparsemor.core.protocols.integrator import advanced, step_formula
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.offline import Offline
-from sparsemor.core.status import Status
+from sparsemor.core.status import SolveFailed, Status
 from sparsemor.core.testing.in_memory_run import march
 from sparsemor.core.testing.problems import one_group
 from sparsemor.reducers.sparse.block_selection import AtSolution, BlockSelection, exchanged
 from sparsemor.reducers.sparse.block_selection import BlockwiseSelection as Blockwise
 from sparsemor.reducers.sparse.recovery_problem import HeatProblem, MechanicsProblem
 from sparsemor.reducers.sparse.sampled_block import RangeColumns
-from sparsemor.reducers.sparse.stepper import SparseStepper
 from sparsemor.reducers.sparse.supported_equations import SupportedMechanics
+from sparsemor.reducers.sparse.supported_steps import SparseStepper
 from tiers import quick
 from tiny_scene import BUDGETS
 
@@ -406,6 +406,6 @@ def test_a_status_that_is_no_success_stops_the_exchange() -> None:
             return Lost()
 
     block = made(np.eye(6), 2, Losing())
-    failed = exchanged([minimised(block, np.ones(6), np.arange(6) < 2)], 0.3)
-    assert not isinstance(failed, dict)
-    assert (failed.block, failed.status) == ("block", Status.INFEASIBLE)
+    with pytest.raises(SolveFailed) as failed:
+        exchanged([minimised(block, np.ones(6), np.arange(6) < 2)], 0.3)
+    assert (failed.value.block, failed.value.status) == ("block", Status.INFEASIBLE)

@@ -78,9 +78,3 @@ def test_only_columns_of_nonzero_entries_are_read() -> None:
     np.testing.assert_allclose(few.times(U[1]), A @ np.where(U[1] > 1e-200, U[1], 0.0) + A[
         :, U[1] < 0] @ U[1, U[1] < 0], rtol=1e-13)
     np.testing.assert_allclose(few.times(U), U[:, :12] @ A[:, :12].T, rtol=1e-13)
-    left = rng.standard_normal((2, 5))
-    through = ActiveColumns(A, left)
-    np.testing.assert_allclose(through.times(U[0]), left @ A @ U[0], rtol=1e-13)
-    np.testing.assert_allclose(
-        through.magnitude(U[0]), np.abs(left @ A) @ np.abs(U[0]), rtol=1e-13)
-    np.testing.assert_allclose(through.whole, left @ A, rtol=1e-13)

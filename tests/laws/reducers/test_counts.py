@@ -19,7 +19,7 @@ from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.testing.in_memory_run import march
 from sparsemor.reducers.sparse.block_selection import BlockwiseSelection
-from sparsemor.reducers.sparse.stepper import SparseStepper
+from sparsemor.reducers.sparse.supported_steps import SparseStepper
 from sparsemor.reducers.step.solver import Stepper
 
 OFFLINE = {"dictionaries", "rows", "separated", "model", "body", "dictionary"}
@@ -219,10 +219,7 @@ def rigid_copy(solver: Any) -> Any:
         return replace(
             solver, base=base, steps=steps, selection=replace(selection, steps=steps))
     assert isinstance(solver, Stepper)
-    s = solver.separated
-    return replace(solver, dictionaries={}, rows={}, separated=replace(
-        s, moving=tuple(replace(m, operators=None) for m in s.moving),
-        heat=tuple(bare_heat(h) for h in s.heat), other=()))
+    return replace(solver, dictionaries={}, rows={})
 
 
 def bare_heat(body: Any) -> Any:

@@ -30,7 +30,6 @@ from sparsemor.reducers.projection.force_snapshots import (
 )
 from sparsemor.reducers.projection.maps import LinearOperators, Reducible
 from sparsemor.reducers.step.operators import TestMap as Map
-from sparsemor.reducers.step.prepare import constants
 
 RULES = {"bdf1": {"use": "bdf1"}, "generalized_alpha": {"use": "generalized_alpha", "rho_inf": 0.5}}
 
@@ -46,7 +45,7 @@ def block_of(scene: Scene, full: March, name: str) -> Reducible:
     model, X = full.model, full.block(name).T
     sources: dict[str, HeatBody | MovingBody] = {b.thermal: b for b in model.separated.heat}
     sources |= {m.elastic: m for m in model.separated.moving if m.operators is not None}
-    linear = LinearOperators.of(sources[name], *constants(scene.integrator, scene.time.step))
+    linear = LinearOperators.of(sources[name], *scene.integrator.rules(scene.time.step).factors)
     empty = Dictionary(np.zeros((len(X), 0)), np.zeros(len(X)), ())
     return Reducible(name, empty, linear, model, Offline.of(model, {name: X}), scene.integrator,
                      scene.time.step, np.random.default_rng(0))

@@ -23,7 +23,6 @@ from sparsemor.reducers.projection.deim import Deim
 from sparsemor.reducers.projection.galerkin import Galerkin
 from sparsemor.reducers.projection.least_squares import Gnat
 from sparsemor.reducers.projection.maps import LinearOperators, Reducible
-from sparsemor.reducers.step.prepare import constants
 
 METHODS: dict[str, dict[str, Any]] = {
     "deim": {"use": "deim"}, "lspg": {"use": "lspg", "norm": "rows"},
@@ -75,7 +74,7 @@ def blocks(name: str) -> dict[str, Reducible]:
     """All reducible blocks of a trained scene, as `ProjectionReducer.maps` gets them."""
     scene, full, snapshots = trained(name)
     model, h = full.model, scene.time.step
-    factors = constants(scene.integrator, h)
+    factors = scene.integrator.rules(h).factors
     sources = {b.thermal: b for b in model.separated.heat} | {
         m.elastic: m for m in model.separated.moving if m.operators is not None}
     offline, rng = Offline.of(model, snapshots), np.random.default_rng(0)

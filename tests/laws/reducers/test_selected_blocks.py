@@ -3,7 +3,7 @@
 import numpy as np
 
 from sparsemor.core import FloatArray, Frame
-from sparsemor.reducers.sparse.row_compression import compact_elastic
+from sparsemor.reducers.sparse.row_compression import compact, elastic_columns
 from sparsemor.reducers.step import operators
 
 M, K, G = 30, 240, 3
@@ -21,5 +21,5 @@ def random_operators(rng: np.random.Generator) -> operators.TestedElastic:
 
 def test_rows_are_not_turned_where_columns_are_no_fewer() -> None:
     t = random_operators(np.random.default_rng(2))
-    found = compact_elastic(t, t.mass)
+    found = compact(t, t.mass, elastic_columns(t))
     assert found.operators is t and found.B is t.mass and found.reach == M

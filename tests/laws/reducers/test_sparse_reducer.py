@@ -22,7 +22,7 @@ from sparsemor.core.testing.in_memory_run import march
 from sparsemor.plugins.sparse_solvers.greedy_gauss_newton import GreedyGaussNewton
 from sparsemor.reducers.sparse.build import Whole
 from sparsemor.reducers.sparse.reducer import Sparse
-from sparsemor.reducers.sparse.row_compression import compact_elastic
+from sparsemor.reducers.sparse.row_compression import compact, elastic_columns
 from sparsemor.reducers.sparse.sampled_block import Sampled, SampledElastic
 from sparsemor.reducers.step import operators as test_map
 from sparsemor.reducers.step.operators import TestMap as Map
@@ -193,7 +193,8 @@ def elastic() -> tuple[test_map.TestedElastic, FloatArray, IntArray]:
 
 def test_turned_rows_keep_every_norm_and_product() -> None:
     t, B, _ = elastic()
-    few, C, reach = compact_elastic(t, B)
+    found = compact(t, B, elastic_columns(t))
+    few, C, reach = found.operators, found.B, found.reach
     assert len(C) <= len(B)
     whole, turned = (np.hstack([b, *s.generators, s.damping, s.coupling, s.loads, s.directions,
                                 s.constant[:, None]]) for s, b in ((t, B), (few, C)))

@@ -20,7 +20,6 @@ from sparsemor.reducers.sparse.options import Budget
 from sparsemor.reducers.sparse.reducer import Sparse
 from sparsemor.reducers.sparse.residual_rows import inverted_blocks, samplers
 from sparsemor.reducers.sparse.step import SampledRows, SparseStep
-from sparsemor.reducers.step.prepare import constants
 from sparsemor.reducers.trial_bases import trial_bases
 
 SCENES = Path(__file__).parents[2] / "scenes"
@@ -32,7 +31,7 @@ HOT = {"loads.heating": {"use": "radiation", "on": ["bar:right"], "emissivity": 
 
 def page(problem: ReducedProblem, reducer: Sparse) -> SparseStep:
     model, h = problem.model, problem.step
-    factors = StepFactors(h, *constants(problem.integrator, h))
+    factors = StepFactors(h, *problem.integrator.rules(h).factors)
     atoms = trial_bases(problem.offline, model, reducer, factors).dictionaries
     inverted, drawn = inverted_blocks(model, reducer), samplers(model, reducer)
     blocks = {}

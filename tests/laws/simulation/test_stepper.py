@@ -14,7 +14,7 @@ from sparsemor import InputError, ReducedModel, SolveFailed, load, load_model, r
 from sparsemor.core.scene.nested import functions_of_time
 from sparsemor.core.simulation.stepper import Stepper
 from sparsemor.reducers.step.compiled import stepper as compiled
-from sparsemor.reducers.step.compiled.compile import bound
+from sparsemor.reducers.step.compiled.compile import linked
 from sparsemor.reducers.step.compiled.steps import CompiledSteps
 
 EXAMPLES = Path(__file__).parents[3] / "docs/examples"
@@ -128,7 +128,7 @@ def test_compiled_steps_read_inputs(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(CompiledSteps, "advance", lambda *given: (
         blocks.append(block := advance(*given)), block)[1])
     monkeypatch.setattr(CompiledSteps.__init__, "__defaults__", (
-        lambda functions: bound(functions, lambda function: function)["advance"],))
+        lambda functions: linked(functions, lambda function: function)["advance"],))
     stepper = model().stepper([FLUX])
     for one in (stepper, plain):
         for flux in (4.0e6, -5.0e6):

@@ -25,7 +25,7 @@ from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.simulation.time_stepping import FixedStep, iterate, started
 from sparsemor.core.testing.in_memory_run import march, scene_of
-from sparsemor.reducers.step.compiled.compile import bound
+from sparsemor.reducers.step.compiled.compile import linked
 from sparsemor.reducers.step.compiled.plan import plan
 from sparsemor.reducers.step.compiled.stepper import compilable, wanted
 from sparsemor.reducers.step.compiled.steps import CompiledSteps
@@ -68,7 +68,7 @@ def trained(s: Scene, reducer: Any, end: float | None = None) -> Case:
 
 def in_python(case: Case, solver: Stepper) -> CompiledSteps:
     h = case.scene.time.step
-    return CompiledSteps(solver, case.scene.integrator.rules(h), h, lambda functions: bound(
+    return CompiledSteps(solver, case.scene.integrator.rules(h), h, lambda functions: linked(
         functions, lambda function: function)["advance"])
 
 
@@ -262,7 +262,7 @@ def test_terms_that_depend_on_the_unknowns(reducer: str, clamped: bool) -> None:
     assert len(made.functions.laws) == 6 and len(made.heat[0].local.terms) == 4
     if clamped:
         (body,) = made.prescribed
-        assert len(body.still.terms) == len(body.local.terms) == 1
+        assert len(body.of_temperature.terms) == len(body.local.terms) == 1
     else:
         assert sorted(t.known for t in made.terms) == [False, True]
     law(case, 30)

@@ -16,8 +16,7 @@ from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.testing.in_memory_run import March, march
 from sparsemor.reducers.sparse.block_selection import BlockwiseSelection
-from sparsemor.reducers.sparse.stepper import SparseStepper
-from sparsemor.reducers.sparse.supported_steps import SolvedStep
+from sparsemor.reducers.sparse.supported_steps import SolvedStep, SparseStepper
 
 pytestmark = pytest.mark.full
 

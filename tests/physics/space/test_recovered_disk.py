@@ -11,7 +11,7 @@ from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.offline_cache import Products
 from sparsemor.core.simulation.rigid_stage import staged
 from sparsemor.core.testing.in_memory_run import march
-from sparsemor.reducers.sparse.stepper import SparseStepper
+from sparsemor.reducers.sparse.supported_steps import SparseStepper
 
 COARSE = {"bodies.disk.mesh": {"use": "disk", "triangles": 300, "rim": 36, "layers": 1},
           "time.end": 0.06, "reducer.sampler.leading": 50,

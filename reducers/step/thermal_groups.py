@@ -26,15 +26,8 @@ from sparsemor.core import (
 )
 from sparsemor.core.protocols import HeatBody, HeatCoupling, PointArrays
 from sparsemor.reducers.linalg.modal_coordinates import carried, dense
-from sparsemor.reducers.step.blocks.thermal_block import CompressedHeat
+from sparsemor.reducers.step.thermal_block import CompressedHeat
 from sparsemor.reducers.step.time_tables import sum_of
-
-SYMMETRIC = 1e-12
-"""Largest difference between a symmetric matrix and its transpose due to rounding, relative to its
-largest entry."""
-APART = 1.5
-"""Distance between the nodes of one body and the next, as a multiple of the body's extent, where
-the unknowns of a group are ordered."""
 
 
 def group_name(members: Sequence[HeatBody]) -> str:
@@ -92,11 +85,11 @@ class GroupLocal(ReducedTerm):
 
 def compressed_group(
     model: AssembledModel, members: Sequence[HeatBody], blocks: Sequence[CompressedHeat],
-    dictionaries: Mapping[str, Dictionary], wide: Mapping[str, FloatArray], c1: float,
+    dictionaries: Mapping[str, Dictionary], force_maps: Mapping[str, FloatArray], c1: float,
 ) -> CompressedHeat:
-    """Reduced thermal block of the group, all atoms active. wide: block -> (k, n), left inverse of
-    its operator times the test map of forces. Raises SolveFailed where the coupled matrix is
-    singular."""
+    """Reduced thermal block of the group, all atoms active. force_maps: block -> (k, n), left
+    inverse of its operator times the test map of forces. Raises SolveFailed where the coupled
+    matrix is singular."""
     names = {b.thermal: i for i, b in enumerate(members)}
     at = starts_of([b.by_rate.shape[0] for b in blocks])
     size = at[-1].stop
@@ -106,7 +99,7 @@ def compressed_group(
         by_rate[here, here], by_value[here, here] = dense(block.by_rate), dense(block.by_value)
     for c in couplings_of(model, names):
         i, j, d = at[names[c.rows]], at[names[c.columns]], dictionaries[c.columns]
-        left = wide[c.rows]
+        left = force_maps[c.rows]
         A[i, j] += left @ np.asarray(c.A @ d.atoms)
         B[i, j] += left @ np.asarray(c.B @ d.atoms)
         fixed[i] += left @ (c.A @ d.offset)
@@ -130,11 +123,11 @@ def compressed_group(
 
 def heat_groups(
     model: AssembledModel, blocks: Mapping[str, CompressedHeat],
-    dictionaries: Mapping[str, Dictionary], wide: Mapping[str, FloatArray], c1: float,
+    dictionaries: Mapping[str, Dictionary], force_maps: Mapping[str, FloatArray], c1: float,
 ) -> dict[str, CompressedHeat]:
     """Group name -> reduced thermal block; blocks that are coupled by conduction form one group,
     solved together. A block without coupling may be absent from `blocks`, and is then left out."""
     return {
         group_name(g): blocks[g[0].thermal] if len(g) == 1 else compressed_group(
-            model, g, [blocks[b.thermal] for b in g], dictionaries, wide, c1)
+            model, g, [blocks[b.thermal] for b in g], dictionaries, force_maps, c1)
         for g in model.separated.heat_groups if len(g) > 1 or g[0].thermal in blocks}

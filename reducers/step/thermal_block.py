@@ -23,11 +23,6 @@ from sparsemor.reducers.step.time_tables import LoadsInTime, TimeTable, tabulate
 
 TINY = 1e-300
 """Lower bound of a temperature that divides, K."""
-STUCK = 1e-7
-"""Relative size of Newton changes below which a change that no longer decreases is round-off: in a
-nearly isothermal body K T is a small difference of its terms."""
-
-
 RENEWED = 0.03
 """Ratio of the first two changes of a step from which the next step has a new Jacobian."""
 SLOW = 0.1
