@@ -164,7 +164,8 @@ class Registry:
     def _called(self, kind: str, name: str) -> list[PluginName]:
         """All plugins with this plain or qualified name."""
         package, colon, plain = name.partition(":")
-        offers = [p for p in self._plugins.get(kind, ()) if p.name == (plain if colon else name)]
+        wanted = plain if colon else name
+        offers = [p for p in self._plugins.get(kind, ()) if p.entry_point.name == wanted]
         if colon:
             return [p for p in offers if p.distribution
                     and canonical(p.distribution) == canonical(package)]
