@@ -46,16 +46,12 @@ from sparsemor.core.protocols.contact import ContactPlugin as ContactPlugin
 from sparsemor.core.protocols.contact import FrictionLaw as FrictionLaw
 from sparsemor.core.protocols.contact import NormalLaw as NormalLaw
 from sparsemor.core.protocols.contributions import Equations as Equations
-from sparsemor.core.protocols.integrator import Controller as Controller
-from sparsemor.core.protocols.integrator import Function as Function
-from sparsemor.core.protocols.integrator import HeldFunction as HeldFunction
 from sparsemor.core.protocols.integrator import Integrator as Integrator
 from sparsemor.core.protocols.integrator import NextStep as NextStep
 from sparsemor.core.protocols.integrator import Solve as Solve
 from sparsemor.core.protocols.integrator import State as State
 from sparsemor.core.protocols.integrator import StepFormula as StepFormula
 from sparsemor.core.protocols.integrator import StepOutcome as StepOutcome
-from sparsemor.core.protocols.integrator import TimeFunction as TimeFunction
 from sparsemor.core.protocols.integrator import UpdateRule as UpdateRule
 from sparsemor.core.protocols.integrator import UpdateRules as UpdateRules
 from sparsemor.core.protocols.integrator import advanced as advanced
@@ -105,6 +101,10 @@ from sparsemor.core.protocols.step_solver import StepSolver as StepSolver
 from sparsemor.core.protocols.term import ReducedTerm as ReducedTerm
 from sparsemor.core.protocols.term import Term as Term
 from sparsemor.core.protocols.term import Trial as Trial
+from sparsemor.core.protocols.time_function import Controller as Controller
+from sparsemor.core.protocols.time_function import Function as Function
+from sparsemor.core.protocols.time_function import HeldFunction as HeldFunction
+from sparsemor.core.protocols.time_function import TimeFunction as TimeFunction
 from sparsemor.core.registry.hooks import Observer as Observer
 from sparsemor.core.registry.hooks import RunStart as RunStart
 from sparsemor.core.registry.hooks import hookimpl as hookimpl

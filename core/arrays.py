@@ -1,6 +1,6 @@
 """Type names of arrays in the interfaces of the package."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -15,3 +15,8 @@ Matrix: TypeAlias = Any
 """Sparse (`Csr`) or dense matrix (m, n)."""
 Arrays: TypeAlias = Mapping[str, NDArray[Any]]
 """Named arrays with entries of any type."""
+
+
+def union(parts: Iterable[IntArray]) -> IntArray:
+    """Sorted distinct numbers of any number of arrays."""
+    return np.unique(np.concatenate([np.zeros(0, np.int64), *parts])).astype(np.int64)

@@ -17,7 +17,7 @@ from typing import Any
 
 from sparsemor import load, simulate
 from sparsemor.core.errors import InputError
-from sparsemor.core.model.body_cache import BodyCache
+from sparsemor.core.model.assembly import BodyCache
 from sparsemor.core.results.error_norms import LIMIT, measure_errors
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.scene.scene import Scene

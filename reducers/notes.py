@@ -137,7 +137,7 @@ def asked_for(model: AssembledModel, blocks: Iterable[str]) -> dict[str, str]:
     `splu`."""
     registry, found = Registry(), dict[str, str]()
     for block in blocks:
-        kind = type(model.solvers.of(block))
+        kind = type(model.linear_solver(block))
         try:
             name = registry.name_of("linear_solver", kind)
         except InputError:  # not registered: made in a program

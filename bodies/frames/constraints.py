@@ -20,7 +20,7 @@ from sparsemor.bodies.frames.items import AXES, SpatialItem, Wrench
 from sparsemor.bodies.frames.motion import Motion, Sums
 from sparsemor.core import Amplitude, FloatArray
 from sparsemor.core.protocols.poses import points_in_space, vectors_in_space
-from sparsemor.core.protocols.prescribed_quantities import time_derivatives
+from sparsemor.core.protocols.time_function import time_derivatives
 
 GROUND = {2: np.zeros(3), 3: np.array([0.0, 0, 0, 1, 0, 0, 0])}
 """Dimension -> rigid coordinates of the ground."""

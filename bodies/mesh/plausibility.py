@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 
 from sparsemor.bodies.mesh.sets import PointSet
 from sparsemor.core import FloatArray, Mesh, Note
-from sparsemor.core.model.points_outside import outside_box_notes
+from sparsemor.core.protocols.mesh import outside_box_notes
 
 COINCIDENT = 1e-9
 """Distance of two nodes, relative to the mesh's diagonal, below which they coincide."""

@@ -6,12 +6,11 @@ from html import escape
 from pathlib import Path
 from typing import Any, Protocol
 
-from sparsemor.core.analysis.break_even import Gain, gain_table, gains, pays_after
 from sparsemor.core.analysis.training_span import end_of_training, training_lines
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.registry.registry import Registry
-from sparsemor.core.results.cost import RunFacts, run_facts
+from sparsemor.core.results.cost import Gain, RunFacts, gain_table, gains, pays_after, run_facts
 from sparsemor.core.results.drawn import CHARTS, Drawn
 from sparsemor.core.results.error_norms import (
     LIMIT,

@@ -27,7 +27,7 @@ from sparsemor.core.cli.options import (
     words,
 )
 from sparsemor.core.errors import InputError
-from sparsemor.core.model.body_cache import BodyCache
+from sparsemor.core.model.assembly import BodyCache
 from sparsemor.core.notes import folded
 from sparsemor.core.results.atomic_files import writing
 from sparsemor.core.results.files.listing import add_part

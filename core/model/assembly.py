@@ -2,25 +2,24 @@
 unknowns."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
-from sparsemor.core.arrays import FloatArray, IntArray
+from sparsemor.core.arrays import FloatArray, IntArray, union
 from sparsemor.core.errors import Gather, InputError
 from sparsemor.core.model.block_operators import block_operators, stiffness_terms
-from sparsemor.core.model.body_cache import BodyCache
 from sparsemor.core.model.factorizations import BlockSolvers
-from sparsemor.core.model.features import PROBES, SURFACE_LOADS
+from sparsemor.core.model.features import (
+    PRESCRIBED_MOTION,
+    PRESCRIBED_REACTIONS,
+    PROBES,
+    SURFACE_LOADS,
+)
 from sparsemor.core.model.general_terms import Touched, general_terms, touched
 from sparsemor.core.model.model import Model
-from sparsemor.core.model.prescribed_motion import (
-    NOTHING,
-    PrescribedQuantities,
-    following,
-    with_reactions,
-)
+from sparsemor.core.model.prescribed_motion import NOTHING, PrescribedQuantities
 from sparsemor.core.model.redundancy import redundant_joints
 from sparsemor.core.protocols import (
     Body,
@@ -44,6 +43,44 @@ from sparsemor.core.scene.digest import digest
 from sparsemor.core.scene.nested import nested
 from sparsemor.core.scene.options import Probe
 from sparsemor.core.scene.scene import Scene
+
+
+@dataclass(slots=True)
+class BodyCache:
+    """Cache of built bodies, keyed by name, options and folder, and of assembled models.
+
+    Meshing and element integrals dominate the cost of assembly and do not depend on a prescribed
+    motion. A rigid copy of a body, as the rigid-body pre-simulation uses, is made from the cached
+    flexible body if that has one (`Body.rigid_copy`).
+    """
+
+    _bodies: dict[tuple[str, Path], list[tuple[BodyPlugin, Body]]] = field(default_factory=dict)
+    models: dict[str, Model] = field(default_factory=dict)
+
+    def body(self, plugin: BodyPlugin, name: str, base: Path) -> Body:
+        """The body that `plugin.build(name, base)` returns, from the cache if possible. Raises the
+        InputError of `build`."""
+        known = self._bodies.setdefault((name, base), [])
+        for options, body in known:
+            if options == plugin:
+                return body
+        whole = next((b for options, b in known if without_fields(options) == plugin), None)
+        body = (None if whole is None else whole.rigid_copy()) or plugin.build(name, base)
+        known.append((plugin, body))
+        return body
+
+    def of_bodies(self) -> "BodyCache":
+        """Cache with the same bodies, and without the models."""
+        return BodyCache(self._bodies)
+
+
+def without_fields(plugin: BodyPlugin) -> BodyPlugin | None:
+    """Options of the same body without elastic and thermal fields (`fields: []`); None for a body
+    without this option, or without fields."""
+    if not plugin.selected_fields:
+        return None
+    return plugin.model_copy(update={"fields": []})
+
 
 _PARTS = ("bodies", "joints", "contacts", "loads", "probes")
 """Sections of the input that the assembled model depends on."""
@@ -118,11 +155,12 @@ def _model(
     for name, term in stiffness_terms(layout, records).items():
         terms.setdefault(name, []).append(term)
     x0, v0 = _start(layout, bodies)
-    required, loaded = _required(layout, connectors, touched(layout, records))
+    loaded = _loaded(layout, connectors, touched(layout, records))
     return Model(
         layout=layout, parts=parts, by_part={n: tuple(terms.get(n, ())) for n in parts},
         separated=block_operators(layout, records, scene.time.step), x0=x0, v0=v0,
-        required=required, loaded=loaded, probes=probes,
+        required={name: union(rows.values()) for name, rows in loaded.items()}, loaded=loaded,
+        probes=probes,
         geometry={k: g for b in bodies.values() for k, g in b.geometry().items()},
         solvers=BlockSolvers(scene.linear_solver, scene.linear_solvers),
     )
@@ -165,9 +203,7 @@ def _build(
 
 
 def _probe(body: Body, name: str, probe: Probe) -> ProbePlace:
-    made = body.probe(name, probe.at)
-    if made is None:
-        raise PROBES.refusal(body, "body")
+    made = PROBES.checked(body.probe(name, probe.at), body, "body")
     if not probe.stress:
         return made
     found = body.stress_at(probe.at)
@@ -186,7 +222,7 @@ def _body(
     body = body_cache.body(plugin, name, base)
     complete(body, Body, plugin, "build")
     motion = prescribed.frame(name, body)
-    return body if motion is None else following(body, motion)
+    return body if motion is None else PRESCRIBED_MOTION.checked(body.with_motion(motion), body)
 
 
 def _connector(
@@ -199,7 +235,7 @@ def _connector(
     complete(part, contract, plugin, "build")
     if not isinstance(part, Joint) or (forces := prescribed.reactions(name, part)) is None:
         return part
-    return with_reactions(part, forces)
+    return PRESCRIBED_REACTIONS.checked(part.known(forces), part)
 
 
 def _along(
@@ -229,19 +265,10 @@ def _start(layout: Layout, bodies: Mapping[str, Body]) -> tuple[FloatArray, Floa
     return x, v
 
 
-def _required(
+def _loaded(
     layout: Layout, connectors: Mapping[str, Connector], acts: Touched
-) -> tuple[dict[str, IntArray], dict[str, dict[str, IntArray]]]:
-    """Row numbers of each elastic or thermal block that joints and localized loads act on: all
-    together, and by joint or load."""
-    loaded: dict[str, dict[str, IntArray]] = {}
-    for b in layout:
-        if b.kind.reducible:
-            loaded[b.name] = {
-                name: acts[name][b.name] for name, part in connectors.items()
-                if part.localized and b.name in acts.get(name, {})}
-    required = {
-        name: np.unique(np.concatenate([*found.values(), np.zeros(0, np.int64)])).astype(np.int64)
-        for name, found in loaded.items()
-    }
-    return required, loaded
+) -> dict[str, dict[str, IntArray]]:
+    """Row numbers of each elastic or thermal block that each joint and localized load acts on."""
+    return {b.name: {name: acts[name][b.name] for name, part in connectors.items()
+                     if part.localized and b.name in acts.get(name, {})}
+            for b in layout if b.kind.reducible}

@@ -19,7 +19,7 @@ from sparsemor.core.arrays import Csr, FloatArray
 from sparsemor.core.protocols import Term
 from sparsemor.core.protocols.layout import Layout, Quantity
 from sparsemor.core.protocols.poses import PLANAR_POSE
-from sparsemor.core.protocols.prescribed_quantities import derivative_from_right
+from sparsemor.core.protocols.time_function import derivative_from_right
 
 ROTATION = 1e-2
 """Largest rotation between two points of the finite difference, rad."""

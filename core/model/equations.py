@@ -1,13 +1,21 @@
-"""Residual and Jacobian of the whole model as sums of residual terms."""
+"""Residual and Jacobian of the whole model as sums of residual terms, and terms with matrices that
+are assembled once."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import ClassVar, Generic, Protocol, Self, TypeVar
 
 import numpy as np
-from scipy.sparse import coo_array, csc_array
+from scipy.sparse import coo_array, csc_array, csr_array, issparse
 
-from sparsemor.core.arrays import Csr, FloatArray
-from sparsemor.core.protocols import Term
+from sparsemor.core.arrays import Csr, FloatArray, IntArray, Matrix
+from sparsemor.core.protocols import ReducedTerm, Term, Trial
 from sparsemor.core.protocols.layout import Layout
+
+
+def dense(matrix: Matrix) -> FloatArray:
+    """Sparse or dense matrix as an array of all its entries."""
+    return np.asarray(matrix.toarray() if issparse(matrix) else matrix, dtype=np.float64)
 
 
 def system_residual(
@@ -47,3 +55,72 @@ def rate_factors(
     k1, k2 = np.zeros(layout.size), np.zeros(layout.size)
     k1[layout.second], k1[layout.first], k2[layout.second] = c1, c1_first, c2
     return k1, k2
+
+
+class AssembledEquations(Protocol):
+    """m equations in n unknowns without loops over elements. linear: True for constant matrices."""
+
+    linear: ClassVar[bool]
+
+    def residual(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray: ...
+    def jacobian(
+        self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
+    ) -> Matrix: ...
+    def restricted(self, keep: IntArray) -> Self:
+        """The equations of the rows with numbers `keep`."""
+        ...
+
+    def mapped(self, trial: Trial, left: FloatArray) -> ReducedTerm:
+        """Projection left @ r(offset + atoms xi) with a test basis `left` (l, m)."""
+        ...
+
+    def time_derivative(self, order: int, t: float, h: float) -> "AssembledEquations | None":
+        """Partial time derivative of the constraint rows, of order 1 or 2, from the right at t (s);
+        None if zero."""
+        ...
+
+
+E = TypeVar("E", bound=AssembledEquations, covariant=True)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AssembledTerm(Term, Generic[E]):
+    """Residual term whose equations stand at global `rows` (m,) and `columns` (n,) of the state
+    vector; no element is visited.
+
+    source: name of the body, joint, contact or load that contributes it.
+    """
+
+    rows: IntArray
+    columns: IntArray
+    equations: E
+    source: str = ""
+
+    @property
+    def exact_in_time(self) -> bool:
+        return True
+
+    @property
+    def linear(self) -> bool:
+        return self.equations.linear
+
+    def residual(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray:
+        return self.equations.residual(x, v, a, t)
+
+    def jacobian(
+        self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
+    ) -> Csr:
+        return csr_array(self.equations.jacobian(x, v, a, t, c1, c2))
+
+    def time_derivative(
+        self, order: int, t: float, h: float
+    ) -> "AssembledTerm[AssembledEquations] | None":
+        of_time = self.equations.time_derivative(order, t, h)
+        return None if of_time is None else AssembledTerm(
+            self.rows, self.columns, of_time, self.source)
+
+    def restrict(self, keep: IntArray) -> "AssembledTerm[E]":
+        return replace(self, rows=self.rows[keep], equations=self.equations.restricted(keep))
+
+    def compress(self, trial: Trial, left: FloatArray) -> ReducedTerm:
+        return self.equations.mapped(trial, left)

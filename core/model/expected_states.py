@@ -86,7 +86,7 @@ def _temperatures(
     K, C, r = _linearised(model, heat)
     carried = (heat.capacity + C) / H
     data = model.block_data(heat.thermal)
-    factor = BlockSolvers(model.solvers.of(heat.thermal)).factorize(
+    factor = BlockSolvers(model.linear_solver(heat.thermal)).factorize(
         heat.thermal, heat.conductivity + K + carried, data.places, "expected states")
     states = [model.x0[model.layout[heat.thermal]]]
     constant, loads = heat.constant + K @ states[0] - r, list[FloatArray]()
@@ -140,7 +140,7 @@ def _displacements(
         forces.append(np.zeros_like(f) if cancelled else f)
     named = [i for i, column in enumerate(ops.columns)
              if column.name and ops.directions[:, i].any()]
-    factor = BlockSolvers(model.solvers.of(name)).factorize(
+    factor = BlockSolvers(model.linear_solver(name)).factorize(
         name, ops.stiffness, data.places, "expected states")
     b = np.column_stack([*forces, ops.directions[:, named]])
     x = solve_or_fail(factor, np.ascontiguousarray(b), name)

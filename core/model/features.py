@@ -7,9 +7,12 @@ default. A plugin that does not is refused by the command `validate` and before 
 """
 
 from dataclasses import dataclass
+from typing import TypeVar
 
 from sparsemor.core.errors import InputError
 from sparsemor.core.registry.contracts import origin
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +34,12 @@ class Feature:
         return InputError(
             f"with {self.option}, it has to {self.need}, which {origin(lacking)} cannot: it has no "
             f"{self.method}", key)
+
+    def checked(self, made: T | None, by: object, key: str = "") -> T:
+        """What the method of an object returned; InputError if that is None, the default."""
+        if made is None:
+            raise self.refusal(by, key)
+        return made
 
 
 PROBES = Feature("probes", "probes", "body", "have material points", "probe(name, at)")

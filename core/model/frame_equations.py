@@ -16,17 +16,13 @@ import numpy as np
 from scipy.sparse import csr_array, issparse
 
 from sparsemor.core.arrays import Csr, FloatArray, IntArray, Matrix
-from sparsemor.core.model.assembled_term import AssembledTerm
+from sparsemor.core.model.equations import AssembledTerm, dense
 from sparsemor.core.protocols import ReducedTerm, Trial
 from sparsemor.core.protocols.body_frame import Frame, FrameWork
 from sparsemor.core.protocols.contributions import BodyRecord, FrameRecord
 from sparsemor.core.protocols.layout import Layout, Quantity
 from sparsemor.core.protocols.prescribed_motion import FrameHistory
 from sparsemor.core.protocols.separable import MovingBody
-
-
-def _dense(matrix: Matrix) -> FloatArray:
-    return np.asarray(matrix.toarray() if issparse(matrix) else matrix, dtype=np.float64)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -130,17 +126,17 @@ class FrameEquations(ReducedTerm):
         if np.any(o):
             s = np.asarray(self.D @ o)
             frame = frame.shifted(s, np.array([o @ q for q in Qo]))
-        D, shifted = _dense(self.D @ T), dict(frame.shape_columns)
-        W = _dense(left @ W)
+        D, shifted = dense(self.D @ T), dict(frame.shape_columns)
+        W = dense(left @ W)
         for column, g in shifted.items():  # a direction M_g X becomes M_g (X + offset)
             W[:, column] += left @ (self.V[g] @ o)
             D[column] += T.T @ Qo[g]
         for column, g in self.frame.stiff_columns:
             W[:, column] += left @ (self.V[g] @ o)
         return replace(
-            self, frame=frame, Y=_dense(self.Y @ T), y0=self.y0 + self.Y @ o, D=D,
-            Q=tuple(T.T @ _dense(Q @ T) for Q in self.Q), L=_dense(left @ self.L), W=W,
-            V=tuple(_dense(left @ _dense(V @ T)) for V in self.V),
+            self, frame=frame, Y=dense(self.Y @ T), y0=self.y0 + self.Y @ o, D=D,
+            Q=tuple(T.T @ dense(Q @ T) for Q in self.Q), L=dense(left @ self.L), W=W,
+            V=tuple(dense(left @ dense(V @ T)) for V in self.V),
         )
 
 

@@ -10,7 +10,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from sparsemor.core.arrays import IntArray
+from sparsemor.core.arrays import IntArray, union
 from sparsemor.core.model.frame_equations import frame_rows, frame_term
 from sparsemor.core.model.linear_equations import matrix_term, table_term, target_term, vector_term
 from sparsemor.core.protocols import Term
@@ -84,8 +84,8 @@ def touched(layout: Layout, records: Records) -> Touched:
         for block in local.blocks:
             here, rows = layout[block], local.term.rows
             add(local.origin, block, rows[(rows >= here.start) & (rows < here.stop)] - here.start)
-    return {part: {block: np.unique(np.concatenate(rows)).astype(np.int64)
-                   for block, rows in blocks.items()} for part, blocks in found.items()}
+    return {part: {block: union(rows) for block, rows in blocks.items()}
+            for part, blocks in found.items()}
 
 
 def acts(layout: Layout, record: FrameRecord) -> bool:

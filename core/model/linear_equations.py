@@ -10,7 +10,7 @@ import numpy as np
 from scipy.sparse import csr_array, hstack
 
 from sparsemor.core.arrays import Csr, FloatArray, IntArray, Matrix
-from sparsemor.core.model.assembled_term import AssembledTerm
+from sparsemor.core.model.equations import AssembledTerm
 from sparsemor.core.protocols import ReducedTerm, Trial
 from sparsemor.core.protocols.contributions import (
     NO_NUMBERS,
@@ -21,12 +21,8 @@ from sparsemor.core.protocols.contributions import (
 )
 from sparsemor.core.protocols.layout import Layout
 from sparsemor.core.protocols.load_tables import LoadTable, Table
-from sparsemor.core.protocols.prescribed_quantities import (
-    Held,
-    derivative_from_right,
-    time_derivatives,
-)
 from sparsemor.core.protocols.separable import Amplitude, evaluate_amplitudes
+from sparsemor.core.protocols.time_function import Held, derivative_from_right, time_derivatives
 
 
 @dataclass(frozen=True, slots=True, eq=False)

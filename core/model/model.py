@@ -6,10 +6,10 @@ from functools import partial
 
 import numpy as np
 
-from sparsemor.core.arrays import Csr, FloatArray, IntArray
+from sparsemor.core.arrays import Csr, FloatArray, IntArray, union
 from sparsemor.core.model.factorizations import BlockSolvers
-from sparsemor.core.model.moving_loads import path_rows, ring
 from sparsemor.core.protocols import (
+    AssembledModel,
     BlockData,
     Body,
     BodyShape,
@@ -18,6 +18,7 @@ from sparsemor.core.protocols import (
     DofLocations,
     Factorized,
     Joint,
+    LinearSolver,
     Part,
     ProbePlace,
     State,
@@ -25,13 +26,13 @@ from sparsemor.core.protocols import (
     Term,
 )
 from sparsemor.core.protocols.layout import Layout
-from sparsemor.core.protocols.load_tables import LoadTable
+from sparsemor.core.protocols.load_tables import LoadTable, path_rows, ring
 from sparsemor.core.protocols.prescribed_motion import Stage
 from sparsemor.core.protocols.separable import ElasticOperators, HeatBody, LoadColumn, Separated
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Model:
+class Model(AssembledModel):
     """Assembled model: layout of the unknowns, equations, initial values x0 and rates v0 (n,).
 
     by_part: residual terms by the body, joint, contact or load that contributes them; separated:
@@ -139,12 +140,11 @@ class Model:
 
     def _block_data(self, name: str) -> BlockData:
         """Data of a block without snapshots and step."""
-        n = self.layout[name].stop - self.layout[name].start
         coordinates, component = self.geometry[name]
         data = partial(
             BlockData, name=name, coordinates=coordinates, component=component,
-            snapshots=np.zeros((n, 0)), start=self.x0[self.layout[name]],
-            ring=self.ring(name), moving=self.moving(name), solver=self.solvers.of(name))
+            snapshots=np.zeros((len(component), 0)), start=self.x0[self.layout[name]],
+            ring=self.ring(name), moving=self.moving(name), solver=self.linear_solver(name))
         for h in self.separated.heat:
             if h.thermal == name:
                 loads, names, _ = _loads([
@@ -167,6 +167,10 @@ class Model:
                         ops.local) else None)
         raise KeyError(name)
 
+    def linear_solver(self, name: str) -> LinearSolver:
+        """Linear solver of a block."""
+        return self.solvers.of(name)
+
     def with_separated(self, separated: Separated) -> "Model":
         """Copy of the model with other block operators `separated`; its consistent initial state is
         computed again."""
@@ -181,14 +185,14 @@ class Model:
         """Sorted rows of a block that belong to elements along the path of moving loads and
         contacts; a load or contact moves over the body if its `moving` is True."""
         connectors = self.connectors
-        found = [rows for part, rows in self.loaded[name].items() if connectors[part].moving]
-        path = np.concatenate([path_rows(self.moving(name)), *found]).astype(np.int64)
+        path = union([path_rows(self.moving(name)), *(
+            rows for part, rows in self.loaded[name].items() if connectors[part].moving)])
         source = self._operators(name)
         if source is None or not len(path):
             return np.zeros(0, np.int64)
         pair = ((source.capacity, source.conductivity) if isinstance(source, HeatBody) else
                 (source.mass, source.stiffness))
-        return ring(*pair, self.geometry[name][0], np.unique(path))
+        return ring(*pair, self.geometry[name][0], path)
 
     def _operators(self, name: str) -> HeatBody | ElasticOperators | None:
         for h in self.separated.heat:
@@ -198,9 +202,8 @@ class Model:
 
     def _interface(self, name: str) -> IntArray:
         """Sorted row numbers of a block that joints act on."""
-        rows = [r for part, r in self.loaded[name].items()
-                if self.layout.multipliers(part) is not None]
-        return np.unique(np.concatenate([*rows, np.zeros(0, np.int64)])).astype(np.int64)
+        return union(rows for part, rows in self.loaded[name].items()
+                     if self.layout.multipliers(part) is not None)
 
 
 Columns = tuple[LoadColumn, ...]

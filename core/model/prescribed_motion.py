@@ -4,11 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from sparsemor.core.model.features import (
-    CONTACT_ALONG_MOTION,
-    PRESCRIBED_MOTION,
-    PRESCRIBED_REACTIONS,
-)
+from sparsemor.core.model.features import CONTACT_ALONG_MOTION, PRESCRIBED_MOTION
 from sparsemor.core.protocols import Body, Contact, Joint
 from sparsemor.core.protocols.load_tables import Table
 from sparsemor.core.protocols.prescribed_motion import FrameHistory, Stage, SurfaceLoads
@@ -59,7 +55,7 @@ class AtStart(PrescribedQuantities):
 
     def frame(self, name: str, body: Body) -> FrameHistory | None:
         motion = FrameHistory.standing(body.pose)
-        following(body, motion)  # one that cannot is refused here
+        PRESCRIBED_MOTION.checked(body.with_motion(motion), body)
         return motion if body.moves else None
 
     def reactions(self, name: str, joint: Joint) -> Table | None:
@@ -89,28 +85,10 @@ class Followed(PrescribedQuantities):
         return self.stage.frames
 
 
-def following(body: Body, motion: FrameHistory) -> Body:
-    """The body with a prescribed motion of its frame; InputError if it cannot follow one."""
-    made = body.with_motion(motion)
-    if made is None:
-        raise PRESCRIBED_MOTION.refusal(body)
-    return made
-
-
-def with_reactions(joint: Joint, reactions: Table) -> Joint:
-    """The joint with prescribed reactions; InputError if it cannot take them."""
-    made = joint.known(reactions)
-    if made is None:
-        raise PRESCRIBED_REACTIONS.refusal(joint)
-    return made
-
-
 def loads_along(
     contact: Contact, motion: Mapping[str, FrameHistory]
 ) -> Mapping[str, SurfaceLoads]:
     """Surface loads of a contact along a prescribed motion, by body; InputError if it cannot be
     evaluated so."""
-    made = contact.imported(motion)
-    if made is None:
-        raise CONTACT_ALONG_MOTION.refusal(contact, f"contacts.{contact.name}")
-    return made
+    return CONTACT_ALONG_MOTION.checked(
+        contact.imported(motion), contact, f"contacts.{contact.name}")

@@ -1,12 +1,13 @@
 """Constraints of joints that depend on each other, such as those of two hinges of one door."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
-from scipy.sparse import csgraph, csr_array, diags_array, issparse
+from scipy.sparse import csgraph, csr_array, diags_array
 
 from sparsemor.core.arrays import Csr, FloatArray
-from sparsemor.core.model.equations import system_jacobian
+from sparsemor.core.linalg.coherence import unit_columns
+from sparsemor.core.model.equations import dense, system_jacobian
 from sparsemor.core.model.model import Model
 from sparsemor.core.notes import Note
 from sparsemor.core.protocols import Dictionary, Joint
@@ -25,14 +26,10 @@ SHARE = 1e-6
 """Share in a dependency above which a constraint takes part in it."""
 
 
-def dependent_joints(layout: Layout, G: Csr) -> list[tuple[str, ...]]:
+def dependent_joints(layout: Layout, G: Csr) -> dict[tuple[str, ...], int]:
     """Groups of joints, by name, with linear dependencies among the rows of the constraint Jacobian
-    G (l, n) of all joints; empty where G has full rank."""
-    return list(_dependencies(layout, G))
-
-
-def _dependencies(layout: Layout, G: Csr) -> dict[tuple[str, ...], int]:
-    """These groups, and how many of their constraints follow from others.
+    G (l, n) of all joints, and how many of their constraints follow from others; empty where G has
+    full rank.
 
     G is scaled to rows of length 1. With an orthonormal basis N of the null space of G G^T, two
     constraints depend on each other where (N N^T)_ij is not zero.
@@ -40,8 +37,7 @@ def _dependencies(layout: Layout, G: Csr) -> dict[tuple[str, ...], int]:
     count = G.shape[0]
     if not 0 < count <= MANY or not np.isfinite(G.data).all():
         return {}
-    length = np.sqrt(np.asarray(G.multiply(G).sum(axis=1)).ravel())
-    rows = diags_array(1.0 / np.where(length > 0.0, length, 1.0)) @ csr_array(G)
+    rows = _unit_rows(G)
     values, vectors = np.linalg.eigh((rows @ rows.T).toarray())
     N = vectors[:, values <= DEPENDENT * values[-1]]
     together = np.abs(N @ N.T) > SHARE
@@ -56,7 +52,7 @@ def _dependencies(layout: Layout, G: Csr) -> dict[tuple[str, ...], int]:
     return found
 
 
-def in_words(groups: Sequence[Sequence[str]]) -> str:
+def in_words(groups: Iterable[Sequence[str]]) -> str:
     """Groups of redundant joints as part of a sentence, "" for none."""
     texts = [
         f"the constraints of {', '.join(group[:-1])} and {group[-1]} depend on each other"
@@ -68,13 +64,7 @@ def in_words(groups: Sequence[Sequence[str]]) -> str:
 
 def _owners(layout: Layout) -> list[str]:
     """Joint of each constraint."""
-    found = [""] * (layout.algebraic.stop - layout.algebraic.start)
-    for b in layout:
-        if b.kind.order == 0:
-            at = layout[b.name]
-            first = at.start - layout.algebraic.start
-            found[first:first + b.size] = [b.owner] * b.size
-    return found
+    return [b.owner for b in layout if b.kind.order == 0 for _ in range(b.size)]
 
 
 COMPLIANCE, LEAST = 1e-6, 2e-13
@@ -90,15 +80,10 @@ UNDETERMINED = "undetermined_forces"
 def redundant_joints(model: Model, h: float) -> Mapping[str, tuple[FloatArray, Note | None]]:
     """Joint -> compliance of each of its constraints (l,), and a note, for the joints whose
     constraints depend on each other at the start. h: time step, s."""
-    layout, n = model.layout, model.layout.size
-    first, found = layout.algebraic.start, dict[str, tuple[FloatArray, Note | None]]()
-    some = [t for t in model.terms if len(t.rows) and t.rows.max() >= first]
-    if not some or n - first > MANY:
-        return found
-    zero = np.zeros(n)
-    G = csr_array(system_jacobian(
-        layout, some, model.x0, model.v0, zero, 0.0, zero, zero))[first:][:, : first]
-    groups = _dependencies(layout, G)
+    found = dict[str, tuple[FloatArray, Note | None]]()
+    K = _constraint_rows(model)
+    groups = {} if K is None else dependent_joints(
+        model.layout, K[:, : model.layout.algebraic.start])
     if not groups:
         return found
     soft = _compliance(model, h)
@@ -123,26 +108,20 @@ def undetermined_forces(
     combination of constraints counts as kept where it moves by less than sqrt(UNMOVED) of the
     largest one. Such constraints get the compliance of redundant ones, others none.
     """
-    layout = model.layout
-    n, first, found = layout.size, layout.algebraic.start, dict[str, tuple[Joint | None, Note]]()
-    some = [t for t in model.terms if len(t.rows) and t.rows.max() >= first]
-    if not maps or not some or n - first > MANY:
+    layout, found = model.layout, dict[str, tuple[Joint | None, Note]]()
+    K = _constraint_rows(model) if maps else None
+    if K is None:
         return found
-    zero = np.zeros(n)
-    K = csr_array(system_jacobian(
-        layout, some, model.x0, model.v0, zero, 0.0, zero, zero))[first:]
-    G, hard = K[:, :first], K[:, first:].diagonal() == 0.0
-    length = np.sqrt(np.asarray(G.multiply(G).sum(axis=1)).ravel())
-    if not np.isfinite(length).all():
+    G, hard = K[:, : layout.algebraic.start], K[:, layout.algebraic.start :].diagonal() == 0.0
+    if not np.isfinite(G.data).all():
         return found
-    scaled = diags_array(np.where(hard, 1.0 / np.where(length > 0.0, length, 1.0), 0.0)) @ G
+    scaled = diags_array(np.where(hard, 1.0, 0.0)) @ _unit_rows(G)
     gram = np.diag(np.where(hard, 0.0, 1.0))
     for b in layout:
         if b.kind.order == 2:
             own = scaled[:, layout[b.name]]
-            by_atoms = own @ _unit(maps[b.name].atoms) if b.name in maps else own
-            gram = gram + np.asarray((by_atoms @ by_atoms.T).toarray() if issparse(by_atoms)
-                                     else by_atoms @ by_atoms.T)
+            by_atoms = own @ unit_columns(maps[b.name].atoms) if b.name in maps else own
+            gram = gram + dense(by_atoms @ by_atoms.T)
     values, vectors = np.linalg.eigh(gram)
     kept = values <= UNMOVED * values[-1]
     share = (vectors[:, kept]**2).sum(axis=1)
@@ -168,10 +147,21 @@ def undetermined_forces(
     return found
 
 
-def _unit(atoms: FloatArray) -> FloatArray:
-    """Atoms (n, k) of length 1."""
-    size = np.sqrt((atoms * atoms).sum(axis=0))
-    return np.asarray(atoms / np.where(size > 0.0, size, 1.0))
+def _constraint_rows(model: Model) -> Csr | None:
+    """Jacobian (l, n) of all constraints at the start; None where there are none or too many."""
+    layout, first = model.layout, model.layout.algebraic.start
+    some = [t for t in model.terms if len(t.rows) and t.rows.max() >= first]
+    if not some or layout.size - first > MANY:
+        return None
+    zero = np.zeros(layout.size)
+    return csr_array(system_jacobian(
+        layout, some, model.x0, model.v0, zero, 0.0, zero, zero))[first:]
+
+
+def _unit_rows(G: Csr) -> Csr:
+    """Rows of G scaled to length 1; those of zeros stay zero."""
+    length = np.sqrt(np.asarray(G.multiply(G).sum(axis=1)).ravel())
+    return diags_array(1.0 / np.where(length > 0.0, length, 1.0)) @ csr_array(G)
 
 
 def _compliance(model: Model, h: float) -> Callable[[str], FloatArray]:

@@ -14,13 +14,13 @@ from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.notes import Note
 from sparsemor.core.protocols.contributions import Equations
-from sparsemor.core.protocols.integrator import TimeFunction
 from sparsemor.core.protocols.layout import Block, FieldKind, Quantity
 from sparsemor.core.protocols.mesh import BodySize, Mesh
 from sparsemor.core.protocols.plugin import Plugin
 from sparsemor.core.protocols.poses import FREE_POSE, PLANAR_POSE, vectors_in_space
 from sparsemor.core.protocols.prescribed_motion import FrameHistory, SurfaceLoads
 from sparsemor.core.protocols.separable import Amplitude
+from sparsemor.core.protocols.time_function import TimeFunction
 
 
 class Part(ABC):

@@ -187,17 +187,13 @@ class Equations:
         self, layout: Layout, origin: Origin, records: Records, stepping: Stepping | None = None
     ) -> None:
         self.layout, self.origin, self._records = layout, origin, records
-        self._stepping = stepping
-
-    @property
-    def stepping(self) -> Stepping | None:
+        self.stepping = stepping
         """Steps of the run, None where they are not known."""
-        return self._stepping
 
     def over_steps(self, part: T) -> T:
         """A law, an item of a frame or an amplitude, with the mean values of its functions of time
         in the steps of the run (`Stepping`)."""
-        made: Any = part if self._stepping is None else self._stepping.over(part)
+        made: Any = part if self.stepping is None else self.stepping.over(part)
         kept: T = made
         return kept
 

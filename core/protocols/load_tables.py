@@ -1,14 +1,13 @@
 """Time-tabulated loads that move over a body: constant load vectors times tabulated amplitudes."""
 
 from bisect import bisect_left
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
-from scipy.sparse import issparse
+from scipy.sparse import csr_array
 
-from sparsemor.core.arrays import Csr, FloatArray, IntArray, Matrix
+from sparsemor.core.arrays import Csr, FloatArray, IntArray, union
 
 
 def place(times: FloatArray, t: float) -> tuple[int, float]:
@@ -119,46 +118,34 @@ class LoadTable:
         return self.table.through(np.asarray(left @ self.columns))
 
 
-class Tabled(Protocol):
-    """An object with values at a time t, s."""
-
-    def at(self, t: float) -> FloatArray: ...
-
-
-class TabledAlong(Protocol):
-    """An object with values at many times (T,), s."""
-
-    def along(self, times: FloatArray) -> FloatArray: ...
+def loaded_columns(load: LoadTable) -> IntArray:
+    """Numbers of the columns of a moving load that are nonzero at some time and act on some
+    unknown."""
+    acts = np.any(load.table.values != 0.0, axis=0)
+    tabulated = np.asarray(abs(load.columns).sum(axis=0)).ravel() > 0.0
+    return np.flatnonzero(acts & tabulated).astype(np.int64)
 
 
-def projected_tables(
-    tables: Sequence[LoadTable], test: Callable[[Csr], Matrix]
-) -> tuple[Table, ...]:
-    """Tables of the loads projected by a linear map `test` of the block's rows; loads tabulated at
-    the same times are added up."""
-    found: list[Table] = []
-    for load in tables:
-        columns = test(load.columns)
-        one = load.table.through(np.asarray(columns.toarray() if issparse(columns) else columns))
-        same = [i for i, t in enumerate(found) if np.array_equal(t.times, one.times)]
-        if same:
-            found[same[0]] = Table(one.times, found[same[0]].values + one.values)
-        else:
-            found.append(one)
-    return tuple(found)
+def path_rows(moving: Sequence[LoadTable]) -> IntArray:
+    """Sorted rows that at least one of the moving loads acts on at some time."""
+    return union(
+        np.flatnonzero(np.asarray(abs(load.columns[:, loaded_columns(load)]).sum(axis=1)))
+        for load in moving)
 
 
-def total_load(tables: Sequence[Tabled], t: float) -> FloatArray:
-    """Sum at t, s, of one or more tabulated loads of equal length."""
-    value = tables[0].at(t)
-    for table in tables[1:]:
-        value = value + table.at(t)
-    return value
+def ring(mass: Csr, stiffness: Csr, coordinates: FloatArray, rows: IntArray) -> IntArray:
+    """Sorted rows of all elements that touch a node of `rows` (one-ring neighbourhood), found from
+    the sparsity of mass and stiffness: nodes are coupled if they share an element. coordinates:
+    nodes of all rows (n, d), m."""
+    if not len(rows):
+        return rows
+    node = np.unique(coordinates, axis=0, return_inverse=True)[1].reshape(-1)
+    at = np.flatnonzero(np.isin(node, node[rows]))
+    pattern = _ones(mass) + _ones(stiffness)  # a triangle with a right angle lacks an entry in one
+    near = np.union1d(at, pattern[at].indices)
+    return np.flatnonzero(np.isin(node, node[near])).astype(np.int64)
 
 
-def total_load_along(tables: Sequence[TabledAlong], times: FloatArray) -> FloatArray:
-    """Sum (T, n) at times (T,), s, of one or more tabulated loads of equal length; read-only."""
-    value = tables[0].along(times)
-    for table in tables[1:]:
-        value = value + table.along(times)
-    return value
+def _ones(matrix: Csr) -> Csr:
+    m = csr_array(matrix)
+    return csr_array((np.ones(m.nnz), m.indices, m.indptr), shape=m.shape)

@@ -6,6 +6,7 @@ method without a body here must be written, all others have a default. It is a c
 """
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar, cast
 
@@ -60,37 +61,22 @@ def _check_of(part: dict[str, Any]) -> Callable[[Any], Any] | None:
     """Check of the values of a schema without parts, None where it has no number or accepts true
     or false, too."""
     kind, expected = part.get("type"), part.get("expected")
-    if kind == "float":
-        return _number
-    if kind == "int":
-        return _integer
+    if kind in ("float", "int"):
+        return partial(_refuse_booleans, f"{kind}_type", None)
     listed = expected if kind == "literal" and isinstance(expected, list) else []
     types = set(map(type, listed))
-    return _one_of(listed) if types & {int, float} and bool not in types else None
-
-
-def _number(value: Any) -> Any:
-    if isinstance(value, bool | np.bool_):
-        raise PydanticKnownError("float_type")
-    return value
-
-
-def _integer(value: Any) -> Any:
-    if isinstance(value, bool | np.bool_):
-        raise PydanticKnownError("int_type")
-    return value
-
-
-def _one_of(expected: list[Any]) -> Callable[[Any], Any]:
-    *others, last = map(repr, expected)
+    if not types & {int, float} or bool in types:
+        return None
+    *others, last = map(repr, listed)
     words = f"{', '.join(others)} or {last}" if others else last
+    return partial(_refuse_booleans, "literal_error", {"expected": words})
 
-    def check(value: Any) -> Any:
-        if isinstance(value, bool | np.bool_):
-            raise PydanticKnownError("literal_error", {"expected": words})
-        return value
 
-    return check
+def _refuse_booleans(fault: Any, context: dict[str, Any] | None, value: Any) -> Any:
+    """The value. Raises the pydantic error `fault` with its context for true and false."""
+    if isinstance(value, bool | np.bool_):
+        raise PydanticKnownError(fault, context)
+    return value
 
 
 class Plugin(BaseModel):

@@ -1,7 +1,7 @@
 """Interfaces of model reduction: reducers, the assembled models that they reduce, and offline data
 such as snapshots."""
 
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Literal, NamedTuple, Protocol, Self, TypeAlias
@@ -49,83 +49,64 @@ class Recording:
     runs: int = 1
 
 
-class BlockLinearSolvers(Protocol):
-    """Linear solvers of the blocks of unknowns: a default, and others by block-name pattern."""
-
-    @property
-    def default(self) -> LinearSolver: ...
-    @property
-    def others(self) -> Mapping[str, LinearSolver]: ...
-    def of(self, block: str) -> LinearSolver:
-        """Linear solver of one block."""
-        ...
-
-
-class AssembledModel(Protocol):
+class AssembledModel(ABC):
     """Assembled model: layout of the unknowns, equations and initial values.
 
     terms: residual terms of all equations; by_part: the same by the body, joint, contact or load
     that contributes them; separated: the same equations as operators of each
     block, for fast steps; x0, v0 (n,): initial values and rates. required: row numbers of each
     reducible (elastic or thermal) block that joints and localized loads act on; loaded: the same
-    for each joint or load by name.
+    for each joint or load by name. starts: list with the consistent initial state once it is
+    computed, empty before.
     """
 
-    @property
-    def layout(self) -> Layout: ...
-    @property
-    def parts(self) -> Mapping[str, Part]: ...
-    @property
-    def terms(self) -> tuple[Term, ...]: ...
-    @property
-    def by_part(self) -> Mapping[str, tuple[Term, ...]]: ...
-    @property
-    def separated(self) -> Separated: ...
-    @property
-    def x0(self) -> FloatArray: ...
-    @property
-    def v0(self) -> FloatArray: ...
-    @property
-    def required(self) -> Mapping[str, IntArray]: ...
-    @property
-    def loaded(self) -> Mapping[str, Mapping[str, IntArray]]: ...
-    @property
-    def solvers(self) -> BlockLinearSolvers: ...
-    @property
-    def starts(self) -> list[State]:
-        """List with the consistent initial state once it is computed, empty before."""
-        ...
+    __slots__ = ()
+    layout: Layout
+    parts: Mapping[str, Part]
+    by_part: Mapping[str, tuple[Term, ...]]
+    separated: Separated
+    x0: FloatArray
+    v0: FloatArray
+    required: Mapping[str, IntArray]
+    loaded: Mapping[str, Mapping[str, IntArray]]
+    starts: list[State]
 
+    @property
+    @abstractmethod
+    def terms(self) -> tuple[Term, ...]: ...
+    @abstractmethod
     def reducible(self) -> tuple[str, ...]:
         """Names of the elastic and thermal blocks."""
-        ...
 
+    @abstractmethod
     def places(self, name: str) -> DofLocations:
         """Node coordinates and components of the unknowns of an elastic or thermal block."""
-        ...
 
+    @abstractmethod
+    def linear_solver(self, name: str) -> LinearSolver:
+        """Linear solver that the user chose for an elastic or thermal block."""
+
+    @abstractmethod
     def factorize(
         self, name: str, A: Csr, purpose: str = "steps", places: DofLocations | None = None
     ) -> Factorized:
-        """Factorization of a matrix A (n, n) of an elastic or thermal block by the linear solver
-        that the user chose for it; places: node coordinates of its unknowns, if they are not those
-        of the block."""
-        ...
+        """Factorization of a matrix A (n, n) of an elastic or thermal block by its linear solver;
+        places: node coordinates of its unknowns, if they are not those of the block."""
 
+    @abstractmethod
     def block_data(
         self, name: str, snapshots: FloatArray | None = None, step: StepFactors | None = None
     ) -> BlockData:
         """Matrices, load vectors and node coordinates of an elastic or thermal block; snapshots (n,
         M); step: size and factors of the time steps that it is reduced for."""
-        ...
 
+    @abstractmethod
     def ring(self, name: str) -> IntArray:
         """Sorted row numbers of a block that belong to elements along the path of moving loads."""
-        ...
 
+    @abstractmethod
     def with_separated(self, separated: Separated) -> Self:
         """Copy of the model with other block operators."""
-        ...
 
 
 class OfflineProducts(Protocol):

@@ -23,13 +23,9 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from sparsemor.core.protocols.integrator import (
-    Integrator,
-    TimeFunction,
-    differences,
-    same_time,
-)
+from sparsemor.core.protocols.integrator import Integrator, differences, same_time
 from sparsemor.core.protocols.separable import Amplitude
+from sparsemor.core.protocols.time_function import TimeFunction, derivatives_of
 
 _POINTS, _WEIGHTS = (a.tolist() for a in np.polynomial.legendre.leggauss(3))
 _STEPS = 200
@@ -176,9 +172,7 @@ class StepAmplitude:
 
     def derivatives(self, t: float, h: float) -> tuple[float, float]:
         """Derivatives of the function from the right (`Differentiable`)."""
-        f = self.function
-        bend = f.curvature(t)
-        return f.rate(t), (f.rate(t + 1e-2 * h) - f.rate(t)) / (1e-2 * h) if bend is None else bend
+        return derivatives_of(self.function, t, h)
 
 
 @dataclass(frozen=True, slots=True)

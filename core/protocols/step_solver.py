@@ -13,7 +13,6 @@ from sparsemor.core.errors import InputError
 from sparsemor.core.notes import Note, information
 from sparsemor.core.protocols.basis import Dictionary
 from sparsemor.core.protocols.integrator import (
-    HeldFunction,
     Integrator,
     State,
     StepFormula,
@@ -22,6 +21,7 @@ from sparsemor.core.protocols.integrator import (
 )
 from sparsemor.core.protocols.layout import Layout
 from sparsemor.core.protocols.term import ReducedTerm, Term
+from sparsemor.core.protocols.time_function import HeldFunction
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,7 +1,6 @@
 """Result of a run that is kept in memory: its writer, and its arrays as a reader takes them."""
 
-import uuid
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,14 +10,15 @@ from numpy.typing import NDArray
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.results.metadata import RunHeader
 from sparsemor.core.results.run_result import RunResult
-from sparsemor.core.results.stage_arrays import stage_attributes
 from sparsemor.core.results.store import ChunkOfSteps, check_column, columns_of, converted
-from sparsemor.core.results.stored_arrays import ALL, FORMAT, array_entry
-from sparsemor.core.results.variables import fixed_arrays, time_arrays
+from sparsemor.core.results.stored_arrays import ALL, array_entry
+from sparsemor.core.results.variables import (
+    Fixed,
+    fixed_arrays,
+    started_attributes,
+    time_arrays,
+)
 from sparsemor.core.status import Status
-
-Fixed = Mapping[str, tuple[dict[str, Any], NDArray[Any]]]
-"""Name -> entry (`array_entry`) and values of each array that does not depend on time."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,18 +44,6 @@ class ArraysInMemory:
         return self.values[name][rows].copy()
 
 
-def fixed_in_memory(header: RunHeader) -> Fixed:
-    """Arrays of a result that do not depend on time, without copies."""
-    return {name: (_entry(values, dimensions, attributes), values)
-            for name, dimensions, attributes, values in fixed_arrays(header)}
-
-
-def _entry(
-    values: NDArray[Any], dimensions: Sequence[str], attributes: Mapping[str, Any]
-) -> dict[str, Any]:
-    return array_entry(values.shape, str(values.dtype), dimensions, attributes)
-
-
 class MemoryWriter:
     """Writer of a result that stays in memory; fixed: arrays that do not depend on time."""
 
@@ -63,9 +51,7 @@ class MemoryWriter:
         self._layout, self._fixed = header.layout, fixed
         self._arrays = time_arrays(header)
         self._parts: list[dict[str, NDArray[Any]]] = []
-        self._attributes = header.attributes() | {
-            "format": FORMAT, "run": uuid.uuid4().hex, "status": Status.INTERRUPTED.value,
-            "summary": {}, "stage": stage_attributes(header.stage)}
+        self._attributes = started_attributes(header)
 
     @property
     def attributes(self) -> Mapping[str, Any]:
@@ -81,7 +67,7 @@ class MemoryWriter:
 
     def continued(self, header: RunHeader, maps: Mapping[str, FloatArray]) -> "MemoryWriter":
         """Writer of the same result in other unknowns of the step solver."""
-        writer = MemoryWriter(header, fixed_in_memory(header))
+        writer = MemoryWriter(header, fixed_arrays(header))
         writer._parts.append(converted(
             self.result(), writer._arrays, maps, slice(None)))
         return writer
@@ -101,8 +87,9 @@ class MemoryWriter:
         over_time = {name: np.concatenate([p[name] for p in self._parts] or [none])
                      for name, none in empty.items()}
         self._parts = [over_time]
-        grown = {name: _entry(over_time[name], m["dimensions"], m["attributes"])
-                 for name, m in self._arrays.items()}
+        grown = {name: array_entry(
+            values.shape, str(values.dtype), self._arrays[name]["dimensions"],
+            self._arrays[name]["attributes"]) for name, values in over_time.items()}
         return RunResult.of(ArraysInMemory(
             self._attributes, grown | {n: m for n, (m, _) in self._fixed.items()},
             over_time | {n: values for n, (_, values) in self._fixed.items()}))

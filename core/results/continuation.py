@@ -8,9 +8,8 @@ import numpy as np
 
 from sparsemor.core.results.archive import write_archive
 from sparsemor.core.results.metadata import RunHeader
-from sparsemor.core.results.stage_arrays import TIME as STAGE_TIME
-from sparsemor.core.results.stored_arrays import FIXED, StoredArrays, as_stored
-from sparsemor.core.results.variables import fixed_arrays
+from sparsemor.core.results.stored_arrays import FIXED, StoredArrays
+from sparsemor.core.results.variables import STAGE_TIME, fixed_arrays
 from sparsemor.core.scene.nested import changes
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.status import Status
@@ -63,7 +62,7 @@ def extended(path: Path, document: dict[str, Any], header: RunHeader) -> str:
     pre-simulation; `document`, its header, is changed and not written. Returns the reason why the
     stored steps are not those of the longer run, "" if they are."""
     stored, arrays = StoredArrays(path), document["arrays"]
-    found = {name: as_stored(values) for name, _, _, values in fixed_arrays(header)}
+    found = {name: values for name, (_, values) in fixed_arrays(header).items()}
     for name, values in found.items():
         if name not in arrays or not _begins_with(values, stored.read(name), arrays[name]):
             return (f"with the later end {name} is another one: the reduced model or its loads "

@@ -1,12 +1,17 @@
-"""Cost of a run: computing times, iterations, basis vectors (atoms) and sampled rows."""
+"""Cost of a run: computing times, iterations, basis vectors (atoms), sampled rows, the work of its
+linear solvers; its wall-clock gain over full order, and the number of runs after which its offline
+time has paid off (break-even)."""
 
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from sparsemor.core.model.factorizations import Factored
 from sparsemor.core.results.run_result import RunResult
-from sparsemor.core.results.solver_report import solvers_in_words
+from sparsemor.core.results.tables import number, text_table
 from sparsemor.core.status import Status
 
 
@@ -69,3 +74,84 @@ def run_facts(run: RunResult) -> RunFacts:
         end=float(run.times[-1]) if len(run.times) else 0.0,
         linear_solvers="; ".join(solvers_in_words(summary.get("linear_solvers", ()))),
         peak_gb=summary.get("memory", {}).get("peak_gb"), ms_per_step_solver=solver)
+
+
+def solvers_summary(
+    log: Iterable[Factored], iterations: Mapping[str, int], steps: int
+) -> list[dict[str, Any]]:
+    """Report of the linear solvers: one entry per block and purpose.
+
+    log: factorizations of the run; iterations: block -> total number of iterations in all steps;
+    steps: number of steps.
+    """
+    found = []
+    for f in log:
+        one: dict[str, Any] = {
+            "block": f.block, "for": f.purpose, "solver": f.solver, "why": f.note,
+            "unknowns": f.unknowns, "factorizations": f.count, "factor_s": f.seconds,
+            "memory_gb": f.memory / 1e9}
+        if f.purpose == "steps" and f.iterative:
+            one["iterations_a_step"] = iterations.get(f.block, 0) / max(steps, 1)
+        found.append(one)
+    return found
+
+
+def solvers_in_words(entries: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Text lines such as `disk.elastic: amg, 5.2 iterations/step, 0.12 GB` for the linear solvers
+    of the steps."""
+    lines = []
+    for e in entries:
+        if e["for"] == "steps":
+            count = e.get("iterations_a_step")
+            iterations = "" if count is None else f", {count:.3g} iterations/step"
+            lines.append(f"{e['block']}: {e['solver']}{iterations}, {e['memory_gb']:.2g} GB")
+    return lines
+
+
+# ------------------------------------------------------------------ gain over full order
+
+
+class Gain(NamedTuple):
+    """Wall-clock time of the reference over that of a run: once, with the preparation (with an
+    empty cache); again: of its steps alone, as a further run of a kept model has."""
+
+    once: float
+    again: float
+
+
+def gains(facts: Mapping[str, RunFacts], base: str) -> dict[str, Gain]:
+    """Run -> gain over the run `base`, for runs that both reached the same end."""
+    full, found = facts[base], {}
+    for name, own in facts.items():
+        times = (full.offline_seconds, full.online_seconds, own.offline_whole_seconds,
+                 own.online_seconds)
+        if name == base or None in times or not (full.status.ok and own.status.ok):
+            continue
+        offline, online, before, steps = (float(t or 0.0) for t in times)
+        if steps > 0.0 and abs(full.end - own.end) <= 1e-9 * max(full.end, own.end):
+            found[name] = Gain((offline + online) / (before + steps), (offline + online) / steps)
+    return found
+
+
+def gain_table(found: Mapping[str, Gain]) -> str:
+    """Text table of gains."""
+    return text_table([["wall-clock gain", "with offline", "further runs"], *(
+        [name, number(g.once, ".3g"), number(g.again, ".3g")] for name, g in found.items())])
+
+
+def pays_after(full: RunFacts, own: RunFacts) -> int | None:
+    """Break-even number of runs: offline time / (online time of full order - own online time),
+    rounded up.
+
+    Number of online runs of the same time span after which the offline time is recovered. The
+    offline time is that with an empty cache; otherwise the second run would appear to be free. None
+    if the offline time is never recovered, was not recorded, or one of the runs did not reach its
+    end.
+    """
+    offline, online, base = own.offline_whole_seconds, own.online_seconds, full.online_seconds
+    if offline is None or online is None or base is None or online >= base:
+        return None
+    same_span = abs(full.end - own.end) <= 1e-9 * max(full.end, own.end)
+    if not (full.status.ok and own.status.ok and same_span):
+        return None
+    return max(1, math.ceil(offline / (base - online)))

@@ -108,7 +108,16 @@ class RunHeader:
             "fall_back": dict(self.fall_back),
             "enriched": list(self.enriched),
             "forces": {name: list(force) for name, force in self.forces.items()},
+            "stage": None if self.stage is None else _stage_names(self.stage),
         }
+
+
+def _stage_names(stage: Stage) -> dict[str, Any]:
+    """Names of the stored quantities of a rigid pre-simulation, as plain data."""
+    return {"frames": list(stage.frames), "moves": sorted(stage.moves),
+            "reactions": list(stage.reactions),
+            "components": {n: [list(c) for c in kept] for n, kept in stage.components.items()},
+            "contacts": {name: list(h) for name, h in stage.contacts.items()}}
 
 
 def dump_layout(layout: Layout) -> list[list[str | int]]:

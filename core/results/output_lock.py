@@ -49,13 +49,12 @@ def owned(folder: Path) -> Iterator[None]:
         finally:
             _held.reset(token)
             ours = os.fstat(lock).st_size == 0 and inode(place / LOCK) == inode(lock)
-            if sys.platform == "win32":
+            windows = sys.platform == "win32"  # where nothing is locked, and no open file removed
+            if windows:
                 os.close(lock)
-                if ours:
-                    (place / LOCK).unlink(missing_ok=True)
-            else:  # removed while it is locked: whoever waits for it finds that it is gone
-                if ours:
-                    (place / LOCK).unlink(missing_ok=True)
+            if ours:  # removed while it is locked: whoever waits for it finds that it is gone
+                (place / LOCK).unlink(missing_ok=True)
+            if not windows:
                 os.close(lock)
     finally:
         for path in reversed(made):

@@ -23,12 +23,10 @@ from sparsemor.core.protocols.poses import (
 from sparsemor.core.protocols.prescribed_motion import Stage
 from sparsemor.core.registry.registry import Registry
 from sparsemor.core.results.drawn import Drawn, drawing, history_of, html_of
-from sparsemor.core.results.fields import Derived, Field
 from sparsemor.core.results.files.own import STORE
 from sparsemor.core.results.files.temporary import TemporaryFolder
 from sparsemor.core.results.metadata import ProbeHeader, load_layout
 from sparsemor.core.results.output_directory import OutputDirectory
-from sparsemor.core.results.stage_arrays import read_stage
 from sparsemor.core.results.stored_arrays import (
     ALL,
     HEADER,
@@ -37,7 +35,7 @@ from sparsemor.core.results.stored_arrays import (
     dataset,
     refuse_older,
 )
-from sparsemor.core.results.variables import one_function
+from sparsemor.core.results.variables import Derived, Field, one_function, read_stage
 from sparsemor.core.status import Status
 
 if TYPE_CHECKING:
@@ -200,9 +198,7 @@ class RunResult(Drawn):
 
     def block(self, name: str, steps: slice | IntArray = ALL) -> FloatArray:
         """(j, n) full-order unknowns of a block at the stored steps `steps`."""
-        if name not in self.layout:
-            have = ", ".join(b.name for b in self.layout)
-            raise InputError(f"no block {name!r} in this result; it has {have}", key="block")
+        _require(name, [b.name for b in self.layout], "block", f"no block {name!r} in this result")
         if not self.reduced(name):
             return self._data.read(name, steps)
         if f"{name}.atoms" not in self._data:
@@ -234,9 +230,7 @@ class RunResult(Drawn):
 
     def error_estimate(self, name: str) -> FloatArray:
         """(j,) estimated norm of a block's error, in the unit of the block, at each stored step."""
-        if name not in self.error_estimates:
-            have = ", ".join(self.error_estimates) or "none"
-            raise InputError(f"the error of {name!r} was not estimated; estimates: {have}", "block")
+        _require(name, self.error_estimates, "block", f"no estimate of the error of {name!r}")
         return self._array(f"error_estimate.{name}")
 
     def rows(self, name: str) -> IntArray:
@@ -251,9 +245,7 @@ class RunResult(Drawn):
 
     def probe(self, name: str) -> FloatArray:
         """(j, components) recorded values of a probe; `probe_header` names the components."""
-        if name not in self.probes:
-            have = ", ".join(self.probes) or "none"
-            raise InputError(f"no probe {name!r} in this result; it has {have}", key="probe")
+        _require(name, self.probes, "probe", f"no probe {name!r} in this result")
         return self._array(f"probe.{name}")
 
     def probe_header(self, name: str) -> ProbeHeader:
@@ -482,9 +474,7 @@ class RunResult(Drawn):
         return f"{name}.{what}"
 
     def _of_body(self, body: str, what: str) -> str:
-        if body not in self.bodies:
-            have = ", ".join(self.bodies) or "none"
-            raise InputError(f"no body {body!r} with a stored shape; there are {have}", key="body")
+        _require(body, self.bodies, "body", f"no body {body!r} with a stored shape")
         return f"{body}.{what}"
 
     def _array(self, name: str) -> NDArray[Any]:
@@ -492,6 +482,12 @@ class RunResult(Drawn):
             self._arrays[name] = self._data.read(name)
             self._arrays[name].flags.writeable = False
         return self._arrays[name]
+
+
+def _require(name: str, known: Sequence[str], key: str, fault: str) -> None:
+    """Raises InputError with this fault for a name that is not among the known ones."""
+    if name not in known:
+        raise InputError(f"{fault}; it has {', '.join(known) or 'none'}", key)
 
 
 def open_result(path: str | Path) -> RunResult:

@@ -66,7 +66,7 @@ class Saved:
         Additional entries of a list or mapping are created as copies of the first entry in `fresh`.
         name: path in error messages. Raises SavedError where fields or types differ.
         """
-        return _value(self.tree, fresh, self.arrays, name)
+        return self._value(self.tree, fresh, name)
 
     def dump(self) -> bytes:
         """Bytes of the file: magic line, CRC-32 of the rest, then .npy arrays in sequence, the JSON
@@ -95,6 +95,80 @@ class Saved:
             return cls(json.loads(arrays[0].tobytes().decode()), tuple(arrays[1:]))
         except (ValueError, IndexError, RecursionError) as error:
             raise SavedError(f"it cannot be read ({error})") from None
+
+    def _value(self, node: Any, like: Any, name: str) -> Any:
+        """Value of a JSON node. like: value of the same structure to be filled, or None; name: path
+        in error messages."""
+        if node is None:
+            return None
+        if isinstance(node, bool | int | str):
+            return _checked(node, like, name)
+        try:
+            (kind, content), = node.items()
+            if kind in ("float", "bytes", "array", "scalar"):
+                return _checked(self._leaf(kind, content), like, name)
+            if kind == "map":
+                return self._mapping(content, like, name)
+            if kind in ("list", "tuple", "set"):
+                return self._sequence(kind, content, like, name)
+            if kind == "generator":
+                return _generator(self._value(content, None, name), like, name)
+            if kind in ("state", "fields"):
+                return self._object(kind, content, like, name)
+        except (AttributeError, TypeError, ValueError, IndexError, KeyError) as error:
+            if isinstance(error, SavedError):
+                raise
+            raise SavedError(f"{name} cannot be read ({error})") from None
+        raise SavedError(f"{name} is of an unknown kind {kind!r}")
+
+    def _leaf(self, kind: str, content: Any) -> Any:
+        if kind == "float":
+            return float.fromhex(content)
+        if kind == "bytes":
+            return bytes.fromhex(content)
+        return self.arrays[content] if kind == "array" else self.arrays[content][()]
+
+    def _mapping(self, content: Any, like: Any, name: str) -> Any:
+        if like is not None and not isinstance(like, Mapping):
+            raise SavedError(f"{name} is a mapping, and {_kind(like)} in this program")
+        keys = [self._value(k, None, name) for k, _ in content]
+        entries = dict(like or {})
+        first = next(iter(entries.values()), None)  # copied before any of them is filled
+        more = None if set(keys) <= set(entries) else _another(first)
+        return {k: self._value(v, entries[k] if k in entries else _another(more), f"{name}[{k!r}]")
+                for k, (_, v) in zip(keys, content, strict=True)}
+
+    def _sequence(self, kind: str, content: Any, like: Any, name: str) -> Any:
+        if like is not None and not isinstance(like, _SEQUENCES[kind]):
+            raise SavedError(f"{name} is a {kind}, and {_kind(like)} in this program")
+        if kind == "set":
+            made = frozenset(self._value(v, None, name) for v in content)
+            return set(made) if isinstance(like, set) else made
+        entries = list(like) if isinstance(like, list | tuple) else []
+        more = _another(entries[0]) if entries and len(content) > len(entries) else None
+        values = [self._value(v, entries[i] if i < len(entries) else _another(more), f"{name}[{i}]")
+                  for i, v in enumerate(content)]
+        return values if kind == "list" else tuple(values)
+
+    def _object(self, kind: str, content: Any, like: Any, name: str) -> Any:
+        if like is None or isinstance(
+                like, Mapping | list | tuple | np.ndarray | str | int | float):
+            raise SavedError(f"{name} is an object with fields, and "
+                             f"{'nothing' if like is None else _kind(like)} in this program")
+        own = like.__getstate__()
+        if (kind == "state") != isinstance(like, SetsState):
+            raise SavedError(f"{name} was stored in another way than this program does it")
+        if isinstance(like, SetsState):
+            like.__setstate__(self._value(content, own, name))
+            return like
+        fields = _attributes(own, like, name)
+        if fields.keys() != content.keys():
+            odd = ", ".join(sorted(fields.keys() ^ content.keys()))
+            raise SavedError(f"{name} has other fields than in this program: {odd}")
+        for field_name, node in content.items():
+            value = self._value(node, fields[field_name], f"{name}.{field_name}")
+            object.__setattr__(like, field_name, value)
+        return like
 
 
 @dataclass(slots=True)
@@ -160,38 +234,11 @@ def _attributes(state: Any, value: Any, name: str) -> dict[str, Any]:
     return found
 
 
-def _value(node: Any, like: Any, arrays: tuple[NDArray[Any], ...], name: str) -> Any:
-    """Value of a JSON node. like: value of the same structure to be filled, or None; name: path in
-    error messages."""
-    if node is None:
-        return None
-    if isinstance(node, bool | int | str):
-        return _checked(node, like, name)
-    try:
-        (kind, content), = node.items()
-        if kind in ("float", "bytes", "array", "scalar"):
-            return _checked(_leaf(kind, content, arrays), like, name)
-        if kind == "map":
-            return _mapping(content, like, arrays, name)
-        if kind in ("list", "tuple", "set"):
-            return _sequence(kind, content, like, arrays, name)
-        if kind == "generator":
-            return _generator(_value(content, None, arrays, name), like, name)
-        if kind in ("state", "fields"):
-            return _object(kind, content, like, arrays, name)
-    except (AttributeError, TypeError, ValueError, IndexError, KeyError) as error:
-        if isinstance(error, SavedError):
-            raise
-        raise SavedError(f"{name} cannot be read ({error})") from None
-    raise SavedError(f"{name} is of an unknown kind {kind!r}")
-
-
-def _leaf(kind: str, content: Any, arrays: tuple[NDArray[Any], ...]) -> Any:
-    if kind == "float":
-        return float.fromhex(content)
-    if kind == "bytes":
-        return bytes.fromhex(content)
-    return arrays[content] if kind == "array" else arrays[content][()]
+def _generator(state: Any, like: Any, name: str) -> np.random.Generator:
+    if not isinstance(like, np.random.Generator):
+        raise SavedError(f"{name} is a random generator, and {_kind(like)} in this program")
+    like.bit_generator.state = state
+    return like
 
 
 def _checked(value: Any, like: Any, name: str) -> Any:
@@ -206,61 +253,6 @@ def _kind(value: Any) -> str:
     if isinstance(value, bool | int | float | np.number | np.bool_):
         return "a number"
     return f"a {type(value).__name__}"
-
-
-def _mapping(content: Any, like: Any, arrays: tuple[NDArray[Any], ...], name: str) -> Any:
-    if like is not None and not isinstance(like, Mapping):
-        raise SavedError(f"{name} is a mapping, and {_kind(like)} in this program")
-    keys = [_value(k, None, arrays, name) for k, _ in content]
-    entries = dict(like or {})
-    first = next(iter(entries.values()), None)
-    more = None if set(keys) <= set(entries) else _another(first)  # before any of them is filled
-    return {k: _value(v, entries[k] if k in entries else _another(more), arrays, f"{name}[{k!r}]")
-            for k, (_, v) in zip(keys, content, strict=True)}
-
-
-def _sequence(
-    kind: str, content: Any, like: Any, arrays: tuple[NDArray[Any], ...], name: str
-) -> Any:
-    if like is not None and not isinstance(like, _SEQUENCES[kind]):
-        raise SavedError(f"{name} is a {kind}, and {_kind(like)} in this program")
-    if kind == "set":
-        made = frozenset(_value(v, None, arrays, name) for v in content)
-        return set(made) if isinstance(like, set) else made
-    entries = list(like) if isinstance(like, list | tuple) else []
-    more = _another(entries[0]) if entries and len(content) > len(entries) else None
-    values = [_value(v, entries[i] if i < len(entries) else _another(more), arrays, f"{name}[{i}]")
-              for i, v in enumerate(content)]
-    return values if kind == "list" else tuple(values)
-
-
-def _generator(state: Any, like: Any, name: str) -> np.random.Generator:
-    if not isinstance(like, np.random.Generator):
-        raise SavedError(f"{name} is a random generator, and {_kind(like)} in this program")
-    like.bit_generator.state = state
-    return like
-
-
-def _object(
-    kind: str, content: Any, like: Any, arrays: tuple[NDArray[Any], ...], name: str
-) -> Any:
-    if like is None or isinstance(like, Mapping | list | tuple | np.ndarray | str | int | float):
-        raise SavedError(f"{name} is an object with fields, and "
-                         f"{'nothing' if like is None else _kind(like)} in this program")
-    own = like.__getstate__()
-    if (kind == "state") != isinstance(like, SetsState):
-        raise SavedError(f"{name} was stored in another way than this program does it")
-    if isinstance(like, SetsState):
-        like.__setstate__(_value(content, own, arrays, name))
-        return like
-    fields = _attributes(own, like, name)
-    if fields.keys() != content.keys():
-        odd = ", ".join(sorted(fields.keys() ^ content.keys()))
-        raise SavedError(f"{name} has other fields than in this program: {odd}")
-    for field_name, node in content.items():
-        value = _value(node, fields[field_name], arrays, f"{name}.{field_name}")
-        object.__setattr__(like, field_name, value)
-    return like
 
 
 def _another(like: Any) -> Any:

@@ -37,15 +37,11 @@ from sparsemor.core.results.metadata import RunHeader, load_layout
 from sparsemor.core.results.output_lock import FixedFolder
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.results.saved_state import Saved, SavedError
-from sparsemor.core.results.stage_arrays import stage_attributes
 from sparsemor.core.results.stored_arrays import (
     FIXED,
-    FORMAT,
     HEADER,
     TIME,
     StoredArrays,
-    array_entry,
-    as_stored,
     over_time,
     read_header,
     refuse_older,
@@ -53,7 +49,12 @@ from sparsemor.core.results.stored_arrays import (
     steps_files,
     write_header,
 )
-from sparsemor.core.results.variables import fixed_arrays, steps_per_chunk, time_arrays
+from sparsemor.core.results.variables import (
+    fixed_arrays,
+    started_attributes,
+    steps_per_chunk,
+    time_arrays,
+)
 from sparsemor.core.scene.run_identity import Identity
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.status import Status
@@ -140,7 +141,7 @@ class ResultWriter:
         start: other settings than a later end, other code, plugins or input files.
         """
         target = Path(path).absolute()
-        document, checkpoint = _resumable(target, scene)
+        document, checkpoint = resumable(target, scene)
         kept = document["attributes"]["scene"]
         if header is not None and header.scene["time"]["end"] != kept["time"]["end"]:
             if why := extended(target, document, header):
@@ -150,11 +151,6 @@ class ResultWriter:
         write_header(target, document)
         _truncate(target, document, checkpoint.stored)
         return cls(target), checkpoint
-
-    @staticmethod
-    def resumable(path: str | Path, scene: Scene | None = None) -> None:
-        """Raises InputError if `resume` would without a header; changes nothing."""
-        _resumable(Path(path).absolute(), scene)
 
     @property
     def attributes(self) -> Mapping[str, Any]:
@@ -331,23 +327,18 @@ def check_column(
 
 
 def _write_empty(path: Path, header: RunHeader) -> None:
-    growing = time_arrays(header)
-    entries: dict[str, dict[str, Any]] = {}
-    fixed: dict[str, NDArray[Any]] = {}
-    for name, dimensions, attributes, values in fixed_arrays(header):
+    growing, fixed = time_arrays(header), fixed_arrays(header)
+    for name, (_, values) in fixed.items():
         if not np.isfinite(values).all():
             raise ValueError(f"{name}: not finite")
-        if name in growing or name in fixed:
+        if name in growing:
             raise ValueError(f"two arrays of the result are named {name!r}: rename the probe")
-        fixed[name] = as_stored(values)
-        entries[name] = array_entry(values.shape, str(fixed[name].dtype), dimensions, attributes)
-    attributes = header.attributes() | {
-        "format": FORMAT, "run": uuid.uuid4().hex, "steps_per_chunk": steps_per_chunk(header),
-        "steps_stored": 0, "status": Status.INTERRUPTED.value, "summary": {},
-        "stage": stage_attributes(header.stage)}
+    attributes = started_attributes(header) | {
+        "steps_per_chunk": steps_per_chunk(header), "steps_stored": 0}
     # first the header by which a file of a process that is killed here is known to be ours
-    write_header(path, {"attributes": attributes, "arrays": growing | entries})
-    write_archive(path / FIXED, fixed, attributes["run"])
+    entries = growing | {name: entry for name, (entry, _) in fixed.items()}
+    write_header(path, {"attributes": attributes, "arrays": entries})
+    write_archive(path / FIXED, {n: values for n, (_, values) in fixed.items()}, attributes["run"])
 
 
 def _truncate(store: Path, document: Mapping[str, Any], steps: int) -> None:
@@ -387,7 +378,9 @@ def _refused(target: Path, why: str) -> InputError:
     return InputError(f"{target} cannot be resumed: {why}", key="resume")
 
 
-def _resumable(target: Path, scene: Scene | None) -> tuple[dict[str, Any], Checkpoint]:
+def resumable(target: Path, scene: Scene | None) -> tuple[dict[str, Any], Checkpoint]:
+    """Header and checkpoint of a stored run that can be continued as `scene`, None for its own.
+    Raises InputError if it cannot; changes nothing."""
     def refuse(why: str) -> InputError:
         return _refused(target, why)
 

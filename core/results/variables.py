@@ -1,8 +1,10 @@
 """Definition of the arrays of a result: names, dimensions and units, and the values of those that
-do not depend on time."""
+do not depend on time; fields of bodies, stress and strain among them, which follow from them."""
 
-from collections.abc import Iterator
-from typing import Any
+import uuid
+from collections.abc import Iterator, Mapping
+from enum import Enum
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,12 +13,41 @@ from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.protocols import BodyShape
 from sparsemor.core.protocols.layout import Quantity
 from sparsemor.core.protocols.poses import COORDINATES
-from sparsemor.core.results.metadata import CONTACT_UNITS, POSE_UNITS, RunHeader
-from sparsemor.core.results.stage_arrays import stage_arrays
-from sparsemor.core.results.stored_arrays import TIME, array_entry
+from sparsemor.core.protocols.prescribed_motion import FrameHistory, Stage
+from sparsemor.core.results.metadata import (
+    CONTACT_UNITS,
+    POSE_UNITS,
+    REACTION_UNITS,
+    RunHeader,
+)
+from sparsemor.core.results.stored_arrays import FORMAT, TIME, ResultArrays, array_entry, as_stored
+from sparsemor.core.status import Status
 
 _CHUNK_BYTES = 2**22
 CHUNK_STEPS = 1024
+Fixed = Mapping[str, tuple[dict[str, Any], NDArray[Any]]]
+"""Name -> entry (`array_entry`) and values of each array that does not depend on time."""
+STAGE_TIME = "stage.time"
+"""Dimension, and array, of the times of a rigid pre-simulation."""
+
+
+class Derived(Enum):
+    """Field that is computed from unknowns: von Mises `stress`, Pa, and equivalent `strain`."""
+
+    STRESS = "stress"
+    STRAIN = "strain"
+
+
+Field: TypeAlias = Quantity | Derived
+FIELDS: dict[str, Field] = {
+    f.value: f for f in (Quantity.DISPLACEMENT, Quantity.TEMPERATURE, *Derived)}
+"""Name of a field in files, options and charts -> field."""
+
+
+def started_attributes(header: RunHeader) -> dict[str, Any]:
+    """Attributes of a result at the start of its run, which has a new identifier."""
+    return header.attributes() | {"format": FORMAT, "run": uuid.uuid4().hex,
+                                  "status": Status.INTERRUPTED.value, "summary": {}}
 
 
 def steps_per_chunk(header: RunHeader) -> int:
@@ -72,32 +103,39 @@ def time_arrays(header: RunHeader) -> dict[str, dict[str, Any]]:
     return made
 
 
-def fixed_arrays(
-    header: RunHeader,
-) -> Iterator[tuple[str, tuple[str, ...], dict[str, Any], NDArray[Any]]]:
-    """(name, dimensions, attributes, values) of each array that does not depend on time."""
+def fixed_arrays(header: RunHeader) -> Fixed:
+    """Arrays of a result that do not depend on time, without copies."""
+    found: dict[str, tuple[dict[str, Any], NDArray[Any]]] = {}
+    for name, dimensions, attributes, given in _fixed(header):
+        if name in found:
+            raise ValueError(f"two arrays of the result are named {name!r}: rename the probe")
+        values = as_stored(given)
+        found[name] = array_entry(values.shape, str(values.dtype), dimensions, attributes), values
+    return found
+
+
+_Array = tuple[str, tuple[str, ...], dict[str, Any], NDArray[Any]]
+"""Name, dimensions, attributes and values of an array."""
+
+
+def _fixed(header: RunHeader) -> Iterator[_Array]:
     for name, d in header.dictionaries.items():
         if d.atoms.shape[1] and not len(d.atoms):  # of a model that was saved without fields
             continue
-        block = header.full_layout[name]
-        size = block.stop - block.start
-        unknown = f"{name}.unknown"
-        _expect(f"atoms of {name}", d.atoms.shape, (size, _size(header, name)))
-        _expect(f"offset of {name}", d.offset.shape, (size,))
+        block, unknown = header.full_layout.block(name), f"{name}.unknown"
+        _expect(f"atoms of {name}", d.atoms.shape, (block.size, header.layout.block(name).size))
+        _expect(f"offset of {name}", d.offset.shape, (block.size,))
         yield f"{name}.atoms", (unknown, f"{name}.atom"), {"units": "1"}, d.atoms
-        units = {"units": header.full_layout.block(name).kind.unit}
-        yield f"{name}.offset", (unknown,), units, d.offset
+        yield f"{name}.offset", (unknown,), {"units": block.kind.unit}, d.offset
     for name, rows in header.rows.items():
         yield f"{name}.rows", (f"{name}.row",), {"long_name": "sampled rows"}, rows
     if header.stage is not None:
-        yield from stage_arrays(header.stage)
+        yield from _stage_arrays(header.stage)
     for name, shape in header.bodies.items():
         yield from _body_arrays(header, name, shape)
 
 
-def _body_arrays(
-    header: RunHeader, body: str, shape: BodyShape
-) -> Iterator[tuple[str, tuple[str, ...], dict[str, Any], NDArray[Any]]]:
+def _body_arrays(header: RunHeader, body: str, shape: BodyShape) -> Iterator[_Array]:
     node, axis = f"{body}.node", f"{body}.axis"
     yield f"{body}.points", (node, axis), {"units": "m"}, shape.points
     yield f"{body}.cells", (f"{body}.cell", f"{body}.corner"), {}, shape.cells
@@ -139,15 +177,43 @@ def _body_arrays(
                {"units": POSE_UNITS, "long_name": "frame at the start"}, shape.pose)
 
 
+def _stage_arrays(stage: Stage) -> Iterator[_Array]:
+    yield STAGE_TIME, (STAGE_TIME,), {"units": "s"}, stage.times
+    for name, h in stage.frames.items():
+        motion = np.stack([h.pose, h.rate, h.acceleration], axis=1)
+        yield (f"stage.{name}.frame", (STAGE_TIME, "stage.derivative", f"stage.{name}.coordinate"),
+               {"units": POSE_UNITS, "long_name": "pose, rate and acceleration"}, motion)
+    for name, forces in stage.reactions.items():
+        yield (f"stage.{name}.reaction", (STAGE_TIME, f"stage.{name}.multiplier"),
+               {"units": REACTION_UNITS}, forces)
+    for name, histories in stage.contacts.items():
+        for what, values in histories.items():
+            units = {"units": CONTACT_UNITS.get(what, "")}
+            yield f"stage.{name}.{what}", (STAGE_TIME,), units, values
+
+
+def read_stage(names: Mapping[str, Any], data: ResultArrays) -> Stage:
+    """Rigid pre-simulation of a result. names: its attribute `stage` (`RunHeader`); data: the
+    arrays."""
+
+    def read(name: str) -> FloatArray:
+        return data.read(f"stage.{name}")
+
+    times = read("time")
+    frames = {n: FrameHistory(times, *read(f"{n}.frame").transpose(1, 0, 2))
+              for n in names["frames"]}
+    return Stage(times, frames, frozenset(names["moves"]),
+                 {n: read(f"{n}.reaction") for n in names["reactions"]},
+                 {n: {what: read(f"{n}.{what}") for what in histories}
+                  for n, histories in names["contacts"].items()},
+                 components={n: tuple((what, si) for what, si in kept)
+                             for n, kept in names.get("components", {}).items()})
+
+
 def one_function(which: IntArray) -> FloatArray:
     """`given_shapes` (N, functions) of an older result, with the number of the one function of each
     node (N,), -1 for none."""
     return np.asarray(which[:, None] == np.arange(which.max() + 1), dtype=np.float64)
-
-
-def _size(header: RunHeader, name: str) -> int:
-    place = header.layout[name]
-    return int(place.stop - place.start)
 
 
 def _expect(what: str, shape: tuple[int, ...], expected: tuple[int, ...]) -> None:

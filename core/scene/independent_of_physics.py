@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from sparsemor.core.protocols.integrator import Controller
+from sparsemor.core.protocols.time_function import Controller
 from sparsemor.core.scene.scene import Scene
 
 IRRELEVANT: Mapping[str, Any] = {

@@ -10,8 +10,8 @@ import numpy as np
 from sparsemor.core.arrays import Arrays, FloatArray
 from sparsemor.core.linalg.least_squares import least_squares_coefficients
 from sparsemor.core.linalg.snapshots import column_chunks
+from sparsemor.core.model.initial_state import resolved_start
 from sparsemor.core.model.model import Model
-from sparsemor.core.model.resolved_start import resolved_start
 from sparsemor.core.protocols import (
     Basis,
     BlockData,
@@ -21,7 +21,7 @@ from sparsemor.core.protocols import (
     StepFactors,
     StepSolver,
 )
-from sparsemor.core.protocols.integrator import holding
+from sparsemor.core.protocols.time_function import holding
 from sparsemor.core.registry.hooks import Manager, RunStart, new_manager
 from sparsemor.core.registry.returned_values import built_dictionary
 from sparsemor.core.scene.digest import digest

@@ -9,13 +9,11 @@ import numpy as np
 
 from sparsemor.core.errors import InputError
 from sparsemor.core.linalg.threads import described
-from sparsemor.core.model.assembly import with_joints
-from sparsemor.core.model.body_cache import BodyCache
+from sparsemor.core.model.assembly import BodyCache, with_joints
 from sparsemor.core.model.fitting_bases import fitted_bases
-from sparsemor.core.model.initial_state import start_notes
+from sparsemor.core.model.initial_state import resolved_start, start_notes
 from sparsemor.core.model.model import Model
 from sparsemor.core.model.redundancy import undetermined_forces
-from sparsemor.core.model.resolved_start import resolved_start
 from sparsemor.core.notes import Note
 from sparsemor.core.protocols import (
     StepFactors,

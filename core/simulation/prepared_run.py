@@ -8,8 +8,8 @@ import numpy as np
 
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.model.factorizations import Factored
+from sparsemor.core.model.initial_state import resolved_start
 from sparsemor.core.model.model import Model
-from sparsemor.core.model.resolved_start import resolved_start
 from sparsemor.core.notes import Note
 from sparsemor.core.protocols import (
     BodyShape,

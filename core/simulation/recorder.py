@@ -21,10 +21,11 @@ from sparsemor.core.protocols import (
     StepMemory,
     StepSolver,
 )
-from sparsemor.core.protocols.integrator import HeldValues, held_values, holding
 from sparsemor.core.protocols.step_solver import resultants
+from sparsemor.core.protocols.time_function import HeldValues, held_values, holding
 from sparsemor.core.results.arrays_in_memory import MemoryWriter
 from sparsemor.core.results.checkpoint import Checkpoint, checkpoint_file
+from sparsemor.core.results.cost import solvers_summary
 from sparsemor.core.results.error_norms import estimated_errors
 from sparsemor.core.results.files.own import STORE
 from sparsemor.core.results.files.temporary import TemporaryFolder
@@ -34,8 +35,7 @@ from sparsemor.core.results.output_lock import check_owned
 from sparsemor.core.results.probes import ForceReader, ProbeReader, rate_columns
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.results.saved_state import SavedError
-from sparsemor.core.results.solver_report import solvers_summary
-from sparsemor.core.results.store import ChunkOfSteps, ResultWriter
+from sparsemor.core.results.store import ChunkOfSteps, ResultWriter, resumable
 from sparsemor.core.results.stored_arrays import read_header
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.error_record import ErrorMark, ErrorRecord
@@ -57,7 +57,7 @@ def admit(scene: Scene, out: Path, resume: bool) -> None:
     the result in it. Raises InputError."""
     directory = OutputDirectory(out)
     if resume:
-        ResultWriter.resumable(directory.store, scene)
+        resumable(directory.store.absolute(), scene)
     else:
         directory.require_writable()
 

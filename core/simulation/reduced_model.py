@@ -15,9 +15,8 @@ from pydantic import BaseModel
 
 from sparsemor.core.errors import Fault, InputError, PluginError, check_count
 from sparsemor.core.linalg.threads import described, fixed_threads
-from sparsemor.core.model.body_cache import BodyCache
-from sparsemor.core.model.initial_state import START
-from sparsemor.core.model.resolved_start import FAR
+from sparsemor.core.model.assembly import BodyCache
+from sparsemor.core.model.initial_state import FAR, START
 from sparsemor.core.notes import Note
 from sparsemor.core.protocols import (
     ErrorEstimator,
@@ -31,13 +30,13 @@ from sparsemor.core.registry.boundary import naming_plugins
 from sparsemor.core.registry.hooks import new_manager
 from sparsemor.core.registry.registry import Registry, suggestions
 from sparsemor.core.registry.value_types import unfit_field
-from sparsemor.core.results.arrays_in_memory import MemoryWriter, fixed_in_memory
+from sparsemor.core.results.arrays_in_memory import MemoryWriter
 from sparsemor.core.results.atomic_files import replace_file
 from sparsemor.core.results.metadata import RunHeader
 from sparsemor.core.results.model_file.packed import Packed, PackedError, Table, table_of
 from sparsemor.core.results.output_lock import owned
 from sparsemor.core.results.run_result import RunResult
-from sparsemor.core.results.variables import time_arrays
+from sparsemor.core.results.variables import fixed_arrays, time_arrays
 from sparsemor.core.scene.html import html_table
 from sparsemor.core.scene.nested import changes, functions_of_time, nested
 from sparsemor.core.scene.overrides import inside, split
@@ -198,7 +197,7 @@ class ReducedModel:
         file: str = "",
     ) -> None:
         self._file_name = file
-        self._run, self._again, self._fixed = run, again, fixed_in_memory(run.header)
+        self._run, self._again, self._fixed = run, again, fixed_arrays(run.header)
         self._earlier = 0  # number of steps of its runs so far
         self.offline_seconds = offline_seconds
         """Time of its preparation with an empty cache, s; 0 for a model from a file."""
@@ -273,7 +272,7 @@ class ReducedModel:
         if out is None:
             with usable(self._file_name):
                 writer = MemoryWriter(
-                    run.header, self._fixed if own is None else fixed_in_memory(run.header))
+                    run.header, self._fixed if own is None else fixed_arrays(run.header))
                 recorder = Recorder(run, writer, None, products)
                 steps = RunSteps(
                     run, recorder, manager, stats, begin=begin, earlier=earlier)

@@ -14,11 +14,10 @@ import numpy as np
 
 from sparsemor.core.arrays import Arrays, FloatArray, IntArray
 from sparsemor.core.errors import Fault, InputError
-from sparsemor.core.model.assembly import assemble
-from sparsemor.core.model.body_cache import BodyCache
+from sparsemor.core.model.assembly import BodyCache, assemble
+from sparsemor.core.model.initial_state import resolved_start
 from sparsemor.core.model.model import Model
 from sparsemor.core.model.prescribed_motion import Followed, Immobile, loads_along
-from sparsemor.core.model.resolved_start import resolved_start
 from sparsemor.core.protocols import BodyPlugin, Contact
 from sparsemor.core.protocols.layout import Quantity
 from sparsemor.core.protocols.prescribed_motion import FrameHistory, Stage, SurfaceLoads

@@ -15,7 +15,7 @@ import numpy as np
 
 from sparsemor.core.errors import Damaged, PluginError
 from sparsemor.core.protocols import ManySteps, State, StepMemory
-from sparsemor.core.protocols.integrator import holding
+from sparsemor.core.protocols.time_function import holding
 from sparsemor.core.registry.boundary import naming_plugins
 from sparsemor.core.registry.hooks import Manager, RunStart
 from sparsemor.core.registry.returned_values import complete

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from sparsemor.core.errors import InputError
 from sparsemor.core.linalg.threads import fixed_threads
-from sparsemor.core.model.body_cache import BodyCache
+from sparsemor.core.model.assembly import BodyCache
 from sparsemor.core.registry.boundary import naming_plugins
 from sparsemor.core.registry.hooks import new_manager
 from sparsemor.core.results.files.temporary import TemporaryFolder

@@ -18,8 +18,9 @@ from sparsemor.core.protocols import (
     State,
     StepMemory,
 )
-from sparsemor.core.protocols.integrator import HeldFunction, holding, next_time
+from sparsemor.core.protocols.integrator import next_time
 from sparsemor.core.protocols.layout import Layout
+from sparsemor.core.protocols.time_function import HeldFunction, holding
 from sparsemor.core.registry.boundary import naming_plugins
 from sparsemor.core.registry.registry import suggestions
 from sparsemor.core.results.saved_state import Saved, SavedError

@@ -15,9 +15,9 @@ from sparsemor.core.protocols import (
 from sparsemor.core.protocols.layout import Block, FieldKind, Layout, Quantity
 from sparsemor.core.protocols.load_tables import Table
 from sparsemor.core.protocols.prescribed_motion import FrameHistory, Stage
-from sparsemor.core.protocols.prescribed_quantities import Held, Prescribed
 from sparsemor.core.protocols.separable import LoadColumn, MovingBody, Separated
 from sparsemor.core.protocols.step_amplitude import StepAmplitude, StepFunction
+from sparsemor.core.protocols.time_function import Held, Prescribed
 from sparsemor.core.results.metadata import ProbeHeader, RunHeader
 from sparsemor.core.results.probes import AffineOutput, ForceReader, ProbeReader
 from sparsemor.core.simulation.blow_up import Extent, Extents

@@ -9,8 +9,7 @@ import numpy as np
 
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.linalg.snapshots import SnapshotWriter
-from sparsemor.core.model.assembly import assemble
-from sparsemor.core.model.body_cache import BodyCache
+from sparsemor.core.model.assembly import BodyCache, assemble
 from sparsemor.core.model.factorizations import factorizations_in
 from sparsemor.core.model.model import Model
 from sparsemor.core.protocols import Recording, State

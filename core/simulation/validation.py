@@ -5,9 +5,8 @@ import math
 import numpy as np
 
 from sparsemor.core.errors import Fault, Gather, InputError
-from sparsemor.core.model.assembly import assemble
+from sparsemor.core.model.assembly import BodyCache, assemble
 from sparsemor.core.model.block_patterns import unmatched_patterns
-from sparsemor.core.model.body_cache import BodyCache
 from sparsemor.core.model.model import Model
 from sparsemor.core.model.prescribed_motion import NOTHING, AtStart
 from sparsemor.core.registry.boundary import naming_plugins

@@ -1,5 +1,6 @@
 """Law kit of a basis."""
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -17,7 +18,6 @@ from sparsemor.core.testing.random_inputs import (
     random_heat,
     refused,
     unchanged,
-    with_snapshots,
 )
 
 
@@ -91,4 +91,4 @@ def _refuses_bad_snapshots(basis: Basis, block: BlockData) -> None:
         "snapshots with nan": bad,
     }
     for name, snapshots in cases.items():
-        refused(name, partial(basis.build, with_snapshots(block, snapshots)))
+        refused(name, partial(basis.build, replace(block, snapshots=snapshots)))

@@ -130,6 +130,17 @@ def refuses_absent_bodies(
             optional=not mentioned(plugin, bodies))
 
 
+def alone(
+    kind: str, plugin: JointPlugin | ContactPlugin | LoadPlugin, bodies: Entries, seed: int
+) -> tuple[Scene, Model]:
+    """Scene with these bodies and one joint, contact or load, called after its kind, and its model:
+    it refuses bodies that are absent, and its parts satisfy their laws (`check_parts`)."""
+    refuses_absent_bodies(plugin, bodies)
+    scene = small_scene(bodies, **{f"{kind}s": {kind: plugin}})
+    check_parts(scene, seed)
+    return scene, assemble(scene)
+
+
 def check_joint(plugin: JointPlugin, bodies: Entries, seed: int = 0) -> None:
     """Laws of a joint: terms that satisfy the laws of a term (`check_term`); constraint rows that
     are independent and satisfied at the start; reaction forces that do no work along the constraint
@@ -138,10 +149,7 @@ def check_joint(plugin: JointPlugin, bodies: Entries, seed: int = 0) -> None:
 
     bodies: those that the joint connects, as entries of a scene.
     """
-    refuses_absent_bodies(plugin, bodies)
-    scene = small_scene(bodies, joints={"joint": plugin})
-    check_parts(scene, seed)
-    model = assemble(scene)
+    scene, model = alone("joint", plugin, bodies, seed)
     joint = model.joints["joint"]
     block = model.layout.multipliers("joint")
     if block is None:
@@ -185,10 +193,7 @@ def check_load(plugin: LoadPlugin, bodies: Entries, seed: int = 0) -> None:
 
     bodies: those that the load acts on, as entries of a scene.
     """
-    refuses_absent_bodies(plugin, bodies)
-    scene = small_scene(bodies, loads={"load": plugin})
-    check_parts(scene, seed)
-    model = assemble(scene)
+    scene, model = alone("load", plugin, bodies, seed)
     part, layout = model.parts["load"], model.layout
     law(not any(b.size for b in part.blocks()), "a load has no unknowns of its own")
     rows = np.concatenate([t.rows for t in terms_of(model, "load")] or [np.zeros(0, np.int64)])
@@ -214,10 +219,7 @@ def check_contact(
     bodies: two that touch at the start, as entries of a scene. scale: standard deviation of the
     random changes of their poses and rates (m, rad, per s).
     """
-    refuses_absent_bodies(plugin, bodies)
-    scene = small_scene(bodies, contacts={"contact": plugin})
-    model = assemble(scene)
-    check_parts(scene, seed)
+    scene, model = alone("contact", plugin, bodies, seed)
     rng, met = np.random.default_rng(seed), False
     for trial in range(TRIALS):
         x, v = (s + scale * rng.standard_normal(s.size) for s in (model.x0, model.v0))

@@ -184,15 +184,5 @@ def one_group(rng: np.random.Generator, m: int = 60, k: int = 32, active: int = 
             return problem
 
 
-def coherent(rng: np.random.Generator, k: int = 60, m: int = 40, active: int = 4) -> LeastSquares:
-    """Problem with one group of smooth columns, neighbours nearly parallel: recovery is not
-    guaranteed."""
-    x, centres = np.linspace(0.0, 1.0, m)[:, None], np.linspace(0.0, 1.0, k)
-    A = np.exp(-(((x - centres) / 0.06) ** 2))
-    answer = np.zeros(k)
-    answer[rng.choice(k, active, replace=False)] = rng.uniform(1.0, 2.0, active)
-    return LeastSquares((Group("only", 0, k, active),), A, np.zeros((m, k)), 0.0, answer)
-
-
 def empty_start(k: int) -> SparseStart:
     return SparseStart(np.zeros(k), np.zeros(k, dtype=np.bool_))

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
-from sparsemor.core.arrays import Csr, FloatArray
+from sparsemor.core.arrays import Csr
 from sparsemor.core.errors import InputError
-from sparsemor.core.model.moving_loads import path_rows, ring
+from sparsemor.core.linalg.coherence import unit_columns
 from sparsemor.core.protocols import BlockData, Dictionary
 from sparsemor.core.protocols.layout import FieldKind, Quantity
-from sparsemor.core.protocols.load_tables import LoadTable, Table
+from sparsemor.core.protocols.load_tables import LoadTable, Table, path_rows, ring
 from sparsemor.core.registry.contracts import refusal
 
 
@@ -111,13 +111,8 @@ def moving_load(n: int, count: int, rng: np.random.Generator) -> LoadTable:
 
 def random_dictionary(n: int, k: int, rng: np.random.Generator) -> Dictionary:
     """Dictionary of k random unit columns of length n."""
-    atoms = rng.standard_normal((n, k))
-    atoms /= np.linalg.norm(atoms, axis=0)
-    return Dictionary(atoms, np.zeros(n), tuple(f"random {i}" for i in range(k)))
-
-
-def with_snapshots(block: BlockData, snapshots: FloatArray) -> BlockData:
-    return replace(block, snapshots=snapshots)
+    return Dictionary(unit_columns(rng.standard_normal((n, k))), np.zeros(n),
+                      tuple(f"random {i}" for i in range(k)))
 
 
 def copied(item: Any) -> list[Any]:

@@ -1,6 +1,7 @@
 """Law kit of a sparse solver."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -25,7 +26,13 @@ from sparsemor.core.testing.problems import (
     one_group,
     tall,
 )
-from sparsemor.core.testing.random_inputs import copied, keeps_contract, law, unchanged
+from sparsemor.core.testing.random_inputs import (
+    copied,
+    keeps_contract,
+    law,
+    refused,
+    unchanged,
+)
 
 RANK = 1e-12
 """Reciprocal condition number below which columns of the tests count as linearly dependent."""
@@ -170,17 +177,11 @@ def check_recovery(solver: SparseSolver, seed: int = 0, trials: int = 20) -> Non
             problem = one_group(rng, k=k)
             where = f"(60 rows, {k} columns, seed {seed}, trial {trial})"
             if solver_refusal("it", solver, problem.needs):
-                _refuses_to_prepare(solver, problem, where)
+                refused(f"prepare, without {', '.join(missing(solver, problem.needs))} {where}",
+                        partial(solver.prepare, ColumnSubsets(problem.A, RANK),
+                                problem.groups[0].budget or 0))
             else:
                 _selects(solver, problem, rng, where)
-
-
-def _refuses_to_prepare(solver: SparseSolver, problem: LeastSquares, where: str) -> None:
-    try:
-        solver.prepare(ColumnSubsets(problem.A, RANK), problem.groups[0].budget or 0)
-    except InputError:
-        return
-    law(False, f"lacks {', '.join(missing(solver, problem.needs))}, yet prepared: {where}")
 
 
 def _selects(

@@ -15,9 +15,9 @@ from ruamel.yaml import YAML
 from sparsemor.core.arrays import Arrays
 from sparsemor.core.errors import InputError
 from sparsemor.core.linalg.threads import fixed_threads
-from sparsemor.core.model.body_cache import BodyCache
+from sparsemor.core.model.assembly import BodyCache
+from sparsemor.core.model.initial_state import resolved_start
 from sparsemor.core.model.model import Model
-from sparsemor.core.model.resolved_start import resolved_start
 from sparsemor.core.notes import Note, information
 from sparsemor.core.protocols import (
     Choice,

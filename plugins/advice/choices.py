@@ -1,7 +1,7 @@
 """Choices by trial runs that scenes may leave open: the reducer, by `auto`, and points of training
 runs, by `training.parameters.choice: greedy`."""
 
-from sparsemor.core.model.body_cache import BodyCache
+from sparsemor.core.model.assembly import BodyCache
 from sparsemor.core.registry.hooks import Manager
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.cache import Cache

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from sparsemor.core.errors import InputError
-from sparsemor.core.model.body_cache import BodyCache
+from sparsemor.core.model.assembly import BodyCache
 from sparsemor.core.notes import Note
 from sparsemor.core.protocols import ErrorEstimator, State, StepSolver
 from sparsemor.core.registry.hooks import Manager

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.sparse import csgraph, csr_array
 
 from sparsemor.core import Dictionary, InputError, Quantity, Scene, State
-from sparsemor.core.model.body_cache import BodyCache
+from sparsemor.core.model.assembly import BodyCache
 from sparsemor.core.model.fitting_bases import fitted_bases
 from sparsemor.core.model.model import Model
 from sparsemor.core.protocols import StepFactors

@@ -15,7 +15,6 @@ import numpy as np
 from sparsemor.core import FloatArray, Note, Quantity, RunResult, State, Status
 from sparsemor.core.notes import Level, sentences
 from sparsemor.core.results.atomic_files import writing
-from sparsemor.core.results.fields import Derived
 from sparsemor.core.results.files.listing import publishing
 from sparsemor.core.results.files.own import STORE
 from sparsemor.core.results.files.temporary import TemporaryFolder
@@ -23,6 +22,7 @@ from sparsemor.core.results.output_directory import OutputDirectory
 from sparsemor.core.results.probes import ForceReader, ProbeReader
 from sparsemor.core.results.store import ChunkOfSteps, ResultWriter
 from sparsemor.core.results.tables import csv_table, text_table, with_head
+from sparsemor.core.results.variables import Derived
 from sparsemor.core.simulation.controllers import sensors
 from sparsemor.core.simulation.outputs import read
 from sparsemor.core.simulation.prepare import full_order_header

@@ -8,7 +8,7 @@ from scipy.sparse import csr_array
 
 from sparsemor.core import BlockData, Csr, FloatArray, InputError, IntArray
 from sparsemor.core.model.model import distinct_names
-from sparsemor.core.model.moving_loads import loaded_columns
+from sparsemor.core.protocols.load_tables import loaded_columns
 from sparsemor.plugins.bases.orthogonalise import independent
 from sparsemor.plugins.bases.snapshot_svd import left_singular, round_off_level
 

@@ -17,7 +17,7 @@ from sparsemor.core import (
     State,
     Term,
 )
-from sparsemor.core.model.assembled_term import AssembledTerm
+from sparsemor.core.model.equations import AssembledTerm
 from sparsemor.core.model.linear_equations import LinearEquations, TabledEquations
 from sparsemor.core.protocols import Held, Substep
 from sparsemor.core.protocols.integrator import differences, second_difference

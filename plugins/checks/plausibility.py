@@ -21,7 +21,7 @@ from sparsemor.core import (
     step_count,
 )
 from sparsemor.core.model.assembly import mentioned
-from sparsemor.core.model.points_outside import outside_box_notes
+from sparsemor.core.protocols.mesh import outside_box_notes
 from sparsemor.plugins.checks import place
 
 HOTTEST = 1e4

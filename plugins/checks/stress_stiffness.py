@@ -197,7 +197,7 @@ def ratio_of(
             continue
         K, K_s = stress.matrices(u, T)
         try:
-            factor = factor or BlockSolvers(model.solvers.of(body.elastic)).factorize(
+            factor = factor or BlockSolvers(model.linear_solver(body.elastic)).factorize(
                 body.elastic, K, model.places(body.elastic), "buckling")
             mu = extreme_eigenvalue(K_s, K, factor, body.elastic)
         except (SolveFailed, ArpackError):  # a reference condition that leaves rigid motion

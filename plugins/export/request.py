@@ -7,8 +7,8 @@ from pathlib import Path
 from sparsemor.core.arrays import IntArray
 from sparsemor.core.errors import Gather, InputError
 from sparsemor.core.registry.registry import suggestions
-from sparsemor.core.results.fields import FIELDS
 from sparsemor.core.results.run_result import RunResult
+from sparsemor.core.results.variables import FIELDS
 
 FORMATS = ("vtu", "xdmf", "csv", "nc")
 """Of bodies with their fields, and of the whole run: time histories, and all arrays."""

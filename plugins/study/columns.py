@@ -8,10 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from sparsemor.core.analysis.break_even import pays_after
 from sparsemor.core.errors import InputError
 from sparsemor.core.protocols.layout import FieldKind
-from sparsemor.core.results.cost import RunFacts, run_facts
+from sparsemor.core.results.cost import RunFacts, pays_after, run_facts
 from sparsemor.core.results.error_norms import Errors, measure_errors, measure_names
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.plugins.study.quantities import QuantityOfInterest

@@ -20,7 +20,7 @@ import numpy as np
 
 from sparsemor.core.errors import InputError
 from sparsemor.core.linalg.threads import fixed_threads
-from sparsemor.core.model.body_cache import BodyCache
+from sparsemor.core.model.assembly import BodyCache
 from sparsemor.core.model.model import Model
 from sparsemor.core.protocols import ReducedProblem
 from sparsemor.core.registry.hooks import new_manager

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from sparsemor.core.errors import InputError, check_count
-from sparsemor.core.model.body_cache import BodyCache
+from sparsemor.core.model.assembly import BodyCache
 from sparsemor.core.results.error_norms import LIMIT, measure_errors, measure_names
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.results.tables import csv_table, marked, number, text_table, with_head

@@ -374,5 +374,5 @@ def inverse_rows(
         return {"rows": inverse}
 
     stored = make() if offline is None else offline.remember(
-        "inverse rows", (name, operator, rows, model.solvers.of(name)), make)
+        "inverse rows", (name, operator, rows, model.linear_solver(name)), make)
     return np.asarray(stored["rows"], dtype=np.float64)

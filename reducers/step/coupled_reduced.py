@@ -28,8 +28,8 @@ from sparsemor.core import (
 )
 from sparsemor.core.model.compressed_local import CompressedLocal
 from sparsemor.core.model.constraint_rates import derivative_along_motion, motion_step
-from sparsemor.core.protocols.prescribed_quantities import derivative_from_right, time_derivatives
 from sparsemor.core.protocols.step_solver import unavailable_resultants
+from sparsemor.core.protocols.time_function import derivative_from_right, time_derivatives
 from sparsemor.reducers.coupled_blocks import coupling, elements
 from sparsemor.reducers.linalg.least_norm import least
 from sparsemor.reducers.step.acceptance import Tolerances

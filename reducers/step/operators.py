@@ -32,8 +32,8 @@ from sparsemor.core.protocols import (
     HeatBody,
     PointArrays,
 )
-from sparsemor.core.protocols.load_tables import projected_tables
 from sparsemor.reducers.linalg.modal_coordinates import diagonal
+from sparsemor.reducers.step.time_tables import projected_tables
 
 PROPORTIONAL = 1e-8
 """Relative size of damping that couples eigenmodes below which it is round-off."""

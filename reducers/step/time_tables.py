@@ -6,12 +6,12 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
 import numpy as np
+from scipy.sparse import issparse
 
-from sparsemor.core import Amplitude, FloatArray, Table
-from sparsemor.core.protocols import Tabled
-from sparsemor.core.protocols.integrator import held_reads
-from sparsemor.core.protocols.load_tables import times_rows, total_load, total_load_along
+from sparsemor.core import Amplitude, Csr, FloatArray, Table
+from sparsemor.core.protocols.load_tables import LoadTable, times_rows
 from sparsemor.core.protocols.separable import amplitudes_along, evaluate_amplitudes
+from sparsemor.core.protocols.time_function import held_reads
 
 NEAR = 1e-9
 """Tolerance of the comparison of a time with tabulated ones, as a fraction of the smallest
@@ -83,6 +83,12 @@ class TimeTable:
         return np.array([self.at(t) for t in times.tolist()])
 
 
+class Tabled(Protocol):
+    """Values at a time t, s."""
+
+    def at(self, t: float) -> FloatArray: ...
+
+
 class Loaded(Protocol):
     """Rows (n,) with loads that depend on time only: loads (n, j) times amplitudes, and tabulated
     loads."""
@@ -93,6 +99,33 @@ class Loaded(Protocol):
     def amplitudes(self) -> Sequence[Amplitude]: ...
     @property
     def tables(self) -> Sequence[Tabled]: ...
+
+
+def projected_tables(
+    tables: Sequence[LoadTable], test: Callable[[Csr], Csr]
+) -> tuple[Table, ...]:
+    """Tables of the loads projected by a linear map `test` of the block's rows, sparse or dense;
+    loads tabulated at the same times are added up."""
+    found: list[Table] = []
+    for load in tables:
+        columns = test(load.columns)
+        one = load.table.through(np.asarray(columns.toarray() if issparse(columns) else columns))
+        same = [i for i, t in enumerate(found) if np.array_equal(t.times, one.times)]
+        if same:
+            found[same[0]] = Table(one.times, found[same[0]].values + one.values)
+        else:
+            found.append(one)
+    return tuple(found)
+
+
+def total_load(tables: Sequence[Tabled], t: float) -> FloatArray:
+    """Sum at t, s, of one or more tabulated loads of equal length."""
+    return sum((table.at(t) for table in tables[1:]), tables[0].at(t))
+
+
+def total_load_along(tables: Sequence["Moving"], times: FloatArray) -> FloatArray:
+    """Sum (T, n) at times (T,), s, of one or more tabulated loads of equal length; read-only."""
+    return sum((table.along(times) for table in tables[1:]), tables[0].along(times))
 
 
 def plus_loads(r: FloatArray, rows: Loaded, t: float, sign: float = 1.0) -> FloatArray:

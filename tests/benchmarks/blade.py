@@ -17,7 +17,7 @@ import numpy as np
 from sparsemor import Scene, load, simulate, solve
 from sparsemor.bodies.mesh.generators.block import BlockMesh
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.model.body_cache import BodyCache
+from sparsemor.core.model.assembly import BodyCache
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.simulation.cache import Cache
 

@@ -22,7 +22,7 @@ import numpy as np
 from modules import report
 
 from sparsemor import ReducedModel, Scene, load, load_model, simulate
-from sparsemor.core.model.body_cache import BodyCache
+from sparsemor.core.model.assembly import BodyCache
 from sparsemor.core.registry.hooks import new_manager
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.prepare import prepared_run

@@ -7,8 +7,7 @@ import pytest
 
 from sparsemor import simulate
 from sparsemor.core.model.assembly import assemble
-from sparsemor.core.model.initial_state import consistent_state, euler_state
-from sparsemor.core.model.resolved_start import resolved_start
+from sparsemor.core.model.initial_state import consistent_state, euler_state, resolved_start
 from sparsemor.core.testing.in_memory_run import scene_of
 
 HALF: dict[str, Any] = {"use": "generalized_alpha", "rho_inf": 0.5}

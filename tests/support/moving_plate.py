@@ -12,9 +12,8 @@ from sparsemor.bodies import fem as fe
 from sparsemor.bodies.material import Isotropic
 from sparsemor.bodies.mesh.generators.rectangle import Rectangle
 from sparsemor.core.arrays import Csr, FloatArray, IntArray
-from sparsemor.core.model.moving_loads import path_rows, ring
 from sparsemor.core.protocols import BlockData
-from sparsemor.core.protocols.load_tables import LoadTable, Table
+from sparsemor.core.protocols.load_tables import LoadTable, Table, path_rows, ring
 from sparsemor.core.protocols.mesh import Mesh
 
 ALLOY = Isotropic(E=70.006e9, nu=0.3, rho=2700, alpha=23.8e-6, k=150, c=900)

@@ -9,7 +9,7 @@ import os
 import stat
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 
 from sparsemor.core.errors import InputError
@@ -56,86 +56,86 @@ class OwnFiles:
 def own_files(folder: Path, *, checked: bool = True) -> OwnFiles:
     """Files in a folder that are ours, by its list, its store and its parts. checked: the content
     of its archives and checkpoints is compared with their checksums, else their ends only."""
-    files: dict[str, _Signature] = {}
-    changed: dict[str, None] = {}
-    _gather(folder, "", files, changed, checked)
-    return OwnFiles(files, tuple(changed))
+    search = _Search(folder, checked)
+    search.result("")
+    return search.found()
 
 
 def own_store(store: Path) -> OwnFiles:
     """Files of a store, whatever its name, that are ours."""
-    files: dict[str, _Signature] = {}
-    changed: dict[str, None] = {}
-    _gather_store(store.parent, f"{store.name}/", files, changed, True)
-    return OwnFiles({p[len(store.name) + 1:]: s for p, s in files.items()}, tuple(changed))
+    search = _Search(store, True)
+    search.store("")
+    return search.found()
 
 
-def _gather(
-    root: Path, prefix: str, files: dict[str, _Signature], changed: dict[str, None], checked: bool
-) -> None:
-    """Adds the files of the result in the folder root/prefix."""
-    here = root / prefix
-    listing = read_listing(here)
-    if listing is not None:
-        _add(root, f"{prefix}{LISTING}", files)
-        for name, written in listing.files.items():
-            _judge(root, f"{prefix}{name}", not is_free(here, name),
-                   is_as_listed(here, name, written), files, changed)
-    if _gather_store(root, f"{prefix}{STORE}/", files, changed, checked):
-        name = checkpoint_file(Path(STORE)).name
-        _judge(root, f"{prefix}{name}", os.path.lexists(here / name),
-               _is_checkpoint(here / STORE, checked), files, changed)
-        _add_unfinished(root, prefix, files)
-    for part in () if listing is None else listing.parts:
-        if real_folder(here, part):
-            _gather(root, f"{prefix}{part}/", files, changed, checked)
+@dataclass(slots=True)
+class _Search:
+    """Search for our files in the folder `root`; paths are relative to it, and prefixes of them end
+    in a slash."""
 
+    root: Path
+    checked: bool
+    files: dict[str, _Signature] = field(default_factory=dict)
+    changed: dict[str, None] = field(default_factory=dict)
 
-def _gather_store(
-    root: Path, prefix: str, files: dict[str, _Signature], changed: dict[str, None], checked: bool
-) -> bool:
-    """Adds the files of the store root/prefix; returns True if it is one of ours."""
-    store = root / prefix
-    header = store / HEADER
-    if not is_kind(store, stat.S_ISDIR) or not os.path.lexists(header):
-        return False
-    try:
-        run = read_header(store)["attributes"]["run"] if is_kind(header, stat.S_ISREG) else None
-    except (InputError, OSError, KeyError):
-        run = None
-    _judge(root, f"{prefix}{HEADER}", True, run is not None, files, changed)
-    if run is None:
-        return False
-    for file in (store / FIXED, *steps_files(store).values()):
-        ours = is_kind(file, stat.S_ISREG) and is_archive(file, run, checked=checked)
-        _judge(root, f"{prefix}{file.name}", os.path.lexists(file), ours, files, changed)
-    _add_unfinished(root, prefix, files)
-    return True
+    def found(self) -> OwnFiles:
+        return OwnFiles(self.files, tuple(self.changed))
 
+    def result(self, prefix: str) -> None:
+        """Adds the files of the result in the folder root/prefix."""
+        here = self.root / prefix
+        listing = read_listing(here)
+        if listing is not None:
+            self._add(f"{prefix}{LISTING}")
+            for name, written in listing.files.items():
+                self._judge(f"{prefix}{name}", not is_free(here, name),
+                            is_as_listed(here, name, written))
+        if self.store(f"{prefix}{STORE}/"):
+            name = checkpoint_file(Path(STORE)).name
+            self._judge(f"{prefix}{name}", os.path.lexists(here / name),
+                        _is_checkpoint(here / STORE, self.checked))
+            self._add_unfinished(prefix)
+        for part in () if listing is None else listing.parts:
+            if real_folder(here, part):
+                self.result(f"{prefix}{part}/")
 
-def _judge(
-    root: Path, path: str, listed: bool, ours: bool, files: dict[str, _Signature],
-    changed: dict[str, None],
-) -> None:
-    """Adds a path to our files, or to those that are listed and changed."""
-    if ours:
-        _add(root, path, files)
-    elif listed:
-        changed[path] = None
+    def store(self, prefix: str) -> bool:
+        """Adds the files of the store root/prefix; returns True if it is one of ours."""
+        store = self.root / prefix
+        header = store / HEADER
+        if not is_kind(store, stat.S_ISDIR) or not os.path.lexists(header):
+            return False
+        try:
+            run = read_header(store)["attributes"]["run"] if is_kind(header, stat.S_ISREG) else None
+        except (InputError, OSError, KeyError):
+            run = None
+        self._judge(f"{prefix}{HEADER}", True, run is not None)
+        if run is None:
+            return False
+        for file in (store / FIXED, *steps_files(store).values()):
+            ours = is_kind(file, stat.S_ISREG) and is_archive(file, run, checked=self.checked)
+            self._judge(f"{prefix}{file.name}", os.path.lexists(file), ours)
+        self._add_unfinished(prefix)
+        return True
 
+    def _judge(self, path: str, listed: bool, ours: bool) -> None:
+        """Adds a path to our files, or to those that are listed and changed."""
+        if ours:
+            self._add(path)
+        elif listed:
+            self.changed[path] = None
 
-def _add(root: Path, path: str, files: dict[str, _Signature]) -> None:
-    signature = _signature(root / path)
-    if signature is not None:
-        files[path] = signature
+    def _add(self, path: str) -> None:
+        signature = _signature(self.root / path)
+        if signature is not None:
+            self.files[path] = signature
 
-
-def _add_unfinished(root: Path, prefix: str, files: dict[str, _Signature]) -> None:
-    """Adds what a process that was killed left of a file that it was writing next to ours."""
-    with suppress(OSError):
-        for entry in os.scandir(root / prefix):
-            if unfinished(entry.name) and entry.is_file(follow_symlinks=False):
-                _add(root, f"{prefix}{entry.name}", files)
+    def _add_unfinished(self, prefix: str) -> None:
+        """Adds what a process that was killed left of a file that it was writing next to ours."""
+        with suppress(OSError):
+            for entry in os.scandir(self.root / prefix):
+                if unfinished(entry.name) and entry.is_file(follow_symlinks=False):
+                    self._add(f"{prefix}{entry.name}")
 
 
 def _is_checkpoint(store: Path, checked: bool) -> bool:

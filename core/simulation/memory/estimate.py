@@ -148,7 +148,7 @@ def _full(model: Model, exact: bool) -> list[MemoryItem]:
     the factor's entries, an estimate for nested dissection in space, 2 n^1.6."""
     found = [states(model.layout.size)]
     for name, A in _operators(model):
-        solver = model.solvers.of(name)
+        solver = model.linear_solver(name)
         n = A.shape[0]
         known = solver.expected(A, model.places(name)) if exact else None
         size = 2 * ENTRY * min(n * (n + 1) / 2, 2 * n**1.6) if known is None else known

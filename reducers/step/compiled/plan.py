@@ -9,7 +9,6 @@ import numpy as np
 
 from sparsemor.core import FloatArray, IntArray, UpdateRules
 from sparsemor.core.protocols import FrameArrays
-from sparsemor.core.protocols.load_tables import total_load_along
 from sparsemor.reducers.linalg.modal_coordinates import carried
 from sparsemor.reducers.step.compiled.arrays import (
     BodyArrays,
@@ -30,7 +29,7 @@ from sparsemor.reducers.step.reduced import Reduced, ReducedBody
 from sparsemor.reducers.step.reduced_mechanics import ReducedMechanics
 from sparsemor.reducers.step.solver import Stepper
 from sparsemor.reducers.step.thermal_block import CompressedHeat
-from sparsemor.reducers.step.time_tables import Moving, TimeTable
+from sparsemor.reducers.step.time_tables import Moving, TimeTable, total_load_along
 
 LARGEST = 800
 """Largest number of unknowns of mechanics in compiled steps, which use an explicit inverse."""

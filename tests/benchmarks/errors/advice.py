@@ -33,7 +33,7 @@ from typing import Any
 import numpy as np
 
 from sparsemor import Scene, advise, load, simulate
-from sparsemor.core.model.body_cache import BodyCache
+from sparsemor.core.model.assembly import BodyCache
 from sparsemor.core.registry.hooks import new_manager
 from sparsemor.core.results.error_norms import measure_errors
 from sparsemor.core.results.run_result import RunResult

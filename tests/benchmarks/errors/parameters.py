@@ -19,7 +19,7 @@ from statistics import median
 from typing import Any
 
 from sparsemor import ReducedModel, load, parameter_test, reduce, simulate
-from sparsemor.core.model.body_cache import BodyCache
+from sparsemor.core.model.assembly import BodyCache
 from sparsemor.core.scene.parameters import latin_hypercube, values_at
 
 BOXES: dict[str, dict[str, Any]] = {

@@ -15,7 +15,7 @@ import numpy as np
 from modules import report
 
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.model.body_cache import BodyCache
+from sparsemor.core.model.assembly import BodyCache
 from sparsemor.core.registry.hooks import new_manager
 from sparsemor.core.scene.scene import load
 from sparsemor.core.simulation.cache import Cache

@@ -10,9 +10,8 @@ from scipy.sparse.linalg import splu
 from moving_plate import STEP, error, full, given, mesh, plate, run
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
-from sparsemor.core.model.moving_loads import path_rows
 from sparsemor.core.protocols import Basis, BlockData, Dictionary
-from sparsemor.core.protocols.load_tables import Table
+from sparsemor.core.protocols.load_tables import Table, path_rows
 from sparsemor.core.testing import check_basis
 from sparsemor.plugins.bases.attachment import Attachment
 from sparsemor.plugins.bases.impulse import Impulse

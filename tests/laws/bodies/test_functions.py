@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from sparsemor.core.protocols import TimeFunction
-from sparsemor.core.protocols.prescribed_quantities import Held, Prescribed, time_derivatives
+from sparsemor.core.protocols.time_function import Held, Prescribed, time_derivatives
 from sparsemor.plugins.functions import (
     Constant,
     Product,

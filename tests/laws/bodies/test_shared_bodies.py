@@ -10,7 +10,7 @@ import pytest
 from sparsemor import load, simulate
 from sparsemor.bodies import flexible
 from sparsemor.bodies.flexible import Flexible
-from sparsemor.core.model.body_cache import BodyCache, without_fields
+from sparsemor.core.model.assembly import BodyCache, without_fields
 from sparsemor.core.simulation import rigid_stage, training
 from sparsemor.core.simulation import validation as checks
 from sparsemor.core.simulation.cache import Cache

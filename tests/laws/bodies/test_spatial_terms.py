@@ -17,9 +17,8 @@ from sparsemor.bodies.frames.springs import Angle, Length, RelativeItem, linear
 from sparsemor.bodies.loads.surface_heat import GreyBody
 from sparsemor.bodies.mesh.generators.block import BlockMesh
 from sparsemor.core import FloatArray, Mesh, Table
-from sparsemor.core.model.assembled_term import AssembledTerm
 from sparsemor.core.model.assembly import assemble
-from sparsemor.core.model.equations import system_jacobian, system_residual
+from sparsemor.core.model.equations import AssembledTerm, system_jacobian, system_residual
 from sparsemor.core.model.frame_equations import FrameEquations
 from sparsemor.core.model.model import Model
 from sparsemor.core.protocols import FrameWork

@@ -249,11 +249,11 @@ def test_a_dependency_of_near_constraints_is_round_off_only() -> None:
     rng = np.random.default_rng(2)
     G = np.eye(4, 30) + 1e-4 * rng.standard_normal((4, 30))
     G[1] = G[0] + 1e-4 * rng.standard_normal(30)
-    assert dependent_joints(model.layout, csr_array(1e6 * G)) == []
+    assert not dependent_joints(model.layout, csr_array(1e6 * G))
     G[1] = -3e5 * G[0]
-    assert dependent_joints(model.layout, csr_array(G)) == [("base",)]
+    assert list(dependent_joints(model.layout, csr_array(G))) == [("base",)]
     G[1], G[2] = rng.standard_normal(30), G[0] + G[3]
-    assert dependent_joints(model.layout, csr_array(G)) == [("base", "pin")]
+    assert list(dependent_joints(model.layout, csr_array(G))) == [("base", "pin")]
 
 
 def test_many_groups_are_counted() -> None:

@@ -11,11 +11,11 @@ from sparsemor.bodies.frames.joint_items import MeanPoint, Reaction
 from sparsemor.bodies.frames.moments import moments_of
 from sparsemor.core.protocols import Frame
 from sparsemor.core.protocols.body_frame import FrameWork
-from sparsemor.core.protocols.load_tables import Table, total_load, total_load_along
+from sparsemor.core.protocols.load_tables import Table
 from sparsemor.core.protocols.prescribed_motion import FrameHistory
 from sparsemor.core.protocols.separable import amplitudes_along, evaluate_amplitudes
 from sparsemor.core.testing.in_memory_run import March, march
-from sparsemor.reducers.step.time_tables import TabulatedLoads
+from sparsemor.reducers.step.time_tables import TabulatedLoads, total_load, total_load_along
 from tests.laws.bodies.test_given_frames import bar, plane_bar, turning
 
 TIMES = np.array([0.0, 0.01, 0.02, 0.03, 0.05])

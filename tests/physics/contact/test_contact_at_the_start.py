@@ -8,7 +8,7 @@ import pytest
 
 from sparsemor import load, simulate
 from sparsemor.core.model.assembly import assemble
-from sparsemor.core.model.resolved_start import resolved_start
+from sparsemor.core.model.initial_state import resolved_start
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.rigid_stage import rigid_scene
 

@@ -9,7 +9,7 @@ import pytest
 
 import calculix
 from sparsemor import simulate
-from sparsemor.core.model.body_cache import BodyCache
+from sparsemor.core.model.assembly import BodyCache
 from sparsemor.core.simulation.cache import Cache
 
 sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))

@@ -4,7 +4,7 @@ field, and few operators are made for a support."""
 import numpy as np
 import pytest
 
-from sparsemor.core.model.body_cache import BodyCache
+from sparsemor.core.model.assembly import BodyCache
 from sparsemor.core.registry.hooks import new_manager
 from sparsemor.core.scene.scene import load
 from sparsemor.core.simulation.cache import Cache
