@@ -32,6 +32,7 @@ FEW = {"use": "pod", "count": 6}
 
 def pendulum(reducer: Any = "full", **changes: Any) -> Scene:
     return load("double_pendulum", {
+        "bodies.link1.capacity": "consistent", "bodies.link2.capacity": "consistent",
         "bodies.link1.mesh.elements": 320, "bodies.link2.mesh.elements": 320, "time.end": 0.2,
         "training.end": 0.2, "reducer": reducer, **changes})
 

@@ -117,7 +117,9 @@ def test_atoms_that_no_step_uses_are_said(g: float) -> None:
 def test_selection_that_fails_says_so() -> None:
     """Orthogonal matching pursuit on plain rows, 8 of 16 elastic atoms: wrong and noted (0.016); on
     rows of D^-1 r it is near the best 8 (1e-7) and casts no doubt."""
-    scene = coarse_pendulum().using({"time.end": 0.3, "training.end": 0.3})
+    scene = coarse_pendulum().using({
+        "bodies.link1.capacity": "consistent", "bodies.link2.capacity": "consistent",
+        "time.end": 0.3, "training.end": 0.3})
     reference = simulate(scene.using({"reducer": "full"}))
     for residual, wrong in (("plain", True), ("auto", False)):
         run = simulate(scene.using({"reducer": {

@@ -82,12 +82,13 @@ def test_the_steps_of_a_file_are_compiled_and_check_every_index(tmp_path: Path) 
     for block in BLOCKS:
         x, y = first.block(block), again.block(block)
         assert np.abs(x - y).max() < 1e-10 * max(float(np.abs(x).max()), 1e-3), block
-    solver, h = load_model(file)._run.solver, scene.time.step
+    model, h = load_model(file), scene.time.step
+    solver = model.solver
     for array in ("columns", "e", "rows"):
         many = solver.many(scene.integrator.rules(h), h, 100)
         assert isinstance(many, CompiledSteps)
         getattr(many.plan.bodies, array)[:] = 10**9
-        state, memory = started(solver, scene.integrator, load_model(file)._run.start)
+        state, memory = started(solver, scene.integrator, model.start)
         step = FixedStep.of(scene.integrator, solver, h)
         with pytest.raises(IndexError):
             list(iterate(step, state, memory, 100, many=many))

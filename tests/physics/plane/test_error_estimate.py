@@ -62,6 +62,7 @@ def test_vibration_and_thermal_bending_are_estimated_to_a_thousandth(integrator:
 def test_a_pendulum_outside_its_training_is_estimated(reducer: str) -> None:
     """Trained on the first third of the run: the estimate follows the error of each link."""
     scene = load("double_pendulum", {
+        "bodies.link1.capacity": "consistent", "bodies.link2.capacity": "consistent",
         "bodies.link1.mesh.elements": 320, "bodies.link2.mesh.elements": 320, "time.end": 0.12})
     full = march(scene.using({"reducer": "full"}))
     part = {n: s[:, :41] for n, s in learnt(full).items()}
