@@ -193,9 +193,12 @@ def test_sums_of_a_run_do_not_grow_with_it() -> None:
 
 def test_ms_per_step_counts_all_that_a_step_takes(tmp_path: Path) -> None:
     scene = load_scene(TINY, {"reducer": "full", "time.end": 0.02})
-    summary = simulate(scene, out=tmp_path / "out").summary
+    run = simulate(scene, out=tmp_path / "out")
+    summary = run.summary
     assert summary["ms_per_step"] == pytest.approx(1e3 * summary["wall_s"]["online"] / 20)
-    assert 0.0 < summary["ms_per_step_solver"] < summary["ms_per_step"]
+    # a median, which under load may exceed the mean
+    assert summary["ms_per_step_solver"] > 0.0
+    assert run.step_seconds.sum() <= summary["wall_s"]["online"]
 
 
 class Strikes:
