@@ -10,7 +10,6 @@ import inspect
 from abc import ABC
 from collections.abc import Mapping
 from functools import cache
-from types import FunctionType
 from typing import Any, Generic, Protocol, get_type_hints
 
 from pydantic import BaseModel
@@ -94,9 +93,9 @@ def part_breaches(contract: type, cls: type, also: Mapping[str, object]) -> list
     free = [n for n in {**also, **wanted} if n not in own]
     near = {n: difflib.get_close_matches(n, free, n=1, cutoff=CLOSE) for n in own
             if n not in wanted}
-    return [*(text for n in wanted if n in own and (text := _misfit(n, own[n], wanted[n]))),
-            *(f"{n} is not looked for: did you mean {found[0]}?"
-              for n, found in near.items() if found)]
+    misfits = [_misfit(n, own[n], wanted[n]) for n in wanted if n in own]
+    return [*filter(None, misfits), *(f"{n} is not looked for: did you mean {found[0]}?"
+                                      for n, found in near.items() if found)]
 
 
 def refusal(kind: str, cls: type) -> str:
@@ -165,11 +164,8 @@ def _misfit(name: str, has: Any, wanted: Any) -> str:
 def _call(member: Any) -> inspect.Signature | None:
     """Signature of a method without types and `self`; None for what is no method."""
     function = member.__func__ if isinstance(member, staticmethod | classmethod) else member
-    return _without_types(function, isinstance(member, staticmethod)) if (
-        inspect.isfunction(function)) else None
-
-
-@cache
-def _without_types(function: FunctionType, static: bool) -> inspect.Signature:
-    parameters = [*inspect.signature(function).parameters.values()][0 if static else 1:]
+    if not inspect.isfunction(function):
+        return None
+    own = 0 if isinstance(member, staticmethod) else 1
+    parameters = [*inspect.signature(function).parameters.values()][own:]
     return inspect.Signature([p.replace(annotation=p.empty) for p in parameters])

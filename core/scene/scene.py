@@ -303,7 +303,7 @@ class Scene(Plugin):
                        "reducer": {"use": FULL_ORDER, "remaining": LARGEST_ERROR},
                        "training": {"every": self.training.every}}
             changes.setdefault("time.end", self.training_end)
-            made[key] = self.using(changes, label="training.overrides")
+            made[key] = build(self.source.changed(changes, "training.overrides"))
         return made[key]
 
     def locate(self, error: InputError) -> list[str]:

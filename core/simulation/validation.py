@@ -36,7 +36,8 @@ def checked_model(scene: Scene, body_cache: BodyCache | None = None) -> Model:
     gather.check()  # nothing can be counted on such a grid
     gather.faults += time_faults(scene)
     before = len(gather.faults)
-    gather("", check_memory, scene)
+    with gather.under(""):
+        check_memory(scene)
     if len(gather.faults) > before:  # what does not fit is not meshed
         gather.check()
     faults = gather("", stage_faults, scene)

@@ -9,12 +9,13 @@ matrices (fill of factors) or the cache (whether the training run is in it) are 
 
 import shutil
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from math import inf, log2
 from pathlib import Path
 
 from sparsemor.core.arrays import Csr
-from sparsemor.core.errors import Gather, InputError
+from sparsemor.core.errors import InputError
 from sparsemor.core.linalg.snapshots import HELD
 from sparsemor.core.model.block_patterns import matched_option
 from sparsemor.core.model.fitting_bases import fitted_bases
@@ -97,6 +98,7 @@ def fitting(scene: Scene, model: Model, offline: Offline) -> Estimate:
 def estimate(scene: Scene, model: Model, offline: Offline, exact: bool) -> Estimate:
     blocks = block_sizes(model)
     trained, own = trains(scene, blocks, model), scene.reducer.full_order
+    snapshots = snapshot_count(scene) if trained else 0
     start = _start(model)
     phases = {"steps": (*_full(model, exact), start) if own else (
         *reduced(scene, blocks), *_points(scene, model, blocks))}
@@ -105,9 +107,9 @@ def estimate(scene: Scene, model: Model, offline: Offline, exact: bool) -> Estim
     if trained and not offline.has_training():
         phases["training run"] = (
             MemoryItem("the model of the training run", _matrices(model), "a coarser mesh"),
-            *_full(model, exact), start, *_held_snapshots(scene, blocks))
+            *_full(model, exact), start, *_held_snapshots(snapshots, blocks))
     if trained:
-        phases["bases"] = tuple(bases(scene, blocks))
+        phases["bases"] = tuple(bases(scene, snapshots, blocks))
     return Estimate(resident(), phases, exact)
 
 
@@ -193,15 +195,14 @@ def _points(scene: Scene, model: Model, blocks: Mapping[str, int]) -> Iterator[M
                        "fewer atoms (count), or a coarser mesh")
 
 
-def bases(scene: Scene, blocks: Mapping[str, int]) -> list[MemoryItem]:
+def bases(scene: Scene, snapshots: int, blocks: Mapping[str, int]) -> list[MemoryItem]:
     """Memory of the computation of bases, block by block: snapshots and atoms of the largest
-    block."""
+    block. snapshots: their number."""
     largest: list[MemoryItem] = []
-    M = snapshot_count(scene)
     copies = scene.reducer.snapshot_copies or COPIES
     for name, basis in chosen_bases(scene, blocks).items():
         n, k = blocks[name], most_atoms(basis, blocks[name])
-        whole = 8 * n * M
+        whole = 8 * n * snapshots
         # a reducer that wants forces has them as a whole, however large
         held = copies * whole if whole <= HELD or copies > COPIES else HELD / 2
         one = [MemoryItem(f"snapshots of {name}", held, "a larger training.every"),
@@ -211,9 +212,8 @@ def bases(scene: Scene, blocks: Mapping[str, int]) -> list[MemoryItem]:
     return largest
 
 
-def _held_snapshots(scene: Scene, blocks: Mapping[str, int]) -> list[MemoryItem]:
-    M = snapshot_count(scene)
-    sizes = {name: 8 * n * M for name, n in blocks.items()}
+def _held_snapshots(snapshots: int, blocks: Mapping[str, int]) -> list[MemoryItem]:
+    sizes = {name: 8 * n * snapshots for name, n in blocks.items()}
     return [MemoryItem(f"snapshots of {name}", size, "a larger training.every")
             for name, size in sizes.items() if size <= HELD]
 
@@ -299,8 +299,9 @@ def precheck_memory(scene: Scene) -> Estimate | None:
         phases = {"steps": [*assembled, states(sum(blocks.values())), *factors, *start]}
     else:
         phases = {"start": [*assembled, *start], "steps": [*assembled, *reduced(scene, blocks)]}
-    if trains(scene, blocks):  # an impossible training run is reported elsewhere
-        phases["bases"] = [*assembled, *(Gather()("", bases, scene, blocks) or [])]
+    if trains(scene, blocks):
+        with suppress(InputError):  # an impossible training run is reported elsewhere
+            phases["bases"] = [*assembled, *bases(scene, snapshot_count(scene), blocks)]
     return Estimate(resident(), {name: tuple(items) for name, items in phases.items()}, False)
 
 
