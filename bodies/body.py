@@ -57,7 +57,9 @@ from sparsemor.core import (
     TimeFunction,
     suggestions,
 )
-from sparsemor.core.protocols import FrameItem, MeanTemperature, ProbeStress, StressStiffness
+from sparsemor.core.protocols.body import MeanTemperature, ProbeStress
+from sparsemor.core.protocols.body_frame import FrameItem
+from sparsemor.core.protocols.separable import StressStiffness
 
 NO_NUMBERS = np.zeros(0, np.int64)
 KINDS = {2: "plane: give two", 3: "spatial: give three"}

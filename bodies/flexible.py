@@ -51,7 +51,7 @@ from sparsemor.core import (
     Slot,
     slot_default,
 )
-from sparsemor.core.protocols import BodySize
+from sparsemor.core.protocols.mesh import BodySize
 from sparsemor.core.registry.returned_values import checked_return
 
 

@@ -21,7 +21,7 @@ from sparsemor.core import (
     TemperatureProperty,
     suggestions,
 )
-from sparsemor.core.protocols import DirectionalProperties
+from sparsemor.core.protocols.body import DirectionalProperties
 
 
 def _positive(curve: TemperatureCurve) -> TemperatureCurve:

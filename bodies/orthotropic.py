@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from sparsemor.core import FloatArray, InputError, Material, MaterialProperties
-from sparsemor.core.protocols import DirectionalProperties
+from sparsemor.core.protocols.body import DirectionalProperties
 
 Positive = Annotated[float, Field(gt=0)]
 PAIRS = ((0, 0), (1, 1), (2, 2), (1, 2), (2, 0), (0, 1))

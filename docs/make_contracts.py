@@ -4,9 +4,9 @@ from collections.abc import Iterable, Mapping
 from inspect import getdoc
 from pathlib import Path
 
+from sparsemor.core import Part, ReducedTerm, StepMemory, StepSolver, Term
 from sparsemor.core.cli.plugins import first_sentence
 from sparsemor.core.model.features import FEATURES
-from sparsemor.core.protocols import Part, ReducedTerm, StepMemory, StepSolver, Term
 from sparsemor.core.protocols.plugin import Plugin
 from sparsemor.core.registry.contracts import CONTRACTS, PARTS, members, required, shape
 

@@ -13,7 +13,7 @@ from sparsemor.core import (
     Reducer,
     StepSolver,
 )
-from sparsemor.core.protocols import ErrorAction
+from sparsemor.core.protocols.reducer import ErrorAction
 from sparsemor.reducers.step.acceptance import Tolerances
 from sparsemor.reducers.step.compiled.stepper import Compiled
 

@@ -23,7 +23,7 @@ from sparsemor.core import (
 from sparsemor.core.linalg.least_squares import orthonormal
 from sparsemor.core.linalg.svd import svd
 from sparsemor.core.model.fitting_bases import fitted_bases
-from sparsemor.core.protocols import HeatBody
+from sparsemor.core.protocols.separable import HeatBody
 
 DEPENDENT = 1e-7
 """Smallest singular value of a block's atoms relative to the largest one, above which they are

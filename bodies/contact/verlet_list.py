@@ -18,7 +18,7 @@ from scipy.spatial import cKDTree
 
 from sparsemor.core import BoolArray, FloatArray, IntArray
 from sparsemor.core.model.compressed_local import CompressedLocal
-from sparsemor.core.protocols import DelegatingTerm, LocalCopy
+from sparsemor.core.protocols.term import DelegatingTerm, LocalCopy
 
 
 @dataclass(frozen=True, slots=True, eq=False)

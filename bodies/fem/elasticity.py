@@ -12,7 +12,7 @@ import numpy as np
 
 from sparsemor.bodies.material import Constants, require
 from sparsemor.core import Csr, FloatArray, InputError, IntArray, Mesh
-from sparsemor.core.protocols import DirectionalProperties
+from sparsemor.core.protocols.body import DirectionalProperties
 
 Weight: TypeAlias = float | FloatArray
 Form: TypeAlias = Callable[..., FloatArray]

@@ -9,7 +9,7 @@ import numpy as np
 from sparsemor.bodies.fem.elasticity import expansion_weight, stiffness_form
 from sparsemor.bodies.fem.fields import HasFields, Heat, numbered
 from sparsemor.core import Amplitude, FloatArray, IntArray, Mesh
-from sparsemor.core.protocols import ElasticIntegrals, HeatIntegrals, Integrals
+from sparsemor.core.protocols.separable import ElasticIntegrals, HeatIntegrals, Integrals
 
 
 def elastic_integrals(body: HasFields) -> ElasticIntegrals:

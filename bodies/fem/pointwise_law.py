@@ -18,7 +18,7 @@ from typing import NamedTuple, Protocol
 
 from sparsemor.bodies.fem.elasticity import Law
 from sparsemor.core import FloatArray, Quantity
-from sparsemor.core.protocols import LawArrays
+from sparsemor.core.protocols.term import LawArrays
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,14 +21,10 @@ from sparsemor.bodies.frames.inertia import Inertia
 from sparsemor.bodies.frames.items import UnitLength
 from sparsemor.bodies.frames.moments import MassProperties, moments_of
 from sparsemor.core import Amplitude, Body, Csr, Equations, FloatArray
-from sparsemor.core.protocols import (
-    BodyFrame,
-    ElasticIntegrals,
-    HeatIntegrals,
-    Stiffened,
-    StressStiffness,
-)
+from sparsemor.core.protocols.body_frame import BodyFrame
+from sparsemor.core.protocols.contributions import Stiffened
 from sparsemor.core.protocols.poses import PLANAR_POSE
+from sparsemor.core.protocols.separable import ElasticIntegrals, HeatIntegrals, StressStiffness
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -18,7 +18,7 @@ from sparsemor.bodies.frames.plane_motion import SUMS, PlaneMotion, Views, views
 from sparsemor.bodies.frames.plane_springs import relative_law
 from sparsemor.bodies.frames.space_arrays import space_arrays
 from sparsemor.core import Amplitude, FloatArray
-from sparsemor.core.protocols import BodyFrame, FrameArrays, FrameWork
+from sparsemor.core.protocols.body_frame import BodyFrame, FrameArrays, FrameWork
 
 AnyItem = TypeVar("AnyItem", bound=Item)
 

@@ -20,7 +20,7 @@ from sparsemor.bodies.frames import plane_items as plane
 from sparsemor.bodies.frames import space_items as spatial
 from sparsemor.bodies.frames.motion import Motion, Moved, Pushed, Sums
 from sparsemor.core import FloatArray
-from sparsemor.core.protocols import FrameWork
+from sparsemor.core.protocols.body_frame import FrameWork
 
 AXES = ("x", "y", "z")
 EYE = np.eye(3)

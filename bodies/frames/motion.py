@@ -17,7 +17,7 @@ import numpy as np
 from sparsemor.bodies.frames import rotation as rot
 from sparsemor.bodies.frames.attitude import Free, attitude
 from sparsemor.core import Amplitude, FloatArray, Table
-from sparsemor.core.protocols import FrameWork
+from sparsemor.core.protocols.body_frame import FrameWork
 from sparsemor.core.protocols.separable import amplitudes_along
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsemor.core import FloatArray
-from sparsemor.core.protocols import FrameWork
+from sparsemor.core.protocols.body_frame import FrameWork
 
 ComplexArray = NDArray[np.complex128]
 Numbers: TypeAlias = Sequence[float] | FloatArray

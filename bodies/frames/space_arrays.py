@@ -34,7 +34,7 @@ from sparsemor.bodies.frames.space_springs import (
     space_spring,
 )
 from sparsemor.core import FloatArray, IntArray
-from sparsemor.core.protocols import FrameArrays
+from sparsemor.core.protocols.body_frame import FrameArrays
 
 FUNCTIONS: tuple[SpaceFunction, ...] = (
     space_inertia, unit_length, space_force, body_force, moment, constraint, space_spring,

@@ -24,9 +24,9 @@ from sparsemor.bodies.frames.motion import Motion, Sums
 from sparsemor.bodies.frames.plane_springs import relative_law
 from sparsemor.bodies.frames.space_springs import space_rotational_spring, space_spring
 from sparsemor.core import Amplitude, FloatArray, IntArray
-from sparsemor.core.protocols import Held
 from sparsemor.core.protocols.poses import points_in_space, vectors_in_space
 from sparsemor.core.protocols.separable import amplitudes_along
+from sparsemor.core.protocols.time_function import Held
 
 Along: TypeAlias = tuple[FloatArray, FloatArray]
 """Rigid coordinates of a body at T times and their rates (T, n)."""

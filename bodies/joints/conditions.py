@@ -36,7 +36,7 @@ from sparsemor.bodies.joints.side import (
     size_of,
 )
 from sparsemor.core import Amplitude, Body, FloatArray, InputError, Part
-from sparsemor.core.protocols import Held
+from sparsemor.core.protocols.time_function import Held
 
 
 def constant(value: float) -> Amplitude:

@@ -29,7 +29,7 @@ from sparsemor.core import (
     Table,
     TimeFunction,
 )
-from sparsemor.core.protocols import RecordedForce
+from sparsemor.core.protocols.joint import RecordedForce
 from sparsemor.core.protocols.poses import FREE_POSE
 
 

@@ -29,7 +29,8 @@ from sparsemor.core import (
     Trial,
     information,
 )
-from sparsemor.core.protocols import LoadTable, MeanTemperature
+from sparsemor.core.protocols.body import MeanTemperature
+from sparsemor.core.protocols.load_tables import LoadTable
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -13,7 +13,7 @@ from sparsemor.bodies.joints.heat import HeatOfFriction, heat_of_friction
 from sparsemor.bodies.joints.relative import Relative
 from sparsemor.bodies.joints.side import sides_of
 from sparsemor.core import Equations, InputError, Note, Part
-from sparsemor.core.protocols import RecordedForce
+from sparsemor.core.protocols.joint import RecordedForce
 
 CYLINDRICAL = 4, 10
 """Numbers of multipliers of a cylindrical joint, alone and with the weld of a massless frame."""

@@ -10,7 +10,7 @@ from sparsemor.bodies.joints.part import JointPart
 from sparsemor.bodies.joints.side import unit
 from sparsemor.bodies.loads.part import NumberOrFunction
 from sparsemor.core import InputError, JointPlugin, Part
-from sparsemor.core.protocols import Prescribed
+from sparsemor.core.protocols.time_function import Prescribed
 
 
 class PrescribedMotion(JointPlugin):

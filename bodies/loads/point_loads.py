@@ -12,7 +12,7 @@ from sparsemor.bodies.frames.joint_items import with_torques
 from sparsemor.bodies.frames.rotation import torque
 from sparsemor.bodies.loads.part import LoadPart, NumberOrFunction, Vector, amplitude, components
 from sparsemor.core import Amplitude, Equations, FloatArray, InputError, LoadPlugin, Part
-from sparsemor.core.protocols import FrameItem
+from sparsemor.core.protocols.body_frame import FrameItem
 
 Axes = Literal["body", "space"]
 

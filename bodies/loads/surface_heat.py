@@ -17,7 +17,7 @@ from sparsemor.bodies.mesh.plausibility import celsius_notes
 from sparsemor.bodies.temperature_curve import TemperatureCurve
 from sparsemor.bodies.terms.law_functions import curve_at
 from sparsemor.core import Amplitude, Effect, Equations, FloatArray, LoadPlugin, Part
-from sparsemor.core.protocols import LawArrays
+from sparsemor.core.protocols.term import LawArrays
 
 STEFAN_BOLTZMANN = 5.670374419e-8
 """Stefan-Boltzmann constant, W/(m^2 K^4), CODATA 2018 (exact since the SI of 2019)."""

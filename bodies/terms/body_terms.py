@@ -25,7 +25,7 @@ from sparsemor.core import (
     SurfaceLoads,
     Table,
 )
-from sparsemor.core.protocols import LoadTable
+from sparsemor.core.protocols.load_tables import LoadTable
 
 
 def write_elasticity(body: HasFields, equations: Equations, e: Elasticity) -> None:

@@ -23,9 +23,8 @@ from sparsemor.bodies.fem.elasticity import Anisotropy
 from sparsemor.bodies.fem.fields import HasFields
 from sparsemor.bodies.fem.integrals import on_cells
 from sparsemor.bodies.terms.field_kinds import ELASTIC
-from sparsemor.core import Csr, FloatArray, InputError
+from sparsemor.core import Csr, DofLocations, FloatArray, InputError
 from sparsemor.core.linalg.nested_dissection import dissect
-from sparsemor.core.protocols import DofLocations
 
 Kept = MutableMapping[bytes, Csr]
 """Matrices H_j by the numbers of the load P_j."""

@@ -46,8 +46,8 @@ from sparsemor.bodies.terms.law_functions import (
 )
 from sparsemor.bodies.terms.nonlinear_strains import NonlinearStrains, evaluated
 from sparsemor.core import FloatArray, TemperatureProperty
-from sparsemor.core.protocols import LawArrays, Stepping
-from sparsemor.core.protocols.step_amplitude import present_step
+from sparsemor.core.protocols.step_amplitude import Stepping, present_step
+from sparsemor.core.protocols.term import LawArrays
 
 STEEP = 2.0
 """Ratio of greatest to least specific heat above which a step may jump over a peak."""

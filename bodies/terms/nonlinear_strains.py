@@ -30,7 +30,7 @@ from sparsemor.bodies.fem.pointwise_law import (
 )
 from sparsemor.bodies.terms.law_functions import curve_at, numbers_of
 from sparsemor.core import FloatArray, TemperatureProperty
-from sparsemor.core.protocols import LawArrays
+from sparsemor.core.protocols.term import LawArrays
 
 Property = TemperatureProperty | float
 

@@ -20,8 +20,8 @@ import numpy as np
 
 from sparsemor.bodies.fem.pointwise_law import PointwiseLaw, Response, Variable
 from sparsemor.core import FloatArray, ReducedTerm, TimeFunction
-from sparsemor.core.protocols import PointArrays
 from sparsemor.core.protocols.step_amplitude import present_step
+from sparsemor.core.protocols.term import PointArrays
 
 
 @dataclass(frozen=True, slots=True)

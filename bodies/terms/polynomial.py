@@ -24,7 +24,7 @@ from sparsemor.bodies.fem.elasticity import Law
 from sparsemor.bodies.fem.pointwise_law import GreenLagrange
 from sparsemor.bodies.terms.point_term import PointTerm
 from sparsemor.core import FloatArray, IntArray, ReducedTerm, TimeFunction
-from sparsemor.core.protocols import LawArrays, PointArrays
+from sparsemor.core.protocols.term import LawArrays, PointArrays
 
 MOST = 30
 """Largest number of displacement atoms: 30 have 5425 monomials, 1.3 MB and some 10 s to compute for

@@ -7,7 +7,7 @@ import numpy as np
 
 from sparsemor.core.arrays import Csr, FloatArray
 from sparsemor.core.errors import InputError
-from sparsemor.core.protocols import DofLocations, LinearOutcome
+from sparsemor.core.protocols.linear_solver import DofLocations, LinearOutcome
 from sparsemor.core.status import Status
 
 Column = Callable[[FloatArray, FloatArray | None], tuple[FloatArray, int]]

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sparsemor.core.arrays import BoolArray, Csr, FloatArray, IntArray
-from sparsemor.core.protocols import DofLocations
+from sparsemor.core.protocols.linear_solver import DofLocations
 
 LEAF = 8
 """Number of nodes up to which a subdomain is not divided further: its factor is counted as

@@ -21,21 +21,15 @@ from sparsemor.core.model.general_terms import Touched, general_terms, touched
 from sparsemor.core.model.model import Model
 from sparsemor.core.model.prescribed_motion import NOTHING, PrescribedQuantities
 from sparsemor.core.model.redundancy import redundant_joints
-from sparsemor.core.protocols import (
-    Body,
-    BodyPlugin,
-    Connector,
-    ConnectorPlugin,
-    Contact,
-    Joint,
-    Part,
-    ProbePlace,
-    Term,
-)
+from sparsemor.core.protocols.body import Body, BodyPlugin, Part, ProbePlace
+from sparsemor.core.protocols.connector import Connector, ConnectorPlugin
+from sparsemor.core.protocols.contact import Contact
 from sparsemor.core.protocols.contributions import Equations, Origin, Records
+from sparsemor.core.protocols.joint import Joint
 from sparsemor.core.protocols.layout import Layout
 from sparsemor.core.protocols.prescribed_motion import FrameHistory
 from sparsemor.core.protocols.step_amplitude import Stepping
+from sparsemor.core.protocols.term import Term
 from sparsemor.core.registry.boundary import guard
 from sparsemor.core.registry.contracts import PARTS
 from sparsemor.core.registry.returned_values import complete

@@ -23,7 +23,6 @@ from sparsemor.core.model.linear_equations import (
     table_term,
     vector_term,
 )
-from sparsemor.core.protocols import Term
 from sparsemor.core.protocols.body_frame import FrameItem
 from sparsemor.core.protocols.contributions import (
     BodyRecord,
@@ -45,6 +44,7 @@ from sparsemor.core.protocols.separable import (
     MovingBody,
     Separated,
 )
+from sparsemor.core.protocols.term import Term
 
 
 def block_operators(layout: Layout, records: Records, step: float) -> Separated:

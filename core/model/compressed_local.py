@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sparsemor.core.arrays import Csr, FloatArray
-from sparsemor.core.protocols import DelegatingTerm, Term, Trial
+from sparsemor.core.protocols.term import DelegatingTerm, Term, Trial
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -16,9 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from sparsemor.core.arrays import Csr, FloatArray
-from sparsemor.core.protocols import Term
 from sparsemor.core.protocols.layout import Layout, Quantity
 from sparsemor.core.protocols.poses import PLANAR_POSE
+from sparsemor.core.protocols.term import Term
 from sparsemor.core.protocols.time_function import derivative_from_right
 
 ROTATION = 1e-2

@@ -9,8 +9,8 @@ import numpy as np
 from scipy.sparse import coo_array, csc_array, csr_array, issparse
 
 from sparsemor.core.arrays import Csr, FloatArray, IntArray, Matrix
-from sparsemor.core.protocols import ReducedTerm, Term, Trial
 from sparsemor.core.protocols.layout import Layout
+from sparsemor.core.protocols.term import ReducedTerm, Term, Trial
 
 
 def dense(matrix: Matrix) -> FloatArray:

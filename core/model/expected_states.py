@@ -9,9 +9,9 @@ from scipy.sparse import coo_array, csr_array
 
 from sparsemor.core.arrays import Csr, FloatArray
 from sparsemor.core.model.factorizations import BlockSolvers, solve_or_fail
-from sparsemor.core.protocols import AssembledModel, StepFactors
 from sparsemor.core.protocols.body_frame import FrameWork
 from sparsemor.core.protocols.load_tables import LoadTable
+from sparsemor.core.protocols.reducer import AssembledModel, StepFactors
 from sparsemor.core.protocols.separable import (
     Amplitude,
     ElasticOperators,

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 
 from sparsemor.core.arrays import Csr, FloatArray
 from sparsemor.core.model.block_patterns import matched_option
-from sparsemor.core.protocols import DofLocations, Factorized, LinearSolver
+from sparsemor.core.protocols.linear_solver import DofLocations, Factorized, LinearSolver
 from sparsemor.core.status import SolveFailed
 
 

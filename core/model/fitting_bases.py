@@ -6,7 +6,8 @@ from typing import Any
 
 from sparsemor.core.model.block_patterns import matched_option
 from sparsemor.core.notes import Note
-from sparsemor.core.protocols import AssembledModel, Basis, Reducer
+from sparsemor.core.protocols.basis import Basis
+from sparsemor.core.protocols.reducer import AssembledModel, Reducer
 from sparsemor.core.registry.registry import Registry
 from sparsemor.core.scene.defaults import BASIS
 

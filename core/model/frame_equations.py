@@ -17,12 +17,12 @@ from scipy.sparse import csr_array, issparse
 
 from sparsemor.core.arrays import Csr, FloatArray, IntArray, Matrix
 from sparsemor.core.model.equations import AssembledTerm, dense
-from sparsemor.core.protocols import ReducedTerm, Trial
 from sparsemor.core.protocols.body_frame import Frame, FrameWork
 from sparsemor.core.protocols.contributions import BodyRecord, FrameRecord
 from sparsemor.core.protocols.layout import Layout, Quantity
 from sparsemor.core.protocols.prescribed_motion import FrameHistory
 from sparsemor.core.protocols.separable import MovingBody
+from sparsemor.core.protocols.term import ReducedTerm, Trial
 
 
 @dataclass(frozen=True, slots=True, eq=False)

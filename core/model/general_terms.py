@@ -13,7 +13,6 @@ import numpy as np
 from sparsemor.core.arrays import IntArray, union
 from sparsemor.core.model.frame_equations import frame_rows, frame_term
 from sparsemor.core.model.linear_equations import matrix_term, table_term, target_term, vector_term
-from sparsemor.core.protocols import Term
 from sparsemor.core.protocols.contributions import (
     FrameRecord,
     MatrixRecord,
@@ -22,6 +21,7 @@ from sparsemor.core.protocols.contributions import (
     VectorRecord,
 )
 from sparsemor.core.protocols.layout import Layout, Quantity
+from sparsemor.core.protocols.term import Term
 
 R = TypeVar("R", MatrixRecord, VectorRecord)
 Touched = Mapping[str, Mapping[str, IntArray]]

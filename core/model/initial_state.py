@@ -21,8 +21,9 @@ from sparsemor.core.model.factorizations import solve_or_fail
 from sparsemor.core.model.model import Model
 from sparsemor.core.model.redundancy import dependent_joints, in_words
 from sparsemor.core.notes import Note, information
-from sparsemor.core.protocols import AssembledModel, Integrator, State
+from sparsemor.core.protocols.integrator import Integrator, State
 from sparsemor.core.protocols.layout import Layout, Quantity
+from sparsemor.core.protocols.reducer import AssembledModel
 from sparsemor.core.status import SolveFailed, Status
 
 FEW = 3000

@@ -11,7 +11,6 @@ from scipy.sparse import csr_array, hstack
 
 from sparsemor.core.arrays import Csr, FloatArray, IntArray, Matrix
 from sparsemor.core.model.equations import AssembledTerm
-from sparsemor.core.protocols import ReducedTerm, Trial
 from sparsemor.core.protocols.contributions import (
     NO_NUMBERS,
     ConstraintRecord,
@@ -22,6 +21,7 @@ from sparsemor.core.protocols.contributions import (
 from sparsemor.core.protocols.layout import Layout
 from sparsemor.core.protocols.load_tables import LoadTable, Table
 from sparsemor.core.protocols.separable import Amplitude, evaluate_amplitudes
+from sparsemor.core.protocols.term import ReducedTerm, Trial
 from sparsemor.core.protocols.time_function import Held, derivative_from_right, time_derivatives
 
 

@@ -8,27 +8,19 @@ import numpy as np
 
 from sparsemor.core.arrays import Csr, FloatArray, IntArray, union
 from sparsemor.core.model.factorizations import BlockSolvers
-from sparsemor.core.protocols import (
-    AssembledModel,
-    BlockData,
-    Body,
-    BodyShape,
-    Connector,
-    Contact,
-    DofLocations,
-    Factorized,
-    Joint,
-    LinearSolver,
-    Part,
-    ProbePlace,
-    State,
-    StepFactors,
-    Term,
-)
+from sparsemor.core.protocols.basis import BlockData
+from sparsemor.core.protocols.body import Body, BodyShape, Part, ProbePlace
+from sparsemor.core.protocols.connector import Connector
+from sparsemor.core.protocols.contact import Contact
+from sparsemor.core.protocols.integrator import State
+from sparsemor.core.protocols.joint import Joint
 from sparsemor.core.protocols.layout import Layout
+from sparsemor.core.protocols.linear_solver import DofLocations, Factorized, LinearSolver
 from sparsemor.core.protocols.load_tables import LoadTable, path_rows, ring
 from sparsemor.core.protocols.prescribed_motion import Stage
+from sparsemor.core.protocols.reducer import AssembledModel, StepFactors
 from sparsemor.core.protocols.separable import ElasticOperators, HeatBody, LoadColumn, Separated
+from sparsemor.core.protocols.term import Term
 
 
 @dataclass(frozen=True, slots=True, eq=False)

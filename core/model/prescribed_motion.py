@@ -5,7 +5,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from sparsemor.core.model.features import CONTACT_ALONG_MOTION, PRESCRIBED_MOTION
-from sparsemor.core.protocols import Body, Contact, Joint
+from sparsemor.core.protocols.body import Body
+from sparsemor.core.protocols.contact import Contact
+from sparsemor.core.protocols.joint import Joint
 from sparsemor.core.protocols.load_tables import Table
 from sparsemor.core.protocols.prescribed_motion import FrameHistory, Stage, SurfaceLoads
 

@@ -10,7 +10,8 @@ from sparsemor.core.linalg.coherence import unit_columns
 from sparsemor.core.model.equations import dense, system_jacobian
 from sparsemor.core.model.model import Model
 from sparsemor.core.notes import Note
-from sparsemor.core.protocols import Dictionary, Joint
+from sparsemor.core.protocols.basis import Dictionary
+from sparsemor.core.protocols.joint import Joint
 from sparsemor.core.protocols.layout import Layout
 
 MANY = 2000

@@ -15,22 +15,33 @@ from typing import Any, Generic, Protocol, get_type_hints
 from pydantic import BaseModel
 from typing_extensions import get_protocol_members, is_protocol
 
-import sparsemor.core.protocols as p
+from sparsemor.core.protocols.basis import Basis
+from sparsemor.core.protocols.body import Body, BodyPlugin, Material
+from sparsemor.core.protocols.connector import Load, LoadPlugin
+from sparsemor.core.protocols.contact import Contact, ContactPlugin, FrictionLaw, NormalLaw
+from sparsemor.core.protocols.integrator import Integrator
+from sparsemor.core.protocols.joint import Joint, JointPlugin
+from sparsemor.core.protocols.linear_solver import LinearSolver
+from sparsemor.core.protocols.mesh import MeshPlugin
 from sparsemor.core.protocols.plugin import API, Plugin
+from sparsemor.core.protocols.reducer import Reducer
+from sparsemor.core.protocols.sampler import Preconditioner, Sampler
+from sparsemor.core.protocols.sparse_solver import SparseSolver
+from sparsemor.core.protocols.time_function import Function
 from sparsemor.core.registry.hooks import Observer
 from sparsemor.core.registry.value_types import fits, required_type
 
 CONTRACTS: Mapping[str, type] = {
-    "basis": p.Basis, "body": p.BodyPlugin, "contact": p.ContactPlugin,
-    "friction_law": p.FrictionLaw, "function": p.Function, "integrator": p.Integrator,
-    "joint": p.JointPlugin, "linear_solver": p.LinearSolver, "load": p.LoadPlugin,
-    "material": p.Material, "mesh": p.MeshPlugin, "normal_law": p.NormalLaw, "observer": Observer,
-    "preconditioner": p.Preconditioner, "reducer": p.Reducer, "sampler": p.Sampler,
-    "sparse_solver": p.SparseSolver,
+    "basis": Basis, "body": BodyPlugin, "contact": ContactPlugin,
+    "friction_law": FrictionLaw, "function": Function, "integrator": Integrator,
+    "joint": JointPlugin, "linear_solver": LinearSolver, "load": LoadPlugin,
+    "material": Material, "mesh": MeshPlugin, "normal_law": NormalLaw, "observer": Observer,
+    "preconditioner": Preconditioner, "reducer": Reducer, "sampler": Sampler,
+    "sparse_solver": SparseSolver,
 }
 """Kind of plugin -> contract of the plugin class."""
 PARTS: Mapping[str, type] = {
-    "body": p.Body, "contact": p.Contact, "joint": p.Joint, "load": p.Load}
+    "body": Body, "contact": Contact, "joint": Joint, "load": Load}
 """Kind of plugin -> contract of the object that its `build` returns."""
 PAGE = "docs/developers/version-3.md"
 """The page on what plugins for version 2 have to rename."""

@@ -18,7 +18,7 @@ import pluggy
 
 from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
 from sparsemor.core.errors import InputError
-from sparsemor.core.protocols import StepOutcome
+from sparsemor.core.protocols.integrator import StepOutcome
 from sparsemor.core.protocols.plugin import Plugin
 from sparsemor.core.status import Status
 

@@ -10,16 +10,9 @@ import numpy as np
 
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.errors import InputError
-from sparsemor.core.protocols import (
-    Basis,
-    BlockData,
-    Columns,
-    Dictionary,
-    Preconditioner,
-    Recovery,
-    Sampler,
-    SparseSolver,
-)
+from sparsemor.core.protocols.basis import Basis, BlockData, Dictionary
+from sparsemor.core.protocols.sampler import Preconditioner, Sampler
+from sparsemor.core.protocols.sparse_solver import Columns, Recovery, SparseSolver
 from sparsemor.core.registry.boundary import guard
 from sparsemor.core.registry.contracts import origin, part_breaches, required
 

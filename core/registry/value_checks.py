@@ -5,8 +5,8 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from sparsemor.core.protocols import StepOutcome
 from sparsemor.core.protocols.cells import KINDS
+from sparsemor.core.protocols.integrator import StepOutcome
 from sparsemor.core.registry.value_types import NOT_FINITE, shown_type, unfit_arrays
 
 Check: TypeAlias = Callable[[Any, Any, Mapping[str, Any]], str]

@@ -5,7 +5,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from sparsemor.core.arrays import IntArray
-from sparsemor.core.protocols import BodyShape, Dictionary
+from sparsemor.core.protocols.basis import Dictionary
+from sparsemor.core.protocols.body import BodyShape
 from sparsemor.core.protocols.layout import Block, FieldKind, Layout
 from sparsemor.core.protocols.prescribed_motion import Stage
 

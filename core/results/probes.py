@@ -8,7 +8,10 @@ from typing import Any
 import numpy as np
 
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.protocols import Dictionary, ForceLaw, ProbePlace, RecordedForce, State
+from sparsemor.core.protocols.basis import Dictionary
+from sparsemor.core.protocols.body import ProbePlace
+from sparsemor.core.protocols.integrator import State
+from sparsemor.core.protocols.joint import ForceLaw, RecordedForce
 from sparsemor.core.protocols.layout import Layout, Quantity
 from sparsemor.core.protocols.poses import points_in_space
 from sparsemor.core.protocols.prescribed_motion import FrameHistory

@@ -20,7 +20,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsemor.core.protocols import StepMemory
+from sparsemor.core.protocols.step_solver import StepMemory
 
 MAGIC = b"sparsemor state 1\n"
 _SEQUENCES: Mapping[str, tuple[type, ...]] = {

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsemor.core.arrays import FloatArray, IntArray
-from sparsemor.core.protocols import BodyShape
+from sparsemor.core.protocols.body import BodyShape
 from sparsemor.core.protocols.layout import Quantity
 from sparsemor.core.protocols.poses import COORDINATES
 from sparsemor.core.protocols.prescribed_motion import FrameHistory, Stage

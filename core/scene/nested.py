@@ -5,7 +5,7 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel
 
-from sparsemor.core.protocols import TimeFunction
+from sparsemor.core.protocols.time_function import TimeFunction
 
 T = TypeVar("T")
 

@@ -12,8 +12,8 @@ from pydantic import BaseModel, Field, model_validator
 
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import Fault, InputError
-from sparsemor.core.protocols import TimeFunction
 from sparsemor.core.protocols.plugin import Plugin
+from sparsemor.core.protocols.time_function import TimeFunction
 from sparsemor.core.registry.registry import suggestions
 from sparsemor.core.scene.overrides import find, split
 

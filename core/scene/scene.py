@@ -19,18 +19,16 @@ from pydantic_core import InitErrorDetails, PydanticSerializationError
 
 from sparsemor.core.errors import Fault, InputError
 from sparsemor.core.notes import Note
-from sparsemor.core.protocols import (
-    BodyPlugin,
-    ContactPlugin,
-    Integrator,
-    JointPlugin,
-    LinearSolver,
-    LoadPlugin,
-    Reducer,
-    TimeFunction,
-)
+from sparsemor.core.protocols.body import BodyPlugin
+from sparsemor.core.protocols.connector import LoadPlugin
+from sparsemor.core.protocols.contact import ContactPlugin
+from sparsemor.core.protocols.integrator import Integrator
+from sparsemor.core.protocols.joint import JointPlugin
 from sparsemor.core.protocols.layout import FieldKind, ordered
+from sparsemor.core.protocols.linear_solver import LinearSolver
 from sparsemor.core.protocols.plugin import Plugin
+from sparsemor.core.protocols.reducer import Reducer
+from sparsemor.core.protocols.time_function import TimeFunction
 from sparsemor.core.registry.plugin_option import Slot, name_default_slots, slot_default
 from sparsemor.core.registry.registry import Registry, suggestions
 from sparsemor.core.registry.validation_errors import custom, shown, with_advice

@@ -8,7 +8,8 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from sparsemor.core.protocols import HeldFunction, LoadPlugin, TimeFunction
+from sparsemor.core.protocols.connector import LoadPlugin
+from sparsemor.core.protocols.time_function import HeldFunction, TimeFunction
 from sparsemor.core.registry.registry import suggestions
 from sparsemor.core.scene.defaults import TABLE
 from sparsemor.core.scene.nested import functions_of_time

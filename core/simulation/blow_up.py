@@ -11,14 +11,12 @@ from scipy.sparse.linalg import ArpackError, eigsh
 
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.model.model import Model
-from sparsemor.core.protocols import (
-    Dictionary,
-    OfflineProducts,
-    State,
-    StepSolver,
-)
+from sparsemor.core.protocols.basis import Dictionary
+from sparsemor.core.protocols.integrator import State
 from sparsemor.core.protocols.layout import Layout, Quantity
 from sparsemor.core.protocols.poses import FREE_POSE
+from sparsemor.core.protocols.reducer import OfflineProducts
+from sparsemor.core.protocols.step_solver import StepSolver
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.time_stepping import FixedStep, iterate, problem_of, started
 from sparsemor.core.status import SolveFailed, Status

@@ -8,8 +8,9 @@ import numpy as np
 from sparsemor.core.errors import Fault, InputError
 from sparsemor.core.model.initial_state import broken_rates
 from sparsemor.core.notes import Note
-from sparsemor.core.protocols import State, StepSolver
+from sparsemor.core.protocols.integrator import State
 from sparsemor.core.protocols.layout import Layout, Quantity
+from sparsemor.core.protocols.step_solver import StepSolver
 
 Initial = Mapping[str, tuple[Sequence[float], Sequence[float]]]
 """Block of rigid coordinates -> their values and rates at the start."""

@@ -13,8 +13,9 @@ from sparsemor.core.arrays import BoolArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.model.model import Model
 from sparsemor.core.notes import Note
-from sparsemor.core.protocols import OfflineProducts, State
+from sparsemor.core.protocols.integrator import State
 from sparsemor.core.protocols.plugin import Plugin
+from sparsemor.core.protocols.reducer import OfflineProducts
 from sparsemor.core.registry.boundary import guard
 from sparsemor.core.registry.hooks import hookspec
 from sparsemor.core.results.run_result import RunResult

@@ -6,7 +6,8 @@ from typing import Any
 
 from sparsemor.core.errors import Fault
 from sparsemor.core.model.model import Model
-from sparsemor.core.protocols import Dictionary, State
+from sparsemor.core.protocols.basis import Dictionary
+from sparsemor.core.protocols.integrator import State
 from sparsemor.core.protocols.layout import Layout
 from sparsemor.core.protocols.time_function import Controller, HeldValues
 from sparsemor.core.registry.registry import suggestions

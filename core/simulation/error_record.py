@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.protocols import ErrorEstimator, State
+from sparsemor.core.protocols.integrator import State
+from sparsemor.core.protocols.reducer import ErrorEstimator
 
 TOGETHER = 64
 """Least number of states that are evaluated at once: products of matrices instead of vectors."""

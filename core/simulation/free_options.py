@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from sparsemor.core.protocols import TimeFunction
+from sparsemor.core.protocols.time_function import TimeFunction
 from sparsemor.core.scene.nested import functions_of_time
 from sparsemor.core.scene.overrides import find
 from sparsemor.core.scene.scene import Scene

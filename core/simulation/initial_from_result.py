@@ -11,7 +11,7 @@ from sparsemor.core.errors import Fault, InputError
 from sparsemor.core.linalg.least_squares import least_squares_coefficients
 from sparsemor.core.model.model import Model
 from sparsemor.core.notes import Note, information
-from sparsemor.core.protocols import Dictionary
+from sparsemor.core.protocols.basis import Dictionary
 from sparsemor.core.results.checkpoint import Checkpoint, load_checkpoint
 from sparsemor.core.results.error_norms import LIMIT
 from sparsemor.core.results.run_result import RunResult, open_result

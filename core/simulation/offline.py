@@ -12,15 +12,10 @@ from sparsemor.core.linalg.least_squares import least_squares_coefficients
 from sparsemor.core.linalg.snapshots import column_chunks
 from sparsemor.core.model.initial_state import resolved_start
 from sparsemor.core.model.model import Model
-from sparsemor.core.protocols import (
-    Basis,
-    BlockData,
-    Dictionary,
-    Recording,
-    State,
-    StepFactors,
-    StepSolver,
-)
+from sparsemor.core.protocols.basis import Basis, BlockData, Dictionary
+from sparsemor.core.protocols.integrator import State
+from sparsemor.core.protocols.reducer import Recording, StepFactors
+from sparsemor.core.protocols.step_solver import StepSolver
 from sparsemor.core.protocols.time_function import holding
 from sparsemor.core.registry.hooks import Manager, RunStart, new_manager
 from sparsemor.core.registry.returned_values import built_dictionary

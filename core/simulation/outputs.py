@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.protocols import State
+from sparsemor.core.protocols.integrator import State
 from sparsemor.core.protocols.layout import Layout, Quantity
 from sparsemor.core.protocols.poses import COORDINATE_UNITS, COORDINATES
 from sparsemor.core.results.probes import ForceReader, ProbeReader, rate_columns

@@ -15,10 +15,8 @@ from sparsemor.core.model.initial_state import resolved_start, start_notes
 from sparsemor.core.model.model import Model
 from sparsemor.core.model.redundancy import undetermined_forces
 from sparsemor.core.notes import Note
-from sparsemor.core.protocols import (
-    StepFactors,
-    StepSolver,
-)
+from sparsemor.core.protocols.reducer import StepFactors
+from sparsemor.core.protocols.step_solver import StepSolver
 from sparsemor.core.registry.hooks import Manager
 from sparsemor.core.registry.installed import entry_points
 from sparsemor.core.registry.returned_values import complete

@@ -11,14 +11,10 @@ from sparsemor.core.model.factorizations import Factored
 from sparsemor.core.model.initial_state import resolved_start
 from sparsemor.core.model.model import Model
 from sparsemor.core.notes import Note
-from sparsemor.core.protocols import (
-    BodyShape,
-    ErrorEstimator,
-    ErrorLimit,
-    State,
-    StepMemory,
-    StepSolver,
-)
+from sparsemor.core.protocols.body import BodyShape
+from sparsemor.core.protocols.integrator import State
+from sparsemor.core.protocols.reducer import ErrorEstimator, ErrorLimit
+from sparsemor.core.protocols.step_solver import StepMemory, StepSolver
 from sparsemor.core.results.error_norms import constant_change
 from sparsemor.core.results.metadata import RunHeader
 from sparsemor.core.results.probes import ForceReader, ProbeReader

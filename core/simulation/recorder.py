@@ -15,13 +15,9 @@ from sparsemor.core.arrays import BoolArray, FloatArray
 from sparsemor.core.errors import Damaged, InputError
 from sparsemor.core.linalg.threads import elsewhere
 from sparsemor.core.notes import Level, Note, information, kinds, sentences
-from sparsemor.core.protocols import (
-    BodyShape,
-    State,
-    StepMemory,
-    StepSolver,
-)
-from sparsemor.core.protocols.step_solver import resultants
+from sparsemor.core.protocols.body import BodyShape
+from sparsemor.core.protocols.integrator import State
+from sparsemor.core.protocols.step_solver import StepMemory, StepSolver, resultants
 from sparsemor.core.protocols.time_function import HeldValues, held_values, holding
 from sparsemor.core.results.arrays_in_memory import MemoryWriter
 from sparsemor.core.results.checkpoint import Checkpoint, checkpoint_file

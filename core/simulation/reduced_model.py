@@ -18,14 +18,11 @@ from sparsemor.core.linalg.threads import described, fixed_threads
 from sparsemor.core.model.assembly import BodyCache
 from sparsemor.core.model.initial_state import FAR, START
 from sparsemor.core.notes import Note
-from sparsemor.core.protocols import (
-    ErrorEstimator,
-    State,
-    StepMemory,
-    StepSolver,
-    TimeFunction,
-)
+from sparsemor.core.protocols.integrator import State
 from sparsemor.core.protocols.plugin import Plugin
+from sparsemor.core.protocols.reducer import ErrorEstimator
+from sparsemor.core.protocols.step_solver import StepMemory, StepSolver
+from sparsemor.core.protocols.time_function import TimeFunction
 from sparsemor.core.registry.boundary import naming_plugins
 from sparsemor.core.registry.hooks import new_manager
 from sparsemor.core.registry.registry import Registry, suggestions

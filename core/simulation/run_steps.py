@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 
 from sparsemor.core.errors import Damaged, PluginError
-from sparsemor.core.protocols import ManySteps, State, StepMemory
+from sparsemor.core.protocols.integrator import State
+from sparsemor.core.protocols.step_solver import ManySteps, StepMemory
 from sparsemor.core.protocols.time_function import holding
 from sparsemor.core.registry.boundary import naming_plugins
 from sparsemor.core.registry.hooks import Manager, RunStart

@@ -24,24 +24,27 @@ import numpy as np
 
 from sparsemor.core.arrays import BoolArray, FloatArray
 from sparsemor.core.model.model import Model
-from sparsemor.core.protocols import (
+from sparsemor.core.protocols.integrator import (
     Integrator,
     NextStep,
-    OfflineProducts,
     State,
     StepFormula,
-    StepMemory,
     StepOutcome,
-    StepSolver,
-    TimeFunction,
+    advanced,
+    next_time,
+    same_time,
+    settled,
 )
-from sparsemor.core.protocols.integrator import advanced, next_time, same_time, settled
 from sparsemor.core.protocols.layout import Block
+from sparsemor.core.protocols.reducer import OfflineProducts
 from sparsemor.core.protocols.step_amplitude import Substep, after, before, substep
 from sparsemor.core.protocols.step_solver import (
     AroundSteps,
     ResultantSource,
+    StepMemory,
+    StepSolver,
 )
+from sparsemor.core.protocols.time_function import TimeFunction
 from sparsemor.core.registry.returned_values import complete
 from sparsemor.core.scene.options import Control
 from sparsemor.core.scene.scene import Scene

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from sparsemor.core.arrays import BoolArray
-from sparsemor.core.protocols import StepOutcome
+from sparsemor.core.protocols.integrator import StepOutcome
 
 
 @dataclass

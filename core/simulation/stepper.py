@@ -11,15 +11,14 @@ import numpy as np
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.errors import Fault, InputError
 from sparsemor.core.linalg.threads import threads
-from sparsemor.core.protocols import (
+from sparsemor.core.protocols.integrator import State, next_time
+from sparsemor.core.protocols.layout import Layout
+from sparsemor.core.protocols.step_solver import (
     LinearSystem,
     MachineRequest,
     MachineSteps,
-    State,
     StepMemory,
 )
-from sparsemor.core.protocols.integrator import next_time
-from sparsemor.core.protocols.layout import Layout
 from sparsemor.core.protocols.time_function import HeldFunction, holding
 from sparsemor.core.registry.boundary import naming_plugins
 from sparsemor.core.registry.registry import suggestions

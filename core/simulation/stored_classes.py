@@ -4,14 +4,9 @@ from collections.abc import Sequence
 
 from sparsemor.core.model.compressed_local import CompressedLocal
 from sparsemor.core.notes import Level, Note
-from sparsemor.core.protocols import (
-    BodyShape,
-    Dictionary,
-    ProbePlace,
-    ProbeStress,
-    State,
-    StressConstants,
-)
+from sparsemor.core.protocols.basis import Dictionary
+from sparsemor.core.protocols.body import BodyShape, ProbePlace, ProbeStress, StressConstants
+from sparsemor.core.protocols.integrator import State
 from sparsemor.core.protocols.layout import Block, FieldKind, Layout, Quantity
 from sparsemor.core.protocols.load_tables import Table
 from sparsemor.core.protocols.prescribed_motion import FrameHistory, Stage

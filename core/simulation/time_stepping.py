@@ -11,22 +11,18 @@ from typing_extensions import TypeVar
 
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.linalg.least_squares import least_squares_coefficients
-from sparsemor.core.protocols import (
-    AssembledModel,
+from sparsemor.core.protocols.integrator import (
     Integrator,
-    ManySteps,
     NextStep,
-    OfflineProducts,
-    ReducedProblem,
     State,
     StepFormula,
-    StepMemory,
     StepOutcome,
-    StepSolver,
     UpdateRules,
+    next_time,
 )
-from sparsemor.core.protocols.integrator import next_time
+from sparsemor.core.protocols.reducer import AssembledModel, OfflineProducts, ReducedProblem
 from sparsemor.core.protocols.step_amplitude import Substep, substep
+from sparsemor.core.protocols.step_solver import ManySteps, StepMemory, StepSolver
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.status import SolveFailed, Status
 

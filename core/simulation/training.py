@@ -12,8 +12,9 @@ from sparsemor.core.linalg.snapshots import SnapshotWriter
 from sparsemor.core.model.assembly import BodyCache, assemble
 from sparsemor.core.model.factorizations import factorizations_in
 from sparsemor.core.model.model import Model
-from sparsemor.core.protocols import Recording, State
+from sparsemor.core.protocols.integrator import State
 from sparsemor.core.protocols.layout import Layout
+from sparsemor.core.protocols.reducer import Recording
 from sparsemor.core.registry.hooks import Manager
 from sparsemor.core.scene.defaults import FULL_ORDER, LARGEST_ERROR
 from sparsemor.core.scene.digest import digest

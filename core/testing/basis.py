@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.protocols import Basis, BlockData, Dictionary
+from sparsemor.core.protocols.basis import Basis, BlockData, Dictionary
 from sparsemor.core.testing.random_inputs import (
     ANY,
     DISPLACEMENTS,

@@ -7,13 +7,10 @@ import numpy as np
 
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.model.assembly import assemble
-from sparsemor.core.protocols import (
-    Body,
-    BodyPlugin,
-    FrameHistory,
-    Quantity,
-)
+from sparsemor.core.protocols.body import Body, BodyPlugin
+from sparsemor.core.protocols.layout import Quantity
 from sparsemor.core.protocols.poses import KNOWN
+from sparsemor.core.protocols.prescribed_motion import FrameHistory
 from sparsemor.core.testing.parts import check_parts, derivative, runs, small_scene
 from sparsemor.core.testing.random_inputs import law
 

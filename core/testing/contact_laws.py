@@ -3,7 +3,7 @@
 import numpy as np
 
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.protocols import FrictionLaw, NormalLaw
+from sparsemor.core.protocols.contact import FrictionLaw, NormalLaw
 from sparsemor.core.testing.random_inputs import law
 
 STEP = 1e-6

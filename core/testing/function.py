@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from sparsemor.core.protocols import Function
+from sparsemor.core.protocols.time_function import Function
 from sparsemor.core.testing.random_inputs import keeps_contract, law
 
 STEP = 1e-6

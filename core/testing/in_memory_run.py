@@ -10,7 +10,9 @@ from sparsemor.core.arrays import FloatArray
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.model.model import Model
-from sparsemor.core.protocols import ReducedProblem, State, StepSolver
+from sparsemor.core.protocols.integrator import State
+from sparsemor.core.protocols.reducer import ReducedProblem
+from sparsemor.core.protocols.step_solver import StepSolver
 from sparsemor.core.scene.scene import Scene, build
 from sparsemor.core.scene.source import Source
 from sparsemor.core.simulation.offline import Offline, step_count

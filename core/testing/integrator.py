@@ -5,15 +5,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.protocols import (
+from sparsemor.core.protocols.integrator import (
     Integrator,
     NextStep,
     State,
     StepFormula,
     StepOutcome,
     UpdateRules,
+    advanced,
+    next_time,
+    step_formula,
 )
-from sparsemor.core.protocols.integrator import advanced, next_time, step_formula
 from sparsemor.core.protocols.layout import Block, Layout
 from sparsemor.core.status import Status
 from sparsemor.core.testing.random_inputs import (

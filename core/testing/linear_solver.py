@@ -7,7 +7,12 @@ from scipy import sparse
 
 from sparsemor.core.arrays import Csr, FloatArray
 from sparsemor.core.linalg.factorized import relative_residuals
-from sparsemor.core.protocols import DofLocations, Factorized, LinearOutcome, LinearSolver
+from sparsemor.core.protocols.linear_solver import (
+    DofLocations,
+    Factorized,
+    LinearOutcome,
+    LinearSolver,
+)
 from sparsemor.core.status import Status
 from sparsemor.core.testing.random_inputs import keeps_contract, law, refused
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.protocols import Material, TemperatureProperty
+from sparsemor.core.protocols.body import Material, TemperatureProperty
 from sparsemor.core.testing.random_inputs import law
 
 CURVES = ("E", "alpha", "k", "c")

@@ -4,9 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
-from sparsemor.core.protocols import MeshPlugin
 from sparsemor.core.protocols.cells import KINDS, by_kind
-from sparsemor.core.protocols.mesh import Mesh
+from sparsemor.core.protocols.mesh import Mesh, MeshPlugin
 from sparsemor.core.testing.random_inputs import law
 
 

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from sparsemor.core.protocols import StepOutcome
+from sparsemor.core.protocols.integrator import StepOutcome
 from sparsemor.core.protocols.layout import Block, Layout
 from sparsemor.core.registry.hooks import RunStart, new_manager
 from sparsemor.core.status import Status

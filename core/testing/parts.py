@@ -10,16 +10,13 @@ from sparsemor.core.arrays import FloatArray
 from sparsemor.core.model.assembly import assemble, mentioned
 from sparsemor.core.model.equations import system_jacobian, system_residual
 from sparsemor.core.model.model import Model
-from sparsemor.core.protocols import (
-    ContactPlugin,
-    JointPlugin,
-    Load,
-    LoadPlugin,
-    Part,
-    Quantity,
-    Term,
-)
+from sparsemor.core.protocols.body import Part
+from sparsemor.core.protocols.connector import Load, LoadPlugin
+from sparsemor.core.protocols.contact import ContactPlugin
+from sparsemor.core.protocols.joint import JointPlugin
+from sparsemor.core.protocols.layout import Quantity
 from sparsemor.core.protocols.poses import PLANAR_POSE
+from sparsemor.core.protocols.term import Term
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.status import SolveFailed
 from sparsemor.core.testing.in_memory_run import March, march

@@ -4,7 +4,7 @@ import numpy as np
 
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
-from sparsemor.core.protocols import Preconditioner
+from sparsemor.core.protocols.sampler import Preconditioner
 from sparsemor.core.testing.random_inputs import keeps_contract, law
 
 SHAPES = ((1, 1), (1, 4), (5, 5), (6, 9), (10, 40), (20, 30), (12, 5))

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sparsemor.core.arrays import BoolArray, FloatArray
-from sparsemor.core.protocols import Group, SparseStart
+from sparsemor.core.protocols.sparse_solver import Group, SparseStart
 
 
 @dataclass(frozen=True, slots=True, eq=False)

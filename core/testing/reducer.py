@@ -15,15 +15,9 @@ from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.model.model import Model
 from sparsemor.core.notes import Note
-from sparsemor.core.protocols import (
-    ReducedProblem,
-    State,
-    StepFormula,
-    StepMemory,
-    StepOutcome,
-    StepSolver,
-)
-from sparsemor.core.protocols.step_solver import AroundSteps
+from sparsemor.core.protocols.integrator import State, StepFormula, StepOutcome
+from sparsemor.core.protocols.reducer import ReducedProblem
+from sparsemor.core.protocols.step_solver import AroundSteps, StepMemory, StepSolver
 from sparsemor.core.registry.hooks import new_manager
 from sparsemor.core.results.saved_state import Saved, SavedError
 from sparsemor.core.scene.scene import Scene

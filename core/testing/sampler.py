@@ -3,11 +3,8 @@
 import numpy as np
 
 from sparsemor.core.arrays import IntArray
-from sparsemor.core.protocols import (
-    BlockData,
-    Dictionary,
-    Sampler,
-)
+from sparsemor.core.protocols.basis import BlockData, Dictionary
+from sparsemor.core.protocols.sampler import Sampler
 from sparsemor.core.testing.random_inputs import (
     copied,
     keeps_contract,

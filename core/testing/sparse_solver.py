@@ -8,14 +8,16 @@ import numpy as np
 from sparsemor.core.arrays import BoolArray, FloatArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.linalg.column_subsets import ColumnSubsets
-from sparsemor.core.protocols import (
+from sparsemor.core.protocols.sparse_solver import (
+    PROBLEM_FEATURES,
     Recovery,
     SparseOutcome,
     SparseProblem,
     SparseSolver,
     SparseStart,
+    missing,
+    solver_refusal,
 )
-from sparsemor.core.protocols.sparse_solver import PROBLEM_FEATURES, missing, solver_refusal
 from sparsemor.core.status import Status
 from sparsemor.core.testing.problems import (
     Elsewhere,

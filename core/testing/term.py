@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from sparsemor.core.arrays import FloatArray, IntArray
-from sparsemor.core.protocols import PointArrays, Term, Trial
 from sparsemor.core.protocols.step_amplitude import Substep, substep
+from sparsemor.core.protocols.term import PointArrays, Term, Trial
 from sparsemor.core.testing.random_inputs import law
 
 

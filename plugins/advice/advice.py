@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from ruamel.yaml import YAML
 
+from sparsemor.core import Reducer, State, StepSolver
 from sparsemor.core.arrays import Arrays
 from sparsemor.core.errors import InputError
 from sparsemor.core.linalg.threads import fixed_threads
@@ -19,15 +20,9 @@ from sparsemor.core.model.assembly import BodyCache
 from sparsemor.core.model.initial_state import resolved_start
 from sparsemor.core.model.model import Model
 from sparsemor.core.notes import Note, information
-from sparsemor.core.protocols import (
-    Choice,
-    Reducer,
-    State,
-    StepSolver,
-    TrialRun,
-)
 from sparsemor.core.protocols.layout import Quantity
 from sparsemor.core.protocols.plugin import Plugin
+from sparsemor.core.protocols.reducer import Choice, TrialRun
 from sparsemor.core.registry.hooks import Manager, new_manager
 from sparsemor.core.results.atomic_files import replace_file
 from sparsemor.core.results.tables import text_table

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from sparsemor.core import ErrorEstimator, State, StepSolver
 from sparsemor.core.errors import InputError
 from sparsemor.core.model.assembly import BodyCache
 from sparsemor.core.notes import Note
-from sparsemor.core.protocols import ErrorEstimator, State, StepSolver
 from sparsemor.core.registry.hooks import Manager
 from sparsemor.core.results.error_norms import CONSTANT_CHANGE
 from sparsemor.core.scene.digest import digest

@@ -12,11 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.sparse import csgraph, csr_array
 
-from sparsemor.core import Dictionary, InputError, Quantity, Scene, State
+from sparsemor.core import Dictionary, InputError, Quantity, Scene, State, StepFactors
 from sparsemor.core.model.assembly import BodyCache
 from sparsemor.core.model.fitting_bases import fitted_bases
 from sparsemor.core.model.model import Model
-from sparsemor.core.protocols import StepFactors
 from sparsemor.core.registry.hooks import new_manager
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.controllers import controllers_of

@@ -19,9 +19,9 @@ from sparsemor.core import (
 )
 from sparsemor.core.model.equations import AssembledTerm
 from sparsemor.core.model.linear_equations import LinearEquations, TabledEquations
-from sparsemor.core.protocols import Held, Substep
 from sparsemor.core.protocols.integrator import differences, second_difference
-from sparsemor.core.protocols.step_amplitude import substep
+from sparsemor.core.protocols.step_amplitude import Substep, substep
+from sparsemor.core.protocols.time_function import Held
 from sparsemor.plugins.checks import place
 
 HEAT_BALANCE = "heat_balance"

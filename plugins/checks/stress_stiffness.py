@@ -35,8 +35,8 @@ from sparsemor.core import (
     Status,
 )
 from sparsemor.core.model.factorizations import BlockSolvers, solve_or_fail
-from sparsemor.core.protocols import MovingBody, StressStiffness
 from sparsemor.core.protocols.poses import angle_between
+from sparsemor.core.protocols.separable import MovingBody, StressStiffness
 from sparsemor.plugins.checks import place
 from sparsemor.plugins.checks.plausibility import checked_steps
 

@@ -19,8 +19,7 @@ from sparsemor.core import (
     Term,
     information,
 )
-from sparsemor.core.protocols import HeatBody
-from sparsemor.core.protocols.separable import amplitudes_along
+from sparsemor.core.protocols.separable import HeatBody, amplitudes_along
 from sparsemor.plugins.checks import place
 
 SHARE, LARGE = 1e-3, 0.1

@@ -17,7 +17,7 @@ from sparsemor.core.errors import InputError
 from sparsemor.core.registry.registry import Registry, suggestions
 
 if TYPE_CHECKING:
-    from sparsemor.core.protocols import Mesh
+    from sparsemor.core import Mesh
 
 LONG = 10.0
 """Largest extent of a mesh file, in its own unit, from which this is taken for millimetres."""

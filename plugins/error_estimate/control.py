@@ -5,8 +5,8 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 
+from sparsemor.core import ErrorLimit, State
 from sparsemor.core.errors import InputError
-from sparsemor.core.protocols import ErrorLimit, State
 from sparsemor.core.simulation.checks import Check
 from sparsemor.core.simulation.error_record import ErrorRecord
 from sparsemor.core.simulation.prepared_run import PreparedRun

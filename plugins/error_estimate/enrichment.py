@@ -6,19 +6,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sparsemor.core import Basis, Dictionary, OfflineProducts, State, StepFactors, StepSolver
 from sparsemor.core.arrays import Arrays, FloatArray
 from sparsemor.core.linalg.least_squares import least_squares_coefficients
 from sparsemor.core.linalg.svd import svd
-from sparsemor.core.protocols import (
-    Basis,
-    Dictionary,
-    OfflineProducts,
-    Recording,
-    State,
-    StepFactors,
-    StepSolver,
-)
 from sparsemor.core.protocols.layout import Layout
+from sparsemor.core.protocols.reducer import Recording
 from sparsemor.core.results.probes import ProbeReader
 from sparsemor.core.simulation.prepared_run import PreparedRun
 from sparsemor.core.simulation.step_control import controlled

@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sparsemor.core import Dictionary, ErrorLimit, State, StepSolver
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.notes import Note
-from sparsemor.core.protocols import Dictionary, ErrorLimit, State, StepSolver
 from sparsemor.core.protocols.layout import Layout
 from sparsemor.core.results.probes import ProbeReader
 from sparsemor.core.scene.defaults import FULL_ORDER

@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 
+from sparsemor.core import Integrator, State, StepSolver
 from sparsemor.core.arrays import Arrays
 from sparsemor.core.errors import InputError
 from sparsemor.core.model.model import Model
 from sparsemor.core.notes import Note, information
-from sparsemor.core.protocols import Integrator, State, StepSolver
 from sparsemor.core.registry.registry import Registry
 from sparsemor.core.scene.defaults import PROJECTION
 from sparsemor.core.scene.digest import digest

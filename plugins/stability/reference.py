@@ -10,10 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from sparsemor.core.arrays import BoolArray
-from sparsemor.core.errors import InputError
-from sparsemor.core.model.model import Model
-from sparsemor.core.protocols import (
+from sparsemor.core import (
     Basis,
     Dictionary,
     Integrator,
@@ -22,6 +19,9 @@ from sparsemor.core.protocols import (
     StepFactors,
     StepSolver,
 )
+from sparsemor.core.arrays import BoolArray
+from sparsemor.core.errors import InputError
+from sparsemor.core.model.model import Model
 from sparsemor.core.registry.registry import Registry
 from sparsemor.core.scene.defaults import PROJECTION
 from sparsemor.core.simulation.offline import Offline

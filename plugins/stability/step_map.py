@@ -22,15 +22,8 @@ from functools import partial
 
 import numpy as np
 
+from sparsemor.core import Integrator, State, StepFormula, StepMemory, StepOutcome, StepSolver
 from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
-from sparsemor.core.protocols import (
-    Integrator,
-    State,
-    StepFormula,
-    StepMemory,
-    StepOutcome,
-    StepSolver,
-)
 from sparsemor.core.protocols.integrator import advanced, step_formula
 from sparsemor.core.protocols.layout import Layout, Quantity
 from sparsemor.core.status import SolveFailed, Status

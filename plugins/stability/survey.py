@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from sparsemor.core import ReducedProblem, State, StepSolver
 from sparsemor.core.errors import InputError
 from sparsemor.core.linalg.threads import fixed_threads
 from sparsemor.core.model.initial_state import resolved_start
 from sparsemor.core.model.model import Model
-from sparsemor.core.protocols import ReducedProblem, State, StepSolver
 from sparsemor.core.registry.hooks import new_manager
 from sparsemor.core.results.tables import number, text_table
 from sparsemor.core.scene.scene import Scene

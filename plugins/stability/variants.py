@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from itertools import product
 from typing import Any
 
+from sparsemor.core import BlockBudget, Reducer, Sampler
 from sparsemor.core.errors import InputError
-from sparsemor.core.protocols import BlockBudget, Reducer, Sampler
 from sparsemor.core.protocols.plugin import Plugin
 from sparsemor.core.scene.scene import Scene
 

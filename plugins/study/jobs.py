@@ -18,11 +18,11 @@ from typing import Any
 
 import numpy as np
 
+from sparsemor.core import ReducedProblem
 from sparsemor.core.errors import InputError
 from sparsemor.core.linalg.threads import fixed_threads
 from sparsemor.core.model.assembly import BodyCache
 from sparsemor.core.model.model import Model
-from sparsemor.core.protocols import ReducedProblem
 from sparsemor.core.registry.hooks import new_manager
 from sparsemor.core.registry.registry import Registry
 from sparsemor.core.results.checkpoint import checkpoint_file

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from sparsemor.core import FieldKind
 from sparsemor.core.errors import Fault, InputError
-from sparsemor.core.protocols import FieldKind
 from sparsemor.core.protocols.layout import ordered
 from sparsemor.core.registry.registry import Registry, suggestions
 from sparsemor.core.scene.digest import digest

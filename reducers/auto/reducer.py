@@ -19,7 +19,7 @@ from sparsemor.core import (
     StepSolver,
     slot_default,
 )
-from sparsemor.core.protocols import Choice, TrialRun
+from sparsemor.core.protocols.reducer import Choice, TrialRun
 from sparsemor.reducers.auto.sources import CONSTANT, Source, learned, responses
 from sparsemor.reducers.auto.trials import TrainingReference
 from sparsemor.reducers.projection.base import Projection, ProjectionReducer

@@ -15,7 +15,7 @@ from sparsemor.core import (
     information,
 )
 from sparsemor.core.linalg.least_squares import least_squares_coefficients
-from sparsemor.core.protocols import HeatBody, MovingBody
+from sparsemor.core.protocols.separable import HeatBody, MovingBody
 from sparsemor.reducers.estimation.coupled_errors import CoupledErrors, ReducedBlock
 from sparsemor.reducers.estimation.error_space import (
     PROPORTIONAL,

@@ -33,9 +33,8 @@ from sparsemor.core import (
     step_formula,
 )
 from sparsemor.core.model.equations import rate_factors
-from sparsemor.core.protocols import Substep
 from sparsemor.core.protocols.poses import FREE_POSE
-from sparsemor.core.protocols.step_amplitude import substep
+from sparsemor.core.protocols.step_amplitude import Substep, substep
 from sparsemor.reducers.estimation.bordered_modes import BorderedModes
 from sparsemor.reducers.estimation.error_space import ErrorSpace
 from sparsemor.reducers.estimation.reduced_states import StateMap, ranges

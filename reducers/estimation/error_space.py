@@ -18,7 +18,8 @@ from scipy import linalg
 from sparsemor.core import AssembledModel, Csr, FloatArray, OfflineProducts, StepFactors
 from sparsemor.core.linalg.svd import svd
 from sparsemor.core.model.factorizations import solve_or_fail
-from sparsemor.core.protocols import ElasticOperators, HeatBody, LoadTable
+from sparsemor.core.protocols.load_tables import LoadTable
+from sparsemor.core.protocols.separable import ElasticOperators, HeatBody
 
 COUNT = 100
 """Least number of vectors in addition to the atoms; as many as atoms if these are more."""

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.sparse import coo_array, csr_array
 
 from sparsemor.core import Csr, Dictionary, FloatArray, IntArray, ReducedProblem
-from sparsemor.core.protocols import ElasticLocal, HeatBody, MovingBody
+from sparsemor.core.protocols.separable import ElasticLocal, HeatBody, MovingBody
 from sparsemor.reducers.estimation.error_space import Operators
 
 ROUND_OFF = 1e-9

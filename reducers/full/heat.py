@@ -31,8 +31,9 @@ from sparsemor.core import (
     solved_directly,
 )
 from sparsemor.core.model.factorizations import unconverged_note
-from sparsemor.core.protocols import HeatBody, LoadTable
 from sparsemor.core.protocols.integrator import second_difference
+from sparsemor.core.protocols.load_tables import LoadTable
+from sparsemor.core.protocols.separable import HeatBody
 from sparsemor.reducers.linalg.superlu import factorize
 from sparsemor.reducers.step.factors import Factor, Identity
 from sparsemor.reducers.step.newton_loop import Linearisation, StepEquations

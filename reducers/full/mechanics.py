@@ -33,7 +33,8 @@ from sparsemor.core import (
     StepFormula,
 )
 from sparsemor.core.model.factorizations import solve_or_fail, unconverged_note
-from sparsemor.core.protocols import ElasticLocal, ElasticOperators, FrameWork
+from sparsemor.core.protocols.body_frame import FrameWork
+from sparsemor.core.protocols.separable import ElasticLocal, ElasticOperators
 from sparsemor.reducers.linalg.coarse_correction import CoarseCorrection
 from sparsemor.reducers.step.acceptance import LEAST, rounding
 from sparsemor.reducers.step.factors import Factor, Identity, Matrix, factorized, summed

@@ -19,7 +19,7 @@ from scipy import linalg
 
 from sparsemor.core import Factorized, FloatArray, SolveFailed, Status
 from sparsemor.core.model.factorizations import solve_or_fail
-from sparsemor.core.protocols import ElasticOperators
+from sparsemor.core.protocols.separable import ElasticOperators
 
 MODES, SPARE, POWER, MARGIN = 32, 8, 4, 2.0
 """Number of modes in the coarse space, additional vectors of the subspace iteration, number of its

@@ -29,7 +29,7 @@ from sparsemor.core import (
     slot_default,
 )
 from sparsemor.core.model.block_patterns import unmatched_patterns
-from sparsemor.core.protocols import HeatBody, MovingBody
+from sparsemor.core.protocols.separable import HeatBody, MovingBody
 from sparsemor.reducers.field_options import BASES
 from sparsemor.reducers.linalg.left_inverse import left_inverse
 from sparsemor.reducers.notes import shadowed_basis

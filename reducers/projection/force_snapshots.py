@@ -29,7 +29,7 @@ from sparsemor.core import (
 )
 from sparsemor.core.linalg.svd import svd
 from sparsemor.core.model.initial_state import consistent_state
-from sparsemor.core.protocols import Recording
+from sparsemor.core.protocols.reducer import Recording
 from sparsemor.core.registry.returned_values import built_dictionary, sampled_rows
 from sparsemor.reducers.linalg.left_inverse import deficient
 from sparsemor.reducers.projection.maps import Reducible

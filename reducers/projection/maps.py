@@ -16,7 +16,7 @@ from sparsemor.core import (
     Note,
     OfflineProducts,
 )
-from sparsemor.core.protocols import HeatBody, MovingBody
+from sparsemor.core.protocols.separable import HeatBody, MovingBody
 from sparsemor.reducers.step.operators import TestMap
 
 

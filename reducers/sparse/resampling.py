@@ -18,7 +18,7 @@ from sparsemor.core import (
     StepOutcome,
     StepSolver,
 )
-from sparsemor.core.protocols import AroundSteps
+from sparsemor.core.protocols.step_solver import AroundSteps
 from sparsemor.reducers.step.memory import RunMemory
 
 Streams = Mapping[str, np.random.Generator]

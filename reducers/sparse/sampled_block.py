@@ -26,7 +26,7 @@ from sparsemor.core.linalg.column_subsets import ColumnSubsets
 from sparsemor.core.linalg.least_squares import orthonormal
 from sparsemor.core.linalg.svd import svd
 from sparsemor.core.model.factorizations import solve_or_fail
-from sparsemor.core.protocols import HeatBody
+from sparsemor.core.protocols.separable import HeatBody
 from sparsemor.core.registry.returned_values import built_weights, sampled_rows
 from sparsemor.reducers.checks import compresses, required_rows
 from sparsemor.reducers.linalg.left_inverse import SAMPLED_RTOL, left_inverse, squares

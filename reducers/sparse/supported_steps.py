@@ -18,7 +18,7 @@ from sparsemor.core import (
     StepFormula,
     StepOutcome,
 )
-from sparsemor.core.protocols import AroundSteps
+from sparsemor.core.protocols.step_solver import AroundSteps
 from sparsemor.reducers.sparse.memory import SparseMemory, Supports, kept_or_made
 from sparsemor.reducers.sparse.sampled_block import SampledElastic, SampledHeat, numbers
 from sparsemor.reducers.sparse.supported_equations import SupportedMechanics

@@ -15,7 +15,7 @@ import numpy as np
 from sparsemor.core import FloatArray, State
 from sparsemor.core.model.constraint_rates import derivative_along_motion
 from sparsemor.core.model.initial_state import AGAIN, BENT
-from sparsemor.core.protocols import FrameWork
+from sparsemor.core.protocols.body_frame import FrameWork
 from sparsemor.core.protocols.time_function import time_derivatives
 from sparsemor.reducers.linalg.least_norm import least
 from sparsemor.reducers.step.factors import summed

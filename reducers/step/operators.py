@@ -26,12 +26,8 @@ from sparsemor.core import (
     Table,
     Trial,
 )
-from sparsemor.core.protocols import (
-    ElasticLocal,
-    ElasticOperators,
-    HeatBody,
-    PointArrays,
-)
+from sparsemor.core.protocols.separable import ElasticLocal, ElasticOperators, HeatBody
+from sparsemor.core.protocols.term import PointArrays
 from sparsemor.reducers.linalg.modal_coordinates import diagonal
 from sparsemor.reducers.step.time_tables import projected_tables
 

@@ -34,8 +34,9 @@ from sparsemor.core import (
     ReducedTerm,
     StepFormula,
 )
-from sparsemor.core.protocols import FrameWork, LinearSystem
+from sparsemor.core.protocols.body_frame import FrameWork
 from sparsemor.core.protocols.integrator import second_difference
+from sparsemor.core.protocols.step_solver import LinearSystem
 from sparsemor.reducers.linalg.modal_coordinates import carried, times
 from sparsemor.reducers.step.factors import Factor, factorized
 from sparsemor.reducers.step.frame_step import BodyStep

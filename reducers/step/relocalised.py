@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from sparsemor.core import FloatArray, IntArray, ReducedTerm
-from sparsemor.core.protocols import DelegatingTerm, LocalCopy
+from sparsemor.core.protocols.term import DelegatingTerm, LocalCopy
 
 
 class CopyMemory(Protocol):

@@ -27,7 +27,7 @@ from sparsemor.core import (
 )
 from sparsemor.core.linalg.least_squares import least_squares_coefficients
 from sparsemor.core.model.constraint_rates import motion_step
-from sparsemor.core.protocols import LinearSystem
+from sparsemor.core.protocols.step_solver import LinearSystem
 from sparsemor.reducers.step.acceptance import Tolerances
 from sparsemor.reducers.step.frame_step import BodyStep
 from sparsemor.reducers.step.initial import consistent_start, constraint_errors

@@ -24,7 +24,8 @@ from sparsemor.core import (
     SolveFailed,
     Status,
 )
-from sparsemor.core.protocols import HeatBody, HeatCoupling, PointArrays
+from sparsemor.core.protocols.separable import HeatBody, HeatCoupling
+from sparsemor.core.protocols.term import PointArrays
 from sparsemor.reducers.linalg.modal_coordinates import carried, dense
 from sparsemor.reducers.step.thermal_block import CompressedHeat
 from sparsemor.reducers.step.time_tables import sum_of

@@ -24,8 +24,8 @@ from sparsemor.core import (
     Term,
 )
 from sparsemor.core.model.equations import rate_factors
-from sparsemor.core.protocols import LocalCopy, ResultantSource
-from sparsemor.core.protocols.step_solver import resultant_sources
+from sparsemor.core.protocols.step_solver import ResultantSource, resultant_sources
+from sparsemor.core.protocols.term import LocalCopy
 from sparsemor.reducers.step.acceptance import Tolerances
 from sparsemor.reducers.step.factors import Matrix
 from sparsemor.reducers.step.memory import RunMemory

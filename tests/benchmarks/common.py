@@ -18,12 +18,12 @@ from typing import Any
 
 import numpy as np
 
-from sparsemor.core import ReducedProblem
+from sparsemor.core import ReducedProblem, State, StepSolver
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.model.model import Model
-from sparsemor.core.protocols import ManySteps, State, StepSolver
+from sparsemor.core.protocols.step_solver import ManySteps
 from sparsemor.core.registry.hooks import new_manager
 from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.simulation.cache import Cache

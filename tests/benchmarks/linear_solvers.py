@@ -25,7 +25,7 @@ from scipy import sparse
 from sparsemor.bodies import fem as fe
 from sparsemor.bodies.material import Isotropic
 from sparsemor.bodies.mesh.generators.disk import Disk
-from sparsemor.core.protocols import DofLocations
+from sparsemor.core import DofLocations
 from sparsemor.core.registry.registry import Registry
 from sparsemor.core.simulation.memory.limits import peak, resident
 from sparsemor.plugins.linear_solvers.auto import AutomaticSolver

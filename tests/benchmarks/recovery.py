@@ -22,8 +22,8 @@ import common
 import numpy as np
 from modules import recovered_scenes, report, row_constants, screening
 
+from sparsemor.core import SparseSolver
 from sparsemor.core.errors import InputError
-from sparsemor.core.protocols import SparseSolver
 from sparsemor.core.registry.registry import Registry
 from sparsemor.core.status import Status
 from sparsemor.core.testing.problems import LeastSquares, chained, empty_start

@@ -19,8 +19,8 @@ import common
 import numpy as np
 from modules import report
 
+from sparsemor.core import State, StepSolver
 from sparsemor.core.model.initial_state import consistent_state
-from sparsemor.core.protocols import State, StepSolver
 from sparsemor.core.status import SolveFailed
 from sparsemor.plugins.stability.check import LIMIT, Judgement, ReferenceModels, failed, judge_along
 from sparsemor.plugins.stability.reference import linearization_times, states_along

@@ -25,7 +25,7 @@ STOPS = {"not_converged", "not_finite", "diverged"}
 TWINS = '''
 import numpy as np
 
-from sparsemor.core.protocols import Basis, Dictionary
+from sparsemor.core import Basis, Dictionary
 
 
 class Twins(Basis):

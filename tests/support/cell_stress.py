@@ -4,8 +4,8 @@ import numpy as np
 
 from sparsemor.bodies.fem import Model, law
 from sparsemor.bodies.fem.stress import CellStress
+from sparsemor.core import Material, Mesh
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.protocols import Material, Mesh
 
 
 def cell_stress(

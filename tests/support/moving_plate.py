@@ -11,8 +11,8 @@ from scipy.sparse.linalg import splu
 from sparsemor.bodies import fem as fe
 from sparsemor.bodies.material import Isotropic
 from sparsemor.bodies.mesh.generators.rectangle import Rectangle
+from sparsemor.core import BlockData
 from sparsemor.core.arrays import Csr, FloatArray, IntArray
-from sparsemor.core.protocols import BlockData
 from sparsemor.core.protocols.load_tables import LoadTable, Table, path_rows, ring
 from sparsemor.core.protocols.mesh import Mesh
 

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from sparsemor.core import Group, SparseOutcome, SparseSolver
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.protocols import Group, SparseOutcome, SparseSolver
 from sparsemor.core.testing import installed
 from sparsemor.core.testing.problems import Elsewhere, LeastSquares, empty_start
 from sparsemor.plugins.sparse_solvers.newton import LinearRecovery

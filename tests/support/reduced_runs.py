@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from sparsemor.core import ReducedProblem, State
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.model.initial_state import consistent_state
-from sparsemor.core.protocols import ReducedProblem, State
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.testing.in_memory_run import March

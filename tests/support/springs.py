@@ -7,11 +7,11 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from sparsemor.bodies.body import FloatingBody
+from sparsemor.core import Term, Trial
 from sparsemor.core.arrays import Csr, FloatArray, IntArray
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.compressed_local import CompressedLocal
 from sparsemor.core.model.model import Model
-from sparsemor.core.protocols import Term, Trial
 from sparsemor.core.protocols.layout import Layout
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.testing.in_memory_run import scene_of

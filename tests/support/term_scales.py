@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from sparsemor.core import Term
 from sparsemor.core.model.model import Model
-from sparsemor.core.protocols import Term
 
 
 def scales(model: Model, term: Term) -> tuple[float, ...]:

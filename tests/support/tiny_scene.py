@@ -5,9 +5,8 @@ from functools import cache
 import numpy as np
 
 from small_scenes import tiny
-from sparsemor.core import ReducedProblem
+from sparsemor.core import ReducedProblem, StepSolver
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.protocols import StepSolver
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.testing.in_memory_run import March, march

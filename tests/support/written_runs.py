@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 
 from sparsemor.bodies.terms import field_kinds
-from sparsemor.core import BodyShape
-from sparsemor.core.protocols import Dictionary
+from sparsemor.core import BodyShape, Dictionary
 from sparsemor.core.protocols.layout import Block, Layout
 from sparsemor.core.results.metadata import RunHeader
 from sparsemor.core.results.run_result import RunResult, open_result

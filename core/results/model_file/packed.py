@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel
 from scipy.sparse import csr_array
 
-from sparsemor.core.protocols import TimeFunction
+from sparsemor.core.protocols.time_function import TimeFunction
 from sparsemor.core.registry.value_types import unfit_field
 from sparsemor.core.results.model_file.packed_arrays import (
     compact,

@@ -20,7 +20,7 @@ from sparsemor.core.linalg.snapshots import HELD
 from sparsemor.core.model.block_patterns import matched_option
 from sparsemor.core.model.fitting_bases import fitted_bases
 from sparsemor.core.model.model import Model
-from sparsemor.core.protocols import Basis
+from sparsemor.core.protocols.basis import Basis
 from sparsemor.core.protocols.mesh import BodySize
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.memory.limits import LIMIT, ceiling, gb, resident

@@ -16,7 +16,7 @@ from sparsemor.core import (
     OfflineProducts,
     Term,
 )
-from sparsemor.core.protocols import ElasticLocal, HeatBody, MovingBody
+from sparsemor.core.protocols.separable import ElasticLocal, HeatBody, MovingBody
 from sparsemor.reducers.projection.ecsw.training import (
     CANDIDATES,
     Trained,

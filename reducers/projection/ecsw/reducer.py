@@ -18,7 +18,7 @@ from sparsemor.core import (
     OfflineProducts,
     information,
 )
-from sparsemor.core.protocols import (
+from sparsemor.core.protocols.separable import (
     ElasticIntegrals,
     ElasticOperators,
     HeatBody,

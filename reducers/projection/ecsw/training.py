@@ -19,7 +19,7 @@ import numpy as np
 
 from sparsemor.core import Dictionary, FloatArray, IntArray, Term
 from sparsemor.core.linalg.snapshots import column_chunks
-from sparsemor.core.protocols import ElasticIntegrals, HeatIntegrals, Integrals
+from sparsemor.core.protocols.separable import ElasticIntegrals, HeatIntegrals, Integrals
 from sparsemor.reducers.projection.ecsw.nnls import Weights, nonnegative
 from sparsemor.reducers.projection.ecsw.training_matrix import (
     BLOCK,

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsemor.core import FloatArray, InputError, require
-from sparsemor.core.protocols import HeldValues, MachineRequest, MachineSteps
-from sparsemor.core.protocols.time_function import holding
+from sparsemor.core.protocols.step_solver import MachineRequest, MachineSteps
+from sparsemor.core.protocols.time_function import HeldValues, holding
 from sparsemor.core.simulation.time_stepping import FixedStep
 from sparsemor.reducers.step.compiled import arrays, without_python
 from sparsemor.reducers.step.compiled.compile import Functions, compiled, linked

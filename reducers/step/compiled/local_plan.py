@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from sparsemor.core import Amplitude, FloatArray, ReducedTerm
-from sparsemor.core.protocols import PointArrays
+from sparsemor.core.protocols.term import PointArrays
 from sparsemor.reducers.step.compiled.compile import ArrayFunction
 from sparsemor.reducers.step.compiled.local import NO_LOCAL, LocalArrays
 from sparsemor.reducers.step.compiled.time_functions import NotCompiled, Timed

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sparsemor.core import FloatArray, IntArray, UpdateRules
-from sparsemor.core.protocols import FrameArrays
+from sparsemor.core.protocols.body_frame import FrameArrays
 from sparsemor.reducers.linalg.modal_coordinates import carried
 from sparsemor.reducers.step.compiled.arrays import (
     BodyArrays,

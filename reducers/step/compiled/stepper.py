@@ -13,7 +13,7 @@ from sparsemor.core import (
     information,
     require,
 )
-from sparsemor.core.protocols import MachineRequest, MachineSteps, ManySteps
+from sparsemor.core.protocols.step_solver import MachineRequest, MachineSteps, ManySteps
 from sparsemor.reducers.step.memory import Memory
 from sparsemor.reducers.step.solver import Stepper
 

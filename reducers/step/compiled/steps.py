@@ -8,9 +8,9 @@ import numpy as np
 from scipy.linalg.lapack import dgetri
 
 from sparsemor.core import FloatArray, State, UpdateRules, next_time
-from sparsemor.core.protocols import StepBlock
 from sparsemor.core.protocols.poses import turns_from
 from sparsemor.core.protocols.step_amplitude import Substep, substep
+from sparsemor.core.protocols.step_solver import StepBlock
 from sparsemor.core.protocols.time_function import held_reads
 from sparsemor.reducers.step.compiled.arrays import NO_HEAT, NO_PRESCRIBED, NO_TERM, RunArrays
 from sparsemor.reducers.step.compiled.compile import Functions, compiled_advance

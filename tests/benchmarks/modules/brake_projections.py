@@ -13,10 +13,10 @@ import common  # noqa: F401  # before NumPy: it limits linear algebra to one thr
 import numpy as np
 from modules import report
 
+from sparsemor.core import Dictionary
 from sparsemor.core.arrays import Csr, FloatArray
 from sparsemor.core.model.block_patterns import matched_option
 from sparsemor.core.model.model import StepFactors
-from sparsemor.core.protocols import Dictionary
 from sparsemor.core.registry.hooks import new_manager
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.scene.scene import Scene

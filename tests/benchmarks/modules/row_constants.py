@@ -24,10 +24,10 @@ import numpy as np
 from modules import report
 from modules.recovered_scenes import QUICK, case_of
 
+from sparsemor.core import StepFactors
 from sparsemor.core.arrays import Csr, FloatArray
 from sparsemor.core.linalg.coherence import coherence, condition_number, unit_columns
 from sparsemor.core.linalg.column_subsets import ColumnSubsets
-from sparsemor.core.protocols import StepFactors
 from sparsemor.core.registry.registry import Registry
 from sparsemor.core.status import Status
 from sparsemor.plugins.bases.pod import Pod

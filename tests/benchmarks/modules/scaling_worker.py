@@ -14,11 +14,10 @@ import common
 import numpy as np
 from modules.scaling_atoms import projections
 
-from sparsemor.core import ReducedProblem
+from sparsemor.core import ReducedProblem, StepSolver
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.model.initial_state import consistent_state
-from sparsemor.core.protocols import StepSolver
 from sparsemor.core.registry.hooks import new_manager
 from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.simulation.cache import Cache

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from sparsemor.core import BlockData, Dictionary
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
-from sparsemor.core.protocols import BlockData, Dictionary
 from sparsemor.core.testing import check_basis
 from sparsemor.core.testing.random_inputs import random_block
 from sparsemor.plugins.bases.pod import Pod

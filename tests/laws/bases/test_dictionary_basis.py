@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from sparsemor.core import Basis, BlockData, Dictionary
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.model.assembly import assemble
-from sparsemor.core.protocols import Basis, BlockData, Dictionary
 from sparsemor.core.scene.scene import load
 from sparsemor.core.simulation.offline import Offline, largest_coefficient
 from sparsemor.core.testing import check_basis

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from sparsemor import load, simulate
+from sparsemor.core import BlockData, Dictionary
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.linalg import snapshots as snapshots_module
 from sparsemor.core.linalg.snapshots import SnapshotWriter, column_chunks
-from sparsemor.core.protocols import BlockData, Dictionary
 from sparsemor.core.registry.hooks import new_manager
 from sparsemor.core.results.files.temporary import TemporaryFolder
 from sparsemor.core.simulation.cache import Cache

@@ -8,9 +8,9 @@ from pydantic import ValidationError
 from scipy.sparse.linalg import splu
 
 from moving_plate import STEP, error, full, given, mesh, plate, run
+from sparsemor.core import Basis, BlockData, Dictionary
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
-from sparsemor.core.protocols import Basis, BlockData, Dictionary
 from sparsemor.core.protocols.load_tables import Table, path_rows
 from sparsemor.core.testing import check_basis
 from sparsemor.plugins.bases.attachment import Attachment

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy import linalg, sparse
 
+from sparsemor.core import BlockData, Dictionary
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.linalg.svd import svd
-from sparsemor.core.protocols import BlockData, Dictionary
 from sparsemor.plugins.samplers.base import SpanSampler
 from sparsemor.plugins.samplers.deim import DeimPoints
 from sparsemor.plugins.samplers.s_opt import SOpt

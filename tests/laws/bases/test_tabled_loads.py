@@ -9,10 +9,10 @@ import pytest
 from pydantic import ValidationError
 
 from sparsemor import load
+from sparsemor.core import Basis, BlockData
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.model.model import StepFactors
-from sparsemor.core.protocols import Basis, BlockData
 from sparsemor.core.registry.hooks import new_manager
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.prepare import prepared

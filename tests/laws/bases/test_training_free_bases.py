@@ -10,11 +10,11 @@ from pydantic import ValidationError
 from scipy import linalg
 from scipy.sparse import csr_array
 
+from sparsemor.core import BlockData, Dictionary
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.model import Model
-from sparsemor.core.protocols import BlockData, Dictionary
 from sparsemor.core.scene.scene import load
 from sparsemor.core.testing import check_basis
 from sparsemor.core.testing.random_inputs import DISPLACEMENTS, random_block, random_heat

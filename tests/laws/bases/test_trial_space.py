@@ -9,7 +9,7 @@ from scipy.sparse import csr_array
 
 from small_scenes import tiny
 from sparsemor import load, simulate
-from sparsemor.core.protocols import Dictionary
+from sparsemor.core import Dictionary
 from sparsemor.core.results.error_norms import measure_errors
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.scene.scene import Scene

@@ -16,11 +16,11 @@ from sparsemor.bodies.joints.conditions import conditions_between
 from sparsemor.bodies.joints.part import JointPart
 from sparsemor.bodies.loads.part import LoadPart
 from sparsemor.bodies.mesh.generators.block import BlockMesh
+from sparsemor.core import JointPlugin, LoadPlugin, Part
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.prescribed_motion import AtStart, Followed
-from sparsemor.core.protocols import JointPlugin, LoadPlugin, Part
 from sparsemor.core.protocols.contributions import Equations
 from sparsemor.core.protocols.prescribed_motion import FrameHistory, Stage
 from sparsemor.core.testing.in_memory_run import march, scene_of

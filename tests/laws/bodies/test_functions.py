@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from sparsemor.core.protocols import TimeFunction
+from sparsemor.core import TimeFunction
 from sparsemor.core.protocols.time_function import Held, Prescribed, time_derivatives
 from sparsemor.plugins.functions import (
     Constant,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import linalg
 
-from sparsemor.core.protocols import Dictionary
+from sparsemor.core import Dictionary
 from sparsemor.core.protocols.body_frame import FrameWork
 from sparsemor.core.testing.in_memory_run import March, march
 from sparsemor.reducers.linalg import coarse_correction as coarse

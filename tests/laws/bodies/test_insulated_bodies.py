@@ -8,8 +8,8 @@ import pytest
 
 from reduced_runs import decoded, learnt
 from small_scenes import tiny
+from sparsemor.core import Dictionary
 from sparsemor.core.model.assembly import assemble
-from sparsemor.core.protocols import Dictionary
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.testing.in_memory_run import march, scene_of
 from sparsemor.reducers.linalg.modal_coordinates import modal_coordinates

@@ -21,7 +21,7 @@ from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.equations import AssembledTerm, system_jacobian, system_residual
 from sparsemor.core.model.frame_equations import FrameEquations
 from sparsemor.core.model.model import Model
-from sparsemor.core.protocols import FrameWork
+from sparsemor.core.protocols.body_frame import FrameWork
 from sparsemor.core.testing import check_term
 from sparsemor.core.testing.in_memory_run import march, scene_of
 from term_scales import scales

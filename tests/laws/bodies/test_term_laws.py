@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy import sparse
 
+from sparsemor.core import ReducedTerm, Term, Trial
 from sparsemor.core.arrays import Csr, FloatArray, IntArray
-from sparsemor.core.protocols import ReducedTerm, Term, Trial
 from sparsemor.core.testing import check_term
 
 

@@ -6,11 +6,11 @@ import pytest
 from small_scenes import everything, everything_assembled
 from sparsemor.bodies.frames.frame import PlanarFrame
 from sparsemor.bodies.terms.weak_term import WeakTerm
+from sparsemor.core import Term
 from sparsemor.core.model.equations import AssembledTerm, system_jacobian, system_residual
 from sparsemor.core.model.frame_equations import FrameEquations
 from sparsemor.core.model.linear_equations import LinearEquations
 from sparsemor.core.model.model import Model
-from sparsemor.core.protocols import Term
 from sparsemor.core.testing import check_term
 from term_scales import scales
 

@@ -20,7 +20,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from sparsemor.core import ReducedTerm, Term
-from sparsemor.core.protocols import Contact, ContactPlugin
+from sparsemor.core import Contact, ContactPlugin
 from sparsemor.core.protocols.prescribed_motion import SurfaceLoads
 
 

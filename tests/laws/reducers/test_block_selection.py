@@ -10,13 +10,12 @@ import pytest
 
 from recovery import SOLVERS
 from small_scenes import everything, tiny
-from sparsemor.core import ReducedProblem
+from sparsemor.core import ReducedProblem, Selection
 from sparsemor.core.arrays import BoolArray, FloatArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.linalg.column_subsets import ColumnSubsets
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.initial_state import consistent_state
-from sparsemor.core.protocols import Selection
 from sparsemor.core.protocols.integrator import advanced, step_formula
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.offline import Offline

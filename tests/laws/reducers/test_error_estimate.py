@@ -12,10 +12,10 @@ from reduced_runs import errors, estimates, learnt, model_of, states
 from small_scenes import everything, tiny
 from sparsemor import InputError, load_model, reduce
 from sparsemor.bodies.terms.weak_term import WeakTerm
+from sparsemor.core import Integrator, State
 from sparsemor.core.analysis.compare import compare
 from sparsemor.core.model.equations import system_residual
 from sparsemor.core.model.initial_state import consistent_state
-from sparsemor.core.protocols import Integrator, State
 from sparsemor.core.protocols.integrator import new_state, step_formula
 from sparsemor.core.protocols.layout import Block, FieldKind, Layout
 from sparsemor.core.results.saved_state import Saved

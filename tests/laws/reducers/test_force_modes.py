@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from small_scenes import coarse_pendulum, everything
+from sparsemor.core import Dictionary
 from sparsemor.core.analysis.compare import compare
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.protocols import Dictionary
 from sparsemor.core.protocols.separable import HeatBody, MovingBody
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.cache import Cache

@@ -9,10 +9,10 @@ import pytest
 
 from reduced_runs import decoded
 from small_scenes import everything
+from sparsemor.core import Basis, BlockData, Dictionary
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.model.equations import system_residual
-from sparsemor.core.protocols import Basis, BlockData, Dictionary
 from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.status import SolveFailed, Status

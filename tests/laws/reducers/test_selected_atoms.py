@@ -7,9 +7,9 @@ import pytest
 
 from small_scenes import coarse_pendulum, tiny
 from sparsemor import compare, simulate
+from sparsemor.core import Dictionary, State, StepFactors
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.notes import Level
-from sparsemor.core.protocols import Dictionary, State, StepFactors
 from sparsemor.core.testing.in_memory_run import scene_of
 from sparsemor.plugins.checks.selected_atoms import (
     RATIO,

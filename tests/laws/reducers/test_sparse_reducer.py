@@ -7,13 +7,12 @@ import numpy as np
 import pytest
 
 from small_scenes import everything, tiny
-from sparsemor.core import ReducedProblem
+from sparsemor.core import ReducedProblem, Selection, SparseOutcome, StepOutcome
 from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.linalg.coherence import coherence, condition_number, unit_columns
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.initial_state import consistent_state
-from sparsemor.core.protocols import Selection, SparseOutcome, StepOutcome
 from sparsemor.core.protocols.integrator import step_formula
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.offline import Offline

@@ -11,11 +11,10 @@ from typing import Any
 import numpy as np
 
 from public_names import PUBLIC, ours
-from sparsemor.core import ReducedProblem
+from sparsemor.core import ReducedProblem, State
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.model.model import Model
-from sparsemor.core.protocols import State
 from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.simulation.time_stepping import FixedStep, accepted_steps, started

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from sparsemor.core import Dictionary
 from sparsemor.core.analysis.compare import Comparison, compare, installed_charts
 from sparsemor.core.errors import InputError
-from sparsemor.core.protocols import Dictionary
 from sparsemor.core.protocols.layout import Block, Layout
 from sparsemor.core.results.error_norms import common_steps, measure_errors
 from sparsemor.core.results.run_result import RunResult, open_result

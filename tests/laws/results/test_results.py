@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 
 from sparsemor.bodies.terms.field_kinds import ELASTIC, MULTIPLIER, RIGID, THERMAL
-from sparsemor.core import BodyShape
+from sparsemor.core import BodyShape, Dictionary
 from sparsemor.core.errors import Damaged, InputError
-from sparsemor.core.protocols import Dictionary
 from sparsemor.core.protocols.layout import Block, Layout
 from sparsemor.core.results.checkpoint import checkpoint_file
 from sparsemor.core.results.metadata import ProbeHeader, RunHeader
@@ -239,7 +238,7 @@ from pathlib import Path
 import numpy as np
 from sparsemor.bodies.terms.field_kinds import RIGID, THERMAL
 from sparsemor.core.protocols.layout import Block, Layout
-from sparsemor.core.protocols import Dictionary
+from sparsemor.core import Dictionary
 from sparsemor.core.results.metadata import RunHeader
 from sparsemor.core.results.store import ChunkOfSteps, ResultWriter
 

@@ -13,13 +13,12 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_array
 
-from sparsemor.core import ReducedProblem
+from sparsemor.core import ReducedProblem, State, StepSolver
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.model.model import Model
-from sparsemor.core.protocols import State, StepSolver
 from sparsemor.core.protocols.integrator import advanced, step_formula
 from sparsemor.core.protocols.load_tables import LoadTable, Table
 from sparsemor.core.registry.hooks import new_manager

@@ -11,13 +11,12 @@ from scipy.sparse import csr_array
 
 from small_scenes import everything, everything_assembled, tiny
 from sparsemor import compare, load, simulate
-from sparsemor.core import ReducedProblem
+from sparsemor.core import Dictionary, ReducedProblem
 from sparsemor.core.errors import InputError
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.model.model import Model, StepFactors
 from sparsemor.core.notes import Level
-from sparsemor.core.protocols import Dictionary
 from sparsemor.core.protocols.integrator import advanced, step_formula
 from sparsemor.core.protocols.load_tables import LoadTable, Table
 from sparsemor.core.scene.scene import Scene

@@ -11,11 +11,8 @@ from scipy.linalg import hadamard
 from scipy.optimize import linprog
 
 from recovery import SOLVERS, each, empty
+from sparsemor.core import Group, SparseSolver
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.protocols import (
-    Group,
-    SparseSolver,
-)
 from sparsemor.core.status import Status
 from sparsemor.core.testing import check_sparse_solver
 from sparsemor.core.testing.problems import (

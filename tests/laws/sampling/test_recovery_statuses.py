@@ -10,15 +10,9 @@ import pytest
 from pydantic import ValidationError
 
 from recovery import SOLVERS, Tempting, each, each_linear, empty
+from sparsemor.core import Group, SparseOutcome, SparseProblem, SparseSolver, SparseStart
 from sparsemor.core.errors import InputError
 from sparsemor.core.linalg.column_subsets import ColumnSubsets
-from sparsemor.core.protocols import (
-    Group,
-    SparseOutcome,
-    SparseProblem,
-    SparseSolver,
-    SparseStart,
-)
 from sparsemor.core.registry import installed as extras
 from sparsemor.core.status import Status
 from sparsemor.core.testing import check_sparse_solver

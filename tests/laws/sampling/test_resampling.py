@@ -8,9 +8,9 @@ import pytest
 
 from small_scenes import tiny
 from sparsemor import simulate
+from sparsemor.core import StepSolver
 from sparsemor.core.arrays import IntArray
 from sparsemor.core.model.initial_state import consistent_state
-from sparsemor.core.protocols import StepSolver
 from sparsemor.core.registry.hooks import hookimpl
 from sparsemor.core.results.saved_state import Saved
 from sparsemor.core.scene.scene import Scene

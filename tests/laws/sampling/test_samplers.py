@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from sparsemor.core import BlockData, Dictionary, Sampler
 from sparsemor.core.arrays import IntArray
 from sparsemor.core.errors import InputError
-from sparsemor.core.protocols import BlockData, Dictionary, Sampler
 from sparsemor.core.testing import check_sampler, installed
 from sparsemor.core.testing.random_inputs import random_block, random_dictionary
 from sparsemor.plugins.samplers.base import RowSampler

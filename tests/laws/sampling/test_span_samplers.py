@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from scipy import linalg, sparse
 
+from sparsemor.core import BlockData, Dictionary
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.errors import InputError
-from sparsemor.core.protocols import BlockData, Dictionary
 from sparsemor.core.testing import check_sampler
 from sparsemor.core.testing.random_inputs import random_block, random_dictionary
 from sparsemor.plugins.samplers.base import GreedyRows, SpanSampler, orthonormal

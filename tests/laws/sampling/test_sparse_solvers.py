@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from recovery import Tempting
-from sparsemor.core.arrays import BoolArray, FloatArray
-from sparsemor.core.protocols import (
+from sparsemor.core import (
     Columns,
     Group,
     Recovery,
@@ -17,6 +16,7 @@ from sparsemor.core.protocols import (
     SparseProblem,
     SparseStart,
 )
+from sparsemor.core.arrays import BoolArray, FloatArray
 from sparsemor.core.status import Status
 from sparsemor.core.testing import check_sparse_solver
 from sparsemor.core.testing.problems import LeastSquares, empty_start, incoherent

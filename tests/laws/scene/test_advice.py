@@ -11,7 +11,7 @@ from sparsemor.core.status import SolveFailed, Status
 TINY = Path(__file__).parents[2] / "scenes" / "tiny.yaml"
 TWINS = """
 import numpy as np
-from sparsemor.core.protocols import Basis, Dictionary
+from sparsemor.core import Basis, Dictionary
 
 
 class Twins(Basis):

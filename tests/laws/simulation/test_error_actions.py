@@ -14,7 +14,7 @@ from small_scenes import tiny
 from sparsemor.core import hookimpl
 from sparsemor.core.analysis.compare import compare
 from sparsemor.core.errors import InputError
-from sparsemor.core.protocols import StepBlock
+from sparsemor.core.protocols.step_solver import StepBlock
 from sparsemor.core.results.error_norms import Errors, measure_errors
 from sparsemor.core.results.run_result import RunResult, open_result
 from sparsemor.core.scene.scene import Scene

@@ -30,7 +30,7 @@ Distribute = Callable[..., None]
 BASIS = '''
 import numpy as np
 
-from sparsemor.core.protocols import Basis, BlockData, Dictionary
+from sparsemor.core import Basis, BlockData, Dictionary
 
 
 class Leading(Basis):

@@ -7,15 +7,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from sparsemor.bodies.terms.field_kinds import ELASTIC, MULTIPLIER, RIGID, THERMAL
+from sparsemor.core import Integrator, State, StepFormula, StepOutcome, UpdateRule, UpdateRules
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.protocols import (
-    Integrator,
-    State,
-    StepFormula,
-    StepOutcome,
-    UpdateRule,
-    UpdateRules,
-)
 from sparsemor.core.protocols.integrator import advanced, step_formula
 from sparsemor.core.protocols.layout import Block, Layout
 from sparsemor.core.status import Status

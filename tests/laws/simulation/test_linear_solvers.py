@@ -11,11 +11,11 @@ from scipy import sparse
 from sparsemor.bodies import fem as fe
 from sparsemor.bodies.material import Isotropic
 from sparsemor.bodies.mesh.generators.block import BlockMesh
+from sparsemor.core import DofLocations, LinearSolver
 from sparsemor.core.arrays import Csr, FloatArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.linalg.factorized import Solved, relative_residuals, rigid_motions
 from sparsemor.core.linalg.nested_dissection import dissect, node_numbers
-from sparsemor.core.protocols import DofLocations, LinearSolver
 from sparsemor.core.status import Status
 from sparsemor.core.testing import check_linear_solver
 from sparsemor.core.testing.linear_solver import random_heat, random_lattice

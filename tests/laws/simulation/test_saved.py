@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from sparsemor import InputError, SolveFailed, open_result, simulate
-from sparsemor.core.protocols import StepOutcome
+from sparsemor.core import StepOutcome
 from sparsemor.core.registry.hooks import hookimpl
 from sparsemor.core.results.checkpoint import checkpoint_file
 from sparsemor.core.results.saved_state import MAGIC, Saved, SavedError

@@ -9,10 +9,9 @@ import pytest
 
 from small_pendulum import small
 from small_scenes import tiny
-from sparsemor.core import ReducedProblem
+from sparsemor.core import ReducedProblem, StepSolver
 from sparsemor.core.errors import PluginError
 from sparsemor.core.model.initial_state import consistent_state
-from sparsemor.core.protocols import StepSolver
 from sparsemor.core.protocols.integrator import advanced, step_formula
 from sparsemor.core.registry.hooks import new_manager
 from sparsemor.core.results.saved_state import Saved

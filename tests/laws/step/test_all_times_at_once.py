@@ -9,7 +9,7 @@ from sparsemor.bodies.frames.inertia import Inertia
 from sparsemor.bodies.frames.items import UnitLength
 from sparsemor.bodies.frames.joint_items import MeanPoint, Reaction
 from sparsemor.bodies.frames.moments import moments_of
-from sparsemor.core.protocols import Frame
+from sparsemor.core import Frame
 from sparsemor.core.protocols.body_frame import FrameWork
 from sparsemor.core.protocols.load_tables import Table
 from sparsemor.core.protocols.prescribed_motion import FrameHistory

@@ -14,12 +14,11 @@ from joint_runs import driven
 from random_chains import chain, scene
 from reduced_runs import learnt
 from small_scenes import SCENES, everything, tiny
-from sparsemor.core import InputError, ReducedTerm
+from sparsemor.core import InputError, ReducedProblem, ReducedTerm, State
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.model.model import Model
-from sparsemor.core.protocols import ReducedProblem, State
 from sparsemor.core.results.saved_state import Saved
 from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.simulation.offline import Offline

@@ -10,12 +10,12 @@ import pytest
 
 from reduced_runs import decoded, learnt
 from small_scenes import SCENES
-from sparsemor.core import ReducedProblem, ReducedTerm, State, Term
+from sparsemor.core import ReducedProblem, ReducedTerm, State, StepSolver, Term
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.model.model import Model
-from sparsemor.core.protocols import AroundSteps, StepSolver
+from sparsemor.core.protocols.step_solver import AroundSteps
 from sparsemor.core.results.saved_state import Saved
 from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.simulation.offline import Offline

@@ -13,7 +13,7 @@ from small_scenes import SCENES, tiny
 from sparsemor import load_model, reduce
 from sparsemor.core import hookimpl
 from sparsemor.core.model.assembly import assemble
-from sparsemor.core.protocols import FrameWork
+from sparsemor.core.protocols.body_frame import FrameWork
 from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.simulation.simulate import simulate
 from sparsemor.core.simulation.time_stepping import FixedStep, iterate, started

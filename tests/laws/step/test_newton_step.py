@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from sparsemor.bodies.terms.field_kinds import RIGID
+from sparsemor.core import StepFormula
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.protocols import StepFormula
 from sparsemor.core.protocols.layout import Block, Layout
 from sparsemor.core.protocols.poses import turns
 from sparsemor.core.status import Status

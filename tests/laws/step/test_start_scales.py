@@ -7,13 +7,12 @@ import numpy as np
 import pytest
 
 from sparsemor.bodies.mesh.generators.block import BlockMesh
-from sparsemor.core import ReducedProblem
+from sparsemor.core import ReducedProblem, ReducedTerm, State, Term, Trial
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.constraint_rates import Constraints
 from sparsemor.core.model.initial_state import consistent_state, start_notes
 from sparsemor.core.model.model import Model
-from sparsemor.core.protocols import ReducedTerm, State, Term, Trial
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.testing.in_memory_run import scene_of

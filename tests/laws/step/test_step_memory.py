@@ -10,10 +10,10 @@ import pytest
 import random_chains
 from reduced_runs import learnt
 from small_scenes import tiny
+from sparsemor.core import ReducedProblem, State, StepFormula, StepSolver
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.model.model import Model
-from sparsemor.core.protocols import ReducedProblem, State, StepFormula, StepSolver
 from sparsemor.core.protocols.step_solver import AroundSteps
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.offline import Offline

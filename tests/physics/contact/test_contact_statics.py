@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from sparsemor.bodies.contact.part import ContactPart
+from sparsemor.core import MeshPlugin
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.model.assembly import assemble
-from sparsemor.core.protocols import MeshPlugin
 from sparsemor.core.protocols.mesh import Mesh
 from sparsemor.core.protocols.prescribed_motion import FrameHistory
 from sparsemor.core.testing.in_memory_run import scene_of

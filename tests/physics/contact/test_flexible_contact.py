@@ -7,9 +7,9 @@ import pytest
 
 from pressed_slider import BOTH, LOAD, SIDE, STEP, forces, full, scene, stored
 from reduced_runs import decoded, errors, estimates, learnt
+from sparsemor.core import StepFormula
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.model.model import Model
-from sparsemor.core.protocols import StepFormula
 from sparsemor.core.protocols.integrator import advanced, step_formula
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.status import SolveFailed, Status

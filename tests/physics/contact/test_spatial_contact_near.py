@@ -7,11 +7,11 @@ import pytest
 
 from sparsemor.bodies.contact.verlet_list import FollowedContact, MotionBound, Mover
 from sparsemor.bodies.frames.attitude import attitude
+from sparsemor.core import Trial
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.model.model import Model
-from sparsemor.core.protocols import Trial
 from sparsemor.core.protocols.integrator import advanced, step_formula
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.testing.in_memory_run import march, scene_of

@@ -10,8 +10,8 @@ from sparsemor.bodies.contact.along_motion import AT_ONCE
 from sparsemor.bodies.contact.part import ContactPart
 from sparsemor.bodies.frames import rotation as rot
 from sparsemor.bodies.mesh.generators.block import BlockMesh
+from sparsemor.core import MeshPlugin
 from sparsemor.core.model.assembly import assemble
-from sparsemor.core.protocols import MeshPlugin
 from sparsemor.core.protocols.mesh import Mesh
 from sparsemor.core.protocols.prescribed_motion import FrameHistory
 from sparsemor.core.testing.in_memory_run import scene_of

@@ -18,10 +18,10 @@ from sparsemor.bodies.mesh.generators.block import BlockMesh
 from sparsemor.bodies.mesh.generators.disk import Disk
 from sparsemor.bodies.mesh.generators.pad import Pad
 from sparsemor.bodies.mesh.simplices import edge_vectors, signed_measures
+from sparsemor.core import DofLocations
 from sparsemor.core.arrays import Csr, FloatArray, IntArray
 from sparsemor.core.linalg.factorized import rigid_motions
 from sparsemor.core.model.facets import outer_facets
-from sparsemor.core.protocols import DofLocations
 from sparsemor.core.protocols.mesh import Mesh
 from sparsemor.plugins.linear_solvers.superlu import Splu
 

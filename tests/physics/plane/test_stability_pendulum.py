@@ -5,10 +5,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sparsemor.core import ReducedProblem
+from sparsemor.core import ReducedProblem, StepSolver
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.initial_state import consistent_state
-from sparsemor.core.protocols import StepSolver
 from sparsemor.core.registry.hooks import new_manager
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.offline import Offline
