@@ -92,6 +92,7 @@ def test_xdmf_read_back(
     np.testing.assert_allclose(later, expected(run, "bar", 5)[0], rtol=1e-14, atol=1e-15)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("form", ["vtu", "xdmf"])
 def test_what_paraview_is_made_of_reads_it(run: RunResult, tmp_path: Path, form: str) -> None:
     pyvista = pytest.importorskip("pyvista")

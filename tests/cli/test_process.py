@@ -60,6 +60,7 @@ main()
 """
 
 
+@pytest.mark.full
 def test_ctrl_c_while_the_program_is_imported_is_no_traceback():
     done = subprocess.run([sys.executable, "-c", STRUCK], capture_output=True, text=True)
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "interrupted\n")

@@ -118,6 +118,7 @@ def test_two_runs_into_one_new_directory(monkeypatch: pytest.MonkeyPatch) -> Non
     assert_same(open_result("out"), simulate(scene(), out="whole"))
 
 
+@pytest.mark.full
 def test_compare_owns_its_directory() -> None:
     inside = AtStep(7, lambda: other(
         "compare", TINY, *SETTINGS, "--out", "out", "--force", "--reducers", "full,galerkin"))

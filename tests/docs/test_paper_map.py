@@ -5,6 +5,8 @@ import re
 from functools import cache
 from pathlib import Path
 
+import pytest
+
 from doc_pages import page_named
 from source_trees import tree_of
 
@@ -37,6 +39,7 @@ def names(body: list[ast.stmt], prefix: str = "") -> set[str]:
     return found
 
 
+@pytest.mark.full
 def test_targets_exist() -> None:
     for page in PAGES:
         for file, name in targets(page):

@@ -10,6 +10,7 @@ from sparsemor import Scene, load, simulate
 from sparsemor.core.errors import InputError, PluginError
 from sparsemor.core.simulation.checks import Checks
 from sparsemor.core.status import SolveFailed, Status
+from tiers import full
 
 HEAD = """
 from sparsemor.core import Check, Findings, Note, SolveFailed, Status
@@ -70,11 +71,11 @@ def test_a_check_that_fails_before_the_steps_is_one_located_line(
 
 @pytest.mark.parametrize(("body", "said"), [
     ("    def after_run(self, run, result): return {}['a']", "Own.after_run raised KeyError: 'a'"),
-    ("    def after_run(self, run, result): return []", "Own.after_run returned"),
+    full("    def after_run(self, run, result): return []", "Own.after_run returned"),
     ("    def after_run(self, run, result): return Findings([], {'odd': float('nan')})",
      "not finite"),
-    ("    def on_start(self, run, state, whole): return self._look\n"
-     "    def _look(self, *given): raise IndexError('in a step')", "IndexError: in a step")])
+    full("    def on_start(self, run, state, whole): return self._look\n"
+         "    def _look(self, *given): raise IndexError('in a step')", "IndexError: in a step")])
 def test_a_check_that_fails_later_leaves_the_results(
     distribute: Any, tmp_path: Path, body: str, said: str
 ) -> None:

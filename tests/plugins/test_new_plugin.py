@@ -13,8 +13,8 @@ from sparsemor.core.errors import InputError
 from sparsemor.core.registry.registry import Registry
 from sparsemor.plugins.commands.new_plugin import KINDS, package_files
 
-LONG = {"basis", "body", "contact", "joint", "linear_solver", "load", "paper", "reducer",
-        "scene", "sparse_solver", "study"}
+LONG = {"basis", "body", "contact", "error_norm", "joint", "linear_solver", "load", "paper",
+        "reducer", "scene", "sparse_solver", "study"}
 """Kinds whose laws take 0.3 CPU seconds and more."""
 
 

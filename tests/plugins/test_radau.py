@@ -33,6 +33,7 @@ def installed(distribute: Any, here: Path) -> None:
                sparsemor_radau=PACKAGE.read_text())
 
 
+@pytest.mark.full
 def test_it_keeps_the_laws_of_an_integrator() -> None:
     radau: Any = Registry().get("integrator", "radau_iia")()
     check_integrator(radau)

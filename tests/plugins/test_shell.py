@@ -189,6 +189,7 @@ def test_runs_are_logged_where_one_listens(caplog: pytest.LogCaptureFixture) -> 
     assert any(t.startswith("offline: ") for t in told) and told[-1] == "done after 40 steps"
 
 
+@pytest.mark.full
 def test_arrays_have_the_names_of_their_components() -> None:
     run = simulate(load(TINY, {
         "time.end": 0.01, "probes": {"end": {"body": "bar", "at": "end_b"}}}))

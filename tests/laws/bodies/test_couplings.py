@@ -103,6 +103,7 @@ def test_a_reduced_step_is_as_short_as_without_it(use: str, textbook: March) -> 
     assert max(errors(reduced, textbook).values()) < LIMITS.get(use, 1e-6)
 
 
+@pytest.mark.full
 def test_a_choice_of_atoms_is_refused_where_it_cannot_be_made(textbook: March) -> None:
     chosen = {**REDUCERS["sparse"], "budgets": {"*.thermal": {"rows": 14, "atoms": 4}}}
     with pytest.raises(InputError, match="gap couples bodies inside the step"):

@@ -17,6 +17,7 @@ from sparsemor.core.model.compressed_local import CompressedLocal
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.testing import check_term
 from sparsemor.core.testing.in_memory_run import scene_of
+from tiers import full
 
 STEEL = {"rho": 7850, "E": 2e11, "nu": 0.3, "alpha": 1.2e-5, "k": 40.0, "c": 450.0}
 
@@ -42,7 +43,7 @@ def scene(d: int, order: int, hot: bool, n: int = 4, **more: Any) -> Scene:
         **more})
 
 
-@pytest.mark.parametrize(("d", "order"), [(2, 1), (2, 2), (3, 1), (3, 2)])
+@pytest.mark.parametrize(("d", "order"), [(2, 1), (2, 2), (3, 1), full(3, 2)])
 @pytest.mark.parametrize("hot", [False, True])
 def test_the_polynomial_is_the_sum_over_elements(d: int, order: int, hot: bool) -> None:
     """Force and tangent, with and without an offset of the atoms, under any test basis, and as a

@@ -109,7 +109,7 @@ def everything() -> dict[str, Any]:
 
 
 LONG = ("bar", "held", "hinge", "hub", "weld", "gravity", "two", "three", "rail", "track", "drive",
-        "shaft", "link", "stand", "push")
+        "shaft", "link", "stand", "push", "tube", "axle", "brake", "disk")
 PARTS = [pytest.param(name, marks=[pytest.mark.full] * (name in LONG)) for name in (
     *everything()["bodies"], *everything()["joints"], *everything()["loads"])]
 
@@ -246,6 +246,7 @@ def from_arrays(f: SpatialFrame, given: tuple[Any, ...], t: float) -> list[Float
     return [work.border, work.sigma, work.tau, work.coefficients]
 
 
+@pytest.mark.full
 def test_every_item_as_functions_on_arrays(model: Model) -> None:
     rng, t = np.random.default_rng(3), 0.3
     for f in 5 * with_more_items(model):

@@ -32,11 +32,11 @@ RUBBING = Coulomb(coefficient=0.2, critical_velocity=0.1)
 
 
 LAID = [pytest.param(world, case, *kind, id=f"{name}-{case}-{kind[0]}-{'-'.join(kind[1])}",
-                     marks=[] if case in ("flat", "bent") and kind is KINDS[-1]
+                     marks=[] if case == "bent" and kind is KINDS[-1]
                      else pytest.mark.full)
         for (world, name), case, kind in product(
             ((PLANE, "plane"), (SPACE, "space")), CASES, KINDS)]
-"""How the block lies, on what; the default tier has the flat and the bent one with everything."""
+"""How the block lies, on what; the default tier has the bent one with everything."""
 
 
 @pytest.mark.parametrize(("world", "case", "surfaces", "fields", "heat"), LAID)

@@ -5,6 +5,8 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
+import pytest
+
 import sparsemor.core
 from source_trees import tree_of
 
@@ -31,6 +33,7 @@ OPTIONS = {Path("simulation/rigid_stage.py"): {"rigid"}, Path("protocols/contact
 """File -> words that are values of an option there: surfaces of a contact are `rigid`."""
 
 
+@pytest.mark.full
 def test_no_field_reducer_or_joint_is_named() -> None:
     found = [f"{path.relative_to(CORE)}:{line}: {text!r}"
              for path in sorted(CORE.rglob("*.py")) if path != DEFAULTS

@@ -217,6 +217,7 @@ def test_the_check_sees_a_circle_of_folders() -> None:
                 {**modules, "sparsemor.reducers.step.b": {imports}}, "reducers"))
 
 
+@pytest.mark.full
 def test_imports_between_folders_of_core_are_few_deep() -> None:
     folders = between_folders({name: others for name, others in graph(("core",)).items()
                                if name != "sparsemor.core"})

@@ -100,8 +100,6 @@ LAWS: dict[str, Callable[[Any, int], None]] = {
 SCENE_KINDS = {"body", "joint", "load", "contact"}
 QUICK = {"sparse_solver": {"greedy_gauss_newton"}, "check": {"energy_lost"}}
 """Of the kinds whose laws take long: those that the default tier checks."""
-QUICK_RUNS = {"galerkin", "bdf2"}
-"""Each reducer with this integrator, and this reducer with each integrator."""
 RANDOM = [pytest.param(kind, name, marks=[pytest.mark.full] * (name not in QUICK.get(kind, {name})))
           for kind in LAWS for name in installed(kind)]
 
@@ -139,8 +137,7 @@ def test_laws_of_a_mesh(name: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("name", "integrator"), [
-    pytest.param(name, integrator, marks=[] if {name, integrator} & QUICK_RUNS else
-                 pytest.mark.full)
+    pytest.param(name, integrator, marks=[] if integrator == "bdf2" else pytest.mark.full)
     for name in installed("reducer") for integrator in installed("integrator")])
 def test_laws_of_a_reducer(name: str, integrator: str) -> None:
     options = {"use": name, **OPTIONS.get(("reducer", name), {})}

@@ -153,6 +153,7 @@ def test_rows_are_chosen_from_the_modes() -> None:
     np.testing.assert_array_equal(of["operator"], of["atoms"])
 
 
+@pytest.mark.full
 @given(st.integers(0, 2**32 - 1), st.integers(1, 8), st.integers(0, 6))
 def test_left_inverse(seed: int, k: int, more: int) -> None:
     """left A = 1, left A x* = x for the least-squares problem, columns of any size."""
@@ -182,6 +183,7 @@ def test_a_map_times_a_matrix_is_one_matrix_on_the_whole_block(
     np.testing.assert_allclose(test.times(more, n) @ x, more @ test(x), atol=1e-12)
 
 
+@pytest.mark.full
 @given(st.integers(0, 2**32 - 1), st.integers(1, 6), st.integers(0, 6))
 def test_interpolation_gives_back_every_mode(seed: int, f: int, more: int) -> None:
     """(P^T U)^+ P^T U = 1, and errors beside the modes grow by the amplification at most."""

@@ -197,6 +197,7 @@ def test_fewer_rows_than_atoms_with_a_pointwise_law(k: Any, load: Any, every: in
     assert run.summary["rows"] == {"p.thermal": 6}
 
 
+@pytest.mark.full
 def test_dependent_atoms_are_made_independent_where_all_are_used() -> None:
     """POD, modes and static responses side by side: their span, as with galerkin; where atoms are
     selected the dictionary stays as it is."""

@@ -21,6 +21,7 @@ from sparsemor.reducers.sparse.reducer import Sparse
 from sparsemor.reducers.sparse.residual_rows import inverted_blocks, samplers
 from sparsemor.reducers.sparse.step import SampledRows, SparseStep
 from sparsemor.reducers.trial_bases import trial_bases
+from tiers import full
 
 SCENES = Path(__file__).parents[2] / "scenes"
 FEW = {"*.elastic": {"rows": 16, "atoms": 5}, "*.thermal": {"rows": 12, "atoms": 4}}
@@ -48,21 +49,17 @@ def page(problem: ReducedProblem, reducer: Sparse) -> SparseStep:
         [b for n, b in blocks.items() if n not in hot], reducer.least_gain(not inverted))
 
 
-def slowly(*values: Any) -> Any:
-    return pytest.param(*values, marks=pytest.mark.full)
-
-
 @pytest.mark.parametrize("options, changes", [
     ({"budgets": ALL}, {}),
-    slowly({"budgets": ALL, "residual": "plain"}, {"integrator": "bdf2"}),
-    slowly({"budgets": ALL, "preconditioner": "untf"}, {"integrator": "generalized_alpha"}),
+    full({"budgets": ALL, "residual": "plain"}, {"integrator": "bdf2"}),
+    full({"budgets": ALL, "preconditioner": "untf"}, {"integrator": "generalized_alpha"}),
     ({"budgets": FEW}, {}),
-    slowly({"budgets": FEW, "residual": "plain", "hysteresis": 0.0, "preconditioner": "untf"}, {}),
-    slowly({"budgets": FEW, "solver": "omp"}, {"integrator": "bdf2"}),
-    slowly({"budgets": ALL}, HOT),
-    ({}, {}),
-    ({"budgets": {n: {"atoms": b["atoms"]} for n, b in FEW.items()}}, {}),
-    ({"budgets": FEW}, HOT),
+    full({"budgets": FEW, "residual": "plain", "hysteresis": 0.0, "preconditioner": "untf"}, {}),
+    full({"budgets": FEW, "solver": "omp"}, {"integrator": "bdf2"}),
+    full({"budgets": ALL}, HOT),
+    full({}, {}),
+    full({"budgets": {n: {"atoms": b["atoms"]} for n, b in FEW.items()}}, {}),
+    full({"budgets": FEW}, HOT),
 ], ids=["all", "plain", "untf", "selection", "plain_selection", "omp", "radiation",
         "all_rows", "all_rows_selection", "selection_radiation"])
 def test_steps_are_those_of_the_page(options: dict[str, Any], changes: dict[str, Any]) -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 
 from public_names import PUBLIC, ours
 from sparsemor.core import ReducedProblem, State
@@ -79,6 +80,7 @@ class Counted:
             sys.setprofile(None)
 
 
+@pytest.mark.full
 def test_it_does_in_a_step_what_galerkin_does() -> None:
     own, theirs = Counted({"use": "galerkin", **TRIAL}), Counted(oblique())
     assert type(theirs.solver) is type(own.solver)

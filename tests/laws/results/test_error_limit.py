@@ -136,6 +136,7 @@ def test_remainders_of_iterative_solvers_are_no_change(
     assert measure_errors(*runs).worst["arm.thermal"] == pytest.approx(error, rel=1e-6)
 
 
+@pytest.mark.full
 @pytest.mark.usefixtures("toys")
 def test_a_study_counts_its_marked_rows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)

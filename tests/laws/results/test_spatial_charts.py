@@ -154,6 +154,7 @@ def test_colours_are_those_of_the_bar(triangles: int) -> None:
         np.testing.assert_allclose(colour_at(surface, (0.3, y)), expected, atol=0.02)
 
 
+@pytest.mark.full
 def test_pyvista_draws_the_same() -> None:
     pytest.importorskip("pyvista")
     from matplotlib import colormaps
@@ -172,6 +173,7 @@ def test_pyvista_draws_the_same() -> None:
     assert np.all(image[3, 3] == 255)
 
 
+@pytest.mark.full
 def test_a_renderer_that_crashes_is_no_crash(monkeypatch: pytest.MonkeyPatch) -> None:
     """VTK 9.7 ends with a segmentation fault when it finds nothing to draw with."""
     pytest.importorskip("pyvista")
@@ -268,6 +270,7 @@ def test_turn_of_a_quaternion() -> None:
     np.testing.assert_allclose(angle_between(pose[:1], pose), [0.0, 0.0, *expected], atol=1e-7)
 
 
+@pytest.mark.full
 def test_positions_in_space(run: RunResult) -> None:
     """The wheel turns on the spot, the bar swings down about y: y does not move and is left out."""
     moving = moving_bodies(run)

@@ -110,6 +110,7 @@ def test_where_iterations_do_not_converge_the_svd_is_asked(
     assert np.array_equal(rows.numbers(), again.numbers())
 
 
+@pytest.mark.full
 def test_rows_that_hardly_see_the_columns_are_met_by_svds() -> None:
     U = random(400, 70, 0)
     U[:200, :5] *= 1e-9

@@ -136,9 +136,9 @@ def test_rows_are_enough_for_their_condition(inverted: bool) -> None:
 # ------------------------------------------------------------------------ what they bring
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("k", [
-    {"temperatures": [293.15, 1073.15], "values": [53.3, 27.3]}, pytest.param(
-        40.0, marks=pytest.mark.full)])
+    {"temperatures": [293.15, 1073.15], "values": [53.3, 27.3]}, 40.0])
 def test_local_terms_are_summed_over_few_elements(k: Any) -> None:
     """Of k(T) and radiation: the error of galerkin with the same atoms, from fewer elements, whose
     number does not grow with the mesh."""

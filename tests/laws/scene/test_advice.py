@@ -25,6 +25,7 @@ class Twins(Basis):
 """
 
 
+@pytest.mark.full
 def test_rows_are_advised_on_where_there_are_rows(distribute, here):
     distribute("twins", {"basis": {"twins": "mod_advice:Twins"}}, mod_advice=TWINS)
     scene = load(TINY, {"time.end": 0.002, "reducer": {

@@ -190,6 +190,7 @@ def test_a_run_is_not_continued_on_another_mesh(tmp_path: Path) -> None:
     assert simulate(scene, out=tmp_path / "out", resume=True).status.ok
 
 
+@pytest.mark.full
 def test_a_run_is_not_continued_with_another_plugin_or_program(
     distribute: Distribute, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

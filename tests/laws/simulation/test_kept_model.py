@@ -21,6 +21,7 @@ from sparsemor.core.results.model_file.packed_arrays import compact, restored
 from sparsemor.core.results.model_format import MAGIC
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.scene.scene import Scene
+from tiers import full
 
 FLUX, LOW = "loads.heating.flux", 2.0e5
 
@@ -86,7 +87,7 @@ def test_other_loads_give_the_run_of_a_new_model(file: Path) -> None:
     assert_equal(model().run(), simulate(scene()))  # the model itself is as it was
 
 
-@pytest.mark.parametrize(("scale", "near"), [(1.0, 1e-9), (1e9, 1e-2)])
+@pytest.mark.parametrize(("scale", "near"), [(1.0, 1e-9), full(1e9, 1e-2)])
 def test_a_load_that_jumps_at_the_start_accelerates_as_in_a_new_model(
     scale: float, near: float, tmp_path: Path
 ) -> None:

@@ -17,6 +17,7 @@ from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.model.redundancy import dependent_joints, in_words
 from sparsemor.core.simulation.validation import checked_model
 from sparsemor.core.status import SolveFailed, Status
+from tiers import full
 
 
 def pin(one: str, other: str) -> dict[str, Any]:
@@ -47,10 +48,10 @@ SAME = {
 
 @pytest.mark.parametrize(("joints", "named", "count"), [
     ({"one": pin("a:p", "b:p"), "two": pin("a:p", "b:p")}, "one and two", 2),
-    ({"one": pin("a:p", "b:p"), "two": pin("a:q", "b:q")}, "one and two", 1),
-    ({"weld": WELD, "pin": pin("a:q", "b:q")}, "weld and pin", 2),
-    ({"one": pin("a:p", "b:p"), "two": pin("a:q", "b:q"), "three": pin("a:r", "b:r")},
-     "one, two and three", 3),
+    full({"one": pin("a:p", "b:p"), "two": pin("a:q", "b:q")}, "one and two", 1),
+    full({"weld": WELD, "pin": pin("a:q", "b:q")}, "weld and pin", 2),
+    full({"one": pin("a:p", "b:p"), "two": pin("a:q", "b:q"), "three": pin("a:r", "b:r")},
+         "one, two and three", 3),
 ])
 def test_redundant_joints_are_named_and_carry_the_load(
     joints: dict[str, Any], named: str, count: int
@@ -69,6 +70,7 @@ def test_redundant_joints_are_named_and_carry_the_load(
         run.block("base.multiplier"), want.block("base.multiplier"), atol=2e-3)
 
 
+@pytest.mark.full
 def test_two_equal_pins_carry_half_of_the_load_each() -> None:
     run = simulate(load(scene(one=pin("a:p", "b:p"), two=pin("a:p", "b:p"))))
     want = simulate(load(scene(one=pin("a:p", "b:p")))).block("one.multiplier")

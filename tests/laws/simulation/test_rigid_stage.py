@@ -120,6 +120,7 @@ def test_a_result_tells_the_stage_and_where_bodies_are(tmp_path):
     assert one_stage.stage() is None
 
 
+@pytest.mark.full
 def test_a_stage_that_fails_says_so(tmp_path):
     scene = load(SLIDER, SHORT | {"rigid_stage.overrides": {
         "reducer": {"use": "full", "method": "newton", "max_iterations": 1}}})

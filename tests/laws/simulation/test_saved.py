@@ -191,6 +191,7 @@ def test_sums_of_a_run_do_not_grow_with_it() -> None:
     assert stats.ms_per_step_solver == pytest.approx(1e3 * np.median(times), rel=0.01)
 
 
+@pytest.mark.full
 def test_ms_per_step_counts_all_that_a_step_takes(tmp_path: Path) -> None:
     scene = load_scene(TINY, {"reducer": "full", "time.end": 0.02})
     run = simulate(scene, out=tmp_path / "out")

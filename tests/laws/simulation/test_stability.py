@@ -250,6 +250,7 @@ def test_a_run_is_looked_at_from_its_start_to_its_end() -> None:
     np.testing.assert_allclose(states[-1].x[at], truth, atol=1e-8)
 
 
+@pytest.mark.full
 def test_states_of_a_training_run_under_other_loads_are_taken(
     monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -120,6 +120,7 @@ def test_a_pickled_model_runs_alike() -> None:
     assert np.array_equal(again.run().probe("end"), model().run().probe("end"))
 
 
+@pytest.mark.full
 def test_compiled_steps_read_inputs(monkeypatch: pytest.MonkeyPatch) -> None:
     """The kernel as plain Python: functions of time are not tabulated ahead of an input."""
     blocks, advance = [], CompiledSteps.advance

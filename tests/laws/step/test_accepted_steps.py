@@ -92,10 +92,10 @@ def test_each_accepted_step_solves_the_equations(integrator: dict[str, Any]) -> 
     assert max(corrections(pendulum(2e-4, 400, 7e7, integrator), 20)) < 1e-10
 
 
-@pytest.mark.parametrize("integrator", quick(INTEGRATORS, INTEGRATORS[0], INTEGRATORS[2]),
+@pytest.mark.parametrize("integrator", quick(INTEGRATORS, INTEGRATORS[2]),
                          ids=["bdf1", "bdf2", "alpha-0.7", "alpha-1"])
 @pytest.mark.parametrize("E", quick([7e10, 5e6], 5e6))
-@pytest.mark.parametrize("h", quick((1e-2, 1e-3, 1e-4, 1e-5, 1e-6), 1e-2, 1e-6))
+@pytest.mark.parametrize("h", quick((1e-2, 1e-3, 1e-4, 1e-5, 1e-6), 1e-2))
 def test_bordered_steps_are_those_of_the_textbook(
     h: float, E: float, integrator: dict[str, Any],
 ) -> None:
@@ -128,7 +128,7 @@ def test_the_stored_estimate_bounds_the_error_that_the_iteration_leaves(E: float
 
 
 @pytest.mark.parametrize("h", quick([1e-2, 1e-4], 1e-2))
-@pytest.mark.parametrize("E", [7e10, 5e6])
+@pytest.mark.parametrize("E", quick([7e10, 5e6], 5e6))
 def test_a_complete_basis_gives_the_same_steps(h: float, E: float) -> None:
     plain = march(pendulum(h, 6, E, INTEGRATORS[2], NEWTON))
     snapshots = {b.name: plain.block(b.name).T.copy() for b in plain.model.layout}

@@ -10,6 +10,7 @@ from sparsemor import simulate
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.testing.in_memory_run import scene_of
 from sparsemor.plugins.checks.unresolved_motion import alternation
+from tiers import full
 
 
 def links(out: Path, integrator: Any, joints: bool = True) -> RunResult:
@@ -44,8 +45,7 @@ def test_undamped_forces_are_noted_before_the_run_and_measured_after_it(tmp_path
 
 
 @pytest.mark.parametrize(("integrator", "joints"), [
-    pytest.param(alpha(0.8), True, marks=pytest.mark.full), (alpha(0.95), True),
-    pytest.param("bdf2", True, marks=pytest.mark.full), (alpha(1.0), False)])
+    full(alpha(0.8), True), (alpha(0.95), True), full("bdf2", True), full(alpha(1.0), False)])
 def test_damped_forces_and_free_bodies_are_not_noted(
     integrator: Any, joints: bool, tmp_path: Path
 ) -> None:

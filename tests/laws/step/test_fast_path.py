@@ -36,7 +36,7 @@ def differences(fast: March, plain: March) -> dict[str, float]:
 
 
 @pytest.mark.parametrize(("integrator", "steps"), [
-    pytest.param("bdf2", 5, marks=pytest.mark.end_to_end),
+    pytest.param("bdf2", 2, marks=pytest.mark.end_to_end),
     *(pytest.param(i, 25, marks=pytest.mark.full if i == "bdf2" else pytest.mark.slow)
       for i in INTEGRATORS)])
 def test_a_scene_with_everything(integrator: str, steps: int) -> None:

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import pytest
 
 from sparsemor.bodies.terms.field_kinds import RIGID
 from sparsemor.core import StepFormula
@@ -113,6 +114,7 @@ def test_a_slow_block_is_not_hidden_by_a_quick_one() -> None:
     assert out.status is Status.DONE and abs(out.d[1] - 1.0) < 5e-9
 
 
+@pytest.mark.full
 def test_a_jacobian_turns_with_the_attitude_of_a_body() -> None:
     p, q = np.array([[0.1, 0.7, -0.5, 0.5], [0.0, 0.0, 0.6, 0.8]]), np.eye(4)[1:3]
     L = turns(p, q)

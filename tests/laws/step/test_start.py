@@ -1,6 +1,7 @@
 """The start of a run satisfies the equations of motion to rounding."""
 
 import numpy as np
+import pytest
 
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.equations import system_residual
@@ -8,6 +9,7 @@ from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.scene.scene import load
 
 
+@pytest.mark.full
 def test_accelerations_and_joint_forces_balance_the_weight() -> None:
     """A mass that is lost next to the stiffness leaves 1e-6 of the weight and more open."""
     scene = load("double_pendulum", {

@@ -33,6 +33,7 @@ def test_every_study_of_any_scene_fits_it(scene: Path) -> None:
             assert all(run.training == plan.runs[0].training for run in plan.runs if run.learns)
 
 
+@pytest.mark.full
 def test_methods_are_those_that_are_installed_and_atoms_those_of_the_scene() -> None:
     basis = {"reducer": {"use": "galerkin", "basis": {"use": "pod", "count": 8},
                          "bases": {"*.thermal": {"use": "pod", "count": 4}}}}
@@ -45,6 +46,7 @@ def test_methods_are_those_that_are_installed_and_atoms_those_of_the_scene() -> 
                 "2": (2, 1), "4": (4, 2), "5": (5, 3), "7": (7, 4), "8": (8, 4)}
 
 
+@pytest.mark.full
 def test_the_chart_says_which_part_of_a_run_is_outside_training() -> None:
     halves = of("methods", SWING).drawing
     assert chart_notes(halves, []) == [
@@ -56,6 +58,7 @@ def test_the_chart_says_which_part_of_a_run_is_outside_training() -> None:
     assert Drawing.of_plain(json.loads(json.dumps(given.plain()))) == given
 
 
+@pytest.mark.full
 def test_rigid_bodies_alone_have_integrators_only() -> None:
     assert {run.reducer for run in of("integrators", RIGID).runs} == {"full"}
     for name in ANY[:-1]:

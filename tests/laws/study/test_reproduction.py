@@ -108,7 +108,8 @@ def test_every_item_has_a_rule_on_its_numbers_and_a_command(item: PaperItem) -> 
     assert item.grade(nothing) == MISSED
 
 
-@pytest.mark.parametrize("quick", [False, pytest.param(True, marks=pytest.mark.full)])
+@pytest.mark.full
+@pytest.mark.parametrize("quick", [False, True])
 @pytest.mark.parametrize("name", PAPER.runs)
 def test_every_run_is_a_valid_scene_and_its_command_repeats_it(name: str, quick: bool) -> None:
     entry = PAPER.runs[name]

@@ -68,6 +68,7 @@ def test_what_was_committed_survives_a_torn_line(values: list[Any], cut: int) ->
         [cell(r[n]) for n in plan.columns] for r in again]
 
 
+@pytest.mark.full
 def test_the_folder_of_another_study_is_refused() -> None:
     plan = planned(HEAD + "grid: {seed: [1, 2]}\n")
     Journal.open(Path("out"), plan)

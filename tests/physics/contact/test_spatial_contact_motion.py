@@ -294,6 +294,7 @@ def test_layers_in_a_row_carry_the_heat_of_their_resistances() -> None:
     assert cool.max() == pytest.approx(flux * side / k, rel=1e-7)
 
 
+@pytest.mark.full
 def test_surfaces_that_never_meet_are_told_at_the_end(tmp_path: Path) -> None:
     scene = scene_of({
         "bodies": {"block": brick(LOW, SIZE, (1, 1, 1), pose={"position": [0.0, 0.0, 0.05]}),

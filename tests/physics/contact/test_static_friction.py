@@ -189,6 +189,7 @@ def test_halving_the_step_halves_the_error_of_a_stop() -> None:
     assert errors[-1] < 0.02 * want
 
 
+@pytest.mark.full
 def test_a_run_continues_with_the_deflection_of_its_bristles(tmp_path: Path) -> None:
     slope = atan(0.9 * MU)
     scenes = [on_a_plate(STICK, end, 1e-3, slope=slope) for end in (5e-3, 9e-3)]

@@ -128,6 +128,7 @@ def test_matrices_of_the_elements_have_their_closed_forms() -> None:
         np.testing.assert_allclose(whole.toarray(), dense, atol=1e-13 * np.abs(dense).max())
 
 
+@pytest.mark.full
 def test_pieces_of_the_assembly_add_up(monkeypatch: pytest.MonkeyPatch) -> None:
     mesh = Pad().build(Path())
     at_once = fe.elastic_stiffness(mesh, STEEL, 1.0, "solid").toarray()

@@ -25,6 +25,7 @@ from sparsemor.core.errors import InputError
 from sparsemor.core.model.facets import cell_facets, linear_surface, outer_facets
 from sparsemor.core.protocols.cells import KINDS, by_kind
 from sparsemor.core.protocols.mesh import Mesh
+from tiers import quick
 
 STEEL = Isotropic(E=2e11, nu=0.3, rho=1000, alpha=1e-5)
 
@@ -62,7 +63,7 @@ def sheared(mesh: Mesh) -> Mesh:
     return Mesh(X, mesh.cells, mesh.point_sets)
 
 
-@pytest.fixture(params=KIND, ids=lambda p: f"{p[0]}{p[1]}")
+@pytest.fixture(params=quick(KIND, ("mixed", 2), ("mixed", 3)), ids=lambda p: f"{p[0]}{p[1]}")
 def linear(request: pytest.FixtureRequest) -> Mesh:
     kind, d = request.param
     return grid(kind, (3, 2, 2)[:d], (1.0, 0.6, 0.4)[:d])

@@ -86,8 +86,8 @@ def same(one: Any, two: Any, share: float = 1e-8) -> None:
     np.testing.assert_allclose(two, one, rtol=0.0, atol=share * np.ptp(one, axis=0).max())
 
 
-@pytest.mark.parametrize("kind", [
-    "npz", *(pytest.param(kind, marks=pytest.mark.full) for kind in ("mtx", "mat"))])
+@pytest.mark.full
+@pytest.mark.parametrize("kind", ["npz", "mtx", "mat"])
 def test_a_crank_with_a_rod_from_its_matrices(kind: str, tmp_path: Path) -> None:
     same(*both(CRANK, "rod", tmp_path, None, kind))
 

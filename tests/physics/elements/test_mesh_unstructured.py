@@ -14,6 +14,7 @@ from sparsemor.core.errors import InputError
 from sparsemor.core.model.facets import outer_facets
 from sparsemor.core.protocols.mesh import Mesh
 from sparsemor.core.testing.mesh import check_mesh_plugin
+from tiers import full
 
 SLIDER: dict[str, Any] = {"size": (1.25e-3, 1.25e-3), "divisions": (24, 24), "elements": 1336}
 PLATE: dict[str, Any] = {"size": (5.0e-3, 1.25e-3), "divisions": (72, 18), "elements": 2034}
@@ -24,9 +25,9 @@ def built(**options: Any) -> Mesh:
 
 
 @pytest.mark.parametrize("options,points,area", [
-    (SLIDER, 717, 1.25e-3**2), (PLATE, 1108, 5.0e-3 * 1.25e-3),
-    pytest.param(SLIDER | {"seed": 6}, 717, 1.25e-3**2, marks=pytest.mark.full),
-    pytest.param(PLATE | {"seed": 6}, 1108, 5.0e-3 * 1.25e-3, marks=pytest.mark.full),
+    (SLIDER, 717, 1.25e-3**2), full(PLATE, 1108, 5.0e-3 * 1.25e-3),
+    full(SLIDER | {"seed": 6}, 717, 1.25e-3**2),
+    full(PLATE | {"seed": 6}, 1108, 5.0e-3 * 1.25e-3),
     ({"size": (1, 1), "divisions": (1, 1), "elements": 2}, 4, 1.0),
     ({"size": (2, 1), "divisions": (4, 2), "elements": 12}, 13, 2.0),
     ({"size": (1, 1), "divisions": (24, 24), "elements": 800}, 449, 1.0),

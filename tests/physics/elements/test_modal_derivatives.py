@@ -52,6 +52,7 @@ def test_derivatives_let_the_membrane_follow(scene: Any, thick: float) -> None:
     assert sag(body, {"use": "modal_derivatives", "count": 5}) == pytest.approx(full, rel=0.01)
 
 
+@pytest.mark.full
 def test_without_nonlinear_terms_the_modes_remain() -> None:
     linear = beam_between_walls().using({"bodies.b.strains": "linear"})
     found, modes = (sag(linear, {"use": name, "count": 3}) for name in (

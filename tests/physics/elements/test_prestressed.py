@@ -17,6 +17,7 @@ from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.testing import check_term
 from sparsemor.core.testing.in_memory_run import March, march, scene_of
+from tiers import quick
 
 E_SOFT = 7e8
 
@@ -74,7 +75,7 @@ def differences(run: March, reference: March) -> dict[str, float]:
     return found
 
 
-@pytest.mark.parametrize("space", [False, True])
+@pytest.mark.parametrize("space", quick([False, True], False))
 def test_the_stiffness_is_a_term(space: bool) -> None:
     """Residual, exact Jacobian, restriction and projection, of a moving and of a fixed frame."""
     model = assemble(swinging(space))

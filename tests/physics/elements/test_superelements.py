@@ -194,6 +194,7 @@ def lumped(folder: Path, rotary: float) -> dict[str, Any]:
             "reference": {"clamp": "left"}}
 
 
+@pytest.mark.full
 def test_rotations_without_mass_are_condensed(tmp_path: Path) -> None:
     """As the limit of small rotary inertia, of which frequencies are as if it were none."""
     paths = [tip(path_of(lumped(tmp_path / str(i), size), loads={

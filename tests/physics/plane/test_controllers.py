@@ -45,6 +45,7 @@ def test_a_position_controller_has_the_motion_of_its_closed_loop() -> None:
     assert errors[1] < 0.06 and 1.7 < errors[0] / errors[1] < 2.7
 
 
+@pytest.mark.full
 def test_the_recorded_torque_is_that_of_each_step() -> None:
     run = simulate(load(rotor(PD)))
     phi, torque = run.block("a.rigid")[:, 2], run.joint_forces()["motor"]["torque", "N m"]
@@ -91,6 +92,7 @@ HEATED: dict[str, Any] = {
     "time": {"end": 1000.0, "step": 2.0}, "integrator": "bdf1"}
 
 
+@pytest.mark.full
 def test_a_heater_holds_the_temperature_of_a_probe() -> None:
     run = simulate(load({**HEATED, "time": {"end": 6000.0, "step": 15.0}}))
     assert run.probe("end")[-1, -1] == pytest.approx(320.0, abs=0.01)

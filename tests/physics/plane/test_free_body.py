@@ -60,6 +60,7 @@ def flight(h: float, rho: float = 1.0) -> March:
         "integrator": {"use": "generalized_alpha", "rho_inf": rho}}))
 
 
+@pytest.mark.full
 def test_inertia_forces_of_a_free_body_balance_at_every_instant() -> None:
     """To round-off: the equations hold at the step's end, whatever the integrator."""
     run = flight(1e-3)

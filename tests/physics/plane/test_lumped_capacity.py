@@ -12,6 +12,7 @@ from sparsemor.core.model.assembly import assemble
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.testing.in_memory_run import march, scene_of
+from tiers import quick
 
 
 def bar(capacity: str, mesh: Any = None, **changes: Any) -> Scene:
@@ -93,6 +94,7 @@ def test_an_undershoot_by_a_tenth_of_the_temperature_is_a_warning(here: Path) ->
     assert text in run.summary["notes"] and "undershoot" in run.summary["note_kinds"]
 
 
+@pytest.mark.full
 def test_a_reduced_run_says_so_too(here: Path) -> None:
     scene = bar("consistent", reducer={"use": "galerkin", "basis": {"use": "pod", "count": 12}})
     (text,) = noted(simulate(scene))
@@ -108,7 +110,7 @@ COOLING: dict[str, dict[str, Any]] = {
 }
 
 
-@pytest.mark.parametrize("name", COOLING)
+@pytest.mark.parametrize("name", quick(COOLING, "a cold film"))
 def test_what_may_cool_a_body_is_no_undershoot(here: Path, name: str) -> None:
     """Without the lamp: nothing but what is there to cool it."""
     run = simulate(bar("consistent", loads={"cooling": COOLING[name]}))

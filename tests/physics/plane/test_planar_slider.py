@@ -16,6 +16,7 @@ from sparsemor.core.simulation.validation import checked_model
 from sparsemor.core.testing import check_joint
 from sparsemor.core.testing.in_memory_run import March, march, scene_of
 from tests.laws.simulation.test_rigid_stage_in_space import stage_of
+from tiers import quick
 
 G, SLOPE = 9.81, 0.4
 AXIS = [float(np.cos(SLOPE)), -float(np.sin(SLOPE))]  # downhill
@@ -201,7 +202,7 @@ def test_reduced_with_all_modes_of_its_training_it_is_the_full_run(which: str) -
         assert np.abs(y - x).max() < 1e-7 * np.ptp(x, axis=0).max(), reducer
 
 
-@pytest.mark.parametrize("which", ["ground", "flexible"])
+@pytest.mark.parametrize("which", quick(["ground", "flexible"], "ground"))
 def test_a_run_that_follows_its_own_motion_is_the_same_run(which: str) -> None:
     """What a rigid stage passes on: force and moment on each side."""
     time: Any = {"time": {"end": 0.01, "step": 1e-3}}

@@ -12,6 +12,7 @@ from sparsemor.core.scene.scene import load
 from sparsemor.core.simulation.simulate import simulate
 from sparsemor.plugins.checks.energy_lost import energy_notes
 from sparsemor.plugins.checks.time_error import time_error_notes
+from tiers import full
 
 PENDULUM: dict[str, Any] = {
     "bodies": {"b": {"use": "rigid", "mass": 1.0, "inertia": 1.0 / 12.0, "center": [0.5, 0.0],
@@ -52,7 +53,7 @@ def test_a_resolved_run_has_a_small_estimate_and_no_note() -> None:
                 if "time error" in n or "takes energy" in n]
 
 
-@pytest.mark.parametrize("h, end", [(0.02, 8.0), (0.02, 3.0)])
+@pytest.mark.parametrize("h, end", [full(0.02, 8.0), (0.02, 3.0)])
 def test_energy_that_implicit_euler_takes_is_noted_within_a_third(h: float, end: float) -> None:
     """Loss from the first to the last steps, w from differences of the angle."""
     run = swing("bdf1", h, end)

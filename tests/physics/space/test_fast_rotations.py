@@ -10,6 +10,7 @@ from sparsemor import simulate
 from sparsemor.bodies.frames import rotation as rot
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.testing.in_memory_run import March, march, scene_of
+from tiers import full
 
 MASS, LEVER, G = 1.0, 0.3, 9.81
 TILT = rot.about([1.0, 0.0, 0.0], 0.5)
@@ -85,8 +86,8 @@ def test_errors_keep_falling_from_06_to_005(name: str, of: Any, lever: float) ->
 
 
 @pytest.mark.parametrize(("name", "turn", "lost"), [
-    ("alpha 0.95", 0.1, 1e-5), ("alpha 0.95", 1.0, 1e-3), ("alpha 0.8", 0.1, 1e-4),
-    ("alpha 0.8", 1.0, 2e-2), ("alpha 0.5", 0.3, 1e-2), ("bdf2", 0.3, 2e-2)])
+    full("alpha 0.95", 0.1, 1e-5), ("alpha 0.95", 1.0, 1e-3), full("alpha 0.8", 0.1, 1e-4),
+    full("alpha 0.8", 1.0, 2e-2), full("alpha 0.5", 0.3, 1e-2), ("bdf2", 0.3, 2e-2)])
 def test_a_spin_about_a_principal_axis_stays(name: str, turn: float, lost: float) -> None:
     """100 rad/s over 100 steps: generalized_alpha landed on -p and stopped turning, from 0.1 rad a
     step on with rho_inf 0.95."""

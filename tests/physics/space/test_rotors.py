@@ -86,6 +86,7 @@ def test_a_run_whirls_as_the_closed_form(across: float) -> None:
     assert np.abs(got - want).max() < 2e-3 * np.abs(want).max()
 
 
+@pytest.mark.full
 def test_supports_that_differ_have_no_modes_in_body_axes() -> None:
     with pytest.raises(InputError, match="vary as the bodies rotate"):
         solve(on_bushings(0.4 * STIFF), "frequencies", spin=True, about="start")
