@@ -1,4 +1,4 @@
-"""First and second total time derivatives of the constraints g(x, t).
+"""Values of the constraints g(x, t), and their first and second total time derivatives.
 
 With velocities v and zero accelerations
 
@@ -59,6 +59,17 @@ class Constraints:
         rows = layout.algebraic
         here = ((t, np.flatnonzero((t.rows >= rows.start) & (t.rows < rows.stop))) for t in terms)
         return cls(layout, tuple(t.restrict(keep) for t, keep in here if len(keep)), h)
+
+    def values(self, x: FloatArray, t: float) -> tuple[FloatArray, FloatArray]:
+        """Values g (l,) of the constraints, and the magnitude (l,) of their terms, sum |G_j x_j|.
+        """
+        found, size = self._zero(), self._zero()
+        for term in self.terms:
+            j = term.columns
+            zero = np.zeros(len(j))
+            self._add(found, term, term.residual(x[j], zero, zero, t))
+            self._add(size, term, abs(self._jacobian(term, x, t)) @ np.abs(x[j]))
+        return found, size
 
     def rate(self, x: FloatArray, v: FloatArray, t: float) -> tuple[FloatArray, FloatArray]:
         """Time derivative g' (l,) of the constraints, and the magnitude (l,) to compare it with:

@@ -99,6 +99,8 @@ START = "start"
 BROKEN, NEXT_TO = 1e-4, 1e-6
 """Tolerances for the rate of a violated constraint, relative to the velocities at its own joint
 (BROKEN) and at all joints (NEXT_TO)."""
+OPEN = 1e-5
+"""Tolerance for the value of a constraint, relative to the largest terms of all constraints."""
 
 
 def consistent_state(model: AssembledModel) -> State:
@@ -228,6 +230,23 @@ def start_notes(model: AssembledModel, t: float = 0.0) -> tuple[Note, ...]:
     if rows.start == rows.stop:
         return ()
     return broken_rates(model.layout, *_constraints(model).rate(model.x0, model.v0, t))
+
+
+def open_joints(model: AssembledModel, t: float = 0.0) -> dict[str, float]:
+    """Joints that the initial positions do not satisfy, and by how much (m, rad or a cosine)."""
+    rows, found = model.layout.algebraic, {}
+    if rows.start == rows.stop:
+        return {}
+    values, sizes = _constraints(model).values(model.x0, t)
+    limit = OPEN * float(sizes.max(initial=0.0))
+    for b in model.layout:
+        if b.kind.order == 0:
+            at = slice(model.layout[b.name].start - rows.start,
+                       model.layout[b.name].stop - rows.start)
+            gap = float(np.abs(values[at]).max(initial=0.0))
+            if gap > limit:
+                found[b.owner] = gap
+    return found
 
 
 def broken_rates(layout: Layout, rates: FloatArray, sizes: FloatArray) -> tuple[Note, ...]:

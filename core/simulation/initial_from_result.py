@@ -9,6 +9,7 @@ import numpy as np
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import Fault, InputError
 from sparsemor.core.linalg.least_squares import least_squares_coefficients
+from sparsemor.core.model.initial_state import open_joints
 from sparsemor.core.model.model import Model
 from sparsemor.core.notes import Note, information
 from sparsemor.core.protocols.basis import Dictionary
@@ -46,10 +47,18 @@ def initial_notes(
     scene: Scene, model: Model, dictionaries: Mapping[str, Dictionary]
 ) -> tuple[Note, ...]:
     """Notes on the initial state, and on the error of each block whose atoms do not contain it,
-    relative to the largest change in the result: a warning from 0.1 on."""
+    relative to the largest change in the result: a warning from 0.1 on. Raises InputError for a
+    state that joints do not fit at 0 s."""
     if scene.initial is None:
         return ()
     result, step = _opened(scene)
+    faults = [Fault(KEY, f"the state at {result.times[step]:.6g} s does not fit joint {joint} at "
+                    f"0 s, where time starts again: {gap:.3g} (m, rad, or a cosine); take a state "
+                    "at which its sides meet and its motion is that at 0 s (of an analysis: `--at "
+                    "0`), or shift its motion in time")
+              for joint, gap in open_joints(model).items()]
+    if faults:
+        raise InputError(faults)
     errors = {}
     for name, d in dictionaries.items():
         x = model.x0[model.layout[name]] - d.offset

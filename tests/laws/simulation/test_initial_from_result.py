@@ -106,3 +106,18 @@ def test_missing_fields_and_rigid_stages_are_refused(tmp_path: Path) -> None:
         simulate(load(SWING, start(earlier)))
     with pytest.raises(InputError, match="with a rigid stage the motion starts from the poses"):
         simulate(load(SLIDER, {"initial": {"result": str(tmp_path / "cold")}}))
+
+
+def test_a_state_that_a_joint_does_not_fit_is_refused(tmp_path: Path) -> None:
+    """The angle of a driven crank at the end of a run is not that at 0 s, where a run begins."""
+    crank: dict[str, Any] = {
+        "format": 1, "bodies": {"bar": {"use": "rigid", "mass": 1.0, "inertia": 0.1,
+                                        "points": {"pin": [0, 0]}}},
+        "joints": {"drive": {"use": "prescribed_motion", "of": "bar:pin", "x": 0.0, "y": 0.0,
+                             "angle": {"use": "ramp", "end": 1.0, "final": 2.0}}},
+        "time": {"end": 0.5, "step": 0.01}}
+    simulate(load(crank), out=tmp_path)
+    again = load(crank | {"initial": {"result": str(tmp_path)}})
+    with pytest.raises(InputError, match="state at 0.5 s does not fit joint drive at 0 s.* 1 "):
+        simulate(again)
+    simulate(again.using({"joints.drive.angle.initial": 1.0, "joints.drive.angle.final": 3.0}))
