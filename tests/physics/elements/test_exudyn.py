@@ -1,4 +1,4 @@
-"""Large bending against Exudyn's cables in absolute nodal coordinates (ANCF)."""
+"""Large bending against Exudyn's cables and thin plates in absolute nodal coordinates (ANCF)."""
 
 from typing import Any
 
@@ -57,3 +57,54 @@ def test_a_cantilever_blade_that_bends_far(bend: float) -> None:
         "probes": {"tip": {"body": "b", "at": "right"}}})
     rows = {r["quantity"]: r["value"] for r in solve(scene, "static").rows}
     np.testing.assert_allclose([rows["tip.u_x"], rows["tip.u_y"]], exudyn_tip(force), rtol=2e-3)
+
+
+WIDTH, NU = 0.5, 0.3
+
+
+def exudyn_plate(force: float) -> list[float]:
+    """Displacements u_x, u_z, m, of the middle and of a corner of the free edge of a plate that is
+    clamped opposite, by 8 x 4 thin plates."""
+    from exudyn import shells
+
+    system = exudyn.SystemContainer().AddSystem()
+    mesh = shells.ShellMesh(
+        [[0, -WIDTH / 2, 0], [LENGTH, -WIDTH / 2, 0], [LENGTH, WIDTH / 2, 0], [0, WIDTH / 2, 0]],
+        8, 4, E, NU, 2700.0, SIDE)
+    mesh.CreateANCFThinPlateElements(system)
+    for node in mesh.boundaryNodeNumbers["left"]:  # positions and rotations, not strains
+        shells.AddClampToGround(system, node, [1, 1, 1, 0, 1, 1, 1, 0, 1])
+    shells.ApplyEdgeLoad(system, mesh, "right", loadVector=[0, 0, -force], distributed=True)
+    system.Assemble()
+    settings: Any = exudyn.SimulationSettings()
+    settings.staticSolver.numberOfLoadSteps = 5
+    settings.staticSolver.newton.relativeTolerance = 1e-9
+    settings.staticSolver.verboseMode = 0
+    settings.solution.file.write = False
+    system.SolveStatic(settings)
+    edge = mesh.boundaryNodeNumbers["right"]
+    found = [system.GetNodeOutput(n, exudyn.OutputVariableType.Displacement)
+             for n in (edge[len(edge) // 2], edge[0])]
+    return [float(u[i]) for u in found for i in (0, 2)]
+
+
+@pytest.mark.slow
+def test_a_plate_that_bends_far() -> None:
+    """Edge force 1.5 E I / L^2, 0.39 L down. One quadratic tetrahedron over the thickness is too
+    stiff by 2.3, 0.8 and 0.4 % with 8, 16 and 24 cells along the plate."""
+    force = 1.5 * E * SIDE**3 * WIDTH / 12.0 / LENGTH**2
+    scene = load({
+        "format": 1, "time": {"end": 1.0, "step": 0.5},
+        "bodies": {"b": {
+            "use": "flexible", "order": 2, "fields": ["elastic"],
+            "mesh": {"use": "block", "lower": [0.0, -WIDTH / 2, -SIDE / 2],
+                     "size": [LENGTH, WIDTH, SIDE], "divisions": [16, 8, 1]},
+            "material": {"E": E, "nu": NU, "rho": 2700.0}, "frame": "fixed",
+            "strains": "nonlinear", "reference": {"clamp": "left"}}},
+        "loads": {"f": {"use": "traction", "on": ["b:right"], "axes": "space",
+                        "traction": [0.0, 0.0, -force / (WIDTH * SIDE)]}},
+        "probes": {"middle": {"body": "b", "at": [LENGTH, 0.0, 0.0]},
+                   "corner": {"body": "b", "at": [LENGTH, -WIDTH / 2, 0.0]}}})
+    rows = {r["quantity"]: r["value"] for r in solve(scene, "static").rows}
+    found = [rows[f"{probe}.u_{axis}"] for probe in ("middle", "corner") for axis in "xz"]
+    np.testing.assert_allclose(found, exudyn_plate(force), rtol=0.015)
