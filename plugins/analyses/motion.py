@@ -19,8 +19,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-from scipy.sparse import block_diag, csc_array, eye_array
-from scipy.sparse.linalg import spsolve
+from scipy.sparse import block_diag, csc_array, diags_array, eye_array
 
 from sparsemor.core import Block, BoolArray, Csr, FloatArray, IntArray, State
 from sparsemor.core.model.constraint_rates import Constraints
@@ -147,7 +146,8 @@ def carried_jacobian(system: System, at: State) -> tuple[Csr, FloatArray]:
     (n,) of its inertia forces, by that of the differences which give the accelerations."""
     T, rate, second = body_axes(system.layout, at)
     t = system.tangents(at)
-    inverse = spsolve(csc_array(T.T @ T), csc_array(T.T))
+    # the columns of T are orthogonal: T^+ = (T^T T)^-1 T^T has a diagonal to invert
+    inverse = diags_array(1.0 / np.asarray(T.multiply(T).sum(axis=0)).ravel()) @ T.T
     return (csc_array(t.K + (t.D @ rate + t.M @ second) @ inverse),
             ROUNDING * (abs(t.D) @ np.full_like(at.v, np.abs(at.v).max())
                         + abs(t.M) @ np.full_like(at.a, np.abs(at.a).max())))
