@@ -69,6 +69,7 @@ def test_a_qualified_name_is_written_down_and_read_again(clash):
         "use": "sparsemor-bad:lhs"}
 
 
+@pytest.mark.full
 def test_the_schema_knows_both(clash):
     choices = scene_schema()["$defs"]["slot.sampler"]["anyOf"]
     names = [c["const"] for c in choices if "const" in c]

@@ -46,6 +46,7 @@ def test_implicit_euler_steps_from_the_matrices_are_those_of_the_model(reducer: 
         assert np.allclose(y, stepper.values(), rtol=1e-9, atol=1e-12 * np.abs(y).max())
 
 
+@pytest.mark.full
 def test_files_hold_the_same_numbers(tmp_path: Path) -> None:
     made = model("galerkin")
     made.save(tmp_path / "m")

@@ -50,6 +50,7 @@ def test_names_are_found_in_code_and_not_in_docstrings() -> None:
     assert not named("linear elasticity") and not named("fully")
 
 
+@pytest.mark.full
 def test_no_name_is_taken_apart() -> None:
     """A kind, a phase or a role is a value: the begin or end of a name says nothing."""
     found = {(str(path.relative_to(CORE)), call)

@@ -74,10 +74,17 @@ SPARSE = {"use": "sparse", "basis": {"use": "pod", "count": 10}}
 
 @pytest.mark.full
 @pytest.mark.parametrize("budgets", [ALL, FEW], ids=["all", "selection"])
-@pytest.mark.parametrize("name", ["small_slider", "swing", "heated_disk"])
-def test_steps_of_moving_bodies_are_those_of_the_page(name: str, budgets: dict[str, Any]) -> None:
+@pytest.mark.parametrize(("name", "changes"), [
+    ("small_slider", {}), ("swing", {}), ("heated_disk", {
+        "bodies.disk.mesh": {"use": "disk", "triangles": 300, "rim": 36, "layers": 2}}),
+    pytest.param("heated_disk", {}, marks=pytest.mark.slow)],
+    ids=["small_slider", "swing", "coarse_disk", "heated_disk"])
+def test_steps_of_moving_bodies_are_those_of_the_page(
+    name: str, changes: dict[str, Any], budgets: dict[str, Any]
+) -> None:
     """A block that slides over a plate, two bodies and their joint, a disk in space."""
-    compared(load(SCENES / f"{name}.yaml", {"reducer": {**SPARSE, "budgets": budgets}}), 4)
+    reducer = {**SPARSE, "budgets": budgets}
+    compared(load(SCENES / f"{name}.yaml", {"reducer": reducer, **changes}), 4)
 
 
 def compared(scene: Scene, steps: int) -> None:

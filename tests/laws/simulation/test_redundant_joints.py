@@ -200,6 +200,7 @@ def test_compiled_steps_of_redundant_joints(dimension: int) -> None:
         np.testing.assert_allclose(on, off, rtol=1e-4, atol=1e-4)
 
 
+@pytest.mark.full
 def test_groups_are_named_apart() -> None:
     run = simulate(load(scene(second=pin("ground", "a:r"), weld=WELD, pin=pin("a:q", "b:q"))))
     starts = [n.partition(" depend")[0] for n in run.summary["notes"]]
