@@ -39,10 +39,9 @@ from sparsemor.bodies.joints.conditions import (
     conditions_on,
     constant,
 )
-from sparsemor.bodies.joints.force_element import Drive, ForceElement
+from sparsemor.bodies.joints.force_element import Drive, ForceElement, Relative
 from sparsemor.bodies.joints.pairs import Between
 from sparsemor.bodies.joints.part import JointPart
-from sparsemor.bodies.joints.relative import Relative
 from sparsemor.bodies.joints.side import Side
 from sparsemor.bodies.loads.part import LoadPart, NumberOrFunction, amplitude, components
 from sparsemor.bodies.loads.point_loads import write_point_force

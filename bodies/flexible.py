@@ -23,9 +23,8 @@ from sparsemor.bodies.fem.quadratic import with_midpoints, without_midpoints
 from sparsemor.bodies.fem.stress import CellStress
 from sparsemor.bodies.frames.moments import MassProperties
 from sparsemor.bodies.material import Region, constants_at, curves, regions_of, require, summed
-from sparsemor.bodies.mesh.check import check_mesh
+from sparsemor.bodies.mesh.check import check_mesh, mesh_notes
 from sparsemor.bodies.mesh.expression import FormulaText, evaluate_formula
-from sparsemor.bodies.mesh.plausibility import mesh_notes
 from sparsemor.bodies.mesh.sets import PointSet, given_centres, with_sets
 from sparsemor.bodies.pose import Pose
 from sparsemor.bodies.reference_conditions import Reference

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import model_validator
 
 from sparsemor.bodies.fem.elasticity import rigid_modes
-from sparsemor.bodies.mesh.plausibility import LARGEST
+from sparsemor.bodies.mesh.check import LARGEST
 from sparsemor.bodies.mesh.sets import find_set
 from sparsemor.core import FloatArray, InputError, IntArray, Mesh, Plugin
 

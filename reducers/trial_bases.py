@@ -20,8 +20,7 @@ from sparsemor.core import (
     Trial,
     information,
 )
-from sparsemor.core.linalg.least_squares import orthonormal
-from sparsemor.core.linalg.svd import svd
+from sparsemor.core.linalg.dense import orthonormal, svd
 from sparsemor.core.model.fitting_bases import fitted_bases
 from sparsemor.core.protocols.separable import HeatBody
 

@@ -6,8 +6,7 @@ import numpy as np
 from pydantic import Field
 
 from sparsemor.bodies.frames.springs import RelativeItem, linear
-from sparsemor.bodies.joints.force_element import ForceElement, ItemForce
-from sparsemor.bodies.joints.relative import relative_item
+from sparsemor.bodies.joints.force_element import ForceElement, ItemForce, relative_item
 from sparsemor.bodies.joints.side import Side, unit
 from sparsemor.bodies.pose import Vector
 from sparsemor.core import FloatArray, InputError

@@ -8,8 +8,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from sparsemor.bodies.frames.springs import Length, RelativeItem, linear
-from sparsemor.bodies.joints.force_element import Drive, ForceElement
-from sparsemor.bodies.joints.relative import relative_angle, unknowns
+from sparsemor.bodies.joints.force_element import Drive, ForceElement, relative_angle, unknowns
 from sparsemor.bodies.joints.side import Side, size_of, unit
 from sparsemor.bodies.loads.part import NumberOrFunction
 from sparsemor.bodies.pose import Vector

@@ -21,7 +21,7 @@ from sparsemor.bodies.fem.integrals import divided
 from sparsemor.bodies.fem.view_factors import Facets, bounded, closed, exchange_areas
 from sparsemor.bodies.loads.part import LoadPart, NumberOrFunction
 from sparsemor.bodies.loads.surface_heat import STEFAN_BOLTZMANN
-from sparsemor.bodies.mesh.plausibility import celsius_notes
+from sparsemor.bodies.mesh.check import celsius_notes
 from sparsemor.core import (
     Amplitude,
     Csr,

@@ -13,7 +13,7 @@ from sparsemor.bodies.fem.integrals import surface_load, surface_mass
 from sparsemor.bodies.fem.pointwise_law import TEMPERATURE, PointwiseLaw, Response, Variable
 from sparsemor.bodies.loads.part import LoadPart, NumberOrFunction
 from sparsemor.bodies.material import Positive
-from sparsemor.bodies.mesh.plausibility import celsius_notes
+from sparsemor.bodies.mesh.check import celsius_notes
 from sparsemor.bodies.temperature_curve import TemperatureCurve
 from sparsemor.bodies.terms.law_functions import curve_at
 from sparsemor.core import Amplitude, Effect, Equations, FloatArray, LoadPlugin, Part

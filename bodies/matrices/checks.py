@@ -10,8 +10,7 @@ from scipy.sparse.linalg import splu
 from sparsemor.bodies.frames.moments import MassProperties
 from sparsemor.bodies.matrices.body import ROUND_OFF, motion_error
 from sparsemor.bodies.matrices.unknowns import Unknowns
-from sparsemor.bodies.mesh.check import some
-from sparsemor.bodies.mesh.plausibility import HEAVY, LARGEST
+from sparsemor.bodies.mesh.check import HEAVY, LARGEST, some
 from sparsemor.core import BoolArray, Csr, FloatArray, InputError, IntArray, Note
 
 __all__ = ["check_forces", "check_mechanical", "check_thermal", "moment_notes", "size_notes",

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.sparse import csgraph, csr_array, diags_array
 
 from sparsemor.core.arrays import Csr, FloatArray
-from sparsemor.core.linalg.coherence import unit_columns
+from sparsemor.core.linalg.dense import unit_columns
 from sparsemor.core.model.equations import dense, system_jacobian
 from sparsemor.core.model.model import Model
 from sparsemor.core.notes import Note

@@ -40,7 +40,7 @@ class StepMemory(ABC):
     immutable.
 
     Its fields are plain data, or objects that `start` makes at the same place
-    (core/results/saved_state.py), so that a stopped run can be resumed. `__getstate__` omits work
+    (core/results/checkpoint.py), so that a stopped run can be resumed. `__getstate__` omits work
     arrays.
     """
 

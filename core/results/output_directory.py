@@ -14,7 +14,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from sparsemor.core.errors import InputError
-from sparsemor.core.results.checkpoint import checkpoint_file, load_checkpoint
+from sparsemor.core.results.checkpoint import SavedError, checkpoint_file, load_checkpoint
 from sparsemor.core.results.files.listing import (
     LISTING,
     Listing,
@@ -25,7 +25,6 @@ from sparsemor.core.results.files.listing import (
 from sparsemor.core.results.files.own import STORE, OwnFiles, move, own_files, remove
 from sparsemor.core.results.files.temporary import NAME as TEMPORARY
 from sparsemor.core.results.output_lock import LOCK, lost, owned
-from sparsemor.core.results.saved_state import SavedError
 from sparsemor.core.results.stored_arrays import HEADER
 from sparsemor.core.status import SolveFailed, Status
 

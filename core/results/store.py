@@ -25,6 +25,8 @@ from sparsemor.core.results.archive import is_archive, write_archive
 from sparsemor.core.results.atomic_files import writing
 from sparsemor.core.results.checkpoint import (
     Checkpoint,
+    Saved,
+    SavedError,
     checkpoint_file,
     load_checkpoint,
     save_checkpoint,
@@ -36,7 +38,6 @@ from sparsemor.core.results.files.temporary import TemporaryFolder
 from sparsemor.core.results.metadata import RunHeader, load_layout
 from sparsemor.core.results.output_lock import FixedFolder
 from sparsemor.core.results.run_result import RunResult
-from sparsemor.core.results.saved_state import Saved, SavedError
 from sparsemor.core.results.stored_arrays import (
     FIXED,
     HEADER,
@@ -217,7 +218,7 @@ class ResultWriter:
 
         arrays: state of the time integrator; memory: state of the step solver; extra: number of
         appended steps that a longer run does not store. Raises TypeError for a state that cannot be
-        serialized (saved_state.py).
+        serialized (checkpoint.py).
         """
         run, stored = self._document["attributes"]["run"], self.stored - extra
         with self._folder.kept(self._last_time), writing(checkpoint_file(self.path)):

@@ -1,4 +1,5 @@
-"""Identity of a run: everything except the scene's text that its numbers depend on.
+"""Identity of a run: everything except the scene's text that its numbers depend on; and settings of
+a scene that do not affect its full-order solution.
 
 Sources of sparsemor, libraries, plugins of other distributions (name, version, sources), files that
 the scene names, and the number of BLAS threads. It is part of the key of every cached product, and
@@ -15,16 +16,15 @@ from functools import cache
 from importlib import metadata
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pydantic import BaseModel
 
 from sparsemor.core.linalg.threads import threads
 from sparsemor.core.protocols.plugin import Plugin
+from sparsemor.core.protocols.time_function import Controller
 from sparsemor.core.registry.installed import entry_points
-
-if TYPE_CHECKING:
-    from sparsemor.core.scene.scene import Scene
+from sparsemor.core.scene.scene import Scene
 
 PACKAGE = "sparsemor"
 FOLDERS = ("core", "bodies", "reducers", "integrators", "plugins")
@@ -56,7 +56,7 @@ class Identity:
     threads: int
 
     @classmethod
-    def of(cls, scene: "Scene") -> "Identity":
+    def of(cls, scene: Scene) -> "Identity":
         """Identity of a run of this scene in the present environment."""
         parts = list(_plugins(scene))
         found = {p.partition(".")[0] for part in parts for p in _modules(type(part))}
@@ -216,3 +216,38 @@ def _digest_of(files: Sequence[Path], root: Path | None) -> str:
 def _files(parts: Sequence[object], base: Path) -> dict[str, str]:
     named = [f for part in parts if isinstance(part, Plugin) for f in part.files(base)]
     return {Path(os.path.relpath(f, base)).as_posix(): _digest_of([f], None) for f in named}
+
+
+# ------------------------------------------------------------------ full-order solution
+
+
+IRRELEVANT: Mapping[str, Any] = {
+    "title": "", "seed": 0, "check_stability": "warn", "check_trial_space": "warn",
+    "check_strains": "warn", "output": {}, "probes": {}, "parameters": {}}
+"""Keys of a scene that do not affect its solution, with the value to which they are reset. A new
+key of `Scene` belongs here or in `RELEVANT`, which a test checks."""
+REDUCTION = frozenset({"reducer", "training"})
+"""Keys that affect a reduced model only."""
+RELEVANT = frozenset({
+    "format", "bodies", "joints", "contacts", "loads", "rigid_stage", "initial", "time",
+    "integrator", "linear_solver", "linear_solvers"})
+NOT_PHYSICS = (frozenset(IRRELEVANT) | REDUCTION) - {"parameters"}
+"""Keys that may change without a new reference solution."""
+
+
+def physics_of(scene: Scene, label: str) -> Scene:
+    """Scene with every irrelevant setting reset, so that all scenes of the same physics have the
+    same digest. label: origin of the changed keys in messages."""
+    without = {f"training.{key}": None for key in ("parameters", "loads")
+               if getattr(scene.training, key) is not None}
+    reset = dict(IRRELEVANT)
+    if any(isinstance(f, Controller) for f in scene.functions_of_time.values()):
+        del reset["probes"]  # sensors
+    return scene.using({**reset, **without}, label=label)
+
+
+def training_physics(scene: Scene, own: Mapping[str, Any] | None = None) -> tuple[Scene, Scene]:
+    """Scene of the training run, with its own changes if there are several, and the same with
+    every irrelevant setting reset."""
+    training = scene.for_training(own)
+    return training, physics_of(training, "training")

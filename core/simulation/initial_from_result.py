@@ -8,7 +8,7 @@ import numpy as np
 
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import Fault, InputError
-from sparsemor.core.linalg.least_squares import least_squares_coefficients
+from sparsemor.core.linalg.dense import least_squares_coefficients
 from sparsemor.core.model.initial_state import open_joints
 from sparsemor.core.model.model import Model
 from sparsemor.core.notes import Note, information

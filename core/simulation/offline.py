@@ -8,7 +8,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from sparsemor.core.arrays import Arrays, FloatArray
-from sparsemor.core.linalg.least_squares import least_squares_coefficients
+from sparsemor.core.linalg.dense import least_squares_coefficients
 from sparsemor.core.linalg.snapshots import column_chunks
 from sparsemor.core.model.initial_state import resolved_start
 from sparsemor.core.model.model import Model

@@ -55,9 +55,8 @@ from sparsemor.core.simulation.offline import step_count
 from sparsemor.core.simulation.prepare import explicit, prepared_again, prepared_run
 from sparsemor.core.simulation.prepared_run import PreparedRun
 from sparsemor.core.simulation.progress import progress_bar
-from sparsemor.core.simulation.recorder import Recorder, kept
+from sparsemor.core.simulation.recorder import Recorder, StepStatistics, kept
 from sparsemor.core.simulation.run_steps import RunSteps
-from sparsemor.core.simulation.step_statistics import StepStatistics
 from sparsemor.core.simulation.stepper import Input, Stepper
 from sparsemor.core.simulation.stored_classes import CLASSES
 from sparsemor.core.simulation.time_stepping import full_state, started

@@ -25,8 +25,7 @@ from sparsemor.core.protocols.prescribed_motion import FrameHistory, Stage, Surf
 from sparsemor.core.registry.hooks import Manager
 from sparsemor.core.scene.defaults import FULL_ORDER
 from sparsemor.core.scene.digest import digest
-from sparsemor.core.scene.independent_of_physics import IRRELEVANT
-from sparsemor.core.scene.run_identity import Identity
+from sparsemor.core.scene.run_identity import IRRELEVANT, Identity
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.offline import Offline, full_run
 from sparsemor.core.simulation.offline_cache import Products, mesh_content

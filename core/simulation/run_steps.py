@@ -27,9 +27,8 @@ from sparsemor.core.simulation.controllers import Controllers
 from sparsemor.core.simulation.error_record import ErrorRecord
 from sparsemor.core.simulation.outputs import outputs_of
 from sparsemor.core.simulation.prepared_run import PreparedRun
-from sparsemor.core.simulation.recorder import Recorder, RecordMark, in_summary
+from sparsemor.core.simulation.recorder import Recorder, RecordMark, StepStatistics, in_summary
 from sparsemor.core.simulation.step_control import ControlledSteps, ControlMemory, step_of
-from sparsemor.core.simulation.step_statistics import StepStatistics
 from sparsemor.core.simulation.time_stepping import iterate, many_steps, started
 from sparsemor.core.simulation.training import SnapshotCollector
 from sparsemor.core.status import SolveFailed, Status

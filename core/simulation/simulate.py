@@ -26,9 +26,8 @@ from sparsemor.core.simulation.prepare import (
     train,
 )
 from sparsemor.core.simulation.progress import progress_bar
-from sparsemor.core.simulation.recorder import Recorder, admit, kept
+from sparsemor.core.simulation.recorder import Recorder, StepStatistics, admit, kept
 from sparsemor.core.simulation.run_steps import RunSteps
-from sparsemor.core.simulation.step_statistics import StepStatistics
 from sparsemor.core.simulation.training import snapshot_keeper
 
 

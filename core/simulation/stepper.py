@@ -22,7 +22,7 @@ from sparsemor.core.protocols.step_solver import (
 from sparsemor.core.protocols.time_function import HeldFunction, holding
 from sparsemor.core.registry.boundary import naming_plugins
 from sparsemor.core.registry.registry import suggestions
-from sparsemor.core.results.saved_state import Saved, SavedError
+from sparsemor.core.results.checkpoint import Saved, SavedError
 from sparsemor.core.simulation.checks import Checks
 from sparsemor.core.simulation.controllers import Controllers
 from sparsemor.core.simulation.outputs import Output, outputs_of, read

@@ -10,7 +10,7 @@ import numpy as np
 from typing_extensions import TypeVar
 
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.linalg.least_squares import least_squares_coefficients
+from sparsemor.core.linalg.dense import least_squares_coefficients
 from sparsemor.core.protocols.integrator import (
     Integrator,
     NextStep,

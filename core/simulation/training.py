@@ -18,8 +18,7 @@ from sparsemor.core.protocols.reducer import Recording
 from sparsemor.core.registry.hooks import Manager
 from sparsemor.core.scene.defaults import FULL_ORDER, LARGEST_ERROR
 from sparsemor.core.scene.digest import digest
-from sparsemor.core.scene.independent_of_physics import physics_of, training_physics
-from sparsemor.core.scene.run_identity import Identity, origin
+from sparsemor.core.scene.run_identity import Identity, origin, physics_of, training_physics
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.initial_from_result import started_from_result
 from sparsemor.core.simulation.memory.estimate import trains

@@ -9,7 +9,7 @@ from scipy import sparse
 
 from sparsemor.core.arrays import Csr
 from sparsemor.core.errors import InputError
-from sparsemor.core.linalg.coherence import unit_columns
+from sparsemor.core.linalg.dense import unit_columns
 from sparsemor.core.protocols.basis import BlockData, Dictionary
 from sparsemor.core.protocols.layout import FieldKind, Quantity
 from sparsemor.core.protocols.load_tables import LoadTable, Table, path_rows, ring

@@ -19,7 +19,7 @@ from sparsemor.core.protocols.integrator import State, StepFormula, StepOutcome
 from sparsemor.core.protocols.reducer import ReducedProblem
 from sparsemor.core.protocols.step_solver import AroundSteps, StepMemory, StepSolver
 from sparsemor.core.registry.hooks import new_manager
-from sparsemor.core.results.saved_state import Saved, SavedError
+from sparsemor.core.results.checkpoint import Saved, SavedError
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.simulation.time_stepping import FixedStep, Step, iterate, started

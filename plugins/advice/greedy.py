@@ -15,9 +15,8 @@ from sparsemor.core.notes import Note
 from sparsemor.core.registry.hooks import Manager
 from sparsemor.core.results.error_norms import CONSTANT_CHANGE
 from sparsemor.core.scene.digest import digest
-from sparsemor.core.scene.independent_of_physics import physics_of
 from sparsemor.core.scene.parameters import Point, values_at
-from sparsemor.core.scene.run_identity import Identity
+from sparsemor.core.scene.run_identity import Identity, physics_of
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.error_record import ErrorRecord

@@ -25,7 +25,7 @@ from sparsemor.core import (
     Term,
     Trial,
 )
-from sparsemor.core.linalg.least_squares import least_squares_coefficients
+from sparsemor.core.linalg.dense import least_squares_coefficients
 from sparsemor.core.model.compressed_local import CompressedLocal
 from sparsemor.core.model.equations import system_jacobian, system_residual
 from sparsemor.core.protocols.layout import Quantity

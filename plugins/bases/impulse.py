@@ -6,7 +6,7 @@ import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from sparsemor.core import Basis, BlockData, Dictionary, FloatArray, InputError
-from sparsemor.core.linalg.coherence import oriented_unit_columns
+from sparsemor.core.linalg.dense import oriented_unit_columns
 from sparsemor.core.model.model import distinct_names
 from sparsemor.plugins.bases.load_patterns import (
     known_step,

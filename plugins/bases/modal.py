@@ -12,7 +12,7 @@ from scipy import linalg
 from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 
 from sparsemor.core import Basis, BlockData, Csr, Dictionary, FloatArray, InputError
-from sparsemor.core.linalg.coherence import oriented_unit_columns
+from sparsemor.core.linalg.dense import oriented_unit_columns
 from sparsemor.plugins.bases.orthogonalise import independent
 from sparsemor.plugins.bases.static_response import StaticSolver, factorize, is_thermal
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from sparsemor.core import FloatArray, IntArray
-from sparsemor.core.linalg.coherence import oriented_unit_columns
+from sparsemor.core.linalg.dense import oriented_unit_columns
 
 
 def independent(A: FloatArray, rtol: float) -> tuple[IntArray, FloatArray]:

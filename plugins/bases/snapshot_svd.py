@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from sparsemor.core import FloatArray
+from sparsemor.core.linalg.dense import svd
 from sparsemor.core.linalg.snapshots import column_chunks
-from sparsemor.core.linalg.svd import svd
 
 FIRST, EXTRA, PASSES = 64, 16, 12
 """Columns of the first random sketch if no `count` is given; oversampling columns; largest number

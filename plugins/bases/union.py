@@ -7,7 +7,7 @@ import numpy as np
 from pydantic import Field
 
 from sparsemor.core import Basis, BlockData, Dictionary, FloatArray, Slot
-from sparsemor.core.linalg.coherence import coherence, oriented_unit_columns
+from sparsemor.core.linalg.dense import coherence, oriented_unit_columns
 from sparsemor.core.model.model import distinct_names
 from sparsemor.plugins.bases.orthogonalise import independent, merge
 

@@ -31,7 +31,7 @@ from sparsemor.core import (
     SolveFailed,
     StepFactors,
 )
-from sparsemor.core.linalg.least_squares import orthonormal
+from sparsemor.core.linalg.dense import orthonormal
 from sparsemor.core.linalg.snapshots import column_chunks
 from sparsemor.core.model.expected_states import expected_states
 from sparsemor.core.results.error_norms import CONSTANT_CHANGE, estimated_errors

@@ -8,8 +8,7 @@ import numpy as np
 
 from sparsemor.core import Basis, Dictionary, OfflineProducts, State, StepFactors, StepSolver
 from sparsemor.core.arrays import Arrays, FloatArray
-from sparsemor.core.linalg.least_squares import least_squares_coefficients
-from sparsemor.core.linalg.svd import svd
+from sparsemor.core.linalg.dense import least_squares_coefficients, svd
 from sparsemor.core.protocols.layout import Layout
 from sparsemor.core.protocols.reducer import Recording
 from sparsemor.core.results.probes import ProbeReader

@@ -3,7 +3,7 @@
 import numpy as np
 
 from sparsemor.core import FloatArray, InputError, Preconditioner
-from sparsemor.core.linalg.svd import svd
+from sparsemor.core.linalg.dense import svd
 
 
 class Parseval(Preconditioner):

@@ -5,7 +5,7 @@ from pydantic import Field
 from scipy import linalg
 
 from sparsemor.core import FloatArray, InputError, Preconditioner
-from sparsemor.core.linalg.coherence import condition_number, unit_columns
+from sparsemor.core.linalg.dense import condition_number, unit_columns
 
 
 class UnitNormTightFrame(Preconditioner):

@@ -3,7 +3,7 @@
 import numpy as np
 
 from sparsemor.core import FloatArray
-from sparsemor.core.linalg.svd import svd
+from sparsemor.core.linalg.dense import svd
 
 EPS = float(np.finfo(np.float64).eps)
 LOST = 1e4

@@ -4,9 +4,9 @@ import numpy as np
 from pydantic import Field
 
 from sparsemor.core import BoolArray, FloatArray, Status
-from sparsemor.plugins.sparse_solvers.least_squares_on_support import pruned
 from sparsemor.plugins.sparse_solvers.newton import LinearRecovery, Recovered
 from sparsemor.plugins.sparse_solvers.penalised import Penalised
+from sparsemor.plugins.sparse_solvers.supports import pruned
 
 
 class Cosamp(LinearRecovery):

@@ -11,19 +11,19 @@ from pydantic import Field
 from sparsemor.core import BoolArray, Columns, FloatArray, Group, Recovery, Selection, Status
 from sparsemor.core.linalg.column_subsets import pseudo_inverse
 from sparsemor.plugins.sparse_solvers.gram_exchange import GramExchange
-from sparsemor.plugins.sparse_solvers.iterates import always_active
-from sparsemor.plugins.sparse_solvers.least_squares_on_support import (
+from sparsemor.plugins.sparse_solvers.newton import Choose, SupportNewton
+from sparsemor.plugins.sparse_solvers.penalised import repeated
+from sparsemor.plugins.sparse_solvers.supports import (
     EPS,
     Fit,
     Linearised,
+    always_active,
     fit,
     independent,
     largest,
     pruned,
     widened,
 )
-from sparsemor.plugins.sparse_solvers.newton import Choose, SupportNewton
-from sparsemor.plugins.sparse_solvers.penalised import repeated
 
 SINGULAR = 1e-10
 """Singular value, relative to the largest, below which a combination of unit columns is zero."""

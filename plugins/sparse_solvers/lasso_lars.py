@@ -6,9 +6,9 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from sparsemor.core import FloatArray, require
-from sparsemor.plugins.sparse_solvers.least_squares_on_support import pruned
 from sparsemor.plugins.sparse_solvers.newton import LinearRecovery, Recovered
 from sparsemor.plugins.sparse_solvers.penalised import Penalised, weights
+from sparsemor.plugins.sparse_solvers.supports import pruned
 
 
 class LassoLars(LinearRecovery):

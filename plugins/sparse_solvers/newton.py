@@ -23,25 +23,23 @@ from sparsemor.core import (
     SparseStart,
     Status,
 )
-from sparsemor.core.linalg.least_squares import orthonormal
+from sparsemor.core.linalg.dense import orthonormal
 from sparsemor.core.protocols.sparse_solver import solver_refusal
-from sparsemor.plugins.sparse_solvers.iterates import (
-    Visits,
-    always_active,
-    ended,
-    small_step,
-    within_budget,
-)
-from sparsemor.plugins.sparse_solvers.least_squares_on_support import (
+from sparsemor.plugins.sparse_solvers.penalised import Penalised, PreparedColumns
+from sparsemor.plugins.sparse_solvers.supports import (
     EPS,
     Fit,
     Linearised,
+    Visits,
+    always_active,
+    ended,
     fit,
     independent,
     largest,
     pruned,
+    small_step,
+    within_budget,
 )
-from sparsemor.plugins.sparse_solvers.penalised import Penalised, PreparedColumns
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -9,8 +9,7 @@ from scipy.linalg import lapack
 
 from sparsemor.core import BoolArray, FloatArray, Group, IntArray
 from sparsemor.core.linalg.column_subsets import ColumnSubsets
-from sparsemor.plugins.sparse_solvers.iterates import always_active
-from sparsemor.plugins.sparse_solvers.least_squares_on_support import EPS, Linearised
+from sparsemor.plugins.sparse_solvers.supports import EPS, Linearised, always_active
 
 DEPENDENT = 1e-10
 """Norm of a unit column's part outside the span of other columns, at or below which it counts as

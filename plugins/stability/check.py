@@ -22,8 +22,8 @@ from sparsemor.core.notes import Note, information
 from sparsemor.core.registry.registry import Registry
 from sparsemor.core.scene.defaults import PROJECTION
 from sparsemor.core.scene.digest import digest
-from sparsemor.core.scene.independent_of_physics import IRRELEVANT
 from sparsemor.core.scene.overrides import split
+from sparsemor.core.scene.run_identity import IRRELEVANT
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.checks import Check, Findings
 from sparsemor.core.simulation.offline import Offline, step_count

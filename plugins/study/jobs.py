@@ -33,8 +33,7 @@ from sparsemor.core.results.output_directory import OutputDirectory
 from sparsemor.core.results.run_result import RunResult, open_result
 from sparsemor.core.results.stored_arrays import StoredArrays
 from sparsemor.core.scene.digest import digest
-from sparsemor.core.scene.independent_of_physics import physics_of
-from sparsemor.core.scene.run_identity import Identity
+from sparsemor.core.scene.run_identity import Identity, physics_of
 from sparsemor.core.scene.scene import Scene, build
 from sparsemor.core.scene.source import Source
 from sparsemor.core.scene.yaml_reader import Document

@@ -12,9 +12,14 @@ from sparsemor.core.errors import Fault, InputError
 from sparsemor.core.protocols.layout import ordered
 from sparsemor.core.registry.registry import Registry, suggestions
 from sparsemor.core.scene.digest import digest
-from sparsemor.core.scene.independent_of_physics import NOT_PHYSICS, training_physics
 from sparsemor.core.scene.overrides import split
-from sparsemor.core.scene.run_identity import Identity, environment, folder_digest
+from sparsemor.core.scene.run_identity import (
+    NOT_PHYSICS,
+    Identity,
+    environment,
+    folder_digest,
+    training_physics,
+)
 from sparsemor.core.scene.scene import Scene, build, load
 from sparsemor.core.scene.source import Source, packaged
 from sparsemor.core.scene.yaml_reader import KeyPath, LocatedError

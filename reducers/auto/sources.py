@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from sparsemor.core import Basis, BlockData, InputError, Registry
-from sparsemor.reducers.field_options import counts_atoms
+from sparsemor.reducers.options import counts_atoms
 
 Source = Callable[[int], dict[str, Any]]
 """Number of atoms -> options of a basis, as in a scene."""

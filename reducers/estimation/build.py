@@ -14,7 +14,7 @@ from sparsemor.core import (
     StepSolver,
     information,
 )
-from sparsemor.core.linalg.least_squares import least_squares_coefficients
+from sparsemor.core.linalg.dense import least_squares_coefficients
 from sparsemor.core.protocols.separable import HeatBody, MovingBody
 from sparsemor.reducers.estimation.coupled_errors import CoupledErrors, ReducedBlock
 from sparsemor.reducers.estimation.error_space import (

@@ -16,7 +16,7 @@ import numpy as np
 from scipy import linalg
 
 from sparsemor.core import AssembledModel, Csr, FloatArray, OfflineProducts, StepFactors
-from sparsemor.core.linalg.svd import svd
+from sparsemor.core.linalg.dense import svd
 from sparsemor.core.model.factorizations import solve_or_fail
 from sparsemor.core.protocols.load_tables import LoadTable
 from sparsemor.core.protocols.separable import ElasticOperators, HeatBody

@@ -10,6 +10,7 @@ from sparsemor.reducers.full.heat import full_heat
 from sparsemor.reducers.full.mechanics import FullBody, FullMechanics
 from sparsemor.reducers.full.monolithic import Summed
 from sparsemor.reducers.notes import local_heat_notes, whole_step_notes
+from sparsemor.reducers.options import StepOptions
 from sparsemor.reducers.step.compiled.stepper import compilable
 from sparsemor.reducers.step.coupled_reduced import (
     ProjectedModel,
@@ -23,7 +24,6 @@ from sparsemor.reducers.step.reduced_mechanics import LoopMechanics
 from sparsemor.reducers.step.solver import stepper
 from sparsemor.reducers.step.thermal_groups import group_name
 from sparsemor.reducers.step.whole_step import WholeNewton, WholeStepper
-from sparsemor.reducers.step_options import StepOptions
 
 PRICE = 6
 """Cost of a new Jacobian of all unknowns in iterations."""

@@ -13,7 +13,7 @@ import numpy as np
 from scipy import linalg
 
 from sparsemor.core import Csr, Dictionary, FloatArray
-from sparsemor.core.linalg.coherence import oriented_unit_columns
+from sparsemor.core.linalg.dense import oriented_unit_columns
 from sparsemor.core.model.model import distinct_names
 
 ORTHONORMAL = 1e-8

@@ -30,9 +30,9 @@ from sparsemor.core import (
 )
 from sparsemor.core.model.block_patterns import unmatched_patterns
 from sparsemor.core.protocols.separable import HeatBody, MovingBody
-from sparsemor.reducers.field_options import BASES
 from sparsemor.reducers.linalg.left_inverse import left_inverse
 from sparsemor.reducers.notes import shadowed_basis
+from sparsemor.reducers.options import BASES, ReducedStepOptions
 from sparsemor.reducers.projection.maps import Approximation, LinearOperators, Maps, Reducible
 from sparsemor.reducers.step.acceptance import Tolerances
 from sparsemor.reducers.step.compiled.stepper import compilable
@@ -46,7 +46,6 @@ from sparsemor.reducers.step.operators import TestedElastic, TestedHeat
 from sparsemor.reducers.step.solver import Facts, Stepper, stepper
 from sparsemor.reducers.step.thermal_block import CompressedHeat
 from sparsemor.reducers.step.thermal_groups import heat_groups
-from sparsemor.reducers.step_options import ReducedStepOptions
 from sparsemor.reducers.trial_bases import local_terms, spanned, trial_bases
 
 

@@ -27,7 +27,7 @@ from sparsemor.core import (
     advanced,
     step_formula,
 )
-from sparsemor.core.linalg.svd import svd
+from sparsemor.core.linalg.dense import svd
 from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.protocols.reducer import Recording
 from sparsemor.core.registry.returned_values import built_dictionary, sampled_rows

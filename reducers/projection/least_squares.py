@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 
 from sparsemor.core import Dictionary, FloatArray, InputError, Note, SolveFailed, Status
-from sparsemor.core.linalg.svd import svd
+from sparsemor.core.linalg.dense import svd
 from sparsemor.core.model.factorizations import solve_or_fail
 from sparsemor.reducers import (
     Interpolating,

@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 
 from sparsemor.core import Csr, Dictionary, FloatArray, Note, StepFactors
-from sparsemor.core.linalg.least_squares import least_squares_coefficients
+from sparsemor.core.linalg.dense import least_squares_coefficients
 from sparsemor.reducers.projection.base import Projection
 from sparsemor.reducers.states_to_test import LIMIT, StateError, error_at_states, largest_change
 

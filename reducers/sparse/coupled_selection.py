@@ -25,7 +25,7 @@ from sparsemor.reducers.sparse.supported_steps import (
     no_selection,
     take,
 )
-from sparsemor.reducers.step.step_unknowns import StepUnknowns
+from sparsemor.reducers.step.reduced_mechanics import StepUnknowns
 
 
 @dataclass(frozen=True, slots=True, eq=False)

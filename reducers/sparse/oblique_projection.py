@@ -13,7 +13,7 @@ from sparsemor.core import (
     SolveFailed,
     StepFactors,
 )
-from sparsemor.core.linalg.least_squares import least_squares_coefficients
+from sparsemor.core.linalg.dense import least_squares_coefficients
 from sparsemor.reducers.sparse.sampled_block import Sampled
 from sparsemor.reducers.states_to_test import (
     LIMIT,

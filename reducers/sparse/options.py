@@ -7,7 +7,7 @@ from pydantic import Field, field_validator
 from sparsemor.core import Basis, Plugin, Preconditioner, Sampler, Slot, SparseSolver, slot_default
 from sparsemor.core.model.block_patterns import matched_option
 from sparsemor.reducers.notes import is_default
-from sparsemor.reducers.step_options import ReducedStepOptions
+from sparsemor.reducers.options import ReducedStepOptions
 
 Residual = Literal["auto", "plain", "preconditioned"]
 

@@ -15,7 +15,7 @@ from sparsemor.core import (
 )
 from sparsemor.core.model.block_patterns import matched_option, unmatched_patterns
 from sparsemor.reducers.checks import local_blocks
-from sparsemor.reducers.field_options import BASES, counted, of_field
+from sparsemor.reducers.options import BASES, counted, of_field
 from sparsemor.reducers.sparse.checks import (
     budget_faults,
     capability_faults,

@@ -21,10 +21,8 @@ from sparsemor.core import (
     Sampler,
     StepFactors,
 )
-from sparsemor.core.linalg.coherence import coherence, condition_number, unit_columns
 from sparsemor.core.linalg.column_subsets import ColumnSubsets
-from sparsemor.core.linalg.least_squares import orthonormal
-from sparsemor.core.linalg.svd import svd
+from sparsemor.core.linalg.dense import coherence, condition_number, orthonormal, svd, unit_columns
 from sparsemor.core.model.factorizations import solve_or_fail
 from sparsemor.core.protocols.separable import HeatBody
 from sparsemor.core.registry.returned_values import built_weights, sampled_rows

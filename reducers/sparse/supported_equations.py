@@ -27,8 +27,7 @@ from sparsemor.reducers.step.factors import Factor, factorized
 from sparsemor.reducers.step.memory import Memory
 from sparsemor.reducers.step.newton_loop import Linearisation, StepEquations
 from sparsemor.reducers.step.reduced import Reduced
-from sparsemor.reducers.step.reduced_mechanics import LoopMechanics
-from sparsemor.reducers.step.step_unknowns import StepUnknowns
+from sparsemor.reducers.step.reduced_mechanics import LoopMechanics, StepUnknowns
 
 KEPT = 16
 """Number of sets of atoms for which the equations are kept."""

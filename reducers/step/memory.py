@@ -14,7 +14,7 @@ class RunMemory(StepMemory):
     """State between steps common to all step solvers: past states with their departures from the
     free motion (predictor.py), counters, and active atoms of blocks.
 
-    It is stored as plain data (core/results/saved_state.py) without working arrays and whatever can
+    It is stored as plain data (core/results/checkpoint.py) without working arrays and whatever can
     be recomputed: `__getstate__` leaves these out.
     """
 

@@ -25,7 +25,7 @@ from sparsemor.core import (
     StepSolver,
     Table,
 )
-from sparsemor.core.linalg.least_squares import least_squares_coefficients
+from sparsemor.core.linalg.dense import least_squares_coefficients
 from sparsemor.core.model.constraint_rates import motion_step
 from sparsemor.core.protocols.step_solver import LinearSystem
 from sparsemor.reducers.step.acceptance import Tolerances
@@ -36,8 +36,12 @@ from sparsemor.reducers.step.newton_loop import Kept, Loop, StepEquations
 from sparsemor.reducers.step.operators import TestedElastic
 from sparsemor.reducers.step.predictor import Past, block_starts
 from sparsemor.reducers.step.reduced import Reduced
-from sparsemor.reducers.step.reduced_mechanics import LoopMechanics, Mechanics, ReducedMechanics
-from sparsemor.reducers.step.step_unknowns import StepUnknowns
+from sparsemor.reducers.step.reduced_mechanics import (
+    LoopMechanics,
+    Mechanics,
+    ReducedMechanics,
+    StepUnknowns,
+)
 from sparsemor.reducers.step.thermal_block import HeatBlock
 from sparsemor.reducers.step.thermal_groups import group_name
 from sparsemor.reducers.step.whole_step import WholeNewton, beyond_limits, linear_response

@@ -3,8 +3,8 @@
 import ast
 
 MODULES = {f"sparsemor.core.{name}" for name in (
-    "linalg.coherence", "linalg.column_subsets", "linalg.factorized", "linalg.least_squares",
-    "linalg.nested_dissection", "linalg.snapshots", "linalg.svd", "linalg.threads",
+    "linalg.column_subsets", "linalg.dense", "linalg.factorized", "linalg.nested_dissection",
+    "linalg.snapshots", "linalg.threads",
     "model.assembly", "model.block_patterns", "model.compressed_local",
     "model.constraint_rates", "model.equations", "model.expected_states", "model.facets",
     "model.factorizations", "model.fitting_bases", "model.initial_state",

@@ -11,7 +11,7 @@ from sparsemor.core.testing.in_memory_run import March
 from sparsemor.reducers.estimation.build import error_model
 from sparsemor.reducers.estimation.coupled_errors import CoupledErrors
 from sparsemor.reducers.estimation.estimator import ErrorModel
-from sparsemor.reducers.step_options import ReducedStepOptions
+from sparsemor.reducers.options import ReducedStepOptions
 
 
 def learnt(run: March) -> dict[str, FloatArray]:

@@ -15,7 +15,7 @@ from pathlib import Path, PurePosixPath
 from sparsemor.core.errors import InputError
 from sparsemor.core.results.archive import is_archive
 from sparsemor.core.results.atomic_files import unfinished
-from sparsemor.core.results.checkpoint import checkpoint_file, load_checkpoint
+from sparsemor.core.results.checkpoint import SavedError, checkpoint_file, load_checkpoint
 from sparsemor.core.results.files.listing import (
     LISTING,
     is_as_listed,
@@ -24,7 +24,6 @@ from sparsemor.core.results.files.listing import (
     read_listing,
     real_folder,
 )
-from sparsemor.core.results.saved_state import SavedError
 from sparsemor.core.results.stored_arrays import FIXED, HEADER, read_header, steps_files
 
 STORE = "result"

@@ -13,7 +13,7 @@ def training() -> Execute:
     from sparsemor.core.linalg.threads import fixed_threads
     from sparsemor.core.registry.hooks import new_manager
     from sparsemor.core.registry.registry import Registry
-    from sparsemor.core.scene.independent_of_physics import training_physics
+    from sparsemor.core.scene.run_identity import training_physics
     from sparsemor.core.scene.scene import build
     from sparsemor.core.scene.source import Source
     from sparsemor.core.scene.yaml_reader import Document

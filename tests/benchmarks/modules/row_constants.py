@@ -26,8 +26,8 @@ from modules.recovered_scenes import QUICK, case_of
 
 from sparsemor.core import StepFactors
 from sparsemor.core.arrays import Csr, FloatArray
-from sparsemor.core.linalg.coherence import coherence, condition_number, unit_columns
 from sparsemor.core.linalg.column_subsets import ColumnSubsets
+from sparsemor.core.linalg.dense import coherence, condition_number, unit_columns
 from sparsemor.core.registry.registry import Registry
 from sparsemor.core.status import Status
 from sparsemor.plugins.bases.pod import Pod

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sparsemor.core.linalg.least_squares import least_squares_coefficients, orthonormal
+from sparsemor.core.linalg.dense import least_squares_coefficients, orthonormal
 
 
 def test_orthonormal_atoms_take_a_product_however_many_they_are(

@@ -9,7 +9,7 @@ from scipy import linalg, sparse
 from sparsemor.core import BlockData, Dictionary
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
-from sparsemor.core.linalg.svd import svd
+from sparsemor.core.linalg.dense import svd
 from sparsemor.plugins.samplers.base import SpanSampler
 from sparsemor.plugins.samplers.deim import DeimPoints
 from sparsemor.plugins.samplers.s_opt import SOpt

@@ -18,7 +18,7 @@ from sparsemor.core.model.equations import system_residual
 from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.protocols.integrator import new_state, step_formula
 from sparsemor.core.protocols.layout import Block, FieldKind, Layout
-from sparsemor.core.results.saved_state import Saved
+from sparsemor.core.results.checkpoint import Saved
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.error_record import ErrorRecord
 from sparsemor.core.simulation.simulate import simulate

@@ -10,7 +10,7 @@ from small_scenes import everything, tiny
 from sparsemor.core import ReducedProblem, Selection, SparseOutcome, StepOutcome
 from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
 from sparsemor.core.errors import InputError
-from sparsemor.core.linalg.coherence import coherence, condition_number, unit_columns
+from sparsemor.core.linalg.dense import coherence, condition_number, unit_columns
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.protocols.integrator import step_formula

@@ -7,7 +7,7 @@ import pytest
 from sparsemor.core import Preconditioner
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
-from sparsemor.core.linalg.coherence import coherence, condition_number, unit_columns
+from sparsemor.core.linalg.dense import coherence, condition_number, unit_columns
 from sparsemor.core.testing import check_preconditioner
 from sparsemor.plugins.preconditioners.none import NoPreconditioner
 from sparsemor.plugins.preconditioners.parseval import Parseval

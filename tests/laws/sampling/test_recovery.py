@@ -24,10 +24,10 @@ from sparsemor.core.testing.problems import (
 )
 from sparsemor.plugins.sparse_solvers.basis_pursuit import BasisPursuit, BasisPursuitLp
 from sparsemor.plugins.sparse_solvers.lasso_lars import LassoLars
-from sparsemor.plugins.sparse_solvers.least_squares_on_support import Linearised
 from sparsemor.plugins.sparse_solvers.newton import LinearRecovery, Recovered
 from sparsemor.plugins.sparse_solvers.omp import OrthogonalMatchingPursuit
 from sparsemor.plugins.sparse_solvers.penalised import Penalised
+from sparsemor.plugins.sparse_solvers.supports import Linearised
 
 VARIANTS: dict[str, SparseSolver] = {
     "lp, equations": BasisPursuitLp(tolerance=0.0),

@@ -28,10 +28,10 @@ from sparsemor.plugins.sparse_solvers.basis_pursuit import BasisPursuit, BasisPu
 from sparsemor.plugins.sparse_solvers.cosamp import Cosamp
 from sparsemor.plugins.sparse_solvers.greedy_gauss_newton import GreedyGaussNewton
 from sparsemor.plugins.sparse_solvers.lasso_lars import LassoLars
-from sparsemor.plugins.sparse_solvers.least_squares_on_support import Linearised
 from sparsemor.plugins.sparse_solvers.newton import LinearRecovery, Recovered
 from sparsemor.plugins.sparse_solvers.omp import OrthogonalMatchingPursuit
 from sparsemor.plugins.sparse_solvers.penalised import Penalised, repeated
+from sparsemor.plugins.sparse_solvers.supports import Linearised
 
 PURSUITS: list[LinearRecovery] = [
     BasisPursuitLp(tolerance=0.0), BasisPursuit(tolerance=0.0),

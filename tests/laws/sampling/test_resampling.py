@@ -12,7 +12,7 @@ from sparsemor.core import StepSolver
 from sparsemor.core.arrays import IntArray
 from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.registry.hooks import hookimpl
-from sparsemor.core.results.saved_state import Saved
+from sparsemor.core.results.checkpoint import Saved
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.time_stepping import FixedStep, accepted_steps, started
 from sparsemor.core.testing.in_memory_run import march

@@ -21,7 +21,7 @@ from sparsemor.core.status import Status
 from sparsemor.core.testing import check_sparse_solver
 from sparsemor.core.testing.problems import LeastSquares, empty_start, incoherent
 from sparsemor.plugins.sparse_solvers.greedy_gauss_newton import GreedyGaussNewton
-from sparsemor.plugins.sparse_solvers.iterates import Visits
+from sparsemor.plugins.sparse_solvers.supports import Visits
 
 
 @pytest.mark.parametrize("seed", range(10))

@@ -17,8 +17,7 @@ from sparsemor import InputError, load, simulate
 from sparsemor.core.cli import app
 from sparsemor.core.registry.hooks import hookimpl, new_manager
 from sparsemor.core.scene import run_identity as identity
-from sparsemor.core.scene.independent_of_physics import IRRELEVANT, REDUCTION, RELEVANT
-from sparsemor.core.scene.run_identity import FOLDERS, Identity
+from sparsemor.core.scene.run_identity import FOLDERS, IRRELEVANT, REDUCTION, RELEVANT, Identity
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.prepare import prepared

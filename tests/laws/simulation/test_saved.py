@@ -13,11 +13,10 @@ import pytest
 from sparsemor import InputError, SolveFailed, open_result, simulate
 from sparsemor.core import StepOutcome
 from sparsemor.core.registry.hooks import hookimpl
-from sparsemor.core.results.checkpoint import checkpoint_file
-from sparsemor.core.results.saved_state import MAGIC, Saved, SavedError
+from sparsemor.core.results.checkpoint import MAGIC, Saved, SavedError, checkpoint_file
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.scene.scene import load as load_scene
-from sparsemor.core.simulation.step_statistics import StepStatistics
+from sparsemor.core.simulation.recorder import StepStatistics
 from sparsemor.core.status import Status
 from sparsemor.core.testing import check_reducer
 

@@ -14,7 +14,7 @@ from sparsemor.core.errors import PluginError
 from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.protocols.integrator import advanced, step_formula
 from sparsemor.core.registry.hooks import new_manager
-from sparsemor.core.results.saved_state import Saved
+from sparsemor.core.results.checkpoint import Saved
 from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.offline_cache import Products

@@ -19,7 +19,7 @@ from sparsemor.core.arrays import FloatArray
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.model.model import Model
-from sparsemor.core.results.saved_state import Saved
+from sparsemor.core.results.checkpoint import Saved
 from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.simulation.time_stepping import FixedStep, iterate, started

@@ -16,7 +16,7 @@ from sparsemor.core.errors import InputError
 from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.model.model import Model
 from sparsemor.core.protocols.step_solver import AroundSteps
-from sparsemor.core.results.saved_state import Saved
+from sparsemor.core.results.checkpoint import Saved
 from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.simulation.time_stepping import FixedStep, accepted_steps, started
