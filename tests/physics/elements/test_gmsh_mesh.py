@@ -1,5 +1,6 @@
 """Meshes of geometry files by Gmsh: mass and bores of the geometry, sets by rules, bad input."""
 
+import json
 import sys
 from pathlib import Path
 from subprocess import run
@@ -8,10 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 from pydantic import ValidationError
+from typer.testing import CliRunner
 
 from sparsemor.bodies.fem import scalar_mass
 from sparsemor.bodies.mesh.centres import centre_of_set
+from sparsemor.bodies.mesh.file import MeshFile
 from sparsemor.bodies.mesh.gmsh_mesh import FaceRule, GmshMesh
+from sparsemor.core.cli import app
 from sparsemor.core.errors import InputError
 from sparsemor.core.testing import check_mesh_plugin
 
@@ -62,6 +66,67 @@ def test_a_plate_of_a_step_file(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="Gmsh cannot mesh 'bad.step'") as refused:
         GmshMesh(geometry="bad.step", size=0.01).build(tmp_path)
     assert refused.value.faults[0].key == "geometry"
+
+
+CONROD = Path(__file__).parents[3] / "docs" / "examples" / "conrod.step"
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Meshes of a connecting rod in tetrahedra of first (rod1) and second order (rod2) and of a
+    block in hexahedra (block), as Gmsh writes them with all elements and millimetres."""
+    gmsh = pytest.importorskip("gmsh", exc_type=(ImportError, OSError))  # type: ignore[arg-type]
+    folder = tmp_path_factory.mktemp("written")
+    gmsh.initialize(readConfigFiles=False, interruptible=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.option.setNumber("Mesh.SaveAll", 1)
+        gmsh.merge(str(CONROD))
+        gmsh.option.setNumber("Mesh.MeshSizeMax", 7.0)
+        gmsh.model.mesh.generate(3)
+        for order in (1, 2):
+            gmsh.model.mesh.setOrder(order)
+            for ending in ("msh", "inp", "vtk", "bdf"):
+                gmsh.write(str(folder / f"rod{order}.{ending}"))
+        gmsh.clear()
+        base = gmsh.model.occ.addRectangle(0, 0, 0, 60, 20)
+        gmsh.model.occ.extrude([(2, base)], 0, 0, 10, numElements=[4], recombine=True)
+        gmsh.model.occ.synchronize()
+        for _, curve in gmsh.model.getBoundary([(2, base)], oriented=False):
+            gmsh.model.mesh.setTransfiniteCurve(curve, 7)
+        gmsh.model.mesh.setTransfiniteSurface(base)
+        gmsh.model.mesh.setRecombine(2, base)
+        gmsh.model.mesh.generate(3)
+        for ending in ("msh", "inp", "vtk", "bdf"):
+            gmsh.write(str(folder / f"block.{ending}"))
+    finally:
+        gmsh.finalize()
+    return folder
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ending", ["msh", "inp", "vtk", "bdf"])
+@pytest.mark.parametrize(("name", "volume", "error"), [
+    ("rod1", 67264.942, 4e-3), ("rod2", 67264.942, 1e-4), ("block", 12000.0, 1e-12)])
+def test_what_gmsh_writes_is_accepted(
+    written: Path, name: str, volume: float, error: float, ending: str
+) -> None:
+    """Mass of the geometry (conrod_step.py); chords of arcs in tetrahedra of first order miss the
+    bores and the round ends."""
+    mesh = MeshFile(path=f"{name}.{ending}", scale=1e-3).build(written)
+    assert mesh.dimension == 3
+    assert scalar_mass(mesh, 1.0).sum() == pytest.approx(1e-9 * volume, rel=error)
+    if name == "rod2":  # nodes of the bore, with those in the middle of its edges
+        r = np.hypot(mesh.points[:, 0], mesh.points[:, 1])
+        near = r < 0.0232
+        assert near.sum() > 100 and np.abs(r[near] - 0.022).max() < 2e-5
+    scene = {"format": 1, "time": {"end": 1e-3, "step": 1e-3}, "bodies": {"part": {
+        "use": "flexible", "fields": ["elastic"], "material": {"E": 2e11, "nu": 0.3, "rho": 7850},
+        "mesh": {"use": "file", "path": f"{name}.{ending}", "scale": 1e-3},
+        "sets": {"end": {"where": "x < 5e-3"}}, "reference": {"clamp": "end"}}}}
+    (written / "scene.yaml").write_text(json.dumps(scene))
+    done = CliRunner().invoke(app, ["validate", str(written / "scene.yaml")])
+    assert done.exit_code == 0, done.output
 
 
 @pytest.mark.full
