@@ -52,9 +52,9 @@ class FrameEquations(ReducedTerm):
     ) -> FrameWork:
         f = self.frame
         work = FrameWork(f.p, f.border, f.generators)
-        states = np.stack([x, v, a])
-        forms = np.array([states @ (Q.T @ x) for Q in self.Q]).reshape(f.generators, 3)
-        s = np.stack([self.D @ values for values in states])
+        states = np.stack([x, v, a], axis=1)
+        forms = np.array([x @ (Q @ states) for Q in self.Q]).reshape(f.generators, 3)
+        s = np.ascontiguousarray((self.D @ states).T)
         f.evaluate(*self._border(x, v, a, t), c1, c2, s, forms.T.ravel(), t, work)
         return work
 
@@ -73,9 +73,8 @@ class FrameEquations(ReducedTerm):
         w, g = self._evaluate(x, v, a, t, 0.0, 0.0), self.frame.generators
         r = self.L @ w.border[:, -1] + self.W @ w.sigma[-1]
         for i, V in enumerate(self.V):
-            r = r + V @ (w.coefficients[i] * x + w.coefficients[g + i] * v)
-        if self.V and self.inert:
-            r = r + self.V[0] @ a
+            u = w.coefficients[i] * x + w.coefficients[g + i] * v
+            r = r + V @ (u + a if i == 0 and self.inert else u)
         return np.asarray(r, dtype=np.float64)
 
     def jacobian(

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -37,7 +38,7 @@ class Model(AssembledModel):
     state, once it is computed (core/model/initial_state.py); a modified copy of the model computes
     its own. stress_checks: body -> sizes of its largest displacement and change of temperature, and
     change of stiffness, in a state that was checked (plugins/checks/stress_stiffness.py).
-    blocks_data: block -> its `block_data`, once it is put together.
+    blocks_data: block -> its `block_data`, once it is put together. made: of `once`.
     """
 
     layout: Layout
@@ -54,6 +55,7 @@ class Model(AssembledModel):
     stage: Stage | None = None
     starts: list[State] = field(default_factory=list, init=False, repr=False)
     blocks_data: dict[str, BlockData] = field(default_factory=dict, init=False, repr=False)
+    made: dict[object, Any] = field(default_factory=dict, init=False, repr=False)
     stress_checks: dict[str, tuple[float, float, float]] = field(
         default_factory=dict, init=False, repr=False)
 

@@ -4,7 +4,7 @@ such as snapshots."""
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Literal, NamedTuple, Protocol, Self, TypeAlias
+from typing import Any, ClassVar, Literal, NamedTuple, Protocol, Self, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -20,6 +20,8 @@ from sparsemor.core.protocols.plugin import Plugin
 from sparsemor.core.protocols.separable import Separated
 from sparsemor.core.protocols.step_solver import StepSolver
 from sparsemor.core.protocols.term import Term
+
+T = TypeVar("T")
 
 
 class StepFactors(NamedTuple):
@@ -57,7 +59,7 @@ class AssembledModel(ABC):
     block, for fast steps; x0, v0 (n,): initial values and rates. required: row numbers of each
     reducible (elastic or thermal) block that joints and localized loads act on; loaded: the same
     for each joint or load by name. starts: list with the consistent initial state once it is
-    computed, empty before.
+    computed, empty before; made: what `once` has kept.
     """
 
     __slots__ = ()
@@ -70,6 +72,15 @@ class AssembledModel(ABC):
     required: Mapping[str, IntArray]
     loaded: Mapping[str, Mapping[str, IntArray]]
     starts: list[State]
+    made: dict[object, Any]
+
+    def once(self, key: tuple[object, ...], make: Callable[[], T]) -> T:
+        """What `make` returns: kept with the model under this key, which tells all that it depends
+        on besides the model, for its further runs."""
+        if key not in self.made:
+            self.made[key] = make()
+        found: T = self.made[key]
+        return found
 
     @property
     @abstractmethod

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from sparsemor.core.arrays import FloatArray
+from sparsemor.core.errors import InputError
 from sparsemor.core.model.factorizations import Factored
 from sparsemor.core.model.initial_state import resolved_start
 from sparsemor.core.model.model import Model
@@ -19,6 +20,7 @@ from sparsemor.core.results.error_norms import constant_change
 from sparsemor.core.results.metadata import RunHeader
 from sparsemor.core.results.probes import ForceReader, ProbeReader
 from sparsemor.core.scene.defaults import FULL_ORDER
+from sparsemor.core.scene.digest import digest
 from sparsemor.core.scene.options import Control
 from sparsemor.core.scene.run_identity import physics_of
 from sparsemor.core.scene.scene import Scene
@@ -33,6 +35,7 @@ from sparsemor.core.simulation.time_stepping import (
     started,
 )
 from sparsemor.core.simulation.training import in_training
+from sparsemor.core.status import SolveFailed
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -129,10 +132,23 @@ class PreparedRun:
         return [t.state for t in iterate(step, state, memory, count) if t.outcome.status.ok]
 
     def solver_of(self, h: float) -> StepSolver:
-        """Its step solver for steps of h, s, made of the offline data that are at hand. Raises
-        LookupError where some are not, InputError and SolveFailed as the reducer."""
-        if self.model is None or self.offline is None:
+        """Its step solver for steps of h, s, made of the offline data that are at hand, once for
+        all runs of the model. Raises LookupError where some are not, or the reducer refuses."""
+        scene, model, offline = self.scene, self.model, self.offline
+        if model is None or offline is None:
             raise LookupError("model")
-        made: StepSolver = self.scene.reducer.prepare(
-            problem_of(self.scene, self.model, self.offline.as_computed(), h))
-        return made
+
+        def make() -> StepSolver | None:
+            try:
+                made: StepSolver = scene.reducer.prepare(
+                    problem_of(scene, model, offline.as_computed(), h))
+            except (SolveFailed, InputError, LookupError):
+                return None
+            return made
+
+        tree = scene.dump()
+        of = digest(tree["reducer"], tree["integrator"], scene.seed, h)
+        found = model.once(("step solver", offline, of), make)
+        if found is None:
+            raise LookupError(f"a step solver for steps of {h:g} s")
+        return found

@@ -3,6 +3,7 @@ full-order equations, against the smallest one with all atoms of the dictionary.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from pydantic import PrivateAttr
@@ -43,6 +44,8 @@ ROWS_LIMIT, ROWS_RATIO = 0.01, 3.0
 above which they are the cause. Below it all rows would leave about as much: so are the atoms."""
 ROUND_OFF = 1e-9
 """The same below which the residual is round-off."""
+PURPOSE = "check of selected atoms"
+"""That of its factorizations, in the summary."""
 NO_ROWS: Mapping[str, int] = {}
 MANY = 1000
 """Number of atoms above which a dictionary counts as complete: all its atoms leave no residual."""
@@ -148,36 +151,40 @@ def check_selection(
     sampled rows by block. Left out are blocks whose operators cannot be factorized, and
     temperatures with c(T), whose residual is a difference of heat content over the step."""
     found: dict[str, Selected] = {}
-    start = model.x0
+    start, residuals = model.x0, dict[float, FloatArray]()
     change = {n: max((_norm(s.x[model.layout[n]] - start[model.layout[n]]) for s, _ in states),
                      default=0.0) for n in dictionaries}
     for name, d in dictionaries.items():
         k, at = d.atoms.shape[1], model.layout[name]
-        some = [(s, on) for s, of in states
+        some = [(s, int(np.count_nonzero(on))) for s, of in states
                 if not (on := _support(of, name, k)).all() or name in rows]
         if not some or change[name] <= CONSTANT_CHANGE * _norm(some[-1][0].x[at]) or (
                 _stores_by_temperature(model, name, [s for s, _ in some])):
             continue
+        for s, _ in some:
+            if s.t not in residuals:  # all blocks have the same states
+                residuals[s.t] = system_residual(model.layout, model.terms, s.x, s.v, s.a, s.t)
         data = model.block_data(name, step=step)
         span = max(states[-1][0].t, step.h)
-        slow = data.stiffness + data.mass / span if data.order == 1 else data.stiffness
         try:
-            D, S = (model.factorize(name, A, "check of selected atoms")
-                    for A in (data.operator, slow))
+            D = model.once((SELECTED, name, step), partial(
+                model.factorize, name, data.operator, PURPOSE))
+            S = model.factorize(name, data.stiffness + data.mass / span, PURPOSE) if (
+                data.order == 1) else model.once((SELECTED, name), partial(
+                    model.factorize, name, data.stiffness, PURPOSE))
             image = data.operator @ d.atoms if k < min(data.size, MANY) else None
-            for state, support in some:
-                r = system_residual(
-                    model.layout, model.terms, state.x, state.v, state.a, state.t)[at]
-                rest = np.zeros(len(r)) if image is None else r - image @ np.linalg.lstsq(
-                    d.atoms.T @ image, d.atoms.T @ r, rcond=None)[0]
-                whole, left = (max(float(f @ solve_or_fail(D, f, name)), 0.0) for f in (r, rest))
-                ratio = float(np.sqrt(whole / left)) if left > 0.0 else np.inf
-                error = _norm(solve_or_fail(S, r - rest, name)) / change[name]
-                if name not in found or error > found[name].error:
-                    found[name] = Selected(name, state.t, int(np.count_nonzero(support)), k,
-                                           rows.get(name, 0), ratio, error)
+            r = np.stack([residuals[s.t][at] for s, _ in some], axis=1)
+            rest = np.zeros(r.shape) if image is None else r - image @ np.linalg.lstsq(
+                d.atoms.T @ image, d.atoms.T @ r, rcond=None)[0]
+            whole, left = (np.maximum((f * solve_or_fail(D, f, name)).sum(axis=0), 0.0)
+                           for f in (r, rest))
+            errors = np.linalg.norm(solve_or_fail(S, r - rest, name), axis=0) / change[name]
         except SolveFailed:
             continue
+        i = int(np.argmax(errors))
+        ratio = float(np.sqrt(whole[i] / left[i])) if left[i] > 0.0 else np.inf
+        found[name] = Selected(name, some[i][0].t, some[i][1], k, rows.get(name, 0), ratio,
+                               float(errors[i]))
     return tuple(found.values())
 
 

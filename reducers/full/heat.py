@@ -88,6 +88,13 @@ class FullHeat(StepEquations):
         self.iterations, self.failed = {}, None
         self.base = plus_loads(heat.constant - heat.conductivity @ self.free, heat, step.t)
 
+    def solution(self, d: FloatArray) -> FloatArray | None:
+        if self.local or self.factor.iterative:
+            return None
+        own, whole = self.factor.solve(self.base), d.copy()
+        whole[self.at] = own
+        return whole if np.isfinite(own).all() else None
+
     def residual(self, d: FloatArray, slope: bool = False) -> FloatArray:
         r, own = np.zeros(len(d)), d[self.at]
         right = self.base - self._forces(self.free + own, own) if self.local else self.base

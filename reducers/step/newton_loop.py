@@ -113,6 +113,11 @@ class StepEquations(ABC):
     def begin(self, step: StepFormula, d: FloatArray) -> None:
         """Takes over the constants of a step; d: the first guess of its departure."""
 
+    def solution(self, d: FloatArray) -> FloatArray | None:
+        """Departure (n,) that solves the step, from the guess d (n,), where that takes one solve
+        with a constant matrix; None where it takes an iteration."""
+        return None
+
     @abstractmethod
     def residual(self, d: FloatArray, slope: bool = False) -> FloatArray:
         """Residual (n,) at the departure d (n,). slope: True if the Jacobian there comes next, so
@@ -248,6 +253,8 @@ class Loop:
         where the equations cannot be evaluated there."""
         if not len(self.names):
             return Ended(d, Status.DONE, 1)
+        if (solved := eq.solution(d)) is not None:
+            return Ended(solved, Status.DONE, 1)
         iteration = _StepIteration(self, eq, step, kept)
         try:
             ended = iteration.run(d, newest)

@@ -24,16 +24,18 @@ _WRITE = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
 
 class MachineCode:
     """Kept machine code with one name, a digest of its sources: bytes by key, which describes a
-    function, its types and the processor. folder: None if no place is private; make: False not to
-    make one."""
+    function, its types and the processor. folder: the first private place that has some, else the
+    first of all; None if no place is private. make: False not to make one."""
 
     def __init__(self, name: str, make: bool = True) -> None:
-        self.folder = next(
-            (f for root in _roots() if (f := _own_folder(root / name, make))), None)
+        places = [root / name for root in _roots()]
+        filled = (f for p in places if (f := _own_folder(p, False)) and _holds_code(f))
+        self.folder = next(filled, None) or next(
+            (f for p in places if (f := _own_folder(p, make))), None)
 
     def __bool__(self) -> bool:
         """True if something is kept."""
-        return self.folder is not None and any(self.folder.glob(f"*{_SUFFIX}"))
+        return self.folder is not None and _holds_code(self.folder)
 
     def read(self, key: str) -> bytes | None:
         """Bytes that `write` kept; None if there are none, they are damaged, or somebody else can
@@ -62,6 +64,11 @@ class MachineCode:
     def _file(self, key: str) -> Path:
         assert self.folder is not None
         return self.folder / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}{_SUFFIX}"
+
+
+def _holds_code(folder: Path) -> bool:
+    """True if a folder has machine code."""
+    return any(folder.glob(f"*{_SUFFIX}"))
 
 
 def _roots() -> Iterator[Path]:

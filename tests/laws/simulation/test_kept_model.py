@@ -46,6 +46,23 @@ def model() -> ReducedModel:
     return reduce(scene())
 
 
+def test_runs_share_what_the_checks_make_of_the_model() -> None:
+    """A run alike and one with another end factorize nothing again for their checks, and give what
+    a model gives that has not been run before."""
+    h = tiny().time.step
+    long, other = tiny().using({"time.end": 40 * h, "training.end": 40 * h, "reducer": {
+        "use": "sparse", "basis": {"use": "pod", "count": 4}}}), {"time.end": 30 * h}
+    shared = reduce(long)
+    shared.run()
+    made = shared._run.model
+    assert made is not None
+    known, before = set(made.made), [f.count for f in made.solvers.log]
+    assert any(key[0] == "step solver" for key in known if isinstance(key, tuple))
+    assert_equal(reduce(long).run(other), shared.run(other))
+    assert set(made.made) == known
+    assert [f.count for f in made.solvers.log] == before
+
+
 @pytest.fixture
 def file(tmp_path: Path) -> Path:
     model().save(tmp_path / "bar.model")

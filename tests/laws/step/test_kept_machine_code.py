@@ -17,6 +17,7 @@ from sparsemor.core.simulation.cache import Cache
 from sparsemor.reducers.step.compiled.machine_code import MachineCode
 
 KEY, DATA = "a function", b"\x90" * 1000
+ours = pytest.mark.skipif(not hasattr(os, "geteuid"), reason="files have no owners here")
 
 
 @pytest.fixture(autouse=True)
@@ -43,6 +44,21 @@ def test_code_is_found_again_by_its_key_alone() -> None:
     assert not MachineCode("other")
 
 
+@ours
+def test_code_of_the_own_cache_serves_an_empty_shared_one(
+    caches: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Else runs that look for kept code would find it, and compile it again nevertheless."""
+    _, file = written()
+    own = caches / "own" / "sparsemor" / "machine_code" / "code"
+    own.parent.mkdir(parents=True)
+    file.parent.rename(own)
+    monkeypatch.setenv("SPARSEMOR_CACHE", str(caches / "empty"))
+    assert MachineCode("code", make=False)
+    kept = MachineCode("code")
+    assert kept and kept.folder == own and kept.read(KEY) == DATA
+
+
 def test_code_under_the_name_of_another_is_a_miss() -> None:
     """Its digest is of the key too: a file that is moved is not the code of another function."""
     kept, file = written()
@@ -67,9 +83,6 @@ def test_damaged_code_is_a_miss(seed: int) -> None:
     assert kept.read(KEY) is None
     kept.write(KEY, DATA)
     assert kept.read(KEY) == DATA
-
-
-ours = pytest.mark.skipif(not hasattr(os, "geteuid"), reason="files have no owners here")
 
 
 @ours
