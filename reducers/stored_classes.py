@@ -13,10 +13,10 @@ from sparsemor.reducers.estimation import (
 )
 from sparsemor.reducers.step import (
     frame_step,
+    local_copies,
     operators,
     reduced,
     reduced_mechanics,
-    relocalised,
     thermal_groups,
     time_tables,
 )
@@ -35,6 +35,6 @@ CLASSES: Sequence[object] = (
     operators.TestedElastic, operators.TestedHeat, operators.TestedLocal, operators.TestMap,
     reduced.Reduced, reduced.ReducedBody, reduced.ReducedHeat,
     reduced_mechanics.Mechanics, reduced_mechanics.ReducedMechanics,
-    relocalised.Coupled, thermal_groups.GroupLocal, time_tables.LoadsInTime,
+    local_copies.Coupled, thermal_groups.GroupLocal, time_tables.LoadsInTime,
     time_tables.TabulatedLoads, time_tables.TimeTable,
 )

@@ -25,7 +25,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from sparsemor.bodies.fem.quadrature import Quadrature
-from sparsemor.bodies.mesh.simplices import triangulated
+from sparsemor.bodies.mesh.cell_measures import triangulated
 from sparsemor.core import BoolArray, FloatArray, InputError, IntArray, Mesh
 from sparsemor.core.model.facets import (
     cell_facets,

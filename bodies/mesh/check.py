@@ -9,8 +9,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from sparsemor.bodies.mesh.cell_measures import corner_measures, longest_edges
 from sparsemor.bodies.mesh.sets import PointSet
-from sparsemor.bodies.mesh.simplices import corner_measures, longest_edges
 from sparsemor.core import BoolArray, Fault, FloatArray, InputError, IntArray, Mesh, Note
 from sparsemor.core.model.facets import (
     cell_facets,

@@ -10,9 +10,9 @@ from pydantic import model_validator
 
 from sparsemor.bodies.fem.integrals import area_vectors
 from sparsemor.bodies.fem.quadratic import with_further
+from sparsemor.bodies.mesh.cell_measures import triangulated
 from sparsemor.bodies.mesh.centres import centre_of_set
 from sparsemor.bodies.mesh.expression import ConditionText, evaluate_condition
-from sparsemor.bodies.mesh.simplices import triangulated
 from sparsemor.core import (
     BoolArray,
     Fault,

@@ -11,7 +11,6 @@ from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.registry.registry import Registry
 from sparsemor.core.results.cost import Gain, RunFacts, gain_table, gains, pays_after, run_facts
-from sparsemor.core.results.drawn import CHARTS, Drawn
 from sparsemor.core.results.error_norms import (
     LIMIT,
     START_UP,
@@ -23,6 +22,7 @@ from sparsemor.core.results.error_norms import (
 from sparsemor.core.results.files.listing import publishing
 from sparsemor.core.results.json_data import to_json
 from sparsemor.core.results.output_directory import COMPARISON
+from sparsemor.core.results.presentation import CHARTS, Drawn
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.results.tables import CONSTANT, MARK, csv_table, marked, number, text_table
 from sparsemor.core.scene.html import html_table

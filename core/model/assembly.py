@@ -19,7 +19,7 @@ from sparsemor.core.model.features import (
 )
 from sparsemor.core.model.general_terms import Touched, general_terms, touched
 from sparsemor.core.model.model import Model
-from sparsemor.core.model.prescribed_motion import NOTHING, PrescribedQuantities
+from sparsemor.core.model.prescribed_quantities import NOTHING, PrescribedQuantities
 from sparsemor.core.model.redundancy import redundant_joints
 from sparsemor.core.protocols.body import Body, BodyPlugin, Part, ProbePlace
 from sparsemor.core.protocols.connector import Connector, ConnectorPlugin

@@ -22,11 +22,11 @@ from sparsemor.core.protocols.poses import (
 )
 from sparsemor.core.protocols.prescribed_motion import Stage
 from sparsemor.core.registry.registry import Registry
-from sparsemor.core.results.drawn import Drawn, drawing, history_of, html_of
 from sparsemor.core.results.files.own import STORE
 from sparsemor.core.results.files.temporary import TemporaryFolder
 from sparsemor.core.results.metadata import ProbeHeader, load_layout
 from sparsemor.core.results.output_directory import OutputDirectory
+from sparsemor.core.results.presentation import Drawn, drawing, history_of, html_of
 from sparsemor.core.results.stored_arrays import (
     ALL,
     HEADER,

@@ -17,7 +17,7 @@ from sparsemor.core.errors import Fault, InputError
 from sparsemor.core.model.assembly import BodyCache, assemble
 from sparsemor.core.model.initial_state import resolved_start
 from sparsemor.core.model.model import Model
-from sparsemor.core.model.prescribed_motion import Followed, Immobile, loads_along
+from sparsemor.core.model.prescribed_quantities import Followed, Immobile, loads_along
 from sparsemor.core.protocols.body import BodyPlugin
 from sparsemor.core.protocols.contact import Contact
 from sparsemor.core.protocols.layout import Quantity

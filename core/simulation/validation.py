@@ -8,7 +8,7 @@ from sparsemor.core.errors import Fault, Gather, InputError
 from sparsemor.core.model.assembly import BodyCache, assemble
 from sparsemor.core.model.block_patterns import unmatched_patterns
 from sparsemor.core.model.model import Model
-from sparsemor.core.model.prescribed_motion import NOTHING, AtStart
+from sparsemor.core.model.prescribed_quantities import NOTHING, AtStart
 from sparsemor.core.registry.boundary import naming_plugins
 from sparsemor.core.registry.registry import suggestions
 from sparsemor.core.scene.scene import Scene

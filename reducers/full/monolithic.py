@@ -18,9 +18,9 @@ from sparsemor.core.model.equations import rate_factors, system_jacobian, system
 from sparsemor.reducers.coupled_blocks import coupling
 from sparsemor.reducers.linalg.superlu import factorize
 from sparsemor.reducers.step.factors import Factor
+from sparsemor.reducers.step.local_copies import CopyMemory
+from sparsemor.reducers.step.monolithic_step import Checked, WholeEquations, checked
 from sparsemor.reducers.step.newton_loop import Linearisation
-from sparsemor.reducers.step.relocalised import CopyMemory
-from sparsemor.reducers.step.whole_step import Checked, WholeEquations, checked
 
 
 @dataclass(eq=False)

@@ -18,12 +18,12 @@ from sparsemor.reducers.step.coupled_reduced import (
     reduced_general,
 )
 from sparsemor.reducers.step.frame_step import PrescribedFactors
+from sparsemor.reducers.step.monolithic_step import WholeNewton, WholeStepper
 from sparsemor.reducers.step.newton_loop import Loop
 from sparsemor.reducers.step.reduced import positions
 from sparsemor.reducers.step.reduced_mechanics import LoopMechanics
 from sparsemor.reducers.step.solver import stepper
 from sparsemor.reducers.step.thermal_groups import group_name
-from sparsemor.reducers.step.whole_step import WholeNewton, WholeStepper
 
 PRICE = 6
 """Cost of a new Jacobian of all unknowns in iterations."""

@@ -14,14 +14,14 @@ from sparsemor.core import (
     StepFactors,
 )
 from sparsemor.core.linalg.dense import least_squares_coefficients
-from sparsemor.reducers.sparse.sampled_block import Sampled
-from sparsemor.reducers.states_to_test import (
+from sparsemor.reducers.errors_at_states import (
     LIMIT,
     STATES,
     StateError,
     error_at_states,
     largest_change,
 )
+from sparsemor.reducers.sparse.sampled_block import Sampled
 
 SAMPLED_ROWS = "sampled_rows"
 """Kind of the note on inaccurate sampled rows."""

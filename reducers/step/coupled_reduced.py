@@ -34,12 +34,12 @@ from sparsemor.reducers.coupled_blocks import coupling, elements
 from sparsemor.reducers.linalg.least_norm import least
 from sparsemor.reducers.step.acceptance import Tolerances
 from sparsemor.reducers.step.frame_step import BodyStep, PrescribedFactors
+from sparsemor.reducers.step.local_copies import Coupled
+from sparsemor.reducers.step.monolithic_step import WholeMemory, WholeStepper, linear_response
 from sparsemor.reducers.step.newton_loop import Loop
 from sparsemor.reducers.step.operators import TestedElastic, TestedHeat, TestMap
 from sparsemor.reducers.step.reduced import Reduced, ReducedBody, ReducedHeat, positions
-from sparsemor.reducers.step.relocalised import Coupled
 from sparsemor.reducers.step.solver import Facts, reduce_state
-from sparsemor.reducers.step.whole_step import WholeMemory, WholeStepper, linear_response
 
 T = TypeVar("T", TestedElastic, TestedHeat)
 

@@ -40,12 +40,12 @@ from sparsemor.core.protocols.step_solver import LinearSystem
 from sparsemor.reducers.linalg.modal_coordinates import carried, times
 from sparsemor.reducers.step.factors import Factor, factorized
 from sparsemor.reducers.step.frame_step import BodyStep
+from sparsemor.reducers.step.local_copies import CopyMemory, Coupled, OfAtoms
+from sparsemor.reducers.step.monolithic_step import Checked, WholeEquations
 from sparsemor.reducers.step.newton_loop import Linearisation
 from sparsemor.reducers.step.operators import TestedElastic, TestedHeat
 from sparsemor.reducers.step.prescribed import PrescribedBody
-from sparsemor.reducers.step.relocalised import CopyMemory, Coupled, OfAtoms
 from sparsemor.reducers.step.time_tables import TimeTable, plus_loads
-from sparsemor.reducers.step.whole_step import Checked, WholeEquations
 
 TOGETHER = 64
 """Largest number of displacements of bodies whose arrays are filled up to one size; larger bodies

@@ -32,6 +32,7 @@ from sparsemor.reducers.step.acceptance import Tolerances
 from sparsemor.reducers.step.frame_step import BodyStep
 from sparsemor.reducers.step.initial import consistent_start, constraint_errors
 from sparsemor.reducers.step.memory import Memory
+from sparsemor.reducers.step.monolithic_step import WholeNewton, beyond_limits, linear_response
 from sparsemor.reducers.step.newton_loop import Kept, Loop, StepEquations
 from sparsemor.reducers.step.operators import TestedElastic
 from sparsemor.reducers.step.predictor import Past, block_starts
@@ -44,7 +45,6 @@ from sparsemor.reducers.step.reduced_mechanics import (
 )
 from sparsemor.reducers.step.thermal_block import HeatBlock
 from sparsemor.reducers.step.thermal_groups import group_name
-from sparsemor.reducers.step.whole_step import WholeNewton, beyond_limits, linear_response
 
 STEPS = 10
 """Number of steps after one that needed the exact Jacobian before the cheaper iteration is tried

@@ -8,7 +8,7 @@ from sparsemor.bodies.mesh.generators.block import BlockMesh
 from sparsemor.bodies.mesh.generators.rectangle import Rectangle
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.model import Model
-from sparsemor.core.model.prescribed_motion import Followed
+from sparsemor.core.model.prescribed_quantities import Followed
 from sparsemor.core.protocols.prescribed_motion import FrameHistory, Stage
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.testing.in_memory_run import scene_of

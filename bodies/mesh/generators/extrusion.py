@@ -8,7 +8,7 @@ A triangulation of a simply connected region with N points, B of them on the out
 import numpy as np
 from scipy.spatial import Delaunay, QhullError, cKDTree
 
-from sparsemor.bodies.mesh.simplices import signed_measures
+from sparsemor.bodies.mesh.cell_measures import signed_measures
 from sparsemor.core import BoolArray, FloatArray, InputError, IntArray, MeshSize
 
 ROUNDS = 10

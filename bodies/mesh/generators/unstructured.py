@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field, model_validator
 from scipy.spatial import Delaunay, QhullError
 
-from sparsemor.bodies.mesh.simplices import signed_measures
+from sparsemor.bodies.mesh.cell_measures import signed_measures
 from sparsemor.core import FloatArray, InputError, IntArray, Mesh, MeshPlugin, MeshSize
 
 Positive = Annotated[float, Field(gt=0)]

@@ -16,8 +16,8 @@ from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.offline import Offline
 from sparsemor.plugins.checks.trial_space import trial_spaces
+from sparsemor.reducers.errors_at_states import StateError
 from sparsemor.reducers.projection.projected_error import projected_error, projection_note
-from sparsemor.reducers.states_to_test import StateError
 from tiers import quick
 from tiny_scene import full, snapshots
 

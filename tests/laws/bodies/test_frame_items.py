@@ -20,7 +20,7 @@ from sparsemor.core import JointPlugin, LoadPlugin, Part
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.model.assembly import assemble
-from sparsemor.core.model.prescribed_motion import AtStart, Followed
+from sparsemor.core.model.prescribed_quantities import AtStart, Followed
 from sparsemor.core.protocols.contributions import Equations
 from sparsemor.core.protocols.prescribed_motion import FrameHistory, Stage
 from sparsemor.core.testing.in_memory_run import march, scene_of

@@ -12,7 +12,7 @@ from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.equations import AssembledTerm
 from sparsemor.core.model.linear_equations import TabledEquations
 from sparsemor.core.model.model import Model
-from sparsemor.core.model.prescribed_motion import AtStart
+from sparsemor.core.model.prescribed_quantities import AtStart
 from sparsemor.core.protocols.load_tables import LoadTable, Table, times_rows
 from sparsemor.core.testing import check_term
 from sparsemor.reducers.step.time_tables import projected_tables, total_load

@@ -9,7 +9,7 @@ import pytest
 
 from sparsemor import InputError, SolveFailed, Status, load, open_result, simulate
 from sparsemor.core.model.assembly import assemble
-from sparsemor.core.model.prescribed_motion import Followed
+from sparsemor.core.model.prescribed_quantities import Followed
 from sparsemor.core.protocols.prescribed_motion import FrameHistory
 from sparsemor.core.registry.hooks import hookimpl
 from sparsemor.core.simulation.cache import Cache

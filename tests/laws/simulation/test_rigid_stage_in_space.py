@@ -11,7 +11,7 @@ from sparsemor.bodies.frames import rotation as rot
 from sparsemor.bodies.mesh.generators.block import BlockMesh
 from sparsemor.core import Joint
 from sparsemor.core.model.assembly import assemble
-from sparsemor.core.model.prescribed_motion import Followed
+from sparsemor.core.model.prescribed_quantities import Followed
 from sparsemor.core.protocols.poses import points_in_space, vectors_in_space
 from sparsemor.core.protocols.prescribed_motion import FrameHistory, Stage
 from sparsemor.core.scene.scene import Scene

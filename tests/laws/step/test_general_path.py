@@ -24,7 +24,7 @@ from sparsemor.core.testing.in_memory_run import March, march
 from sparsemor.core.testing.term import check_term
 from sparsemor.plugins.stability.step_map import step_map
 from sparsemor.reducers.step.coupled_reduced import ReducedGeneral
-from sparsemor.reducers.step.whole_step import WholeStepper
+from sparsemor.reducers.step.monolithic_step import WholeStepper
 from springs import bars, coupled, with_other
 
 pytestmark = pytest.mark.full

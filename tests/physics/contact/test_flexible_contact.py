@@ -15,8 +15,8 @@ from sparsemor.core.scene.scene import Scene
 from sparsemor.core.status import SolveFailed, Status
 from sparsemor.core.testing.in_memory_run import march
 from sparsemor.reducers.full.monolithic import Summed
+from sparsemor.reducers.step.monolithic_step import WholeStepper
 from sparsemor.reducers.step.newton_loop import Linearisation
-from sparsemor.reducers.step.whole_step import WholeStepper
 
 pytestmark = pytest.mark.full
 

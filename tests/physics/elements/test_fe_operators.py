@@ -14,9 +14,9 @@ from facet_normals import facet_normals
 from sparsemor.bodies import fem as fe
 from sparsemor.bodies.fem import Model
 from sparsemor.bodies.material import Isotropic
+from sparsemor.bodies.mesh.cell_measures import signed_measures
 from sparsemor.bodies.mesh.check import check_mesh
 from sparsemor.bodies.mesh.generators.rectangle import Rectangle
-from sparsemor.bodies.mesh.simplices import signed_measures
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.model.facets import outer_facets

@@ -14,10 +14,10 @@ from facet_normals import facet_normals
 from sparsemor.bodies import fem as fe
 from sparsemor.bodies.fem import forms
 from sparsemor.bodies.material import Isotropic
+from sparsemor.bodies.mesh.cell_measures import edge_vectors, signed_measures
 from sparsemor.bodies.mesh.generators.block import BlockMesh
 from sparsemor.bodies.mesh.generators.disk import Disk
 from sparsemor.bodies.mesh.generators.pad import Pad
-from sparsemor.bodies.mesh.simplices import edge_vectors, signed_measures
 from sparsemor.core import DofLocations
 from sparsemor.core.arrays import Csr, FloatArray, IntArray
 from sparsemor.core.linalg.factorized import rigid_motions

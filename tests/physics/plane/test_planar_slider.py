@@ -11,7 +11,7 @@ from sparsemor.bodies.joints.pairs import Prismatic
 from sparsemor.core import InputError
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.model.assembly import assemble
-from sparsemor.core.model.prescribed_motion import Followed
+from sparsemor.core.model.prescribed_quantities import Followed
 from sparsemor.core.simulation.validation import checked_model
 from sparsemor.core.testing import check_joint
 from sparsemor.core.testing.in_memory_run import March, march, scene_of

@@ -13,7 +13,7 @@ from sparsemor import load, simulate
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.facets import outer_facets
-from sparsemor.core.model.prescribed_motion import AtStart
+from sparsemor.core.model.prescribed_quantities import AtStart
 from sparsemor.core.protocols.prescribed_motion import Stage
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.simulation.cache import Cache

@@ -28,10 +28,10 @@ from sparsemor.core.protocols.step_solver import ResultantSource, resultant_sour
 from sparsemor.core.protocols.term import LocalCopy
 from sparsemor.reducers.step.acceptance import Tolerances
 from sparsemor.reducers.step.factors import Matrix
+from sparsemor.reducers.step.local_copies import state_of
 from sparsemor.reducers.step.memory import RunMemory
 from sparsemor.reducers.step.newton_loop import Ended, Kept, Loop, StepEquations
 from sparsemor.reducers.step.predictor import Past, block_starts
-from sparsemor.reducers.step.relocalised import state_of
 
 EXTRAPOLATION_ERROR = 1e-2
 """Relative error above which an extrapolation is no better a guess than the last state."""
@@ -62,7 +62,7 @@ class WholeMemory(RunMemory):
     """State between steps of the whole-step solver.
 
     order: order of the extrapolation with the least error in the last step. near: number of a term
-    -> its local copy (relocalised.py), stored as the state at which it was made; searches: number
+    -> its local copy (local_copies.py), stored as the state at which it was made; searches: number
     of such copies so far. equations: those of this run, with their working arrays.
     """
 
