@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from matplotlib.text import Annotation
-    from matplotlib.transforms import Bbox
 
 COLUMN, PAGE = 3.5, 7.2
 """Widths of a figure, inches: one column, and the full page."""
@@ -208,62 +206,6 @@ def legend_above(figure: "Figure", handles: "Sequence[Artist]", columns: int = 3
     figure.legend(
         handles=handles, loc="outside upper left", ncols=min(columns, len(handles)),
         fontsize=SMALL, frameon=False, handlelength=3.2, columnspacing=1.2, borderaxespad=0.2)
-
-
-def keep_apart(figure: "Figure", labels: "Sequence[Annotation]") -> None:
-    """Moves labels around their points to where they cover no other text, no marker and nothing
-    outside their axes; hides those for which there is no room. The figure keeps its layout."""
-    figure.draw_without_rendering()
-    figure.set_layout_engine("none")
-    taken: dict[Any, list[Bbox]] = {}
-    for label in labels:
-        axes = label.axes
-        assert axes is not None
-        if axes not in taken:
-            taken[axes] = [*_markers(axes), *(
-                t.get_window_extent() for t in axes.texts if t not in labels)]
-        room = next((box for at in _AROUND if (box := _moved(label, *at)) is not None
-                     and not any(box.overlaps(other) for other in taken[axes])), None)
-        if room is None:
-            label.set_visible(False)
-        else:
-            taken[axes].append(room)
-
-
-_AROUND = tuple((x, y, horizontal, vertical) for near in (5.0, 12.0) for x, y, horizontal, vertical
-                in ((near, 0.0, "left", "center"), (-near, 0.0, "right", "center"),
-                    (near, near, "left", "bottom"), (-near, near, "right", "bottom"),
-                    (near, -near, "left", "top"), (-near, -near, "right", "top"),
-                    (0.0, near, "center", "bottom"), (0.0, -near, "center", "top")))
-"""Offsets of a label from its point, points, and alignments."""
-
-
-def _moved(
-    label: "Annotation", x: float, y: float, horizontal: str, vertical: str
-) -> "Bbox | None":
-    """Extent of a label at an offset from its point; None outside the axes."""
-    label.set_position((x, y))
-    label.set_horizontalalignment(horizontal)  # type: ignore[arg-type]
-    label.set_verticalalignment(vertical)  # type: ignore[arg-type]
-    box, axes = label.get_window_extent(), label.axes
-    assert axes is not None
-    frame = axes.get_window_extent()
-    inside = frame.x0 <= box.x0 and box.x1 <= frame.x1 and frame.y0 <= box.y0 and (
-        box.y1 <= frame.y1)
-    return box if inside else None
-
-
-def _markers(axes: Any) -> "list[Bbox]":
-    """Extents of the markers of all points in axes."""
-    from matplotlib.transforms import Bbox
-
-    found = []
-    for line in axes.lines:
-        if line.get_marker() not in ("None", "none", ""):
-            half = 0.5 * line.get_markersize() * axes.figure.dpi / 72.0
-            for x, y in axes.transData.transform(line.get_xydata()):
-                found.append(Bbox.from_extents(x - half, y - half, x + half, y + half))
-    return found
 
 
 def save(figure: "Figure", folder: Path, name: str, formats: Iterable[str]) -> list[Path]:

@@ -19,7 +19,6 @@ from sparsemor.plugins.charts.style import (
     REFERENCE_COLOUR,
     SMALL,
     LineStyle,
-    keep_apart,
     legend_above,
     new_figure,
     plain,
@@ -66,12 +65,11 @@ def work_precision_figure(
 
     The upper axis shows the speed-up over the reference, whose time is a vertical line; the legend
     the offline time of each method. Points of a method are joined in the order of the numbers in
-    their budgets, of which the first and the last stand next to their points where no other text
-    does; budgets that are no numbers are not joined. Runs that stopped early are hollow points at
-    the upper edge, named below the chart; a cross marks errors above `limit`, a ring runs that are
-    predicted to be unstable. kinds: kinds of the runs' fields; rigid coordinates have a panel of
-    their own only if there is no error of angles. notes: further lines below the chart; unit: of
-    the computing time.
+    their budgets, of which the first and the last stand next to their points; budgets that are no
+    numbers are not joined. Runs that stopped early are hollow points at the upper edge, named below
+    the chart; a cross marks errors above `limit`, a ring runs that are predicted to be unstable.
+    kinds: kinds of the runs' fields; rigid coordinates have a panel of their own only if there is
+    no error of angles. notes: further lines below the chart; unit: of the computing time.
     """
     points = [_drawn(p) for p in points]
     reference = None if reference is None else _drawn(reference)
@@ -103,7 +101,6 @@ def work_precision_figure(
     panels = figure.subplots(rows, columns, squeeze=False).ravel()
     for axes in panels[len(measures):]:
         axes.set_visible(False)
-    labels: list[Any] = []
     for measure, axes in zip(measures, panels, strict=False):
         radians = " (rad)" if measure == "angle_rad" else ""
         relative = "" if radians else "relative "
@@ -111,11 +108,10 @@ def work_precision_figure(
         _time_axis(axes, timed, reference)
         axes.set_title(titles[measure], fontsize=NORMAL, loc="left", fontweight="bold")
         shown = [p for p in timed if measure in p.errors or not p.status.ok]
-        labels += _lines(axes, measure, shown, methods, limit)
+        _lines(axes, measure, shown, methods, limit)
     legend_above(figure, handles, columns=across)
     if below:
         figure.supxlabel("\n".join(below), fontsize=SMALL, x=0.01, ha="left")
-    keep_apart(figure, labels)
     return figure
 
 
@@ -125,12 +121,12 @@ def _drawn(point: WorkPoint) -> WorkPoint:
 
 def _lines(
     axes: Any, measure: str, points: Sequence[WorkPoint], methods: Sequence[str], limit: float
-) -> list[Any]:
-    """Draws points and lines of one panel; returns the labels of the first and the last budget of
-    each line, and of runs that stopped early."""
+) -> None:
+    """Draws points and lines of one panel, with the first and the last budget of each line, and
+    those of runs that stopped early, next to their points."""
     from matplotlib.ticker import LogLocator, NullLocator
 
-    (bottom, top), labels = _limits(measure, points), []
+    bottom, top = _limits(measure, points)
     axes.set_yscale("log")
     axes.set_ylim(bottom, top)
     axes.yaxis.set_major_locator(LogLocator(numticks=7))
@@ -154,10 +150,9 @@ def _lines(
                 axes.plot([p.ms_per_step], [y], linestyle="none", marker="o", markersize=10,
                           color=LIMIT_COLOUR, markerfacecolor="none", clip_on=False, zorder=4)
             if p.budget and (not p.status.ok or p is ended[0] or p is ended[-1]):
-                labels.append(axes.annotate(
+                axes.annotate(
                     p.budget, (p.ms_per_step, y), (5, 4), textcoords="offset points",
-                    fontsize=SMALL, color=style.colour, annotation_clip=False))
-    return labels
+                    fontsize=SMALL, color=style.colour, annotation_clip=False)
 
 
 def _marker(axes: Any, x: float | None, y: float, style: LineStyle, ok: bool) -> None:

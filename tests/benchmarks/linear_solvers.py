@@ -22,7 +22,7 @@ import numpy as np
 from modules import report
 from scipy import sparse
 
-from sparsemor.bodies import fem as fe
+from sparsemor.bodies.fem import elasticity, integrals
 from sparsemor.bodies.material import Isotropic
 from sparsemor.bodies.mesh.generators.disk import Disk
 from sparsemor.core import DofLocations
@@ -70,12 +70,12 @@ def matrices(refine: float) -> Any:
     """(field, matrix, places, tetrahedra)."""
     mesh = Disk(refine=refine).build(Path())
     n = len(mesh.points)
-    A = fe.capacity(mesh, STEEL.rho, STEEL.c) / STEP + fe.conductivity(mesh, STEEL.k)
+    A = integrals.capacity(mesh, STEEL.rho, STEEL.c) / STEP + integrals.conductivity(mesh, STEEL.k)
     yield "T", A.tocsr(), DofLocations(mesh.points, np.zeros(n, np.int64)), len(mesh.cells)
     held = mesh.point_sets["hub"]
     free = np.setdiff1d(np.arange(3 * n), (3 * held[:, None] + np.arange(3)).ravel())
-    M = sparse.kron(fe.scalar_mass(mesh, STEEL.rho), sparse.eye_array(3), format="csr")
-    D = fe.elastic_stiffness(mesh, STEEL, 1.0, "solid") + M / STEP**2
+    M = sparse.kron(integrals.scalar_mass(mesh, STEEL.rho), sparse.eye_array(3), format="csr")
+    D = elasticity.elastic_stiffness(mesh, STEEL, 1.0, "solid") + M / STEP**2
     D = D.tocsr()[free][:, free]
     yield "u", D.tocsr(), DofLocations(mesh.points[free // 3], free % 3), len(mesh.cells)
 

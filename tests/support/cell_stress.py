@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sparsemor.bodies.fem import Model, law
+from sparsemor.bodies.fem.elasticity import Model, law
 from sparsemor.bodies.fem.stress import CellStress
 from sparsemor.core import Material, Mesh
 from sparsemor.core.arrays import FloatArray

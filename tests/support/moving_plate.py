@@ -8,7 +8,7 @@ import numpy as np
 from scipy.sparse import csr_array, eye_array, kron
 from scipy.sparse.linalg import splu
 
-from sparsemor.bodies import fem as fe
+from sparsemor.bodies.fem import elasticity, integrals
 from sparsemor.bodies.material import Isotropic
 from sparsemor.bodies.mesh.generators.rectangle import Rectangle
 from sparsemor.core import BlockData
@@ -44,23 +44,24 @@ def plate(speed: float = 1.0) -> tuple[BlockData, BlockData]:
     m, N = mesh(), len(mesh().points)
     top = m.point_sets["top"]
     W, times = pushes(m.points[top, 0], speed), STEP * np.arange(STEPS + 1)
-    C = fe.capacity(m, 2700, 900, THICKNESS)
+    C = integrals.capacity(m, 2700, 900, THICKNESS)
     one = csr_array((np.ones(len(top)), (top, np.arange(len(top)))), shape=(N, len(top)))
     heat_in = LoadTable("sole", one, tuple(f"sole, node {i}" for i in top),
                         Table(times, 0.1 * speed * W))
-    heat = _data("plate.thermal", C, fe.conductivity(m, 150, THICKNESS), m.points,
+    heat = _data("plate.thermal", C, integrals.conductivity(m, 150, THICKNESS), m.points,
                  np.zeros(N, dtype=np.int64), heat_in, (0.0, 1 / STEP))
     free = np.setdiff1d(np.arange(2 * N), np.ravel([2 * m.point_sets["bottom"],
                                                     2 * m.point_sets["bottom"] + 1]))
     K, M = (csr_array(A)[free][:, free] for A in (
-        fe.elastic_stiffness(m, ALLOY, THICKNESS, "plane_strain"),
-        kron(fe.scalar_mass(m, 2700 * THICKNESS), eye_array(2))))
+        elasticity.elastic_stiffness(m, ALLOY, THICKNESS, "plane_strain"),
+        kron(integrals.scalar_mass(m, 2700 * THICKNESS), eye_array(2))))
     both = csr_array(kron(one, eye_array(2)))[free]
     push = LoadTable("sole", both, tuple(f"sole, node {i}, {c}" for i in top for c in "xy"),
                      Table(times, np.stack([0.2 * W, -W], axis=2).reshape(STEPS + 1, -1)))
     data = _data("plate.elastic", M, K, np.repeat(m.points, 2, axis=0)[free],
                  (np.arange(2 * N) % 2)[free], push, (1 / STEP, 1 / STEP**2))
-    coupling = csr_array(fe.thermoelastic_coupling(m, ALLOY, THICKNESS, "plane_strain"))[free]
+    thermal = elasticity.thermoelastic_coupling(m, ALLOY, THICKNESS, "plane_strain")
+    coupling = csr_array(thermal)[free]
     return replace(data, coupling=coupling, heat=heat), heat
 
 

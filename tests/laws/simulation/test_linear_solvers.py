@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import sparse
 
-from sparsemor.bodies import fem as fe
+from sparsemor.bodies.fem import elasticity, integrals
 from sparsemor.bodies.material import Isotropic
 from sparsemor.bodies.mesh.generators.block import BlockMesh
 from sparsemor.core import DofLocations, LinearSolver
@@ -38,7 +38,7 @@ def block(n: int) -> Any:
 def heat(n: int, h: float) -> tuple[Csr, DofLocations]:
     """Capacity over a step of h s, and conduction, of a block of n^3 cells."""
     mesh = block(n)
-    A = fe.capacity(mesh, 7850, 475) / h + fe.conductivity(mesh, 44.5)
+    A = integrals.capacity(mesh, 7850, 475) / h + integrals.conductivity(mesh, 44.5)
     return A.tocsr(), DofLocations(mesh.points, np.zeros(len(mesh.points), np.int64))
 
 
@@ -48,7 +48,7 @@ def elastic(n: int) -> tuple[Csr, DofLocations]:
     left, top = mesh.point_sets["left"], mesh.point_sets["top"]
     held = np.concatenate([(3 * left[:, None] + np.arange(3)).ravel(), 3 * top + 2])
     free = np.setdiff1d(np.arange(3 * len(mesh.points)), held)
-    K = fe.elastic_stiffness(mesh, STEEL, 1.0, "solid")[free][:, free]
+    K = elasticity.elastic_stiffness(mesh, STEEL, 1.0, "solid")[free][:, free]
     return K, DofLocations(mesh.points[free // 3], free % 3)
 
 
@@ -140,7 +140,7 @@ def test_nodes_are_told_apart_by_their_components() -> None:
 
 def test_rigid_motions_cost_no_force() -> None:
     mesh = block(2)
-    K = fe.elastic_stiffness(mesh, STEEL, 1.0, "solid")
+    K = elasticity.elastic_stiffness(mesh, STEEL, 1.0, "solid")
     n = 3 * len(mesh.points)
     motions = rigid_motions(DofLocations(mesh.points[np.arange(n) // 3], np.arange(n) % 3))
     assert motions.shape == (n, 6) and np.linalg.matrix_rank(motions) == 6
@@ -210,7 +210,7 @@ def test_a_body_that_nothing_holds_is_singular(name: str) -> None:
     if name in PACKAGE:
         pytest.importorskip(PACKAGE[name])
     (entry,) = entry_points(group="sparsemor.linear_solver", name=name)
-    K = fe.elastic_stiffness(block(3), STEEL, 1.0, "solid")
+    K = elasticity.elastic_stiffness(block(3), STEEL, 1.0, "solid")
     done = entry.load()().factorize(K)
     assert done.status is Status.SINGULAR and done.note
     assert np.isnan(done.solve(np.ones(K.shape[0]))).all()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.sparse.linalg import splu
 
-from sparsemor.bodies import fem as fe
+from sparsemor.bodies.fem import integrals
 from sparsemor.bodies.mesh.generators.rectangle import Rectangle
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.protocols.mesh import Mesh
@@ -26,8 +26,9 @@ def series(s: float, length: float, k: float, rho_c: float, t: float) -> float:
 
 def heated(mesh: Mesh, k: float, rho_c: float, h: float, steps: list[int]) -> list[FloatArray]:
     """Rises by implicit Euler with one factorised matrix, at the given steps."""
-    capacity, conduction = fe.capacity(mesh, rho_c, 1.0), fe.conductivity(mesh, k)
-    heat = FLUX * fe.surface_load(mesh, fe.boundary_facets(mesh, mesh.point_sets["top"]))
+    capacity, conduction = integrals.capacity(mesh, rho_c, 1.0), integrals.conductivity(mesh, k)
+    top = integrals.boundary_facets(mesh, mesh.point_sets["top"])
+    heat = FLUX * integrals.surface_load(mesh, top)
     solver = splu((capacity / h + conduction).tocsc())
     rise, found = np.zeros(len(mesh.points)), []
     for step in range(1, max(steps) + 1):
@@ -71,5 +72,5 @@ def test_all_heat_that_enters_is_stored() -> None:
     mesh = slab(0.17, 20)
     width = 0.17 / 20
     rise = heated(mesh, 44.5, 475e3, 1e-2, [100])[0]
-    stored = float(np.sum(fe.capacity(mesh, 475e3, 1.0) @ rise))
+    stored = float(np.sum(integrals.capacity(mesh, 475e3, 1.0) @ rise))
     assert stored == pytest.approx(FLUX * width * 1.0, rel=1e-11)

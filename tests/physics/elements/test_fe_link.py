@@ -8,7 +8,7 @@ import pytest
 from scipy.sparse import eye_array, kron
 from scipy.sparse.linalg import eigsh, splu
 
-from sparsemor.bodies import fem as fe
+from sparsemor.bodies.fem import elasticity, integrals
 from sparsemor.bodies.material import Isotropic
 from sparsemor.bodies.mesh.generators.link import Link
 from sparsemor.core.arrays import Csr, FloatArray, IntArray
@@ -33,17 +33,18 @@ def link() -> Chord:
     mesh = Link().build(Path())
     a, b = mesh.point_sets["chord_a"][0], mesh.point_sets["chord_b"][0]
     free = np.setdiff1d(np.arange(2 * len(mesh.points)), [2 * a, 2 * a + 1, 2 * b + 1])
-    stiffness = fe.elastic_stiffness(mesh, MATERIAL, THICKNESS)[free][:, free]
-    return Chord(mesh, fe.scalar_mass(mesh, MATERIAL.rho * THICKNESS), stiffness.tocsc(), free)
+    stiffness = elasticity.elastic_stiffness(mesh, MATERIAL, THICKNESS)[free][:, free]
+    mass = integrals.scalar_mass(mesh, MATERIAL.rho * THICKNESS)
+    return Chord(mesh, mass, stiffness.tocsc(), free)
 
 
 @pytest.fixture(scope="module")
 def rises(link: Chord) -> dict[float, FloatArray]:
     """Temperature rises (K) at four times (s): 1e6 W/m2 on the upper edge, implicit Euler."""
-    capacity = fe.capacity(link.mesh, 1000.0, 475.0, THICKNESS)
-    facets = fe.boundary_facets(link.mesh, link.mesh.point_sets["top"])
-    heat = 1e6 * fe.surface_load(link.mesh, facets, THICKNESS)
-    solver = splu((capacity / STEP + fe.conductivity(link.mesh, 44.5, THICKNESS)).tocsc())
+    capacity = integrals.capacity(link.mesh, 1000.0, 475.0, THICKNESS)
+    facets = integrals.boundary_facets(link.mesh, link.mesh.point_sets["top"])
+    heat = 1e6 * integrals.surface_load(link.mesh, facets, THICKNESS)
+    solver = splu((capacity / STEP + integrals.conductivity(link.mesh, 44.5, THICKNESS)).tocsc())
     rise, found = np.zeros(len(link.mesh.points)), {}
     for n in range(1, 4001):
         rise = solver.solve(capacity @ rise / STEP + heat)
@@ -84,7 +85,7 @@ def test_thermal_shape(
     link: Chord, rises: dict[float, FloatArray], t: float, largest: float, middle: float
 ) -> None:
     u = np.zeros(2 * len(link.mesh.points))
-    force = fe.thermoelastic_coupling(link.mesh, MATERIAL, THICKNESS) @ rises[t]
+    force = elasticity.thermoelastic_coupling(link.mesh, MATERIAL, THICKNESS) @ rises[t]
     u[link.free] = splu(link.stiffness).solve(force[link.free])
     size = np.linalg.norm(u.reshape(-1, 2), axis=1)
     assert size.max() == pytest.approx(largest, rel=2e-3)

@@ -11,8 +11,8 @@ from scipy.sparse.linalg import spsolve
 
 from cell_stress import cell_stress
 from facet_normals import facet_normals
-from sparsemor.bodies import fem as fe
-from sparsemor.bodies.fem import Model
+from sparsemor.bodies.fem import elasticity, integrals
+from sparsemor.bodies.fem.elasticity import Model
 from sparsemor.bodies.material import Isotropic
 from sparsemor.bodies.mesh.cell_measures import signed_measures
 from sparsemor.bodies.mesh.check import check_mesh
@@ -61,7 +61,7 @@ def random_field(mesh: Mesh, components: int) -> FloatArray:
 @pytest.mark.parametrize("d", [2, 3])
 def test_mass_holds_the_moments_of_the_volume(d: int) -> None:
     mesh = skewed(d)
-    mass, one = fe.scalar_mass(mesh, 2.5), np.ones(len(mesh.points))
+    mass, one = integrals.scalar_mass(mesh, 2.5), np.ones(len(mesh.points))
     volume = float(np.linalg.det(SHEAR[d]))
     assert one @ mass @ one == pytest.approx(2.5 * volume, rel=1e-12)
     centre = SHEAR[d] @ np.full(d, 0.5)
@@ -75,8 +75,8 @@ def test_mass_holds_the_moments_of_the_volume(d: int) -> None:
 def test_conduction_of_a_linear_temperature(d: int) -> None:
     mesh = skewed(d)
     slope = np.arange(1.0, d + 1)
-    heat = fe.conductivity(mesh, 44.5, 0.03) @ (mesh.points @ slope)
-    flux = fe.surface_normal_load(mesh, outer_facets(mesh), 0.03) @ (44.5 * slope)
+    heat = integrals.conductivity(mesh, 44.5, 0.03) @ (mesh.points @ slope)
+    flux = integrals.surface_normal_load(mesh, outer_facets(mesh), 0.03) @ (44.5 * slope)
     np.testing.assert_allclose(heat, flux, atol=1e-12)
 
 
@@ -86,7 +86,7 @@ def test_rigid_motion_costs_no_force(d: int, model: Model) -> None:
     turn = np.zeros((d, d))
     turn[0, 1], turn[1, 0] = -1.0, 1.0
     motion = (mesh.points @ turn.T + np.arange(d)).ravel()
-    stiffness = fe.elastic_stiffness(mesh, ALLOY, 1.0, model)
+    stiffness = elasticity.elastic_stiffness(mesh, ALLOY, 1.0, model)
     assert np.abs(stiffness @ motion).max() < 1e-12 * np.abs(stiffness).max()
     assert np.abs(stiffness - stiffness.T).max() < 1e-12 * np.abs(stiffness).max()
 
@@ -99,9 +99,9 @@ def test_constant_strain_is_held_by_boundary_tractions(d: int, model: Model) -> 
     dT = np.full(len(mesh.points), 30.0)
     sigma = cell_stress(mesh, ALLOY, model, u, dT)
     np.testing.assert_allclose(sigma, sigma[:1].repeat(len(sigma), 0), atol=1e-3)
-    stiffness = fe.elastic_stiffness(mesh, ALLOY, 0.03, model)
-    coupling = fe.thermoelastic_coupling(mesh, ALLOY, 0.03, model)
-    traction = fe.surface_normal_load(mesh, outer_facets(mesh), 0.03) @ sigma[0, :d, :d]
+    stiffness = elasticity.elastic_stiffness(mesh, ALLOY, 0.03, model)
+    coupling = elasticity.thermoelastic_coupling(mesh, ALLOY, 0.03, model)
+    traction = integrals.surface_normal_load(mesh, outer_facets(mesh), 0.03) @ sigma[0, :d, :d]
     np.testing.assert_allclose(stiffness @ u - coupling @ dT, traction.ravel(), atol=1e-5)
 
 
@@ -110,16 +110,16 @@ def test_coupling_integrates_a_temperature_that_varies_in_the_cell(d: int, model
     """Virtual work on a volume change: integral of beta dT div v with div v = d."""
     mesh = skewed(d)
     dT = random_field(mesh, 1)[:, 0]
-    work = mesh.points.ravel() @ fe.thermoelastic_coupling(mesh, ALLOY, 0.03, model) @ dT
-    integral = np.sum(fe.scalar_mass(mesh, 0.03) @ dT)
-    assert work == pytest.approx(d * fe.law(ALLOY, model).beta * integral, rel=1e-11)
+    work = mesh.points.ravel() @ elasticity.thermoelastic_coupling(mesh, ALLOY, 0.03, model) @ dT
+    integral = np.sum(integrals.scalar_mass(mesh, 0.03) @ dT)
+    assert work == pytest.approx(d * elasticity.law(ALLOY, model).beta * integral, rel=1e-11)
 
 
 def test_free_expansion_of_a_solid() -> None:
     mesh = skewed(3)
     dT = np.full(len(mesh.points), 100.0)
-    force = fe.thermoelastic_coupling(mesh, ALLOY, 1.0, "solid") @ dT
-    stiffness = fe.elastic_stiffness(mesh, ALLOY, 1.0, "solid")
+    force = elasticity.thermoelastic_coupling(mesh, ALLOY, 1.0, "solid") @ dT
+    stiffness = elasticity.elastic_stiffness(mesh, ALLOY, 1.0, "solid")
     expected = 2e-5 * 100.0 * mesh.points
     held = np.arange(12)  # four corner points carry the exact values
     free = np.arange(12, force.size)
@@ -133,9 +133,9 @@ def test_free_expansion_of_a_solid() -> None:
 @pytest.mark.parametrize("d", [2, 3])
 def test_closed_surface(d: int) -> None:
     mesh = skewed(d)
-    facets = fe.boundary_facets(mesh, np.arange(len(mesh.points)))
+    facets = integrals.boundary_facets(mesh, np.arange(len(mesh.points)))
     np.testing.assert_allclose(facet_normals(mesh, facets).sum(axis=0), 0.0, atol=1e-13)
-    outflow = np.sum(fe.surface_normal_load(mesh, facets) * mesh.points)
+    outflow = np.sum(integrals.surface_normal_load(mesh, facets) * mesh.points)
     volume = signed_measures(mesh.points, mesh.cells).sum()
     assert outflow == pytest.approx(d * volume, rel=1e-12)
 
@@ -145,48 +145,50 @@ def test_surface_integrals_agree_with_closed_forms(d: int) -> None:
     """Over a simplex of dimension s: integral phi_i phi_j = measure s! (1 + delta_ij) / (s + 2)!"""
     mesh = skewed(d)
     facets = outer_facets(mesh)[::2]
-    n, size = len(mesh.points), fe.facet_measures(mesh, facets)
+    n, size = len(mesh.points), integrals.facet_measures(mesh, facets)
     load, matrix, forces = np.zeros(n), np.zeros((n, n)), np.zeros((n, d))
     local = (np.ones((d, d)) + np.eye(d)) * (factorial(d - 1) / factorial(d + 1))
     for facet, area, outward in zip(facets, size, facet_normals(mesh, facets), strict=True):
         load[facet] += area / d
         forces[facet] += outward / d
         matrix[np.ix_(facet, facet)] += 7.0 * area * local
-    np.testing.assert_allclose(fe.surface_load(mesh, facets), load, atol=1e-14)
-    np.testing.assert_allclose(fe.surface_normal_load(mesh, facets), forces, atol=1e-14)
-    np.testing.assert_allclose(fe.surface_mass(mesh, facets, 7.0).toarray(), matrix, atol=1e-13)
+    np.testing.assert_allclose(integrals.surface_load(mesh, facets), load, atol=1e-14)
+    np.testing.assert_allclose(integrals.surface_normal_load(mesh, facets), forces, atol=1e-14)
+    np.testing.assert_allclose(
+        integrals.surface_mass(mesh, facets, 7.0).toarray(), matrix, atol=1e-13)
 
 
 @pytest.mark.parametrize("d", [2, 3])
 def test_facets_add_up(d: int) -> None:
     mesh = skewed(d)
     facets = outer_facets(mesh)
-    one_by_one = sum(fe.surface_mass(mesh, facet[None], 7.0).toarray() for facet in facets)
-    np.testing.assert_allclose(fe.surface_mass(mesh, facets, 7.0).toarray(), one_by_one, atol=1e-13)
-    assert fe.surface_load(mesh, facets).sum() == pytest.approx(
-        fe.facet_measures(mesh, facets).sum(), rel=1e-12
+    one_by_one = sum(integrals.surface_mass(mesh, facet[None], 7.0).toarray() for facet in facets)
+    np.testing.assert_allclose(
+        integrals.surface_mass(mesh, facets, 7.0).toarray(), one_by_one, atol=1e-13)
+    assert integrals.surface_load(mesh, facets).sum() == pytest.approx(
+        integrals.facet_measures(mesh, facets).sum(), rel=1e-12
     )
 
 
 def test_facets_need_a_piece_of_the_surface() -> None:
     mesh = Rectangle(size=(1.0, 1.0), divisions=(3, 3)).build(Path())
-    top = fe.boundary_facets(mesh, mesh.point_sets["top"])
+    top = integrals.boundary_facets(mesh, mesh.point_sets["top"])
     assert top.shape == (3, 2)
     np.testing.assert_allclose(facet_normals(mesh, top), [[0.0, 1 / 3]] * 3, atol=1e-15)
     with pytest.raises(InputError, match="covers a piece of the surface"):
-        fe.boundary_facets(mesh, mesh.point_sets["top_left"])
+        integrals.boundary_facets(mesh, mesh.point_sets["top_left"])
 
 
 @pytest.mark.parametrize("d,model", CASES)
 def test_a_mesh_of_some_cells_keeps_all_unknowns(d: int, model: Model) -> None:
     mesh = skewed(d)
     parts = [replace(mesh, cells=mesh.cells[k::2]) for k in (0, 1)]
-    whole = fe.elastic_stiffness(mesh, ALLOY, 1.0, model)
-    halves = sum(fe.elastic_stiffness(part, ALLOY, 1.0, model) for part in parts)
+    whole = elasticity.elastic_stiffness(mesh, ALLOY, 1.0, model)
+    halves = sum(elasticity.elastic_stiffness(part, ALLOY, 1.0, model) for part in parts)
     np.testing.assert_allclose(halves.toarray(), whole.toarray(), atol=1e-4)
 
 
 def test_model_must_suit_the_dimension() -> None:
     with pytest.raises(InputError, match="take solid") as caught:
-        fe.elastic_stiffness(skewed(3), ALLOY, 1.0, "plane_stress")
+        elasticity.elastic_stiffness(skewed(3), ALLOY, 1.0, "plane_stress")
     assert caught.value.faults[0].key == "model"

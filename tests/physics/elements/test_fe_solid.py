@@ -11,8 +11,7 @@ from scipy.sparse.linalg import eigsh
 from cell_stress import cell_stress
 from disk_fields import radial_and_hoop, rms
 from facet_normals import facet_normals
-from sparsemor.bodies import fem as fe
-from sparsemor.bodies.fem import forms
+from sparsemor.bodies.fem import elasticity, forms, integrals
 from sparsemor.bodies.material import Isotropic
 from sparsemor.bodies.mesh.cell_measures import edge_vectors, signed_measures
 from sparsemor.bodies.mesh.generators.block import BlockMesh
@@ -37,7 +36,7 @@ def disk() -> Mesh:
 
 @pytest.fixture(scope="module")
 def stiffness(disk: Mesh) -> Csr:
-    return fe.elastic_stiffness(disk, STEEL, 1.0, "solid")
+    return elasticity.elastic_stiffness(disk, STEEL, 1.0, "solid")
 
 
 def unknowns(nodes: IntArray, *components: int) -> IntArray:
@@ -74,14 +73,14 @@ def test_a_linear_field_given_at_the_surface_goes_on_inside(mesh: Disk | Pad | B
     surface = np.unique(outer_facets(m))
     assert len(surface) < len(m.points)
     u = (m.points @ rng.normal(size=(3, 3)) + rng.normal(size=3)).ravel()
-    K, none = fe.elastic_stiffness(m, STEEL, 1.0, "solid"), np.zeros(3 * len(m.points))
+    K, none = elasticity.elastic_stiffness(m, STEEL, 1.0, "solid"), np.zeros(3 * len(m.points))
     start = u.copy()
     start[np.setdiff1d(np.arange(len(u)), unknowns(surface, 0, 1, 2))] = 7.0
     np.testing.assert_allclose(
         solved(m, K, none, unknowns(surface, 0, 1, 2), start), u, atol=1e-11)
     T = 300 + 50 * m.points @ rng.normal(size=3)
     start = np.where(np.isin(np.arange(len(T)), surface), T, 0.0)
-    A = fe.conductivity(m, 44.5)
+    A = integrals.conductivity(m, 44.5)
     np.testing.assert_allclose(solved(m, A, 0 * T, surface, start), T, rtol=1e-12)
 
 
@@ -92,7 +91,7 @@ def test_rigid_motions_cost_no_force_and_nothing_else_does(disk: Mesh, stiffness
     assert np.abs(stiffness @ motions).max() < 1e-13 * np.abs(stiffness).max()
     assert abs(stiffness - stiffness.T).max() < 1e-14 * np.abs(stiffness).max()
     small = BlockMesh(size=(1.0, 1.0, 1.0), divisions=(2, 2, 2)).build(Path())
-    K = fe.elastic_stiffness(small, STEEL, 1.0, "solid").toarray()
+    K = elasticity.elastic_stiffness(small, STEEL, 1.0, "solid").toarray()
     values = np.linalg.eigvalsh(K)
     assert values[5] < 1e-12 * values[-1] < 1e-3 * values[6]
 
@@ -100,7 +99,7 @@ def test_rigid_motions_cost_no_force_and_nothing_else_does(disk: Mesh, stiffness
 def test_matrices_of_the_elements_have_their_closed_forms() -> None:
     """B^T C B and products of shape functions, cell by cell; their sums are the matrices."""
     mesh = Pad().build(Path())
-    law, n = fe.law(STEEL, "solid"), len(mesh.points)
+    law, n = elasticity.law(STEEL, "solid"), len(mesh.points)
     size = signed_measures(mesh.points, mesh.cells)
     inner = np.linalg.inv(edge_vectors(mesh.points, mesh.cells)).transpose(0, 2, 1)
     g = np.concatenate([-inner.sum(axis=1, keepdims=True), inner], axis=1)
@@ -112,14 +111,14 @@ def test_matrices_of_the_elements_have_their_closed_forms() -> None:
     C = size[:, None, None] * 7850 * 475 * (np.ones((4, 4)) + np.eye(4)) / 20
     k = 44.5 * size[:, None, None] * (g @ g.transpose(0, 2, 1))
     for whole, rows, columns, cells, closed in (
-        (fe.elastic_stiffness(mesh, STEEL, 1.0, "solid"), of_u, of_u, forms.elements(
+        (elasticity.elastic_stiffness(mesh, STEEL, 1.0, "solid"), of_u, of_u, forms.elements(
             forms.stiffness, mesh, 0, rows=True, columns=True, lam=law.lam, mu=law.mu),
          K.reshape(len(g), 12, 12)),
-        (fe.thermoelastic_coupling(mesh, STEEL, 1.0, "solid"), of_u, mesh.cells, forms.elements(
-            forms.expansion, mesh, 1, rows=True, weight=law.beta), push),
-        (fe.capacity(mesh, 7850, 475), mesh.cells, mesh.cells, forms.elements(
+        (elasticity.thermoelastic_coupling(mesh, STEEL, 1.0, "solid"), of_u, mesh.cells,
+         forms.elements(forms.expansion, mesh, 1, rows=True, weight=law.beta), push),
+        (integrals.capacity(mesh, 7850, 475), mesh.cells, mesh.cells, forms.elements(
             forms.mass, mesh, 2, weight=7850.0 * 475), C),
-        (fe.conductivity(mesh, 44.5), mesh.cells, mesh.cells, forms.elements(
+        (integrals.conductivity(mesh, 44.5), mesh.cells, mesh.cells, forms.elements(
             forms.conduction, mesh, 0, weight=44.5), k),
     ):
         np.testing.assert_allclose(cells, closed, atol=1e-13 * np.abs(closed).max())
@@ -131,9 +130,9 @@ def test_matrices_of_the_elements_have_their_closed_forms() -> None:
 @pytest.mark.full
 def test_pieces_of_the_assembly_add_up(monkeypatch: pytest.MonkeyPatch) -> None:
     mesh = Pad().build(Path())
-    at_once = fe.elastic_stiffness(mesh, STEEL, 1.0, "solid").toarray()
+    at_once = elasticity.elastic_stiffness(mesh, STEEL, 1.0, "solid").toarray()
     monkeypatch.setattr(forms, "CHUNK", 101)
-    in_pieces = fe.elastic_stiffness(mesh, STEEL, 1.0, "solid").toarray()
+    in_pieces = elasticity.elastic_stiffness(mesh, STEEL, 1.0, "solid").toarray()
     np.testing.assert_allclose(in_pieces, at_once, atol=1e-14 * np.abs(at_once).max())
 
 
@@ -145,8 +144,8 @@ def test_surfaces_point_outward_and_have_their_size(disk: Mesh) -> None:
     polygon = 84 / 2 * RADIUS**2 * np.sin(2 * np.pi / 84)
     side = 84 * 2 * RADIUS * np.sin(np.pi / 84) * 0.013
     for name, size in (("top", polygon), ("bottom", polygon), ("rim", side)):
-        facets = fe.boundary_facets(disk, sets[name])
-        assert fe.facet_measures(disk, facets).sum() == pytest.approx(size, rel=1e-12)
+        facets = integrals.boundary_facets(disk, sets[name])
+        assert integrals.facet_measures(disk, facets).sum() == pytest.approx(size, rel=1e-12)
         outward = disk.points[facets].mean(axis=1) - [0.0, 0.0, 0.0065]
         outward[:, :2] *= name == "rim"
         outward[:, 2] *= name != "rim"
@@ -155,13 +154,13 @@ def test_surfaces_point_outward_and_have_their_size(disk: Mesh) -> None:
 
 def test_pressure_on_the_pad_is_its_force() -> None:
     mesh = Pad().build(Path())
-    facets = fe.boundary_facets(mesh, mesh.point_sets["top"])
-    area = fe.facet_measures(mesh, facets).sum()
-    load = -18e3 / area * fe.surface_normal_load(mesh, facets)
+    facets = integrals.boundary_facets(mesh, mesh.point_sets["top"])
+    area = integrals.facet_measures(mesh, facets).sum()
+    load = -18e3 / area * integrals.surface_normal_load(mesh, facets)
     np.testing.assert_allclose(load.sum(axis=0), [0.0, 0.0, -18e3], atol=1e-9)
     middle = (load[:, 2] @ mesh.points) / -18e3
     assert abs(middle[0]) < 1e-4  # the outline is symmetric, the triangles nearly so
-    film = fe.surface_mass(mesh, facets, 50.0)
+    film = integrals.surface_mass(mesh, facets, 50.0)
     assert film.sum() == pytest.approx(50.0 * area, rel=1e-12)
 
 
@@ -172,8 +171,8 @@ def test_free_expansion_is_exact_and_stress_free() -> None:
     """V1 in space: alpha dT = 2e-3 along each axis."""
     mesh = BlockMesh(size=(1.0, 0.17, 0.05), divisions=(6, 3, 2)).build(Path())
     dT = np.full(len(mesh.points), 100.0)
-    K = fe.elastic_stiffness(mesh, ALLOY, 1.0, "solid")
-    force = fe.thermoelastic_coupling(mesh, ALLOY, 1.0, "solid") @ dT
+    K = elasticity.elastic_stiffness(mesh, ALLOY, 1.0, "solid")
+    force = elasticity.thermoelastic_coupling(mesh, ALLOY, 1.0, "solid") @ dT
     a, b, c = (int(mesh.point_sets[f"{n}_bottom"][0])
                for n in ("left_front", "right_front", "left_back"))
     held = np.sort([3 * a, 3 * a + 1, 3 * a + 2, 3 * b + 1, 3 * b + 2, 3 * c + 2])
@@ -196,7 +195,7 @@ def rim_growth(mesh: Mesh, u: FloatArray) -> float:
 @pytest.mark.full
 def test_spinning_disk(disk: Mesh, stiffness: Csr) -> None:
     """V6: thin disk, free faces; plane stress holds in the mean over the thickness."""
-    mass = fe.scalar_mass(disk, 7850.0)
+    mass = integrals.scalar_mass(disk, 7850.0)
     force = SPEED**2 * (mass @ (disk.points * [1.0, 1.0, 0.0])).ravel()
     u = solved(disk, stiffness, force, statically_determinate(disk), np.zeros(len(force)))
     assert rim_growth(disk, u) == pytest.approx(8.3768e-8, rel=4e-3)
@@ -211,7 +210,7 @@ def test_spinning_disk(disk: Mesh, stiffness: Csr) -> None:
 @pytest.mark.full
 def test_disk_with_parabolic_temperature(disk: Mesh, stiffness: Csr) -> None:
     dT = 100.0 * np.sum(disk.points[:, :2] ** 2, axis=1) / RADIUS**2
-    force = fe.thermoelastic_coupling(disk, STEEL, 1.0, "solid") @ dT
+    force = elasticity.thermoelastic_coupling(disk, STEEL, 1.0, "solid") @ dT
     u = solved(disk, stiffness, force, statically_determinate(disk), np.zeros(len(force)))
     assert rim_growth(disk, u) == pytest.approx(8.61e-5, rel=4e-3)
     r, radial, hoop = radial_and_hoop(disk, cell_stress(disk, STEEL, "solid", u, dT))
@@ -235,8 +234,9 @@ def test_slab_under_a_flux(
     """V4: the rise of the heated face of a slab that is insulated elsewhere."""
     wide = length / n
     mesh = BlockMesh(size=(wide, wide, length), divisions=(1, 1, n)).build(Path())
-    C, A = fe.capacity(mesh, rho_c, 1.0), fe.conductivity(mesh, k)
-    heat = 1e6 * fe.surface_load(mesh, fe.boundary_facets(mesh, mesh.point_sets["top"]))
+    C, A = integrals.capacity(mesh, rho_c, 1.0), integrals.conductivity(mesh, k)
+    top = integrals.boundary_facets(mesh, mesh.point_sets["top"])
+    heat = 1e6 * integrals.surface_load(mesh, top)
     step = Splu().factorize((C / h + A).tocsr())
     rise, found = np.zeros(len(mesh.points)), []
     for i in range(1, round(times[-1] / h) + 1):
@@ -256,8 +256,8 @@ def cantilever(n: int) -> Mesh:
 
 def frequencies(mesh: Mesh) -> FloatArray:
     """The lowest four, Hz: two of bending, torsion, and the next; x = 0 is clamped."""
-    K = fe.elastic_stiffness(mesh, ALLOY, 1.0, "solid")
-    M = kron(fe.scalar_mass(mesh, ALLOY.rho), eye_array(3)).tocsr()
+    K = elasticity.elastic_stiffness(mesh, ALLOY, 1.0, "solid")
+    M = kron(integrals.scalar_mass(mesh, ALLOY.rho), eye_array(3)).tocsr()
     held = unknowns(mesh.point_sets["left"], 0, 1, 2)
     return _lowest(K, M, held)
 
@@ -274,7 +274,7 @@ def quadratic(mesh: Mesh) -> FloatArray:
     import skfem
     from skfem.helpers import ddot, dot, sym_grad, trace
 
-    s = fe.law(ALLOY, "solid")
+    s = elasticity.law(ALLOY, "solid")
     solid = skfem.MeshTet(mesh.points.T.copy(), mesh.cells.T.copy())
     basis = skfem.Basis(solid, skfem.ElementVector(skfem.ElementTetP2()))
 
@@ -305,7 +305,7 @@ def test_cantilever_converges_to_refined_quadratic_elements_with_order_two() -> 
 
 
 def test_volume_and_mass(disk: Mesh) -> None:
-    mass = fe.scalar_mass(disk, 7850.0)
+    mass = integrals.scalar_mass(disk, 7850.0)
     assert mass.sum() == pytest.approx(
         7850 * signed_measures(disk.points, disk.cells).sum(), rel=1e-12)
     polar = np.sum((mass @ disk.points) * disk.points, axis=0)[:2].sum()

@@ -8,8 +8,8 @@ import pytest
 from scipy.sparse.linalg import spsolve
 
 from cell_stress import cell_stress
-from sparsemor.bodies import fem as fe
-from sparsemor.bodies.fem import Model
+from sparsemor.bodies.fem import elasticity
+from sparsemor.bodies.fem.elasticity import Model
 from sparsemor.bodies.material import Isotropic
 from sparsemor.bodies.mesh.generators.rectangle import Rectangle
 from sparsemor.core.arrays import Csr, FloatArray, IntArray
@@ -50,8 +50,8 @@ def nearest(mesh: Mesh, x: float, y: float) -> int:
 def test_free_expansion_is_exact_and_stress_free_in_the_plane(model: Model, factor: float) -> None:
     mesh = plate()
     dT = np.full(len(mesh.points), 100.0)
-    K = fe.elastic_stiffness(mesh, ALLOY, 0.03, model)
-    force = fe.thermoelastic_coupling(mesh, ALLOY, 0.03, model) @ dT
+    K = elasticity.elastic_stiffness(mesh, ALLOY, 0.03, model)
+    force = elasticity.thermoelastic_coupling(mesh, ALLOY, 0.03, model) @ dT
     u = solve(K, force, statically_determinate(mesh))
     corner = mesh.point_sets["top_right"][0]
     np.testing.assert_allclose(u[2 * corner : 2 * corner + 2], factor * np.array([2e-3, 3.4e-4]),
@@ -82,8 +82,8 @@ def bent_tip(n: int) -> float:
     """Deflection at mid-height of the right end, held at mid-height and top of the left end."""
     mesh = bar(n)
     origin, above = nearest(mesh, 0.0, 0.0), mesh.point_sets["top_left"][0]
-    force = fe.thermoelastic_coupling(mesh, ALLOY, 0.03) @ (1000.0 * mesh.points[:, 1])
-    K = fe.elastic_stiffness(mesh, ALLOY, 0.03)
+    force = elasticity.thermoelastic_coupling(mesh, ALLOY, 0.03) @ (1000.0 * mesh.points[:, 1])
+    K = elasticity.elastic_stiffness(mesh, ALLOY, 0.03)
     u = solve(K, force, np.array([2 * origin, 2 * origin + 1, 2 * above]))
     return float(u[2 * nearest(mesh, 1.0, 0.0) + 1])
 
@@ -100,12 +100,12 @@ def bimetal_tip(n: int) -> float:
     mesh = bar(n)
     upper = mesh.points[mesh.cells][:, :, 1].mean(axis=1) > 0
     dT = np.full(len(mesh.points), 100.0)
-    K = fe.elastic_stiffness(mesh, ALLOY, 0.03)
+    K = elasticity.elastic_stiffness(mesh, ALLOY, 0.03)
     force = np.zeros(2 * len(mesh.points))
     for layer, alpha in ((upper, 1e-5), (~upper, 2e-5)):
         part = replace(mesh, cells=mesh.cells[layer])
         metal = ALLOY.model_copy(update={"alpha": alpha})
-        force += fe.thermoelastic_coupling(part, metal, 0.03) @ dT
+        force += elasticity.thermoelastic_coupling(part, metal, 0.03) @ dT
     origin, above = nearest(mesh, 0.0, 0.0), mesh.point_sets["top_left"][0]
     u = solve(K, force, np.array([2 * origin, 2 * origin + 1, 2 * above]))
     return float(u[2 * nearest(mesh, 1.0, 0.0) + 1])

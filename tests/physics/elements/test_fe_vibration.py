@@ -7,7 +7,7 @@ import pytest
 from scipy.sparse import eye_array, kron
 from scipy.sparse.linalg import eigsh
 
-from sparsemor.bodies import fem as fe
+from sparsemor.bodies.fem import elasticity, integrals
 from sparsemor.bodies.material import Isotropic
 from sparsemor.bodies.mesh.generators.rectangle import Rectangle
 from sparsemor.core.arrays import FloatArray
@@ -19,8 +19,8 @@ THICKNESS = 0.03
 def frequencies(nx: int, ny: int) -> FloatArray:
     """The lowest four, Hz; the left end is clamped."""
     mesh = Rectangle(size=(1.0, 0.1), divisions=(nx, ny), diagonal="uniform").build(Path())
-    stiffness = fe.elastic_stiffness(mesh, ALLOY, THICKNESS)
-    mass = kron(fe.scalar_mass(mesh, ALLOY.rho * THICKNESS), eye_array(2)).tocsr()
+    stiffness = elasticity.elastic_stiffness(mesh, ALLOY, THICKNESS)
+    mass = kron(integrals.scalar_mass(mesh, ALLOY.rho * THICKNESS), eye_array(2)).tocsr()
     clamped = mesh.point_sets["left"]
     free = np.setdiff1d(np.arange(mass.shape[0]), [2 * clamped, 2 * clamped + 1])
     values = eigsh(

@@ -11,7 +11,7 @@ import pytest
 from pydantic import ValidationError
 from typer.testing import CliRunner
 
-from sparsemor.bodies.fem import scalar_mass
+from sparsemor.bodies.fem.integrals import scalar_mass
 from sparsemor.bodies.mesh.centres import centre_of_set
 from sparsemor.bodies.mesh.file import MeshFile
 from sparsemor.bodies.mesh.gmsh_mesh import FaceRule, GmshMesh
@@ -133,7 +133,7 @@ def test_what_gmsh_writes_is_accepted(
 def test_faces_of_an_iges_file_are_sewn(tmp_path: Path) -> None:
     """In metres, in a process that has read no STEP file before."""
     volume = plate(tmp_path)
-    code = ("from pathlib import Path\nfrom sparsemor.bodies.fem import scalar_mass\n"
+    code = ("from pathlib import Path\nfrom sparsemor.bodies.fem.integrals import scalar_mass\n"
             "from sparsemor.bodies.mesh.gmsh_mesh import GmshMesh\n"
             f"m = GmshMesh(geometry='plate.igs', size=0.008).build(Path({str(tmp_path)!r}))\n"
             "print(m.dimension, scalar_mass(m, 1.0).sum())")

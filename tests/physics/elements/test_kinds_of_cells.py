@@ -11,8 +11,7 @@ import pytest
 from scipy.sparse.linalg import spsolve
 
 from facet_normals import facet_normals
-from sparsemor.bodies import fem as fe
-from sparsemor.bodies.fem import forms
+from sparsemor.bodies.fem import elasticity, forms, integrals
 from sparsemor.bodies.fem.integrals import lumped, on_cells, on_facets
 from sparsemor.bodies.fem.quadratic import with_midpoints
 from sparsemor.bodies.fem.stress import CellStress
@@ -76,27 +75,27 @@ def test_linear_fields_have_exact_integrals(linear: Mesh, order: int) -> None:
     check_mesh(mesh)
     mesh = with_midpoints(mesh) if order == 2 else mesh
     d, X = mesh.dimension, mesh.points
-    M, K = fe.scalar_mass(mesh, 1.0), fe.conductivity(mesh, 1.0)
+    M, K = integrals.scalar_mass(mesh, 1.0), integrals.conductivity(mesh, 1.0)
     outer = outer_facets(mesh)
-    normals = fe.surface_normal_load(mesh, outer)
+    normals = integrals.surface_normal_load(mesh, outer)
     volume = float(np.sum(normals * X) / d)  # divergence theorem
     assert M.sum() == pytest.approx(volume, rel=1e-12)
-    assert fe.surface_mass(mesh, outer, 1.0).sum() == pytest.approx(
-        fe.facet_measures(mesh, outer).sum(), rel=1e-12)
-    assert fe.surface_load(mesh, outer).sum() == pytest.approx(
-        fe.facet_measures(mesh, outer).sum(), rel=1e-12)
+    assert integrals.surface_mass(mesh, outer, 1.0).sum() == pytest.approx(
+        integrals.facet_measures(mesh, outer).sum(), rel=1e-12)
+    assert integrals.surface_load(mesh, outer).sum() == pytest.approx(
+        integrals.facet_measures(mesh, outer).sum(), rel=1e-12)
     slope = np.arange(1.0, d + 1.0)
     np.testing.assert_allclose(K @ (X @ slope), normals @ slope, atol=1e-13)
-    model: fe.Model = "solid" if d == 3 else "plane_strain"
-    stiff = fe.elastic_stiffness(mesh, STEEL, 1.0, model)
+    model: elasticity.Model = "solid" if d == 3 else "plane_strain"
+    stiff = elasticity.elastic_stiffness(mesh, STEEL, 1.0, model)
     strain = np.arange(1.0, d * d + 1.0).reshape(d, d)
     strain = strain + strain.T
-    law = fe.law(STEEL, model)
+    law = elasticity.law(STEEL, model)
     stress = law.lam * np.trace(strain) * np.eye(d) + 2.0 * law.mu * strain
     u = (X @ strain).ravel()
     np.testing.assert_allclose(stiff @ u, (normals @ stress).ravel(),
                                atol=1e-12 * np.abs(stress).max())
-    push = fe.thermoelastic_coupling(mesh, STEEL, 1.0, model) @ np.ones(len(X))
+    push = elasticity.thermoelastic_coupling(mesh, STEEL, 1.0, model) @ np.ones(len(X))
     np.testing.assert_allclose(push, law.beta * normals.ravel(), atol=1e-13 * law.beta)
     found = CellStress(X, mesh.nodes, np.array([[law.lam, law.mu, law.beta, law.lam, law.beta]]),
                        np.zeros(len(mesh.cells), np.int64)).stress(
@@ -140,15 +139,16 @@ def test_files_of_every_kind_are_read(linear: Mesh, tmp_path: Path) -> None:
         return MeshFile(path=name).build(tmp_path)
 
     found = build(linear, "a.vtu")
-    assert fe.scalar_mass(found, 1.0).sum() == pytest.approx(np.prod(np.ptp(linear.points, axis=0)))
+    volume = np.prod(np.ptp(linear.points, axis=0))
+    assert integrals.scalar_mass(found, 1.0).sum() == pytest.approx(volume)
     mesh = with_midpoints(linear)
     bent = mesh.points + 0.05 * np.sin(3.0 * mesh.points[:, ::-1])
     first = found.order
     curved = build(Mesh(bent, mesh.cells, midpoints=mesh.midpoints), "b.vtu")
     assert (first, curved.order) == (1, 2)
     own = Mesh(bent, mesh.cells, midpoints=mesh.midpoints)
-    volume = fe.scalar_mass(own, 1.0).sum()
-    assert fe.scalar_mass(curved, 1.0).sum() == pytest.approx(volume, rel=1e-3)
+    volume = integrals.scalar_mass(own, 1.0).sum()
+    assert integrals.scalar_mass(curved, 1.0).sum() == pytest.approx(volume, rel=1e-3)
 
 
 def ring(kind: str, n: int) -> Mesh:
@@ -166,7 +166,7 @@ def errors(mesh: Mesh) -> tuple[float, float]:
     """Errors of u (L2, m) and of the stress at the nodes (rms, relative to mu), of a quarter of a
     ring whose boundary has the displacements of the solution u = grad log r."""
     d, X = mesh.dimension, mesh.points
-    law = fe.law(STEEL, "solid" if d == 3 else "plane_strain")
+    law = elasticity.law(STEEL, "solid" if d == 3 else "plane_strain")
 
     def exact(x: FloatArray) -> FloatArray:  # div u = 0, curl-free: in equilibrium
         r2 = x[:, 0] ** 2 + x[:, 1] ** 2
@@ -176,7 +176,7 @@ def errors(mesh: Mesh) -> tuple[float, float]:
 
     u = exact(X)
     held = np.unique(boundary(mesh))
-    K = fe.elastic_stiffness(mesh, STEEL, 1.0, "solid" if d == 3 else "plane_strain")
+    K = elasticity.elastic_stiffness(mesh, STEEL, 1.0, "solid" if d == 3 else "plane_strain")
     fixed = (d * held[:, None] + np.arange(d)).ravel()
     free = np.setdiff1d(np.arange(d * len(X)), fixed)
     found = u.ravel().copy()
@@ -241,8 +241,8 @@ def test_a_cantilever_with_one_cell_over_its_height(kind: str, d: int, tmp_path:
     assert isinstance(made, FloatingBody) and made.elasticity is not None
     assert made.mesh is not None and made.mesh.order == 2
     free = made.elasticity.free
-    load = fe.surface_load(made.mesh, fe.boundary_facets(made.mesh, made.points["right"]),
-                           0.1 if d == 2 else 1.0) / 0.01
+    right = integrals.boundary_facets(made.mesh, made.points["right"])
+    load = integrals.surface_load(made.mesh, right, 0.1 if d == 2 else 1.0) / 0.01
     f = np.zeros(made.mesh.points.shape)
     f[:, 1] = load
     u = np.zeros(f.size)
@@ -343,7 +343,7 @@ def test_exports_and_contact_of_second_order(tmp_path: Path) -> None:
         (file,) = (folder / "vtu" / "block").glob("*.vtu")
         again = MeshFile(path=file.name).build(file.parent)
         assert again.order == order
-        assert fe.scalar_mass(again, 1.0).sum() == pytest.approx(0.004, rel=1e-4)
+        assert integrals.scalar_mass(again, 1.0).sum() == pytest.approx(0.004, rel=1e-4)
     for run in found:
         low = run.points("block")[:, 2] < 1e-9
         assert run.nodal_displacement("block", -1)[low, 2].std() < 1e-7
@@ -374,7 +374,7 @@ def test_collapsed_hexahedra_are_wedges(turn: int, tmp_path: Path) -> None:
     meshio.Mesh(mesh.points, [("hexahedron", rows)]).write(tmp_path / "a.vtu")
     found = MeshFile(path="a.vtu").build(tmp_path)
     assert [own.shape for _, own in by_kind(found.cells, 3)] == [(4, 6)]
-    assert fe.scalar_mass(found, 1.0).sum() == pytest.approx(0.125)
+    assert integrals.scalar_mass(found, 1.0).sum() == pytest.approx(0.125)
     rows[0, 4] = rows[0, 0]
     meshio.Mesh(mesh.points, [("hexahedron", rows)]).write(tmp_path / "b.vtu")
     with pytest.raises(InputError, match="1 cells of type hexahedron name a corner twice: 0"):
@@ -399,4 +399,5 @@ def test_points_at_the_nodes_have_the_weights_of_lumped_matrices(linear: Mesh) -
         np.testing.assert_allclose(at.coordinates.transpose(1, 2, 0), mesh.points[at.shape.nodes],
                                    atol=1e-14)
         np.add.at(found, at.shape.nodes, at.weights)
-    np.testing.assert_allclose(found, lumped(fe.scalar_mass(mesh, 1.0)).diagonal(), rtol=1e-12)
+    np.testing.assert_allclose(
+        found, lumped(integrals.scalar_mass(mesh, 1.0)).diagonal(), rtol=1e-12)

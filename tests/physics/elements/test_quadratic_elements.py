@@ -9,8 +9,7 @@ from scipy.sparse import eye_array, kron
 from scipy.sparse.linalg import eigsh, spsolve
 
 from cell_stress import cell_stress
-from sparsemor.bodies import fem as fe
-from sparsemor.bodies.fem import forms
+from sparsemor.bodies.fem import elasticity, forms, integrals
 from sparsemor.bodies.fem.quadratic import with_midpoints
 from sparsemor.bodies.frames.moments import MassProperties
 from sparsemor.bodies.material import Isotropic
@@ -51,7 +50,7 @@ def on(mesh: Mesh, field: Any) -> FloatArray:
     return np.asarray(field(*mesh.points.T), dtype=np.float64)
 
 
-def model_of(mesh: Mesh) -> fe.Model:
+def model_of(mesh: Mesh) -> elasticity.Model:
     return "solid" if mesh.dimension == 3 else "plane_stress"
 
 
@@ -67,11 +66,11 @@ def boundary(mesh: Mesh) -> IntArray:
 def test_mass_and_inertia_are_exact(mesh: Mesh) -> None:
     size = mesh.points.max(axis=0)
     volume = float(np.prod(size))
-    m = fe.scalar_mass(mesh, 7.0)
+    m = integrals.scalar_mass(mesh, 7.0)
     assert m.sum() == pytest.approx(7.0 * volume, rel=1e-13)
     found, corners = (MassProperties.of_mesh(a, x) for a, x in (
         (m, mesh.points),
-        (fe.scalar_mass(Mesh(mesh.corners, mesh.cells), 7.0), mesh.corners)))
+        (integrals.scalar_mass(Mesh(mesh.corners, mesh.cells), 7.0), mesh.corners)))
     assert found.mass == pytest.approx(corners.mass, rel=1e-13)
     np.testing.assert_allclose(found.moment, corners.moment, rtol=1e-12)
     f, g = on(mesh, lambda x, *_: x**2), on(mesh, lambda _x, y, *_: y**2)
@@ -80,13 +79,13 @@ def test_mass_and_inertia_are_exact(mesh: Mesh) -> None:
 
 def test_matrices_have_the_symmetry_and_kernel_of_the_form(mesh: Mesh) -> None:
     d, model = mesh.dimension, model_of(mesh)
-    K = fe.elastic_stiffness(mesh, ALLOY, 1.0, model)
+    K = elasticity.elastic_stiffness(mesh, ALLOY, 1.0, model)
     rigid = np.zeros((len(mesh.points), d, d * (d + 1) // 2))
     rigid[:, range(d), range(d)] = 1.0
     for k, (i, j) in enumerate([(0, 1), (1, 2), (2, 0)][: d * (d - 1) // 2]):
         rigid[:, i, d + k], rigid[:, j, d + k] = -mesh.points[:, j], mesh.points[:, i]
     assert np.abs(K @ rigid.reshape(-1, rigid.shape[2])).max() < 1e-12 * np.abs(K).max()
-    for A in (K, fe.scalar_mass(mesh, 1.0), fe.conductivity(mesh, 1.0)):
+    for A in (K, integrals.scalar_mass(mesh, 1.0), integrals.conductivity(mesh, 1.0)):
         assert np.abs(A - A.T).max() <= 1e-14 * np.abs(A).max()
         assert ((A != 0) != (A.T != 0)).nnz == 0
         assert np.linalg.eigvalsh(A.toarray()).min() > -1e-12 * np.abs(A).max()
@@ -97,7 +96,8 @@ def test_assembly_by_chunks_gives_the_same_matrices(
 ) -> None:
     def matrices() -> list[Any]:
         model = model_of(mesh)
-        return [fe.scalar_mass(mesh, 2.0), fe.elastic_stiffness(mesh, ALLOY, 1.0, model),
+        return [integrals.scalar_mass(mesh, 2.0),
+                elasticity.elastic_stiffness(mesh, ALLOY, 1.0, model),
                 forms.elements(forms.conduction, mesh, 0, weight=2.0)]
 
     whole = matrices()
@@ -109,7 +109,7 @@ def test_assembly_by_chunks_gives_the_same_matrices(
 def test_heat_of_a_quadratic_temperature_is_exact(mesh: Mesh) -> None:
     """k integral |grad x^2|^2 = 4/3 k a^2 V, and no other node carries heat at a linear one."""
     size = mesh.points.max(axis=0)
-    K = fe.conductivity(mesh, 3.0)
+    K = integrals.conductivity(mesh, 3.0)
     T = on(mesh, lambda x, *_: x**2)
     assert T @ (K @ T) == pytest.approx(3.0 * 4 / 3 * size[0] ** 2 * np.prod(size), rel=1e-12)
     inside = np.setdiff1d(np.arange(len(mesh.points)), boundary(mesh))
@@ -119,19 +119,19 @@ def test_heat_of_a_quadratic_temperature_is_exact(mesh: Mesh) -> None:
 
 def test_surface_integrals_are_consistent(mesh: Mesh) -> None:
     size = mesh.points.max(axis=0)
-    right = fe.boundary_facets(mesh, mesh.point_sets["right"])
+    right = integrals.boundary_facets(mesh, mesh.point_sets["right"])
     area = float(np.prod(size[1:]))
     y2 = on(mesh, lambda _x, y, *_: y**2)
-    load = fe.surface_load(mesh, right, 2.0)
+    load = integrals.surface_load(mesh, right, 2.0)
     assert load.sum() == pytest.approx(2.0 * area, rel=1e-13)
     assert load @ y2 == pytest.approx(2.0 * area * size[1] ** 2 / 3, rel=1e-13)
     assert set(np.flatnonzero(np.abs(load) > 1e-12 * area)) <= set(mesh.point_sets["right"])
-    film = fe.surface_mass(mesh, right, 5.0)
+    film = integrals.surface_mass(mesh, right, 5.0)
     assert y2 @ (film @ y2) == pytest.approx(5.0 * area * size[1] ** 4 / 5, rel=1e-13)
-    normal = fe.surface_normal_load(mesh, right)
+    normal = integrals.surface_normal_load(mesh, right)
     np.testing.assert_allclose(normal.sum(axis=0), [area, *[0.0] * (mesh.dimension - 1)],
                                atol=1e-15)
-    whole = fe.surface_normal_load(mesh, outer_facets(mesh))
+    whole = integrals.surface_normal_load(mesh, outer_facets(mesh))
     assert np.abs(whole.sum(axis=0)).max() < 1e-15  # a closed surface
     assert np.sum(whole * mesh.points) == pytest.approx(mesh.dimension * np.prod(size), rel=1e-13)
 
@@ -139,8 +139,8 @@ def test_surface_integrals_are_consistent(mesh: Mesh) -> None:
 def test_free_expansion_has_no_stress(mesh: Mesh) -> None:
     """Temperature linear in space: u is quadratic, K u = K_fT dT to round-off."""
     d, model = mesh.dimension, model_of(mesh)
-    K = fe.elastic_stiffness(mesh, ALLOY, 1.0, model)
-    F = fe.thermoelastic_coupling(mesh, ALLOY, 1.0, model)
+    K = elasticity.elastic_stiffness(mesh, ALLOY, 1.0, model)
+    F = elasticity.thermoelastic_coupling(mesh, ALLOY, 1.0, model)
     x, y, z = (*mesh.points.T, np.zeros(len(mesh.points)))[:3]
     dT = 40.0 + 300.0 * x  # strain alpha dT; the shears vanish with u_x - alpha b (y^2 + z^2) / 2
     a, b = 40.0 * ALLOY.alpha, 300.0 * ALLOY.alpha
@@ -154,7 +154,7 @@ def test_free_expansion_has_no_stress(mesh: Mesh) -> None:
 def test_pure_bending_is_exact_with_one_element_over_the_height() -> None:
     """Plane stress, moment M: u = M/(E I) (x y, -(x^2 + nu y^2) / 2); energy M^2 L / (2 E I)."""
     mesh = rectangle(3, 1)
-    K = fe.elastic_stiffness(mesh, ALLOY, THICKNESS)
+    K = elasticity.elastic_stiffness(mesh, ALLOY, THICKNESS)
     x, y = mesh.points[:, 0], mesh.points[:, 1] - 0.05
     u = 1e-3 * np.stack([x * y, -(x * x + 0.3 * y * y) / 2], axis=1).ravel()
     inertia = THICKNESS * 0.1**3 / 12
@@ -186,7 +186,7 @@ def heat_errors(mesh: Mesh) -> tuple[float, float]:
         return np.prod(np.sin(np.pi * x), axis=0)
 
     f = skfem.LinearForm(lambda v, w: d * np.pi**2 * exact(w.x) * v).assemble(basis)
-    K = fe.conductivity(mesh, 1.0)
+    K = integrals.conductivity(mesh, 1.0)
     free = np.setdiff1d(np.arange(len(mesh.points)), boundary(mesh))
     T = np.zeros(len(mesh.points))
     T[free] = spsolve(K[free][:, free].tocsc(), f[free])
@@ -219,11 +219,11 @@ def test_heat_converges_with_the_order_plus_one_in_space(
 
 def deflection(mesh: Mesh) -> float:
     """Tip deflection, m, of a cantilever 1 x 0.1 x 0.03 m under 1 kN of shear at its end."""
-    K = fe.elastic_stiffness(mesh, ALLOY, THICKNESS)
+    K = elasticity.elastic_stiffness(mesh, ALLOY, THICKNESS)
     force = np.zeros((len(mesh.points), 2))
     right = mesh.point_sets["right"]
-    force[:, 1] = 1e3 / (0.1 * THICKNESS) * fe.surface_load(
-        mesh, fe.boundary_facets(mesh, right), THICKNESS)
+    force[:, 1] = 1e3 / (0.1 * THICKNESS) * integrals.surface_load(
+        mesh, integrals.boundary_facets(mesh, right), THICKNESS)
     held = mesh.point_sets["left"]
     free = np.setdiff1d(np.arange(K.shape[0]), [2 * held, 2 * held + 1])
     u = np.zeros(K.shape[0])
@@ -248,7 +248,7 @@ def test_a_cantilever_bends_as_the_beam_does() -> None:
 def frequencies(mesh: Mesh, K: Any, rho: float, held: IntArray) -> FloatArray:
     """Lowest two natural frequencies, Hz, with the nodes `held` at rest."""
     d = mesh.dimension
-    M = kron(fe.scalar_mass(mesh, rho), eye_array(d)).tocsr()
+    M = kron(integrals.scalar_mass(mesh, rho), eye_array(d)).tocsr()
     free = np.setdiff1d(np.arange(M.shape[0]), (d * held[:, None] + np.arange(d)).ravel())
     values = eigsh(K[free][:, free].tocsc(), 2, M[free][:, free].tocsc(), sigma=0,
                    v0=np.ones(len(free)), return_eigenvectors=False)
@@ -259,7 +259,7 @@ def test_frequencies_of_a_cantilever() -> None:
     """First and second bending; 134.264 and 805.46 Hz on refined meshes. Linear elements need 16
     quads over the height for the error of two (test_fe_vibration)."""
     mesh = rectangle(20, 2)
-    K = fe.elastic_stiffness(mesh, ALLOY, THICKNESS)
+    K = elasticity.elastic_stiffness(mesh, ALLOY, THICKNESS)
     found = frequencies(mesh, K, 1000 * THICKNESS, mesh.point_sets["left"])
     assert found == pytest.approx([134.264, 805.46], rel=1.5e-3)
     assert (found > [134.264, 805.46]).all()
@@ -272,7 +272,7 @@ def test_frequencies_of_a_solid_cantilever() -> None:
     found = []
     for order in (1, 2):
         mesh = block((8, 3, 2), order)
-        K = fe.elastic_stiffness(mesh, ALLOY, 1.0, "solid")
+        K = elasticity.elastic_stiffness(mesh, ALLOY, 1.0, "solid")
         found.append(frequencies(mesh, K, 1000.0, mesh.point_sets["left"]) / exact)
     assert (found[1] > 1.0).all() and (found[1] < 1.006).all() and (found[0] > 1.15).all()
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from sparsemor.bodies import fem as fe
+from sparsemor.bodies.fem import integrals
 from sparsemor.bodies.mesh.generators.link import Link
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.testing.in_memory_run import March, march, scene_of
@@ -21,7 +21,7 @@ RADII = (0.0, 0.5, 0.8, 1.0)
 def link() -> tuple[float, float, float]:
     """Mass (kg), distance of the centre of mass from bore A (m), inertia about it (kg m^2)."""
     mesh = Link().build(Path())
-    m = fe.scalar_mass(mesh, 1000.0 * 0.03)
+    m = integrals.scalar_mass(mesh, 1000.0 * 0.03)
     mass, moment = float(m.sum()), float((m @ mesh.points[:, 0]).sum())
     polar = float(sum(p @ (m @ p) for p in mesh.points.T))
     return mass, moment / mass, polar - moment**2 / mass
