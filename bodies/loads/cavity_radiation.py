@@ -39,6 +39,7 @@ from sparsemor.core import (
     information,
 )
 from sparsemor.core.protocols.poses import points_in_space
+from sparsemor.core.protocols.term import ResidualTerm
 
 OPEN = 0.1
 """Largest share of 1 that a row of view factors of a closed cavity may lack before correction."""
@@ -80,14 +81,11 @@ class Exchange:
         return np.asarray(self.shares @ (4.0 * self.G * self.temperatures(x, t) ** 3) @ self.W)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class CavityTerm(Term):
-    """Heat lost by radiation in the rows of temperatures."""
+class Radiating(ResidualTerm):
+    """Heat lost by radiation, of all unknowns or of reduced ones."""
 
-    rows: IntArray
-    columns: IntArray
+    __slots__ = ()
     exchange: Exchange
-    source: str = ""
 
     @property
     def elements(self) -> int:
@@ -95,6 +93,16 @@ class CavityTerm(Term):
 
     def residual(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray:
         return self.exchange.heat(x, t)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CavityTerm(Radiating, Term):
+    """Heat lost by radiation in the rows of temperatures."""
+
+    rows: IntArray
+    columns: IntArray
+    exchange: Exchange
+    source: str = ""
 
     def jacobian(
         self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
@@ -113,18 +121,11 @@ class CavityTerm(Term):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ReducedCavity(ReducedTerm):
+class ReducedCavity(Radiating, ReducedTerm):
     """Projected radiation, which is evaluated at the patches alone."""
 
     exchange: Exchange
     source: str = ""
-
-    @property
-    def elements(self) -> int:
-        return len(self.exchange.W)
-
-    def residual(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray:
-        return self.exchange.heat(x, t)
 
     def jacobian(
         self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray

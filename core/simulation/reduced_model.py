@@ -214,16 +214,6 @@ class ReducedModel:
         return self._run.scene
 
     @property
-    def solver(self) -> StepSolver:
-        """Step solver of its runs."""
-        return self._run.solver
-
-    @property
-    def start(self) -> State:
-        """Full-order state at the start of its runs, consistent with joints and loads."""
-        return self._run.start
-
-    @property
     def size(self) -> int:
         """Number of unknowns."""
         return self._run.solver.layout.size

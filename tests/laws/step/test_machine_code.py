@@ -11,13 +11,13 @@ import pytest
 
 from small_scenes import SCENES, tiny
 from sparsemor import load_model, reduce
-from sparsemor.core import hookimpl
+from sparsemor.core import InputError, hookimpl
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.protocols.body_frame import FrameWork
 from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.simulation.simulate import simulate
-from sparsemor.core.simulation.time_stepping import FixedStep, iterate, started
 from sparsemor.core.status import SolveFailed, Status
+from sparsemor.reducers.step.compiled.stepper import CompiledStepper
 from sparsemor.reducers.step.compiled.steps import CompiledSteps
 
 numba: Any = pytest.importorskip("numba")
@@ -71,7 +71,9 @@ def test_auto_takes_code_that_was_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     simulate(heated("auto"))
 
 
-def test_the_steps_of_a_file_are_compiled_and_check_every_index(tmp_path: Path) -> None:
+def test_the_steps_of_a_file_are_compiled_and_check_every_index(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Numbers of a file are those of others: an index outside of an array ends the run."""
     scene = tiny().using({"reducer": {
         "use": "galerkin", "basis": {"use": "pod", "count": 4}, "compiled": "on"},
@@ -82,16 +84,17 @@ def test_the_steps_of_a_file_are_compiled_and_check_every_index(tmp_path: Path) 
     for block in BLOCKS:
         x, y = first.block(block), again.block(block)
         assert np.abs(x - y).max() < 1e-10 * max(float(np.abs(x).max()), 1e-3), block
-    model, h = load_model(file), scene.time.step
-    solver = model.solver
+    own = CompiledStepper.many
     for array in ("columns", "e", "rows"):
-        many = solver.many(scene.integrator.rules(h), h, 100)
-        assert isinstance(many, CompiledSteps)
-        getattr(many.plan.bodies, array)[:] = 10**9
-        state, memory = started(solver, scene.integrator, model.start)
-        step = FixedStep.of(scene.integrator, solver, h)
-        with pytest.raises(IndexError):
-            list(iterate(step, state, memory, 100, many=many))
+        def outside(self: CompiledStepper, *given: Any, array: str = array) -> Any:
+            many = own(self, *given)
+            assert isinstance(many, CompiledSteps)
+            getattr(many.plan.bodies, array)[:] = 10**9
+            return many
+
+        monkeypatch.setattr(CompiledStepper, "many", outside)
+        with pytest.raises(InputError, match="no reduced model .* IndexError"):
+            load_model(file).run()
 
 
 def test_runs_of_a_kept_model_are_compiled_when_that_pays(
