@@ -2,7 +2,7 @@
 step."""
 
 from collections.abc import Mapping
-from typing import Annotated, TypeVar
+from typing import Annotated, Literal, TypeVar
 
 from pydantic import Field
 
@@ -18,7 +18,7 @@ from sparsemor.core import (
 )
 from sparsemor.core.protocols.reducer import ErrorAction
 from sparsemor.reducers.step.acceptance import Tolerances
-from sparsemor.reducers.step.compiled.stepper import Compiled
+from sparsemor.reducers.step.compiled.stepper import Compiled, expected
 
 T = TypeVar("T")
 BASES = ("basis", "bases")
@@ -96,21 +96,32 @@ class ErrorEstimate(Plugin):
 class ReducedStepOptions(StepOptions):
     """Options of a step's solution in a reduced model."""
 
-    error_estimate: Annotated[int, Field(ge=0)] | ErrorEstimate = 0
-    """Number of steps from one estimate of each block's error to the next; 0: none. The estimate
-    solves the equation of the error in a space of its own, without the full-order run. With a
-    tolerance and an action: `{every: 10, tolerance: 0.01, action: stop}`."""
+    error_estimate: Literal["auto", "on", "off"] | Annotated[int, Field(ge=0)] | ErrorEstimate = (
+        "auto")
+    """Estimates of each block's error, which solve the equation of the error in a space of its own,
+    without the full-order run. `on`: at so many steps that they cost about 5 % of the run, and
+    twice as large as found, since loads that act suddenly between them may be missed; `auto`: the
+    same in kept models, in `compare` and in what reducer `auto` chooses, and none in other runs;
+    `off` or 0: none. A number is that of steps from one estimate to the next. With a tolerance and
+    an action: `{every: 10, tolerance: 0.01, action: stop}`."""
 
     @property
     def error_limit(self) -> ErrorLimit:
         """Tolerance of the estimated error, and what follows beyond it."""
         chosen = self.error_estimate
-        return ErrorLimit(every=chosen) if isinstance(chosen, int) else ErrorLimit(
-            chosen.tolerance, chosen.action, chosen.every)
+        if isinstance(chosen, ErrorEstimate):
+            return ErrorLimit(chosen.tolerance, chosen.action, chosen.every)
+        return ErrorLimit(every=chosen) if isinstance(chosen, int) else ErrorLimit(few=chosen)
 
     def error_estimator(self, problem: ReducedProblem, solver: StepSolver) -> ErrorEstimator | None:
         """Estimator of the errors of runs of `solver`, None without the option."""
-        every = self.error_limit.every
+        limit = self.error_limit
+        if limit.few == "on" or limit.few == "auto" and problem.estimated:
+            from sparsemor.reducers.estimation.affordable import affordable_model
+
+            return affordable_model(
+                problem, solver, self.active_atoms, expected(self.compiled, problem.steps))
+        every = limit.every
         if every and not problem.integrator.one_solve:
             raise InputError("the estimate needs an integrator with one solve a step",
                              "error_estimate")

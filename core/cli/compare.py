@@ -187,8 +187,10 @@ def _run_one(
                 raise InputError(f"{here} cannot be kept: since it was computed, "
                                  f"{'; '.join(changed)}. Start again, with --force", "resume")
             return earlier
-        return simulate(scene, out=here, resume=True, observers=observers, body_cache=body_cache)
-    return simulate(scene, out=here, observers=observers, body_cache=body_cache, keep_training=keep)
+        return simulate(scene, out=here, resume=True, observers=observers, body_cache=body_cache,
+                        estimate=True)
+    return simulate(scene, out=here, observers=observers, body_cache=body_cache,
+                    keep_training=keep, estimate=True)
 
 
 def _drawn(file: Path) -> None:

@@ -162,6 +162,9 @@ class ReducedProblem:
     """Input of a reducer: the model to reduce, its time integration and offline data.
 
     step: time step h, s. offline: snapshots and trial bases. rng: the only source of randomness.
+    steps: number of steps of the run, 0 if it is not known; estimated: True if the error of the run
+    is to be estimated where the reducer leaves that open; every: number of steps from one estimate
+    to the next in a run that is resumed, 0 for a new one.
     """
 
     model: AssembledModel
@@ -169,6 +172,9 @@ class ReducedProblem:
     step: float
     offline: OfflineProducts
     rng: np.random.Generator
+    steps: int = 0
+    estimated: bool = False
+    every: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,11 +218,14 @@ ErrorAction: TypeAlias = Literal["warn", "stop", "fall_back", "enrich"]
 @dataclass(frozen=True, slots=True)
 class ErrorLimit:
     """Largest permitted estimate of a block's error, relative to its largest change, what the run
-    does beyond it, and the number of steps from one estimate to the next (0: no estimate)."""
+    does beyond it, and the number of steps from one estimate to the next (0: none is given). few:
+    whether the error is estimated without such a number, at few steps; `auto`: where the caller
+    wants it (`ReducedProblem.estimated`)."""
 
     tolerance: float = 0.1
     action: ErrorAction = "warn"
     every: int = 0
+    few: Literal["auto", "on", "off"] = "off"
 
 
 class ErrorEstimator(Protocol):

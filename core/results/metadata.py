@@ -56,8 +56,8 @@ class RunHeader:
     run follows; identity: versions and digests of code, plugins and input files
     (scene/run_identity.py); platform: processor, BLAS library and number of threads; contacts:
     contact -> names of the resultants that are stored; multipliers: block of Lagrange multipliers
-    -> (name, unit) of each; estimates: blocks whose error is estimated; fall_back: time, block and
-    reason where the run left its reduced model and went on at full order, {} if it did not;
+    -> (name, unit) of each; estimates: blocks whose error is estimated, estimates_every: number of
+    steps from one estimate to the next; fall_back: time, block and reason where the run left its reduced model and went on at full order, {} if it did not;
     enriched: times from which it had more atoms, s; forces: force element -> name and unit of its
     force.
     """
@@ -81,6 +81,7 @@ class RunHeader:
     contacts: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     multipliers: Mapping[str, tuple[tuple[str, str], ...]] = field(default_factory=dict)
     estimates: tuple[str, ...] = ()
+    estimates_every: int = 0
     fall_back: Mapping[str, Any] = field(default_factory=dict)
     enriched: tuple[float, ...] = ()
     forces: Mapping[str, tuple[str, str]] = field(default_factory=dict)
@@ -106,6 +107,7 @@ class RunHeader:
             "steps_planned": self.steps_planned,
             "contacts": {name: list(kept) for name, kept in self.contacts.items()},
             "estimates": list(self.estimates),
+            "estimates_every": self.estimates_every,
             "fall_back": dict(self.fall_back),
             "enriched": list(self.enriched),
             "forces": {name: list(force) for name, force in self.forces.items()},

@@ -81,7 +81,8 @@ def controller_faults(scene: Scene, model: Model) -> list[Fault]:
         faults.append(Fault("reducer", f"{why}, so trial runs cannot choose: name a reducer"))
     if scene.time.control is not None:
         faults.append(Fault("time.control", f"{why} and jump at each step: take a fixed step"))
-    if getattr(scene.reducer, "error_estimate", False):
+    limit = scene.reducer.error_limit
+    if limit.every or limit.few == "on":
         faults.append(Fault("reducer.error_estimate", f"{why}: it estimates no errors of them"))
     return faults
 

@@ -3,6 +3,7 @@ tolerance while it runs."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -52,6 +53,23 @@ class ErrorRecord:
         self._values = {n: [v] for n, v in self.estimator.present(memory).items()}
         self._stored: list[int] = []  # index of the estimate that belongs to each stored step
         self._count = 1  # of estimates, with those of pending states
+
+    def carried(self) -> dict[str, Any]:
+        """Data from which a stopped run continues: memory, changes, the last estimates, and the
+        states since then, each with its time as one row."""
+        values = self.present()
+        return {"memory": self.memory, "changes": self.changes, "values": values,
+                "path": [np.concatenate([[s.t], s.x, s.v, s.a]) for s in self._path]}
+
+    def resume(self, kept: Mapping[str, Any], size: int) -> None:
+        """Continues from the data of a checkpoint (`carried`), with states of `size` unknowns.
+        Raises ValueError for states of another size."""
+        self.restart(kept["memory"])
+        self.changes.update(kept["changes"])
+        self._values = {n: [kept["values"][n]] for n in self._values}
+        for row in kept["path"]:
+            x, v, a = np.reshape(row[1:], (3, size))
+            self._path.append(State(float(row[0]), x, v, a, np.zeros((size, 0))))
 
     def take(self, state: State, step: int) -> None:
         """The state after a step of this number, counted from the start of the run."""

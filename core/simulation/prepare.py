@@ -15,7 +15,7 @@ from sparsemor.core.model.initial_state import resolved_start, start_notes
 from sparsemor.core.model.model import Model
 from sparsemor.core.model.redundancy import undetermined_forces
 from sparsemor.core.notes import Note
-from sparsemor.core.protocols.reducer import StepFactors
+from sparsemor.core.protocols.reducer import ErrorEstimator, StepFactors
 from sparsemor.core.protocols.step_solver import StepSolver
 from sparsemor.core.registry.hooks import Manager
 from sparsemor.core.registry.installed import entry_points
@@ -46,26 +46,29 @@ is chosen and notes on that, or the same scene if it leaves nothing to choose.""
 
 
 def prepared_run(
-    scene: Scene, cache: Cache, manager: Manager, body_cache: BodyCache | None = None
+    scene: Scene, cache: Cache, manager: Manager, body_cache: BodyCache | None = None,
+    estimated: bool = False,
 ) -> tuple[PreparedRun, Offline]:
-    """A run prepared for its first step, and its offline data. Raises InputError and SolveFailed as
-    the stages do."""
+    """A run prepared for its first step, and its offline data. estimated: as for `reduced`. Raises
+    InputError and SolveFailed as the stages do."""
     model, offline = prepared(scene, cache, manager, body_cache)
     train(scene, model, offline)
     build_bases(scene, model, offline)
-    return checked(reduced(scene, model, offline)), offline
+    return checked(reduced(scene, model, offline, estimated)), offline
 
 
 def prepared_again(
     scene: Scene, cache: Cache, manager: Manager, body_cache: BodyCache,
-    kept: tuple[PreparedRun, Offline], atoms: int | None = None,
+    kept: tuple[PreparedRun, Offline], atoms: int | None = None, estimated: bool = False,
 ) -> PreparedRun:
     """A run of the scene of a prepared run with other values of its parameters: its trial bases (or
-    their first `atoms` atoms) and findings are used again. Raises as `prepared_run`."""
+    their first `atoms` atoms) and findings are used again. estimated: as for `reduced`. Raises
+    as `prepared_run`."""
     products = Products(cache)
     model = checked_model(scene, body_cache) if scene.rigid_stage is None else _after_stage(
         scene, products, manager, body_cache)
-    return checked(reduced(scene, model, kept[1].of_model(model, products, atoms)), kept[0])
+    offline = kept[1].of_model(model, products, atoms)
+    return checked(reduced(scene, model, offline, estimated), kept[0])
 
 
 # ------------------------------------------------------------------ stages
@@ -140,16 +143,22 @@ def _factors(scene: Scene) -> StepFactors:
 
 
 @np.errstate(all="ignore")  # overflow ends in a status, not in a warning
-def reduced(scene: Scene, model: Model, offline: Offline) -> PreparedRun:
-    """The run with its step solver, for steps of one size, and its consistent start. Raises
-    InputError as the reducer, SolveFailed for singular matrices."""
+def reduced(
+    scene: Scene, model: Model, offline: Offline, estimated: bool = False, every: int = 0
+) -> PreparedRun:
+    """The run with its step solver, for steps of one size, and its consistent start; estimated:
+    with an estimate of its error where the scene leaves that open and all steps and loads are known
+    before; every: as for `ReducedProblem`. Raises InputError as the reducer, SolveFailed for
+    singular matrices."""
     h, integrator, reducer = scene.time.step, scene.integrator, scene.reducer
     model, undetermined = _determined(scene, model, offline)
-    problem = problem_of(scene, model, offline)
+    known = not controllers_of(scene)
+    problem = replace(problem_of(scene, model, offline), steps=step_count(scene),
+                      estimated=estimated and known and scene.time.control is None, every=every)
     solver: StepSolver = reducer.prepare(problem)
     complete(solver, StepSolver, reducer, "prepare", "reducer")
     start = resolved_start(model, integrator, h)
-    estimator = reducer.error_estimator(problem, solver)
+    estimator = reducer.error_estimator(problem, solver) if known else None
     # rates of BDF1 are differences of positions, so that joints hold at the end of a step only
     differences = scene.initial is not None and integrator.order == 1
     notes = (
@@ -158,11 +167,11 @@ def reduced(scene: Scene, model: Model, offline: Offline) -> PreparedRun:
         *integrator.notes(model.layout), *undetermined)
     return PreparedRun(
         scene, solver, start.state, header_of(
-            scene, model, solver, step_count(scene), () if estimator is None else estimator.blocks),
+            scene, model, solver, step_count(scene), estimator),
         tuple(ProbeReader.of(p, solver.layout, solver.dictionaries) for p in model.probes),
         {n: shape for n, shape in model.shapes().items() if shape.given}, notes,
         scene.training_end if offline.trained else None, model, estimator, offline,
-        not controllers_of(scene), forces=tuple(
+        known, forces=tuple(
             ForceReader.of(name, joint.force, solver.layout)
             for name, joint in model.joints.items() if joint.force is not None))
 
@@ -201,10 +210,10 @@ def checked(run: PreparedRun, again: PreparedRun | None = None) -> PreparedRun:
 
 
 def header_of(
-    scene: Scene, model: Model, solver: StepSolver, steps: int, estimates: tuple[str, ...] = ()
+    scene: Scene, model: Model, solver: StepSolver, steps: int,
+    estimator: ErrorEstimator | None = None,
 ) -> RunHeader:
-    """Header of the result of a run of `steps` steps. estimates: blocks whose error is
-    estimated."""
+    """Header of the result of a run of `steps` steps. estimator: of its error."""
     return replace(
         full_order_header(scene, model, steps), layout=solver.layout,
         dictionaries=solver.dictionaries, rows=solver.rows,
@@ -212,7 +221,8 @@ def header_of(
                      for p in model.probes),
         stage=model.stage,
         contacts={a.name: a.term.histories for a in solver.resultant_sources(None)}
-        if model.stage is None else {}, estimates=estimates)
+        if model.stage is None else {}, estimates=() if estimator is None else estimator.blocks,
+        estimates_every=0 if estimator is None else estimator.every)
 
 
 def full_order_header(scene: Scene, model: Model, steps: int) -> RunHeader:

@@ -226,9 +226,8 @@ class Recorder:
             found = self.checkpoint.memory.into(self._carried(memory, stats), "state")
             t, memory, stats = float(arrays["t"]), found["memory"], found["stats"]
             if self.errors is not None:
-                self.errors.restart(found["errors"])
-                self.errors.changes.update(found["changes"])
-        except (KeyError, SavedError) as error:
+                self.errors.resume(found["errors"], len(state.x))
+        except (KeyError, ValueError) as error:  # SavedError, too
             raise InputError(
                 f"{self._out} cannot be resumed: its checkpoint does not fit ({error}); start "
                 "again, with --force or into another directory", "resume") from None
@@ -237,8 +236,7 @@ class Recorder:
 
     def _carried(self, memory: StepMemory, stats: StepStatistics) -> dict[str, object]:
         """Data in addition to the state from which a stopped run continues."""
-        estimated = {} if self.errors is None else {
-            "errors": self.errors.memory, "changes": self.errors.changes}
+        estimated = {} if self.errors is None else {"errors": self.errors.carried()}
         return {"memory": memory, "stats": stats, **estimated}
 
     def start(self, state: State, supports: Mapping[str, BoolArray], memory: StepMemory) -> None:

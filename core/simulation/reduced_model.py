@@ -17,7 +17,7 @@ from sparsemor.core.errors import Fault, InputError, PluginError, check_count
 from sparsemor.core.linalg.threads import described, fixed_threads
 from sparsemor.core.model.assembly import BodyCache
 from sparsemor.core.model.initial_state import FAR, START
-from sparsemor.core.notes import Note
+from sparsemor.core.notes import Note, information
 from sparsemor.core.protocols.integrator import State
 from sparsemor.core.protocols.plugin import Plugin
 from sparsemor.core.protocols.reducer import ErrorEstimator
@@ -66,18 +66,19 @@ from sparsemor.core.status import SolveFailed
 Again = Callable[[Scene, int | None], PreparedRun]
 """Preparation of a scene with other values of parameters on the same trial bases, or on so many of
 their first atoms."""
+NO_MESH = "a model from a file is without the mesh that an estimate needs"
 
 
 @naming_plugins()
 @fixed_threads()
 def reduce(
     scene: Scene, *, observers: Sequence[object] = (), cache: Cache | None = None,
-    body_cache: BodyCache | None = None, progress: bool = False,
+    body_cache: BodyCache | None = None, progress: bool = False, estimate: bool = True,
 ) -> "ReducedModel":
     """Reduced model of a scene, prepared up to its first step: meshed, trained, projected, checked.
 
-    observers, cache, body_cache, progress: as for `simulate`. Raises InputError for bad input and
-    for a reducer that reduces nothing, SolveFailed if the training run fails.
+    observers, cache, body_cache, progress, estimate: as for `simulate`. Raises InputError for bad
+    input and for a reducer that reduces nothing, SolveFailed if the training run fails.
     """
     begun, cache = time.perf_counter(), cache or Cache()
     bodies = BodyCache() if body_cache is None else body_cache.of_bodies()
@@ -88,12 +89,12 @@ def reduce(
             raise InputError(f"{scene.reducer_name} reduces nothing: name a reducer that has a "
                              "trial basis", "reducer")
         # not a model of the trial runs, whose loads are objects of another scene
-        run, offline = prepared_run(scene, cache, manager, bodies.of_bodies())
+        run, offline = prepared_run(scene, cache, manager, bodies.of_bodies(), estimate)
     kept = run, offline.without_snapshots()
 
     def again(changed: Scene, atoms: int | None = None) -> PreparedRun:
         return prepared_again(
-            changed, cache, new_manager(()), bodies.of_bodies(), kept, atoms)
+            changed, cache, new_manager(()), bodies.of_bodies(), kept, atoms, estimate)
 
     return ReducedModel(run, offline.products.spent.whole(time.perf_counter() - begun), again)
 
@@ -350,18 +351,19 @@ class ReducedModel:
 
     def _dump(self, fields: bool) -> bytes:
         run = self._run
+        if self.estimates_errors or run.error_limit.few != "off":
+            run = _without_estimate(run, NO_MESH)
         solver, start = self._meshless
         header = run.header if fields else replace(
             run.header, bodies={}, dictionaries=self._meshless[0].dictionaries)
         parts = {f.name: getattr(run, f.name) for f in fields_of(run)} | {
-            "solver": solver, "start": start, "header": replace(header, scene={}, estimates=()),
+            "solver": solver, "start": start, "header": replace(header, scene={}),
             "extents": self._extents.few(),
-            "model": None, "estimator": None, "own_loads": True, "offline": None,
+            "model": None, "own_loads": True, "offline": None,
             "full_start": None,
             "given": run.given if fields else {}, "probes": tuple(
                 replace(p, place=p.place.without_mesh())
-                for p in run.probes),
-            "notes": (*run.notes, *_without_estimate(run))}
+                for p in run.probes)}
         del parts["scene"]
         about = {"scene": run.scene.dump(), "name": run.scene.name}
         return replace(self._pack(parts), about=about).dump()
@@ -449,12 +451,13 @@ class ReducedModel:
                 extents=self._extents, offline=None,
                 full_start=None if estimator is None else replace(
                     self._run.start, a=full_state(run.solver, start).a))
-            if estimator is None:
-                run = replace(run, notes=(*run.notes, *_without_estimate(run)),
-                              header=replace(run.header, estimates=()))
+            if estimator is None and self.estimates_errors:
+                run = _without_estimate(run, "the estimate of these changes needs the mesh")
             if initial:
                 notes = start_notes(made, start, initial, run.solver.layout)
                 run = replace(run, notes=(*(n for n in run.notes if n.kind != START), *notes))
+        if run.estimator is not None and run.steps < run.estimator.every:
+            run = _without_estimate(run, f"it has less than {run.estimator.every} steps")
         return run
 
     def _estimator_of(self, scene: Scene) -> ErrorEstimator | None:
@@ -524,12 +527,17 @@ def _functions(scene: Scene) -> Mapping[str, BaseModel]:
     return dict(functions_of_time(dict(scene)))
 
 
-def _without_estimate(run: PreparedRun) -> tuple[Note, ...]:
-    """Note on a run without the error estimate that its model has."""
-    return () if not run.header.estimates else (Note(
+def _without_estimate(run: PreparedRun, why: str) -> PreparedRun:
+    """The run without an estimate of its error, with a note on that: a warning where the scene asks
+    for estimates."""
+    note = Note(
         "reducer.error_estimate has no effect in this run of a kept model: the estimate needs the "
         "mesh. Runs of the model in memory with its own start, and its own loads or others where "
-        "all terms are linear, have it, and so has `sparsemor run` of the scene", "no_effect"),)
+        "all terms are linear, have it, and so has `sparsemor run` of the scene", "no_effect"
+    ) if run.error_limit.every else information(
+        f"the error of this run is not estimated: {why}", "no_estimate")
+    return replace(run, notes=(*run.notes, note), estimator=None, header=replace(
+        run.header, estimates=(), estimates_every=0))
 
 
 def _table(scene: Scene) -> Table:

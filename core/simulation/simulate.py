@@ -10,9 +10,11 @@ from sparsemor.core.linalg.threads import fixed_threads
 from sparsemor.core.model.assembly import BodyCache
 from sparsemor.core.registry.boundary import naming_plugins
 from sparsemor.core.registry.hooks import new_manager
+from sparsemor.core.results.files.own import STORE
 from sparsemor.core.results.files.temporary import TemporaryFolder
 from sparsemor.core.results.output_lock import owned
 from sparsemor.core.results.run_result import RunResult
+from sparsemor.core.results.stored_arrays import read_header
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.memory.estimate import room_for_result
@@ -37,6 +39,7 @@ def simulate(
     scene: Scene, *, out: str | Path | None = None, resume: bool = False,
     observers: Sequence[object] = (), cache: Cache | None = None,
     body_cache: BodyCache | None = None, keep_training: bool = False, progress: bool = False,
+    estimate: bool = False,
 ) -> RunResult:
     """Run a scene and store its result under `out`; when not given, in a temporary directory that
     is removed with the result, at the latest when this process ends.
@@ -47,7 +50,8 @@ def simulate(
     the last checkpoint, also a run that has ended if `time.end` is later now. body_cache: bodies
     that other runs have built, for reuse. keep_training: a full-order run that begins with the
     training run of its scene leaves the snapshots in the cache, for reduced runs that follow.
-    progress: show a progress bar on standard error.
+    progress: show a progress bar on standard error. estimate: estimate the error of the run where
+    its reducer leaves that open; a run that is resumed does if it did from its start.
     """
     if resume and out is None:
         raise InputError("resume needs the directory of the result to continue", "out")
@@ -64,7 +68,8 @@ def simulate(
             room_for_result(scene, model, folder)
         train(scene, model, offline)
         build_bases(scene, model, offline)
-        run = checked(reduced(scene, model, offline))
+        every = int(read_header(folder / STORE)["attributes"]["estimates_every"]) if resume else 0
+        run = checked(reduced(scene, model, offline, every > 0 if resume else estimate, every))
         stats = StepStatistics(offline=time.perf_counter() - begun)
         recorder = Recorder.open(run, folder, resume, offline.products)
         recorder.folder, recorder.memory = temporary, MemoryUse(offline.expected, peak())

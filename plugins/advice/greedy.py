@@ -104,7 +104,9 @@ def greedy_points(
 def trial_scene(scene: Scene, points: Sequence[Point]) -> Scene:
     """Scene of the reduced model that is trained at `points`, with error estimates. Raises
     InputError for a reducer that has none."""
-    every = scene.dump()["reducer"].get("error_estimate") or min(EVERY, step_count(scene))
+    every: Any = scene.dump()["reducer"].get("error_estimate")
+    if every in ("auto", "on", "off", 0, None):
+        every = min(EVERY, step_count(scene))
     try:
         return scene.using({
             "training.parameters": {"points": [dict(p) for p in points]},

@@ -26,8 +26,9 @@ if TYPE_CHECKING:
 
 _LOWEST, _HIGHEST = 1e-16, 1e4  # a diverged run leaves the picture, the others stay legible
 _MOST_POINTS = 2000
-BAND = 2.0
-"""Factor of an estimated error between whose quotient and product the error is expected."""
+BAND = 0.1, 2.0
+"""Factors of an estimated error between which the error is expected (docs/validation/estimates.md).
+"""
 
 
 def error_over_time_figure(
@@ -37,8 +38,8 @@ def error_over_time_figure(
     """Errors over time on a logarithmic axis, one panel per error measure; None if there is no
     error above 0.
 
-    A dotted line of the same colour is the error that a run estimated for itself, in a band of half
-    to twice its size, in which errors are found. A line marks `limit`
+    A dotted line of the same colour is the error that a run estimated for itself, in a band of a
+    tenth to twice its size, in which errors are found. A line marks `limit`
     where an error exceeds it. Fields that are constant in all runs have no panel. measured: run ->
     errors; kinds: kinds of the runs' fields, in the order of the panels; trained_to: end of
     training, s, which is marked, 0 for none.
@@ -66,7 +67,8 @@ def error_over_time_figure(
                     guess, at = np.where(guess > 0.0, guess, np.nan), errors.times[::every]
                     axes.plot(clock.factor * at, guess, color=colour, linestyle=":", linewidth=1.4,
                               label=f"{run}, estimated")
-                    axes.fill_between(clock.factor * at, guess / BAND, guess * BAND, color=colour,
+                    least, most = BAND
+                    axes.fill_between(clock.factor * at, least * guess, most * guess, color=colour,
                                       alpha=0.15, linewidth=0.0)
                 if (line > 0.0).any():
                     top = max(top, float(line.max()))

@@ -40,7 +40,8 @@ def reduce(
         from sparsemor.core.simulation.reduced_model import reduce as prepare
 
         begun = time.perf_counter()
-        model = prepare(loaded, observers=observers)
+        # what a file holds is without the mesh, which estimates need
+        model = prepare(loaded, observers=observers, estimate=False)
         model.save(file, fields=fields)
         list_file(file, alone=True)
     said = {"status": "done", "scene": loaded.name, "reducer": loaded.reducer_name,

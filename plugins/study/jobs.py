@@ -174,7 +174,7 @@ def shared_model(base: SharedBase, registry: Registry | None) -> ReducedModel | 
     """Prepared model, None where it cannot be: then each run reports its own failure. A process
     keeps the last few."""
     try:
-        model = reduce(scene_of(base.scene, registry))
+        model = reduce(scene_of(base.scene, registry), estimate=False)  # as runs of their own
     except (InputError, SolveFailed):
         return None
     return None if model.estimates_errors else model  # which runs with other loads do not

@@ -164,6 +164,8 @@ class Search:
         """Options of a reducer with so many atoms of each block, as in a scene."""
         own = {k: v for k, v in self.auto.model_dump(mode="json").items()
                if k in ReducedStepOptions.model_fields and k in self.auto.model_fields_set}
+        if self.auto.error_estimate == "auto":
+            own["error_estimate"] = "on"
         return {"use": use, **({"tau": self.tau} if use == "ecsw" else {}), **own, "bases": {
             n: source(max(1, counts[n] - self.lead.get(n, 0)))
             for n, source in self.sources.items()}}

@@ -2,15 +2,18 @@
 blocks, temperatures that load displacements, and a border of rigid coordinates and multipliers.
 
 Terms between two modes of one block, which come from damping and from rotation and are small
-against inertia in one step, are left out; the iteration that solves with this Jacobian corrects
-them. Rigid coordinates and multipliers are solved for by the Schur complement of the modes.
+against inertia in one step, are left out, and so is what the tangents of terms that are not linear
+differ from those in the middle of training; the next step of the errors corrects them. Rigid
+coordinates and multipliers are solved for by the Schur complement of the modes.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from sparsemor.core import FloatArray, IntArray
+from sparsemor.reducers.estimation.error_space import ErrorSpace
 from sparsemor.reducers.step.factors import Factor
 from sparsemor.reducers.step.reduced import Reduced
 
@@ -32,20 +35,21 @@ class BodyModes:
 @dataclass(frozen=True, slots=True, eq=False)
 class BorderedModes:
     """The factorized Jacobian; heat: range and diagonal of each thermal block; border: positions of
-    rigid unknowns and multipliers."""
+    rigid unknowns and multipliers; factor: of their Schur complement, None without any."""
 
     heat: tuple[tuple[slice, FloatArray], ...]
     bodies: tuple[BodyModes, ...]
     border: IntArray
-    factor: Factor
+    factor: Factor | None
 
     @classmethod
     def of(
-        cls, equations: Reduced, x: FloatArray, v: FloatArray, a: FloatArray, t: float,
-        c1: float, c2: float, c1_first: float
+        cls, equations: Reduced, spaces: Mapping[str, ErrorSpace], x: FloatArray, v: FloatArray,
+        a: FloatArray, t: float, c1: float, c2: float, c1_first: float
     ) -> "BorderedModes":
         """The Jacobian at unknowns x with rates v and a (n,) at t, s, with dv = c1 dx, da = c2 dx
-        (temperatures: c1_first). Raises RuntimeError where it is singular."""
+        (temperatures: c1_first). spaces: block -> the modes in which its equations are written.
+        Raises RuntimeError where it is singular."""
         border = equations.border
         number = np.zeros(equations.layout.size, dtype=np.int64)
         number[border] = np.arange(len(border))
@@ -55,15 +59,25 @@ class BorderedModes:
             S[at] += made.corner
             if (b := body.tested) is None:
                 continue
-            diagonal = (np.diagonal(b.stiffness) + c1 * np.diagonal(b.damping)
-                        + c2 * np.diagonal(b.mass) + made.turning[: len(b.generators)]
+            space = spaces[body.step.elastic_name]
+            diagonal = (space.stiffness + c1 * space.damping + c2 * space.mass
+                        + made.turning[: len(b.generators)]
                         @ np.diagonal(b.generators, axis1=1, axis2=2))
             S[at] -= made.row @ (made.column / diagonal[:, None])
             bodies.append(BodyModes(body.step.elastic, body.step.thermal, made.at, diagonal,
                                     b.coupling, made.column, made.row))
-        heat = tuple((h.at, np.diagonal(h.tested.conductivity)
-                      + c1_first * np.diagonal(h.tested.capacity)) for h in equations.heat)
-        return cls(heat, tuple(bodies), border, equations.factorize(S))
+        if not len(border):  # all frames are prescribed
+            none = np.zeros(0, dtype=np.int64)
+            for body in equations.bodies:
+                if (b := body.tested) is not None:
+                    space = spaces[body.step.elastic_name]
+                    diagonal = space.stiffness + c1 * space.damping + c2 * space.mass
+                    bodies.append(BodyModes(
+                        body.step.elastic, body.step.thermal, none, diagonal, b.coupling,
+                        np.zeros((space.size, 0)), np.zeros((0, space.size))))
+        heat = tuple((equations.layout[n], s.stiffness + c1_first * s.damping)
+                     for n, s in spaces.items() if equations.layout.block(n).kind.order == 1)
+        return cls(heat, tuple(bodies), border, equations.factorize(S) if len(border) else None)
 
     def solve(self, r: FloatArray) -> FloatArray:
         """Solution (n,) for a right-hand side r (n,)."""
@@ -74,7 +88,8 @@ class BorderedModes:
             load = r[b.at] + b.coupling @ z[b.thermal] if b.coupling.size else r[b.at]
             z[b.at] = load / b.diagonal
             rest[b.rigid] -= b.row @ z[b.at]
-        z[self.border] = self.factor.solve(rest[self.border])
-        for b in self.bodies:
-            z[b.at] -= b.column @ z[b.rigid] / b.diagonal
+        if self.factor is not None:
+            z[self.border] = self.factor.solve(rest[self.border])
+            for b in self.bodies:
+                z[b.at] -= b.column @ z[b.rigid] / b.diagonal
         return z

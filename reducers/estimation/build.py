@@ -2,10 +2,12 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from typing import TypeAlias
 
 import numpy as np
 
 from sparsemor.core import (
+    AssembledModel,
     Dictionary,
     FloatArray,
     Note,
@@ -40,23 +42,37 @@ from sparsemor.reducers.step.operators import TestedElastic, TestedHeat, TestMap
 ESTIMATE_STEPS, TOO_SMALL = "estimate_steps", 18
 """Kind of the note on estimates by long steps, and the largest ratio of an error to its estimate
 that such steps have had (tests/physics/elements/test_nonlinear_strains.py)."""
+TURN = 0.1
+"""Largest rotation of a frame in one step of the error equation, rad, unless the run's own steps
+turn it further, or estimates are few."""
+SUDDEN = 2.0
+"""Factor of few estimates: the largest displacement under a load that acts suddenly relative to the
+static one, which is what long steps find."""
+Active: TypeAlias = Callable[[str, int], int]
+"""Largest number of active atoms of a block, by its name and the number of its atoms."""
 
 
 def error_model(
     problem: ReducedProblem, solver: StepSolver, every: int,
-    active: Callable[[str, int], int] = lambda _, atoms: atoms,
+    active: Active = lambda _, atoms: atoms, few: bool = False,
 ) -> ErrorModel | CoupledErrors:
     """Error model of the runs of `solver`, for every `every`-th step: by blocks where the motion of
     frames is prescribed and all terms are linear, else of the whole model. active: largest number
-    of active atoms of a block with so many atoms.
+    of active atoms of a block with so many atoms; few: True for estimates that are as few as their
+    cost permits, between which frames may turn far and loads act suddenly.
 
     Raises SolveFailed where an operator of a block cannot be factorized.
     """
-    separated = problem.model.separated
-    local = separated.elastic_local or any(b.local for b in separated.heat)
-    whole = bool(local or separated.border_size or separated.between)
-    build = _Builder(problem, solver, every, whole, active)
+    whole = is_whole(problem.model)
+    build = _Builder(problem, solver, every, whole, active, few)
     return build.coupled() if whole else build.by_blocks()
+
+
+def is_whole(model: AssembledModel) -> bool:
+    """True if the errors of all blocks are solved together: frames or joint forces are unknowns, or
+    terms are not linear or act between bodies."""
+    s = model.separated
+    return bool(s.elastic_local or any(b.local for b in s.heat) or s.border_size or s.between)
 
 
 class _Builder:
@@ -65,8 +81,9 @@ class _Builder:
 
     def __init__(
         self, problem: ReducedProblem, solver: StepSolver, every: int, whole: bool,
-        active: Callable[[str, int], int],
+        active: Active, few: bool,
     ) -> None:
+        self.turn, self.margin = (np.inf, SUDDEN) if few else (TURN, 1.0)
         self.problem, self.solver, self.every, self.whole = problem, solver, every, whole
         self.model = problem.model
         self.h = every * problem.step
@@ -88,7 +105,7 @@ class _Builder:
                 m, np.zeros((0, 0)) if hot is None else hot.modes)
         blocks = _Coordinates(self, spaces)
         return ErrorModel.of(
-            self.every, self.problem.step, [blocks.heat(b) for b in warm],
+            self.every, self.margin, self.problem.step, [blocks.heat(b) for b in warm],
             [blocks.elastic(m) for m in moving], self.model.layout, self.solver.layout,
             blocks.layout, self.problem.integrator, self.notes)
 
@@ -112,7 +129,9 @@ class _Builder:
                 continue
             warm = spaces.get(m.thermal)
             if self.every > 1 and self.local.has_nonlinear_stiffness(m):
-                self.notes.append(Note(
+                # estimates that nobody asked for are no reason for a warning
+                note = Note if np.isfinite(self.turn) else information
+                self.notes.append(note(
                     f"the error of {m.elastic} is estimated by one step for {self.every} of the "
                     "run, which misses fast residuals: with a stiffness that depends on the "
                     f"displacements it has been {TOO_SMALL} times too small, where estimates of "
@@ -130,10 +149,13 @@ class _Builder:
             self.projected(name, space) or InModes(
                 least_squares_coefficients(space.modes, self.dictionary(name).atoms)))
             for name, space in spaces.items()]
-        integrator = self.problem.integrator
+        separated = self.model.separated
+        varying = bool(separated.between) or any(
+            map(self.local.has_nonlinear_stiffness, separated.moving))
         return CoupledErrors(
             self.every, self.h, tuple(blocks), dense_equations(projected, True),
-            self.model.layout, self.solver.layout, integrator, tuple(self.notes))
+            self.model.layout, self.solver.layout, self.problem.integrator, self.turn, self.margin,
+            varying, 2 if separated.elastic_local else 1, tuple(self.notes))
 
     def dictionary(self, name: str) -> Dictionary:
         """Trial basis of a block; all its unknowns where it is not reduced."""

@@ -8,9 +8,10 @@ that properties which depend on temperature, radiation, contact, and the reactio
 coordinates and joint forces act on the error as they act on the run. Terms that are not linear are
 evaluated on the whole mesh, once or twice at each step of this equation and at no other time.
 
-The equation takes one step from one estimate to the next, but shorter ones, through states of the
-run in between, where frames turn far meanwhile: a long step follows neither the turning directions
-that joints leave to e nor the residual, which turns with them.
+The equation takes one step from one estimate to the next (`error_rules`), but shorter ones, through
+states of the run in between, where frames turn far meanwhile: a long step follows neither the
+turning directions that joints leave to e nor the residual, which turns with them. Estimates whose
+number is fixed by their cost (`turn` infinite) do without.
 """
 
 from collections.abc import Mapping, Sequence
@@ -37,19 +38,18 @@ from sparsemor.core.protocols.poses import FREE_POSE
 from sparsemor.core.protocols.step_amplitude import Substep, substep
 from sparsemor.reducers.estimation.bordered_modes import BorderedModes
 from sparsemor.reducers.estimation.error_space import ErrorSpace
+from sparsemor.reducers.estimation.modal_steps import error_rules, error_start
 from sparsemor.reducers.estimation.reduced_states import StateMap, ranges
 from sparsemor.reducers.step.factors import Factor
 from sparsemor.reducers.step.reduced import Reduced
 
 ITERATIONS = 5
-"""Largest number of iterations with one Jacobian at an estimate."""
+"""Largest number of iterations with one Jacobian at an estimate, if it has the run's own steps."""
+FIRST = 2
+"""Number of steps at the start of a run of which the errors count, too, where estimates are few:
+vibrations by inconsistent initial accelerations are largest there."""
 ACCURACY = 1e-3
 """Relative change of the errors of each block at which the iteration ends."""
-SAME = 1e-6
-"""Relative difference of two step sizes that are the same but for the rounding of times."""
-TURN = 0.1
-"""Largest rotation of a frame in one step of the error equation, rad, unless the run's own steps
-turn it further."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,8 +76,12 @@ class StateAt(NamedTuple):
 class CoupledErrors:
     """Estimator of errors (`ErrorEstimator`) by the equations of the whole model on the spaces of
     errors. every: steps between two estimates, over which the error equation takes one step of
-    size h, s, or several (`TURN`); full, reduced: layouts of the full-order and of the reduced
-    model; blocks: those with an estimate, displacements, temperatures and rigid coordinates."""
+    size h, s, or several so that frames turn at most by `turn`, rad, in each; full, reduced:
+    layouts of the full-order and of the reduced model; margin: factor of estimates by long
+    steps; blocks: those with an estimate, displacements, temperatures and rigid coordinates;
+    varying: True if the tangents of the equations are not nearly those of the spaces; passes:
+    Newton iterations of a long step, 2 if terms that are not linear read temperatures and act on
+    displacements."""
 
     every: int
     h: float
@@ -86,6 +90,10 @@ class CoupledErrors:
     full: Layout
     reduced: Layout
     integrator: Integrator
+    turn: float
+    margin: float
+    varying: bool
+    passes: int
     notes: tuple[Note, ...]
 
     @property
@@ -106,8 +114,9 @@ class CoupledErrors:
                     x = b.space.coefficients(x - b.offset if i == 0 else x)
                 e[i, at] = x - (known.x, known.v, known.a)[i][at]
         x, v, a = e
-        return self._memory(self.integrator.start(
-            layout, State(full.t, x, v, a, np.zeros((layout.size, 0)))), known, outside, self.h)
+        error = State(full.t, x, v, a, np.zeros((layout.size, 0)))
+        return self._memory(error_start(
+            self.integrator, 1, layout, error), known, outside, 0)
 
     def corrected(self, full: State, memory: Mapping[str, FloatArray]) -> State:
         """A state of the full model plus the estimated errors and their rates."""
@@ -124,7 +133,7 @@ class CoupledErrors:
 
     def present(self, memory: Mapping[str, FloatArray]) -> dict[str, float]:
         """Estimated error norm of each block at present."""
-        return self._norms(memory["errors"][0], memory["outside"][0])
+        return self._norms(memory["errors"][0], memory["outside"][0], int(memory["steps"]))
 
     def advance(
         self, paths: Sequence[Sequence[State]], memory: dict[str, FloatArray]
@@ -133,36 +142,41 @@ class CoupledErrors:
         states of the run; `memory` is brought to the last."""
         if not paths:
             return {n: np.zeros(0) for n in self.blocks}
-        own, size = self.working(), float(memory["size"])
-        chosen: list[Sequence[State]] = []
+        own, stride = self.working(), int(memory["steps"])
+        first, chosen = stride == 0, list[Sequence[State]]()
         for path in paths:
-            stride = self._stride(path[-1], size)
-            size = min(size, stride * self.h / self.every)
+            stride = self._stride(path[-1], stride or self.every)
             chosen.append(path[(len(path) - 1) % stride :: stride])
-        known = iter(self.projected([s for path in chosen for s in path]))
+        vibrates = any(b.kind.order == 2 for b in self.equations.layout)
+        begun = paths[0][:FIRST] if (
+            first and vibrates and np.isinf(self.turn) and self.every > 1) else ()
+        known = iter(self.projected([s for path in (begun, *chosen) for s in path]))
         with substep(Substep(self.h / self.every)):  # laws of steps, such as heat that is stored
+            start = own._advanced([next(known) for _ in begun], dict(memory))
             found = [own._advanced([next(known) for _ in path], memory) for path in chosen]
+        found[0] = {n: np.append(start[n], values[-1]).max(keepdims=True)
+                    for n, values in found[0].items()}
         return {n: np.array([values[n][-1] for values in found]) for n in self.blocks}
 
-    def _stride(self, state: State, size: float) -> int:
+    def _stride(self, state: State, before: int) -> int:
         """Number of the run's steps in one step of the error equation, at a state of the run: the
-        largest that divides `every`, is not longer than `size`, s, and in which no frame turns
-        further than `TURN`. It never grows, since each change forgets the integrator's history."""
+        largest that divides `every`, is not larger than that `before`, and in which no frame turns
+        further than `turn`. It never grows, since each change forgets the integrator's history."""
         rate, h = 0.0, self.h / self.every
         for b in self.reduced:
             if b.kind.quantity is Quantity.POSE:
                 v = state.v[self.reduced[b.name]]
                 rate = max(rate, 2.0 * float(np.linalg.norm(v[-4:])) if b.size == FREE_POSE
                            else abs(float(v[-1])))
-        limit = min(size * (1.0 + 1e-9), TURN / rate if rate > 0.0 else np.inf)
+        limit = min(before, self.turn / (rate * h) if rate > 0.0 else np.inf)
         return max(d for d in range(1, self.every + 1)
-                   if self.every % d == 0 and (d == 1 or d * h <= limit))
+                   if self.every % d == 0 and (d == 1 or d <= limit))
 
     def carry(self, count: int, memory: dict[str, FloatArray]) -> dict[str, FloatArray]:
         """The same for `count` estimates along full-order steps, to which no error is added: by the
         equations at the last state that was reduced, with zero residual there."""
         at, own = StateAt(float(memory["time"]), *memory["reduced"]), self.working()
-        each = max(1, round(self.h / float(memory["size"])))
+        each = self.every // (int(memory["steps"]) or self.every)
         with substep(Substep(self.h / self.every)):
             found = own._advanced(
                 [(at, memory["outside"])] * (each * count), memory, own.residual(at))
@@ -177,32 +191,33 @@ class CoupledErrors:
         permitted: FloatArray | float = 0.0
     ) -> dict[str, FloatArray]:
         """Error norms of each block after a step of the error equation to each of these states;
-        where the step size changes, the integrator's history begins anew."""
+        where the number of the run's steps in it changes, the integrator's history begins anew."""
         found: dict[str, list[float]] = {n: [] for n in self.blocks}
         for at, outside in run:
             x, v, a, *history = memory["errors"]
-            start, size = float(memory["time"]), float(memory["size"])
-            h = at.t - start if at.t > start else size  # steps of full order keep the time
-            error = State(at.t - h, x, v, a, np.reshape(history, (len(history), len(x))).T)
-            if abs(h - size) > SAME * size:
-                error = self.integrator.start(self.equations.layout, error)
-            else:
-                h = size
-            error = self._step(at, error, h, permitted)
-            memory |= self._memory(error, at, outside, h)
-            for n, norm in self._norms(error.x, outside[0]).items():
+            start, before, h = float(memory["time"]), int(memory["steps"]), self.h / self.every
+            # steps of full order keep the time
+            count = round((at.t - start) / h) if at.t > start else before or self.every
+            error = State(
+                at.t - count * h, x, v, a, np.reshape(history, (len(history), len(x))).T)
+            if count != before:
+                error = error_start(self.integrator, count, self.equations.layout, error)
+            error = self._step(at, error, count, permitted)
+            memory |= self._memory(error, at, outside, count)
+            for n, norm in self._norms(error.x, outside[0], count).items():
                 found[n].append(norm)
         return {n: np.array(v) for n, v in found.items()}
 
     def _step(
-        self, at: StateAt, error: State, h: float, permitted: FloatArray | float
+        self, at: StateAt, error: State, count: int, permitted: FloatArray | float
     ) -> State:
-        """Errors at a state of the run from those h (s) before: R(state + error) =
+        """Errors at a state of the run from those `count` steps before: R(state + error) =
         `permitted`."""
-        layout, rules = self.equations.layout, self.integrator.rules(h)
-        formula = step_formula(rules, layout, error, h)
+        layout, h = self.equations.layout, self.h / self.every
+        rules = error_rules(self.integrator, count, h)
+        formula = step_formula(rules, layout, error, count * h)
         d, factor = np.zeros(layout.size), None
-        for _ in range(ITERATIONS):
+        for _ in range(ITERATIONS if count == 1 else self.passes):
             x, v, a = formula.at(d)
             now = StateAt(at.t, at.x + x, at.v + v, at.a + a)
             r = self.residual(now) - permitted
@@ -223,8 +238,9 @@ class CoupledErrors:
     def _jacobian(self, at: StateAt, formula: StepFormula) -> Factor:
         """Factorized derivative of the residual. Raises RuntimeError where it is singular."""
         equations, rates = self.equations, (formula.c1, formula.c2, formula.c1_first)
-        if not equations.coupled:
-            return BorderedModes.of(equations, at.x, at.v, at.a, at.t, *rates)
+        if not self.varying:
+            spaces = {b.name: b.space for b in self.spaces}
+            return BorderedModes.of(equations, spaces, at.x, at.v, at.a, at.t, *rates)
         c1, c2 = rate_factors(equations.layout, *rates)
         return equations.factorize(equations.slope(at.x, at.v, at.a, at.t, c1, c2))
 
@@ -261,17 +277,19 @@ class CoupledErrors:
         return ranges({b.name: sizes[b.name] for b in self.equations.layout
                        if sizes.get(b.name)})
 
-    def _norms(self, e: FloatArray, outside: FloatArray) -> dict[str, float]:
+    def _norms(self, e: FloatArray, outside: FloatArray, count: int) -> dict[str, float]:
+        """Estimates of each block from errors e (n,) after a step over `count` of the run's."""
+        margin = 1.0 if count <= 1 else self.margin
         layout, norms = self.equations.layout, {b.name: b.space.norm for b in self.spaces}
         rest = self._outside
-        return {n: float(np.linalg.norm(np.concatenate([
+        return {n: margin * float(np.linalg.norm(np.concatenate([
             norms[n] @ e[layout[n]] if n in norms else e[layout[n]],
             outside[rest.get(n, slice(0, 0))]]))) for n in self.blocks}
 
     @staticmethod
     def _memory(
-        error: State, at: StateAt, outside: FloatArray, size: float
+        error: State, at: StateAt, outside: FloatArray, count: int
     ) -> dict[str, FloatArray]:
         return {"errors": np.vstack([error.x, error.v, error.a, error.memory.T]),
                 "reduced": np.stack([at.x, at.v, at.a]), "time": np.array(at.t),
-                "outside": outside, "size": np.array(size)}
+                "outside": outside, "steps": np.array(count)}

@@ -71,11 +71,13 @@ class ErrorSpace:
     """Space of the errors of one block in eigenmodes of the projected stiffness and mass (heat:
     conductivity and capacity).
 
-    modes (n, q); norm (q, q): |modes x| = |norm x|; stiffness, damping, mass (q,): diagonals of the
+    modes (n, q); momenta (q, n): the modes times the mass (heat: the capacity), a left inverse of
+    the modes; norm (q, q): |modes x| = |norm x|; stiffness, damping, mass (q,): diagonals of the
     projected operators; coupled: relative size of the damping between modes, which is left out.
     """
 
     modes: FloatArray
+    momenta: FloatArray
     norm: FloatArray
     stiffness: FloatArray
     damping: FloatArray
@@ -87,8 +89,9 @@ class ErrorSpace:
         return int(self.modes.shape[1])
 
     def coefficients(self, x: FloatArray) -> FloatArray:
-        """Coefficients (q,) of the orthogonal projection of x (n,) on the space."""
-        return np.asarray(np.linalg.lstsq(self.modes, x, rcond=None)[0])
+        """Coefficients (q,) of the projection of x (n,) on the space, orthogonal in the norm of the
+        mass: the projection of accelerations satisfies the projected equations of motion."""
+        return self.momenta @ x
 
 
 def error_space(
@@ -148,9 +151,10 @@ def in_modes(E: FloatArray, operators: Operators) -> ErrorSpace:
     inertia = operators.damping if operators.mass is None else operators.mass
     values, W = linalg.eigh(projected(operators.stiffness, E), projected(inertia, E))
     modes, one, zero = E @ W, np.ones(len(values)), np.zeros(len(values))
+    momenta = np.ascontiguousarray((inertia @ modes).T)
     stiffness = np.maximum(values, 0.0)  # below 0 by round-off only
     if heat:
-        return ErrorSpace(modes, W, stiffness, one, zero, 0.0)
+        return ErrorSpace(modes, momenta, W, stiffness, one, zero, 0.0)
     assert operators.damping_force is not None
     C = modes.T @ operators.damping_force(modes)
     C = 0.5 * (C + C.T)
@@ -158,7 +162,7 @@ def in_modes(E: FloatArray, operators: Operators) -> ErrorSpace:
     sizes = np.sqrt(np.abs(np.outer(damping, damping)))
     between = float(np.abs(C - np.diag(damping)).max(initial=0.0))
     coupled = between / max(float(sizes.max(initial=0.0)), 1e-300)
-    return ErrorSpace(modes, W, stiffness, damping, one, coupled)
+    return ErrorSpace(modes, momenta, W, stiffness, damping, one, coupled)
 
 
 def residual_columns(

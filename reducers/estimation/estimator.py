@@ -18,7 +18,11 @@ import numpy as np
 
 from sparsemor.core import FloatArray, Integrator, Layout, Note, State
 from sparsemor.reducers.estimation.error_space import ErrorSpace
-from sparsemor.reducers.estimation.modal_steps import ModalSteps
+from sparsemor.reducers.estimation.modal_steps import (
+    ModalSteps,
+    error_rules,
+    error_start,
+)
 from sparsemor.reducers.estimation.reduced_states import StateMap, ranges
 from sparsemor.reducers.estimation.residuals import ElasticResidual, HeatResidual, Trajectory
 
@@ -63,9 +67,10 @@ class ErrorModel:
     """Estimator of errors (`ErrorEstimator`). heat, elastic: blocks of first and second order;
     layout: their modes; reduced: layout of the reduced model; coordinates: that of its states in
     the coordinates that residuals are evaluated in; every: steps between two estimates, over which
-    the error equation takes one step."""
+    the error equation takes one step (`error_rules`); margin: factor of the estimates."""
 
     every: int
+    margin: float
     heat: tuple[BlockErrors, ...]
     elastic: tuple[BlockErrors, ...]
     layout: Layout
@@ -78,21 +83,21 @@ class ErrorModel:
 
     @classmethod
     def of(
-        cls, every: int, h: float, heat: Sequence[BlockErrors], elastic: Sequence[BlockErrors],
-        full: Layout, reduced: Layout, coordinates: Layout, integrator: Integrator,
-        notes: Sequence[Note],
+        cls, every: int, margin: float, h: float, heat: Sequence[BlockErrors],
+        elastic: Sequence[BlockErrors], full: Layout, reduced: Layout, coordinates: Layout,
+        integrator: Integrator, notes: Sequence[Note],
     ) -> "ErrorModel":
         """Error model for every `every`-th step of size h, s; full: layout of the full model;
-        reduced, coordinates: as above."""
+        margin, reduced, coordinates: as above."""
         layout = Layout([full.block(b.name).resized(b.space.size) for b in (*heat, *elastic)])
-        rules = integrator.rules(every * h)
+        rules = error_rules(integrator, every, h)
         first, second = (
             ModalSteps.of(rule, *(np.concatenate([np.zeros(0), *column]) for column in (
                 [b.space.stiffness for b in blocks], [b.space.damping for b in blocks],
                 [b.space.mass for b in blocks])))
             for rule, blocks in ((rules.first, heat), (rules.second, elastic)))
-        return cls(every, tuple(heat), tuple(elastic), layout, reduced, coordinates, integrator,
-                   first, second, tuple(notes))
+        return cls(every, margin, tuple(heat), tuple(elastic), layout, reduced, coordinates,
+                   integrator, first, second, tuple(notes))
 
     @property
     def blocks(self) -> tuple[str, ...]:
@@ -105,8 +110,8 @@ class ErrorModel:
         for b in (*self.heat, *self.elastic):
             z[:, self.layout[b.name]] = b.starts(full, reduced)
         x, v, a = z
-        state = self.integrator.start(
-            self.layout, State(full.t, x, v, a, np.zeros((self.layout.size, 0))))
+        error = State(full.t, x, v, a, np.zeros((self.layout.size, 0)))
+        state = error_start(self.integrator, self.every, self.layout, error)
         rows = np.vstack([state.x, state.v, state.a, state.memory.T])
         at = Trajectory(np.array([reduced.t]), reduced.x[None], reduced.v[None], reduced.a[None])
         return {"first": rows[:, self.layout.first], "second": rows[:, self.layout.second],
@@ -132,7 +137,7 @@ class ErrorModel:
         for b, at in self._outside:
             rest = float(np.linalg.norm(memory["outside"][0, at]))
             found[b.name] = float(np.hypot(found[b.name], rest))
-        return found
+        return {n: self.margin * norm for n, norm in found.items()}
 
     def advance(
         self, paths: Sequence[Sequence[State]], memory: dict[str, FloatArray]
@@ -173,7 +178,7 @@ class ErrorModel:
             found[b.name] = np.hypot(found[b.name], np.linalg.norm(outside[0][:, at], axis=1))
         if count:
             memory["outside"] = outside[:, -1]
-        return found
+        return {n: self.margin * norms for n, norms in found.items()}
 
     @property
     def _outside(self) -> list[tuple[BlockErrors, slice]]:

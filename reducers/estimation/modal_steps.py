@@ -1,10 +1,29 @@
-"""Time steps of uncoupled modes k x + d x' + m x'' = f, by any integrator with linear rules."""
+"""Time steps of error equations: those of the run, or longer ones from one estimate to the next,
+and steps of uncoupled modes k x + d x' + m x'' = f."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from sparsemor.core import FloatArray, UpdateRule
+from sparsemor.core import FloatArray, Integrator, Layout, State, UpdateRule, UpdateRules
+
+
+def error_rules(integrator: Integrator, count: int, h: float) -> UpdateRules:
+    """Update rules of a step of the error equation over `count` steps of h (s) of the run: those of
+    its integrator for one, else implicit Euler. A long step does not resolve vibrations; implicit
+    Euler leaves their static part, where rules without numerical damping would keep them."""
+    if count == 1:
+        return integrator.rules(h)
+    h *= count
+    return UpdateRules(
+        UpdateRule(np.array([h * h, h, 1.0]), np.array([[1.0, h, 0], [0, 1, 0], [0, 0, 0]])),
+        UpdateRule(np.array([h, 1.0, 0.0]), np.array([[1.0, 0, 0], [0, 0, 0], [0, 0, 0]])))
+
+
+def error_start(integrator: Integrator, count: int, layout: Layout, error: State) -> State:
+    """Errors x, v, a with the history of `error_rules`."""
+    return integrator.start(layout, error) if count == 1 else State(
+        error.t, error.x, error.v, error.a, np.zeros((layout.size, 0)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

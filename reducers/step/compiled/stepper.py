@@ -99,9 +99,14 @@ def compilable(made: Stepper, option: Compiled) -> Stepper:
 def wanted(option: Compiled, steps: int, kept: Callable[[], bool]) -> bool:
     """True if steps are to be compiled, for runs of so many in all; kept: whether there is machine
     code of an earlier run."""
+    return expected(option, steps) and (option == "on" or steps >= AUTO or kept())
+
+
+def expected(option: Compiled, steps: int) -> bool:
+    """True if steps may be compiled, whatever machine code is kept."""
     if option != "auto":
         return option == "on" and installed()  # not where a file says so
-    return installed() and steps >= KEPT and (steps >= AUTO or kept())
+    return installed() and steps >= KEPT
 
 
 def installed() -> bool:

@@ -157,6 +157,35 @@ def test_a_run_with_added_atoms_is_not_resumed(tmp_path: Path) -> None:
 
 
 @pytest.mark.full
+@pytest.mark.parametrize("last", [1, 30, 60])
+def test_few_estimates_are_equal_in_a_run_that_is_resumed(tmp_path: Path, last: int) -> None:
+    """Also between two of them, and whatever the caller says: a run goes on as it began."""
+    scene = tiny().using({"time.end": 0.08, "training.end": 0.04, "reducer": {
+        "use": "galerkin", "basis": {"use": "pod", "count": 4}}})
+    whole, plain = simulate(scene, estimate=True), simulate(scene)
+    for estimate, expected in ((True, whole), (False, plain)):
+        out = tmp_path / str(estimate)
+        stopped(scene, out=out, observers=[Strikes(last)], estimate=estimate)
+        rest = simulate(scene, out=out, resume=True, estimate=not estimate)
+        assert rest.error_estimates == expected.error_estimates
+        for block in rest.layout:
+            assert np.array_equal(rest.block(block.name), plain.block(block.name))
+        for name in rest.error_estimates:
+            np.testing.assert_allclose(
+                rest.error_estimate(name), whole.error_estimate(name), 1e-9)
+            assert len(set(whole.error_estimate(name))) >= 4
+
+
+@pytest.mark.full
+def test_a_run_with_few_estimates_goes_on_to_a_later_end(tmp_path: Path) -> None:
+    scene = tiny().using({"time.end": 0.01, "training.end": 0.01, "reducer": "galerkin"})
+    short = simulate(scene, out=tmp_path, estimate=True)
+    longer = simulate(scene.using({"time.end": 0.05}), out=tmp_path, resume=True)
+    assert short.error_estimates == longer.error_estimates != ()
+    assert longer.attributes["estimates_every"] == short.attributes["estimates_every"]
+
+
+@pytest.mark.full
 @pytest.mark.parametrize("last", [9, 40])
 def test_a_run_stopped_before_or_after_it_goes_on_with_equal_digits(
     tmp_path: Path, last: int

@@ -27,7 +27,7 @@ def test_runs_that_differ_in_free_keys_share_a_model(
         "set": {"time.end": 0.01, "training": {"end": 0.006, "overrides": {FLUX: 1.0e6}}}}))
     prepared: list[object] = []
     made = jobs.reduce
-    monkeypatch.setattr(jobs, "reduce", lambda s: prepared.append(s) or made(s))
+    monkeypatch.setattr(jobs, "reduce", lambda s, **k: prepared.append(s) or made(s, **k))
     monkeypatch.setattr(training, "train", lambda *a: pytest.fail("full order is solved twice"))
     shared = study(file, out=tmp_path / "shared")
     assert len(prepared) == 2
@@ -56,7 +56,7 @@ def test_runs_at_several_values_of_a_parameter_share_a_model(
         "quantities": {"y": {"probe": "end", "component": "y"}}}))
     prepared: list[object] = []
     made = jobs.reduce
-    monkeypatch.setattr(jobs, "reduce", lambda s: prepared.append(s) or made(s))
+    monkeypatch.setattr(jobs, "reduce", lambda s, **k: prepared.append(s) or made(s, **k))
     shared = study(file, out=tmp_path / "shared")
     assert len(prepared) == 1
     assert {row["offline_cache"] for row in shared} == {"shared model"}

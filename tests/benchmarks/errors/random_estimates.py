@@ -1,0 +1,195 @@
+"""Estimates of errors at the few steps that `error_estimate: on` permits, against true errors, of
+random scenes whose loads differ between training and run, and what they cost.
+
+    python tests/benchmarks/errors/random_estimates.py FIRST LAST [--reducers galerkin,sparse]
+    python tests/benchmarks/errors/random_estimates.py --scenes double_pendulum,slider_plate
+
+One line per run and block with an error above 1e-6: the largest error relative to the block's
+largest change, and the quotient estimate / error of the largest values over the run and at its end;
+per run the CPU time of the estimates as a share of that of the steps. Last the share of quotients
+between 0.5 and 10. `few`, `few_sparse`: `galerkin` and `sparse` with four atoms of each block.
+"""
+
+import argparse
+import random
+import time
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from sparsemor.core.errors import InputError
+from sparsemor.core.results.error_norms import measure_errors
+from sparsemor.core.scene.scene import Scene, load
+from sparsemor.core.simulation.error_record import ErrorRecord
+from sparsemor.core.simulation.run_steps import RunSteps
+from sparsemor.core.simulation.simulate import simulate
+from sparsemor.core.status import SolveFailed
+from sparsemor.core.testing.in_memory_run import scene_of
+
+LEAST, LOW, HIGH = 1e-6, 0.5, 10.0
+FOUR = {"use": "pod", "count": 4}
+REDUCERS: Mapping[str, Any] = {
+    "galerkin": "galerkin", "sparse": "sparse", "ecsw": "ecsw",
+    "few": {"use": "galerkin", "basis": FOUR}, "few_sparse": {"use": "sparse", "basis": FOUR}}
+KINDS = ("cantilever", "heated", "steel", "plate", "block", "pendulum", "double")
+INTEGRATORS: tuple[Any, ...] = ("bdf1", "bdf2", {"use": "generalized_alpha", "rho_inf": 0.8})
+ALUMINIUM = {"E": 7e10, "nu": 0.3, "rho": 2700.0, "alpha": 2.3e-5, "k": 150.0, "c": 900.0}
+K_OF_T = {"rho": 7850.0, "k": {"temperatures": [293.15, 1073.15], "values": [53.3, 27.3]},
+          "c": {"temperatures": [293.15, 1073.15], "values": [440.0, 900.0]}}
+POLYMER = {"E": 2e9, "nu": 0.3, "rho": 1500.0, "alpha": 8e-5, "k": 10.0, "c": 1000.0}
+FILM = {"use": "convection", "on": ["b:bottom"], "film": 300.0, "temperature": 293.15}
+GLOW = {"use": "radiation", "on": ["b:top"], "emissivity": 0.8, "surroundings": 293.15}
+BOTH = ["elastic", "thermal"]
+spent = {"steps": 0.0, "estimates": 0.0}
+
+
+def function(rng: random.Random, end: float, amplitude: float) -> dict[str, Any]:
+    """A function of time of random kind."""
+    start, length = rng.uniform(0.0, 0.4) * end, rng.uniform(0.2, 0.5) * end
+    return rng.choice([
+        {"use": "sine", "amplitude": amplitude, "frequency": rng.uniform(0.5, 4.0) / end,
+         "phase": rng.uniform(0.0, 3.0)},
+        {"use": "ramp", "start": start, "end": start + length, "final": amplitude},
+        {"use": "pulse", "start": start, "duration": length, "level": amplitude},
+        {"use": "smooth_step", "start": start, "end": start + length, "final": amplitude},
+        {"use": "constant", "level": amplitude}])
+
+
+def body(kind: str) -> dict[str, Any]:
+    """A fixed body, or the link of a pendulum."""
+    if kind == "plate":
+        return {"mesh": {"use": "unstructured", "size": [0.1, 0.05], "divisions": [20, 10],
+                         "elements": 600}, "thickness": 0.01, "material": K_OF_T,
+                "fields": ["thermal"], "frame": "fixed",
+                "sets": {"one": {"box": [[0.01, 0.04], [0.0499, 0.051]]},
+                         "two": {"box": [[0.06, 0.09], [0.0499, 0.051]]}}}
+    if kind == "block":
+        return {"mesh": {"use": "block", "size": [0.2, 0.04, 0.04], "divisions": [10, 3, 3]},
+                "material": ALUMINIUM, "fields": BOTH, "frame": "fixed",
+                "reference": {"clamp": "left"}, "damping": {"stiffness": 1e-5},
+                "sets": {"one": {"where": "z > 0.0399 and x > 0.1"},
+                         "two": {"where": "z < 0.0001 and x < 0.1"}}}
+    if kind in ("pendulum", "double"):
+        return {"mesh": {"use": "rectangle", "lower": [0.0, -0.02], "size": [0.5, 0.04],
+                         "divisions": [24, 4]}, "thickness": 0.02, "material": POLYMER,
+                "fields": BOTH, "reference": {"chord": ["a", "e"]},
+                "damping": {"stiffness": 2e-4},
+                "sets": {"a": {"nearest": [0.0, 0.0]}, "e": {"nearest": [0.5, 0.0]}}}
+    return {"mesh": {"use": "rectangle", "lower": [0.0, -0.05], "size": [1.0, 0.1],
+                     "divisions": [32, 4], "diagonal": "alternating"}, "thickness": 0.02,
+            "material": {"use": "carbon_steel"} if kind == "steel" else ALUMINIUM,
+            "fields": ["elastic"] if kind == "cantilever" else BOTH,
+            "reference": {"clamp": "left"}, "frame": "fixed", "damping": {"stiffness": 1e-5},
+            "sets": {"one": {"box": [[0.2, 0.5], [0.049, 0.051]]},
+                     "two": {"box": [[0.4, 0.8], [-0.051, -0.049]]}}}
+
+
+def random_scene(seed: int) -> tuple[str, Scene]:
+    """A scene whose training has other functions of its loads, or lacks one, and its kind."""
+    rng, kind = random.Random(seed), KINDS[seed % len(KINDS)]
+    end, steps = {"cantilever": (0.05, 100), "plate": (30.0, 100), "block": (10.0, 80),
+                  "pendulum": (0.4, 200), "double": (0.4, 200)}.get(kind, (20.0, 100))
+    own = body(kind)
+    names = ["b", "c"] if kind == "double" else ["b"]
+    bodies = {n: {"use": "flexible", **own} for n in names}
+    joints: dict[str, Any] = {}
+    loads: dict[str, Any] = {}
+    other: dict[str, Any] = {}
+    if kind in ("pendulum", "double"):
+        joints["O"] = {"use": "revolute", "between": ["ground", "b:a"]}
+        loads["weight"] = {"use": "gravity"}
+    if kind == "double":
+        bodies["c"]["pose"] = {"position": [0.5, 0.0]}
+        joints["A"] = {"use": "revolute", "between": ["b:e", "c:a"]}
+
+    def add(name: str, tree: dict[str, Any], key: str, amplitude: float) -> None:
+        mine = function(rng, end, amplitude * rng.choice([1.0, -1.0, 2.0, 0.5]))
+        loads[name] = {**tree, key: mine}
+        other[f"loads.{name}.{key}"] = rng.choice([
+            function(rng, end, amplitude), {"use": "constant", "level": 0.0}, mine,
+            {"use": "product", "factors": [0.3, mine]}])
+
+    for n in names:
+        links = kind in ("pendulum", "double")
+        edges = ["top", "bottom"] if links else ["one", "two"]
+        if "thermal" in own["fields"]:
+            for i, edge in enumerate(edges):
+                flux = {"use": "heat_flux", "on": [f"{n}:{edge}"]}
+                add(f"heat_{n}{i}", flux, "flux", 3e4 if links else 2e5)
+        if "elastic" in own["fields"]:
+            size = 2e3 if links else 1e5
+            force = [rng.uniform(-size, size) for _ in range(3 if kind == "block" else 2)]
+            add(f"pull_{n}", {"use": "traction", "on": [f"{n}:{rng.choice(edges)}"],
+                              "traction": force}, "factor", 1.0)
+    if "thermal" in own["fields"] and not joints:
+        loads["film"] = FILM
+    if kind in ("steel", "plate"):
+        loads["glow"] = GLOW
+    return kind, scene_of({
+        "bodies": bodies, "joints": joints, "loads": loads, "integrator": rng.choice(INTEGRATORS),
+        "time": {"end": end, "step": end / steps}, "training": {"overrides": other}})
+
+
+def timed(kind: type, name: str, key: str) -> None:
+    """Adds the CPU time of calls of a method to `spent`."""
+    method = getattr(kind, name)
+
+    def call(self: Any, *arguments: Any) -> Any:
+        begun = time.process_time()
+        found = method(self, *arguments)
+        spent[key] += time.process_time() - begun
+        return found
+    setattr(kind, name, call)
+
+
+def judged(name: str, scene: Scene, full: Any) -> list[float]:
+    """Quotients of the largest values of the blocks of a run, printed."""
+    spent.update(steps=0.0, estimates=0.0)
+    try:
+        run = simulate(scene.using({"reducer.error_estimate": "on", "check_stability": "off"}))
+    except (InputError, SolveFailed) as error:
+        print(f"| {name} | {str(error)[:60]} |", flush=True)
+        return []
+    e, found = measure_errors(full, run), []
+    share = spent["estimates"] / max(spent["steps"] - spent["estimates"], 1e-9)
+    for block in e.estimated:
+        if block in e.blocks and (true := e.series[block]).max() > LEAST:
+            guess = e.estimated[block]
+            found.append(float(guess.max() / true.max()))
+            last = guess[-1] / true[-1] if true[-1] > 0.0 else np.inf
+            print(f"| {name} | {block} | {true.max():.1e} | {found[-1]:.2f} | {last:.2f} | "
+                  f"{share:.0%} |", flush=True)
+    return found
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("first", type=int, nargs="?", default=0)
+    parser.add_argument("last", type=int, nargs="?", default=21)
+    parser.add_argument("--reducers", default="galerkin,sparse,few,few_sparse")
+    parser.add_argument("--scenes", help="packaged scenes, trained to half the time")
+    given = parser.parse_args()
+    timed(RunSteps, "portion", "steps")
+    timed(ErrorRecord, "_evaluate", "estimates")
+    named = [(n, load(n)) for n in given.scenes.split(",")] if given.scenes else [
+        (f"{seed} {random_scene(seed)[0]}", random_scene(seed)[1])
+        for seed in range(given.first, given.last)]
+    print("| run | block | error | quotient | at the end | share |\n|---|---|---|---|---|---|")
+    quotients: dict[str, list[float]] = {}
+    with np.errstate(all="ignore"):
+        for name, scene in named:
+            full = simulate(scene.using({"reducer": "full"}))
+            for reducer in given.reducers.split(","):
+                own = scene.using({"reducer": REDUCERS[reducer]})
+                if given.scenes:
+                    own = own.using({"training.end": scene.time.end / 2})
+                quotients.setdefault(reducer, []).extend(judged(f"{name} {reducer}", own, full))
+    for reducer, values in quotients.items():
+        inside = [LOW <= q <= HIGH for q in values]
+        print(f"{reducer}: {np.mean(inside):.0%} of {len(values)} between {LOW:g} and {HIGH:g}, "
+              f"from {min(values):.2g} to {max(values):.2g}")
+
+
+if __name__ == "__main__":
+    main()
