@@ -57,7 +57,8 @@ class RunHeader:
     (scene/run_identity.py); platform: processor, BLAS library and number of threads; contacts:
     contact -> names of the resultants that are stored; multipliers: block of Lagrange multipliers
     -> (name, unit) of each; estimates: blocks whose error is estimated, estimates_every: number of
-    steps from one estimate to the next; fall_back: time, block and reason where the run left its reduced model and went on at full order, {} if it did not;
+    steps from one estimate to the next; fall_back: time, block and reason where the run left its
+    reduced model and went on at full order, {} if it did not;
     enriched: times from which it had more atoms, s; forces: force element -> name and unit of its
     force.
     """

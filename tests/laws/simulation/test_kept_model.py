@@ -84,8 +84,8 @@ def assert_equal(one: RunResult, other: RunResult, leaving: tuple[str, ...] = ()
 
 
 ESTIMATE = "error_estimate."
-NO_ESTIMATE = ("the error of this run is not estimated: a model from a file is without the mesh that "
-               "an estimate needs")
+NO_ESTIMATE = ("the error of this run is not estimated: a model from a file is without the mesh "
+               "that an estimate needs")
 
 
 @pytest.mark.full
