@@ -115,7 +115,7 @@ def test_a_model_from_a_file_runs_alike(file: Path) -> None:
 @pytest.mark.full
 def test_other_loads_give_the_run_of_a_new_model(file: Path) -> None:
     for changes in ({FLUX: LOW}, {FLUX: {"use": "ramp", "end": 0.02, "final": 2e6}},
-                    {"loads.gravity.factor": 0.25, "time.end": 0.03}):
+                    {"loads.gravity.factor": 0.25, "time.end": 0.05}):
         fresh = simulate(scene().using({**changes, "training.end": 0.04}), estimate=True)
         changed = model().run(changes)
         assert_equal(changed, fresh)
