@@ -66,9 +66,13 @@ class TimeError(Check):
     def after_run(self, run: PreparedRun, result: RunResult) -> Findings:
         errors, first = ({}, {}) if self._windows is None else self._windows.estimated()
         scene = run.scene
-        return Findings(
-            time_error_notes(errors, first, scene.time.step, scene.integrator.order),
-            {"time_error": dict(errors)})
+        notes = time_error_notes(errors, first, scene.time.step, scene.integrator.order)
+        if self._windows is not None and self._windows.refused:
+            notes = (information(
+                "the time error is not estimated: the equations of this reduced model hold for its "
+                f"step of {scene.time.step:g} s alone; compare with a run of half the step",
+                TIME_ERROR),)
+        return Findings(notes, {"time_error": dict(errors)})
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -107,8 +111,10 @@ class Windows:
     most of their errors fade; temperatures from `STEADY` on, and at most to the share of the
     changes in a window. Errors of a motion are mostly a delay, which joints and loads share: all
     frames and displacements have at least that of the largest delay. The window at the start shows
-    what unresolved transients miss.
+    what unresolved transients miss. refused: True if twice the step cannot be taken.
     """
+
+    refused = False
 
     def __init__(self, run: PreparedRun, origin: FloatArray) -> None:
         self.run, self.origin, self.steps = run, origin, run.steps
@@ -182,10 +188,12 @@ class Windows:
         try:
             with np.errstate(all="ignore"):
                 solver = run.solver_of(2.0 * scene.time.step)
-                if not _same_unknowns(solver, run.solver):
+                self.refused = not _same_unknowns(solver, run.solver)
+                if self.refused:
                     return {}, {}
                 again = {n: self._again(w, solver) for n, w in whole.items()}
         except (SolveFailed, InputError, LookupError):
+            self.refused = True
             return {}, {}
         known = {n: differences for n, differences in again.items() if differences}
         later = [n for n in known if n > 0] or [*known]
