@@ -81,6 +81,7 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     try:
         gmsh.option.setNumber("General.Terminal", 0)
         gmsh.option.setNumber("Mesh.SaveAll", 1)
+        gmsh.option.setString("Geometry.OCCTargetUnit", "MM")  # Open Cascade keeps that of before
         gmsh.merge(str(CONROD))
         gmsh.option.setNumber("Mesh.MeshSizeMax", 7.0)
         gmsh.model.mesh.generate(3)
