@@ -9,6 +9,7 @@ import sys
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ import pytest
 from joint_runs import driven
 from small_scenes import everything, tiny
 from sparsemor import InputError, ReducedModel, load, load_model, reduce, simulate
+from sparsemor.core import AssembledModel
 from sparsemor.core.results.model_file.packed import Packed, PackedError
 from sparsemor.core.results.model_file.packed_arrays import compact, restored
 from sparsemor.core.results.model_format import MAGIC
@@ -46,21 +48,30 @@ def model() -> ReducedModel:
     return reduce(scene())
 
 
-def test_runs_share_what_the_checks_make_of_the_model() -> None:
+def test_runs_share_what_the_checks_make_of_the_model(monkeypatch: pytest.MonkeyPatch) -> None:
     """A run alike and one with another end factorize nothing again for their checks, and give what
     a model gives that has not been run before."""
+    models, made, once = list[AssembledModel](), list[tuple[object, ...]](), AssembledModel.once
+
+    def seen(model: AssembledModel, key: tuple[object, ...], make: Callable[[], Any]) -> Any:
+        def make_it() -> Any:
+            made.append(key)
+            return make()
+        models.append(model)
+        return once(model, key, make_it)
+
+    monkeypatch.setattr(AssembledModel, "once", seen)
     h = tiny().time.step
     long, other = tiny().using({"time.end": 40 * h, "training.end": 40 * h, "reducer": {
         "use": "sparse", "basis": {"use": "pod", "count": 4}}}), {"time.end": 30 * h}
     shared = reduce(long)
     shared.run()
-    made = shared._run.model
-    assert made is not None
-    known, before = set(made.made), [f.count for f in made.solvers.log]
-    assert any(key[0] == "step solver" for key in known if isinstance(key, tuple))
-    assert_equal(reduce(long).run(other), shared.run(other))
-    assert set(made.made) == known
-    assert [f.count for f in made.solvers.log] == before
+    assert any(key[0] == "step solver" for key in made)
+    of_model, known, before = models[-1], len(made), [f.count for f in models[-1].solvers.log]
+    runs = shared.run(), shared.run(other)
+    assert len(made) == known and [f.count for f in of_model.solvers.log] == before
+    assert_equal(reduce(long).run(), runs[0])
+    assert_equal(reduce(long).run(other), runs[1])
 
 
 @pytest.fixture
