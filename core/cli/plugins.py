@@ -134,7 +134,7 @@ def _options(cls: type[BaseModel]) -> list[dict[str, Any]]:
         {
             "name": name, "type": type_in_words(properties.get(name, {})),
             "required": field.is_required(), "default": properties.get(name, {}).get("default"),
-            "doc": field.description or "",
+            "doc": properties.get(name, {}).get("description", ""),
         }
         for name, field in cls.model_fields.items()
     ]

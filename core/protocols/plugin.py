@@ -11,8 +11,11 @@ from pathlib import Path
 from typing import Any, ClassVar, cast
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler
+from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticKnownError, core_schema
+
+from sparsemor.core.protocols.option_docs import option_docs
 
 PREFIX = "sparsemor."
 """Prefix of entry-point groups, `sparsemor.<kind>`."""
@@ -92,7 +95,7 @@ class Plugin(BaseModel):
     sparsemor_api: ClassVar[int] = API
 
     model_config = ConfigDict(
-        frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True,
+        frozen=True, extra="forbid", allow_inf_nan=False,
         ignored_types=(bool, str),  # checked with the class's protocol, where it is named
     )
 
@@ -120,3 +123,15 @@ class Plugin(BaseModel):
         own: Any = handler.resolve_ref_schema(schema)
         own["schema"] = without_booleans(own["schema"])
         return schema
+
+    @classmethod
+    def __get_pydantic_json_schema__(
+        cls, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
+        """JSON schema of the options; an option's docstring is its description."""
+        made, texts = handler(schema), option_docs(cls)
+        options = handler.resolve_ref_schema(made).get("properties", {})
+        for name, field in cls.model_fields.items():
+            if texts.get(name):
+                options[field.alias or name].setdefault("description", texts[name])
+        return made
