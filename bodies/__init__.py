@@ -3,7 +3,6 @@
     from sparsemor.bodies import LoadPart, NumberOrFunction, find_body
 """
 
-from sparsemor.bodies.body import FloatingBody
 from sparsemor.bodies.body_set import (
     Place,
     Target,
@@ -23,31 +22,32 @@ from sparsemor.bodies.fem.pointwise_law import (
     displacement_gradient,
     temperature_gradient,
 )
+from sparsemor.bodies.floating_body import FloatingBody
 from sparsemor.bodies.frames.floating import (
     FieldInertia,
     inertia_matrices,
     write_frame,
     write_weight,
 )
-from sparsemor.bodies.frames.items import RigidItem
-from sparsemor.bodies.frames.moments import MassProperties
+from sparsemor.bodies.frames.frame_items import RigidItem
+from sparsemor.bodies.frames.mass_moments import MassProperties
 from sparsemor.bodies.frames.plane_items import PlanePart
 from sparsemor.bodies.frames.springs import SpringItem
-from sparsemor.bodies.joints.conditions import (
+from sparsemor.bodies.initial_pose import Pose
+from sparsemor.bodies.joints.built_joint import JointPart
+from sparsemor.bodies.joints.constraint_conditions import (
     Conditions,
     conditions_between,
     conditions_on,
     constant,
 )
 from sparsemor.bodies.joints.force_element import Drive, ForceElement, Relative
-from sparsemor.bodies.joints.pairs import Between
-from sparsemor.bodies.joints.part import JointPart
-from sparsemor.bodies.joints.side import Side
-from sparsemor.bodies.loads.part import LoadPart, NumberOrFunction, amplitude, components
+from sparsemor.bodies.joints.joint_sides import Side
+from sparsemor.bodies.joints.kinematic_pairs import Between
+from sparsemor.bodies.loads.built_load import LoadPart, NumberOrFunction, amplitude, components
 from sparsemor.bodies.loads.point_loads import write_point_force
 from sparsemor.bodies.material import Isotropic
-from sparsemor.bodies.pose import Pose
-from sparsemor.bodies.terms.dense import DenseTerm
+from sparsemor.bodies.terms.dense_term import DenseTerm
 from sparsemor.bodies.terms.field_kinds import BODY_KINDS, ELASTIC, MULTIPLIER, RIGID, THERMAL
 from sparsemor.bodies.terms.law_functions import curve_at, numbers_of
 

@@ -6,10 +6,10 @@ from functools import cached_property
 
 import numpy as np
 
-from sparsemor.bodies.body import FloatingBody
 from sparsemor.bodies.fem.integrals import boundary_facets
-from sparsemor.bodies.mesh.centres import Centre
-from sparsemor.bodies.mesh.sets import cut_measures
+from sparsemor.bodies.floating_body import FloatingBody
+from sparsemor.bodies.mesh.point_sets import cut_measures
+from sparsemor.bodies.mesh.set_centres import Centre
 from sparsemor.core import (
     Body,
     FloatArray,

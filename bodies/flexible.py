@@ -15,18 +15,18 @@ from pydantic import BeforeValidator, Field, model_validator
 from scipy.sparse import csr_array
 
 from sparsemor.bodies.axisymmetric import held, option_faults, revolved_faults
-from sparsemor.bodies.body import FloatingBody
 from sparsemor.bodies.fem.elasticity import Model, elastic_stiffness, law, thermoelastic_coupling
-from sparsemor.bodies.fem.fields import Elasticity, Heat, ModalFactors
+from sparsemor.bodies.fem.field_matrices import Elasticity, Heat, ModalFactors
 from sparsemor.bodies.fem.integrals import capacity, conductivity, lumped, scalar_mass
-from sparsemor.bodies.fem.quadratic import with_midpoints, without_midpoints
+from sparsemor.bodies.fem.quadratic_cells import with_midpoints, without_midpoints
 from sparsemor.bodies.fem.stress import CellStress
-from sparsemor.bodies.frames.moments import MassProperties
+from sparsemor.bodies.floating_body import FloatingBody
+from sparsemor.bodies.frames.mass_moments import MassProperties
+from sparsemor.bodies.initial_pose import Pose
 from sparsemor.bodies.material import Region, constants_at, curves, regions_of, require, summed
-from sparsemor.bodies.mesh.check import check_mesh, mesh_notes
-from sparsemor.bodies.mesh.expression import FormulaText, evaluate_formula
-from sparsemor.bodies.mesh.sets import PointSet, given_centres, with_sets
-from sparsemor.bodies.pose import Pose
+from sparsemor.bodies.mesh.coordinate_expressions import FormulaText, evaluate_formula
+from sparsemor.bodies.mesh.mesh_checks_and_repairs import check_mesh, mesh_notes
+from sparsemor.bodies.mesh.point_sets import PointSet, given_centres, with_sets
 from sparsemor.bodies.reference_conditions import Reference
 from sparsemor.bodies.temperature_file import TemperatureFile
 from sparsemor.bodies.terms.body_terms import generator

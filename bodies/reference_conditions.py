@@ -8,8 +8,8 @@ import numpy as np
 from pydantic import model_validator
 
 from sparsemor.bodies.fem.elasticity import rigid_modes
-from sparsemor.bodies.mesh.check import LARGEST
-from sparsemor.bodies.mesh.sets import find_set
+from sparsemor.bodies.mesh.mesh_checks_and_repairs import LARGEST
+from sparsemor.bodies.mesh.point_sets import find_set
 from sparsemor.core import FloatArray, InputError, IntArray, Mesh, Plugin
 
 

@@ -7,9 +7,9 @@ from typing import ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from sparsemor.bodies.body import FloatingBody
-from sparsemor.bodies.frames.moments import MassProperties
-from sparsemor.bodies.pose import Pose, Vector
+from sparsemor.bodies.floating_body import FloatingBody
+from sparsemor.bodies.frames.mass_moments import MassProperties
+from sparsemor.bodies.initial_pose import Pose, Vector
 from sparsemor.bodies.terms.field_kinds import BODY_KINDS
 from sparsemor.core import BodyPlugin, Fault, FieldKind, FloatArray, InputError
 

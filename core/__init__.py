@@ -15,10 +15,10 @@ from sparsemor.core.arrays import IntArray as IntArray
 from sparsemor.core.errors import Fault as Fault
 from sparsemor.core.errors import Gather as Gather
 from sparsemor.core.errors import InputError as InputError
-from sparsemor.core.linalg.factorized import Solved as Solved
-from sparsemor.core.linalg.factorized import not_solved as not_solved
-from sparsemor.core.linalg.factorized import solved_directly as solved_directly
-from sparsemor.core.linalg.factorized import unsuitable_matrix as unsuitable_matrix
+from sparsemor.core.linalg.linear_solver_checks import Solved as Solved
+from sparsemor.core.linalg.linear_solver_checks import not_solved as not_solved
+from sparsemor.core.linalg.linear_solver_checks import solved_directly as solved_directly
+from sparsemor.core.linalg.linear_solver_checks import unsuitable_matrix as unsuitable_matrix
 from sparsemor.core.model.model import Model as Model
 from sparsemor.core.notes import Level as Level
 from sparsemor.core.notes import Note as Note

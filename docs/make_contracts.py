@@ -5,8 +5,8 @@ from inspect import getdoc
 from pathlib import Path
 
 from sparsemor.core import Part, ReducedTerm, StepMemory, StepSolver, Term
-from sparsemor.core.cli.plugins import first_sentence
-from sparsemor.core.model.features import FEATURES
+from sparsemor.core.cli.validate_schema_plugins import first_sentence
+from sparsemor.core.model.optional_features import FEATURES
 from sparsemor.core.protocols.plugin import Plugin
 from sparsemor.core.registry.contracts import CONTRACTS, PARTS, members, required, shape
 

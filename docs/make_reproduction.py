@@ -17,9 +17,9 @@ from pathlib import Path
 from textwrap import wrap
 
 from sparsemor.core.registry.registry import Registry
+from sparsemor.plugins.liang2026.item_functions import Value
 from sparsemor.plugins.liang2026.page import text_of
 from sparsemor.plugins.liang2026.paper import GRADES, MISSED, PaperFile, PaperItem
-from sparsemor.plugins.liang2026.parts import Value
 
 HERE = Path(__file__).parent
 PAGE = HERE / "validation" / "reproduce.md"

@@ -11,38 +11,42 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from sparsemor.reducers.estimation.build import error_model as error_model
+    from sparsemor.reducers.estimation.error_model_assembly import error_model as error_model
     from sparsemor.reducers.estimation.estimator import ErrorModel as ErrorModel
     from sparsemor.reducers.linalg.left_inverse import left_inverse as left_inverse
     from sparsemor.reducers.linalg.modal_coordinates import (
         modal_coordinates as modal_coordinates,
     )
-    from sparsemor.reducers.projection.base import Projection as Projection
-    from sparsemor.reducers.projection.base import ProjectionReducer as ProjectionReducer
-    from sparsemor.reducers.projection.force_snapshots import choose_points as choose_points
-    from sparsemor.reducers.projection.force_snapshots import force_modes as force_modes
-    from sparsemor.reducers.projection.force_snapshots import force_snapshots as force_snapshots
-    from sparsemor.reducers.projection.force_snapshots import interpolation as interpolation
-    from sparsemor.reducers.projection.interpolation import Interpolating as Interpolating
-    from sparsemor.reducers.projection.maps import Approximation as Approximation
-    from sparsemor.reducers.projection.maps import LinearOperators as LinearOperators
-    from sparsemor.reducers.projection.maps import Maps as Maps
-    from sparsemor.reducers.projection.maps import Reducible as Reducible
+    from sparsemor.reducers.projection.force_modes import choose_points as choose_points
+    from sparsemor.reducers.projection.force_modes import force_modes as force_modes
+    from sparsemor.reducers.projection.force_modes import force_snapshots as force_snapshots
+    from sparsemor.reducers.projection.force_modes import interpolation as interpolation
+    from sparsemor.reducers.projection.interpolation_options import Interpolating as Interpolating
+    from sparsemor.reducers.projection.operators_and_test_maps import Approximation as Approximation
+    from sparsemor.reducers.projection.operators_and_test_maps import (
+        LinearOperators as LinearOperators,
+    )
+    from sparsemor.reducers.projection.operators_and_test_maps import Maps as Maps
+    from sparsemor.reducers.projection.operators_and_test_maps import Reducible as Reducible
     from sparsemor.reducers.projection.projected_error import projection_notes as projection_notes
-    from sparsemor.reducers.step.operators import TestMap as TestMap
+    from sparsemor.reducers.projection.projection_reducer import Projection as Projection
+    from sparsemor.reducers.projection.projection_reducer import (
+        ProjectionReducer as ProjectionReducer,
+    )
+    from sparsemor.reducers.step.projected_operators import TestMap as TestMap
 
 _HOMES = {
-    "estimation.build": ("error_model",),
+    "estimation.error_model_assembly": ("error_model",),
     "estimation.estimator": ("ErrorModel",),
-    "projection.base": ("Projection", "ProjectionReducer"),
-    "projection.maps": ("Approximation", "LinearOperators", "Maps", "Reducible"),
-    "projection.force_snapshots": (
+    "projection.projection_reducer": ("Projection", "ProjectionReducer"),
+    "projection.operators_and_test_maps": ("Approximation", "LinearOperators", "Maps", "Reducible"),
+    "projection.force_modes": (
         "choose_points", "force_modes", "force_snapshots", "interpolation"),
     "projection.projected_error": ("projection_notes",),
-    "projection.interpolation": ("Interpolating",),
+    "projection.interpolation_options": ("Interpolating",),
     "linalg.modal_coordinates": ("modal_coordinates",),
     "linalg.left_inverse": ("left_inverse",),
-    "step.operators": ("TestMap",),
+    "step.projected_operators": ("TestMap",),
 }
 """Module -> its public names; modules are imported on first access."""
 

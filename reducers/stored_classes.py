@@ -14,15 +14,15 @@ from sparsemor.reducers.estimation import (
 from sparsemor.reducers.step import (
     frame_step,
     local_copies,
-    operators,
-    reduced,
+    projected_operators,
+    reduced_equations,
     reduced_mechanics,
     thermal_groups,
     time_tables,
 )
 from sparsemor.reducers.step.acceptance import Tolerances
-from sparsemor.reducers.step.compiled.stepper import CompiledStepper
-from sparsemor.reducers.step.solver import Stepper
+from sparsemor.reducers.step.blockwise_solver import Stepper
+from sparsemor.reducers.step.compiled.compiled_stepper import CompiledStepper
 from sparsemor.reducers.step.thermal_block import CompressedHeat
 
 CLASSES: Sequence[object] = (
@@ -32,8 +32,9 @@ CLASSES: Sequence[object] = (
     estimator.BlockErrors, estimator.ErrorModel, modal_steps.ModalSteps, reduced_states.InAtoms,
     reduced_states.InModes, reduced_states.Projected, residuals.ElasticResidual,
     residuals.HeatResidual,
-    operators.TestedElastic, operators.TestedHeat, operators.TestedLocal, operators.TestMap,
-    reduced.Reduced, reduced.ReducedBody, reduced.ReducedHeat,
+    projected_operators.TestedElastic, projected_operators.TestedHeat,
+    projected_operators.TestedLocal, projected_operators.TestMap,
+    reduced_equations.Reduced, reduced_equations.ReducedBody, reduced_equations.ReducedHeat,
     reduced_mechanics.Mechanics, reduced_mechanics.ReducedMechanics,
     local_copies.Coupled, thermal_groups.GroupLocal, time_tables.LoadsInTime,
     time_tables.TabulatedLoads, time_tables.TimeTable,

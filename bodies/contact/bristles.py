@@ -19,8 +19,8 @@ from typing import Self
 
 import numpy as np
 
-from sparsemor.bodies.contact.pieces import Overlaps, Pieces
-from sparsemor.bodies.contact.side import dofs
+from sparsemor.bodies.contact.contact_unknowns import dofs
+from sparsemor.bodies.contact.overlaps import Overlaps, Pieces
 from sparsemor.bodies.contact.tangent import Tangent, summed, tilts
 from sparsemor.bodies.contact.tractions import Interface, Samples, nodal, weights_of
 from sparsemor.core import FieldKind, FloatArray, FrictionLaw, IntArray

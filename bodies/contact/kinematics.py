@@ -15,7 +15,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from sparsemor.bodies.contact.side import ContactSide, Sizes
+from sparsemor.bodies.contact.contact_unknowns import ContactSide, Sizes
 from sparsemor.bodies.contact.surface import BroadPhase, Planes, Surface, tree_of
 from sparsemor.bodies.frames.attitude import UnitQuaternion
 from sparsemor.bodies.frames.rotation import LEVI_CIVITA
@@ -90,7 +90,7 @@ class Kinematics:
     """Positions a (n1, d), b (n2, d) and velocities va, vb of the surfaces' nodes in the second
     body's axes.
 
-    x, v: local unknowns (side.py) and their rates; t: time, s.
+    x, v: local unknowns (contact_unknowns.py) and their rates; t: time, s.
     """
 
     def __init__(

@@ -6,15 +6,15 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from sparsemor.bodies.body import FloatingBody
 from sparsemor.bodies.body_set import find_target
 from sparsemor.bodies.contact.bristles import Bristles, Slip
-from sparsemor.bodies.contact.distance import check_start
-from sparsemor.bodies.contact.part import ContactPart
+from sparsemor.bodies.contact.built_contact import ContactPart
+from sparsemor.bodies.contact.closest_points import check_start
 from sparsemor.bodies.contact.quadrature import enough_points, rule
 from sparsemor.bodies.contact.surface import BroadPhase, Surface
 from sparsemor.bodies.contact.tractions import Interface
 from sparsemor.bodies.fem.integrals import divided
+from sparsemor.bodies.floating_body import FloatingBody
 from sparsemor.core import (
     ContactPlugin,
     Fault,

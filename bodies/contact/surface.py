@@ -17,8 +17,8 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from sparsemor.bodies.body import FloatingBody
 from sparsemor.bodies.fem.integrals import area_vectors
+from sparsemor.bodies.floating_body import FloatingBody
 from sparsemor.core import BoolArray, FloatArray, IntArray
 
 

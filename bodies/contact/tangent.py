@@ -1,6 +1,6 @@
 """Derivatives of the nodal forces and heats of a contact, in the second body's axes.
 
-Notation of pieces.py. Let y = sum s da - sum eta db - delta sum g (n . db) be the virtual
+Notation of overlaps.py. Let y = sum s da - sum eta db - delta sum g (n . db) be the virtual
 displacement of the first body's point relative to the second body's. With L = sum b' g^T and h =
 L^T n = sum g (n . b'),
 
@@ -25,7 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sparsemor.bodies.contact.clipping import Parts
-from sparsemor.bodies.contact.pieces import DEPTH, EDGE, Overlaps, Pieces
+from sparsemor.bodies.contact.overlaps import DEPTH, EDGE, Overlaps, Pieces
 from sparsemor.bodies.contact.quadrature import points_along
 from sparsemor.bodies.contact.surface import area_slopes
 from sparsemor.bodies.contact.tractions import Interface, Loads, Samples, drop, weights_of

@@ -1,11 +1,11 @@
 """Tractions and heat between two facets, as forces and heat at their corners.
 
-The force on the first body is p n - tau per area, with tau along the slip (notation: pieces.py). It
-acts on both bodies at the same point: it is distributed to the first facet's corners with weights
-s, and acts on the second facet through a rigid arm from the projection of the point. With the
-second body's virtual displacement there, sum eta db + delta sum g (n . db), a force F gives eta F +
-delta (g . F) n at the second facet's corners. So forces and torques are equal and opposite for any
-penetration, and their power is that of the penetration rate and the slip.
+The force on the first body is p n - tau per area, with tau along the slip (notation: overlaps.py).
+It acts on both bodies at the same point: it is distributed to the first facet's corners with
+weights s, and acts on the second facet through a rigid arm from the projection of the point. With
+the second body's virtual displacement there, sum eta db + delta sum g (n . db), a force F gives eta
+F + delta (g . F) n at the second facet's corners. So forces and torques are equal and opposite for
+any penetration, and their power is that of the penetration rate and the slip.
 """
 
 from collections.abc import Mapping
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sparsemor.bodies.contact.pieces import DEPTH, SINK, Overlaps, Pieces, pressure
+from sparsemor.bodies.contact.overlaps import DEPTH, SINK, Overlaps, Pieces, pressure
 from sparsemor.core import FloatArray, FrictionLaw, IntArray, NormalLaw
 
 AT_REST = 1e-30

@@ -121,11 +121,11 @@ def elastic_stiffness(
 
     Singular: contains the rigid-body modes.
     """
-    from sparsemor.bodies.fem import forms
+    from sparsemor.bodies.fem import element_matrices
 
     _check_model(mesh, model)
     form, weights = stiffness_form(law(material, model), thickness)
-    return forms.matrix(form, mesh, 0, rows=True, columns=True, cells=cells, **weights)
+    return element_matrices.matrix(form, mesh, 0, rows=True, columns=True, cells=cells, **weights)
 
 
 def thermoelastic_coupling(
@@ -134,20 +134,20 @@ def thermoelastic_coupling(
 ) -> Csr:
     """Coupling matrix K_fT (d N, N), N/K: nodal thermal forces are K_fT (T - T_ref), T of the
     elements' order in each cell."""
-    from sparsemor.bodies.fem import forms
+    from sparsemor.bodies.fem import element_matrices
 
     _check_model(mesh, model)
-    return forms.matrix(forms.expansion, mesh, 1, rows=True, cells=cells,
+    return element_matrices.matrix(element_matrices.expansion, mesh, 1, rows=True, cells=cells,
                         weight=expansion_weight(law(material, model), thickness))
 
 
 def stiffness_form(law: Law, thickness: float) -> tuple[Form, dict[str, Weight]]:
     """Form of the stiffness by a law, and its weights."""
-    from sparsemor.bodies.fem import forms
+    from sparsemor.bodies.fem import element_matrices
 
     if law.anisotropy is not None:
-        return forms.anisotropic, {"C": thickness * law.anisotropy.C}
-    return forms.stiffness, {"lam": thickness * law.lam, "mu": thickness * law.mu}
+        return element_matrices.anisotropic, {"C": thickness * law.anisotropy.C}
+    return element_matrices.stiffness, {"lam": thickness * law.lam, "mu": thickness * law.mu}
 
 
 def expansion_weight(law: Law, thickness: float) -> Weight:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from sparsemor.bodies.fem.elasticity import expansion_weight, stiffness_form
-from sparsemor.bodies.fem.fields import HasFields, Heat, numbered
+from sparsemor.bodies.fem.field_matrices import HasFields, Heat, numbered
 from sparsemor.core import Amplitude, FloatArray, IntArray, Mesh
 from sparsemor.core.protocols.separable import ElasticIntegrals, HeatIntegrals, Integrals
 
@@ -15,15 +15,16 @@ from sparsemor.core.protocols.separable import ElasticIntegrals, HeatIntegrals, 
 def elastic_integrals(body: HasFields) -> ElasticIntegrals:
     """Element integrals of the internal forces on the free displacements; their sum is that of
     `body_terms.write_elasticity`."""
-    from sparsemor.bodies.fem import forms
+    from sparsemor.bodies.fem import element_matrices
 
     e, mesh, t = body.elasticity, body.mesh, body.thickness
     assert e is not None and mesh is not None
-    K = _by_region(mesh, [(cells, forms.elements(
+    K = _by_region(mesh, [(cells, element_matrices.elements(
         form, mesh, 0, rows=True, columns=True, cells=cells, **weights))
         for cells, law in e.regions for form, weights in [stiffness_form(law, t)]])
-    Kt = _by_region(mesh, [(cells, forms.elements(
-        forms.expansion, mesh, 1, rows=True, cells=cells, weight=expansion_weight(law, t)))
+    Kt = _by_region(mesh, [(cells, element_matrices.elements(
+        element_matrices.expansion, mesh, 1, rows=True, cells=cells,
+        weight=expansion_weight(law, t)))
         for cells, law in e.regions])
     n = len(e.free)
     d = mesh.dimension
@@ -46,16 +47,17 @@ def elastic_integrals(body: HasFields) -> ElasticIntegrals:
 def heat_integrals(body: HasFields) -> HeatIntegrals:
     """Element integrals of the heat balance of the free temperatures; their sum is that of
     `body_terms.write_conduction`."""
-    from sparsemor.bodies.fem import forms
+    from sparsemor.bodies.fem import element_matrices
 
     h, mesh = body.heat, body.mesh
     assert h is not None and mesh is not None
-    C = _by_region(mesh, [(cells, forms.elements(
-        forms.mass, mesh, 2, cells=cells, weight=stored)) for cells, (stored, _) in h.regions])
+    C = _by_region(mesh, [(cells, element_matrices.elements(
+        element_matrices.mass, mesh, 2, cells=cells, weight=stored))
+        for cells, (stored, _) in h.regions])
     if h.lumped:
         C = C.sum(axis=2)[:, :, None] * np.eye(C.shape[1])
-    K = _by_region(mesh, [(cells, forms.elements(
-        forms.conduction, mesh, 0, cells=cells, weight=conducted))
+    K = _by_region(mesh, [(cells, element_matrices.elements(
+        element_matrices.conduction, mesh, 0, cells=cells, weight=conducted))
         for cells, (_, conducted) in h.regions])
     n = len(h.free)
     nodes = numbered(h.free, len(mesh.points))[mesh.nodes]

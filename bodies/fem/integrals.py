@@ -19,9 +19,9 @@ def on_cells(
     """Quadrature of the cells of each kind (all, or those with the given numbers), with their
     positions among them; exact for polynomials of this degree. at_nodes: points at the nodes with
     the weights of lumped matrices; positive: without negative weights."""
-    from sparsemor.bodies.fem import forms
+    from sparsemor.bodies.fem import element_matrices
 
-    return forms.cell_quadratures(mesh, degree, cells, gradients, at_nodes, positive)
+    return element_matrices.cell_quadratures(mesh, degree, cells, gradients, at_nodes, positive)
 
 
 def scalar_mass(mesh: Mesh, weight: float, cells: IntArray | None = None) -> Csr:
@@ -31,9 +31,9 @@ def scalar_mass(mesh: Mesh, weight: float, cells: IntArray | None = None) -> Csr
     component; times the specific heat (J/(kg K)) for the heat capacity (J/K). cells: numbers of the
     cells to integrate over, None for all.
     """
-    from sparsemor.bodies.fem import forms
+    from sparsemor.bodies.fem import element_matrices
 
-    return forms.matrix(forms.mass, mesh, 2, cells=cells, weight=weight)
+    return element_matrices.matrix(element_matrices.mass, mesh, 2, cells=cells, weight=weight)
 
 
 def capacity(
@@ -55,9 +55,10 @@ def conductivity(
 ) -> Csr:
     """Conductivity matrix (N, N), W/K: integral of k grad phi_i . grad phi_j, k a number or a
     tensor (d, d). thickness in m, 1 in 3-D."""
-    from sparsemor.bodies.fem import forms
+    from sparsemor.bodies.fem import element_matrices
 
-    return forms.matrix(forms.conduction, mesh, 0, cells=cells, weight=k * thickness)
+    return element_matrices.matrix(
+        element_matrices.conduction, mesh, 0, cells=cells, weight=k * thickness)
 
 
 def boundary_facets(mesh: Mesh, nodes: IntArray, name: str = "") -> IntArray:
@@ -122,27 +123,27 @@ def area_vectors(corners: FloatArray) -> FloatArray:
 
 def facet_measures(mesh: Mesh, facets: IntArray) -> FloatArray:
     """(F,) length (m) or area (m2) of each facet."""
-    from sparsemor.bodies.fem import forms
+    from sparsemor.bodies.fem import element_matrices
 
     found = np.zeros(len(facets))
-    for here, at, _ in forms.facet_quadratures(mesh, facets, 1):
+    for here, at, _ in element_matrices.facet_quadratures(mesh, facets, 1):
         found[here] = at.weights.sum(axis=1)
     return found
 
 
 def surface_load(mesh: Mesh, facets: IntArray, thickness: float = 1.0) -> FloatArray:
     """(N,) integral of phi_i over the facets, m2. Times a flux (W/m2) it is nodal heat (W)."""
-    from sparsemor.bodies.fem import forms
+    from sparsemor.bodies.fem import element_matrices
 
-    return thickness * forms.facet_vector(mesh, facets)
+    return thickness * element_matrices.facet_vector(mesh, facets)
 
 
 def surface_normal_load(mesh: Mesh, facets: IntArray, thickness: float = 1.0) -> FloatArray:
     """(N, d) integral of phi_i n, m2, n outward. Times minus a pressure (Pa) it is nodal forces
     (N)."""
-    from sparsemor.bodies.fem import forms
+    from sparsemor.bodies.fem import element_matrices
 
-    return thickness * forms.facet_vector(mesh, facets, normal=True)
+    return thickness * element_matrices.facet_vector(mesh, facets, normal=True)
 
 
 def surface_mass(mesh: Mesh, facets: IntArray, weight: float) -> Csr:
@@ -150,9 +151,9 @@ def surface_mass(mesh: Mesh, facets: IntArray, weight: float) -> Csr:
 
     weight: film coefficient (W/(m2 K)) * thickness (m, 1 in 3-D) gives a convection matrix, W/K.
     """
-    from sparsemor.bodies.fem import forms
+    from sparsemor.bodies.fem import element_matrices
 
-    return forms.facet_matrix(mesh, facets, weight)
+    return element_matrices.facet_matrix(mesh, facets, weight)
 
 
 def on_facets(
@@ -160,6 +161,6 @@ def on_facets(
 ) -> list[Quadrature]:
     """Quadrature of the facets (F, w) of each shape, rows of corner numbers, exact for polynomials
     of this degree."""
-    from sparsemor.bodies.fem import forms
+    from sparsemor.bodies.fem import element_matrices
 
-    return [at for _, at, _ in forms.facet_quadratures(mesh, facets, degree, gradients)]
+    return [at for _, at, _ in element_matrices.facet_quadratures(mesh, facets, degree, gradients)]

@@ -43,7 +43,7 @@ class CellStress:
     def _slopes(self) -> tuple[FloatArray, FloatArray]:
         """(E, q, q, d) derivatives of the q shape functions of each cell at each of its q nodes
         (second axis), 1/m; (E,) volumes, m^d."""
-        from sparsemor.bodies.fem import forms
+        from sparsemor.bodies.fem import element_matrices
 
         E, q = self.cells.shape
         d, kinds = self.points.shape[1], by_kind(self.cells, self.points.shape[1])
@@ -53,7 +53,7 @@ class CellStress:
         mesh = Mesh(self.points, padded([own[:, :p] for (_, own), p in zip(
             kinds, corners, strict=True)], at), midpoints=padded(further, at))
         slopes, volumes = np.zeros((E, q, q, d)), np.zeros(E)
-        for here, nodes, space in forms.spaces(mesh):
+        for here, nodes, space in element_matrices.spaces(mesh):
             points = np.array(space.element.doflocs).T
             basis = space.basis(mesh, nodes, (points, np.ones(points.shape[1])))
             grad = np.stack([np.asarray(b[0].grad) for b in basis.basis])  # (m, d, n, m)

@@ -1,10 +1,11 @@
-"""Constraints between two frames: points that slide and, in space, directions that stay
-perpendicular, gears and racks.
+"""Constraints of frames: unit length of the four Euler parameters of one in space; between two
+frames points that slide and, in space, directions that stay perpendicular, gears and racks.
 
-The first two are products of coordinates of both bodies. They are evaluated with the equations of
-one of them (the own body, which may be flexible) and read the rigid coordinates of the other; the
-ground is another body at rest at the origin. All derivatives follow from the potential sum
-lambda_k g_k, so the matrix of rigid coordinates and multipliers stays symmetric.
+Sliding points and perpendicular directions are products of coordinates of both bodies. They are
+evaluated with the equations of one of them (the own body, which may be flexible) and read the rigid
+coordinates of the other; the ground is another body at rest at the origin. All derivatives follow
+from the potential sum lambda_k g_k, so the matrix of rigid coordinates and multipliers stays
+symmetric.
 """
 
 from dataclasses import dataclass, field, replace
@@ -16,7 +17,7 @@ from sparsemor.bodies.frames import plane_items as plane
 from sparsemor.bodies.frames import rotation as rot
 from sparsemor.bodies.frames import space_items as spatial
 from sparsemor.bodies.frames.attitude import Attitude, Jet, attitude, of_angle
-from sparsemor.bodies.frames.items import AXES, SpatialItem, Wrench
+from sparsemor.bodies.frames.frame_items import AXES, RigidItem, SpatialItem, Wrench
 from sparsemor.bodies.frames.motion import Motion, Sums
 from sparsemor.core import Amplitude, FloatArray
 from sparsemor.core.protocols.poses import points_in_space, vectors_in_space
@@ -24,6 +25,25 @@ from sparsemor.core.protocols.time_function import time_derivatives
 
 GROUND = {2: np.zeros(3), 3: np.array([0.0, 0, 0, 1, 0, 0, 0])}
 """Dimension -> rigid coordinates of the ground."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class UnitLength(RigidItem):
+    """Unit length of the Euler parameters p (4,), the attitude of a body in space: constraint
+    (p.p - 1)/2 = 0 with a multiplier, N m."""
+
+    others = 0
+    forces = 1
+
+    def in_space(self) -> tuple[spatial.SpacePart, ...]:
+        return (spatial.SpacePart(spatial.unit_length, ()),)
+
+    def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
+        mu, p = m.y[k], m.y[m.at]
+        out.rows[m.at] += mu * p
+        out.rows[k] = 0.5 * (p.dot(p) - 1.0)
+        out.H[m.at, k] = out.H[k, m.at] = p
+        out.diagonal[m.at] += mu
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -15,11 +15,11 @@ from typing import Any
 
 import numpy as np
 
-from sparsemor.bodies.frames.force_items import SpaceForce
+from sparsemor.bodies.frames.applied_forces import SpaceForce
+from sparsemor.bodies.frames.constraints import UnitLength
 from sparsemor.bodies.frames.frame import PlanarFrame, SpatialFrame
 from sparsemor.bodies.frames.inertia import Inertia
-from sparsemor.bodies.frames.items import UnitLength
-from sparsemor.bodies.frames.moments import MassProperties, moments_of
+from sparsemor.bodies.frames.mass_moments import MassProperties, moments_of
 from sparsemor.core import Amplitude, Body, Csr, Equations, FloatArray
 from sparsemor.core.protocols.body_frame import BodyFrame
 from sparsemor.core.protocols.contributions import Stiffened

@@ -9,14 +9,14 @@ from typing import Generic, Self, TypeAlias, TypeVar
 
 import numpy as np
 
+from sparsemor.bodies.frames.frame_items import Item, Nothing, PlanarItem, SpatialItem
 from sparsemor.bodies.frames.inertia import Inertia
-from sparsemor.bodies.frames.items import Item, Nothing, PlanarItem, SpatialItem
-from sparsemor.bodies.frames.moments import moments_of
+from sparsemor.bodies.frames.mass_moments import moments_of
 from sparsemor.bodies.frames.motion import Motion, MotionAtTimes, Pushes, Sums
 from sparsemor.bodies.frames.plane_items import FUNCTIONS, NUMBERS, PlaneFunction, evaluate_parts
 from sparsemor.bodies.frames.plane_motion import SUMS, PlaneMotion, Views, views, write
 from sparsemor.bodies.frames.plane_springs import relative_law
-from sparsemor.bodies.frames.space_arrays import space_arrays
+from sparsemor.bodies.frames.space_frame import space_arrays
 from sparsemor.core import Amplitude, FloatArray
 from sparsemor.core.protocols.body_frame import BodyFrame, FrameArrays, FrameWork
 

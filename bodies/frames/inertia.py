@@ -1,6 +1,6 @@
 """Inertia of a body, rigid or flexible (equations.md, section 1; notation: motion.py).
 
-With z = X + u and the second moments of moments.py, the torque of the inertia forces about the
+With z = X + u and the second moments of mass_moments.py, the torque of the inertia forces about the
 frame origin is
 
     sum z x M acc = (sum m z) x A^T R'' + J alpha + w x J w + K1 w + 2nd moments of (z, u''),
@@ -17,8 +17,8 @@ import numpy as np
 from sparsemor.bodies.frames import plane_items as plane
 from sparsemor.bodies.frames import rotation as rot
 from sparsemor.bodies.frames import space_items as spatial
-from sparsemor.bodies.frames.items import AXES, Item
-from sparsemor.bodies.frames.moments import MassProperties, Moments
+from sparsemor.bodies.frames.frame_items import AXES, Item
+from sparsemor.bodies.frames.mass_moments import MassProperties, Moments
 from sparsemor.bodies.frames.motion import Motion, Moved, Pushed, Sums
 from sparsemor.bodies.frames.space_items import space_inertia
 from sparsemor.core import FloatArray

@@ -4,9 +4,9 @@ constraints.
 Each is a function of its constant `numbers`, the present value g of its amplitude, and the motion.
 It adds its force and torque to `total` (`plane_motion.write`) and writes its own columns: pairs of
 functionals from number j on, coordinates of another body from o on, multipliers from k on. The data
-are those of the classes of the same names in items.py, inertia.py, springs.py and constraints.py,
-whose `in_plane` creates them; notation: plane_motion.py. The functions are also compiled
-(core/protocols/body_frame.py): they use numbers and arrays only.
+are those of the classes of the same names in frame_items.py, inertia.py, springs.py and
+constraints.py, whose `in_plane` creates them; notation: plane_motion.py. The functions are also
+compiled (core/protocols/body_frame.py): they use numbers and arrays only.
 """
 
 from cmath import exp

@@ -4,8 +4,8 @@ constraints.
 Each is a function of its constant `numbers`, the present value g of its amplitude, and the motion
 (space_motion.py). It adds its rows and derivatives to `out`: functionals from number j on,
 coordinates of another body from o on, its multiplier k. The first number is that of the own
-attitude coordinates. The data are those of the classes of items.py, inertia.py, springs.py and
-constraints.py, whose `in_space` creates these parts (tests/laws/bodies/test_spatial_terms.py
+attitude coordinates. The data are those of the classes of frame_items.py, inertia.py, springs.py
+and constraints.py, whose `in_space` creates these parts (tests/laws/bodies/test_spatial_terms.py
 compares both). The functions use numbers and arrays only, and create no array: they are compiled
 (core/protocols/body_frame.py).
 """
@@ -17,7 +17,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from sparsemor.bodies.frames.moments import moments_of
+from sparsemor.bodies.frames.mass_moments import moments_of
 from sparsemor.bodies.frames.space_motion import (
     NONE,
     SpaceMotion,

@@ -1,5 +1,5 @@
 """Force elements between the frames of two bodies, or of a body and the ground: springs, dampers,
-motors, stops and friction (notation: items.py).
+motors, stops and friction (notation: frame_items.py).
 
 With a relative coordinate q of the two frames (an angle about an axis, the distance of two points,
 or that along an axis of the other frame), its rate q' and the magnitude L of joint forces that the
@@ -19,7 +19,7 @@ from sparsemor.bodies.frames import plane_springs
 from sparsemor.bodies.frames import rotation as rot
 from sparsemor.bodies.frames import space_items as spatial
 from sparsemor.bodies.frames.attitude import Attitude, Free, Jet, attitude, of_angle, vector_rates
-from sparsemor.bodies.frames.items import EYE, Item
+from sparsemor.bodies.frames.frame_items import EYE, Item
 from sparsemor.bodies.frames.motion import Motion, Sums
 from sparsemor.bodies.frames.plane_springs import relative_law
 from sparsemor.bodies.frames.space_springs import space_rotational_spring, space_spring

@@ -6,9 +6,9 @@ import numpy as np
 from pydantic import Field
 
 from sparsemor.bodies.frames.springs import RelativeItem, linear
+from sparsemor.bodies.initial_pose import Vector
 from sparsemor.bodies.joints.force_element import ForceElement, ItemForce, relative_item
-from sparsemor.bodies.joints.side import Side, unit
-from sparsemor.bodies.pose import Vector
+from sparsemor.bodies.joints.joint_sides import Side, unit
 from sparsemor.core import FloatArray, InputError
 
 Size = Annotated[float, Field(ge=0.0)]

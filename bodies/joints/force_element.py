@@ -24,9 +24,9 @@ from sparsemor.bodies.frames.springs import (
     RelativeItem,
     SpringItem,
 )
-from sparsemor.bodies.joints.conditions import Conditions, constant, massless_frame
-from sparsemor.bodies.joints.part import JointPart, write_reactions
-from sparsemor.bodies.joints.side import Side, sides_of, unit
+from sparsemor.bodies.joints.built_joint import JointPart, write_reactions
+from sparsemor.bodies.joints.constraint_conditions import Conditions, constant, massless_frame
+from sparsemor.bodies.joints.joint_sides import Side, sides_of, unit
 from sparsemor.core import (
     Amplitude,
     Block,

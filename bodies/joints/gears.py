@@ -8,10 +8,10 @@ from pydantic import Field
 
 from sparsemor.bodies.frames.constraints import Shifted, Transmission, Turned
 from sparsemor.bodies.frames.rotation import across
-from sparsemor.bodies.joints.conditions import conditions_between, constant
-from sparsemor.bodies.joints.part import JointPart
-from sparsemor.bodies.joints.side import Side, unit
-from sparsemor.bodies.pose import Vector
+from sparsemor.bodies.initial_pose import Vector
+from sparsemor.bodies.joints.built_joint import JointPart
+from sparsemor.bodies.joints.constraint_conditions import conditions_between, constant
+from sparsemor.bodies.joints.joint_sides import Side, unit
 from sparsemor.core import FloatArray, InputError, JointPlugin, Part
 
 

@@ -9,8 +9,8 @@ from pydantic import Field, model_validator
 
 from sparsemor.bodies.frames.springs import FRICTION, Numbers, RelativeItem
 from sparsemor.bodies.joints.force_element import ForceElementPart, Relative
-from sparsemor.bodies.joints.heat import HeatOfFriction, heat_of_friction
-from sparsemor.bodies.joints.side import sides_of
+from sparsemor.bodies.joints.joint_heat import HeatOfFriction, heat_of_friction
+from sparsemor.bodies.joints.joint_sides import sides_of
 from sparsemor.core import Equations, InputError, Note, Part
 from sparsemor.core.protocols.joint import RecordedForce
 

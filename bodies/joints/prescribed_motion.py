@@ -5,10 +5,10 @@ from collections.abc import Mapping
 import numpy as np
 
 from sparsemor.bodies.frames.rotation import across
-from sparsemor.bodies.joints.conditions import conditions_on
-from sparsemor.bodies.joints.part import JointPart
-from sparsemor.bodies.joints.side import unit
-from sparsemor.bodies.loads.part import NumberOrFunction
+from sparsemor.bodies.joints.built_joint import JointPart
+from sparsemor.bodies.joints.constraint_conditions import conditions_on
+from sparsemor.bodies.joints.joint_sides import unit
+from sparsemor.bodies.loads.built_load import NumberOrFunction
 from sparsemor.core import InputError, JointPlugin, Part
 from sparsemor.core.protocols.time_function import Prescribed
 

@@ -8,10 +8,10 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from sparsemor.bodies.frames.springs import Length, RelativeItem, linear
+from sparsemor.bodies.initial_pose import Vector
 from sparsemor.bodies.joints.force_element import Drive, ForceElement, relative_angle, unknowns
-from sparsemor.bodies.joints.side import Side, size_of, unit
-from sparsemor.bodies.loads.part import NumberOrFunction
-from sparsemor.bodies.pose import Vector
+from sparsemor.bodies.joints.joint_sides import Side, size_of, unit
+from sparsemor.bodies.loads.built_load import NumberOrFunction
 from sparsemor.core import FloatArray, InputError
 
 

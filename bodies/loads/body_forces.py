@@ -5,9 +5,15 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from sparsemor.bodies.body import FloatingBody
 from sparsemor.bodies.body_set import all_bodies, find_body, need_motion
-from sparsemor.bodies.loads.part import LoadPart, NumberOrFunction, Vector, amplitude, components
+from sparsemor.bodies.floating_body import FloatingBody
+from sparsemor.bodies.loads.built_load import (
+    LoadPart,
+    NumberOrFunction,
+    Vector,
+    amplitude,
+    components,
+)
 from sparsemor.core import Body, Equations, FloatArray, InputError, LoadPlugin, Part
 
 

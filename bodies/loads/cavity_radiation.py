@@ -15,13 +15,13 @@ import numpy as np
 from pydantic import Field
 from scipy.sparse import csr_array
 
-from sparsemor.bodies.body import FloatingBody
 from sparsemor.bodies.body_set import find_surfaces
 from sparsemor.bodies.fem.integrals import divided
 from sparsemor.bodies.fem.view_factors import Facets, bounded, closed, exchange_areas
-from sparsemor.bodies.loads.part import LoadPart, NumberOrFunction
+from sparsemor.bodies.floating_body import FloatingBody
+from sparsemor.bodies.loads.built_load import LoadPart, NumberOrFunction
 from sparsemor.bodies.loads.surface_heat import STEFAN_BOLTZMANN
-from sparsemor.bodies.mesh.check import celsius_notes
+from sparsemor.bodies.mesh.mesh_checks_and_repairs import celsius_notes
 from sparsemor.core import (
     Amplitude,
     Csr,

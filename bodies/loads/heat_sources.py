@@ -6,7 +6,6 @@ from typing import Annotated, ClassVar
 import numpy as np
 from pydantic import Field
 
-from sparsemor.bodies.body import FloatingBody
 from sparsemor.bodies.body_set import (
     find_body,
     find_surfaces,
@@ -15,7 +14,8 @@ from sparsemor.bodies.body_set import (
     surface_notes,
 )
 from sparsemor.bodies.fem.integrals import scalar_mass, surface_load
-from sparsemor.bodies.loads.part import LoadPart, NumberOrFunction
+from sparsemor.bodies.floating_body import FloatingBody
+from sparsemor.bodies.loads.built_load import LoadPart, NumberOrFunction
 from sparsemor.bodies.material import cells_of_set
 from sparsemor.core import Effect, Equations, FloatArray, Gather, InputError, LoadPlugin, Part
 

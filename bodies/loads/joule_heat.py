@@ -16,10 +16,10 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
-from sparsemor.bodies.body import FloatingBody
 from sparsemor.bodies.body_set import find_body, find_target, need_field
 from sparsemor.bodies.fem.integrals import conductivity, on_cells
-from sparsemor.bodies.loads.part import LoadPart, NumberOrFunction, unit
+from sparsemor.bodies.floating_body import FloatingBody
+from sparsemor.bodies.loads.built_load import LoadPart, NumberOrFunction, unit
 from sparsemor.bodies.material import cells_of_set
 from sparsemor.core import (
     Csr,

@@ -7,10 +7,16 @@ from typing import Literal
 import numpy as np
 
 from sparsemor.bodies.body_set import Place, find_place, need_motion
-from sparsemor.bodies.frames.force_items import BodyForce, Moment, SpaceForce
-from sparsemor.bodies.frames.joint_items import with_torques
+from sparsemor.bodies.frames.applied_forces import BodyForce, Moment, SpaceForce
+from sparsemor.bodies.frames.mean_displacement_and_rotation import with_torques
 from sparsemor.bodies.frames.rotation import torque
-from sparsemor.bodies.loads.part import LoadPart, NumberOrFunction, Vector, amplitude, components
+from sparsemor.bodies.loads.built_load import (
+    LoadPart,
+    NumberOrFunction,
+    Vector,
+    amplitude,
+    components,
+)
 from sparsemor.core import Amplitude, Equations, FloatArray, InputError, LoadPlugin, Part
 from sparsemor.core.protocols.body_frame import FrameItem
 

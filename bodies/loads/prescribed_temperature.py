@@ -7,9 +7,9 @@ from typing import ClassVar, Self
 import numpy as np
 from pydantic import model_validator
 
-from sparsemor.bodies.body import FloatingBody
 from sparsemor.bodies.body_set import find_body, find_target, need_field
-from sparsemor.bodies.loads.part import NumberOrFunction
+from sparsemor.bodies.floating_body import FloatingBody
+from sparsemor.bodies.loads.built_load import NumberOrFunction
 from sparsemor.bodies.temperature_file import TemperatureFile
 from sparsemor.core import (
     Amplitude,

@@ -9,7 +9,13 @@ from pydantic import Field, model_validator
 
 from sparsemor.bodies.body_set import find_surfaces, surface_notes
 from sparsemor.bodies.fem.integrals import facet_measures, surface_load, surface_normal_load
-from sparsemor.bodies.loads.part import LoadPart, NumberOrFunction, Vector, amplitude, components
+from sparsemor.bodies.loads.built_load import (
+    LoadPart,
+    NumberOrFunction,
+    Vector,
+    amplitude,
+    components,
+)
 from sparsemor.core import Equations, InputError, LoadPlugin, Part
 
 

@@ -7,13 +7,13 @@ from typing import Annotated, ClassVar
 import numpy as np
 from pydantic import Field
 
-from sparsemor.bodies.body import FloatingBody
 from sparsemor.bodies.body_set import find_surfaces, joined_surfaces, surface_notes
 from sparsemor.bodies.fem.integrals import surface_load, surface_mass
 from sparsemor.bodies.fem.pointwise_law import TEMPERATURE, PointwiseLaw, Response, Variable
-from sparsemor.bodies.loads.part import LoadPart, NumberOrFunction
+from sparsemor.bodies.floating_body import FloatingBody
+from sparsemor.bodies.loads.built_load import LoadPart, NumberOrFunction
 from sparsemor.bodies.material import Positive
-from sparsemor.bodies.mesh.check import celsius_notes
+from sparsemor.bodies.mesh.mesh_checks_and_repairs import celsius_notes
 from sparsemor.bodies.temperature_curve import TemperatureCurve
 from sparsemor.bodies.terms.law_functions import curve_at
 from sparsemor.core import Amplitude, Effect, Equations, FloatArray, LoadPlugin, Part

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.io import loadmat, mmread
 from scipy.sparse import coo_array, csr_array, load_npz
 
-from sparsemor.bodies.mesh.formats.content import decoded
+from sparsemor.bodies.mesh.formats.file_content import decoded
 from sparsemor.bodies.mesh.formats.nastran import Card, cards
 from sparsemor.core import Csr, FloatArray, InputError, IntArray, suggestions
 

@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 
 from sparsemor.bodies.body_set import find_body
-from sparsemor.bodies.loads.part import LoadPart, NumberOrFunction, amplitude
-from sparsemor.bodies.matrices.body import MatrixBody
+from sparsemor.bodies.loads.built_load import LoadPart, NumberOrFunction, amplitude
+from sparsemor.bodies.matrices.matrix_body import MatrixBody
 from sparsemor.core import Equations, InputError, LoadPlugin, Part, suggestions
 
 

@@ -13,7 +13,7 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from sparsemor.bodies.mesh.file import MeshFile
+from sparsemor.bodies.mesh.mesh_file import MeshFile
 from sparsemor.core import FloatArray, InputError, Mesh, MeshPlugin, Plugin
 
 ENDINGS = (".step", ".stp", ".iges", ".igs", ".brep", ".geo")

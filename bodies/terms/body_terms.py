@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.sparse import csr_array, diags_array, kron
 
-from sparsemor.bodies.fem.fields import Elasticity, HasFields, Heat, numbered
+from sparsemor.bodies.fem.field_matrices import Elasticity, HasFields, Heat, numbered
 from sparsemor.bodies.fem.integrals import on_cells, on_facets
 from sparsemor.bodies.fem.pointwise_law import PointwiseLaw, StressLaw
 from sparsemor.bodies.fem.quadrature import Quadrature

@@ -20,7 +20,7 @@ from scipy.sparse import csr_array, eye_array, kron
 from scipy.sparse.linalg import splu
 
 from sparsemor.bodies.fem.elasticity import Anisotropy
-from sparsemor.bodies.fem.fields import HasFields
+from sparsemor.bodies.fem.field_matrices import HasFields
 from sparsemor.bodies.fem.integrals import on_cells
 from sparsemor.bodies.terms.field_kinds import ELASTIC
 from sparsemor.core import Csr, DofLocations, FloatArray, InputError

@@ -16,7 +16,7 @@ from scipy import linalg
 from scipy.sparse import csr_array
 from scipy.sparse.linalg import ArpackNoConvergence, eigsh
 
-from sparsemor.bodies.fem.fields import ModalFactors
+from sparsemor.bodies.fem.field_matrices import ModalFactors
 from sparsemor.core import Csr, FloatArray, InputError, IntArray, ReducedTerm, Term, Trial
 
 _DENSE = 150

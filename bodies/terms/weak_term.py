@@ -19,7 +19,7 @@ from scipy.sparse import csr_array
 from sparsemor.bodies.fem.pointwise_law import PointwiseLaw, Response, Variable
 from sparsemor.bodies.fem.quadrature import ShapeFunctions
 from sparsemor.bodies.terms.point_term import PointTerm, ProjectedVariable, prescribed
-from sparsemor.bodies.terms.polynomial import polynomial_of
+from sparsemor.bodies.terms.polynomial_term import polynomial_of
 from sparsemor.core import (
     Csr,
     FloatArray,

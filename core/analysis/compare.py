@@ -19,7 +19,7 @@ from sparsemor.core.results.error_norms import (
     measure_errors,
     measure_names,
 )
-from sparsemor.core.results.files.listing import publishing
+from sparsemor.core.results.files.written_files import publishing
 from sparsemor.core.results.json_data import to_json
 from sparsemor.core.results.output_directory import COMPARISON
 from sparsemor.core.results.presentation import CHARTS, Drawn

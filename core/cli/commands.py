@@ -15,13 +15,13 @@ import typer
 from typer.core import TyperGroup
 from typer.main import get_command
 
-from sparsemor.core.cli.options import exit_codes
+from sparsemor.core.cli.options_and_exit_codes import exit_codes
 from sparsemor.core.errors import InputError
 from sparsemor.core.registry.registry import Registry
 
 GROUP = "command"
-OWN = {"run": "run", "compare": "compare", "validate": "plugins", "schema": "plugins",
-       "plugins": "plugins"}
+OWN = {"run": "run", "compare": "compare", "validate": "validate_schema_plugins",
+       "schema": "validate_schema_plugins", "plugins": "validate_schema_plugins"}
 """Core's commands, whose names nobody else can take, and their modules in core/cli."""
 
 

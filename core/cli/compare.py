@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from sparsemor.core.cli.options import (
+from sparsemor.core.cli.options_and_exit_codes import (
     FAILED,
     Force,
     Json,
@@ -30,9 +30,9 @@ from sparsemor.core.errors import InputError
 from sparsemor.core.model.assembly import BodyCache
 from sparsemor.core.notes import folded
 from sparsemor.core.results.atomic_files import writing
-from sparsemor.core.results.files.listing import add_part
+from sparsemor.core.results.files.written_files import add_part
 from sparsemor.core.results.output_directory import COMPARISON, OutputDirectory
-from sparsemor.core.scene.defaults import COMPARED
+from sparsemor.core.scene.default_plugins import COMPARED
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.status import SolveFailed, Status
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from sparsemor.core.cli.options import (
+from sparsemor.core.cli.options_and_exit_codes import (
     Force,
     Json,
     Quiet,
@@ -26,7 +26,7 @@ from sparsemor.core.cli.options import (
 from sparsemor.core.errors import InputError
 from sparsemor.core.notes import folded
 from sparsemor.core.results.error_norms import LIMIT
-from sparsemor.core.results.model_format import is_model_file
+from sparsemor.core.results.model_file.first_line import is_model_file
 from sparsemor.core.scene.overrides import parse_settings
 
 if TYPE_CHECKING:

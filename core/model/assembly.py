@@ -11,14 +11,14 @@ from sparsemor.core.arrays import FloatArray, IntArray, union
 from sparsemor.core.errors import Gather, InputError
 from sparsemor.core.model.block_operators import block_operators, stiffness_terms
 from sparsemor.core.model.factorizations import BlockSolvers
-from sparsemor.core.model.features import (
+from sparsemor.core.model.general_terms import Touched, general_terms, touched
+from sparsemor.core.model.model import Model
+from sparsemor.core.model.optional_features import (
     PRESCRIBED_MOTION,
     PRESCRIBED_REACTIONS,
     PROBES,
     SURFACE_LOADS,
 )
-from sparsemor.core.model.general_terms import Touched, general_terms, touched
-from sparsemor.core.model.model import Model
 from sparsemor.core.model.prescribed_quantities import NOTHING, PrescribedQuantities
 from sparsemor.core.model.redundancy import redundant_joints
 from sparsemor.core.protocols.body import Body, BodyPlugin, Part, ProbePlace
@@ -34,9 +34,9 @@ from sparsemor.core.registry.boundary import guard
 from sparsemor.core.registry.contracts import PARTS
 from sparsemor.core.registry.returned_values import complete
 from sparsemor.core.scene.digest import digest
-from sparsemor.core.scene.nested import nested
-from sparsemor.core.scene.options import Probe
+from sparsemor.core.scene.option_tree import nested
 from sparsemor.core.scene.scene import Scene
+from sparsemor.core.scene.sections import Probe
 
 
 @dataclass(slots=True)

@@ -294,7 +294,7 @@ def _check_pushing(body: BodyRecord, frames: Sequence[FrameRecord]) -> None:
         Fault(f.origin.key,
               f"its item {type(item).__name__} has no method `push`, which is how items act on a "
               f"body whose frame is prescribed or at rest ({body.name!r} is one): give it that "
-              "method (bodies/frames/items.py, `Pushing`)")
+              "method (bodies/frames/frame_items.py, `Pushing`)")
         for f in frames for item in body.kernel((f.item,)).without_push]
     if faults:
         raise InputError(faults)

@@ -9,7 +9,7 @@ from sparsemor.core.notes import Note
 from sparsemor.core.protocols.basis import Basis
 from sparsemor.core.protocols.reducer import AssembledModel, Reducer
 from sparsemor.core.registry.registry import Registry
-from sparsemor.core.scene.defaults import BASIS
+from sparsemor.core.scene.default_plugins import BASIS
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from sparsemor.core.model.features import CONTACT_ALONG_MOTION, PRESCRIBED_MOTION
+from sparsemor.core.model.optional_features import CONTACT_ALONG_MOTION, PRESCRIBED_MOTION
 from sparsemor.core.protocols.body import Body
 from sparsemor.core.protocols.contact import Contact
 from sparsemor.core.protocols.joint import Joint

@@ -9,15 +9,15 @@ from numpy.typing import NDArray
 
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.results.metadata import RunHeader
-from sparsemor.core.results.run_result import RunResult
-from sparsemor.core.results.store import ChunkOfSteps, check_column, columns_of, converted
-from sparsemor.core.results.stored_arrays import ALL, array_entry
-from sparsemor.core.results.variables import (
+from sparsemor.core.results.result_variables import (
     Fixed,
     fixed_arrays,
     started_attributes,
     time_arrays,
 )
+from sparsemor.core.results.result_writer import ChunkOfSteps, check_column, columns_of, converted
+from sparsemor.core.results.run_result import RunResult
+from sparsemor.core.results.stored_arrays import ALL, array_entry
 from sparsemor.core.status import Status
 
 

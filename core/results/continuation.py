@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from sparsemor.core.results.archive import write_archive
 from sparsemor.core.results.metadata import RunHeader
+from sparsemor.core.results.npz_archive import write_archive
+from sparsemor.core.results.result_variables import STAGE_TIME, fixed_arrays
 from sparsemor.core.results.stored_arrays import FIXED, StoredArrays
-from sparsemor.core.results.variables import STAGE_TIME, fixed_arrays
-from sparsemor.core.scene.nested import changes
+from sparsemor.core.scene.option_tree import changes
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.status import Status
 

@@ -1,9 +1,10 @@
 """Output directories: write access, and replacement of an earlier result.
 
-With `--force` the files of the earlier result (files/own.py) are kept in OUT/.replaced until the
-new run has ended; whatever else is in OUT stays where it is. A process that is killed at any moment
-leaves either the earlier result in OUT, or the earlier result in OUT/.replaced and the steps that
-the new run stored in OUT. Only the process that holds the lock of OUT changes it (output_lock.py).
+With `--force` the files of the earlier result (files/replaceable_files.py) are kept in
+OUT/.replaced until the new run has ended; whatever else is in OUT stays where it is. A process that
+is killed at any moment leaves either the earlier result in OUT, or the earlier result in
+OUT/.replaced and the steps that the new run stored in OUT. Only the process that holds the lock of
+OUT changes it (output_lock.py).
 """
 
 import json
@@ -15,15 +16,15 @@ from pathlib import Path
 
 from sparsemor.core.errors import InputError
 from sparsemor.core.results.checkpoint import SavedError, checkpoint_file, load_checkpoint
-from sparsemor.core.results.files.listing import (
+from sparsemor.core.results.files.replaceable_files import STORE, OwnFiles, move, own_files, remove
+from sparsemor.core.results.files.temporary_folders import NAME as TEMPORARY
+from sparsemor.core.results.files.written_files import (
     LISTING,
     Listing,
     in_the_way,
     read_listing,
     require_ours,
 )
-from sparsemor.core.results.files.own import STORE, OwnFiles, move, own_files, remove
-from sparsemor.core.results.files.temporary import NAME as TEMPORARY
 from sparsemor.core.results.output_lock import LOCK, lost, owned
 from sparsemor.core.results.stored_arrays import HEADER
 from sparsemor.core.status import SolveFailed, Status

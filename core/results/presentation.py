@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from sparsemor.core.registry.registry import Registry
-from sparsemor.core.results.files.temporary import NAME as TEMPORARY
+from sparsemor.core.results.files.temporary_folders import NAME as TEMPORARY
 from sparsemor.core.scene.html import html_table
 
 if TYPE_CHECKING:

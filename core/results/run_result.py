@@ -22,11 +22,12 @@ from sparsemor.core.protocols.poses import (
 )
 from sparsemor.core.protocols.prescribed_motion import Stage
 from sparsemor.core.registry.registry import Registry
-from sparsemor.core.results.files.own import STORE
-from sparsemor.core.results.files.temporary import TemporaryFolder
+from sparsemor.core.results.files.replaceable_files import STORE
+from sparsemor.core.results.files.temporary_folders import TemporaryFolder
 from sparsemor.core.results.metadata import ProbeHeader, load_layout
 from sparsemor.core.results.output_directory import OutputDirectory
 from sparsemor.core.results.presentation import Drawn, drawing, history_of, html_of
+from sparsemor.core.results.result_variables import Derived, Field, one_function, read_stage
 from sparsemor.core.results.stored_arrays import (
     ALL,
     HEADER,
@@ -35,7 +36,6 @@ from sparsemor.core.results.stored_arrays import (
     dataset,
     refuse_older,
 )
-from sparsemor.core.results.variables import Derived, Field, one_function, read_stage
 from sparsemor.core.status import Status
 
 if TYPE_CHECKING:

@@ -22,10 +22,10 @@ from numpy.typing import NDArray
 from sparsemor.core.arrays import IntArray
 from sparsemor.core.errors import Damaged, InputError
 from sparsemor.core.registry.installed import require
-from sparsemor.core.results.archive import ArchiveError, is_archive, read_array
 from sparsemor.core.results.atomic_files import replace_file
-from sparsemor.core.results.files.temporary import TemporaryFolder
+from sparsemor.core.results.files.temporary_folders import TemporaryFolder
 from sparsemor.core.results.json_data import checksum_of, to_json
+from sparsemor.core.results.npz_archive import ArchiveError, is_archive, read_array
 
 if TYPE_CHECKING:
     import xarray as xr

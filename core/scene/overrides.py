@@ -12,7 +12,7 @@ from sparsemor.core.errors import Fault, InputError
 from sparsemor.core.notes import Note, information
 from sparsemor.core.registry.registry import Registry, suggestions
 from sparsemor.core.registry.validation_errors import shown
-from sparsemor.core.scene.defaults import SAMPLED
+from sparsemor.core.scene.default_plugins import SAMPLED
 from sparsemor.core.scene.yaml_reader import KeyPath, not_finite, parse_value
 
 REMOVABLE = ("bodies", "joints", "loads", "contacts", "probes", "linear_solvers")

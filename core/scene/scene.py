@@ -32,18 +32,18 @@ from sparsemor.core.protocols.time_function import TimeFunction
 from sparsemor.core.registry.plugin_option import Slot, name_default_slots, slot_default
 from sparsemor.core.registry.registry import Registry, suggestions
 from sparsemor.core.registry.validation_errors import custom, shown, with_advice
-from sparsemor.core.scene.defaults import FULL_ORDER, HEAT, LARGEST_ERROR, MOTION
+from sparsemor.core.scene.default_plugins import FULL_ORDER, HEAT, LARGEST_ERROR, MOTION
 from sparsemor.core.scene.html import html_table
-from sparsemor.core.scene.nested import functions_of_time
-from sparsemor.core.scene.options import Initial, Output, Probe, RigidStage, Time, Training
+from sparsemor.core.scene.option_tree import functions_of_time
 from sparsemor.core.scene.overrides import find
-from sparsemor.core.scene.parameters import (
+from sparsemor.core.scene.parameters_and_training_points import (
     Parameter,
     number_at,
     parameter_faults,
     training_faults,
     values_at,
 )
+from sparsemor.core.scene.sections import Initial, Output, Probe, RigidStage, Time, Training
 from sparsemor.core.scene.source import Source
 from sparsemor.core.scene.varying_loads import LoadTraining
 

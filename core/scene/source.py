@@ -12,7 +12,7 @@ from sparsemor.core.notes import Note
 from sparsemor.core.registry.registry import Registry, suggestions
 from sparsemor.core.registry.validation_errors import dotted, faults_of
 from sparsemor.core.scene.overrides import apply, find
-from sparsemor.core.scene.parameters import with_values
+from sparsemor.core.scene.parameters_and_training_points import with_values
 from sparsemor.core.scene.yaml_reader import (
     MOST_BYTES,
     Document,

@@ -11,8 +11,8 @@ from pydantic import Field
 from sparsemor.core.protocols.connector import LoadPlugin
 from sparsemor.core.protocols.time_function import HeldFunction, TimeFunction
 from sparsemor.core.registry.registry import suggestions
-from sparsemor.core.scene.defaults import TABLE
-from sparsemor.core.scene.nested import functions_of_time
+from sparsemor.core.scene.default_plugins import TABLE
+from sparsemor.core.scene.option_tree import functions_of_time
 from sparsemor.core.scene.overrides import inside, split
 
 Range = Annotated[list[float], Field(min_length=2, max_length=2)]

@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsemor.core.arrays import Arrays
-from sparsemor.core.results.files.listing import written_in
-from sparsemor.core.results.files.own import STORE, own_files
-from sparsemor.core.results.files.temporary import NAME as TEMPORARY
-from sparsemor.core.results.files.temporary import TemporaryFolder, remove_left
+from sparsemor.core.results.files.replaceable_files import STORE, own_files
+from sparsemor.core.results.files.temporary_folders import NAME as TEMPORARY
+from sparsemor.core.results.files.temporary_folders import TemporaryFolder, remove_left
+from sparsemor.core.results.files.written_files import written_in
 
 _MAPPED_BYTES = 2**24
 _MANIFEST = "manifest.json"

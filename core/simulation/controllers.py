@@ -14,7 +14,7 @@ from sparsemor.core.registry.registry import suggestions
 from sparsemor.core.registry.returned_values import controller_step
 from sparsemor.core.results.probes import ForceReader, ProbeReader
 from sparsemor.core.scene.scene import Scene
-from sparsemor.core.simulation.outputs import Output, outputs_of, read
+from sparsemor.core.simulation.sensors_and_outputs import Output, outputs_of, read
 from sparsemor.core.simulation.time_stepping import Step
 
 Memory = dict[str, tuple[float, ...]]

@@ -10,7 +10,7 @@ from pathlib import Path
 from sparsemor.core.arrays import Arrays
 from sparsemor.core.model.factorizations import Factored
 from sparsemor.core.model.model import Model
-from sparsemor.core.results.files.temporary import TemporaryFolder
+from sparsemor.core.results.files.temporary_folders import TemporaryFolder
 from sparsemor.core.simulation.cache import SPENT, Cache
 
 

@@ -19,11 +19,11 @@ from sparsemor.core.protocols.step_solver import StepMemory, StepSolver
 from sparsemor.core.results.error_norms import constant_change
 from sparsemor.core.results.metadata import RunHeader
 from sparsemor.core.results.probes import ForceReader, ProbeReader
-from sparsemor.core.scene.defaults import FULL_ORDER
+from sparsemor.core.scene.default_plugins import FULL_ORDER
 from sparsemor.core.scene.digest import digest
-from sparsemor.core.scene.options import Control
 from sparsemor.core.scene.run_identity import physics_of
 from sparsemor.core.scene.scene import Scene
+from sparsemor.core.scene.sections import Control
 from sparsemor.core.simulation.blow_up import Extents
 from sparsemor.core.simulation.offline import Offline, step_count
 from sparsemor.core.simulation.step_control import Judged, judged, step_of

@@ -24,14 +24,14 @@ from sparsemor.core.results.arrays_in_memory import MemoryWriter
 from sparsemor.core.results.checkpoint import Checkpoint, SavedError, checkpoint_file
 from sparsemor.core.results.cost import solvers_summary
 from sparsemor.core.results.error_norms import estimated_errors
-from sparsemor.core.results.files.own import STORE
-from sparsemor.core.results.files.temporary import TemporaryFolder
+from sparsemor.core.results.files.replaceable_files import STORE
+from sparsemor.core.results.files.temporary_folders import TemporaryFolder
 from sparsemor.core.results.json_data import finite
 from sparsemor.core.results.output_directory import OutputDirectory
 from sparsemor.core.results.output_lock import check_owned
 from sparsemor.core.results.probes import ForceReader, ProbeReader, rate_columns
+from sparsemor.core.results.result_writer import ChunkOfSteps, ResultWriter, resumable
 from sparsemor.core.results.run_result import RunResult
-from sparsemor.core.results.store import ChunkOfSteps, ResultWriter, resumable
 from sparsemor.core.results.stored_arrays import read_header
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.error_record import ErrorMark, ErrorRecord

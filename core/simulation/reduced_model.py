@@ -30,19 +30,20 @@ from sparsemor.core.registry.value_types import unfit_field
 from sparsemor.core.results.arrays_in_memory import MemoryWriter
 from sparsemor.core.results.atomic_files import replace_file
 from sparsemor.core.results.metadata import RunHeader
-from sparsemor.core.results.model_file.packed import Packed, PackedError, Table, table_of
+from sparsemor.core.results.model_file.serializer import Packed, PackedError, Table, table_of
 from sparsemor.core.results.output_lock import owned
+from sparsemor.core.results.result_variables import fixed_arrays, time_arrays
 from sparsemor.core.results.run_result import RunResult
-from sparsemor.core.results.variables import fixed_arrays, time_arrays
 from sparsemor.core.scene.html import html_table
-from sparsemor.core.scene.nested import changes, functions_of_time, nested
+from sparsemor.core.scene.option_tree import changes, functions_of_time, nested
 from sparsemor.core.scene.overrides import inside, split
-from sparsemor.core.scene.parameters import values_at
+from sparsemor.core.scene.parameters_and_training_points import values_at
 from sparsemor.core.scene.scene import Scene, build
 from sparsemor.core.scene.source import Source
 from sparsemor.core.scene.yaml_reader import LocatedError
 from sparsemor.core.simulation.blow_up import Extents
 from sparsemor.core.simulation.cache import Cache
+from sparsemor.core.simulation.changeable_options import FREE, load_functions
 from sparsemor.core.simulation.changed_start import (
     Initial,
     block_faults,
@@ -50,14 +51,13 @@ from sparsemor.core.simulation.changed_start import (
     started_from,
 )
 from sparsemor.core.simulation.checks import KIND, Checks
-from sparsemor.core.simulation.free_options import FREE, load_functions
+from sparsemor.core.simulation.co_simulation import Input, Stepper
 from sparsemor.core.simulation.offline import step_count
-from sparsemor.core.simulation.prepare import explicit, prepared_again, prepared_run
 from sparsemor.core.simulation.prepared_run import PreparedRun
 from sparsemor.core.simulation.progress import progress_bar
 from sparsemor.core.simulation.recorder import Recorder, StepStatistics, kept
 from sparsemor.core.simulation.run_steps import RunSteps
-from sparsemor.core.simulation.stepper import Input, Stepper
+from sparsemor.core.simulation.stages_before_steps import explicit, prepared_again, prepared_run
 from sparsemor.core.simulation.stored_classes import CLASSES
 from sparsemor.core.simulation.time_stepping import full_state, started
 from sparsemor.core.simulation.validation import ESTIMATE, endless, time_faults

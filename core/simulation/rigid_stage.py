@@ -23,7 +23,7 @@ from sparsemor.core.protocols.contact import Contact
 from sparsemor.core.protocols.layout import Quantity
 from sparsemor.core.protocols.prescribed_motion import FrameHistory, Stage, SurfaceLoads
 from sparsemor.core.registry.hooks import Manager
-from sparsemor.core.scene.defaults import FULL_ORDER
+from sparsemor.core.scene.default_plugins import FULL_ORDER
 from sparsemor.core.scene.digest import digest
 from sparsemor.core.scene.run_identity import IRRELEVANT, Identity
 from sparsemor.core.scene.scene import Scene

@@ -25,9 +25,9 @@ from sparsemor.core.simulation.blow_up import Extents, Growth, Large, diverged, 
 from sparsemor.core.simulation.checks import Checks, Findings
 from sparsemor.core.simulation.controllers import Controllers
 from sparsemor.core.simulation.error_record import ErrorRecord
-from sparsemor.core.simulation.outputs import outputs_of
 from sparsemor.core.simulation.prepared_run import PreparedRun
 from sparsemor.core.simulation.recorder import Recorder, RecordMark, StepStatistics, in_summary
+from sparsemor.core.simulation.sensors_and_outputs import outputs_of
 from sparsemor.core.simulation.step_control import ControlledSteps, ControlMemory, step_of
 from sparsemor.core.simulation.time_stepping import iterate, many_steps, started
 from sparsemor.core.simulation.training import SnapshotCollector

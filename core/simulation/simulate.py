@@ -10,8 +10,8 @@ from sparsemor.core.linalg.threads import fixed_threads
 from sparsemor.core.model.assembly import BodyCache
 from sparsemor.core.registry.boundary import naming_plugins
 from sparsemor.core.registry.hooks import new_manager
-from sparsemor.core.results.files.own import STORE
-from sparsemor.core.results.files.temporary import TemporaryFolder
+from sparsemor.core.results.files.replaceable_files import STORE
+from sparsemor.core.results.files.temporary_folders import TemporaryFolder
 from sparsemor.core.results.output_lock import owned
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.results.stored_arrays import read_header
@@ -19,7 +19,10 @@ from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.memory.estimate import room_for_result
 from sparsemor.core.simulation.memory.limits import MemoryUse, peak
-from sparsemor.core.simulation.prepare import (
+from sparsemor.core.simulation.progress import progress_bar
+from sparsemor.core.simulation.recorder import Recorder, StepStatistics, admit, kept
+from sparsemor.core.simulation.run_steps import RunSteps
+from sparsemor.core.simulation.stages_before_steps import (
     build_bases,
     checked,
     explicit,
@@ -27,9 +30,6 @@ from sparsemor.core.simulation.prepare import (
     reduced,
     train,
 )
-from sparsemor.core.simulation.progress import progress_bar
-from sparsemor.core.simulation.recorder import Recorder, StepStatistics, admit, kept
-from sparsemor.core.simulation.run_steps import RunSteps
 from sparsemor.core.simulation.training import snapshot_keeper
 
 

@@ -46,8 +46,8 @@ from sparsemor.core.protocols.step_solver import (
 )
 from sparsemor.core.protocols.time_function import TimeFunction
 from sparsemor.core.registry.returned_values import complete
-from sparsemor.core.scene.options import Control
 from sparsemor.core.scene.scene import Scene
+from sparsemor.core.scene.sections import Control
 from sparsemor.core.simulation.time_stepping import FixedStep, Step, loads_of, problem_of
 from sparsemor.core.status import Status
 

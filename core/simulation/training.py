@@ -16,7 +16,7 @@ from sparsemor.core.protocols.integrator import State
 from sparsemor.core.protocols.layout import Layout
 from sparsemor.core.protocols.reducer import Recording
 from sparsemor.core.registry.hooks import Manager
-from sparsemor.core.scene.defaults import FULL_ORDER, LARGEST_ERROR
+from sparsemor.core.scene.default_plugins import FULL_ORDER, LARGEST_ERROR
 from sparsemor.core.scene.digest import digest
 from sparsemor.core.scene.run_identity import Identity, origin, physics_of, training_physics
 from sparsemor.core.scene.scene import Scene

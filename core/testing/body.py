@@ -11,7 +11,7 @@ from sparsemor.core.protocols.body import Body, BodyPlugin
 from sparsemor.core.protocols.layout import Quantity
 from sparsemor.core.protocols.poses import KNOWN
 from sparsemor.core.protocols.prescribed_motion import FrameHistory
-from sparsemor.core.testing.parts import check_parts, derivative, runs, small_scene
+from sparsemor.core.testing.joints_contacts_loads import check_parts, derivative, runs, small_scene
 from sparsemor.core.testing.random_inputs import law
 
 

@@ -8,8 +8,8 @@ from sparsemor.core.registry.hooks import new_manager
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.checks import Check, Checks
-from sparsemor.core.simulation.prepare import prepared_run
 from sparsemor.core.simulation.simulate import simulate
+from sparsemor.core.simulation.stages_before_steps import prepared_run
 from sparsemor.core.simulation.step_control import step_of
 from sparsemor.core.simulation.time_stepping import iterate, started
 from sparsemor.core.testing.random_inputs import law

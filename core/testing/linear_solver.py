@@ -6,7 +6,7 @@ import numpy as np
 from scipy import sparse
 
 from sparsemor.core.arrays import Csr, FloatArray
-from sparsemor.core.linalg.factorized import relative_residuals
+from sparsemor.core.linalg.linear_solver_checks import relative_residuals
 from sparsemor.core.protocols.linear_solver import (
     DofLocations,
     Factorized,

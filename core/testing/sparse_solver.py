@@ -19,7 +19,14 @@ from sparsemor.core.protocols.sparse_solver import (
     solver_refusal,
 )
 from sparsemor.core.status import Status
-from sparsemor.core.testing.problems import (
+from sparsemor.core.testing.random_inputs import (
+    copied,
+    keeps_contract,
+    law,
+    refused,
+    unchanged,
+)
+from sparsemor.core.testing.sparse_problems import (
     Elsewhere,
     LeastSquares,
     all_penalised,
@@ -27,13 +34,6 @@ from sparsemor.core.testing.problems import (
     incoherent,
     one_group,
     tall,
-)
-from sparsemor.core.testing.random_inputs import (
-    copied,
-    keeps_contract,
-    law,
-    refused,
-    unchanged,
 )
 
 RANK = 1e-12

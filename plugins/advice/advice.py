@@ -26,18 +26,18 @@ from sparsemor.core.protocols.reducer import Choice, TrialRun
 from sparsemor.core.registry.hooks import Manager, new_manager
 from sparsemor.core.results.atomic_files import replace_file
 from sparsemor.core.results.tables import text_table
-from sparsemor.core.scene.defaults import CHOOSER, FULL_ORDER
+from sparsemor.core.scene.default_plugins import CHOOSER, FULL_ORDER
 from sparsemor.core.scene.html import html_text
-from sparsemor.core.scene.nested import nested
+from sparsemor.core.scene.option_tree import nested
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.offline import Offline, step_count
-from sparsemor.core.simulation.prepare import prepared
 from sparsemor.core.simulation.progress import progress_bar
+from sparsemor.core.simulation.stages_before_steps import prepared
 from sparsemor.core.simulation.time_stepping import full_state, problem_of
 from sparsemor.core.simulation.training import offline_of
 from sparsemor.core.status import SolveFailed
-from sparsemor.plugins.stability.check import check_run
+from sparsemor.plugins.stability.stability_check import check_run
 
 CHOSEN, UNMET = "chosen", "tolerance_unmet"
 """Kinds of the notes on a chosen reducer."""

@@ -25,6 +25,6 @@ def training_points(scene: Scene, cache: Cache, manager: Manager, body_cache: Bo
     own = () if trial is None else (trial.shared, *trial.others.values())
     if not any(b.needs_snapshots for b in (*own, *scene.reducer.force_bases_used())):
         return scene
-    from sparsemor.plugins.advice.greedy import with_points
+    from sparsemor.plugins.advice.greedy_training_points import with_points
 
     return with_points(scene, cache, manager, body_cache)

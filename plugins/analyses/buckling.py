@@ -19,11 +19,11 @@ from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 from sparsemor.core import Csr, FloatArray, InputError, Model, Note, State
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.registry.registry import suggestions
+from sparsemor.plugins.analyses.analysed_equations import System, Tangents
+from sparsemor.plugins.analyses.analysed_model import Prepared, equilibrium, time_of
 from sparsemor.plugins.analyses.equilibrium import Solver, free_motions, neutral
 from sparsemor.plugins.analyses.modes import DENSE, Constrained
-from sparsemor.plugins.analyses.motion import body_axes, kept_rows
-from sparsemor.plugins.analyses.prepared import Prepared, equilibrium, time_of
-from sparsemor.plugins.analyses.system import System, Tangents
+from sparsemor.plugins.analyses.steady_motion import body_axes, kept_rows
 
 CHANGE = 1e-4
 """Largest motion, relative to large ones, over which tangents are differentiated."""

@@ -7,7 +7,7 @@ import numpy as np
 import typer
 
 from sparsemor.core.cli.completion import scene_names
-from sparsemor.core.cli.options import (
+from sparsemor.core.cli.options_and_exit_codes import (
     Force,
     Json,
     Quiet,
@@ -26,10 +26,10 @@ from sparsemor.core.cli.options import (
 )
 from sparsemor.core.errors import InputError
 from sparsemor.core.notes import Level, sentences
-from sparsemor.core.results.model_format import is_model_file
+from sparsemor.core.results.model_file.first_line import is_model_file
 
 if TYPE_CHECKING:
-    from sparsemor.plugins.analyses.solution import Solution
+    from sparsemor.plugins.analyses.stored_solution import Solution
 
 MOST = 100000
 """Largest number of frequencies."""

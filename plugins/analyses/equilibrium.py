@@ -21,8 +21,8 @@ from scipy.sparse import csc_array
 from scipy.sparse.linalg import splu
 
 from sparsemor.core import Csr, FloatArray, IntArray, SolveFailed, State, Status
-from sparsemor.plugins.analyses.motion import carried_jacobian
-from sparsemor.plugins.analyses.system import System, stiffness_to_mass
+from sparsemor.plugins.analyses.analysed_equations import System, stiffness_to_mass
+from sparsemor.plugins.analyses.steady_motion import carried_jacobian
 
 TOLERANCE = 1e-10
 """Largest last change of an unknown, relative to the largest one of its block and, of rigid

@@ -9,10 +9,16 @@ from sparsemor.core import Csr, FloatArray, InputError, IntArray, Note, State
 from sparsemor.core.notes import information
 from sparsemor.core.protocols.layout import Quantity
 from sparsemor.core.protocols.poses import FREE_POSE, PLANAR_POSE
+from sparsemor.plugins.analyses.analysed_equations import Tangents
+from sparsemor.plugins.analyses.analysed_model import (
+    Prepared,
+    equilibrium,
+    rates,
+    steady_heat,
+    time_of,
+)
 from sparsemor.plugins.analyses.modes import ComplexArray, Constrained, Modes, modes_of
-from sparsemor.plugins.analyses.motion import body_axes, in_body_axes, kept_rows
-from sparsemor.plugins.analyses.prepared import Prepared, equilibrium, rates, steady_heat, time_of
-from sparsemor.plugins.analyses.system import Tangents
+from sparsemor.plugins.analyses.steady_motion import body_axes, in_body_axes, kept_rows
 
 LATER, VARIES = 0.37, 1e-6
 """Rotation, rad, after which the equations of a steady rotation are compared with those before, and

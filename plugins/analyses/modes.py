@@ -19,8 +19,8 @@ from scipy.sparse import block_array, csc_array
 from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigs, eigsh
 
 from sparsemor.core import Csr, FloatArray, InputError, IntArray
+from sparsemor.plugins.analyses.analysed_equations import Tangents, stiffness_to_mass
 from sparsemor.plugins.analyses.equilibrium import Solver
-from sparsemor.plugins.analyses.system import Tangents, stiffness_to_mass
 
 ComplexArray = NDArray[np.complex128]
 DENSE = 200

@@ -16,13 +16,23 @@ from sparsemor.core.registry.registry import suggestions
 from sparsemor.core.results.output_lock import owned
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.progress import progress_bar
+from sparsemor.plugins.analyses.analysed_model import (
+    Prepared,
+    equilibrium,
+    prepare,
+    steady_heat,
+    time_of,
+)
 from sparsemor.plugins.analyses.buckling import buckling
 from sparsemor.plugins.analyses.equilibrium import Solved, free_motions, neutral
 from sparsemor.plugins.analyses.frequencies import frequencies
+from sparsemor.plugins.analyses.frequency_response import (
+    Response,
+    frequency_response,
+    kept_response,
+)
 from sparsemor.plugins.analyses.modes import ComplexArray
-from sparsemor.plugins.analyses.prepared import Prepared, equilibrium, prepare, steady_heat, time_of
-from sparsemor.plugins.analyses.response import Response, frequency_response, kept_response
-from sparsemor.plugins.analyses.solution import (
+from sparsemor.plugins.analyses.stored_solution import (
     Solution,
     field_charts,
     quantities,

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 from sparsemor.core.errors import InputError
 from sparsemor.core.registry.registry import suggestions
+from sparsemor.core.results.result_variables import Field
 from sparsemor.core.results.run_result import RunResult
-from sparsemor.core.results.variables import Field
 from sparsemor.plugins.charts.active_atoms import active_atoms_figure
 from sparsemor.plugins.charts.animation import animation_of
 from sparsemor.plugins.charts.comparison import work_notes, work_points

@@ -13,9 +13,9 @@ import numpy as np
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.protocols.layout import Quantity
-from sparsemor.core.results.files.listing import publishing, require_ours
+from sparsemor.core.results.files.written_files import publishing, require_ours
+from sparsemor.core.results.result_variables import FIELDS, Field
 from sparsemor.core.results.run_result import RunResult
-from sparsemor.core.results.variables import FIELDS, Field
 from sparsemor.plugins.charts.fields import (
     MAPS,
     field_mesh,

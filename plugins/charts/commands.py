@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from sparsemor.core.cli.options import (
+from sparsemor.core.cli.options_and_exit_codes import (
     At,
     Json,
     Quiet,
@@ -19,11 +19,11 @@ from sparsemor.core.cli.options import (
     times_at,
 )
 from sparsemor.core.errors import InputError
-from sparsemor.core.results.files.listing import require_ours
+from sparsemor.core.results.files.written_files import require_ours
 from sparsemor.core.results.output_lock import owned
 
 if TYPE_CHECKING:
-    from sparsemor.core.results.variables import Field
+    from sparsemor.core.results.result_variables import Field
 
 
 def pictures(
@@ -38,8 +38,8 @@ def pictures(
 ) -> None:
     """Draw a stored run: motion, fields at some times, probes, active atoms. PNG and SVG."""
     with located_in():
+        from sparsemor.core.results.result_variables import FIELDS
         from sparsemor.core.results.run_result import open_result
-        from sparsemor.core.results.variables import FIELDS
         from sparsemor.plugins.charts import (
             DEFAULT_FIELDS,
             usual_files,
@@ -100,7 +100,7 @@ def animate(
 
 
 def _field(name: str) -> "Field":
-    from sparsemor.core.results.variables import FIELDS
+    from sparsemor.core.results.result_variables import FIELDS
 
     if name not in FIELDS:
         raise ValueError(name)

@@ -9,8 +9,8 @@ import numpy as np
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.model.facets import linear_surface, plane_triangles
 from sparsemor.core.protocols.layout import Quantity
+from sparsemor.core.results.result_variables import Derived, Field
 from sparsemor.core.results.run_result import RunResult
-from sparsemor.core.results.variables import Derived, Field
 from sparsemor.plugins.charts.style import plain, unit
 
 MAPS: Mapping[Field, str] = {

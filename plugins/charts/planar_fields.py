@@ -10,8 +10,8 @@ import numpy as np
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.protocols.layout import Quantity
 from sparsemor.core.protocols.poses import PLANAR_POSE
+from sparsemor.core.results.result_variables import Field
 from sparsemor.core.results.run_result import RunResult
-from sparsemor.core.results.variables import Field
 from sparsemor.plugins.charts.fields import (
     MAPS,
     NO_RUNS,

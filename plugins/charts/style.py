@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.results.files.listing import publishing
+from sparsemor.core.results.files.written_files import publishing
 from sparsemor.core.status import Status
 
 if TYPE_CHECKING:

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.protocols.layout import Quantity
+from sparsemor.core.results.result_variables import Derived, Field
 from sparsemor.core.results.run_result import RunResult
-from sparsemor.core.results.variables import Derived, Field
 from sparsemor.plugins.charts.fields import (
     MAPS,
     NO_RUNS,

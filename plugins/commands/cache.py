@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from sparsemor.core.cli.options import Json, Quiet, located_in, print_json
+from sparsemor.core.cli.options_and_exit_codes import Json, Quiet, located_in, print_json
 from sparsemor.core.errors import InputError
 
 UNITS = {"": 1, "k": 10**3, "M": 10**6, "G": 10**9, "T": 10**12}

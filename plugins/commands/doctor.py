@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from importlib import metadata
 from typing import Any
 
-from sparsemor.core.cli.options import Json, print_json
+from sparsemor.core.cli.options_and_exit_codes import Json, print_json
 from sparsemor.core.errors import InputError
 from sparsemor.core.protocols.plugin import OWN
 from sparsemor.core.registry.registry import Registry

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from sparsemor.core.cli.options import Json, Quiet, located_in, path_of, print_json
+from sparsemor.core.cli.options_and_exit_codes import Json, Quiet, located_in, path_of, print_json
 from sparsemor.core.errors import InputError
 from sparsemor.core.registry.registry import Registry, suggestions
 

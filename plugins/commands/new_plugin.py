@@ -10,8 +10,8 @@ from typing import Annotated
 import typer
 
 from sparsemor.core.cli.commands import OWN
-from sparsemor.core.cli.options import located_in, path_of
-from sparsemor.core.cli.plugins import NO_CLASS
+from sparsemor.core.cli.options_and_exit_codes import located_in, path_of
+from sparsemor.core.cli.validate_schema_plugins import NO_CLASS
 from sparsemor.core.errors import InputError
 from sparsemor.core.registry.registry import Registry, suggestions
 from sparsemor.core.results.output_directory import OutputDirectory

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from sparsemor.core.cli.options import (
+from sparsemor.core.cli.options_and_exit_codes import (
     Json,
     Quiet,
     ReplaceFile,
@@ -19,7 +19,7 @@ from sparsemor.core.cli.options import (
     print_json,
     progress,
 )
-from sparsemor.core.results.files.listing import list_file
+from sparsemor.core.results.files.written_files import list_file
 
 Out = Annotated[Path | None, typer.Option(
     "--out", parser=path_of, metavar="FILE", help="File (default: SCENE-REDUCER.model).")]

@@ -8,14 +8,14 @@ from typing import Protocol
 
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.results.atomic_files import writing
-from sparsemor.core.results.files.listing import in_the_way, publishing, read_listing
-from sparsemor.core.results.files.own import own_files, remove
+from sparsemor.core.results.files.replaceable_files import own_files, remove
+from sparsemor.core.results.files.written_files import in_the_way, publishing, read_listing
 from sparsemor.core.results.output_directory import OutputDirectory
+from sparsemor.core.results.result_variables import FIELDS
 from sparsemor.core.results.run_result import RunResult
-from sparsemor.core.results.variables import FIELDS
+from sparsemor.plugins.export.export_plan import FORMATS, ExportPlan, plan_export
 from sparsemor.plugins.export.histories import write_csv, write_netcdf
-from sparsemor.plugins.export.request import FORMATS, ExportPlan, plan_export
-from sparsemor.plugins.export.series import (
+from sparsemor.plugins.export.vtk_and_xdmf import (
     BodySnapshot,
     VtuSeries,
     XdmfSeries,

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from sparsemor.core.cli.options import (
+from sparsemor.core.cli.options_and_exit_codes import (
     At,
     Force,
     Json,
@@ -20,7 +20,7 @@ from sparsemor.core.cli.options import (
     words,
 )
 from sparsemor.core.errors import InputError
-from sparsemor.core.results.model_format import is_model_file
+from sparsemor.core.results.model_file.first_line import is_model_file
 
 if TYPE_CHECKING:
     from sparsemor.core.results.run_result import RunResult
@@ -87,7 +87,7 @@ def _model(
     as_json: bool, quiet: bool,
 ) -> None:
     with located_in():
-        from sparsemor.core.results.files.listing import list_file
+        from sparsemor.core.results.files.written_files import list_file
         from sparsemor.core.simulation.reduced_model import load_model
         from sparsemor.plugins.export.fmu import export_c, export_fmu
         from sparsemor.plugins.export.matrices import FORMATS, export_matrices
@@ -116,7 +116,7 @@ def _model(
 
 
 def _line(run: "RunResult", body: str, file: Path, fields: tuple[str, ...], times: int) -> str:
-    from sparsemor.plugins.export.series import exported_mesh
+    from sparsemor.plugins.export.vtk_and_xdmf import exported_mesh
 
     what = ", ".join(fields) or "no field"
     points = len(exported_mesh(run, body, fields)[0])

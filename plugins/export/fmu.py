@@ -23,10 +23,10 @@ from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.results.atomic_files import replace_file
 from sparsemor.core.results.probes import ProbeReader
-from sparsemor.core.simulation.outputs import Output
+from sparsemor.core.simulation.co_simulation import Stepper
 from sparsemor.core.simulation.reduced_model import ReducedModel
-from sparsemor.core.simulation.stepper import Stepper
-from sparsemor.plugins.export.request import make_folder
+from sparsemor.core.simulation.sensors_and_outputs import Output
+from sparsemor.plugins.export.export_plan import make_folder
 
 PLATFORMS = {("linux", True): "linux64", ("win32", True): "win64", ("darwin", True): "darwin64"}
 """Folders of FMI 2.0 for binaries, by system and 64 bits."""

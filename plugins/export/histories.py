@@ -10,7 +10,7 @@ from sparsemor.core.protocols.layout import Quantity
 from sparsemor.core.protocols.poses import COORDINATE_UNITS, COORDINATES
 from sparsemor.core.results.metadata import CONTACT_UNITS
 from sparsemor.core.results.run_result import RunResult
-from sparsemor.core.simulation.outputs import output_name
+from sparsemor.core.simulation.sensors_and_outputs import output_name
 
 
 def histories(run: RunResult) -> dict[tuple[str, str], FloatArray]:

@@ -18,8 +18,15 @@ from sparsemor.core.scene.expressions import Expression
 from sparsemor.core.scene.overrides import split as key_parts
 from sparsemor.plugins.charts.fields import values_of
 from sparsemor.plugins.charts.time_histories import rate_of
-from sparsemor.plugins.liang2026.parts import Known, PaperPart, Rows, Value, errors_of, part_of
-from sparsemor.plugins.liang2026.split import split_of
+from sparsemor.plugins.liang2026.computing_time_split import split_of
+from sparsemor.plugins.liang2026.item_functions import (
+    Known,
+    PaperPart,
+    Rows,
+    Value,
+    errors_of,
+    part_of,
+)
 from sparsemor.plugins.study.jobs import UNCOMPUTED
 
 Moment = float | Literal["end"]

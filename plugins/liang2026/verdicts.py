@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sparsemor.plugins.charts.style import saved
+from sparsemor.plugins.liang2026.item_functions import Results, Value, reason_of
 from sparsemor.plugins.liang2026.paper import BROKEN, GRADES, PaperItem
-from sparsemor.plugins.liang2026.parts import Results, Value, reason_of
 from sparsemor.plugins.liang2026.pictures import numbers_figure
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from sparsemor.core import Csr, DofLocations, LinearSolver, Solved, unsuitable_matrix
-from sparsemor.core.linalg.factorized import is_vector_field
+from sparsemor.core.linalg.linear_solver_checks import is_vector_field
 from sparsemor.core.linalg.nested_dissection import factor_entries
 from sparsemor.core.simulation.memory.limits import GIGABYTE, machine_memory
 from sparsemor.plugins.linear_solvers.cholmod import Cholmod

@@ -16,7 +16,7 @@ from sparsemor.core import (
     require,
     unsuitable_matrix,
 )
-from sparsemor.core.linalg.factorized import is_vector_field, rigid_motions
+from sparsemor.core.linalg.linear_solver_checks import is_vector_field, rigid_motions
 from sparsemor.plugins.linear_solvers.conjugate_gradients import iterate
 
 WORKING = 10

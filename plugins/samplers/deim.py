@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 
 from sparsemor.core import FloatArray
-from sparsemor.plugins.samplers.base import GreedyRows, SpanSampler
+from sparsemor.plugins.samplers.candidate_rows import GreedyRows, SpanSampler
 from sparsemor.plugins.samplers.smallest_singular_pair import EPS, RowFactor, Smallest
 
 NEW = 1e-8

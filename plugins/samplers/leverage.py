@@ -6,7 +6,7 @@ import numpy as np
 from scipy import linalg
 
 from sparsemor.core import FloatArray
-from sparsemor.plugins.samplers.base import GreedyRows, SpanSampler
+from sparsemor.plugins.samplers.candidate_rows import GreedyRows, SpanSampler
 
 
 class Leverage(SpanSampler):

@@ -3,7 +3,7 @@
 import numpy as np
 
 from sparsemor.core import BlockData, Dictionary, IntArray
-from sparsemor.plugins.samplers.base import RowSampler, sample_rows
+from sparsemor.plugins.samplers.candidate_rows import RowSampler, sample_rows
 
 
 class Uniform(RowSampler):

@@ -3,7 +3,7 @@
 import numpy as np
 
 from sparsemor.core import FloatArray
-from sparsemor.plugins.samplers.base import GreedyRows, SpanSampler
+from sparsemor.plugins.samplers.candidate_rows import GreedyRows, SpanSampler
 from sparsemor.plugins.samplers.smallest_singular_pair import LOST, RowFactor
 
 TINY = 1e-300

@@ -8,7 +8,7 @@ from pydantic import Field, field_validator, model_validator
 from scipy.optimize import linprog
 
 from sparsemor.core import PROBLEM_FEATURES, FloatArray, InputError, Status, require
-from sparsemor.plugins.sparse_solvers.newton import LinearRecovery, Recovered
+from sparsemor.plugins.sparse_solvers.newton_on_supports import LinearRecovery, Recovered
 from sparsemor.plugins.sparse_solvers.penalised import Penalised, weights
 
 CONIC = "CLARABEL"

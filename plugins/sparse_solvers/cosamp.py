@@ -4,7 +4,7 @@ import numpy as np
 from pydantic import Field
 
 from sparsemor.core import BoolArray, FloatArray, Status
-from sparsemor.plugins.sparse_solvers.newton import LinearRecovery, Recovered
+from sparsemor.plugins.sparse_solvers.newton_on_supports import LinearRecovery, Recovered
 from sparsemor.plugins.sparse_solvers.penalised import Penalised
 from sparsemor.plugins.sparse_solvers.supports import pruned
 

@@ -11,7 +11,7 @@ from pydantic import Field
 from sparsemor.core import BoolArray, Columns, FloatArray, Group, Recovery, Selection, Status
 from sparsemor.core.linalg.column_subsets import pseudo_inverse
 from sparsemor.plugins.sparse_solvers.gram_exchange import GramExchange
-from sparsemor.plugins.sparse_solvers.newton import Choose, SupportNewton
+from sparsemor.plugins.sparse_solvers.newton_on_supports import Choose, SupportNewton
 from sparsemor.plugins.sparse_solvers.penalised import repeated
 from sparsemor.plugins.sparse_solvers.supports import (
     EPS,

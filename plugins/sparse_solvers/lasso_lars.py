@@ -6,7 +6,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from sparsemor.core import FloatArray, require
-from sparsemor.plugins.sparse_solvers.newton import LinearRecovery, Recovered
+from sparsemor.plugins.sparse_solvers.newton_on_supports import LinearRecovery, Recovered
 from sparsemor.plugins.sparse_solvers.penalised import Penalised, weights
 from sparsemor.plugins.sparse_solvers.supports import pruned
 

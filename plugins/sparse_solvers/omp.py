@@ -7,7 +7,7 @@ from pydantic import Field
 from scipy.linalg import blas, solve_triangular
 
 from sparsemor.core import FloatArray
-from sparsemor.plugins.sparse_solvers.newton import LinearRecovery, Recovered
+from sparsemor.plugins.sparse_solvers.newton_on_supports import LinearRecovery, Recovered
 from sparsemor.plugins.sparse_solvers.penalised import DEPENDENT, Penalised
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from sparsemor.core.cli.options import (
+from sparsemor.core.cli.options_and_exit_codes import (
     Force,
     Json,
     Quiet,
@@ -24,7 +24,7 @@ from sparsemor.core.cli.options import (
 )
 from sparsemor.core.errors import InputError
 from sparsemor.core.results.atomic_files import writing
-from sparsemor.core.results.files.listing import publishing, require_ours
+from sparsemor.core.results.files.written_files import publishing, require_ours
 from sparsemor.core.results.output_directory import OutputDirectory
 from sparsemor.core.results.output_lock import owned
 from sparsemor.core.results.tables import csv_table, with_head

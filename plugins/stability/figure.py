@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sparsemor.plugins.charts.style import PAGE, SMALL, new_figure, tidy
-from sparsemor.plugins.stability.check import LIMIT
+from sparsemor.plugins.stability.stability_check import LIMIT
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -21,19 +21,11 @@ from sparsemor.core.scene.yaml_reader import LocatedError
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.checks import Checks
 from sparsemor.core.simulation.offline import Offline, step_count
-from sparsemor.core.simulation.prepare import prepared
+from sparsemor.core.simulation.stages_before_steps import prepared
 from sparsemor.core.simulation.time_stepping import started
 from sparsemor.core.simulation.validation import checked_model, time_faults
 from sparsemor.core.status import SolveFailed
-from sparsemor.plugins.stability.check import (
-    LIMIT,
-    Judgement,
-    ReferenceModels,
-    failed,
-    judged,
-    over_the_run,
-)
-from sparsemor.plugins.stability.reference import (
+from sparsemor.plugins.stability.galerkin_reference import (
     along,
     linearization_times,
     projected,
@@ -46,6 +38,14 @@ from sparsemor.plugins.stability.spectrum import (
     eigenvalues,
     exact_values,
     own_radii,
+)
+from sparsemor.plugins.stability.stability_check import (
+    LIMIT,
+    Judgement,
+    ReferenceModels,
+    failed,
+    judged,
+    over_the_run,
 )
 from sparsemor.plugins.stability.step_map import step_map
 from sparsemor.plugins.stability.variants import SurveyPlan, Variant, variants

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from sparsemor.core.model.block_patterns import matched_option
-from sparsemor.plugins.study.subject import Subject
+from sparsemor.plugins.study.varied_scene import Subject
 
 ROWS = (1, 2, 4, 8)
 """Sampled rows of a block, in multiples of its atoms."""

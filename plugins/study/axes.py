@@ -13,8 +13,8 @@ from sparsemor.core.registry.registry import suggestions
 from sparsemor.core.registry.validation_errors import dotted
 from sparsemor.core.scene.overrides import split
 from sparsemor.core.scene.yaml_reader import KeyPath
-from sparsemor.plugins.study.columns import OF_CHARTS, RESERVED
-from sparsemor.plugins.study.file import RandomSubset, Study, StudyFault, StudyFile
+from sparsemor.plugins.study.study_file import RandomSubset, Study, StudyFault, StudyFile
+from sparsemor.plugins.study.table_columns import OF_CHARTS, RESERVED
 
 LABEL, SEED = "label", "seed"
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from sparsemor.core.cli.completion import scene_names, study_names
-from sparsemor.core.cli.options import (
+from sparsemor.core.cli.options_and_exit_codes import (
     BAD_INPUT,
     FAILED,
     INTERRUPTED,
@@ -54,7 +54,7 @@ def study(
     from sparsemor.plugins.study.journal import is_study
     from sparsemor.plugins.study.plan import StudyPlan
     from sparsemor.plugins.study.progress import progress_display
-    from sparsemor.plugins.study.run import run_plan
+    from sparsemor.plugins.study.run_study import run_plan
 
     if is_study(Path(file)):
         _redraw(Path(file), as_json, quiet)
@@ -79,7 +79,7 @@ def study(
 
 def _redraw(folder: Path, as_json: bool, quiet: bool) -> None:
     """Draws the charts of a stored study from its table."""
-    from sparsemor.core.results.files.listing import require_ours
+    from sparsemor.core.results.files.written_files import require_ours
     from sparsemor.core.results.output_lock import owned
     from sparsemor.plugins.study.journal import CHARTS, stored
     from sparsemor.plugins.study.report import draw

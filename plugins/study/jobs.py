@@ -26,8 +26,8 @@ from sparsemor.core.model.model import Model
 from sparsemor.core.registry.hooks import new_manager
 from sparsemor.core.registry.registry import Registry
 from sparsemor.core.results.checkpoint import checkpoint_file
-from sparsemor.core.results.files.own import STORE, own_files, remove
-from sparsemor.core.results.files.temporary import TemporaryFolder
+from sparsemor.core.results.files.replaceable_files import STORE, own_files, remove
+from sparsemor.core.results.files.temporary_folders import TemporaryFolder
 from sparsemor.core.results.json_data import finite
 from sparsemor.core.results.output_directory import OutputDirectory
 from sparsemor.core.results.run_result import RunResult, open_result
@@ -39,14 +39,14 @@ from sparsemor.core.scene.source import Source
 from sparsemor.core.scene.yaml_reader import Document
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.offline_cache import mesh_content
-from sparsemor.core.simulation.prepare import explicit, prepared
 from sparsemor.core.simulation.reduced_model import ReducedModel, reduce
 from sparsemor.core.simulation.simulate import simulate
+from sparsemor.core.simulation.stages_before_steps import explicit, prepared
 from sparsemor.core.simulation.training import TRAINING
 from sparsemor.core.simulation.validation import checked_model
 from sparsemor.core.status import SolveFailed, Status
-from sparsemor.plugins.study.columns import RESULT, measured
 from sparsemor.plugins.study.quantities import QuantityOfInterest
+from sparsemor.plugins.study.table_columns import RESULT, measured
 
 _log = logging.getLogger(__name__)
 REFUSED, BROKEN, DIED = "refused", "error", "worker_died"

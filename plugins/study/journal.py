@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from sparsemor.core.errors import InputError
-from sparsemor.core.results.files.listing import (
+from sparsemor.core.results.files.written_files import (
     Written,
     add_to_listing,
     append_listed,
@@ -17,8 +17,8 @@ from sparsemor.core.results.files.listing import (
 )
 from sparsemor.core.results.output_directory import OutputDirectory
 from sparsemor.core.results.tables import csv_table
-from sparsemor.plugins.study.columns import TIMES, cell, fact_columns, with_facts
 from sparsemor.plugins.study.plan import Drawing, StudyPlan
+from sparsemor.plugins.study.table_columns import TIMES, cell, fact_columns, with_facts
 
 STUDY = "study"
 """Kind of the list of a study."""

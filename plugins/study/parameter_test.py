@@ -14,9 +14,9 @@ from sparsemor.core.model.assembly import BodyCache
 from sparsemor.core.results.error_norms import LIMIT, measure_errors, measure_names
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.results.tables import csv_table, marked, number, text_table, with_head
-from sparsemor.core.scene.defaults import FULL_ORDER
+from sparsemor.core.scene.default_plugins import FULL_ORDER
 from sparsemor.core.scene.html import html_text
-from sparsemor.core.scene.parameters import uniform, values_at
+from sparsemor.core.scene.parameters_and_training_points import uniform, values_at
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.reduced_model import ReducedModel, reduce
 from sparsemor.core.status import SolveFailed

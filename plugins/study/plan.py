@@ -23,7 +23,7 @@ from sparsemor.core.scene.run_identity import (
 from sparsemor.core.scene.scene import Scene, build, load
 from sparsemor.core.scene.source import Source, packaged
 from sparsemor.core.scene.yaml_reader import KeyPath, LocatedError
-from sparsemor.core.simulation.free_options import kept_options
+from sparsemor.core.simulation.changeable_options import kept_options
 from sparsemor.plugins.study.axes import (
     Point,
     axis_columns,
@@ -32,9 +32,9 @@ from sparsemor.plugins.study.axes import (
     setting_columns,
     taken_names,
 )
-from sparsemor.plugins.study.columns import OUTCOME, RESERVED, columns_of, error_columns
-from sparsemor.plugins.study.file import Study, StudyFault
 from sparsemor.plugins.study.jobs import scene_data
+from sparsemor.plugins.study.study_file import Study, StudyFault
+from sparsemor.plugins.study.table_columns import OUTCOME, RESERVED, columns_of, error_columns
 
 OF_CHARTS = ("title", "method", "budget")
 """Keys of a study file that do not change its table."""

@@ -7,9 +7,9 @@ from contextlib import contextmanager
 from typing import Any
 
 from sparsemor.plugins.observers.progress import NotebookLine, in_notebook, terminal_bar
-from sparsemor.plugins.study.columns import cell
 from sparsemor.plugins.study.plan import StudyPlan
 from sparsemor.plugins.study.scheduler import Row, StudyProgress
+from sparsemor.plugins.study.table_columns import cell
 
 OnProgress = Callable[[StudyProgress, Row | None], None]
 """Callback for progress: called after each run with its row, and repeatedly with None while jobs

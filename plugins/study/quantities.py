@@ -10,8 +10,8 @@ from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.protocols.plugin import Plugin
 from sparsemor.core.registry.registry import suggestions
+from sparsemor.core.results.result_variables import FIELDS
 from sparsemor.core.results.run_result import RunResult
-from sparsemor.core.results.variables import FIELDS
 from sparsemor.plugins.charts.fields import nodal_values
 
 Take = Literal["max", "min", "largest", "final", "mean", "integral", "time_of_max"]

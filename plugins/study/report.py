@@ -13,8 +13,8 @@ from sparsemor.core.results.tables import CONSTANT, MARK, marked, text_table
 from sparsemor.core.scene.html import html_text
 from sparsemor.core.status import Status
 from sparsemor.plugins.study.axes import LABEL
-from sparsemor.plugins.study.columns import ERROR, LATE, OF_CHARTS, SERIES, label
 from sparsemor.plugins.study.plan import Drawing, StudyPlan
+from sparsemor.plugins.study.table_columns import ERROR, LATE, OF_CHARTS, SERIES, label
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

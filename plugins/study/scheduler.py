@@ -16,7 +16,7 @@ from sparsemor.core.simulation.workers.local_pool import EndedJob
 from sparsemor.core.status import Status
 from sparsemor.plugins.study.jobs import BROKEN, DIED, REFUSED
 from sparsemor.plugins.study.plan import Run, StudyPlan
-from sparsemor.plugins.study.pools import Pool
+from sparsemor.plugins.study.worker_pools import Pool
 
 Row = dict[str, Any]
 Answer = dict[str, Any]

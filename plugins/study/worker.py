@@ -1,6 +1,6 @@
 """Worker process of a study (`python -m` this module)."""
 
-from sparsemor.core.simulation.workers.serve import Execute, serve
+from sparsemor.core.simulation.workers.worker_loop import Execute, serve
 
 
 def executing() -> Execute:

@@ -20,12 +20,12 @@ from sparsemor.core import (
     slot_default,
 )
 from sparsemor.core.protocols.reducer import Choice, TrialRun
-from sparsemor.reducers.auto.sources import CONSTANT, Source, learned, responses
+from sparsemor.reducers.auto.candidate_bases import CONSTANT, Source, learned, responses
 from sparsemor.reducers.auto.trials import TrainingReference
-from sparsemor.reducers.options import ReducedStepOptions
-from sparsemor.reducers.projection.base import Projection, ProjectionReducer
 from sparsemor.reducers.projection.ecsw.reducer import Ecsw
 from sparsemor.reducers.projection.galerkin import Galerkin
+from sparsemor.reducers.projection.projection_reducer import Projection, ProjectionReducer
+from sparsemor.reducers.reducer_options import ReducedStepOptions
 
 REDUCERS: Mapping[str, type[ProjectionReducer]] = {"galerkin": Galerkin, "ecsw": Ecsw}
 SAFE = 0.3

@@ -14,8 +14,8 @@ import numpy as np
 
 from sparsemor.core import FloatArray, IntArray
 from sparsemor.reducers.estimation.error_space import ErrorSpace
-from sparsemor.reducers.step.factors import Factor
-from sparsemor.reducers.step.reduced import Reduced
+from sparsemor.reducers.step.jacobian_factors import Factor
+from sparsemor.reducers.step.reduced_equations import Reduced
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -40,8 +40,8 @@ from sparsemor.reducers.estimation.bordered_modes import BorderedModes
 from sparsemor.reducers.estimation.error_space import ErrorSpace
 from sparsemor.reducers.estimation.modal_steps import error_rules, error_start
 from sparsemor.reducers.estimation.reduced_states import StateMap, ranges
-from sparsemor.reducers.step.factors import Factor
-from sparsemor.reducers.step.reduced import Reduced
+from sparsemor.reducers.step.jacobian_factors import Factor
+from sparsemor.reducers.step.reduced_equations import Reduced
 
 ITERATIONS = 5
 """Largest number of iterations with one Jacobian at an estimate, if it has the run's own steps."""

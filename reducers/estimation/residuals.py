@@ -1,7 +1,7 @@
 """Residuals of reduced states in the full-order equations of one block, on the modes of its errors.
 
-They are the equations of reducers/step/operators.py with the modes as test basis, at many states at
-once. Their cost grows with the numbers of atoms and modes, not with the mesh.
+They are the equations of reducers/step/projected_operators.py with the modes as test basis, at many
+states at once. Their cost grows with the numbers of atoms and modes, not with the mesh.
 """
 
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ import numpy as np
 
 from sparsemor.core import FloatArray
 from sparsemor.reducers.step.frame_step import BodyStep, PrescribedFactors
-from sparsemor.reducers.step.operators import TestedElastic, TestedHeat
+from sparsemor.reducers.step.projected_operators import TestedElastic, TestedHeat
 from sparsemor.reducers.step.time_tables import LoadsInTime
 
 
@@ -47,7 +47,7 @@ class HeatResidual:
 @dataclass(frozen=True, slots=True, eq=False)
 class ElasticResidual:
     """Residual of an elastic block on q modes, with the terms of its frame, whose motion is
-    prescribed (reducers/step/operators.py).
+    prescribed (reducers/step/projected_operators.py).
 
     operators ((3 + g) k + p + kT, q): transposes of stiffness,
     damping, mass, generators, directions and minus the coupling with kT temperatures.

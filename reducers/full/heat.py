@@ -35,7 +35,7 @@ from sparsemor.core.protocols.integrator import second_difference
 from sparsemor.core.protocols.load_tables import LoadTable
 from sparsemor.core.protocols.separable import HeatBody
 from sparsemor.reducers.linalg.superlu import factorize
-from sparsemor.reducers.step.factors import Factor, Identity
+from sparsemor.reducers.step.jacobian_factors import Factor, Identity
 from sparsemor.reducers.step.newton_loop import Linearisation, StepEquations
 from sparsemor.reducers.step.thermal_groups import couplings_of, group_name, starts_of
 from sparsemor.reducers.step.time_tables import plus_loads

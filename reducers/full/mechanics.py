@@ -37,8 +37,8 @@ from sparsemor.core.protocols.body_frame import FrameWork
 from sparsemor.core.protocols.separable import ElasticLocal, ElasticOperators
 from sparsemor.reducers.linalg.coarse_correction import CoarseCorrection
 from sparsemor.reducers.step.acceptance import LEAST, rounding
-from sparsemor.reducers.step.factors import Factor, Identity, Matrix, factorized, summed
 from sparsemor.reducers.step.frame_step import BodyStep, buffers
+from sparsemor.reducers.step.jacobian_factors import Factor, Identity, Matrix, factorized, summed
 from sparsemor.reducers.step.newton_loop import Linearisation, StepEquations
 from sparsemor.reducers.step.time_tables import TimeTable, plus_loads
 

@@ -15,9 +15,9 @@ from scipy.sparse.linalg import splu
 
 from sparsemor.core import AssembledModel, Csr, FloatArray, IntArray, Layout, StepFormula, Term
 from sparsemor.core.model.equations import rate_factors, system_jacobian, system_residual
-from sparsemor.reducers.coupled_blocks import coupling
+from sparsemor.reducers.block_counts import coupling
 from sparsemor.reducers.linalg.superlu import factorize
-from sparsemor.reducers.step.factors import Factor
+from sparsemor.reducers.step.jacobian_factors import Factor
 from sparsemor.reducers.step.local_copies import CopyMemory
 from sparsemor.reducers.step.monolithic_step import Checked, WholeEquations, checked
 from sparsemor.reducers.step.newton_loop import Linearisation

@@ -5,13 +5,14 @@ from dataclasses import replace
 from typing import Literal
 
 from sparsemor.core import AssembledModel, ReducedProblem, StepSolver
-from sparsemor.reducers.coupled_blocks import coupling, elements
+from sparsemor.reducers.block_counts import coupling, elements
 from sparsemor.reducers.full.heat import full_heat
 from sparsemor.reducers.full.mechanics import FullBody, FullMechanics
 from sparsemor.reducers.full.monolithic import Summed
-from sparsemor.reducers.notes import local_heat_notes, whole_step_notes
-from sparsemor.reducers.options import StepOptions
-from sparsemor.reducers.step.compiled.stepper import compilable
+from sparsemor.reducers.reducer_notes import local_heat_notes, whole_step_notes
+from sparsemor.reducers.reducer_options import StepOptions
+from sparsemor.reducers.step.blockwise_solver import stepper
+from sparsemor.reducers.step.compiled.compiled_stepper import compilable
 from sparsemor.reducers.step.coupled_reduced import (
     ProjectedModel,
     dense_equations,
@@ -20,9 +21,8 @@ from sparsemor.reducers.step.coupled_reduced import (
 from sparsemor.reducers.step.frame_step import PrescribedFactors
 from sparsemor.reducers.step.monolithic_step import WholeNewton, WholeStepper
 from sparsemor.reducers.step.newton_loop import Loop
-from sparsemor.reducers.step.reduced import positions
+from sparsemor.reducers.step.reduced_equations import positions
 from sparsemor.reducers.step.reduced_mechanics import LoopMechanics
-from sparsemor.reducers.step.solver import stepper
 from sparsemor.reducers.step.thermal_groups import group_name
 
 PRICE = 6

@@ -15,7 +15,7 @@ import numpy as np
 from sparsemor.core import Csr, Dictionary, FloatArray, Note, StepFactors
 from sparsemor.core.linalg.dense import least_squares_coefficients
 from sparsemor.reducers.errors_at_states import LIMIT, StateError, error_at_states, largest_change
-from sparsemor.reducers.projection.base import Projection
+from sparsemor.reducers.projection.projection_reducer import Projection
 
 GALERKIN_ERROR = "galerkin_error"
 """Kind of the note."""

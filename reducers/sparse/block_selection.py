@@ -29,15 +29,15 @@ from sparsemor.core import (
 )
 from sparsemor.core.linalg.column_subsets import ColumnSubsets
 from sparsemor.core.registry.returned_values import checked_return, prepared_recovery
-from sparsemor.reducers.sparse.memory import SparseMemory
 from sparsemor.reducers.sparse.sampled_block import RangeColumns, SampledElastic, SampledHeat
+from sparsemor.reducers.sparse.sparse_memory import SparseMemory
 from sparsemor.reducers.sparse.supported_steps import (
     AtomSelection,
     SolvedStep,
     SupportedSteps,
     no_selection,
 )
-from sparsemor.reducers.step.reduced import Reduced
+from sparsemor.reducers.step.reduced_equations import Reduced
 
 DEPENDENT = 1e-8
 """Distance of a unit column from the span of others below which the rows do not distinguish its

@@ -16,8 +16,8 @@ from sparsemor.core import (
     StepOutcome,
 )
 from sparsemor.core.registry.returned_values import checked_return
-from sparsemor.reducers.sparse.memory import SparseMemory
 from sparsemor.reducers.sparse.recovery_problem import HeatProblem, MechanicsProblem
+from sparsemor.reducers.sparse.sparse_memory import SparseMemory
 from sparsemor.reducers.sparse.supported_steps import (
     AtomSelection,
     SolvedStep,

@@ -3,11 +3,11 @@
 Heat: P (B c - b) = 0 with the preconditioner P, linear, one block at a time; local terms
 (radiation) enter only the subsequent solve on the selected support. Mechanics: the sampled rows of
 all elastic blocks together with the equations of rigid coordinates and multipliers (the border), in
-one problem, by the residual of all steps (reduced.py); these unknowns form a group without a limit
-on its nonzeros. Elastic rows are scaled by the largest column of their block, border rows by their
-own size divided by BORDER, because they are equations that must be satisfied and not a sample.
-Sampled rows are compressed by an orthogonal transformation (row_compression.py), which changes
-neither norms nor solutions.
+one problem, by the residual of all steps (reduced_equations.py); these unknowns form a group
+without a limit on its nonzeros. Elastic rows are scaled by the largest column of their block,
+border rows by their own size divided by BORDER, because they are equations that must be satisfied
+and not a sample. Sampled rows are compressed by an orthogonal transformation (row_compression.py),
+which changes neither norms nor solutions.
 """
 
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ import numpy as np
 from sparsemor.core import FloatArray, Group, IntArray, StepFormula
 from sparsemor.reducers.sparse.sampled_block import SampledElastic, SampledHeat
 from sparsemor.reducers.step.newton_loop import Linearisation
-from sparsemor.reducers.step.reduced import Reduced
+from sparsemor.reducers.step.reduced_equations import Reduced
 from sparsemor.reducers.step.time_tables import plus_loads
 
 BORDER = 10.0

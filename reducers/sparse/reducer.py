@@ -14,20 +14,20 @@ from sparsemor.core import (
     StepSolver,
 )
 from sparsemor.core.model.block_patterns import matched_option, unmatched_patterns
-from sparsemor.reducers.checks import local_blocks
-from sparsemor.reducers.options import BASES, counted, of_field
-from sparsemor.reducers.sparse.checks import (
+from sparsemor.reducers.block_counts import local_blocks
+from sparsemor.reducers.reducer_options import BASES, counted, of_field
+from sparsemor.reducers.sparse.option_faults import (
     budget_faults,
     capability_faults,
     coupled_faults,
     preconditioner_faults,
     resampling_faults,
 )
-from sparsemor.reducers.sparse.options import Budget, SparseOptions
 from sparsemor.reducers.sparse.residual_rows import (
     inverted_blocks,
     unweighed,
 )
+from sparsemor.reducers.sparse.sparse_options import Budget, SparseOptions
 
 
 class Sparse(SparseOptions):
@@ -83,7 +83,7 @@ class Sparse(SparseOptions):
         faults = self.check(problem.model)
         if faults:
             raise InputError(faults).under("reducer")
-        from sparsemor.reducers.sparse.prepare import step_solver
+        from sparsemor.reducers.sparse.step_solver import step_solver
 
         return step_solver(self, problem)
 

@@ -19,7 +19,7 @@ from sparsemor.core import (
     StepSolver,
 )
 from sparsemor.core.protocols.step_solver import AroundSteps
-from sparsemor.reducers.step.memory import RunMemory
+from sparsemor.reducers.step.step_memory import RunMemory
 
 Streams = Mapping[str, np.random.Generator]
 Draw = Callable[[Streams], Mapping[str, IntArray]]

@@ -4,9 +4,9 @@ from typing import Any, cast
 
 from sparsemor.core import AssembledModel, Note, Reducer, Registry, Sampler, Term, information
 from sparsemor.core.model.fitting_bases import fitted_bases
-from sparsemor.reducers.checks import local_blocks
-from sparsemor.reducers.notes import is_default
-from sparsemor.reducers.sparse.options import SparseOptions
+from sparsemor.reducers.block_counts import local_blocks
+from sparsemor.reducers.reducer_notes import is_default
+from sparsemor.reducers.sparse.sparse_options import SparseOptions
 
 POINTS = "deim"
 """Sampler of blocks in which the default keeps plain rows. Of forces that the training run did not

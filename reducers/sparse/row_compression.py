@@ -16,7 +16,7 @@ import numpy as np
 from scipy import linalg
 
 from sparsemor.core import FloatArray
-from sparsemor.reducers.step.operators import TestedElastic, TestedHeat, TestMap
+from sparsemor.reducers.step.projected_operators import TestedElastic, TestedHeat, TestMap
 
 DEPENDENT = 1e-14
 """Distance of a unit column from the span of the others below which it is round-off."""

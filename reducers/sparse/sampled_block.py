@@ -26,11 +26,11 @@ from sparsemor.core.linalg.dense import coherence, condition_number, orthonormal
 from sparsemor.core.model.factorizations import solve_or_fail
 from sparsemor.core.protocols.separable import HeatBody
 from sparsemor.core.registry.returned_values import built_weights, sampled_rows
-from sparsemor.reducers.checks import compresses, required_rows
+from sparsemor.reducers.block_counts import compresses, required_rows
 from sparsemor.reducers.linalg.left_inverse import SAMPLED_RTOL, left_inverse, squares
 from sparsemor.reducers.sparse.row_compression import compact, elastic_columns, heat_columns
 from sparsemor.reducers.sparse.supported_equations import ActiveRows
-from sparsemor.reducers.step.operators import TestedElastic, TestedHeat, TestMap
+from sparsemor.reducers.step.projected_operators import TestedElastic, TestedHeat, TestMap
 from sparsemor.reducers.step.thermal_block import CompressedHeat
 from sparsemor.reducers.trial_bases import DEPENDENT, local_terms
 

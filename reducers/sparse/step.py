@@ -16,7 +16,7 @@ model, with the rates at the end of the step as the integrator's formula gives t
 
 No equation is projected, and none outside the sample is evaluated. Written for reading, with dense
 matrices and the terms of the model as they are (`Term`): the steps of the product do the same with
-small constant matrices (`build.py`), and tests compare them with this page.
+small constant matrices (`step_solver.py`), and tests compare them with this page.
 """
 
 from collections.abc import Mapping, Sequence

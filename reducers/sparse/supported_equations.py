@@ -23,11 +23,11 @@ from sparsemor.core import (
 )
 from sparsemor.reducers.linalg.active_columns import NEGLIGIBLE, WIDE
 from sparsemor.reducers.step.acceptance import Tolerances
-from sparsemor.reducers.step.factors import Factor, factorized
-from sparsemor.reducers.step.memory import Memory
+from sparsemor.reducers.step.jacobian_factors import Factor, factorized
 from sparsemor.reducers.step.newton_loop import Linearisation, StepEquations
-from sparsemor.reducers.step.reduced import Reduced
+from sparsemor.reducers.step.reduced_equations import Reduced
 from sparsemor.reducers.step.reduced_mechanics import LoopMechanics, StepUnknowns
+from sparsemor.reducers.step.step_memory import Memory
 
 KEPT = 16
 """Number of sets of atoms for which the equations are kept."""

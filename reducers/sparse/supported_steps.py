@@ -19,12 +19,12 @@ from sparsemor.core import (
     StepOutcome,
 )
 from sparsemor.core.protocols.step_solver import AroundSteps
-from sparsemor.reducers.sparse.memory import SparseMemory, Supports, kept_or_made
 from sparsemor.reducers.sparse.sampled_block import SampledElastic, SampledHeat, numbers
+from sparsemor.reducers.sparse.sparse_memory import SparseMemory, Supports, kept_or_made
 from sparsemor.reducers.sparse.supported_equations import SupportedMechanics
+from sparsemor.reducers.step.blockwise_solver import Stepper
 from sparsemor.reducers.step.newton_loop import Kept
 from sparsemor.reducers.step.predictor import Past, block_starts
-from sparsemor.reducers.step.solver import Stepper
 
 ROUNDS = 10
 """Largest number of exchanges in a step without previous supports: each is made at the solution on

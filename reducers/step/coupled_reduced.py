@@ -30,16 +30,16 @@ from sparsemor.core.model.compressed_local import CompressedLocal
 from sparsemor.core.model.constraint_rates import derivative_along_motion, motion_step
 from sparsemor.core.protocols.step_solver import unavailable_resultants
 from sparsemor.core.protocols.time_function import derivative_from_right, time_derivatives
-from sparsemor.reducers.coupled_blocks import coupling, elements
+from sparsemor.reducers.block_counts import coupling, elements
 from sparsemor.reducers.linalg.least_norm import least
 from sparsemor.reducers.step.acceptance import Tolerances
+from sparsemor.reducers.step.blockwise_solver import Facts, reduce_state
 from sparsemor.reducers.step.frame_step import BodyStep, PrescribedFactors
 from sparsemor.reducers.step.local_copies import Coupled
 from sparsemor.reducers.step.monolithic_step import WholeMemory, WholeStepper, linear_response
 from sparsemor.reducers.step.newton_loop import Loop
-from sparsemor.reducers.step.operators import TestedElastic, TestedHeat, TestMap
-from sparsemor.reducers.step.reduced import Reduced, ReducedBody, ReducedHeat, positions
-from sparsemor.reducers.step.solver import Facts, reduce_state
+from sparsemor.reducers.step.projected_operators import TestedElastic, TestedHeat, TestMap
+from sparsemor.reducers.step.reduced_equations import Reduced, ReducedBody, ReducedHeat, positions
 
 T = TypeVar("T", TestedElastic, TestedHeat)
 
@@ -242,7 +242,7 @@ class _Couple:
 
 def with_rates(equations: Reduced, state: State) -> State:
     """The state with accelerations, rates of temperature and multipliers that satisfy the reduced
-    equations: of least norm where these are not determined (initial.py)."""
+    equations: of least norm where these are not determined (consistent_start.py)."""
     layout, t, x, a = equations.layout, state.t, state.x.copy(), np.zeros(len(state.x))
     second, first, algebraic = layout.second, layout.first, layout.algebraic
     v, zero, one = state.v.copy(), np.zeros(layout.size), np.ones(layout.size)

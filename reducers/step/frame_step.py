@@ -14,7 +14,7 @@ from sparsemor.core import FloatArray, Frame, FrameHistory, Layout
 from sparsemor.core.protocols.body_frame import FrameWork
 from sparsemor.core.protocols.separable import MovingBody
 from sparsemor.reducers.linalg.active_columns import few
-from sparsemor.reducers.step.operators import TestedElastic
+from sparsemor.reducers.step.projected_operators import TestedElastic
 from sparsemor.reducers.step.time_tables import TimeTable
 
 NONE = np.zeros(0)

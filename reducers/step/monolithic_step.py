@@ -27,11 +27,11 @@ from sparsemor.core.model.equations import rate_factors
 from sparsemor.core.protocols.step_solver import ResultantSource, resultant_sources
 from sparsemor.core.protocols.term import LocalCopy
 from sparsemor.reducers.step.acceptance import Tolerances
-from sparsemor.reducers.step.factors import Matrix
+from sparsemor.reducers.step.jacobian_factors import Matrix
 from sparsemor.reducers.step.local_copies import state_of
-from sparsemor.reducers.step.memory import RunMemory
 from sparsemor.reducers.step.newton_loop import Ended, Kept, Loop, StepEquations
 from sparsemor.reducers.step.predictor import Past, block_starts
+from sparsemor.reducers.step.step_memory import RunMemory
 
 EXTRAPOLATION_ERROR = 1e-2
 """Relative error above which an extrapolation is no better a guess than the last state."""

@@ -55,7 +55,7 @@ from sparsemor.reducers.step.acceptance import (
     estimated_error,
     rounding,
 )
-from sparsemor.reducers.step.factors import Factor
+from sparsemor.reducers.step.jacobian_factors import Factor
 
 CYCLE = 1e-9
 """Relative change below which the test for a cycle of two iterates is not made."""

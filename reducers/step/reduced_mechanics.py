@@ -10,9 +10,9 @@ import numpy as np
 from sparsemor.core import Amplitude, FloatArray, IntArray, Status, StepFormula, StepOutcome
 from sparsemor.reducers.step.acceptance import Tolerances
 from sparsemor.reducers.step.frame_step import BodyStep
-from sparsemor.reducers.step.memory import Memory
 from sparsemor.reducers.step.newton_loop import Loop, StepEquations
-from sparsemor.reducers.step.reduced import Reduced
+from sparsemor.reducers.step.reduced_equations import Reduced
+from sparsemor.reducers.step.step_memory import Memory
 
 
 class StepUnknowns:

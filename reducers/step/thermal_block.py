@@ -18,7 +18,7 @@ from sparsemor.core import FloatArray, IntArray, ReducedTerm, Status
 from sparsemor.reducers.linalg.active_columns import ActiveColumns, few
 from sparsemor.reducers.linalg.modal_coordinates import carried, dense, times
 from sparsemor.reducers.step.acceptance import estimated_error
-from sparsemor.reducers.step.operators import TestedHeat
+from sparsemor.reducers.step.projected_operators import TestedHeat
 from sparsemor.reducers.step.time_tables import LoadsInTime, TimeTable, tabulated
 
 TINY = 1e-300

@@ -30,7 +30,7 @@ from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.offline_cache import Products
 from sparsemor.core.simulation.simulate import simulate
 from sparsemor.core.simulation.training import offline_of
-from sparsemor.reducers.step import factors
+from sparsemor.reducers.step import jacobian_factors
 
 BODIES, LOADS, STEPS = (5, 10, 20, 50, 100), (1, 3, 10, 30, 100), (2_000, 10_000, 50_000)
 LENGTH, HEIGHT, STEP = 0.3, 0.03, 1e-3
@@ -142,7 +142,7 @@ def exponents(counts: tuple[int, ...], cost: list[float]) -> tuple[float, float]
 def fill(into: report.Report, given: argparse.Namespace) -> None:
     only = given.only.split(",")
     if given.dense:
-        factors.MANY = 10**9
+        jacobian_factors.MANY = 10**9
     bodies, loads, lengths = (
         ((2, 4), (1, 3), (50, 100)) if given.quick else (BODIES, LOADS, STEPS))
     steps, windows = (3, 2) if given.quick else (30, 9)
@@ -150,7 +150,7 @@ def fill(into: report.Report, given: argparse.Namespace) -> None:
         "scene": f"links of {LENGTH:g} m, revolute joints, gravity, generalized_alpha, "
                  f"h = {STEP:g} s; flexible: 320 triangles; galerkin: 8 modes a link",
         "Jacobians": ("dense matrices" if given.dense
-                      else f"sparse matrices from {factors.MANY} unknowns on"),
+                      else f"sparse matrices from {jacobian_factors.MANY} unknowns on"),
         "windows": f"{windows} of {steps} steps, all counts in turn; median, CPU ms"}
     table = into.table("CPU milliseconds per step", ms=".4f", iterations=".2f", start_s=".2f")
     fits = into.table("Exponents of the cost of a step", fitted=".3f", last=".3f")

@@ -24,8 +24,8 @@ from sparsemor.core.registry.hooks import new_manager
 from sparsemor.core.scene.scene import Scene, build, load
 from sparsemor.core.scene.source import Source
 from sparsemor.core.simulation.cache import Cache
-from sparsemor.core.simulation.prepare import prepared
-from sparsemor.reducers.step.compiled.stepper import installed
+from sparsemor.core.simulation.stages_before_steps import prepared
+from sparsemor.reducers.step.compiled.compiled_stepper import installed
 
 SCENES = {"double_pendulum": {"reducer.use": "galerkin"}, "slider_plate": {}, "brake_disk": {}}
 WARM, STEPS, WINDOWS = 20, 100, 7

@@ -17,7 +17,7 @@ import common
 import numpy as np
 from modules import report
 
-from sparsemor.reducers.step.compiled.stepper import installed
+from sparsemor.reducers.step.compiled.compiled_stepper import installed
 
 MESHES = (1280, 5120, 20480)
 WARM = 100

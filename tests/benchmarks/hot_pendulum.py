@@ -36,7 +36,7 @@ from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.simulation.offline_cache import Products
 from sparsemor.core.simulation.time_stepping import started
 from sparsemor.core.testing.in_memory_run import March, march
-from sparsemor.reducers.step.compiled.stepper import compilable, installed
+from sparsemor.reducers.step.compiled.compiled_stepper import compilable, installed
 
 FLUX = "loads.heating.flux"
 HISTORIES: dict[str, Any] = {

@@ -25,7 +25,7 @@ from sparsemor import ReducedModel, Scene, load, load_model, simulate
 from sparsemor.core.model.assembly import BodyCache
 from sparsemor.core.registry.hooks import new_manager
 from sparsemor.core.simulation.cache import Cache
-from sparsemor.core.simulation.prepare import prepared_run
+from sparsemor.core.simulation.stages_before_steps import prepared_run
 from sparsemor.core.simulation.time_stepping import TimeStep, iterate
 
 RATIO = {"slider_plate": 10.0, "double_pendulum": 10.0, "brake_disk": 50.0}

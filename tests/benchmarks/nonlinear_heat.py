@@ -25,7 +25,7 @@ from sparsemor.core.model.compressed_local import CompressedLocal
 from sparsemor.core.model.model import Model
 from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.testing.in_memory_run import March, march, scene_of
-from sparsemor.reducers.step.compiled.stepper import compilable, installed
+from sparsemor.reducers.step.compiled.compiled_stepper import compilable, installed
 
 EXAMPLE = Path(__file__).parents[2] / "docs" / "examples" / "radiating_plate.yaml"
 STEEL_K = {"temperatures": [293.15, 1073.15, 1473.15], "values": [53.3, 27.3, 27.3]}

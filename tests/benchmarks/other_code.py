@@ -21,7 +21,7 @@ import numpy as np
 from modules import report
 from scipy import sparse
 
-from sparsemor.bodies.body import FloatingBody
+from sparsemor.bodies.floating_body import FloatingBody
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.testing.in_memory_run import March
 

@@ -26,7 +26,7 @@ from sparsemor.core import SparseSolver
 from sparsemor.core.errors import InputError
 from sparsemor.core.registry.registry import Registry
 from sparsemor.core.status import Status
-from sparsemor.core.testing.problems import LeastSquares, chained, empty_start
+from sparsemor.core.testing.sparse_problems import LeastSquares, chained, empty_start
 
 PUBLISHED = {"candidates": "correlated"}
 SOLVERS: dict[str, tuple[str, dict[str, Any]]] = {

@@ -20,7 +20,7 @@ import numpy as np
 from modules import report
 
 from sparsemor.core.scene.scene import load
-from sparsemor.core.simulation.prepare import prepared
+from sparsemor.core.simulation.stages_before_steps import prepared
 
 ROWS = (240, 80)
 GREEDY = {"use": "greedy_gauss_newton"}

@@ -22,8 +22,14 @@ from modules import report
 from sparsemor.core import State, StepSolver
 from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.status import SolveFailed
-from sparsemor.plugins.stability.check import LIMIT, Judgement, ReferenceModels, failed, judge_along
-from sparsemor.plugins.stability.reference import linearization_times, states_along
+from sparsemor.plugins.stability.galerkin_reference import linearization_times, states_along
+from sparsemor.plugins.stability.stability_check import (
+    LIMIT,
+    Judgement,
+    ReferenceModels,
+    failed,
+    judge_along,
+)
 
 ERRS, TIMES = 1e-5, 10.0
 """Relative error of a field (rad for an angle) from which a run is said to err, if it is also so

@@ -19,7 +19,7 @@ from typing import Any
 import common  # noqa: F401  (one thread)
 
 from sparsemor import load, simulate
-from sparsemor.core.results.store import ResultWriter
+from sparsemor.core.results.result_writer import ResultWriter
 from sparsemor.core.simulation.recorder import Recorder
 
 

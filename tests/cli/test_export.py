@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from sparsemor import InputError, export, load, open_result, simulate
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.results.files.listing import LISTING
+from sparsemor.core.results.files.written_files import LISTING
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.simulation.cache import Cache
 
@@ -186,7 +186,7 @@ def test_nothing_is_left_of_an_export_that_fails(
     def full_disk(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("sparsemor.plugins.export.series.VtuSeries.close", full_disk)
+    monkeypatch.setattr("sparsemor.plugins.export.vtk_and_xdmf.VtuSeries.close", full_disk)
     with pytest.raises(OSError, match="No space"):
         export(run, tmp_path / "files")
     assert not list(tmp_path.iterdir())

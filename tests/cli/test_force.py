@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from sparsemor import load, simulate
 from sparsemor.core.cli import app
-from sparsemor.core.results.files.listing import LISTING
+from sparsemor.core.results.files.written_files import LISTING
 from sparsemor.core.simulation.cache import Cache
 
 TINY = (Path(__file__).parents[1] / "scenes" / "tiny.yaml").read_text(encoding="utf-8")

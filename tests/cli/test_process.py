@@ -120,7 +120,7 @@ ENDED = """
 import os, signal, sys, threading
 signal.signal(getattr(signal, sys.argv[1]), getattr(signal, sys.argv[2]))
 import sparsemor.core.cli as cli
-from sparsemor.core.results.files.temporary import TemporaryFolder
+from sparsemor.core.results.files.temporary_folders import TemporaryFolder
 
 def app():
     global folder

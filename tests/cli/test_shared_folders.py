@@ -17,15 +17,15 @@ from typer.testing import CliRunner
 
 from sparsemor import InputError, SolveFailed, Status, load, open_result, simulate
 from sparsemor.core.cli import app
-from sparsemor.core.cli.options import place_for_result
+from sparsemor.core.cli.options_and_exit_codes import place_for_result
 from sparsemor.core.registry.hooks import hookimpl
-from sparsemor.core.results.archive import write_archive
 from sparsemor.core.results.atomic_files import replace_file
-from sparsemor.core.results.files.listing import LISTING, add_part
+from sparsemor.core.results.files.written_files import LISTING, add_part
+from sparsemor.core.results.npz_archive import write_archive
 from sparsemor.core.results.output_directory import COMPARISON
 from sparsemor.core.results.output_lock import LOCK
 from sparsemor.core.results.run_result import RunResult
-from sparsemor.core.simulation import prepare
+from sparsemor.core.simulation import stages_before_steps
 
 TESTS = Path(__file__).parents[1]
 TINY = TESTS / "scenes" / "tiny.yaml"
@@ -103,7 +103,7 @@ def test_force_onto_a_run_at_work_is_refused() -> None:
 def test_two_runs_into_one_new_directory(monkeypatch: pytest.MonkeyPatch) -> None:
     """The second one comes while the first is still assembling: nothing is stored yet."""
     found: list[tuple[int, str]] = []
-    resolved = prepare.resolved_start
+    resolved = stages_before_steps.resolved_start
 
     def second(*arguments: Any) -> Any:
         if not found:
@@ -111,7 +111,7 @@ def test_two_runs_into_one_new_directory(monkeypatch: pytest.MonkeyPatch) -> Non
             found[0] = other("run", TINY, *SETTINGS, "--out", "out")
         return resolved(*arguments)
 
-    monkeypatch.setattr(prepare, "resolved_start", second)
+    monkeypatch.setattr(stages_before_steps, "resolved_start", second)
     code, errors = other("run", TINY, *SETTINGS, "--out", "out")
     assert code == 0 and "another run" not in errors, errors
     assert found[0][0] == 2 and "another run is writing to out" in found[0][1]
@@ -166,7 +166,7 @@ def test_a_directory_lost_in_mid_run_ends_the_run(
 def test_a_file_that_is_lost_in_mid_run_ends_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sparsemor.core.simulation.recorder.CHUNK", 5)
     lost = Path("out/result/steps-000000.npz")
-    monkeypatch.setattr("sparsemor.core.results.variables.CHUNK_STEPS", 8)
+    monkeypatch.setattr("sparsemor.core.results.result_variables.CHUNK_STEPS", 8)
     with pytest.raises(OSError, match="steps 0 to 7 are lost"):
         simulate(scene(), out="out", observers=[AtStep(18, lost.unlink)])
     assert json.loads(Path("out/result/header.json").read_text(encoding="utf-8"))[
@@ -271,7 +271,7 @@ def test_a_store_without_a_step_can_be_read_and_replaced(monkeypatch: pytest.Mon
         raise Killed
 
     with monkeypatch.context() as patched:
-        patched.setattr("sparsemor.core.results.store.ResultWriter.append", kill)
+        patched.setattr("sparsemor.core.results.result_writer.ResultWriter.append", kill)
         with pytest.raises(Killed):
             simulate(scene(), out="out")
     left = open_result("out")

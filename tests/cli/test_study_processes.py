@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 
 from sparsemor import study
-from sparsemor.core.results.files.own import own_files
-from sparsemor.plugins.study.columns import TIMES
+from sparsemor.core.results.files.replaceable_files import own_files
+from sparsemor.plugins.study.table_columns import TIMES
 from swing_study import LETHAL, STUDY, SWING, command, rows_of
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from sparsemor import load, reduce, simulate
-from sparsemor.bodies.joints.heat import FrictionHeat
+from sparsemor.bodies.joints.joint_heat import FrictionHeat
 from sparsemor.core.errors import InputError
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.testing.term import check_term

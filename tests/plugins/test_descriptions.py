@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from sparsemor.core.cli.plugins import NO_CLASS, first_sentence
+from sparsemor.core.cli.validate_schema_plugins import NO_CLASS, first_sentence
 from sparsemor.core.registry.registry import Registry
 
 

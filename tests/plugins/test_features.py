@@ -6,7 +6,7 @@ import pytest
 
 from sparsemor import load, simulate
 from sparsemor.core import InputError, hookimpl
-from sparsemor.core.model.features import FEATURES
+from sparsemor.core.model.optional_features import FEATURES
 from sparsemor.core.simulation.validation import checked_model
 
 ROD = Path(__file__).parents[1] / "support" / "own_rod.py"

@@ -16,8 +16,8 @@ import pytest
 
 from small_scenes import everything
 from sparsemor import InputError, ReducedModel, Scene, load, load_model, reduce, simulate
-from sparsemor.core.scene.nested import functions_of_time
-from sparsemor.core.simulation.stepper import Stepper
+from sparsemor.core.scene.option_tree import functions_of_time
+from sparsemor.core.simulation.co_simulation import Stepper
 from sparsemor.plugins.export.fmu import Unit, export_c, export_fmu
 
 GALERKIN = {"use": "galerkin", "basis": {"use": "pod", "count": 5}}

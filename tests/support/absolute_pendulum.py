@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from sparsemor.bodies.body import FloatingBody
+from sparsemor.bodies.floating_body import FloatingBody
 from sparsemor.core import FloatArray, IntArray
 from sparsemor.core.testing.in_memory_run import March, march, scene_of
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from sparsemor.bodies.contact.term import ContactTerm
+from sparsemor.bodies.contact.contact_term import ContactTerm
 from sparsemor.bodies.frames.attitude import attitude
 from sparsemor.bodies.frames.rotation import about, product
 from sparsemor.core.arrays import FloatArray

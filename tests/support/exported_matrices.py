@@ -8,7 +8,7 @@ from scipy.io import mmwrite, savemat
 from scipy.linalg import eigh
 from scipy.sparse import csr_matrix, kron, save_npz
 
-from sparsemor.bodies.body import FloatingBody
+from sparsemor.bodies.floating_body import FloatingBody
 from sparsemor.core.scene.scene import Scene
 
 

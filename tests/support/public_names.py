@@ -3,8 +3,8 @@
 import ast
 
 MODULES = {f"sparsemor.core.{name}" for name in (
-    "linalg.column_subsets", "linalg.dense", "linalg.factorized", "linalg.nested_dissection",
-    "linalg.snapshots", "linalg.threads",
+    "linalg.column_subsets", "linalg.dense", "linalg.linear_solver_checks",
+    "linalg.nested_dissection", "linalg.snapshots", "linalg.threads",
     "model.assembly", "model.block_patterns", "model.compressed_local",
     "model.constraint_rates", "model.equations", "model.expected_states", "model.facets",
     "model.factorizations", "model.fitting_bases", "model.initial_state",
@@ -14,7 +14,7 @@ MODULES = {f"sparsemor.core.{name}" for name in (
     "protocols.reducer", "protocols.separable", "protocols.sparse_solver",
     "protocols.step_amplitude", "protocols.step_solver", "protocols.term",
     "protocols.time_function",
-    "registry.returned_values", "results.error_norms", "scene.expressions", "scene.nested",
+    "registry.returned_values", "results.error_norms", "scene.expressions", "scene.option_tree",
     "simulation.cache", "simulation.memory.estimate", "simulation.memory.limits",
     "simulation.time_stepping")}
 """Modules of core for some plugins, which docs/reference/modules.md lists."""

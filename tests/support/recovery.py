@@ -9,8 +9,8 @@ import pytest
 from sparsemor.core import Group, SparseOutcome, SparseSolver
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.testing import installed
-from sparsemor.core.testing.problems import Elsewhere, LeastSquares, empty_start
-from sparsemor.plugins.sparse_solvers.newton import LinearRecovery
+from sparsemor.core.testing.sparse_problems import Elsewhere, LeastSquares, empty_start
+from sparsemor.plugins.sparse_solvers.newton_on_supports import LinearRecovery
 
 SOLVERS: dict[str, Any] = {name: plugin() for name, plugin in installed("sparse_solver").items()}
 LINEAR = {name: s for name, s in SOLVERS.items() if isinstance(s, LinearRecovery)}

@@ -8,10 +8,10 @@ from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.testing.in_memory_run import March
-from sparsemor.reducers.estimation.build import error_model
 from sparsemor.reducers.estimation.coupled_errors import CoupledErrors
+from sparsemor.reducers.estimation.error_model_assembly import error_model
 from sparsemor.reducers.estimation.estimator import ErrorModel
-from sparsemor.reducers.options import ReducedStepOptions
+from sparsemor.reducers.reducer_options import ReducedStepOptions
 
 
 def learnt(run: March) -> dict[str, FloatArray]:

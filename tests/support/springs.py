@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csr_array
 
-from sparsemor.bodies.body import FloatingBody
+from sparsemor.bodies.floating_body import FloatingBody
 from sparsemor.core import Term, Trial
 from sparsemor.core.arrays import Csr, FloatArray, IntArray
 from sparsemor.core.model.assembly import assemble

@@ -9,8 +9,8 @@ from sparsemor.bodies.terms import field_kinds
 from sparsemor.core import BodyShape, Dictionary
 from sparsemor.core.protocols.layout import Block, Layout
 from sparsemor.core.results.metadata import RunHeader
+from sparsemor.core.results.result_writer import ChunkOfSteps, ResultWriter
 from sparsemor.core.results.run_result import RunResult, open_result
-from sparsemor.core.results.store import ChunkOfSteps, ResultWriter
 from sparsemor.core.status import Status
 
 RIGID, ELASTIC = Block("arm", field_kinds.RIGID, 3), Block("arm", field_kinds.ELASTIC, 8)

@@ -27,7 +27,7 @@ from sparsemor.bodies.mesh.formats.abaqus_statements import (
     shown,
     statements,
 )
-from sparsemor.bodies.mesh.formats.content import (
+from sparsemor.bodies.mesh.formats.file_content import (
     COMPLETE,
     BadLine,
     CellBlock,

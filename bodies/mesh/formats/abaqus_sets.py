@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from sparsemor.bodies.mesh.formats.abaqus_statements import integer, key_of, shown
-from sparsemor.bodies.mesh.formats.content import (
+from sparsemor.bodies.mesh.formats.file_content import (
     CELLS,
     BadLine,
     CellBlock,

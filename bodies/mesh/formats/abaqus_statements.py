@@ -3,7 +3,7 @@
 import re
 from collections.abc import Iterator, Sequence
 
-from sparsemor.bodies.mesh.formats.content import INTEGER, BadLine
+from sparsemor.bodies.mesh.formats.file_content import INTEGER, BadLine
 
 _REAL = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(E[+-]?\d+)?", re.ASCII)
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsemor.bodies.mesh.formats.content import (
+from sparsemor.bodies.mesh.formats.file_content import (
     BadLine,
     CellBlock,
     Content,

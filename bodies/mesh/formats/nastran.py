@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sparsemor.bodies.mesh.formats.content import (
+from sparsemor.bodies.mesh.formats.file_content import (
     COMPLETE,
     INTEGER,
     BadLine,

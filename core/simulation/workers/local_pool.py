@@ -39,7 +39,7 @@ class _Worker:
 
 class LocalPool:
     """Pool of `workers` processes with one BLAS thread each, which execute the module `program`
-    (serve.py); their output is appended to the file `log`. lost: number of them that died."""
+    (worker_loop.py); their output is appended to the file `log`. lost: number of them that died."""
 
     repeats, lost = 3, 0
 

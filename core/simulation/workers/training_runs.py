@@ -10,7 +10,7 @@ from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.workers.local_pool import LocalPool
 
-PROGRAM = "sparsemor.core.simulation.workers.train"
+PROGRAM = "sparsemor.core.simulation.workers.training_worker"
 """Program of the worker processes."""
 WAIT = 0.5
 """Interval at which Ctrl-C is noticed, s."""

@@ -1,9 +1,10 @@
 """Compilation of the kernel by numba, an optional package (`pip install 'sparsemor[fast]'`).
 
-The functions of dense.py, kernel.py, local.py, reduced.py and prescribed.py are plain Python;
-numba compiles copies of them, which call each other's compiled forms. Machine code is kept under a
-digest of the sources, so that it is never older than these, where only its user can have written it
-(`MachineCode`): numba's own files are pickles, found by an index that is a pickle.
+The functions of dense_products.py, kernel.py, local_terms.py, reduced_equations.py and
+prescribed_body.py are plain Python; numba compiles copies of them, which call each other's compiled
+forms. Machine code is kept under a digest of the sources, so that it is never older than these,
+where only its user can have written it (`MachineCode`): numba's own files are pickles, found by an
+index that is a pickle.
 """
 
 import hashlib
@@ -19,15 +20,22 @@ from pathlib import Path
 from types import FunctionType
 from typing import Any, NamedTuple, TypeAlias
 
-from sparsemor.reducers.step.compiled import dense, kernel, local, prescribed, reduced
+from sparsemor.reducers.step.compiled import (
+    dense_products,
+    kernel,
+    local_terms,
+    prescribed_body,
+    reduced_equations,
+)
 from sparsemor.reducers.step.compiled.machine_code import MachineCode
 
 _log = logging.getLogger(__name__)
 ArrayFunction: TypeAlias = Callable[..., object]
 """A function on arrays, which numba compiles."""
 COUNTED: tuple[ArrayFunction, ...] = (
-    dense.product, dense.add_products, local.rows_of, reduced.add_terms, prescribed.corrected,
-    prescribed.solve_body, prescribed.solve_prescribed, prescribed.add_forces, kernel.iterate_heat,
+    dense_products.product, dense_products.add_products, local_terms.rows_of,
+    reduced_equations.add_terms, prescribed_body.corrected, prescribed_body.solve_body,
+    prescribed_body.solve_prescribed, prescribed_body.add_forces, kernel.iterate_heat,
     kernel.solve_heat)
 """Functions that create arrays. All others are compiled without the counts of references to arrays,
 which take a third of a step."""
@@ -35,12 +43,12 @@ which take a third of a step."""
 
 def left(*given: Any) -> int:
     """Instead of a function that solves what a model does not have."""
-    return reduced.LEFT
+    return reduced_equations.LEFT
 
 
 def left_heat(*given: Any) -> tuple[int, float]:
     """Instead of the iteration of temperatures, where heat is linear."""
-    return reduced.LEFT, 0.0
+    return reduced_equations.LEFT, 0.0
 
 
 def not_ahead(*given: Any) -> bool:
@@ -75,17 +83,17 @@ class Functions(NamedTuple):
         found: dict[ArrayFunction, ArrayFunction] = dict.fromkeys(
             self.unused, nothing)
         if self.frame is None:
-            found[reduced.solve] = left
+            found[reduced_equations.solve] = left
         else:
-            found[reduced.evaluate_frame] = self.frame
+            found[reduced_equations.evaluate_frame] = self.frame
         if not self.prescribed:
-            found |= {prescribed.solve_prescribed: left, prescribed.add_forces: nothing}
+            found |= {prescribed_body.solve_prescribed: left, prescribed_body.add_forces: nothing}
             if self.frame is not None:
                 found[kernel.heat_ahead] = not_ahead
         if not self.terms:
-            found[reduced.add_terms] = nothing
+            found[reduced_equations.add_terms] = nothing
         if not self.laws:
-            found |= {kernel.iterate_heat: left_heat, local.rows_of: no_rows}
+            found |= {kernel.iterate_heat: left_heat, local_terms.rows_of: no_rows}
         return found
 
 
@@ -114,10 +122,11 @@ def linked(
         copy.__qualname__ += suffix
         return compiled(copy)
 
-    laws = link(local.no_law)
+    laws = link(local_terms.no_law)
     for i, law in reversed([*enumerate(functions.laws)]):
-        laws = copied(local.evaluate_law, f"_{i}", {"first_law": link(law), "other_laws": laws})
-    made[local.evaluate_law] = laws
+        laws = copied(
+            local_terms.evaluate_law, f"_{i}", {"first_law": link(law), "other_laws": laws})
+    made[local_terms.evaluate_law] = laws
     for function in wanted:
         link(function)
     return {function.__name__: copy for function, copy in made.items()

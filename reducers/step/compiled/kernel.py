@@ -1,8 +1,8 @@
-"""Steps of a reduced model as functions on arrays (arrays.py), which numba compiles.
+"""Steps of a reduced model as functions on arrays (model_arrays.py), which numba compiles.
 
-The equations are those of predictor.py, thermal_block.py, reduced.py and newton_loop.py; tests
-compare both. Nothing here evaluates a Jacobian: a step that needs a new one, or does not converge
-at once, is left to these (`LEFT`).
+The equations are those of predictor.py, thermal_block.py, reduced_equations.py and newton_loop.py;
+tests compare both. Nothing here evaluates a Jacobian: a step that needs a new one, or does not
+converge at once, is left to these (`LEFT`).
 """
 
 from math import inf
@@ -13,7 +13,9 @@ from sparsemor.core import FloatArray
 from sparsemor.core.protocols.integrator import same_time
 from sparsemor.core.protocols.poses import steered, tangent
 from sparsemor.reducers.step.acceptance import estimated_error
-from sparsemor.reducers.step.compiled.arrays import (
+from sparsemor.reducers.step.compiled.dense_products import product
+from sparsemor.reducers.step.compiled.local_terms import rows_of
+from sparsemor.reducers.step.compiled.model_arrays import (
     BodyArrays,
     BodyWork,
     HeatArrays,
@@ -23,10 +25,8 @@ from sparsemor.reducers.step.compiled.arrays import (
     TermArrays,
     Work,
 )
-from sparsemor.reducers.step.compiled.dense import product
-from sparsemor.reducers.step.compiled.local import rows_of
-from sparsemor.reducers.step.compiled.prescribed import add_forces, solve_prescribed
-from sparsemor.reducers.step.compiled.reduced import LEFT, motion, remember, solve
+from sparsemor.reducers.step.compiled.prescribed_body import add_forces, solve_prescribed
+from sparsemor.reducers.step.compiled.reduced_equations import LEFT, motion, remember, solve
 from sparsemor.reducers.step.thermal_block import RENEWED, SLOW, TINY
 
 ROUND_OFF = same_time(1.0)

@@ -12,7 +12,9 @@ import numpy as np
 from sparsemor.core import FloatArray, IntArray
 from sparsemor.core.protocols.poses import LEFT
 from sparsemor.reducers.step.acceptance import EPS
-from sparsemor.reducers.step.compiled.arrays import (
+from sparsemor.reducers.step.compiled.kernel import advance, predicted, solve_heat
+from sparsemor.reducers.step.compiled.local_terms import rows_of
+from sparsemor.reducers.step.compiled.model_arrays import (
     BodyArrays,
     BodyWork,
     HeatArrays,
@@ -22,9 +24,7 @@ from sparsemor.reducers.step.compiled.arrays import (
     TermArrays,
     Work,
 )
-from sparsemor.reducers.step.compiled.kernel import advance, predicted, solve_heat
-from sparsemor.reducers.step.compiled.local import rows_of
-from sparsemor.reducers.step.compiled.reduced import begin, motion, residual
+from sparsemor.reducers.step.compiled.reduced_equations import begin, motion, residual
 from sparsemor.reducers.step.newton_loop import UNKNOWN
 
 SMALL = 1e-6

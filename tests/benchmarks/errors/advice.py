@@ -39,7 +39,7 @@ from sparsemor.core.results.error_norms import measure_errors
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.offline import step_count
-from sparsemor.core.simulation.prepare import prepared_run
+from sparsemor.core.simulation.stages_before_steps import prepared_run
 from sparsemor.core.simulation.step_control import step_of
 from sparsemor.core.simulation.time_stepping import iterate, started
 from sparsemor.core.status import SolveFailed

@@ -20,7 +20,7 @@ from typing import Any
 
 from sparsemor import ReducedModel, load, parameter_test, reduce, simulate
 from sparsemor.core.model.assembly import BodyCache
-from sparsemor.core.scene.parameters import latin_hypercube, values_at
+from sparsemor.core.scene.parameters_and_training_points import latin_hypercube, values_at
 
 BOXES: dict[str, dict[str, Any]] = {
     "double_pendulum": {

@@ -21,7 +21,7 @@ from sparsemor.core.registry.hooks import new_manager
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.cache import Cache
-from sparsemor.core.simulation.prepare import prepared
+from sparsemor.core.simulation.stages_before_steps import prepared
 
 POD = {"disk.thermal": (50, 100, 200, 400), "disk.elastic": (20, 50, 100, 200),
        "pad.elastic": (20, 40)}

@@ -24,10 +24,10 @@ from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.memory.estimate import precheck_memory
 from sparsemor.core.simulation.memory.limits import GIGABYTE, peak, resident
 from sparsemor.core.simulation.offline import Offline
-from sparsemor.core.simulation.prepare import prepared
+from sparsemor.core.simulation.stages_before_steps import prepared
 from sparsemor.core.status import SolveFailed
+from sparsemor.reducers.step.blockwise_solver import Stepper
 from sparsemor.reducers.step.reduced_mechanics import ReducedMechanics
-from sparsemor.reducers.step.solver import Stepper
 from sparsemor.reducers.step.thermal_block import CompressedHeat
 from sparsemor.reducers.step.time_tables import TimeTable
 

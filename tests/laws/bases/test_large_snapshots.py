@@ -15,7 +15,7 @@ from sparsemor.core.errors import InputError
 from sparsemor.core.linalg import snapshots as snapshots_module
 from sparsemor.core.linalg.snapshots import SnapshotWriter, column_chunks
 from sparsemor.core.registry.hooks import new_manager
-from sparsemor.core.results.files.temporary import TemporaryFolder
+from sparsemor.core.results.files.temporary_folders import TemporaryFolder
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.offline import STATE, largest_coefficient
 from sparsemor.core.simulation.offline_cache import Products

@@ -19,7 +19,7 @@ from sparsemor.plugins.bases.load_patterns import likely_states, patch_weights, 
 from sparsemor.plugins.bases.modal import Modal
 from sparsemor.plugins.bases.pod import Pod
 from sparsemor.plugins.bases.union import Overcomplete
-from sparsemor.reducers.checks import most_atoms
+from sparsemor.reducers.block_counts import most_atoms
 
 
 @pytest.mark.parametrize("basis", [

@@ -11,7 +11,7 @@ from sparsemor.core.errors import InputError
 from sparsemor.core.registry.hooks import new_manager
 from sparsemor.core.scene.scene import load
 from sparsemor.core.simulation.cache import Cache
-from sparsemor.core.simulation.prepare import prepared_run
+from sparsemor.core.simulation.stages_before_steps import prepared_run
 
 SHORT: dict[str, dict[str, Any]] = {
     "double_pendulum": {"bodies.link1.mesh.elements": 320, "bodies.link2.mesh.elements": 320,

@@ -10,7 +10,7 @@ from sparsemor.core import BlockData, Dictionary
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.linalg.dense import svd
-from sparsemor.plugins.samplers.base import SpanSampler
+from sparsemor.plugins.samplers.candidate_rows import SpanSampler
 from sparsemor.plugins.samplers.deim import DeimPoints
 from sparsemor.plugins.samplers.s_opt import SOpt
 

@@ -15,7 +15,7 @@ from sparsemor.core.errors import InputError
 from sparsemor.core.model.model import StepFactors
 from sparsemor.core.registry.hooks import new_manager
 from sparsemor.core.simulation.cache import Cache
-from sparsemor.core.simulation.prepare import prepared
+from sparsemor.core.simulation.stages_before_steps import prepared
 from sparsemor.core.testing import check_basis
 from sparsemor.core.testing.in_memory_run import march
 from sparsemor.plugins.bases.attachment import Attachment

@@ -21,7 +21,7 @@ from sparsemor.core.testing.random_inputs import DISPLACEMENTS, random_block, ra
 from sparsemor.plugins.bases.modal import CraigBampton, Modal
 from sparsemor.plugins.bases.pod import Pod
 from sparsemor.plugins.bases.static import Static
-from sparsemor.reducers.checks import most_atoms
+from sparsemor.reducers.block_counts import most_atoms
 
 
 @pytest.mark.full

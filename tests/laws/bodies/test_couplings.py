@@ -21,7 +21,7 @@ from sparsemor.core.protocols.layout import Block, Layout
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.testing.in_memory_run import March, march
 from sparsemor.reducers.sparse.supported_steps import SparseStepper
-from sparsemor.reducers.step.solver import Stepper
+from sparsemor.reducers.step.blockwise_solver import Stepper
 from springs import bars
 from tiers import quick
 

@@ -26,7 +26,7 @@ from sparsemor.core.model.compressed_local import CompressedLocal
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.testing import check_term
 from sparsemor.core.testing.in_memory_run import March, march, scene_of
-from sparsemor.reducers.step.solver import Stepper
+from sparsemor.reducers.step.blockwise_solver import Stepper
 from springs import bars
 from tiers import quick
 

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from sparsemor.bodies.body_set import find_target
-from sparsemor.bodies.frames.force_items import BodyForce
-from sparsemor.bodies.frames.items import Item
-from sparsemor.bodies.frames.joint_items import with_torques
+from sparsemor.bodies.frames.applied_forces import BodyForce
+from sparsemor.bodies.frames.frame_items import Item
+from sparsemor.bodies.frames.mean_displacement_and_rotation import with_torques
 from sparsemor.bodies.frames.motion import Motion, Moved, Pushed, Sums
-from sparsemor.bodies.joints.conditions import conditions_between
-from sparsemor.bodies.joints.part import JointPart
-from sparsemor.bodies.loads.part import LoadPart
+from sparsemor.bodies.joints.built_joint import JointPart
+from sparsemor.bodies.joints.constraint_conditions import conditions_between
+from sparsemor.bodies.loads.built_load import LoadPart
 from sparsemor.bodies.mesh.generators.block import BlockMesh
 from sparsemor.core import JointPlugin, LoadPlugin, Part
 from sparsemor.core.arrays import FloatArray

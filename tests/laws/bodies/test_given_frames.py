@@ -12,9 +12,9 @@ from sparsemor.core.testing.in_memory_run import March, march
 from sparsemor.reducers.linalg import coarse_correction as coarse
 from sparsemor.reducers.linalg.modal_coordinates import modal_coordinates
 from sparsemor.reducers.projection.galerkin import Galerkin
-from sparsemor.reducers.step.reduced import Reduced
+from sparsemor.reducers.step.blockwise_solver import Stepper
+from sparsemor.reducers.step.reduced_equations import Reduced
 from sparsemor.reducers.step.reduced_mechanics import LoopMechanics, ReducedMechanics
-from sparsemor.reducers.step.solver import Stepper
 from sparsemor.reducers.step.thermal_block import CompressedHeat
 from sparsemor.reducers.step.time_tables import TimeTable
 from turning_bars import H, bar, plane_bar, turning

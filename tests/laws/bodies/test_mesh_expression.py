@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from sparsemor.bodies.mesh.expression import evaluate_condition, evaluate_formula
+from sparsemor.bodies.mesh.coordinate_expressions import evaluate_condition, evaluate_formula
 from sparsemor.core.errors import InputError
 
 POINTS = np.array([[0.0, 0.1], [1.0, 0.05]])

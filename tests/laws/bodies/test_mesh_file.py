@@ -8,9 +8,9 @@ import meshio
 import numpy as np
 import pytest
 
-from sparsemor.bodies.mesh.check import check_mesh
-from sparsemor.bodies.mesh.file import MeshFile
 from sparsemor.bodies.mesh.generators.rectangle import Rectangle
+from sparsemor.bodies.mesh.mesh_checks_and_repairs import check_mesh
+from sparsemor.bodies.mesh.mesh_file import MeshFile
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.protocols.mesh import Mesh

@@ -8,10 +8,10 @@ import pytest
 from pydantic import ValidationError
 
 from sparsemor.bodies.material import Isotropic, require
-from sparsemor.bodies.mesh.check import check_mesh
 from sparsemor.bodies.mesh.generators.link import Link
 from sparsemor.bodies.mesh.generators.rectangle import Rectangle
-from sparsemor.bodies.mesh.sets import PointSet, find_set, with_sets
+from sparsemor.bodies.mesh.mesh_checks_and_repairs import check_mesh
+from sparsemor.bodies.mesh.point_sets import PointSet, find_set, with_sets
 from sparsemor.core.errors import InputError
 from sparsemor.core.protocols.mesh import Mesh
 

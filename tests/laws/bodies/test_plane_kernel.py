@@ -12,7 +12,7 @@ from scipy.sparse import coo_array, csr_array
 
 from sparsemor.bodies import BODY_KINDS, Conditions, FloatingBody, JointPart, MassProperties
 from sparsemor.bodies.frames.frame import PlanarFrame, SpatialFrame
-from sparsemor.bodies.joints.conditions import conditions_between, conditions_on
+from sparsemor.bodies.joints.constraint_conditions import conditions_between, conditions_on
 from sparsemor.core import BodyPlugin, FieldKind, FloatArray, JointPlugin, Part
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.equations import system_jacobian, system_residual

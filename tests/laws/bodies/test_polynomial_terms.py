@@ -9,7 +9,7 @@ import pytest
 
 from sparsemor import load_model, reduce, simulate
 from sparsemor.bodies.terms.point_term import PointTerm
-from sparsemor.bodies.terms.polynomial import MOST, PolynomialTerm
+from sparsemor.bodies.terms.polynomial_term import MOST, PolynomialTerm
 from sparsemor.bodies.terms.weak_term import WeakTerm
 from sparsemor.core import Trial
 from sparsemor.core.model.assembly import assemble

@@ -10,9 +10,8 @@ import pytest
 
 from sparsemor.bodies.fem.integrals import on_facets
 from sparsemor.bodies.frames import rotation as rot
-from sparsemor.bodies.frames.force_items import Moment
+from sparsemor.bodies.frames.applied_forces import Moment, Reaction
 from sparsemor.bodies.frames.frame import SpatialFrame
-from sparsemor.bodies.frames.joint_items import Reaction
 from sparsemor.bodies.frames.springs import Angle, Length, RelativeItem, linear
 from sparsemor.bodies.loads.surface_heat import GreyBody
 from sparsemor.bodies.mesh.generators.block import BlockMesh

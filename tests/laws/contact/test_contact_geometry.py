@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from sparsemor.bodies.contact.clipping import Parts
+from sparsemor.bodies.contact.closest_points import closest_points, nearest
 from sparsemor.bodies.contact.contact_laws import Coulomb, ElasticFoundation
-from sparsemor.bodies.contact.distance import closest_points, nearest
-from sparsemor.bodies.contact.pieces import Overlaps, Pairs, Pieces
+from sparsemor.bodies.contact.overlaps import Overlaps, Pairs, Pieces
 from sparsemor.bodies.contact.quadrature import rule
 from sparsemor.bodies.contact.surface import Planes, area_slopes, cells_of
 from sparsemor.bodies.fem.integrals import area_vectors

@@ -6,7 +6,7 @@ import pytest
 from sparsemor import simulate
 from sparsemor.core.registry.hooks import new_manager
 from sparsemor.core.simulation.cache import Cache
-from sparsemor.core.simulation.prepare import prepared
+from sparsemor.core.simulation.stages_before_steps import prepared
 from sparsemor.core.testing.in_memory_run import scene_of
 
 FEET = '''

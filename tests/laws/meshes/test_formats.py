@@ -10,9 +10,9 @@ import pytest
 
 from mesh_texts import abaqus, bar, canonical, gmsh, nastran
 from sparsemor.bodies.fem.integrals import boundary_facets, facet_measures
-from sparsemor.bodies.fem.quadratic import with_midpoints
-from sparsemor.bodies.mesh.file import MeshFile
-from sparsemor.bodies.mesh.formats import other
+from sparsemor.bodies.fem.quadratic_cells import with_midpoints
+from sparsemor.bodies.mesh.formats import by_meshio
+from sparsemor.bodies.mesh.mesh_file import MeshFile
 from sparsemor.core.errors import InputError
 from sparsemor.core.protocols.mesh import Mesh
 
@@ -283,8 +283,8 @@ def test_a_count_that_differs_from_the_lines_is_an_error(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A reader that drops a cell, or shifts a set, is found by a plain count of the lines."""
-    from sparsemor.bodies.mesh import file as module
-    from sparsemor.bodies.mesh.formats.content import CellBlock, Content
+    from sparsemor.bodies.mesh import mesh_file as module
+    from sparsemor.bodies.mesh.formats.file_content import CellBlock, Content
 
     def without_last(read: Callable[[bytes, str], Content]) -> Callable[[bytes, str], Content]:
         def reader(data: bytes, name: str) -> Content:
@@ -319,8 +319,8 @@ def test_a_set_of_other_elements_than_its_lines_is_an_error(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """meshio gave the elements of the block before to a set, where that had no ELSET."""
-    from sparsemor.bodies.mesh import file as module
-    from sparsemor.bodies.mesh.formats.content import Content, MeshGroup
+    from sparsemor.bodies.mesh import mesh_file as module
+    from sparsemor.bodies.mesh.formats.file_content import Content, MeshGroup
 
     def shifted(read: Callable[[bytes, str], Content]) -> Callable[[bytes, str], Content]:
         def reader(data: bytes, name: str) -> Content:
@@ -432,7 +432,7 @@ def test_groups_of_medit_and_salome(tmp_path: Path) -> None:
         "cell_tags": [np.array([-1]), -shape.metal - 1]})
     salome.cell_tags = {-1: ["hot"], -2: ["left", "all"], -3: ["right", "all"]}
     salome.point_tags = {4: ["tip"]}
-    groups = other.content_of(salome).groups
+    groups = by_meshio.content_of(salome).groups
     found = {n: [(b, len(r)) for b, r in g.cells] for n, g in groups.items()}
     assert found == {"hot": [(0, 1)], "left": [(1, 10)], "right": [(1, 10)],
                      "all": [(1, 10), (1, 10)], "tip": []}

@@ -11,7 +11,7 @@ import sparsemor.core
 from source_trees import tree_of
 
 CORE = Path(sparsemor.core.__file__).parent
-DEFAULTS = CORE / "scene" / "defaults.py"
+DEFAULTS = CORE / "scene" / "default_plugins.py"
 """The names that a scene takes where it names none."""
 FIELD_OR_REDUCER = re.compile(r"\b(elastic|thermal|galerkin)\b")
 EXACT = {"full", "rigid", "multiplier"}

@@ -25,7 +25,7 @@ HEAVY = {"skfem", "matplotlib", "meshio", "xarray", "rich", "pyvista"}
 EACH = [pytest.param(f, marks=pytest.mark.full) if f == "core" else f for f in FOLDERS]
 """Folders as parameters; the syntax trees of core take half a second."""
 FILES = sorted(p for folder in FOLDERS for p in (ROOT / folder).rglob("*.py"))
-FORMS = "sparsemor.bodies.fem.forms"
+FORMS = "sparsemor.bodies.fem.element_matrices"
 """Imports scikit-fem, and is itself imported inside functions only."""
 BUILD = ROOT / "core" / "_distribution"
 COMMANDS = [ROOT / "plugins" / name for name in (
@@ -140,7 +140,7 @@ def test_imports_follow_the_table(folder: str) -> None:
         tree = tree_of(path)
         if not path.is_relative_to(BUILD):  # the package itself, with names from all folders
             assert not breaches(folder, tree), path
-        heavy = HEAVY - ({"skfem"} if path == ROOT / "bodies/fem/forms.py" else set())
+        heavy = HEAVY - ({"skfem"} if path == ROOT / "bodies/fem/element_matrices.py" else set())
         loaded = at_import(tree)
         assert not {n.split(".")[0] for n in loaded} & heavy, (path, "import inside functions")
         assert not any(n.startswith(FORMS) for n in loaded), path

@@ -100,7 +100,7 @@ def test_the_stability_check_takes_the_states_of_the_trial_run(
     def refused(*of: object) -> None:
         raise AssertionError("a run of the Galerkin model")
 
-    monkeypatch.setattr("sparsemor.plugins.stability.reference.along", refused)
+    monkeypatch.setattr("sparsemor.plugins.stability.galerkin_reference.along", refused)
     scene = load("hot_plate", {"bodies.plate.mesh.divisions": [20, 8], "time.end": 12.0})
     assert advise(scene, tolerance=1e-2, cache=Cache(tmp_path)).choice.reducer["use"] == "ecsw"
 

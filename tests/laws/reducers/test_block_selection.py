@@ -21,7 +21,7 @@ from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.status import SolveFailed, Status
 from sparsemor.core.testing.in_memory_run import march
-from sparsemor.core.testing.problems import one_group
+from sparsemor.core.testing.sparse_problems import one_group
 from sparsemor.reducers.sparse.block_selection import AtSolution, BlockSelection, exchanged
 from sparsemor.reducers.sparse.block_selection import BlockwiseSelection as Blockwise
 from sparsemor.reducers.sparse.recovery_problem import HeatProblem, MechanicsProblem

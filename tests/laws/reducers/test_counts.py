@@ -20,7 +20,7 @@ from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.testing.in_memory_run import march
 from sparsemor.reducers.sparse.block_selection import BlockwiseSelection
 from sparsemor.reducers.sparse.supported_steps import SparseStepper
-from sparsemor.reducers.step.solver import Stepper
+from sparsemor.reducers.step.blockwise_solver import Stepper
 
 OFFLINE = {"dictionaries", "rows", "separated", "model", "body", "dictionary"}
 """What a solver keeps for decoding, and for preparing supports where there are local terms."""

@@ -28,7 +28,7 @@ from sparsemor.integrators.bdf1 import Bdf1
 from sparsemor.integrators.bdf2 import Bdf2
 from sparsemor.integrators.generalized_alpha import GeneralizedAlpha
 from sparsemor.plugins.charts.error_over_time import error_over_time_figure
-from sparsemor.reducers.estimation import affordable, coupled_errors, error_space
+from sparsemor.reducers.estimation import coupled_errors, error_space, estimate_interval
 from sparsemor.reducers.estimation.coupled_errors import CoupledErrors
 from sparsemor.reducers.estimation.estimator import ErrorModel
 from sparsemor.reducers.estimation.modal_steps import ModalSteps
@@ -309,10 +309,10 @@ def test_few_estimates_cost_a_twentieth_of_the_steps(
                                        "basis": {"use": "pod", "count": 2}}})
     small = small.using({"time.end": 200 * small.time.step, "training.end": small.time.end})
     run = simulate(small)
-    price = affordable.WHOLE if scene is tiny else affordable.BLOCKS
+    price = estimate_interval.WHOLE if scene is tiny else estimate_interval.BLOCKS
     assert run.error_estimates
     first = (coupled_errors.FIRST * coupled_errors.ITERATIONS) if scene is tiny else 0
-    assert 0 < counts["residuals"] <= affordable.SHARE * 200 / price + first
+    assert 0 < counts["residuals"] <= estimate_interval.SHARE * 200 / price + first
 
 
 def test_kept_models_and_what_auto_chooses_have_an_estimate_unless_it_is_off() -> None:

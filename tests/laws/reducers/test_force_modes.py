@@ -20,7 +20,7 @@ from sparsemor.core.status import SolveFailed
 from sparsemor.core.testing.in_memory_run import March, march, scene_of
 from sparsemor.reducers.linalg.left_inverse import left_inverse
 from sparsemor.reducers.projection.deim import Deim
-from sparsemor.reducers.projection.force_snapshots import (
+from sparsemor.reducers.projection.force_modes import (
     differences,
     force_modes,
     force_snapshots,
@@ -28,8 +28,8 @@ from sparsemor.reducers.projection.force_snapshots import (
     replayed,
     states,
 )
-from sparsemor.reducers.projection.maps import LinearOperators, Reducible
-from sparsemor.reducers.step.operators import TestMap as Map
+from sparsemor.reducers.projection.operators_and_test_maps import LinearOperators, Reducible
+from sparsemor.reducers.step.projected_operators import TestMap as Map
 
 RULES = {"bdf1": {"use": "bdf1"}, "generalized_alpha": {"use": "generalized_alpha", "rho_inf": 0.5}}
 

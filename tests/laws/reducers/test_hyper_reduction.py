@@ -18,11 +18,11 @@ from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.status import SolveFailed, Status
 from sparsemor.core.testing.in_memory_run import March, march
 from sparsemor.plugins.bases.pod import Pod
-from sparsemor.reducers.projection.base import ProjectionReducer
 from sparsemor.reducers.projection.deim import Deim
 from sparsemor.reducers.projection.galerkin import Galerkin
 from sparsemor.reducers.projection.least_squares import Gnat
-from sparsemor.reducers.projection.maps import LinearOperators, Reducible
+from sparsemor.reducers.projection.operators_and_test_maps import LinearOperators, Reducible
+from sparsemor.reducers.projection.projection_reducer import ProjectionReducer
 
 METHODS: dict[str, dict[str, Any]] = {
     "deim": {"use": "deim"}, "lspg": {"use": "lspg", "norm": "rows"},

@@ -4,17 +4,17 @@ import numpy as np
 
 from sparsemor.core import FloatArray, Frame
 from sparsemor.reducers.sparse.row_compression import compact, elastic_columns
-from sparsemor.reducers.step import operators
+from sparsemor.reducers.step import projected_operators
 
 M, K, G = 30, 240, 3
 
 
-def random_operators(rng: np.random.Generator) -> operators.TestedElastic:
+def random_operators(rng: np.random.Generator) -> projected_operators.TestedElastic:
     def some(*shape: int) -> FloatArray:
         return rng.standard_normal(shape)
 
     frame: Frame = None  # type: ignore[assignment]  # not read by a block
-    return operators.TestedElastic(
+    return projected_operators.TestedElastic(
         frame, some(M, K), some(M, K), some(M, K), some(G, M, K), some(M, 2), some(M, 7),
         some(M, 0), some(M), np.zeros((0, K, K)), some(2, K), ())
 

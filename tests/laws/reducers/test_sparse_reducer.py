@@ -19,12 +19,12 @@ from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.status import Status
 from sparsemor.core.testing.in_memory_run import march
 from sparsemor.plugins.sparse_solvers.greedy_gauss_newton import GreedyGaussNewton
-from sparsemor.reducers.sparse.build import Whole
 from sparsemor.reducers.sparse.reducer import Sparse
 from sparsemor.reducers.sparse.row_compression import compact, elastic_columns
 from sparsemor.reducers.sparse.sampled_block import Sampled, SampledElastic
-from sparsemor.reducers.step import operators as test_map
-from sparsemor.reducers.step.operators import TestMap as Map
+from sparsemor.reducers.sparse.step_solver import Whole
+from sparsemor.reducers.step import projected_operators as test_map
+from sparsemor.reducers.step.projected_operators import TestMap as Map
 from tiny_scene import BUDGETS, FIXED, full, prepared, snapshots
 
 WIDE = {"*.elastic": {"rows": 8, "atoms": 6}, "*.thermal": {"rows": 4, "atoms": 3}}

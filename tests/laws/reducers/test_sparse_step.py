@@ -14,11 +14,11 @@ from sparsemor.core.protocols.integrator import step_formula
 from sparsemor.core.registry.hooks import new_manager
 from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.simulation.cache import Cache
-from sparsemor.core.simulation.prepare import prepared
+from sparsemor.core.simulation.stages_before_steps import prepared
 from sparsemor.core.simulation.time_stepping import FixedStep, started
-from sparsemor.reducers.sparse.options import Budget
 from sparsemor.reducers.sparse.reducer import Sparse
 from sparsemor.reducers.sparse.residual_rows import inverted_blocks, samplers
+from sparsemor.reducers.sparse.sparse_options import Budget
 from sparsemor.reducers.sparse.step import SampledRows, SparseStep
 from sparsemor.reducers.trial_bases import trial_bases
 from tiers import full

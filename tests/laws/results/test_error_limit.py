@@ -16,9 +16,9 @@ from sparsemor.core.results.tables import marked, text_table
 from sparsemor.core.status import Status
 from sparsemor.plugins.charts.error_over_time import error_over_time_figure
 from sparsemor.plugins.charts.work_precision import WorkPoint, work_precision_figure
-from sparsemor.plugins.study.columns import measured
 from sparsemor.plugins.study.plan import StudyPlan
 from sparsemor.plugins.study.report import counted, in_words
+from sparsemor.plugins.study.table_columns import measured
 from toy_scene import TOY_SCENE
 from toy_study import HEAD, planned
 from written_runs import ALL, TIMES, motion, write_run

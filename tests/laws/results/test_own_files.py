@@ -14,7 +14,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sparsemor import InputError, SolveFailed, Status, open_result
-from sparsemor.core.results.files.listing import (
+from sparsemor.core.results.files.replaceable_files import own_files
+from sparsemor.core.results.files.written_files import (
     LISTING,
     add_part,
     add_to_listing,
@@ -23,9 +24,8 @@ from sparsemor.core.results.files.listing import (
     read_listing,
     write_listed,
 )
-from sparsemor.core.results.files.own import own_files
 from sparsemor.core.results.output_directory import COMPARISON, KEPT, MOVING, OutputDirectory
-from sparsemor.core.results.store import ResultWriter
+from sparsemor.core.results.result_writer import ResultWriter
 from written_runs import RIGID, TIMES, write_run
 
 TABLE = "errors.csv"

@@ -16,8 +16,8 @@ from sparsemor.core.errors import Damaged, InputError
 from sparsemor.core.protocols.layout import Block, Layout
 from sparsemor.core.results.checkpoint import checkpoint_file
 from sparsemor.core.results.metadata import ProbeHeader, RunHeader
+from sparsemor.core.results.result_writer import ChunkOfSteps, ResultWriter
 from sparsemor.core.results.run_result import RunResult, open_result
-from sparsemor.core.results.store import ChunkOfSteps, ResultWriter
 from sparsemor.core.status import Status
 
 FULL = Layout([Block("arm", RIGID, 3), Block("arm", ELASTIC, 6), Block("arm", THERMAL, 3),
@@ -240,7 +240,7 @@ from sparsemor.bodies.terms.field_kinds import RIGID, THERMAL
 from sparsemor.core.protocols.layout import Block, Layout
 from sparsemor.core import Dictionary
 from sparsemor.core.results.metadata import RunHeader
-from sparsemor.core.results.store import ChunkOfSteps, ResultWriter
+from sparsemor.core.results.result_writer import ChunkOfSteps, ResultWriter
 
 path = Path(sys.argv[1])
 full = Layout([Block("b", RIGID, 3), Block("b", THERMAL, 5)])

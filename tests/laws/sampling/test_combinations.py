@@ -27,7 +27,7 @@ from sparsemor.core.simulation.offline import Offline, step_count
 from sparsemor.core.simulation.training import train
 from sparsemor.core.status import SolveFailed, Status
 from sparsemor.core.testing import installed
-from sparsemor.plugins.stability.check import ReferenceModels, judge
+from sparsemor.plugins.stability.stability_check import ReferenceModels, judge
 
 TINY = Path(__file__).parents[2] / "scenes" / "tiny.yaml"
 STEPS = 3

@@ -8,7 +8,7 @@ import pytest
 
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.plugins.samplers import smallest_singular_pair as smallest
-from sparsemor.plugins.samplers.base import GreedyRows
+from sparsemor.plugins.samplers.candidate_rows import GreedyRows
 from sparsemor.plugins.samplers.deim import pivots, raise_smallest
 from sparsemor.plugins.samplers.smallest_singular_pair import SMALL, RowFactor, Smallest, largest
 

@@ -30,7 +30,7 @@ from sparsemor.plugins.samplers.leverage import Leverage
 from sparsemor.plugins.samplers.lhs import LatinHypercube
 from sparsemor.plugins.samplers.random import Uniform
 from sparsemor.plugins.samplers.s_opt import SOpt
-from sparsemor.reducers.checks import required_rows
+from sparsemor.reducers.block_counts import required_rows
 from sparsemor.reducers.sparse.reducer import Sparse
 from sparsemor.reducers.sparse.residual_rows import inverted_blocks, plain_rows, samplers
 from sparsemor.reducers.sparse.sampled_block import (
@@ -287,7 +287,7 @@ def test_prepared_rows_come_back_without_being_prepared_again(
             return own(block, support)
 
         monkeypatch.setattr(kind, "on", counted)
-    monkeypatch.setattr("sparsemor.reducers.sparse.build.inverse_rows", None)
+    monkeypatch.setattr("sparsemor.reducers.sparse.step_solver.inverse_rows", None)
     state, memory = solver.start(consistent_state(model))
     state = integrator.start(solver.layout, state)
     for _ in range(24):

@@ -13,7 +13,7 @@ from sparsemor.plugins.preconditioners.none import NoPreconditioner
 from sparsemor.plugins.preconditioners.parseval import Parseval
 from sparsemor.plugins.preconditioners.row_scaling import RowScaling
 from sparsemor.plugins.preconditioners.untf import UnitNormTightFrame
-from sparsemor.reducers.notes import worse_conditioned
+from sparsemor.reducers.reducer_notes import worse_conditioned
 from sparsemor.reducers.sparse.sampled_block import row_facts, weigh
 from tiers import quick
 

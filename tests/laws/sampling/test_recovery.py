@@ -15,7 +15,7 @@ from sparsemor.core import Group, SparseSolver
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.status import Status
 from sparsemor.core.testing import check_sparse_solver
-from sparsemor.core.testing.problems import (
+from sparsemor.core.testing.sparse_problems import (
     LeastSquares,
     all_penalised,
     chained,
@@ -24,7 +24,7 @@ from sparsemor.core.testing.problems import (
 )
 from sparsemor.plugins.sparse_solvers.basis_pursuit import BasisPursuit, BasisPursuitLp
 from sparsemor.plugins.sparse_solvers.lasso_lars import LassoLars
-from sparsemor.plugins.sparse_solvers.newton import LinearRecovery, Recovered
+from sparsemor.plugins.sparse_solvers.newton_on_supports import LinearRecovery, Recovered
 from sparsemor.plugins.sparse_solvers.omp import OrthogonalMatchingPursuit
 from sparsemor.plugins.sparse_solvers.penalised import Penalised
 from sparsemor.plugins.sparse_solvers.supports import Linearised

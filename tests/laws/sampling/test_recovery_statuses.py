@@ -16,7 +16,7 @@ from sparsemor.core.linalg.column_subsets import ColumnSubsets
 from sparsemor.core.registry import installed as extras
 from sparsemor.core.status import Status
 from sparsemor.core.testing import check_sparse_solver
-from sparsemor.core.testing.problems import (
+from sparsemor.core.testing.sparse_problems import (
     Elsewhere,
     LeastSquares,
     all_penalised,
@@ -28,7 +28,7 @@ from sparsemor.plugins.sparse_solvers.basis_pursuit import BasisPursuit, BasisPu
 from sparsemor.plugins.sparse_solvers.cosamp import Cosamp
 from sparsemor.plugins.sparse_solvers.greedy_gauss_newton import GreedyGaussNewton
 from sparsemor.plugins.sparse_solvers.lasso_lars import LassoLars
-from sparsemor.plugins.sparse_solvers.newton import LinearRecovery, Recovered
+from sparsemor.plugins.sparse_solvers.newton_on_supports import LinearRecovery, Recovered
 from sparsemor.plugins.sparse_solvers.omp import OrthogonalMatchingPursuit
 from sparsemor.plugins.sparse_solvers.penalised import Penalised, repeated
 from sparsemor.plugins.sparse_solvers.supports import Linearised

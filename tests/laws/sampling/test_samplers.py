@@ -12,7 +12,7 @@ from sparsemor.core.arrays import IntArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.testing import check_sampler, installed
 from sparsemor.core.testing.random_inputs import random_block, random_dictionary
-from sparsemor.plugins.samplers.base import RowSampler
+from sparsemor.plugins.samplers.candidate_rows import RowSampler
 from sparsemor.plugins.samplers.deim import DeimPoints
 from sparsemor.plugins.samplers.leverage import Leverage
 from sparsemor.plugins.samplers.lhs import LatinHypercube, one_per_stratum

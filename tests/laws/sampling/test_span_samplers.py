@@ -12,7 +12,7 @@ from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.testing import check_sampler
 from sparsemor.core.testing.random_inputs import random_block, random_dictionary
-from sparsemor.plugins.samplers.base import GreedyRows, SpanSampler, orthonormal
+from sparsemor.plugins.samplers.candidate_rows import GreedyRows, SpanSampler, orthonormal
 from sparsemor.plugins.samplers.deim import DeimPoints
 from sparsemor.plugins.samplers.leverage import Leverage, leverage
 from sparsemor.plugins.samplers.s_opt import SOpt

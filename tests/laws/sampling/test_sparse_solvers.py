@@ -19,7 +19,7 @@ from sparsemor.core import (
 from sparsemor.core.arrays import BoolArray, FloatArray
 from sparsemor.core.status import Status
 from sparsemor.core.testing import check_sparse_solver
-from sparsemor.core.testing.problems import LeastSquares, empty_start, incoherent
+from sparsemor.core.testing.sparse_problems import LeastSquares, empty_start, incoherent
 from sparsemor.plugins.sparse_solvers.greedy_gauss_newton import GreedyGaussNewton
 from sparsemor.plugins.sparse_solvers.supports import Visits
 

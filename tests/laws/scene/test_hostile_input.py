@@ -10,7 +10,7 @@ from types import FrameType
 import pytest
 
 from hostile import mesh_mutants, scene_mutants
-from sparsemor.bodies.mesh.file import MeshFile
+from sparsemor.bodies.mesh.mesh_file import MeshFile
 from sparsemor.core.errors import InputError
 from sparsemor.core.registry.registry import Registry
 from sparsemor.core.scene.scene import build

@@ -100,7 +100,7 @@ def test_counts_and_matrices_tell_the_same_start() -> None:
     scene = load(SCENES / "heated_disk.yaml", {"bodies.disk.mesh.refine": 0.5, "reducer": "full"})
     from sparsemor.core.registry.hooks import new_manager
     from sparsemor.core.simulation.cache import Cache
-    from sparsemor.core.simulation.prepare import prepared
+    from sparsemor.core.simulation.stages_before_steps import prepared
 
     model, offline = prepared(scene, Cache(), new_manager())
     early = precheck_memory(scene)

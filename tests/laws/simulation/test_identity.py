@@ -20,7 +20,7 @@ from sparsemor.core.scene import run_identity as identity
 from sparsemor.core.scene.run_identity import FOLDERS, IRRELEVANT, REDUCTION, RELEVANT, Identity
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.cache import Cache
-from sparsemor.core.simulation.prepare import prepared
+from sparsemor.core.simulation.stages_before_steps import prepared
 from sparsemor.plugins.study.plan import StudyPlan
 
 TINY = Path(__file__).parents[2] / "scenes" / "tiny.yaml"

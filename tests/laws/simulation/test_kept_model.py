@@ -18,9 +18,9 @@ from joint_runs import driven
 from small_scenes import everything, tiny
 from sparsemor import InputError, ReducedModel, load, load_model, reduce, simulate
 from sparsemor.core import AssembledModel
-from sparsemor.core.results.model_file.packed import Packed, PackedError
-from sparsemor.core.results.model_file.packed_arrays import compact, restored
-from sparsemor.core.results.model_format import MAGIC
+from sparsemor.core.results.model_file.array_compression import compact, restored
+from sparsemor.core.results.model_file.first_line import MAGIC
+from sparsemor.core.results.model_file.serializer import Packed, PackedError
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.scene.scene import Scene
 from tiers import full

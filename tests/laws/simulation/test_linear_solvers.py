@@ -14,7 +14,7 @@ from sparsemor.bodies.mesh.generators.block import BlockMesh
 from sparsemor.core import DofLocations, LinearSolver
 from sparsemor.core.arrays import Csr, FloatArray
 from sparsemor.core.errors import InputError
-from sparsemor.core.linalg.factorized import Solved, relative_residuals, rigid_motions
+from sparsemor.core.linalg.linear_solver_checks import Solved, relative_residuals, rigid_motions
 from sparsemor.core.linalg.nested_dissection import dissect, node_numbers
 from sparsemor.core.status import Status
 from sparsemor.core.testing import check_linear_solver

@@ -19,7 +19,7 @@ from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.memory import limits as memory
 from sparsemor.core.simulation.memory.estimate import estimate, fitting
 from sparsemor.core.simulation.offline import Offline
-from sparsemor.core.simulation.prepare import prepared
+from sparsemor.core.simulation.stages_before_steps import prepared
 from sparsemor.core.testing.in_memory_run import scene_of
 from sparsemor.plugins.linear_solvers.auto import AutomaticSolver
 from sparsemor.plugins.linear_solvers.superlu import Splu

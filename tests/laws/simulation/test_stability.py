@@ -18,15 +18,20 @@ from sparsemor.core.results.checkpoint import Saved
 from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.offline_cache import Products
-from sparsemor.core.simulation.prepare import prepared_run
 from sparsemor.core.simulation.simulate import simulate
+from sparsemor.core.simulation.stages_before_steps import prepared_run
 from sparsemor.core.simulation.time_stepping import started
 from sparsemor.core.simulation.training import offline_of
 from sparsemor.core.simulation.validation import checked_model
 from sparsemor.core.testing.installed import installed
-from sparsemor.plugins.stability.check import Judgement, ReferenceModels, judge, over_the_run
-from sparsemor.plugins.stability.reference import linearization_times, states_along
+from sparsemor.plugins.stability.galerkin_reference import linearization_times, states_along
 from sparsemor.plugins.stability.spectrum import eigenvalues, excess
+from sparsemor.plugins.stability.stability_check import (
+    Judgement,
+    ReferenceModels,
+    judge,
+    over_the_run,
+)
 from sparsemor.plugins.stability.step_map import packed, step_map, unpacked
 from tiers import quick
 
@@ -258,7 +263,7 @@ def test_states_of_a_training_run_under_other_loads_are_taken(
     def along(*given: Any) -> None:
         raise AssertionError("a run of the Galerkin model")
 
-    monkeypatch.setattr("sparsemor.plugins.stability.reference.along", along)
+    monkeypatch.setattr("sparsemor.plugins.stability.galerkin_reference.along", along)
     plain = {"reducer": {"use": "sparse", "residual": "plain", "basis": {"use": "pod", "count": 6},
                          "budgets": {"*": {"rows": 20}}}}
     other = tiny().using({**plain, "training.overrides": {"loads.gravity.g": [0.0, -5.0]}})

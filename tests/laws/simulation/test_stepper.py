@@ -11,11 +11,11 @@ import pytest
 
 from small_scenes import tiny
 from sparsemor import InputError, ReducedModel, SolveFailed, load, load_model, reduce
-from sparsemor.core.scene.nested import functions_of_time
-from sparsemor.core.simulation.stepper import Stepper
-from sparsemor.reducers.step.compiled import stepper as compiled
+from sparsemor.core.scene.option_tree import functions_of_time
+from sparsemor.core.simulation.co_simulation import Stepper
+from sparsemor.reducers.step.compiled import compiled_stepper as compiled
 from sparsemor.reducers.step.compiled.compile import linked
-from sparsemor.reducers.step.compiled.steps import CompiledSteps
+from sparsemor.reducers.step.compiled.compiled_steps import CompiledSteps
 
 EXAMPLES = Path(__file__).parents[3] / "docs/examples"
 FLUX = "loads.heating.flux"

@@ -13,7 +13,7 @@ from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation import training
 from sparsemor.core.simulation.training import training_steps
 from sparsemor.core.status import SolveFailed, Status
-from sparsemor.plugins.checks.options import unvaried_loads
+from sparsemor.plugins.checks.loads_and_training import unvaried_loads
 
 FLUX, PUSH = "loads.heating.flux", "loads.push.factor"
 LOADS = {

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sparsemor.bodies.body import FloatingBody
+from sparsemor.bodies.floating_body import FloatingBody
 from sparsemor.core import ReducedProblem
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.model.assembly import assemble

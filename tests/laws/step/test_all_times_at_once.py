@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from sparsemor.bodies.frames.force_items import BodyForce, SpaceForce
+from sparsemor.bodies.frames.applied_forces import BodyForce, Reaction, SpaceForce
+from sparsemor.bodies.frames.constraints import UnitLength
 from sparsemor.bodies.frames.frame import SpatialFrame
 from sparsemor.bodies.frames.inertia import Inertia
-from sparsemor.bodies.frames.items import UnitLength
-from sparsemor.bodies.frames.joint_items import MeanPoint, Reaction
-from sparsemor.bodies.frames.moments import moments_of
+from sparsemor.bodies.frames.mass_moments import moments_of
+from sparsemor.bodies.frames.mean_displacement_and_rotation import MeanPoint
 from sparsemor.core import Frame
 from sparsemor.core.protocols.body_frame import FrameWork
 from sparsemor.core.protocols.load_tables import Table

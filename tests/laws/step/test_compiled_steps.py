@@ -24,13 +24,13 @@ from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.simulation.time_stepping import FixedStep, iterate, started
 from sparsemor.core.testing.in_memory_run import march, scene_of
+from sparsemor.reducers.step.blockwise_solver import Stepper
 from sparsemor.reducers.step.compiled.compile import linked
-from sparsemor.reducers.step.compiled.plan import plan
-from sparsemor.reducers.step.compiled.stepper import compilable, wanted
-from sparsemor.reducers.step.compiled.steps import CompiledSteps
+from sparsemor.reducers.step.compiled.compiled_stepper import compilable, wanted
+from sparsemor.reducers.step.compiled.compiled_steps import CompiledSteps
+from sparsemor.reducers.step.compiled.fill_arrays import plan
 from sparsemor.reducers.step.compiled.time_functions import NotCompiled
-from sparsemor.reducers.step.memory import Memory
-from sparsemor.reducers.step.solver import Stepper
+from sparsemor.reducers.step.step_memory import Memory
 from turning_bars import bar, turning
 
 GALERKIN = {"use": "galerkin", "basis": {"use": "pod", "count": 4}}
@@ -356,7 +356,8 @@ def test_heat_alone() -> None:
 
 
 def test_auto_is_for_long_runs(monkeypatch: pytest.MonkeyPatch) -> None:
-    from sparsemor.reducers.step.compiled import stepper
+    from sparsemor.reducers.step.compiled import compiled_stepper
+
     def yes() -> bool:
         return True
 
@@ -366,7 +367,7 @@ def test_auto_is_for_long_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     assert wanted("on", 1, no) and not wanted("off", 10**9, yes)
     assert wanted("auto", 10**5, no) and not wanted("auto", 5000, no)
     assert wanted("auto", 5000, yes) and not wanted("auto", 100, yes)
-    monkeypatch.setattr(stepper, "installed", no)
+    monkeypatch.setattr(compiled_stepper, "installed", no)
     assert not wanted("auto", 10**9, yes)
 
 

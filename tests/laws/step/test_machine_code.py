@@ -17,8 +17,8 @@ from sparsemor.core.protocols.body_frame import FrameWork
 from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.simulation.simulate import simulate
 from sparsemor.core.status import SolveFailed, Status
-from sparsemor.reducers.step.compiled.stepper import CompiledStepper
-from sparsemor.reducers.step.compiled.steps import CompiledSteps
+from sparsemor.reducers.step.compiled.compiled_stepper import CompiledStepper
+from sparsemor.reducers.step.compiled.compiled_steps import CompiledSteps
 
 numba: Any = pytest.importorskip("numba")
 # compilation takes most of a minute: once for all tests of this file
@@ -61,13 +61,13 @@ def test_the_code_is_compiled_once(caplog: pytest.LogCaptureFixture) -> None:
 
 def test_auto_takes_code_that_was_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     """It does not compile a short run, but takes the machine code of an earlier one."""
-    monkeypatch.setattr("sparsemor.reducers.step.compiled.stepper.KEPT", 10)
+    monkeypatch.setattr("sparsemor.reducers.step.compiled.compiled_stepper.KEPT", 10)
     compiled = simulate(heated("on"))
     auto = simulate(heated("auto"))
     for block in BLOCKS:
         assert np.array_equal(compiled.block(block), auto.block(block)), block
     monkeypatch.setattr("sparsemor.reducers.step.compiled.compile.has_code", lambda *of: False)
-    monkeypatch.setattr("sparsemor.reducers.step.compiled.steps.CompiledSteps", None)
+    monkeypatch.setattr("sparsemor.reducers.step.compiled.compiled_steps.CompiledSteps", None)
     simulate(heated("auto"))
 
 
@@ -107,7 +107,7 @@ def test_runs_of_a_kept_model_are_compiled_when_that_pays(
         seen.append(steps)
         return False
 
-    monkeypatch.setattr("sparsemor.reducers.step.compiled.stepper.wanted", counted)
+    monkeypatch.setattr("sparsemor.reducers.step.compiled.compiled_stepper.wanted", counted)
     model = reduce(heated("auto"))
     for _ in range(3):
         model.run({"time.end": 0.1})

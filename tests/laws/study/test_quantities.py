@@ -9,9 +9,9 @@ import pytest
 
 from small_scenes import tiny
 from sparsemor import InputError, open_result, study
-from sparsemor.plugins.study.columns import label
 from sparsemor.plugins.study.plan import StudyPlan
 from sparsemor.plugins.study.quantities import TAKEN
+from sparsemor.plugins.study.table_columns import label
 
 
 def test_numbers_of_a_history() -> None:

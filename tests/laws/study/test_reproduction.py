@@ -13,13 +13,14 @@ import pytest
 
 from packaged_paper import packaged_paper
 from source_trees import tree_of
-from sparsemor.core.cli.options import load_with
+from sparsemor.core.cli.options_and_exit_codes import load_with
 from sparsemor.core.errors import InputError
 from sparsemor.core.registry.registry import Registry
 from sparsemor.core.scene.scene import load
 from sparsemor.core.scene.yaml_reader import LocatedError
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.simulate import simulate
+from sparsemor.plugins.liang2026.computing_time_split import LOOP, Counted
 from sparsemor.plugins.liang2026.page import text_of
 from sparsemor.plugins.liang2026.paper import (
     BROKEN,
@@ -33,7 +34,6 @@ from sparsemor.plugins.liang2026.paper import (
 from sparsemor.plugins.liang2026.quantities import formula, study
 from sparsemor.plugins.liang2026.reproduce import chosen_items, reproduce
 from sparsemor.plugins.liang2026.runs import command_of, commands_of, plan_of, scene_of
-from sparsemor.plugins.liang2026.split import LOOP, Counted
 from sparsemor.plugins.study.jobs import execute, keep_reference, scene_data
 
 ROOT = Path(__file__).parents[3]

@@ -9,7 +9,7 @@ from small_scenes import tiny
 from sparsemor import study
 from sparsemor.core.simulation import training
 from sparsemor.plugins.study import jobs
-from sparsemor.plugins.study.columns import TIMES
+from sparsemor.plugins.study.table_columns import TIMES
 
 FLUX = "loads.heating.flux"
 

@@ -14,11 +14,11 @@ from sparsemor.bodies.terms.field_kinds import BODY_KINDS
 from sparsemor.core.errors import InputError
 from sparsemor.core.results.json_data import finite
 from sparsemor.core.simulation.workers.local_pool import EndedJob
-from sparsemor.plugins.study.columns import RESERVED, TIMES, cell, columns_of
 from sparsemor.plugins.study.journal import Journal
 from sparsemor.plugins.study.plan import StudyPlan
 from sparsemor.plugins.study.progress import duration, in_words
 from sparsemor.plugins.study.scheduler import Row, Schedule, StudyProgress
+from sparsemor.plugins.study.table_columns import RESERVED, TIMES, cell, columns_of
 from toy_scene import TOY_SCENE
 from toy_study import GRID, HEAD, planned
 

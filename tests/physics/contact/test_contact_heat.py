@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sparsemor.bodies.contact.part import ContactPart
-from sparsemor.bodies.contact.term import ContactTerm
+from sparsemor.bodies.contact.built_contact import ContactPart
+from sparsemor.bodies.contact.contact_term import ContactTerm
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.protocols.contributions import Equations, Origin, Records
 from sparsemor.core.protocols.prescribed_motion import FrameHistory

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sparsemor.bodies.contact.part import ContactPart
+from sparsemor.bodies.contact.built_contact import ContactPart
 from sparsemor.core import MeshPlugin
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.model.assembly import assemble

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sparsemor.bodies.contact.along_motion import AT_ONCE
-from sparsemor.bodies.contact.part import ContactPart
+from sparsemor.bodies.contact.along_prescribed_motion import AT_ONCE
+from sparsemor.bodies.contact.built_contact import ContactPart
 from sparsemor.bodies.frames import rotation as rot
 from sparsemor.bodies.mesh.generators.block import BlockMesh
 from sparsemor.core import MeshPlugin

@@ -12,7 +12,7 @@ from sparsemor.core.registry.hooks import new_manager
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.cache import Cache
-from sparsemor.core.simulation.prepare import prepared
+from sparsemor.core.simulation.stages_before_steps import prepared
 from sparsemor.core.status import SolveFailed
 from sparsemor.plugins.stability.survey import survey
 from sparsemor.plugins.stability.variants import SurveyPlan

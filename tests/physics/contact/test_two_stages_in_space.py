@@ -10,7 +10,7 @@ from sparsemor import load, simulate
 from sparsemor.core.registry.hooks import new_manager
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.simulation.cache import Cache
-from sparsemor.core.simulation.prepare import prepared
+from sparsemor.core.simulation.stages_before_steps import prepared
 
 BRAKE = Path(__file__).parents[2] / "scenes" / "small_brake.yaml"
 POD = {"use": "pod", "count": 25}

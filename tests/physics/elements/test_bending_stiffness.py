@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.sparse.linalg import spsolve
 
-from sparsemor.bodies.fem.bending import excess_stiffness
+from sparsemor.bodies.fem.shear_locking import excess_stiffness
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.notes import Level
 from sparsemor.core.testing.in_memory_run import scene_of

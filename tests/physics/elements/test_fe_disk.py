@@ -9,7 +9,7 @@ from cell_stress import cell_stress
 from disk_fields import radial_and_hoop, rms
 from sparsemor.bodies.fem import elasticity, integrals
 from sparsemor.bodies.material import Isotropic
-from sparsemor.bodies.mesh.check import check_mesh
+from sparsemor.bodies.mesh.mesh_checks_and_repairs import check_mesh
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.protocols.mesh import Mesh
 

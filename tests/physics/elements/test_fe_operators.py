@@ -15,8 +15,8 @@ from sparsemor.bodies.fem import elasticity, integrals
 from sparsemor.bodies.fem.elasticity import Model
 from sparsemor.bodies.material import Isotropic
 from sparsemor.bodies.mesh.cell_measures import signed_measures
-from sparsemor.bodies.mesh.check import check_mesh
 from sparsemor.bodies.mesh.generators.rectangle import Rectangle
+from sparsemor.bodies.mesh.mesh_checks_and_repairs import check_mesh
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.model.facets import outer_facets

@@ -11,7 +11,7 @@ from scipy.sparse.linalg import eigsh
 from cell_stress import cell_stress
 from disk_fields import radial_and_hoop, rms
 from facet_normals import facet_normals
-from sparsemor.bodies.fem import elasticity, forms, integrals
+from sparsemor.bodies.fem import elasticity, element_matrices, integrals
 from sparsemor.bodies.material import Isotropic
 from sparsemor.bodies.mesh.cell_measures import edge_vectors, signed_measures
 from sparsemor.bodies.mesh.generators.block import BlockMesh
@@ -19,7 +19,7 @@ from sparsemor.bodies.mesh.generators.disk import Disk
 from sparsemor.bodies.mesh.generators.pad import Pad
 from sparsemor.core import DofLocations
 from sparsemor.core.arrays import Csr, FloatArray, IntArray
-from sparsemor.core.linalg.factorized import rigid_motions
+from sparsemor.core.linalg.linear_solver_checks import rigid_motions
 from sparsemor.core.model.facets import outer_facets
 from sparsemor.core.protocols.mesh import Mesh
 from sparsemor.plugins.linear_solvers.superlu import Splu
@@ -111,15 +111,17 @@ def test_matrices_of_the_elements_have_their_closed_forms() -> None:
     C = size[:, None, None] * 7850 * 475 * (np.ones((4, 4)) + np.eye(4)) / 20
     k = 44.5 * size[:, None, None] * (g @ g.transpose(0, 2, 1))
     for whole, rows, columns, cells, closed in (
-        (elasticity.elastic_stiffness(mesh, STEEL, 1.0, "solid"), of_u, of_u, forms.elements(
-            forms.stiffness, mesh, 0, rows=True, columns=True, lam=law.lam, mu=law.mu),
+        (elasticity.elastic_stiffness(mesh, STEEL, 1.0, "solid"), of_u, of_u,
+         element_matrices.elements(
+            element_matrices.stiffness, mesh, 0, rows=True, columns=True, lam=law.lam, mu=law.mu),
          K.reshape(len(g), 12, 12)),
         (elasticity.thermoelastic_coupling(mesh, STEEL, 1.0, "solid"), of_u, mesh.cells,
-         forms.elements(forms.expansion, mesh, 1, rows=True, weight=law.beta), push),
-        (integrals.capacity(mesh, 7850, 475), mesh.cells, mesh.cells, forms.elements(
-            forms.mass, mesh, 2, weight=7850.0 * 475), C),
-        (integrals.conductivity(mesh, 44.5), mesh.cells, mesh.cells, forms.elements(
-            forms.conduction, mesh, 0, weight=44.5), k),
+         element_matrices.elements(
+            element_matrices.expansion, mesh, 1, rows=True, weight=law.beta), push),
+        (integrals.capacity(mesh, 7850, 475), mesh.cells, mesh.cells, element_matrices.elements(
+            element_matrices.mass, mesh, 2, weight=7850.0 * 475), C),
+        (integrals.conductivity(mesh, 44.5), mesh.cells, mesh.cells, element_matrices.elements(
+            element_matrices.conduction, mesh, 0, weight=44.5), k),
     ):
         np.testing.assert_allclose(cells, closed, atol=1e-13 * np.abs(closed).max())
         dense = np.zeros((n * (3 if rows is of_u else 1), n * (3 if columns is of_u else 1)))
@@ -131,7 +133,7 @@ def test_matrices_of_the_elements_have_their_closed_forms() -> None:
 def test_pieces_of_the_assembly_add_up(monkeypatch: pytest.MonkeyPatch) -> None:
     mesh = Pad().build(Path())
     at_once = elasticity.elastic_stiffness(mesh, STEEL, 1.0, "solid").toarray()
-    monkeypatch.setattr(forms, "CHUNK", 101)
+    monkeypatch.setattr(element_matrices, "CHUNK", 101)
     in_pieces = elasticity.elastic_stiffness(mesh, STEEL, 1.0, "solid").toarray()
     np.testing.assert_allclose(in_pieces, at_once, atol=1e-14 * np.abs(at_once).max())
 

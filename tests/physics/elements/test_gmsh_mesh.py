@@ -12,9 +12,9 @@ from pydantic import ValidationError
 from typer.testing import CliRunner
 
 from sparsemor.bodies.fem.integrals import scalar_mass
-from sparsemor.bodies.mesh.centres import centre_of_set
-from sparsemor.bodies.mesh.file import MeshFile
 from sparsemor.bodies.mesh.gmsh_mesh import FaceRule, GmshMesh
+from sparsemor.bodies.mesh.mesh_file import MeshFile
+from sparsemor.bodies.mesh.set_centres import centre_of_set
 from sparsemor.core.cli import app
 from sparsemor.core.errors import InputError
 from sparsemor.core.testing import check_mesh_plugin

@@ -11,14 +11,14 @@ import pytest
 from scipy.sparse.linalg import spsolve
 
 from facet_normals import facet_normals
-from sparsemor.bodies.fem import elasticity, forms, integrals
+from sparsemor.bodies.fem import elasticity, element_matrices, integrals
 from sparsemor.bodies.fem.integrals import lumped, on_cells, on_facets
-from sparsemor.bodies.fem.quadratic import with_midpoints
+from sparsemor.bodies.fem.quadratic_cells import with_midpoints
 from sparsemor.bodies.fem.stress import CellStress
 from sparsemor.bodies.material import Isotropic
-from sparsemor.bodies.mesh.centres import centre_of_set
-from sparsemor.bodies.mesh.check import check_mesh
-from sparsemor.bodies.mesh.file import MeshFile
+from sparsemor.bodies.mesh.mesh_checks_and_repairs import check_mesh
+from sparsemor.bodies.mesh.mesh_file import MeshFile
+from sparsemor.bodies.mesh.set_centres import centre_of_set
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.model.facets import cell_facets, linear_surface, outer_facets
@@ -102,7 +102,7 @@ def test_linear_fields_have_exact_integrals(linear: Mesh, order: int) -> None:
         u.reshape(-1, d), np.zeros(len(X)))
     np.testing.assert_allclose(found[:, :d, :d], np.broadcast_to(stress, (len(X), d, d)),
                                rtol=1e-9)
-    whole = forms.elements(forms.conduction, mesh, 0, weight=1.0)
+    whole = element_matrices.elements(element_matrices.conduction, mesh, 0, weight=1.0)
     again = np.zeros((len(X), len(X)))
     for cell, local in zip(mesh.nodes, whole, strict=True):
         np.add.at(again, np.ix_(cell, cell), local)
@@ -181,7 +181,7 @@ def errors(mesh: Mesh) -> tuple[float, float]:
     free = np.setdiff1d(np.arange(d * len(X)), fixed)
     found = u.ravel().copy()
     found[free] = spsolve(K[free][:, free].tocsc(), -(K[free][:, fixed] @ found[fixed]))
-    at = forms.cell_quadratures(mesh, 4)
+    at = element_matrices.cell_quadratures(mesh, 4)
     error, whole = 0.0, 0.0
     for _, q in at:
         x = q.coordinates.reshape(d, -1).T
@@ -232,7 +232,7 @@ def body(kind: str, d: int, tmp_path: Path, **options: Any) -> dict[str, Any]:
 @pytest.mark.parametrize(("kind", "d"), KIND)
 def test_a_cantilever_with_one_cell_over_its_height(kind: str, d: int, tmp_path: Path) -> None:
     """By default of second order: the deflection is that of beam theory, with shear, within 2 %."""
-    from sparsemor.bodies.body import FloatingBody
+    from sparsemor.bodies.floating_body import FloatingBody
     from sparsemor.core.model.assembly import assemble
     from sparsemor.core.testing.in_memory_run import scene_of
 

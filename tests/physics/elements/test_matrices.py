@@ -11,10 +11,10 @@ from scipy.sparse import diags_array
 
 from exported_matrices import built, instead
 from reduced_runs import learnt
-from sparsemor.bodies.body import FloatingBody
 from sparsemor.bodies.flexible import Flexible
-from sparsemor.bodies.frames.moments import MassProperties
-from sparsemor.bodies.matrices.body import MatrixBody
+from sparsemor.bodies.floating_body import FloatingBody
+from sparsemor.bodies.frames.mass_moments import MassProperties
+from sparsemor.bodies.matrices.matrix_body import MatrixBody
 from sparsemor.core.testing.in_memory_run import march, scene_of
 
 CRANK: dict[str, Any] = {

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from sparsemor.bodies.mesh.cell_measures import signed_measures
-from sparsemor.bodies.mesh.check import check_mesh
 from sparsemor.bodies.mesh.generators.link import Link
 from sparsemor.bodies.mesh.generators.rectangle import Rectangle
+from sparsemor.bodies.mesh.mesh_checks_and_repairs import check_mesh
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.model.facets import outer_facets
 from sparsemor.core.protocols.mesh import Mesh

@@ -8,8 +8,8 @@ import pytest
 
 from mesh_texts import Bar, abaqus, bar, gmsh, nastran
 from sparsemor.bodies.fem.integrals import boundary_facets, facet_measures
-from sparsemor.bodies.fem.quadratic import with_midpoints
-from sparsemor.bodies.mesh.file import MeshFile
+from sparsemor.bodies.fem.quadratic_cells import with_midpoints
+from sparsemor.bodies.mesh.mesh_file import MeshFile
 from sparsemor.core.errors import InputError
 from sparsemor.core.protocols.mesh import Mesh
 from sparsemor.core.testing.in_memory_run import March, march, scene_of

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from sparsemor.bodies.mesh.cell_measures import signed_measures
-from sparsemor.bodies.mesh.check import check_mesh
 from sparsemor.bodies.mesh.generators.block import BlockMesh
 from sparsemor.bodies.mesh.generators.disk import Disk
 from sparsemor.bodies.mesh.generators.extrusion import (
@@ -16,6 +15,7 @@ from sparsemor.bodies.mesh.generators.extrusion import (
     polygon_area,
 )
 from sparsemor.bodies.mesh.generators.pad import Pad, pad_outline
+from sparsemor.bodies.mesh.mesh_checks_and_repairs import check_mesh
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.model.facets import cell_facets, group_equal_rows, outer_facets

@@ -8,8 +8,8 @@ import pytest
 from pydantic import ValidationError
 
 from sparsemor.bodies.mesh.cell_measures import signed_measures
-from sparsemor.bodies.mesh.check import check_mesh
 from sparsemor.bodies.mesh.generators.unstructured import Unstructured, quality
+from sparsemor.bodies.mesh.mesh_checks_and_repairs import check_mesh
 from sparsemor.core.errors import InputError
 from sparsemor.core.model.facets import outer_facets
 from sparsemor.core.protocols.mesh import Mesh

@@ -7,7 +7,7 @@ import pytest
 from scipy.linalg import eigh
 
 from sparsemor import reduce, simulate
-from sparsemor.bodies.body import FloatingBody
+from sparsemor.bodies.floating_body import FloatingBody
 from sparsemor.bodies.terms.body_terms import generator
 from sparsemor.bodies.terms.modal_damping import modal_factors
 from sparsemor.core import FloatArray

@@ -9,9 +9,9 @@ from scipy.sparse import eye_array, kron
 from scipy.sparse.linalg import eigsh, spsolve
 
 from cell_stress import cell_stress
-from sparsemor.bodies.fem import elasticity, forms, integrals
-from sparsemor.bodies.fem.quadratic import with_midpoints
-from sparsemor.bodies.frames.moments import MassProperties
+from sparsemor.bodies.fem import elasticity, element_matrices, integrals
+from sparsemor.bodies.fem.quadratic_cells import with_midpoints
+from sparsemor.bodies.frames.mass_moments import MassProperties
 from sparsemor.bodies.material import Isotropic
 from sparsemor.bodies.mesh.generators.block import BlockMesh
 from sparsemor.bodies.mesh.generators.rectangle import Rectangle
@@ -98,10 +98,10 @@ def test_assembly_by_chunks_gives_the_same_matrices(
         model = model_of(mesh)
         return [integrals.scalar_mass(mesh, 2.0),
                 elasticity.elastic_stiffness(mesh, ALLOY, 1.0, model),
-                forms.elements(forms.conduction, mesh, 0, weight=2.0)]
+                element_matrices.elements(element_matrices.conduction, mesh, 0, weight=2.0)]
 
     whole = matrices()
-    monkeypatch.setattr(forms, "CHUNK", 120)  # 30 quadratic cells
+    monkeypatch.setattr(element_matrices, "CHUNK", 120)  # 30 quadratic cells
     for one, other in zip(whole, matrices(), strict=True):
         assert abs(one - other).max() <= 1e-15 * abs(one).max()
 

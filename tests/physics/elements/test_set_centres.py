@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sparsemor.bodies.fem.quadratic import with_midpoints
-from sparsemor.bodies.mesh.centres import centre_of_set
-from sparsemor.bodies.mesh.file import MeshFile
+from sparsemor.bodies.fem.quadratic_cells import with_midpoints
+from sparsemor.bodies.mesh.mesh_file import MeshFile
+from sparsemor.bodies.mesh.set_centres import centre_of_set
 from sparsemor.core import FloatArray, IntArray, Mesh
 from sparsemor.core.errors import InputError
 from sparsemor.core.model.assembly import assemble

@@ -9,8 +9,8 @@ import pytest
 from sparsemor import export, simulate
 from sparsemor.bodies.fem.stress import CellStress
 from sparsemor.core.errors import InputError
+from sparsemor.core.results.result_variables import FIELDS, Derived
 from sparsemor.core.results.run_result import RunResult
-from sparsemor.core.results.variables import FIELDS, Derived
 from sparsemor.core.testing.in_memory_run import scene_of
 from sparsemor.plugins.charts import write_run_charts
 from sparsemor.plugins.charts.animation import animate

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial import Delaunay
 
-from sparsemor.bodies.body import FloatingBody
+from sparsemor.bodies.floating_body import FloatingBody
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.testing.in_memory_run import March, march, scene_of
 

@@ -9,7 +9,7 @@ import pytest
 from joint_runs import ALPHA
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.testing.in_memory_run import March, march, scene_of
-from sparsemor.reducers.step import factors
+from sparsemor.reducers.step import jacobian_factors
 
 G, MASS, LENGTH = 9.81, 1.5, 0.3
 Tree = dict[str, Any]
@@ -114,10 +114,10 @@ def test_loops_and_trees_move_as_with_the_textbook_method(
 ) -> None:
     """As with dense matrices, and as with Newton's method for all unknowns."""
     bodies, joints = arch(12) if kind == "arch" else tree(15)
-    monkeypatch.setattr(factors, "MANY", 20)
+    monkeypatch.setattr(jacobian_factors, "MANY", 20)
     sparse = run(bodies, joints, 10)
     newton = run(bodies, joints, 10, reducer={"use": "full", "method": "newton"})
-    monkeypatch.setattr(factors, "MANY", 10**6)
+    monkeypatch.setattr(jacobian_factors, "MANY", 10**6)
     dense = run(bodies, joints, 10)
     moved = np.abs(rigid(dense) - rigid(dense)[0]).max()
     assert moved > 1e-4
@@ -132,9 +132,9 @@ def test_flexible_chains_bend_as_with_dense_matrices(
     reducer: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     bodies, joints, _ = links([-np.pi / 2 + 0.05 * i for i in range(12)], bar)
-    monkeypatch.setattr(factors, "MANY", 20)
+    monkeypatch.setattr(jacobian_factors, "MANY", 20)
     sparse = run(bodies, joints, 15, reducer=reducer)
-    monkeypatch.setattr(factors, "MANY", 10**6)
+    monkeypatch.setattr(jacobian_factors, "MANY", 10**6)
     dense = run(bodies, joints, 15, reducer=reducer)
     for name in dense.model.reducible():
         bent = np.abs(dense.block(name)).max()

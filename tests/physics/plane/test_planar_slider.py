@@ -7,7 +7,7 @@ import pytest
 
 from joint_runs import run
 from sparsemor.bodies.frames.rotation import across
-from sparsemor.bodies.joints.pairs import Prismatic
+from sparsemor.bodies.joints.kinematic_pairs import Prismatic
 from sparsemor.core import InputError
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.model.assembly import assemble

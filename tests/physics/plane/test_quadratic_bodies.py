@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from sparsemor import InputError, compare, export, load, open_result, simulate
-from sparsemor.bodies.body import FloatingBody
-from sparsemor.bodies.fem.quadratic import with_midpoints
-from sparsemor.bodies.mesh.file import MeshFile
+from sparsemor.bodies.fem.quadratic_cells import with_midpoints
+from sparsemor.bodies.floating_body import FloatingBody
 from sparsemor.bodies.mesh.generators.block import BlockMesh
 from sparsemor.bodies.mesh.generators.rectangle import Rectangle
+from sparsemor.bodies.mesh.mesh_file import MeshFile
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.facets import linear_surface, outer_facets, plane_triangles
 from sparsemor.core.protocols.mesh import Mesh

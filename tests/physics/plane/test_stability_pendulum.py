@@ -14,7 +14,6 @@ from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.simulation.time_stepping import started
 from sparsemor.core.simulation.training import train
 from sparsemor.core.testing.in_memory_run import scene_of
-from sparsemor.plugins.stability.check import ReferenceModels, judge
 from sparsemor.plugins.stability.spectrum import (
     eigenvalues,
     exact_values,
@@ -22,6 +21,7 @@ from sparsemor.plugins.stability.spectrum import (
     own_values,
     radius,
 )
+from sparsemor.plugins.stability.stability_check import ReferenceModels, judge
 from sparsemor.plugins.stability.step_map import StepMap, step_map
 
 H, G = 1e-3, 9.81

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sparsemor.bodies.body import FloatingBody
+from sparsemor.bodies.floating_body import FloatingBody
 from sparsemor.bodies.frames import rotation as rot
 from sparsemor.bodies.mesh.generators.block import BlockMesh
 from sparsemor.core.arrays import FloatArray

@@ -11,7 +11,7 @@ from sparsemor_beam import Beam
 
 from sparsemor import load, simulate
 from sparsemor.core import DofLocations, Registry, Scene
-from sparsemor.core.linalg.factorized import rigid_motions
+from sparsemor.core.linalg.linear_solver_checks import rigid_motions
 from sparsemor.core.testing import check_body, check_joint, check_load, check_parts
 
 HERE = Path(__file__).parent

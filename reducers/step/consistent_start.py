@@ -1,0 +1,247 @@
+"""Consistent initial accelerations and multipliers of a reduced model.
+
+Full-order accelerations are not in the span of a basis of displacements; their projection would
+start a second-order integrator with wrong accelerations. The reduced equations are therefore solved
+for their own accelerations: elastic rows, rigid rows, and the second time derivative of the
+constraints. All unknowns enter linearly; the coefficients follow from evaluations of the frame
+equations with c2 = 0 and c2 = 1/h^2.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sparsemor.core import FloatArray, State
+from sparsemor.core.model.constraint_rates import derivative_along_motion
+from sparsemor.core.model.initial_state import AGAIN, BENT
+from sparsemor.core.protocols.body_frame import FrameWork
+from sparsemor.core.protocols.time_function import time_derivatives
+from sparsemor.reducers.linalg.least_norm import least
+from sparsemor.reducers.step.frame_step import NONE, BodyStep, buffers
+from sparsemor.reducers.step.jacobian_factors import summed
+from sparsemor.reducers.step.projected_operators import TestedElastic
+from sparsemor.reducers.step.reduced_mechanics import Mechanics
+from sparsemor.reducers.step.time_tables import plus_loads
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Body:
+    """Linear equations of one body in its border unknowns z (rigid accelerations, multipliers):
+    elastic accelerations c = -(base + S z); border rows (b,): rows + H z + tau c = 0."""
+
+    base: FloatArray
+    S: FloatArray
+    rows: FloatArray
+    H: FloatArray
+    tau: FloatArray
+
+
+def consistent_start(
+    mechanics: Mechanics, tested: Sequence[TestedElastic | None], state: State,
+    motion: float,
+) -> State:
+    """The state with elastic and rigid accelerations and multipliers that satisfy the reduced
+    equations. motion: step of the finite differences of constraint Jacobians, s
+    (core/model/constraint_rates.py).
+
+    Multipliers that the reduced equations do not determine (all atoms satisfy their constraint
+    already) are the solution of least norm.
+    """
+    nr = mechanics.n_rigid
+    if not mechanics.bodies:
+        return state
+    if not mechanics.size:
+        return _prescribed_start(mechanics, tested, state)
+    # z: rigid accelerations, then multipliers; repeated where friction is not linear in the latter
+    forces, last = np.zeros(mechanics.size), NONE
+    for _ in range(AGAIN):
+        z, parts, nonlinear = _accelerations(mechanics, tested, state, motion, forces)
+        forces = np.concatenate([np.zeros(nr), z[nr:]])
+        change = np.abs(z[nr:] - last).max(initial=0.0) if len(last) else np.inf
+        last = z[nr:]
+        if not nonlinear or change <= BENT * np.abs(last).max(initial=0.0):
+            break
+    x, a = state.x.copy(), state.a.copy()
+    a[:nr], x[mechanics.algebraic] = z[:nr], z[nr:]
+    for body, p in zip(mechanics.bodies, parts, strict=True):
+        if len(p.base):
+            a[body.elastic] = -(p.base + p.S @ (body.to_border @ z))
+    return replace(state, x=x, a=a)
+
+
+def _accelerations(
+    mechanics: Mechanics, tested: Sequence[TestedElastic | None], state: State,
+    motion: float, forces: FloatArray,
+) -> tuple[FloatArray, Sequence[_Body], bool]:
+    """Rigid accelerations and multipliers, by equations that are linear at `forces` (n,), zeros and
+    multipliers; the equations of each body; True if these are not linear up to the result."""
+    nr = mechanics.n_rigid
+    parts = [_linear(mechanics, body, t, state, motion, forces)
+             for body, t in zip(mechanics.bodies, tested, strict=True)]
+    maps = [body.to_border for body in mechanics.bodies]
+    # elastic accelerations eliminated (Schur complement): B z + r = target accelerations
+    r = sum(T.T @ (p.rows - p.tau @ p.base) for T, p in zip(maps, parts, strict=True))
+    used = [np.flatnonzero(T.any(axis=0)) for T in maps]
+    B = summed(mechanics.size, ((at, T[:, at].T @ (p.H - p.tau @ p.S) @ T[:, at])
+                                for at, T, p in zip(used, maps, parts, strict=True)))
+    z = -least(B, r - _target_accelerations(mechanics, state.t))
+    there = np.concatenate([np.zeros(nr), z[nr:]])
+    nonlinear = any(_is_nonlinear(mechanics, body, t, state, p, there)
+               for body, t, p in zip(mechanics.bodies, tested, parts, strict=True))
+    return z, parts, nonlinear
+
+
+def constraint_errors(
+    mechanics: Mechanics, tested: Sequence[TestedElastic | None], state: State
+) -> tuple[FloatArray, FloatArray]:
+    """Values and time derivatives (l, 2) of the constraints at a state, and magnitudes (l, 2) of
+    their terms."""
+    found, sizes = (np.zeros((mechanics.size, 2)) for _ in range(2))
+    for i, f in mechanics.targets:
+        target = np.array([f(state.t), time_derivatives(f, state.t, mechanics.h)[0]])
+        found[i] -= target
+        sizes[i] += np.abs(target)
+    for body, t in zip(mechanics.bodies, tested, strict=True):
+        origin, rate, _ = body.border_motion(state.t)
+        y, v = _border(mechanics, body, state.x, origin), _border(mechanics, body, state.v, rate)
+        d, w = body.frame.rigid_size, _evaluate(body, t, y, v, 0.0, state)
+        rows, size = np.zeros((len(y), 2)), np.zeros((len(y), 2))
+        rows[d:, 0], rows[d:, 1] = w.border[d:, -1], _moving(body, t, y, v, state)
+        of_time = body.frame.time_derivative(1, state.t, mechanics.h)
+        if of_time is not None:
+            rows[d:, 1] += _evaluate(replace(body, frame=of_time), t, y, v, 0.0, state).border[
+                d:, -1]
+        reach, count = np.abs(y[:d]), min(3, d - 1)  # the position, before the attitude
+        reach[count:] = np.maximum(reach[count:], 1.0)
+        size[d:] = np.abs(w.border[d:, :d]) @ np.stack([reach, np.abs(v[:d])], axis=1)
+        found += body.to_border.T @ rows
+        sizes += np.abs(body.to_border).T @ size
+    return found[mechanics.n_rigid :], sizes[mechanics.n_rigid :]
+
+
+def _prescribed_start(
+    mechanics: Mechanics, tested: Sequence[TestedElastic | None], state: State
+) -> State:
+    """Consistent accelerations where all frames are prescribed or at rest: each elastic block
+    separately."""
+    a = state.a.copy()
+    for body, t in zip(mechanics.bodies, tested, strict=True):
+        if t is not None:
+            w, = buffers([body.frame])
+            body.frame.drive(*body.border_motion(state.t), state.t, w)
+            rows = _elastic_rows(body, t, w, state)
+            a[body.elastic] = -np.linalg.lstsq(t.mass, rows, rcond=None)[0]
+    return replace(state, a=a)
+
+
+def _linear(
+    mechanics: Mechanics, body: BodyStep, t: TestedElastic | None, state: State, motion: float,
+    forces: FloatArray,
+) -> _Body:
+    """The body's equations at zero accelerations and multipliers, by their derivatives with respect
+    to these at `forces` (n,)."""
+    origin, rate, _ = body.border_motion(state.t)
+    known = body.to_border @ forces
+    y, v = _border(mechanics, body, state.x, origin), _border(mechanics, body, state.v, rate)
+    c2 = 1.0 / mechanics.h**2  # large enough that masses are not lost against centrifugal terms
+    w0, w1 = (_evaluate(body, t, y + known, v, c, state) for c in (0.0, c2))
+    d = body.frame.rigid_size
+    H = np.zeros_like(w0.border[:, :-1])
+    H[:d, :d], H[:d, d:] = (w1.border - w0.border)[:d, :d] / c2, w0.border[:d, d:-1]
+    H[d:, :d], H[d:, d:] = w0.border[d:, :d], c2 * w0.border[d:, d:-1]  # a compliance
+    rows = w0.border[:, -1] - H[:, d:] @ known[d:]
+    rows[d:] = _curvature(mechanics, body, t, y, v, state, motion)
+    if t is None:
+        return _Body(NONE, np.zeros((0, len(rows))), rows, H, np.zeros((len(rows), 0)))
+    sigma = np.concatenate([(w1.sigma[:d] - w0.sigma[:d]) / c2, w0.sigma[d:-1]])
+    tau = np.concatenate([(w1.tau[:d] - w0.tau[:d]) / c2, w0.tau[d:]])
+    own = _elastic_rows(body, t, w0, state) - t.directions @ (w0.sigma[d:-1].T @ known[d:])
+    right = np.concatenate([own[:, None], t.directions @ sigma.T], axis=1)
+    solved = np.linalg.lstsq(t.mass, right, rcond=None)[0]
+    return _Body(solved[:, 0], solved[:, 1:], rows, H, tau @ t.functional)
+
+
+def _is_nonlinear(
+    mechanics: Mechanics, body: BodyStep, t: TestedElastic | None, state: State, p: _Body,
+    forces: FloatArray,
+) -> bool:
+    """True if the forces on the body's frame are not linear in multipliers, up to those in `forces`
+    (n,)."""
+    origin, rate, _ = body.border_motion(state.t)
+    y, v = (_border(mechanics, body, *of) for of in ((state.x, origin), (state.v, rate)))
+    d, known = body.frame.rigid_size, body.to_border @ forces
+    found = _evaluate(body, t, y + known, v, 0.0, state).border[:d, -1]
+    by_joints = p.H[:d, d:] @ known[d:]
+    return bool(np.abs(found - p.rows[:d] - by_joints).max(initial=0.0) > BENT * (
+        np.abs(by_joints).max(initial=0.0) + np.abs(p.rows[:d]).max(initial=0.0)))
+
+
+def _border(
+    mechanics: Mechanics, body: BodyStep, x: FloatArray, right: FloatArray
+) -> FloatArray:
+    """Border unknowns of one body with all multipliers zero, plus their prescribed part."""
+    whole = np.zeros(mechanics.size)
+    whole[: mechanics.n_rigid] = x[: mechanics.n_rigid]
+    return np.asarray(body.to_border @ whole + right)
+
+
+def _evaluate(
+    body: BodyStep, t: TestedElastic | None, y: FloatArray, v: FloatArray, c2: float, state: State
+) -> FrameWork:
+    """Frame equations at zero unknown accelerations."""
+    (w,), c = buffers([body.frame]), state.x[body.elastic]
+    body.evaluate(y, v, body.border_motion(state.t)[2], 0.0, c2, t, c, state.v[body.elastic],
+                  np.zeros(len(c)), state.t, w)
+    return w
+
+
+def _elastic_rows(
+    body: BodyStep, t: TestedElastic, w: FrameWork, state: State
+) -> FloatArray:
+    """Tested elastic rows without the inertia of elastic accelerations."""
+    c, cv = state.x[body.elastic], state.v[body.elastic]
+    kappa, mu = w.coefficients[:-1].reshape(2, -1)
+    r = t.stiffness @ c + t.damping @ cv + t.constant + t.directions @ w.sigma[-1]
+    r = r + np.tensordot(kappa, t.generators, 1) @ c + np.tensordot(mu, t.generators, 1) @ cv
+    if t.coupling.size:
+        r = r - t.coupling @ state.x[body.thermal]
+    r = plus_loads(r, t, state.t, -1.0)
+    if t.local:
+        x, v = (np.concatenate((s[body.elastic], s[body.thermal])) for s in (state.x, state.v))
+        r = r + sum(part.rows(x, v, np.zeros(len(x)), state.t) for part in t.local)
+    return np.asarray(r)
+
+
+def _curvature(
+    mechanics: Mechanics, body: BodyStep, t: TestedElastic | None, y: FloatArray, v: FloatArray,
+    state: State, motion: float,
+) -> FloatArray:
+    """Second time derivative of the constraint rows of the body's attachments at zero
+    accelerations."""
+    found = derivative_along_motion(lambda s: _moving(body, t, y + s * v, v, replace(
+        state, x=state.x + s * state.v)), motion)
+    first, second = (body.frame.time_derivative(n, state.t, mechanics.h) for n in (1, 2))
+    if first is not None:
+        found = found + 2.0 * _moving(replace(body, frame=first), t, y, v, state)
+    if second is not None:
+        w = _evaluate(replace(body, frame=second), t, y, v, 0.0, state)
+        found = found + w.border[body.frame.rigid_size :, -1]
+    return found
+
+
+def _moving(
+    body: BodyStep, t: TestedElastic | None, y: FloatArray, v: FloatArray, state: State
+) -> FloatArray:
+    """Jacobian of the constraint rows of the body's attachments times the velocities."""
+    d, w = body.frame.rigid_size, _evaluate(body, t, y, v, 0.0, state)
+    found = w.border[d:, :d] @ v[:d]
+    return found if t is None else found + w.tau[d:] @ (t.functional @ state.v[body.elastic])
+
+
+def _target_accelerations(mechanics: Mechanics, t: float) -> FloatArray:
+    """Second time derivative of prescribed joint motion."""
+    found = np.zeros(mechanics.size)
+    for i, f in mechanics.targets:
+        found[i] = time_derivatives(f, t, mechanics.h)[1]
+    return found

@@ -1,0 +1,146 @@
+"""Displacements on a frame whose motion is prescribed: the rows of a step are linear in them,
+
+    d + base(t) + sum_g (kappa_g G_g u + mu_g G_g u'),    base = E sigma + constant terms - loads,
+
+with factors kappa, mu and sigma that depend on time alone (core/protocols/body_frame.py), and the
+departure d from the free motion of the step. The *rotation* is the sum over g: inertia forces in
+the turning frame. Rows are times the inverse of the block's own operator, so that the Jacobian is
+
+    J = 1 + sum_g w_g G_g,     w_g = kappa_g + c1 mu_g,
+
+near the identity for small steps; only its part in the leading (soft) modes is factorized.
+"""
+
+from copy import copy
+from dataclasses import dataclass
+from math import hypot, inf
+from typing import Self
+
+import numpy as np
+
+from sparsemor.core import FloatArray, StepFormula
+from sparsemor.core.protocols.load_tables import times_rows
+from sparsemor.reducers.step.frame_step import BodyStep
+from sparsemor.reducers.step.newton_loop import Linearisation
+from sparsemor.reducers.step.projected_operators import TestedElastic
+from sparsemor.reducers.step.time_tables import TimeTable, along
+
+LEADING = 64
+"""Number of leading (soft) modes in which the Jacobian differs from the identity."""
+SMALL = 0.5
+"""Largest norm of J - 1 for which the norm of J^-1 is bounded."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RowsInTime:
+    """Functions of time of the rows `tested`: [kappa, mu, base] (T, 2 g + k)."""
+
+    tested: TestedElastic
+    drive: TimeTable
+
+    def __call__(self, times: FloatArray) -> FloatArray:
+        t, factors = self.tested, self.drive.along(times)
+        n = 2 * len(t.generators)
+        base = times_rows(factors[:, n:], t.directions) + t.constant
+        return np.hstack((factors[:, :n], base - along(
+            np.zeros(len(t.constant)), t.loads, t.amplitudes, t.tables, times)))
+
+
+class PrescribedBody:
+    """Rows of one body with prescribed motion, but for the term d; rows: their numbers; drive:
+    kappa, mu and sigma as functions of time; table: `RowsInTime`, if it is known.
+
+    leading: number of unknowns in which the Jacobian differs from the identity. Of a step: weights
+    (g,) = kappa + c1 mu, and the range `turning` of the g in which it has any. Of the last Jacobian
+    that `contraction` was evaluated for: its point, weights, and the norm of J - 1.
+    """
+
+    def __init__(
+        self, step: BodyStep, tested: TestedElastic, drive: TimeTable, rows: slice,
+        table: TimeTable | None = None,
+    ) -> None:
+        self.step, self.at, self.rows = step, step.elastic, rows
+        self.generators, k = tested.generators, tested.mass.shape[1]
+        self.G = np.ascontiguousarray(tested.generators.transpose(0, 2, 1))
+        self.leading = r = min(LEADING, k) if len(self.G) else 0
+        self.sizes = np.array([  # Frobenius norms of the leading part and of the rest
+            (np.linalg.norm(A[:r, :r]), hypot(float(np.linalg.norm(A[r:])), float(
+                np.linalg.norm(A[:r, r:])))) for A in tested.generators]).reshape(len(self.G), 2)
+        self.table = table or TimeTable.of(RowsInTime(tested, drive), np.array(drive.times))
+
+    weights: FloatArray
+    guess: FloatArray
+    turning: slice
+    point: Linearisation | None = None
+    before: FloatArray
+    size: float
+
+    def working(self) -> Self:
+        """These rows with the constants of a step of their own."""
+        return copy(self)
+
+    def base(self, t: float) -> FloatArray:
+        """The part (k,) of the rows that depends on time (s) alone."""
+        return self.table.at(t)[2 * len(self.G) :]
+
+    def begin(self, step: StepFormula, d: FloatArray, r: FloatArray) -> None:
+        """Takes over the constants of a step; adds the terms of time, and the rotation at the
+        departure d (n,), to r."""
+        g, at, table = len(self.G), self.at, self.table.at(step.t)
+        r[self.rows] += table[2 * g :]
+        factors = table[: 2 * g].reshape(2, g)
+        acts = np.flatnonzero(factors.any(axis=0))
+        self.turning = slice(0, 0)
+        if not len(acts):
+            self.weights = factors[0]
+            return
+        self.turning = some = slice(acts[0], acts[-1] + 1)
+        kappa, mu = factors
+        self.weights, self.guess, own = kappa + step.c1 * mu, d, d[at]
+        inertia = np.multiply.outer(kappa[some], step.free[at] + own)
+        inertia += np.multiply.outer(mu[some], step.free_rate[at] + step.c1 * own)
+        self._add(r, inertia)
+
+    def add(self, r: FloatArray, d: FloatArray) -> None:
+        """Adds the rotation at the departure d (n,) to r, which holds that at the guess."""
+        if self.turning.stop and d is not self.guess:
+            own = d[self.at] - self.guess[self.at]
+            self._add(r, np.multiply.outer(self.weights[self.turning], own))
+
+    def _add(self, r: FloatArray, inertia: FloatArray) -> None:
+        r[self.rows] += inertia.ravel().dot(self.G[self.turning].reshape(inertia.size,
+        self.G.shape[2]))
+
+    def rotation(self, x: FloatArray, v: FloatArray, t: float) -> FloatArray:
+        """Rows (k,) of the rotation at any unknowns x with rates v, (n,) each, at t, s."""
+        g, table = len(self.G), self.table.at(t)
+        inertia = np.multiply.outer(table[:g], x[self.at])
+        inertia += np.multiply.outer(table[g : 2 * g], v[self.at])
+        return np.asarray(inertia.ravel().dot(self.G.reshape(inertia.size, self.G.shape[2])))
+
+    def slope(self, t: float, c1: float, size: int | None = None) -> FloatArray:
+        """Jacobian of the rotation for dv = c1 dx, in the first `size` unknowns or in all."""
+        some = slice(size)
+        return np.tensordot(self._weights(t, c1), self.generators[:, some, some], 1)
+
+    def contraction(self, point: Linearisation, sizes: FloatArray | None = None) -> float:
+        """Proved upper bound, in the Euclidean norm, of the ratio of two changes of this step with
+        the Jacobian at a point: |J^-1| |J - dF/dd|; inf where none is known. sizes: of the matrices
+        with which the iteration is made, if not G_g."""
+        sizes = self.sizes if sizes is None else sizes
+        if point is not self.point:
+            self.before = self._weights(point.t, point.c[0])
+            self.point, self.size = point, float(np.abs(self.before).dot(sizes[:, 0]))
+        if not self.size < SMALL:
+            return inf
+        if not self.size and not self.turning.stop:
+            return 0.0
+        # |J^-1| <= 1 / (1 - |J - 1|); dF/dd differs from J by the weights, and outside the leading
+        # modes by all of the rotation
+        off = np.abs(self.weights - self.before).dot(sizes[:, 0])
+        off += np.abs(self.weights).dot(sizes[:, 1])
+        return float(off) / (1.0 - self.size)
+
+    def _weights(self, t: float, c1: float) -> FloatArray:
+        g, table = len(self.G), self.table.at(t)
+        return np.asarray(table[:g] + c1 * table[g : 2 * g])
