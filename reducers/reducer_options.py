@@ -111,12 +111,13 @@ class ReducedStepOptions(StepOptions):
         chosen = self.error_estimate
         if isinstance(chosen, ErrorEstimate):
             return ErrorLimit(chosen.tolerance, chosen.action, chosen.every)
-        return ErrorLimit(every=chosen) if isinstance(chosen, int) else ErrorLimit(few=chosen)
+        return ErrorLimit(every=chosen) if isinstance(chosen, int) else ErrorLimit(
+            at_few_steps=chosen)
 
     def error_estimator(self, problem: ReducedProblem, solver: StepSolver) -> ErrorEstimator | None:
         """Estimator of the errors of runs of `solver`, None without the option."""
         limit = self.error_limit
-        if limit.few == "on" or limit.few == "auto" and problem.estimated:
+        if limit.at_few_steps == "on" or limit.at_few_steps == "auto" and problem.estimated:
             from sparsemor.reducers.estimation.estimate_interval import affordable_model
 
             return affordable_model(

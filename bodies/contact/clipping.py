@@ -107,7 +107,7 @@ class Parts:
             found = []
             for sign in (1.0, -1.0):
                 at = now[1].values(sign * (level - values[now[0]]))
-                found.append(left((now[0], now[1].cut(at, NONE))))
+                found.append(nonempty((now[0], now[1].cut(at, NONE))))
             now = joined(found)
         return now
 
@@ -136,7 +136,7 @@ class Parts:
         return some_in, some_out
 
 
-def left(parts: tuple[IntArray, Parts]) -> tuple[IntArray, Parts]:
+def nonempty(parts: tuple[IntArray, Parts]) -> tuple[IntArray, Parts]:
     """The nonempty parts, and their numbers."""
     some = np.flatnonzero(parts[1].count > 0)
     return parts[0][some], parts[1].some(some)
@@ -166,8 +166,14 @@ def _widened(p: Parts, width: int) -> Parts:
 
 
 def _cut_polygon(at: Parts, c: FloatArray, tag: int, share: FloatArray | None) -> Parts:
-    """Clips R polygons, each with corners of both signs of the function c (R, V), to c >= 0:
-    retained corners and edge intersections, in order."""
+    """Clips R polygons, each with corners of both signs of the function c (R, V), to c >= 0
+    (Sutherland and Hodgman 1974, doi 10.1145/360767.360802): retained corners and edge
+    intersections, in order.
+
+    tag: of the new edge along the cut, other edges keep theirs; share (R, V): position of the
+    intersection on each edge from 0 to 1, where c is not linear (as the pressure, overlaps.py);
+    None: that of a linear function.
+    """
     after, used = at.following(), at.used
     c2 = np.take_along_axis(c, after, axis=1)
     p2 = np.take_along_axis(at.corners, after[:, :, None], axis=1)

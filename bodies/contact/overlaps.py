@@ -19,7 +19,7 @@ from typing import Self
 
 import numpy as np
 
-from sparsemor.bodies.contact.clipping import NONE, Parts, joined, left
+from sparsemor.bodies.contact.clipping import NONE, Parts, joined, nonempty
 from sparsemor.bodies.contact.surface import FacetCells, Planes
 from sparsemor.bodies.fem.integrals import area_vectors
 from sparsemor.core import BoolArray, FloatArray, FrictionLaw, IntArray, NormalLaw
@@ -196,7 +196,7 @@ def _signed(
     both, p = parts.some(some), p[some]
     share = _roots(o, of[some], both, p, normal)
     found = [(of[rest], parts.some(rest))]
-    found += [left((of[some], both.cut(sign * p, NONE, share))) for sign in (1.0, -1.0)]
+    found += [nonempty((of[some], both.cut(sign * p, NONE, share))) for sign in (1.0, -1.0)]
     return joined(found)
 
 

@@ -68,23 +68,23 @@ class FacetCells:
     """Cells of F facets, each bounded by B planes.
 
     A point with barycentric coordinates eta (d,) at distance `depth` (m) below the plane of facet f
-    is in the cell if borders[f] @ eta - leans[f] depth >= 0 for all B. borders (F, B, d); leans (F,
-    B): inclination of the sides; jumps (F, B): True where the traction may be discontinuous,
-    because the surface turns or ends there or cells need not tile.
+    is in the cell if borders[f] @ eta - depth_slopes[f] depth >= 0 for all B. borders (F, B, d);
+    depth_slopes (F, B): inclination of the sides; jumps (F, B): True where the traction may be
+    discontinuous, because the surface turns or ends there or cells need not tile.
     """
 
     borders: FloatArray
-    leans: FloatArray
+    depth_slopes: FloatArray
     jumps: BoolArray
 
     def some(self, chosen: IntArray) -> "FacetCells":
-        return FacetCells(self.borders[chosen], self.leans[chosen], self.jumps[chosen])
+        return FacetCells(self.borders[chosen], self.depth_slopes[chosen], self.jumps[chosen])
 
     def values(self, eta: FloatArray, depth: FloatArray) -> FloatArray:
         """(P, k, B) values of the border functions of P cells at k points each: eta (P, k, d),
         depth (P, k), m."""
         return np.asarray(eta @ self.borders.transpose(0, 2, 1)
-                          - depth[:, :, None] * self.leans[:, None])
+                          - depth[:, :, None] * self.depth_slopes[:, None])
 
 
 def balls_in_cells(
@@ -100,7 +100,7 @@ def balls_in_cells(
     ok = depth > -radius
     for border, slope in enumerate(_slopes(planes, cells).T):
         value = np.einsum("pk,pk->p", rel, planes.g[facet, border]) + (border == 0)
-        value -= cells.leans[facet, border] * depth
+        value -= cells.depth_slopes[facet, border] * depth
         ok &= value > -radius * slope[facet]
     return np.flatnonzero(ok)
 
@@ -108,7 +108,7 @@ def balls_in_cells(
 def _slopes(planes: Planes, cells: FacetCells) -> FloatArray:
     """(F, d), 1/m: gradient norms of the border functions of each facet's own edges."""
     sizes = np.linalg.norm(planes.g, axis=2)
-    return np.asarray(np.hypot(sizes, cells.leans[:, : sizes.shape[1]]))
+    return np.asarray(np.hypot(sizes, cells.depth_slopes[:, : sizes.shape[1]]))
 
 
 def cells_of(X: FloatArray, facets: IntArray, planes: Planes) -> FacetCells:
@@ -118,19 +118,19 @@ def cells_of(X: FloatArray, facets: IntArray, planes: Planes) -> FacetCells:
     own = np.broadcast_to(np.eye(d), (F, d, d)), turns * np.linalg.norm(planes.g, axis=2)
     if d == 2:
         return FacetCells(*own, (other < 0) | (turns != 0))
-    facet, border, lean = _shared(X, facets, planes, other, turns)
+    facet, border, depth_slope = _shared(X, facets, planes, other, turns)
     count = np.bincount(facet, minlength=F)
     rank = np.arange(len(facet)) - (np.cumsum(count) - count)[facet]
     borders = np.ones((F, 3 + int(count.max(initial=0)), 3))  # never below 0 where there is none
-    leans = np.zeros(borders.shape[:2])
-    borders[:, :3], leans[:, :3] = own
-    borders[facet, 3 + rank], leans[facet, 3 + rank] = border, lean
+    depth_slopes = np.zeros(borders.shape[:2])
+    borders[:, :3], depth_slopes[:, :3] = own
+    borders[facet, 3 + rank], depth_slopes[facet, 3 + rank] = border, depth_slope
     corners = np.zeros(len(X), bool)
     for end in (1, 2):
         corners[np.roll(facets, -end, axis=1)[turns != 0]] = True
     jumps = np.repeat(corners[facets].any(axis=1, keepdims=True), borders.shape[1], axis=1)
     jumps[:, :3] |= other < 0
-    return FacetCells(borders, leans, jumps)
+    return FacetCells(borders, depth_slopes, jumps)
 
 
 def neighbours(facets: IntArray) -> IntArray:
@@ -189,10 +189,10 @@ def _shared(
     size = np.abs(border).max(axis=1)
     inner = border.min(axis=1) >= -1e-9 * size
     facet, border, size = facet[inner], border[inner], size[inner]
-    lean = turns[owner, edge][which][inner]
-    key = np.round(np.concatenate([border / size[:, None], lean[:, None]], axis=1), 9)
+    depth_slope = turns[owner, edge][which][inner]
+    key = np.round(np.concatenate([border / size[:, None], depth_slope[:, None]], axis=1), 9)
     _, first = np.unique(np.concatenate([facet[:, None], key], axis=1), axis=0, return_index=True)
-    return facet[first], border[first], lean[first]
+    return facet[first], border[first], depth_slope[first]
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,7 +239,7 @@ class Surface:
             return cells
         g, g0 = planes.g[:, :1], self.planes.g[chosen, :1]
         stretch = np.sqrt((g * g).sum(axis=2) / (g0 * g0).sum(axis=2))
-        return FacetCells(cells.borders, cells.leans * stretch, cells.jumps)
+        return FacetCells(cells.borders, cells.depth_slopes * stretch, cells.jumps)
 
     @property
     def d(self) -> int:

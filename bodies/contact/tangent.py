@@ -226,9 +226,9 @@ def _displacement(o: Overlaps, q: Samples) -> FloatArray:
     n, g = o.pairs.planes.n[q.of], o.pairs.planes.g[q.of]
     eye = np.eye(o.d)
     first = q.s[..., None, :, None] * eye[:, None]
-    lean = g.transpose(0, 2, 1)[..., None] * n[:, None, None]  # (M, a, k, b)
+    normal_turn = g.transpose(0, 2, 1)[..., None] * n[:, None, None]  # (M, a, k, b)
     second = -(q.eta[..., None, :, None] * eye[:, None]
-               + q.depth[..., None, None, None] * lean[:, None])
+               + q.depth[..., None, None, None] * normal_turn[:, None])
     return np.concatenate([first, second], axis=3).reshape(*q.p.shape, o.d, -1)
 
 
@@ -393,19 +393,20 @@ def _velocity(o: Overlaps, q: Samples, tag: IntArray, both: bool) -> FloatArray:
     n, g, cells = o.pairs.planes.n[q.of], o.pairs.planes.g[q.of], o.pairs.cells
     lifts = (tag == EDGE)[:, None]
     at = q.of, np.where(lifts[:, 0], 0, tag)
-    border, lean_by = cells.borders[at], cells.leans[at][:, None]
+    border, depth_slope = cells.borders[at], cells.depth_slopes[at][:, None]
     depth, eta = o.at[q.of, :, DEPTH], o.at[q.of, :, 2 + o.d : 2 + 2 * o.d]
-    bound = np.where(lifts, depth, (eta @ border[:, :, None])[:, :, 0] - lean_by * depth)
-    normal = np.where(lifts, -n, (border[:, None] @ g)[:, 0] + lean_by * n)
+    bound = np.where(lifts, depth, (eta @ border[:, :, None])[:, :, 0] - depth_slope * depth)
+    normal = np.where(lifts, -n, (border[:, None] @ g)[:, 0] + depth_slope * n)
     slope = np.linalg.norm(bound[:, :-1] - bound[:, -1:], axis=1)
     normal = normal / slope[:, None]
     shape = (*q.p.shape, o.d**2)
     first = (q.s[..., None] * normal[:, None, None]).reshape(shape)
     if not both:
         return np.asarray(first)
-    lean = (g @ normal[:, :, None]) * n[:, None]
-    second = -(q.eta[..., None] * normal[:, None, None] + q.depth[..., None, None] * lean[:, None])
-    if o.d == 2:  # a border that keeps its angle: d lean = -lean sum g . db
-        by = np.where(lifts, 0.0, lean_by) * q.depth / slope[:, None]
+    normal_turn = (g @ normal[:, :, None]) * n[:, None]
+    second = -(q.eta[..., None] * normal[:, None, None]
+               + q.depth[..., None, None] * normal_turn[:, None])
+    if o.d == 2:  # a border that keeps its angle: d slope = -slope sum g . db
+        by = np.where(lifts, 0.0, depth_slope) * q.depth / slope[:, None]
         second += by[..., None, None] * g[:, None]
     return np.concatenate([first, second.reshape(shape)], axis=2)

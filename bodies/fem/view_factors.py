@@ -64,8 +64,8 @@ def exchange_areas(facets: Facets, patch: IntArray, seed: int) -> FloatArray:
     """A_i F_ij (P, P), m or m2, between patches; patch (n,): number of the patch of each facet."""
     heights = facets.heights()
     above = (heights > 0).any(axis=2)
-    seen: BoolArray = np.logical_and(above, above.T)
-    S = (_strings if facets.d == 2 else _polygons)(facets, heights, seen)
+    facing: BoolArray = np.logical_and(above, above.T)
+    S = (_strings if facets.d == 2 else _polygons)(facets, heights, facing)
     count = int(patch.max()) + 1
     sums = np.zeros((count, count))
     np.add.at(sums, (patch[:, None], patch[None, :]), S)
@@ -74,9 +74,9 @@ def exchange_areas(facets: Facets, patch: IntArray, seed: int) -> FloatArray:
     return sums
 
 
-def _strings(facets: Facets, heights: FloatArray, seen: BoolArray) -> FloatArray:
+def _strings(facets: Facets, heights: FloatArray, facing: BoolArray) -> FloatArray:
     """Crossed strings (n, n) of the parts of segments that are above each other's horizon."""
-    i, j = np.nonzero(seen)
+    i, j = np.nonzero(facing)
     a, b = facets.corners[i], facets.corners[j]
     b = _above(b, heights[i, j])
     a = _above(a, heights[j, i])
@@ -84,7 +84,7 @@ def _strings(facets: Facets, heights: FloatArray, seen: BoolArray) -> FloatArray
     def length(p: int, q: int) -> FloatArray:
         return np.asarray(np.linalg.norm(a[:, p] - b[:, q], axis=1))
 
-    S = np.zeros(seen.shape)
+    S = np.zeros(facing.shape)
     S[i, j] = 0.5 * np.abs(length(0, 0) + length(1, 1) - length(0, 1) - length(1, 0))
     return S
 
@@ -98,15 +98,15 @@ def _above(segments: FloatArray, heights: FloatArray) -> FloatArray:
                      np.where((high < 0)[:, None], cut, q)], axis=1)
 
 
-def _polygons(facets: Facets, heights: FloatArray, seen: BoolArray) -> FloatArray:
+def _polygons(facets: Facets, heights: FloatArray, facing: BoolArray) -> FloatArray:
     """A_i F_ij (n, n) of triangles, by points of one and the whole of the other; the mean of both
     directions."""
     middles = facets.corners.mean(axis=1)
     radius = np.linalg.norm(facets.corners - middles[:, None], axis=2).max(axis=1)
     away = np.linalg.norm(middles[:, None] - middles[None], axis=2)
     near = away < NEAR * (radius[:, None] + radius[None])
-    S = np.zeros(seen.shape)
-    for level, which in ((0, seen & ~near), (DIVISIONS, seen & near)):
+    S = np.zeros(facing.shape)
+    for level, which in ((0, facing & ~near), (DIVISIONS, facing & near)):
         shares = _points(level)
         i, j = np.nonzero(which)
         step = max(1, CHUNK // (12 * len(shares)))

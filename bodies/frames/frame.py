@@ -129,11 +129,13 @@ class SpatialFrame(ItemFrame[SpatialItem]):
     def drive(
         self, y: FloatArray, v: FloatArray, a: FloatArray, t: float, work: FrameWork
     ) -> None:
+        """Loads of the items on the displacements under prescribed motion y, v, a (b,) at t, s, of
+        which each item overwrites its own entries in `work.sigma` and `work.coefficients`."""
         out = work.views
-        if not isinstance(out, Sums):
+        if not isinstance(out, Sums):  # first use of these arrays
             out = work.views = Sums(work, self.size)
-        m = Motion(self.size, y, v, a, 0.0, 0.0, t, derivatives=False)
-        for item, j in self._pushing():
+        m = Motion(self.size, y, v, a, c1=0.0, c2=0.0, t=t, derivatives=False)
+        for item, j in self._items_that_push():
             item.push(m, j, out)
 
     def drive_along(
@@ -143,12 +145,13 @@ class SpatialFrame(ItemFrame[SpatialItem]):
         once: as `drive` at each."""
         m = MotionAtTimes(self.size, y, v, a, times)
         out = Pushes(len(times), self.p, self.generators)
-        for item, j in self._pushing():
+        for item, j in self._items_that_push():
             item.push(m, j, out)
         return np.hstack([out.coefficients, out.sigma])
 
-    def _pushing(self) -> Iterator[tuple[SpatialItem, int]]:
-        """Items with `push`, and the number of their first functional."""
+    def _items_that_push(self) -> Iterator[tuple[SpatialItem, int]]:
+        """Items with loads on the displacements (`push`), and the number of their first
+        functional."""
         for item, (j, _, _) in zip(self.items, self.starts, strict=True):
             if item.pushes:
                 yield item, j
@@ -233,7 +236,8 @@ class PlanarFrame(ItemFrame[PlanarItem]):
     def drive(
         self, y: FloatArray, v: FloatArray, a: FloatArray, t: float, work: FrameWork
     ) -> None:
-        # its derivatives are a few complex numbers, not worth a second way through the items
+        """The same loads by `evaluate` at zero displacements: its derivatives are a few complex
+        numbers, not worth a second way through the items."""
         s, forms = np.zeros((3, self.p)), np.zeros(3 * self.generators)
         self.evaluate(y, v, a, 0.0, 0.0, s, forms, t, work)
 

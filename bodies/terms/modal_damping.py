@@ -36,20 +36,22 @@ def modal_factors(
     one. InputError for more ratios than modes.
     """
     free = np.setdiff1d(np.arange(K.shape[0]), held)
-    K, M, left = K[free][:, free], M[free][:, free], len(free) - rigid
-    one = isinstance(ratio, int | float)
-    wanted = count if isinstance(ratio, int | float) else len(ratio)
-    if wanted > left and not one:
-        raise InputError(f"gives {wanted} ratios, and the body has {left} elastic modes", "ratio")
-    more = min(wanted + one, left)
-    values, shapes = _lowest(K, M, rigid + more)
+    K, M, elastic_modes = K[free][:, free], M[free][:, free], len(free) - rigid
+    same_ratio = isinstance(ratio, int | float)
+    number_of_ratios = count if isinstance(ratio, int | float) else len(ratio)
+    if number_of_ratios > elastic_modes and not same_ratio:
+        raise InputError(f"gives {number_of_ratios} ratios, and the body has {elastic_modes} "
+                         "elastic modes", "ratio")
+    computed = min(number_of_ratios + same_ratio, elastic_modes)
+    values, shapes = _lowest(K, M, rigid + computed)
     values, shapes = values[rigid:], shapes[:, rigid:]
-    keep = min(wanted, left)
-    while one and 0 < keep < len(values) and values[keep] - values[keep - 1] < EQUAL * values[keep]:
+    keep = min(number_of_ratios, elastic_modes)
+    while same_ratio and 0 < keep < len(values) and (
+            values[keep] - values[keep - 1] < EQUAL * values[keep]):
         keep -= 1
     L = np.zeros((len(free) + len(held), keep))
     L[free] = M @ shapes[:, :keep]
-    zeta = np.full(keep, ratio) if one else np.array(ratio, dtype=np.float64)
+    zeta = np.full(keep, ratio) if same_ratio else np.array(ratio, dtype=np.float64)
     return ModalFactors(L, 2.0 * zeta * np.sqrt(np.maximum(values[:keep], 0.0)))
 
 

@@ -229,28 +229,33 @@ class WeakTerm(Term):
     ) -> FloatArray:
         """(F, l, M) contribution of each element, or of those with the given numbers, projected by
         left (l, m), at states x and rates v (n, M) and times t (M,), s."""
-        here = self if elements is None else self._part(elements, self.rows, self.row_of)
-        there = np.searchsorted(self.columns, here.columns)
-        at = here.row_of[here.tested.shape.nodes]
-        seen = np.where(at >= 0, left[:, at], 0.0)
-        seen = seen.reshape(*seen.shape[:2], prod(seen.shape[2:]))
-        found = np.zeros((len(at), len(left), len(t)))
+        part = self if elements is None else self._part(elements, self.rows, self.row_of)
+        part_columns = np.searchsorted(self.columns, part.columns)
+        part_rows = part.row_of[part.tested.shape.nodes]
+        weights = np.where(part_rows >= 0, left[:, part_rows], 0.0)
+        weights = weights.reshape(*weights.shape[:2], prod(weights.shape[2:]))
+        contributed = np.zeros((len(part_rows), len(left), len(t)))
         for i, time in enumerate(t.tolist()):
-            loads = here._loads(x[there, i], v[there, i], 0.0 * v[there, i], time)
-            found[:, :, i] = np.einsum("lfi,fi->fl", seen, loads.reshape(len(at), seen.shape[2]))
-        return found
+            rates = v[part_columns, i]
+            loads = part._loads(x[part_columns, i], rates, 0.0 * rates, time)
+            contributed[:, :, i] = np.einsum(
+                "lfi,fi->fl", weights, loads.reshape(len(part_rows), weights.shape[2]))
+        return contributed
 
     def compress(self, trial: Trial, left: FloatArray) -> ReducedTerm:
         """Term projected on a trial basis, evaluated at the quadrature points unless the law has a
         cheaper form."""
         used = np.flatnonzero(np.any(left != 0, axis=0))
-        few = self.restrict(used)
-        at = np.searchsorted(self.columns, few.columns)
-        points = few._projected(Trial(trial.atoms[at], trial.offset[at]), left[:, used])
+        restricted = self.restrict(used)
+        numbers = np.searchsorted(self.columns, restricted.columns)
+        points = restricted._projected(
+            Trial(trial.atoms[numbers], trial.offset[numbers]), left[:, used])
         stress = self.law.green_lagrange
         return points if stress is None else polynomial_of(points, stress)
 
     def _projected(self, trial: Trial, left: FloatArray) -> PointTerm:
+        """This term at its quadrature points as a function of the coefficients of a trial basis,
+        projected by left (l, m)."""
         # last row of atoms, last column of `left`: zeros, for nodes without an unknown (-1)
         padded = np.concatenate([trial.atoms, np.zeros((1, trial.atoms.shape[1]))])
         reads, projections = [], []
@@ -261,11 +266,11 @@ class WeakTerm(Term):
             offset = np.concatenate([trial.offset, [0.0]])[columns]
             offset = np.where(columns >= 0, offset, field.constant[:, variable.component])
             parts = []
-            for held, function, values in field.prescribed:
-                offset[held] = 0.0
-                there = np.zeros(len(columns))
-                there[held] = values
-                parts.append((interpolated(field.shape, there, axis), function))
+            for prescribed_nodes, function, values in field.prescribed:
+                offset[prescribed_nodes] = 0.0
+                nodal_values = np.zeros(len(columns))
+                nodal_values[prescribed_nodes] = values
+                parts.append((interpolated(field.shape, nodal_values, axis), function))
             P = np.einsum("enk,enq->eqk", padded[columns[nodes]],
                           np.broadcast_to(field.shape.along(axis), (
                               *nodes.shape, field.shape.along(axis).shape[2])), optimize=True)

@@ -116,8 +116,9 @@ class Comparison(Drawn):
             if e.unshared:
                 parts.append("not compared, because only one run has them or their sizes differ: "
                              + ", ".join(e.unshared))
-            if told := self.runs[run].summary.get("fall_back"):
-                parts.append(f"{told['steps']} steps from {told['time']:.4g} s on at full order")
+            if fall_back := self.runs[run].summary.get("fall_back"):
+                parts.append(f"{fall_back['steps']} steps from {fall_back['time']:.4g} s on at "
+                             "full order")
             if parts:
                 found[run] = f"{run}: {'; '.join(parts)}"
         return found

@@ -177,11 +177,11 @@ def only_json(wanted: bool = True) -> Iterator[None]:
         with suppress(OSError, ValueError, AttributeError):  # one that is closed or no file
             out.flush()
             if out.fileno() == 1:
-                kept = os.dup(1)
+                saved_descriptor = os.dup(1)
                 out = stack.enter_context(os.fdopen(
-                    kept, "w", encoding=out.encoding, errors=out.errors, closefd=True))
+                    saved_descriptor, "w", encoding=out.encoding, errors=out.errors, closefd=True))
                 os.dup2(2, 1)
-                stack.callback(_restore, kept)
+                stack.callback(_restore, saved_descriptor)
         stack.enter_context(redirect_stdout(sys.stderr))
         _json_stream.append(out)
         stack.callback(_json_stream.clear)

@@ -91,24 +91,24 @@ def assemble(
     located by dotted input keys (`joints.A.between.0`).
     """
     shared = body_cache is not None and prescribed is NOTHING
-    known, key = (body_cache or BodyCache()).models, ""
+    models, key = (body_cache or BodyCache()).models, ""
     if shared:
         key = digest(str(scene.folder), scene.digest(*_PARTS), repr(_stepping(scene)))
-    if not shared or key not in known:
+    if not shared or key not in models:
         bodies, connected, probes = _build(scene, prescribed, body_cache or BodyCache())
         model = _model(scene, prescribed, bodies, connected, probes)
         # joints with redundant constraints are made compliant, and the model is assembled again
         joints = {n: j for n, j in connected["joints"].items() if isinstance(j, Joint)}
-        changed = {n: made for n, softer in redundant_joints(model, scene.time.step).items()
+        softened = {n: made for n, softer in redundant_joints(model, scene.time.step).items()
                    if (made := joints[n].compliant(*softer)) is not None}
-        if changed:
-            connected["joints"] |= changed
+        if softened:
+            connected["joints"] |= softened
             model = _model(scene, prescribed, bodies, connected, probes)
         if not shared:
             return model
-        known[key] = model
+        models[key] = model
     # with a log of its own, and a start of its own
-    return replace(known[key], solvers=BlockSolvers(scene.linear_solver, scene.linear_solvers))
+    return replace(models[key], solvers=BlockSolvers(scene.linear_solver, scene.linear_solvers))
 
 
 def with_joints(scene: Scene, model: Model, changed: Mapping[str, Joint]) -> Model:

@@ -26,20 +26,20 @@ def linear_facets(nodes: IntArray, d: int) -> tuple[IntArray, IntArray]:
     """Segments or triangles (S, d) on the nodes (E, q) of the facets of cells of first or second
     order, ordered for outward normals, and the row of `cell_facets` of each."""
     rows, of, start = [], [], 0
-    for _, own in by_kind(nodes, d):
-        kind = KINDS[d, corners_of(d, own.shape[1])]
+    for _, cells in by_kind(nodes, d):
+        kind = KINDS[d, corners_of(d, cells.shape[1])]
         p, count = len(kind.places), len(kind.facets)
-        place = {frozenset(c): p + i for i, c in enumerate(kind.further)}
+        number_of = {frozenset(c): p + i for i, c in enumerate(kind.further)}
         for k, f in enumerate(kind.facets):
-            second = own.shape[1] > p
+            second = cells.shape[1] > p
             ends = [f] if d == 2 else zip(f, [*f[1:], f[0]], strict=True)
-            local = [*f, *(place[frozenset(e)] for e in ends if second)]
+            local = [*f, *(number_of[frozenset(e)] for e in ends if second)]
             if second and len(f) == 4:
-                local.append(place[frozenset(f)])
-            made = np.array(local)[np.array(SIMPLICES[len(f), second])]
-            rows.append(own[:, made].reshape(-1, d))
-            of.append(np.repeat(start + count * np.arange(len(own)) + k, len(made)))
-        start += count * len(own)
+                local.append(number_of[frozenset(f)])
+            simplices = np.array(local)[np.array(SIMPLICES[len(f), second])]
+            rows.append(cells[:, simplices].reshape(-1, d))
+            of.append(np.repeat(start + count * np.arange(len(cells)) + k, len(simplices)))
+        start += count * len(cells)
     order = np.argsort(np.concatenate(of), kind="stable")
     return np.concatenate(rows)[order], np.concatenate(of)[order]
 

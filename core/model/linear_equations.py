@@ -122,7 +122,7 @@ class TabledEquations:
         return TabledEquations(replace(self.load, columns=csr_array(self.load.columns[keep])))
 
     def mapped(self, trial: Trial, left: FloatArray) -> TabledRows:
-        return TabledRows(self.load.seen(left), trial.atoms.shape[1])
+        return TabledRows(self.load.projected(left), trial.atoms.shape[1])
 
 
 Linear = AssembledTerm[LinearEquations]

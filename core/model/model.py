@@ -228,9 +228,9 @@ def _loads(
 
 def distinct_names(names: list[str]) -> tuple[str, ...]:
     """The names in order, repeated ones with a number: "push", "push (2)"."""
-    seen: dict[str, int] = {}
+    count_of: dict[str, int] = {}
     found = []
     for name in names:
-        seen[name] = seen.get(name, 0) + 1
-        found.append(name if seen[name] == 1 else f"{name} ({seen[name]})")
+        count_of[name] = count_of.get(name, 0) + 1
+        found.append(name if count_of[name] == 1 else f"{name} ({count_of[name]})")
     return tuple(found)

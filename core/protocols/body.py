@@ -159,9 +159,9 @@ class ProbePlace:
 
     def without_mesh(self) -> ProbePlace:
         """Copy without weights of the mesh's size."""
-        few = None if self.stress is None else replace(
+        constants = None if self.stress is None else replace(
             self.stress, displacement=np.zeros((0, 6)), temperature=None)
-        return replace(self, displacement=None, temperature=None, stress=few)
+        return replace(self, displacement=None, temperature=None, stress=constants)
 
     @property
     def functions(self) -> tuple[tuple[object, TimeFunction], ...]:

@@ -237,7 +237,8 @@ class StepOutcome:
     """Solution of one time step in the unknowns of the step solver (reduced ones for a reduced
     model), and its status. block: name of the block in which the solution failed, if it did.
 
-    x (n,): unknowns; rates: their rates v and a, which a solver of increments knows to more digits
+    x (n,): unknowns; iterations: of the mechanics where they are solved after the heat, which has
+    its own; rates: their rates v and a, which a solver of increments knows to more digits
     than the step formula gives for x (core/protocols/integrator.py); None: those of the formula;
     remaining: estimated error that the iteration leaves, relative to the largest value of each part
     of the unknowns, 0 for a direct solution.
@@ -265,11 +266,11 @@ def advanced(
     return new_state(rules, layout, state, formula.t, outcome.x, v, a, linear=linear)
 
 
-def settled(
+def with_history(
     integrator: "Integrator", layout: Layout, state: State, slope: FloatArray, h: float
 ) -> State:
-    """State with the history that steps of h (s) leave of a motion with these x, v, a and a
-    constant slope (n,) of the highest rates: what `Integrator.start` has for slope 0."""
+    """State with the history (`State.memory`) that steps of h, s, leave of a motion with these x,
+    v, a and a constant slope (n,) of the highest rates, which `Integrator.start` takes as 0."""
     if not slope.any():
         return integrator.start(layout, state)
     rules = integrator.rules(h)

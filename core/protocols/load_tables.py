@@ -113,7 +113,7 @@ class LoadTable:
         """Load vector (n,) at t, s."""
         return np.asarray(self.columns @ self.table.at(t))
 
-    def seen(self, left: FloatArray) -> Table:
+    def projected(self, left: FloatArray) -> Table:
         """Table of the projected load left @ load(t), with left (l, n)."""
         return self.table.through(np.asarray(left @ self.columns))
 

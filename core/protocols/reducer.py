@@ -218,14 +218,14 @@ ErrorAction: TypeAlias = Literal["warn", "stop", "fall_back", "enrich"]
 @dataclass(frozen=True, slots=True)
 class ErrorLimit:
     """Largest permitted estimate of a block's error, relative to its largest change, what the run
-    does beyond it, and the number of steps from one estimate to the next (0: none is given). few:
-    whether the error is estimated without such a number, at few steps; `auto`: where the caller
-    wants it (`ReducedProblem.estimated`)."""
+    does beyond it, and the number of steps from one estimate to the next (0: none is given).
+    at_few_steps: whether the error is estimated without such a number, at few steps; `auto`: where
+    the caller wants it (`ReducedProblem.estimated`)."""
 
     tolerance: float = 0.1
     action: ErrorAction = "warn"
     every: int = 0
-    few: Literal["auto", "on", "off"] = "off"
+    at_few_steps: Literal["auto", "on", "off"] = "off"
 
 
 class ErrorEstimator(Protocol):

@@ -28,7 +28,13 @@ from sparsemor.core.protocols.plugin import OWN, PREFIX, Plugin
 from sparsemor.core.registry.contracts import CONTRACTS, members
 from sparsemor.core.registry.installed import entry_points
 from sparsemor.core.registry.value_checks import CHECKS, EVERY_STEP, NAN_ALLOWED
-from sparsemor.core.registry.value_types import NOT_FINITE, is_data, required_type, unfit, usual
+from sparsemor.core.registry.value_types import (
+    NOT_FINITE,
+    is_data,
+    quick_test,
+    required_type,
+    unfit,
+)
 from sparsemor.core.status import SolveFailed
 
 _MARK = "_sparsemor_checked"
@@ -47,17 +53,17 @@ def guard(contract: type, cls: type, names: Iterable[str] | None = None) -> None
     """Puts the checked form of each member of a contract that a class has written into it, once.
     What a member returns by another contract is guarded when it is returned. names: of some
     members."""
-    for name, wanted in members(contract).items():
-        found = inspect.getattr_static(cls, name, None)
-        if found is wanted or (names is not None and name not in names):
+    for name, declared in members(contract).items():
+        written = inspect.getattr_static(cls, name, None)
+        if written is declared or (names is not None and name not in names):
             continue  # a default needs no check
-        if isinstance(found, FunctionType) and isinstance(wanted, FunctionType):
-            if not hasattr(found, _MARK):
-                _put(cls, name, _checked(found, contract, wanted))
-        elif isinstance(found, property) and isinstance(wanted, property):
-            get = found.fget
-            if isinstance(get, FunctionType) and not hasattr(get, _MARK) and wanted.fget:
-                _put(cls, name, found.getter(_checked(get, contract, wanted.fget)))
+        if isinstance(written, FunctionType) and isinstance(declared, FunctionType):
+            if not hasattr(written, _MARK):
+                _put(cls, name, _checked(written, contract, declared))
+        elif isinstance(written, property) and isinstance(declared, property):
+            get = written.fget
+            if isinstance(get, FunctionType) and not hasattr(get, _MARK) and declared.fget:
+                _put(cls, name, written.getter(_checked(get, contract, declared.fget)))
 
 
 def _hints_of(function: Any) -> dict[str, Any]:
@@ -77,18 +83,25 @@ def _put(cls: type, name: str, member: object) -> None:
         setattr(cls, name, member)
 
 
-def _checked(function: FunctionType, protocol: type, wanted: Any) -> FunctionType:
-    """The function with checks of what it raises, takes and returns."""
-    name, hints = function.__name__, _hints_of(wanted)
+def _checked(function: FunctionType, protocol: type, protocol_method: Any) -> FunctionType:
+    """The function of a plugin with checks of what it raises, takes and returns, by the annotations
+    of the method of the protocol.
+
+    A method that every step calls (`EVERY_STEP`) gets a cheaper form, with one check of the value
+    alone; core passes it positional arguments, which it does not protect from changes.
+    """
+    name, hints = function.__name__, _hints_of(protocol_method)
     hint = hints.pop("return", Any)
     check = CHECKS.get((protocol.__name__, name))
     finite = (protocol.__name__, name) not in NAN_ALLOWED
-    names = list(inspect.signature(wanted).parameters)[1:]
+    names = list(inspect.signature(protocol_method).parameters)[1:]
     takes_data = any(h not in (float, int, str) for h in hints.values())
-    built = hint if is_protocol(hint) or _is_base(hint) else None
-    admitted = set[type]()
-    lean = EVERY_STEP.get((protocol.__name__, name))
-    as_usual, settled = usual(hint, finite), built is None and (check is None or hint is float)
+    returned_protocol = hint if is_protocol(hint) or _is_base(hint) else None
+    guarded_types = set[type]()
+    step_check = EVERY_STEP.get((protocol.__name__, name))
+    fits_quickly = quick_test(hint, finite)
+    # of a float `CHECKS` ask no more than its type, which `fits_quickly` has tested
+    no_further_checks = returned_protocol is None and (check is None or hint is float)
 
     @wraps(function)
     def call_in_step(self: Any, *given: Any) -> Any:
@@ -98,7 +111,7 @@ def _checked(function: FunctionType, protocol: type, wanted: Any) -> FunctionTyp
             raise
         except (Exception, SystemExit) as error:
             raise _raised(error, self, function) from error
-        if lean is not None and (wrong := lean(value, self)):
+        if step_check is not None and (wrong := step_check(value, self)):
             raise _returned(wrong, hint, self, function)
         return value
 
@@ -114,20 +127,21 @@ def _checked(function: FunctionType, protocol: type, wanted: Any) -> FunctionTyp
             raise
         except (Exception, SystemExit) as error:
             raise _raised(error, self, function) from error
-        fit = as_usual(value)
-        if fit and settled:
+        fits = fits_quickly(value)
+        if fits and no_further_checks:
             return value
-        wrong = "" if fit else unfit(value, hint, finite)
+        wrong = "" if fits else unfit(value, hint, finite)
         if not wrong and check is not None:
             wrong = check(value, self, dict(zip(names, given, strict=False), **named))
+        # a law of a diverging step may overflow: the status of the step reports that
         if wrong and not (NOT_FINITE in wrong and _overflows(given)):
             raise _returned(wrong, hint, self, function)
-        if built is not None and type(value) not in admitted:
-            guard(built, type(value))
-            admitted.add(type(value))
+        if returned_protocol is not None and type(value) not in guarded_types:
+            guard(returned_protocol, type(value))
+            guarded_types.add(type(value))
         return value
 
-    made = call if lean is None else call_in_step
+    made = call if step_check is None else call_in_step
     setattr(made, _MARK, True)
     assert isinstance(made, FunctionType)
     return made
@@ -204,7 +218,7 @@ def _fault_of(error: BaseException) -> PluginError | None:
         (f for f in reversed(_frames(error.__traceback__))
          if f.module.startswith(_PLUGIN_FOLDERS)), None)
     return None if frame is None else _fault(
-        frame.module, _owner(frame.module), frame.code.co_qualname, _said(error), frame.place)
+        frame.module, _owner(frame.module), frame.code.co_qualname, _message_of(error), frame.place)
 
 
 class _Frame:
@@ -230,31 +244,32 @@ def _raised(error: BaseException, plugin: object, function: FunctionType) -> Plu
     """Fault of an exception in a method of a plugin, or in the code of another one that it
     calls."""
     if _root(type(plugin).__module__) == OWN and _third_party(error.__traceback__) is not None:
-        return _fault_of(error) or PluginError(_said(error))
-    own = [f for f in _frames(error.__traceback__)
+        return _fault_of(error) or PluginError(_message_of(error))
+    frames_in_file = [f for f in _frames(error.__traceback__)
            if f.code.co_filename == function.__code__.co_filename]
-    return _of(plugin, function, _said(error), own[-1].place if own else _definition(function))
+    return _fault_in(plugin, function, _message_of(error), (
+        frames_in_file[-1].place if frames_in_file else _definition(function)))
 
 
 def _returned(wrong: str, hint: Any, plugin: object, function: FunctionType) -> PluginError:
-    return _of(plugin, function, f"returned {wrong}, where {required_type(hint)} is required",
+    return _fault_in(plugin, function, f"returned {wrong}, where {required_type(hint)} is required",
                _definition(function))
 
 
-def _of(plugin: object, function: FunctionType, said: str, place: str) -> PluginError:
+def _fault_in(plugin: object, function: FunctionType, message: str, place: str) -> PluginError:
     cls = type(plugin)
-    return _fault(cls.__module__, _described(cls), f"{cls.__name__}.{function.__name__}", said,
+    return _fault(cls.__module__, _described(cls), f"{cls.__name__}.{function.__name__}", message,
                   place)
 
 
-def _fault(module: str, owner: str, method: str, said: str, place: str) -> PluginError:
-    made = PluginError(f"{owner}: {method} {said} ({place}); report it to the authors of that "
+def _fault(module: str, owner: str, method: str, message: str, place: str) -> PluginError:
+    made = PluginError(f"{owner}: {method} {message} ({place}); report it to the authors of that "
                        "plugin")
     made.own = _root(module) == OWN
     return made
 
 
-def _said(error: BaseException) -> str:
+def _message_of(error: BaseException) -> str:
     first = (str(error).splitlines() or [""])[0]
     return f"raised {type(error).__name__}{': ' if first else ''}{first}"
 

@@ -100,13 +100,14 @@ def breaches(kind: str, cls: type) -> tuple[str, ...]:
 def part_breaches(contract: type, cls: type, also: Mapping[str, object]) -> list[str]:
     """Violations of a contract by the class of a built object, except missing members. also:
     further members that a misspelt name may mean."""
-    wanted, own = members(contract), _own(cls, contract)
-    free = [n for n in {**also, **wanted} if n not in own]
-    near = {n: difflib.get_close_matches(n, free, n=1, cutoff=CLOSE) for n in own
-            if n not in wanted}
-    misfits = [_misfit(n, own[n], wanted[n]) for n in wanted if n in own]
+    required_members, members_of_class = members(contract), _own(cls, contract)
+    unused = [n for n in {**also, **required_members} if n not in members_of_class]
+    similar = {n: difflib.get_close_matches(n, unused, n=1, cutoff=CLOSE) for n in members_of_class
+            if n not in required_members}
+    misfits = [_misfit(n, members_of_class[n], member) for n, member in required_members.items()
+               if n in members_of_class]
     return [*filter(None, misfits), *(f"{n} is not looked for: did you mean {found[0]}?"
-                                      for n, found in near.items() if found)]
+                                      for n, found in similar.items() if found)]
 
 
 def refusal(kind: str, cls: type) -> str:

@@ -38,14 +38,14 @@ def unfit_field(value: Any) -> str:
 def _hints(cls: type[Any]) -> tuple[tuple[str, Any, Callable[[object], bool]], ...]:
     """Name, type and test of usual values of each field of a dataclass."""
     hints = get_type_hints(cls)
-    return tuple((f.name, h := hints[f.name], usual(h)) for f in fields(cls) if f.init)
+    return tuple((f.name, h := hints[f.name], quick_test(h)) for f in fields(cls) if f.init)
 
 
 def fits(value: object, hint: Any, exact: bool = True) -> bool:
     """True if a value is of a type as annotations name it; what a callable takes and returns is not
     looked at. exact: integers are no entries of arrays of floats, and lists are no tuples or
     arrays."""
-    hint = _meant(hint)
+    hint = _resolved(hint)
     if hint is Any or hint is Self or isinstance(hint, TypeVar):
         return True
     if hint is float or hint is int:
@@ -81,12 +81,12 @@ def fits(value: object, hint: Any, exact: bool = True) -> bool:
 
 
 @cache
-def _meant(hint: Any) -> Any:
+def _resolved(hint: Any) -> Any:
     """Type that a named one (`type X = ..`, NumPy's NDArray) stands for."""
     of = get_origin(hint)
     if isinstance(of, _NAMED):
-        return _meant(of.__value__[get_args(hint)])
-    return _meant(hint.__value__) if isinstance(hint, _NAMED) else hint
+        return _resolved(of.__value__[get_args(hint)])
+    return _resolved(hint.__value__) if isinstance(hint, _NAMED) else hint
 
 
 def _is_array(value: object, kinds: str, exact: bool) -> bool:
@@ -109,10 +109,10 @@ def unfit(value: object, hint: Any, finite: bool = True) -> str:
 
 
 @cache
-def usual(hint: Any, finite: bool = True) -> Callable[[object], bool]:
+def quick_test(hint: Any, finite: bool = True) -> Callable[[object], bool]:
     """Quick test that accepts the usual values of an annotation, such as arrays of finite floats;
     `unfit` decides on all others."""
-    hint = _meant(hint)
+    hint = _resolved(hint)
     if hint is float:
         return lambda v: type(v) is float and (isfinite(v) or not finite)
     if hint in _BY_CLASS:
@@ -124,9 +124,9 @@ def usual(hint: Any, finite: bool = True) -> Callable[[object], bool]:
             not finite or isfinite(np.vdot(v, v)))
     if of in (Union, types.UnionType):
         plain = _BY_CLASS & {*inner}
-        tests = [usual(h, finite) for h in inner if h not in plain]
+        tests = [quick_test(h, finite) for h in inner if h not in plain]
         return lambda v: type(v) in plain or any([test(v) for test in tests])
-    tests = [usual(h, finite) for h in inner] if of is tuple else []
+    tests = [quick_test(h, finite) for h in inner] if of is tuple else []
     if of is tuple and inner[-1:] != (...,):
         return lambda v: type(v) is tuple and len(v) == len(tests) and all(
             [test(part) for test, part in zip(tests, v, strict=True)])
@@ -135,9 +135,9 @@ def usual(hint: Any, finite: bool = True) -> Callable[[object], bool]:
 
 def unfit_arrays(value: Any) -> str:
     """Description of the first field of a dataclass that is not of its type or not finite."""
-    for name, hint, as_usual in _hints(type(value)):  # type: ignore[arg-type]
-        held = getattr(value, name)
-        if not as_usual(held) and (wrong := unfit(held, hint)):
+    for name, hint, fits_quickly in _hints(type(value)):  # type: ignore[arg-type]
+        content = getattr(value, name)
+        if not fits_quickly(content) and (wrong := unfit(content, hint)):
             return f"a {type(value).__name__} whose {name} is {wrong}"
     return ""
 
@@ -169,7 +169,7 @@ def _with_article(name: str) -> str:
 
 def required_type(hint: Any) -> str:
     """A type in words."""
-    hint = _meant(hint)
+    hint = _resolved(hint)
     of, inner = get_origin(hint), get_args(hint)
     if of is np.ndarray:
         kind = {"f": "finite numbers", "iu": "integers", "b": "truth values"}.get(

@@ -200,31 +200,31 @@ class OutputDirectory:
         OUT/.replaced stays. Raises InputError, changing nothing, for files of somebody else that
         the new result would replace, and while another process writes to a part of the result.
         """
-        out, own = self.path, own_files(self.path)
-        if own.changed:
-            raise in_the_way(out, own.changed)
-        known = {p for p in (read_listing(out) or Listing()).parts if _folder(out / p)}
-        taken = [n for n in writes if os.path.lexists(out / n) and n not in own.files]
-        taken += [n for n in parts if os.path.lexists(out / n) and n not in known]
-        if taken:
-            raise in_the_way(out, taken)
-        stores = {(out / p).parent for p in own.files if Path(p).name == HEADER}
-        for part in {out / p for p in known} | {s.parent for s in stores if s.name == STORE}:
+        out, earlier = self.path, own_files(self.path)
+        if earlier.changed:
+            raise in_the_way(out, earlier.changed)
+        listed_parts = {p for p in (read_listing(out) or Listing()).parts if _folder(out / p)}
+        foreign = [n for n in writes if os.path.lexists(out / n) and n not in earlier.files]
+        foreign += [n for n in parts if os.path.lexists(out / n) and n not in listed_parts]
+        if foreign:
+            raise in_the_way(out, foreign)
+        stores = {(out / p).parent for p in earlier.files if Path(p).name == HEADER}
+        for part in {out / p for p in listed_parts} | {s.parent for s in stores if s.name == STORE}:
             with owned(part):
                 pass
         if os.path.lexists(out / KEPT):
-            kept = own_files(out / KEPT) if _folder(out / KEPT) else OwnFiles({}, ())
-            if kept.results and not self._ended(own):
-                remove(own, out)
+            replaced = own_files(out / KEPT) if _folder(out / KEPT) else OwnFiles({}, ())
+            if replaced.results and not self._ended(earlier):
+                remove(earlier, out)
                 return
-            remove(kept, out / KEPT)
+            remove(replaced, out / KEPT)
             if _folder(out / KEPT) and not any((out / KEPT).iterdir()):
                 (out / KEPT).rmdir()
-        for place in (KEPT, MOVING):
-            if os.path.lexists(out / place):
-                raise in_the_way(out, [place])
+        for name in (KEPT, MOVING):
+            if os.path.lexists(out / name):
+                raise in_the_way(out, [name])
         (out / MOVING).mkdir()
-        move(own, out, out / MOVING)
+        move(earlier, out, out / MOVING)
         os.replace(out / MOVING, out / KEPT)
 
     def _drop(self) -> None:

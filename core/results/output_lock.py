@@ -36,28 +36,28 @@ def owned(folder: Path) -> Iterator[None]:
     another run has locked the folder or it is not writable. On Windows, and on file systems without
     locks, nothing is locked.
     """
-    place = Path(os.path.realpath(folder))
-    if place in _held.get():
+    real_path = Path(os.path.realpath(folder))
+    if real_path in _held.get():
         yield
         return
-    made: list[Path] = []
+    created: list[Path] = []
     try:
-        lock = _locked(place, folder, made)
-        token = _held.set({**_held.get(), place: lock})
+        lock = _locked(real_path, folder, created)
+        token = _held.set({**_held.get(), real_path: lock})
         try:
             yield
         finally:
             _held.reset(token)
-            ours = os.fstat(lock).st_size == 0 and inode(place / LOCK) == inode(lock)
+            ours = os.fstat(lock).st_size == 0 and inode(real_path / LOCK) == inode(lock)
             windows = sys.platform == "win32"  # where nothing is locked, and no open file removed
             if windows:
                 os.close(lock)
             if ours:  # removed while it is locked: whoever waits for it finds that it is gone
-                (place / LOCK).unlink(missing_ok=True)
+                (real_path / LOCK).unlink(missing_ok=True)
             if not windows:
                 os.close(lock)
     finally:
-        for path in reversed(made):
+        for path in reversed(created):
             try:
                 path.rmdir()
             except OSError:  # somebody else's files are in it

@@ -78,7 +78,7 @@ class Extent:
             return bound
         return float(np.abs(self.offset + self.atoms @ c).max(initial=0.0))
 
-    def few(self) -> "Extent":
+    def with_few_rows(self) -> "Extent":
         """The same of as many rows as atoms, by pivoting: what a file without mesh holds. The
         largest of these rows is at most the largest of all."""
         if self.atoms is None or self.offset is None or not self.atoms.size:
@@ -117,9 +117,9 @@ class Extents:
                 None if d is None else d.offset, _row(d)))
         return cls(tuple(found))
 
-    def few(self) -> "Extents":
-        """The same with few rows of the atoms (`Extent.few`)."""
-        return Extents(tuple(b.few() for b in self.blocks))
+    def with_few_rows(self) -> "Extents":
+        """The same with few rows of the atoms (`Extent.with_few_rows`)."""
+        return Extents(tuple(b.with_few_rows() for b in self.blocks))
 
     def sizes(self, x: FloatArray) -> list[float]:
         """Largest displacement or temperature of each block of the unknowns x (n,)."""

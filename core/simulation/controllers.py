@@ -82,7 +82,7 @@ def controller_faults(scene: Scene, model: Model) -> list[Fault]:
     if scene.time.control is not None:
         faults.append(Fault("time.control", f"{why} and jump at each step: take a fixed step"))
     limit = scene.reducer.error_limit
-    if limit.every or limit.few == "on":
+    if limit.every or limit.at_few_steps == "on":
         faults.append(Fault("reducer.error_estimate", f"{why}: it estimates no errors of them"))
     return faults
 

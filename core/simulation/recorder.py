@@ -84,10 +84,10 @@ class StepStatistics:
     @property
     def ms_per_step_solver(self) -> float:
         """Median wall time of the step solver's call alone, ms, within 0.5 %."""
-        seen = 0
+        counted = 0
         for k in sorted(self.seconds_near):
-            seen += self.seconds_near[k]
-            if 2 * seen >= self.done:
+            counted += self.seconds_near[k]
+            if 2 * counted >= self.done:
                 return 1e3 * math.exp(k / 100.0)
         return 0.0
 

@@ -128,9 +128,9 @@ def usable(file: str) -> Iterator[None]:
         if not file or plain and not (isinstance(error, PluginError) and error.own):
             raise
         cause = error.__cause__ or error
-        own = isinstance(error, PackedError | LocatedError) or isinstance(cause, InputError)
-        said = str(error) if own else f"{type(cause).__name__}: {cause}"
-        line, *more = said.splitlines() or [""]
+        input_fault = isinstance(error, PackedError | LocatedError) or isinstance(cause, InputError)
+        message = str(error) if input_fault else f"{type(cause).__name__}: {cause}"
+        line, *more = message.splitlines() or [""]
         raise InputError(
             f"{file} is no reduced model that this program can use: {line}"
             f"{f' (and {len(more)} more)' if more else ''}; save it again from its scene"
@@ -351,14 +351,14 @@ class ReducedModel:
 
     def _dump(self, fields: bool) -> bytes:
         run = self._run
-        if self.estimates_errors or run.error_limit.few != "off":
+        if self.estimates_errors or run.error_limit.at_few_steps != "off":
             run = _without_estimate(run, NO_MESH)
         solver, start = self._meshless
         header = run.header if fields else replace(
             run.header, bodies={}, dictionaries=self._meshless[0].dictionaries)
         parts = {f.name: getattr(run, f.name) for f in fields_of(run)} | {
             "solver": solver, "start": start, "header": replace(header, scene={}),
-            "extents": self._extents.few(),
+            "extents": self._extents.with_few_rows(),
             "model": None, "own_loads": True, "offline": None,
             "full_start": None,
             "given": run.given if fields else {}, "probes": tuple(

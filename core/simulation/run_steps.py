@@ -52,21 +52,21 @@ class StepControl(ABC):
         """Called before the first step, and before a checkpoint is read."""
 
     @abstractmethod
-    def take(self, steps: "RunSteps", wanted: Callable[[], bool]) -> SolveFailed | None:
+    def take(self, steps: "RunSteps", stop_requested: Callable[[], bool]) -> SolveFailed | None:
         """Takes all remaining steps by `steps.portion`; returns None, or the error of a failed step
-        or an interruption. wanted: True when the run is to be interrupted."""
+        or an interruption. stop_requested: True when the run is to be interrupted."""
 
 
 class Interrupt:
-    """Context in which a first Ctrl-C only sets `wanted`, so that a run stops between two steps, in
-    a state from which it can be resumed; a second one stops at once, as usual.
+    """Context in which a first Ctrl-C only sets `stop_requested`, so that a run stops between two
+    steps, in a state from which it can be resumed; a second one stops at once, as usual.
 
     Without effect outside the main thread, where Python sets no signal handlers, or where Ctrl-C is
     ignored.
     """
 
     def __init__(self) -> None:
-        self.wanted = False
+        self.stop_requested = False
         self._before: Any = None
 
     def __enter__(self) -> "Interrupt":
@@ -82,7 +82,7 @@ class Interrupt:
         self._restore()
 
     def _ask(self, number: int, frame: FrameType | None) -> None:
-        self.wanted = True
+        self.stop_requested = True
         self._restore()
 
     def _restore(self) -> None:
@@ -215,8 +215,8 @@ class RunSteps:
         """Takes all remaining steps; returns None, or the error of a failed step or an
         interruption."""
         if isinstance(self.control, StepControl):
-            return self.control.take(self, lambda: interrupt.wanted)
-        return self.portion(self.steps - self.stats.done, lambda: interrupt.wanted)
+            return self.control.take(self, lambda: interrupt.stop_requested)
+        return self.portion(self.steps - self.stats.done, lambda: interrupt.stop_requested)
 
     def _controllers(self) -> Controllers:
         run = self.run

@@ -33,7 +33,7 @@ from sparsemor.core.protocols.integrator import (
     advanced,
     next_time,
     same_time,
-    settled,
+    with_history,
 )
 from sparsemor.core.protocols.layout import Block
 from sparsemor.core.protocols.reducer import OfflineProducts
@@ -337,8 +337,8 @@ class ControlledSteps(AroundSteps[StepSolver]):
         if not fine.outcome.status.ok:
             return fine.outcome
         h = self.h / 2**self.control.max_halvings
-        seen = "has no estimate" if error == inf else f"is {error:.2g} times its share"
-        detail = (f"its error {seen} of time.control.tolerance {self.control.tolerance:g} with "
+        size = "has no estimate" if error == inf else f"is {error:.2g} times its share"
+        detail = (f"its error {size} of time.control.tolerance {self.control.tolerance:g} with "
                   f"substeps of {h:.3g} s, after max_halvings {self.control.max_halvings}")
         return replace(fine.outcome, status=Status.STEP_TOO_LONG, block=block, detail=detail)
 
@@ -360,7 +360,7 @@ class ControlledSteps(AroundSteps[StepSolver]):
             inner = solver.start(memory.initial)[1]
             inner.moved(state.x)
         if restart:  # a history of other steps, or before a jump: begin again from x, v, a
-            state = settled(self.integrator, layout, state, memory.slope, h)
+            state = with_history(self.integrator, layout, state, memory.slope, h)
         rules, iterations, remaining, previous = self.integrator.rules(h), 0, 0.0, state
         last: StepFormula | None = None
 

@@ -35,10 +35,10 @@ def check_parts(scene: Scene, seed: int = 0, trials: int = 2) -> None:
     finite = np.isfinite(model.x0).all() and np.isfinite(model.v0).all()
     law(bool(finite), "the start is not finite")
     for number, (name, part) in enumerate(model.parts.items()):
-        _blocks(name, part, model)
+        _check_blocks(name, part, model)
         for term in terms_of(model, name):
-            _term(name, term, model, np.random.default_rng([seed, number]), trials)
-    _required(model.required, model)
+            _check_term_in_layout(name, term, model, np.random.default_rng([seed, number]), trials)
+    _check_required_rows(model.required, model)
 
 
 def terms_of(model: Model, name: str) -> Sequence[Term]:
@@ -46,7 +46,8 @@ def terms_of(model: Model, name: str) -> Sequence[Term]:
     return model.by_part[name]
 
 
-def _blocks(name: str, part: Part, model: Model) -> None:
+def _check_blocks(name: str, part: Part, model: Model) -> None:
+    """Checks that the layout has the blocks of a part, with the sizes that it states."""
     law(part.name == name, f"{name} calls itself {part.name}")
     for block in part.blocks():
         if block.size:
@@ -55,7 +56,11 @@ def _blocks(name: str, part: Part, model: Model) -> None:
             law(at.stop - at.start == block.size, f"{name}: {block.name} has another size there")
 
 
-def _term(name: str, term: Term, model: Model, rng: np.random.Generator, trials: int) -> None:
+def _check_term_in_layout(
+    name: str, term: Term, model: Model, rng: np.random.Generator, trials: int
+) -> None:
+    """Checks that rows and columns of a term of part `name` are in the layout, and the laws of a
+    term near the start."""
     layout, n = model.layout, model.layout.size
     inside = all(0 <= i.min(initial=0) and i.max(initial=0) < n for i in (term.rows, term.columns))
     law(inside, f"{name}: rows or columns outside the layout")
@@ -69,7 +74,8 @@ def _term(name: str, term: Term, model: Model, rng: np.random.Generator, trials:
         raise AssertionError(f"{name}: {type(term).__name__}: {error}") from error
 
 
-def _required(required: Mapping[str, object], model: Model) -> None:
+def _check_required_rows(required: Mapping[str, object], model: Model) -> None:
+    """Checks that the rows of each block that every sample contains are sorted and in the block."""
     for name, rows in required.items():
         at, own = model.layout[name], np.asarray(rows)
         law(bool(np.all(np.diff(own) > 0)), f"the required rows of {name} are not sorted")
@@ -127,7 +133,7 @@ def refuses_absent_bodies(
             optional=not mentioned(plugin, bodies))
 
 
-def alone(
+def scene_with_only(
     kind: str, plugin: JointPlugin | ContactPlugin | LoadPlugin, bodies: Entries, seed: int
 ) -> tuple[Scene, Model]:
     """Scene with these bodies and one joint, contact or load, called after its kind, and its model:
@@ -139,14 +145,15 @@ def alone(
 
 
 def check_joint(plugin: JointPlugin, bodies: Entries, seed: int = 0) -> None:
-    """Laws of a joint: terms that satisfy the laws of a term (`check_term`); constraint rows that
-    are independent and satisfied at the start; reaction forces that do no work along the constraint
-    (their matrix is the transpose of the constraint rows); one name per Lagrange multiplier, if the
-    joint names them; a short run. A force element, such as a spring, has no constraint rows.
+    """Laws of a joint: terms that satisfy the laws of a term (`check_term`, called by
+    `scene_with_only` as for all parts); constraint rows that are independent and satisfied at the
+    start; reaction forces that do no work along the constraint (their matrix is the transpose of
+    the constraint rows); one name per Lagrange multiplier, if the joint names them; a short run. A
+    force element, such as a spring, has no constraint rows.
 
     bodies: those that the joint connects, as entries of a scene.
     """
-    scene, model = alone("joint", plugin, bodies, seed)
+    scene, model = scene_with_only("joint", plugin, bodies, seed)
     joint = model.joints["joint"]
     block = model.layout.multipliers("joint")
     if block is None:
@@ -156,11 +163,13 @@ def check_joint(plugin: JointPlugin, bodies: Entries, seed: int = 0) -> None:
     else:
         law(not joint.components or len(joint.components) == block.size,
             f"{len(joint.components)} named multipliers of {block.size}")
-        _constraint(model, model.layout[block.name])
+        _check_constraint_rows(model, model.layout[block.name])  # the slice of its unknowns
     runs(scene)
 
 
-def _constraint(model: Model, rows: slice) -> None:
+def _check_constraint_rows(model: Model, rows: slice) -> None:
+    """Checks that constraint rows depend on motion, independently of each other, are satisfied at
+    the start, and that reactions do no work: their matrix is that of the rows transposed."""
     K, second = derivative(model, 0), model.layout.second
     G, reactions = K[rows, second], K[second, rows]
     size = float(np.abs(G).max(initial=0.0))
@@ -190,7 +199,7 @@ def check_load(plugin: LoadPlugin, bodies: Entries, seed: int = 0) -> None:
 
     bodies: those that the load acts on, as entries of a scene.
     """
-    scene, model = alone("load", plugin, bodies, seed)
+    scene, model = scene_with_only("load", plugin, bodies, seed)
     part, layout = model.parts["load"], model.layout
     law(not any(b.size for b in part.blocks()), "a load has no unknowns of its own")
     rows = np.concatenate([t.rows for t in terms_of(model, "load")] or [np.zeros(0, np.int64)])
@@ -216,7 +225,7 @@ def check_contact(
     bodies: two that touch at the start, as entries of a scene. scale: standard deviation of the
     random changes of their poses and rates (m, rad, per s).
     """
-    scene, model = alone("contact", plugin, bodies, seed)
+    scene, model = scene_with_only("contact", plugin, bodies, seed)
     rng, met = np.random.default_rng(seed), False
     for trial in range(TRIALS):
         x, v = (s + scale * rng.standard_normal(s.size) for s in (model.x0, model.v0))

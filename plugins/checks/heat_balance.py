@@ -117,7 +117,7 @@ class HeatSums:
         self.kept: list[tuple[State, State]] = []
         self.residuals = np.zeros(len(self.names))
         self.means = [self._mean_of(n) for n in self.names]
-        self.every, self.seen = max(1, self.steps // SAMPLES), [self._mean(state)]
+        self.every, self.sampled_means = max(1, self.steps // SAMPLES), [self._mean(state)]
 
     @classmethod
     def of(cls, run: PreparedRun, start: State | None) -> "HeatSums | None":
@@ -174,7 +174,7 @@ class HeatSums:
         self.sum += state.x[self.at]
         self.before, self.end = before, state
         if done % self.every == 0:
-            self.seen.append(self._mean(state))
+            self.sampled_means.append(self._mean(state))
         if done in self.looked and self.reduced:
             self.kept.append((before, state))
         elif done in self.looked:
@@ -257,7 +257,7 @@ class HeatSums:
         came, went = (sum((np.maximum(s * f, 0.0) for f in flows), np.zeros(len(self.names)))
                       for s in (1.0, -1.0))
         size = np.max([came, went, abs(stored), capacity * np.maximum(
-            np.ptp(np.array(self.seen), axis=0), SMALLEST)], axis=0)
+            np.ptp(np.array(self.sampled_means), axis=0), SMALLEST)], axis=0)
         # a storage that is no difference of a content has no H
         known = abs(stored + back) <= 1e-3 * NOTED * np.maximum(abs(stored), size)
         return {name: Balance(float(stored[i]), float(brought[i] - ahead[i]), float(rest[i]),
@@ -270,24 +270,25 @@ class HeatSums:
         N, h, zero = self.steps, self.h, 0.0 * x
         times = np.asarray(h * np.arange(1, N + 1), dtype=np.float64)
         means: dict[int, float] = {}
-        found = []
+        heats = []
         for term in terms:
             assert isinstance(term, AssembledTerm)
-            own = term.equations
-            if isinstance(own, TabledEquations):
-                left = np.ones((1, own.load.columns.shape[0]))
+            equations = term.equations
+            if isinstance(equations, TabledEquations):
+                ones = np.ones((1, equations.load.columns.shape[0]))
                 heat = np.zeros(len(self.names))
                 heat[int(np.searchsorted(self.starts, term.rows[0], side="right")) - 1] = (
-                    h * float(own.load.seen(left).along(times).sum()))
-                found.append(heat)
+                    h * float(equations.load.projected(ones).along(times).sum()))
+                heats.append(heat)
                 continue
-            for f in own.amplitudes:
+            for f in equations.amplitudes:
                 if id(f) not in means:
                     means[id(f)] = float(np.mean([f(float(t)) for t in times]))
-            held = replace(own, amplitudes=tuple(Held(means[id(f)]) for f in own.amplitudes))
-            found.append(-N * h * self._powers(
-                replace(term, equations=held), x, zero, zero, self.end.t, 0.0))
-        return found
+            with_mean_amplitudes = replace(equations, amplitudes=tuple(
+                Held(means[id(f)]) for f in equations.amplitudes))
+            heats.append(-N * h * self._powers(
+                replace(term, equations=with_mean_amplitudes), x, zero, zero, self.end.t, 0.0))
+        return heats
 
     def _add_residual(self, past: State, now: State) -> None:
         """Adds S_n - Q_n (blocks,), W, of the step between two states."""

@@ -23,7 +23,7 @@ from sparsemor.core import (
     StepSolver,
     information,
 )
-from sparsemor.core.protocols.integrator import settled
+from sparsemor.core.protocols.integrator import with_history
 from sparsemor.core.results.error_norms import CONSTANT_CHANGE
 from sparsemor.plugins.checks import place
 
@@ -134,7 +134,7 @@ class Windows:
         self.rates = dict(self.changes)
         self.every = max(1, self.steps // CHANGES)
         self.moving = run.solver.layout.frames
-        self.seen: list[State] = []
+        self.next_states: list[State] = []
 
     @classmethod
     def of(cls, run: PreparedRun, start: FloatArray | None) -> "Windows | None":
@@ -164,18 +164,18 @@ class Windows:
             if done - n in range(2, self.length + 1, 2):
                 w.taken.append(state.x)
         if done % self.every == 0 or done == self.steps:
-            self.seen.append(state)
-            if len(self.seen) == TOGETHER or done == self.steps:
+            self.next_states.append(state)
+            if len(self.next_states) == TOGETHER or done == self.steps:
                 self._count()
 
     def _count(self) -> None:
         """Takes the states seen into the largest changes and rates."""
-        changes = np.stack([s.x for s in self.seen]) - self.origin
-        rates = np.stack([s.v for s in self.seen])
+        changes = np.stack([s.x for s in self.next_states]) - self.origin
+        rates = np.stack([s.v for s in self.next_states])
         for b in self.blocks:
             self.changes[b.name] = max(self.changes[b.name], float(b.norms(changes).max()))
             self.rates[b.name] = max(self.rates[b.name], float(b.norms(rates).max()))
-        self.seen = []
+        self.next_states = []
 
     def estimated(self) -> tuple[Mapping[str, float], Mapping[str, float]]:
         """Block -> error of its field at the end of the run, and that of a transient at the start,
@@ -254,7 +254,7 @@ class Windows:
         if not memory.restarts:
             return []
         memory.moved(w.start.x)
-        state = settled(scene.integrator, layout, w.start, slope, h)
+        state = with_history(scene.integrator, layout, w.start, slope, h)
         states = self.run.advanced(solver, h, state, memory, self.length // 2)
         return [s.x - x for s, x in zip(states, w.taken, strict=True)] if (
             len(states) == len(w.taken)) else []

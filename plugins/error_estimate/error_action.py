@@ -73,30 +73,30 @@ class ErrorControl(StepControl):
         """Compares the errors of the steps that follow, None: accepts them."""
         self.monitor, steps.held = monitor, monitor is not None
 
-    def take(self, steps: RunSteps, wanted: Callable[[], bool]) -> SolveFailed | None:
+    def take(self, steps: RunSteps, stop_requested: Callable[[], bool]) -> SolveFailed | None:
         accepted = steps.accepted()
-        while (left := steps.steps - steps.stats.done) > 0:
+        while (remaining := steps.steps - steps.stats.done) > 0:
             if self.monitor is None:
-                return steps.portion(left, wanted)
-            if wanted():
+                return steps.portion(remaining, stop_requested)
+            if stop_requested():
                 return SolveFailed(Status.INTERRUPTED, steps.state.t)
             every = self.monitor.every
-            failure = steps.portion(min(left, every - steps.stats.done % every), lambda: False)
+            failure = steps.portion(min(remaining, every - steps.stats.done % every), lambda: False)
             errors = steps.recorder.errors
             assert errors is not None
-            why = self.monitor.exceeded(steps.state, errors.present()) if (
+            excess = self.monitor.exceeded(steps.state, errors.present()) if (
                 failure is None) else Exceeded.failed(failure)
-            if why is None:
+            if excess is None:
                 if steps.due:
                     steps.save()
             elif self.limit.action == "stop":
                 return failure or SolveFailed(
-                    Status.INACCURATE, steps.state.t, why.block, why.reason)
+                    Status.INACCURATE, steps.state.t, excess.block, excess.reason)
             else:
                 steps.roll_back(accepted)
                 if self.limit.action == "fall_back" or not with_more_atoms(
-                        self, self.monitor, steps, why):
-                    fall_back(self, steps, replace(why, t=steps.state.t))
+                        self, self.monitor, steps, excess):
+                    fall_back(self, steps, replace(excess, t=steps.state.t))
             accepted = steps.accepted()
         return None
 

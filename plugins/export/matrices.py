@@ -89,14 +89,15 @@ def state_space(
     pushes = np.vstack((np.zeros((s, pushes.shape[1])), pushes))
     z = np.concatenate((start.x[second], start.v[second], start.x[hot]))
 
-    def seen(z: FloatArray) -> FloatArray:
+    def outputs_at(z: FloatArray) -> FloatArray:
         x, v = np.zeros(n), np.zeros(n)
         x[second], v[second], x[hot] = z[:s], z[s : 2 * s], z[2 * s :]
         return read([*stepper.described.values()], replace(start, x=x, v=v))
 
-    y0 = seen(np.zeros(n + s))
-    C = np.array([seen(e) - y0 for e in np.eye(n + s)]).reshape(n + s, len(y0)).T
-    wrong = np.abs(seen(z) - C @ z - y0) > LINEAR * np.maximum(np.abs(C) @ np.abs(z), np.abs(y0))
+    y0 = outputs_at(np.zeros(n + s))
+    C = np.array([outputs_at(e) - y0 for e in np.eye(n + s)]).reshape(n + s, len(y0)).T
+    wrong = np.abs(outputs_at(z) - C @ z - y0) > LINEAR * np.maximum(
+        np.abs(C) @ np.abs(z), np.abs(y0))
     if wrong.any():
         name = [*stepper.described][int(np.argmax(wrong))]
         raise InputError(f"{name} is not linear in the state", "outputs")

@@ -65,10 +65,11 @@ def _candidates(problem: Penalised, path: FloatArray) -> list[FloatArray]:
     """Debiased solutions within the budgets, one for each support along the path."""
     kept = {k.tobytes(): k for k in (pruned(x, x != 0.0, problem.groups) for x in path.T)}
     most = max(int(k.sum()) for k in kept.values())
-    seen = np.linalg.norm(problem.A, axis=0) > 0.0
+    nonzero_columns = np.linalg.norm(problem.A, axis=0) > 0.0
     # with rows for all columns the path ends on all of them; the Gram matrix that scikit-learn
     # works on cannot follow it there where columns are nearly parallel
-    last = seen if np.count_nonzero(seen) <= problem.size else path[:, -1] != 0.0
+    last = nonzero_columns if np.count_nonzero(nonzero_columns) <= problem.size else (
+        path[:, -1] != 0.0)
     if np.count_nonzero(last) <= problem.size:
         wide = problem.least_squares(last)
         end = pruned(wide, last, problem.groups)

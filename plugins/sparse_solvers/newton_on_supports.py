@@ -123,13 +123,13 @@ class SupportNewton(SparseSolver):
                 explore, good = False, visits.best()
                 c, support = good.c, good.support
                 continue
-            found = choose(linear, support, explore)
-            if isinstance(found, Status):
-                return replace(good, status=found, iterations=iteration)
-            settled = np.array_equal(found.active, support) and small_step(
-                linear, found, groups, self.rtol)
-            c, support = linear.unscaled(found.z), found.active
-            if settled:
+            next_fit = choose(linear, support, explore)
+            if isinstance(next_fit, Status):
+                return replace(good, status=next_fit, iterations=iteration)
+            converged = np.array_equal(next_fit.active, support) and small_step(
+                linear, next_fit, groups, self.rtol)
+            c, support = linear.unscaled(next_fit.z), next_fit.active
+            if converged:
                 return ended(problem, c, good, Status.DONE, iteration)
         last = ended(problem, c, good, Status.NOT_CONVERGED, self.max_iterations)
         if last.status is Status.NOT_FINITE:

@@ -1,4 +1,9 @@
-"""Studies of any scene: each compares the installed plugins of one kind."""
+"""Studies of any scene: each compares the installed plugins of one kind.
+
+A function returns the definition of a study, as in a study file without its `scene`: `grid` or
+`list` are the runs, `set` the changes to the scene that all of them share; `method` and `budget`
+name the columns of the table by which runs are compared, and over which their errors are drawn.
+"""
 
 import math
 from collections.abc import Mapping
@@ -9,7 +14,7 @@ from sparsemor.plugins.study.varied_scene import Subject
 
 ROWS = (1, 2, 4, 8)
 """Sampled rows of a block, in multiples of its atoms."""
-SOME = (0.25, 0.5, 0.75)
+FRACTIONS_OF_ATOMS = (0.25, 0.5, 0.75)
 """Active atoms of a block, relative to all of its atoms."""
 STEPS = (4.0, 2.0, 1.0, 0.5)
 """Time steps in multiples of that of the scene."""
@@ -41,7 +46,7 @@ def samplers(subject: Subject) -> Mapping[str, Any]:
             drawn[name] = _sampler({"use": name})
     return {
         "title": "Sampled rows: where, and how many for an atom",
-        **_with_all_atoms(subject, {"residual": "plain"}), "seeds": SEEDS,
+        **_sparse_with_complete_bases(subject, {"residual": "plain"}), "seeds": SEEDS,
         "method": "sampler", "budget": "rows",
         "grid": {"sampler": drawn, "rows": _rows(subject)}}
 
@@ -50,7 +55,7 @@ def preconditioners(subject: Subject) -> Mapping[str, Any]:
     """Preconditioners of the sampled rows over their number."""
     return {
         "title": "Preconditioners of the sampled rows, over the number of rows for an atom",
-        **_with_all_atoms(subject, {"residual": "plain", "preconditioned": ["*"]}),
+        **_sparse_with_complete_bases(subject, {"residual": "plain", "preconditioned": ["*"]}),
         "seeds": SEEDS, "method": "preconditioner", "budget": "rows",
         "grid": {
             "preconditioner": {name: {"reducer.preconditioner": {"use": name}}
@@ -59,21 +64,23 @@ def preconditioners(subject: Subject) -> Mapping[str, Any]:
 
 
 def solvers(subject: Subject) -> Mapping[str, Any]:
-    """Sparse solvers over the number of atoms that they choose in each step."""
-    every = subject.atoms
+    """Sparse solvers over the number of atoms that they choose in each step. Bases and numbers of
+    rows are those of the scene in all runs."""
+    all_atoms = subject.atoms
 
-    def few(atoms: int) -> dict[str, Any]:
+    def active(atoms: int) -> dict[str, Any]:
+        """Budgets with this number of active atoms in the largest block."""
         return {"reducer.budgets": subject.budgets(
-            lambda name: {**_own_rows(subject, name), "atoms": subject.count(name, atoms)})}
+            lambda name: {**_rows_in_scene(subject, name), "atoms": subject.count(name, atoms)})}
 
     return {
-        "title": f"Sparse solvers that choose some of {every} atoms in each step",
-        **_with_all_atoms(subject, {}), "method": "solver", "budget": "atoms",
+        "title": f"Sparse solvers that choose some of {all_atoms} atoms in each step",
+        **_sparse_with_complete_bases(subject, {}), "method": "solver", "budget": "atoms",
         "grid": {
             "solver": {name: {"reducer.solver": {"use": name}}
                        for name, _ in subject.installed("sparse_solver")},
-            "atoms": {str(k): few(k) for k in sorted({
-                max(1, math.ceil(s * every)) for s in SOME})}}}
+            "atoms": {str(k): active(k) for k in sorted({
+                max(1, math.ceil(s * all_atoms)) for s in FRACTIONS_OF_ATOMS})}}}
 
 
 def bases(subject: Subject) -> Mapping[str, Any]:
@@ -113,8 +120,9 @@ def integrators(subject: Subject) -> Mapping[str, Any]:
             "reducer": reducers, "time.step": whole}}
 
 
-def _with_all_atoms(subject: Subject, options: Mapping[str, Any]) -> dict[str, Any]:
-    """Keys of a study of the sparse method with the atoms of the scene; options: of the method."""
+def _sparse_with_complete_bases(subject: Subject, options: Mapping[str, Any]) -> dict[str, Any]:
+    """Keys of a study of the sparse method, whose bases have as many atoms as those of the scene,
+    all of them active unless a run sets budgets; options: of the method."""
     outside = subject.outside_training()
     bases = {key.removeprefix("reducer."): value
              for key, value in subject.bases(subject.atoms).items()}
@@ -131,8 +139,8 @@ def _rows(subject: Subject) -> dict[str, Any]:
     return {str(factor): rows(factor) for factor in ROWS}
 
 
-def _own_rows(subject: Subject, name: str) -> dict[str, int]:
-    """Rows that the scene gives to a block."""
+def _rows_in_scene(subject: Subject, name: str) -> dict[str, int]:
+    """Budget of a block as the scene gives it to the sparse method: its number of sampled rows."""
     found = matched_option(name, subject.own("sparse").get("budgets", {}), {})
     return {k: v for k, v in found.items() if v is not None}
 

@@ -308,20 +308,20 @@ def _stored_reference(
 def _place(kept: str | None, scratch: str | None) -> Iterator[Path]:
     """Context manager: folder for the result of a run; a temporary one if only its numbers are
     kept."""
-    given = kept or scratch
-    if given is not None and Path(given).parent.is_dir():
-        place = Path(given)
-        remove(own_files(place), place)  # of an attempt that was killed
+    wanted_folder = kept or scratch
+    if wanted_folder is not None and Path(wanted_folder).parent.is_dir():
+        folder = Path(wanted_folder)
+        remove(own_files(folder), folder)  # of an attempt that was killed
         try:
-            yield place
+            yield folder
         finally:
-            if place != Path(kept or ""):
-                remove(own_files(place), place)
+            if folder != Path(kept or ""):
+                remove(own_files(folder), folder)
                 with suppress(OSError):
-                    place.rmdir()
+                    folder.rmdir()
     else:
-        with TemporaryFolder() as place:
-            yield place
+        with TemporaryFolder() as folder:
+            yield folder
 
 
 def _one_line(text: str) -> str:

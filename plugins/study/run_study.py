@@ -100,18 +100,18 @@ def run_plan(
             rows = journal.rows(drop=(DIED,))
             ended = {int(row["run"]) for row in rows}
             lost = LostWorkers()
-            left = [run for run in plan.runs if run.number not in ended]
-            if left:
-                kept = folder / KEPT if plan.study.file.keep else None
-                if kept is not None:
-                    known = (read_listing(folder) or Listing()).parts
-                    if not force and (taken := [
-                            n for n in parts if n not in known and lexists(folder / n)]):
-                        raise in_the_way(folder, taken)
-                    kept.mkdir(exist_ok=True)
-                    add_to_listing(folder, [{"part": n} for n in parts if n not in known])
+            remaining = [run for run in plan.runs if run.number not in ended]
+            if remaining:
+                kept_runs = folder / KEPT if plan.study.file.keep else None
+                if kept_runs is not None:
+                    listed_parts = (read_listing(folder) or Listing()).parts
+                    if not force and (foreign := [
+                            n for n in parts if n not in listed_parts and lexists(folder / n)]):
+                        raise in_the_way(folder, foreign)
+                    kept_runs.mkdir(exist_ok=True)
+                    add_to_listing(folder, [{"part": n} for n in parts if n not in listed_parts])
                 with worker_pool(workers, folder, cluster, registry) as (pool, scratch):
-                    schedule = Schedule(plan, left, pool, rows, scratch, str(kept or ""))
+                    schedule = Schedule(plan, remaining, pool, rows, scratch, str(kept_runs or ""))
                     schedule.go(journal.add, on_progress)
                     lost = schedule.lost
                 rows = journal.rows()

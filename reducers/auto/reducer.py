@@ -111,8 +111,9 @@ class Auto(ReducedStepOptions):
         least = search.learned()
         counts = search.sized(search.largest(problem), least)
         if search.tau:
-            tried = search.last
-            why = unstable(search.options("ecsw", counts), *tried) if tried else "it is singular"
+            last_trial = search.last
+            why = "it is singular" if not last_trial else unstable(
+                search.options("ecsw", counts), *last_trial)
             if why:
                 search.without_weights(why)
                 counts = search.sized(search.largest(problem), counts)
@@ -312,9 +313,9 @@ class Search:
             return reducer.project(problem)
         states = max(2, round(self.ref.learned * reducer.states))
         reducer = reducer.model_copy(update={"states": states})
-        few = whole.leading(counts)
-        return replace(few, reducer=reducer, approximation=reducer.approximation(
-            problem.model, few.dictionaries, problem.offline, problem.step))
+        leading = whole.leading(counts)
+        return replace(leading, reducer=reducer, approximation=reducer.approximation(
+            problem.model, leading.dictionaries, problem.offline, problem.step))
 
     def choice(self, counts: Mapping[str, int]) -> Choice:
         """The chosen reducer, and what speaks for and against it."""

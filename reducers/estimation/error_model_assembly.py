@@ -54,17 +54,17 @@ Active: TypeAlias = Callable[[str, int], int]
 
 def error_model(
     problem: ReducedProblem, solver: StepSolver, every: int,
-    active: Active = lambda _, atoms: atoms, few: bool = False,
+    active: Active = lambda _, atoms: atoms, at_few_steps: bool = False,
 ) -> ErrorModel | CoupledErrors:
     """Error model of the runs of `solver`, for every `every`-th step: by blocks where the motion of
     frames is prescribed and all terms are linear, else of the whole model. active: largest number
-    of active atoms of a block with so many atoms; few: True for estimates that are as few as their
-    cost permits, between which frames may turn far and loads act suddenly.
+    of active atoms of a block with so many atoms; at_few_steps: True for estimates that are as few
+    as their cost permits, between which frames may turn far and loads act suddenly.
 
     Raises SolveFailed where an operator of a block cannot be factorized.
     """
     whole = is_whole(problem.model)
-    build = _Builder(problem, solver, every, whole, active, few)
+    build = _Builder(problem, solver, every, whole, active, at_few_steps)
     return build.coupled() if whole else build.by_blocks()
 
 
@@ -81,9 +81,9 @@ class _Builder:
 
     def __init__(
         self, problem: ReducedProblem, solver: StepSolver, every: int, whole: bool,
-        active: Active, few: bool,
+        active: Active, at_few_steps: bool,
     ) -> None:
-        self.turn, self.margin = (np.inf, SUDDEN) if few else (TURN, 1.0)
+        self.turn, self.margin = (np.inf, SUDDEN) if at_few_steps else (TURN, 1.0)
         self.problem, self.solver, self.every, self.whole = problem, solver, every, whole
         self.model = problem.model
         self.h = every * problem.step

@@ -121,20 +121,20 @@ def _vectors(
 ) -> FloatArray:
     """Orthonormal vectors (n, q): the span of the atoms first, then that of the starts, then at
     most `count` others."""
-    drawn = S.shape[1], count + OVERSAMPLING
-    if drawn[0] > drawn[1]:  # the range of random combinations, Halko et al. 2011
-        S = unit(S @ np.random.default_rng(drawn[0]).standard_normal(drawn))
-    solved = [unit(solve_or_fail(
+    combinations = S.shape[1], count + OVERSAMPLING
+    if combinations[0] > combinations[1]:  # the range of random combinations, Halko et al. 2011
+        S = unit(S @ np.random.default_rng(combinations[0]).standard_normal(combinations))
+    responses = [unit(solve_or_fail(
         model.factorize(name, operators.shifted(step, slow), "error estimate"), S, name))
         for slow in (1.0, SLOW)]
     Q = np.linalg.qr(np.hstack([atoms, _outside(np.linalg.qr(atoms)[0], starts)]))[0]
-    X = np.hstack(solved)
+    X = np.hstack(responses)
     for _ in range(2):  # the second pass removes what rounding left of the first
         X = X - Q @ (Q.T @ X)
     U, s, _ = svd(X)
-    kept = s > ROUND_OFF * max(float(s[0]), ROUND_OFF) if len(s) else np.zeros(0, dtype=bool)
-    room = min(count, len(Q) - Q.shape[1])
-    return np.asarray(np.linalg.qr(np.hstack([Q, U[:, kept][:, :room]]))[0])
+    significant = s > ROUND_OFF * max(float(s[0]), ROUND_OFF) if len(s) else np.zeros(0, dtype=bool)
+    most = min(count, len(Q) - Q.shape[1])
+    return np.asarray(np.linalg.qr(np.hstack([Q, U[:, significant][:, :most]]))[0])
 
 
 def _outside(Q: FloatArray, A: FloatArray) -> FloatArray:

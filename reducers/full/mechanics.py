@@ -253,7 +253,7 @@ class FullMechanics(StepEquations):
             return one
         self.turns = True
         if b.coarse is not None:
-            self.least = max(self.least, b.coarse.left * float(np.abs(one.weights).sum()))
+            self.least = max(self.least, b.coarse.contraction * float(np.abs(one.weights).sum()))
         return one
 
     def residual(self, d: FloatArray, slope: bool = False) -> FloatArray:

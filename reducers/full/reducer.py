@@ -78,8 +78,8 @@ class Full(StepOptions):
         equations = FullMechanics(model.layout, found, model.separated.border_targets,
                                   positions(model.layout))
         made = replace(made, mechanics=LoopMechanics(equations, tol), factorizations=done,
-                       full_heat=heat, loop=Loop(model.layout, tol), iterating=equations.iterates)
-        if not made.iterating:  # chosen where a factor is too large
+                       full_heat=heat, loop=Loop(model.layout, tol), iterative=equations.iterates)
+        if not made.iterative:  # chosen where a factor is too large
             made = replace(made, newton=WholeNewton(lambda: Summed.of(model, PRICE), tol))
         return compilable(made, self.compiled)
 

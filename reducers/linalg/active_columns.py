@@ -17,7 +17,7 @@ WIDE = 200
 """Number of columns from which reading some of them is faster than a product with all."""
 
 
-def few(active: IntArray | None, columns: int) -> bool:
+def are_few(active: IntArray | None, columns: int) -> bool:
     """True if so few of the columns are active (None: all) that products read only these."""
     return active is not None and columns >= WIDE and 4 * len(active) <= columns
 

@@ -31,14 +31,15 @@ class CoarseCorrection:
     """Coarse space Z (n, r) of the lowest modes and its products with the g matrices M_g of the
     rotation.
 
-    seen (g, r, n): Z^T M_g; small (g, r, r): Z^T M_g Z. left (s^2): multiplied by sum |kappa_g| an
-    estimate from above of the contraction factor after the correction. r = 0: no correction.
+    left_generators (g, r, n): Z^T M_g; generators (g, r, r): Z^T M_g Z. contraction (s^2):
+    multiplied by sum |kappa_g| an estimate from above of the contraction factor after the
+    correction. r = 0: no correction.
     """
 
     Z: FloatArray
-    seen: FloatArray
-    small: FloatArray
-    left: float
+    left_generators: FloatArray
+    generators: FloatArray
+    contraction: float
 
     @classmethod
     def of(cls, ops: ElasticOperators, factor: Factorized, block: str) -> "CoarseCorrection":
@@ -68,16 +69,16 @@ class CoarseCorrection:
             X = Y @ V[:, ::-1]
         values = np.maximum(values[::-1], 0.0)
         Z = np.ascontiguousarray(X[:, :kept])
-        seen = np.stack([np.ascontiguousarray((M.T @ Z).T) for M in ops.generators])
+        ZtM = np.stack([np.ascontiguousarray((M.T @ Z).T) for M in ops.generators])
         last = values[kept - 1] if kept else values[0]
-        return cls(Z, seen, seen @ Z, MARGIN * float(np.sqrt(values[0] * last)))
+        return cls(Z, ZtM, ZtM @ Z, MARGIN * float(np.sqrt(values[0] * last)))
 
     def correction(self, d: FloatArray, kappa: Sequence[float]) -> FloatArray:
         """Correction Z y (n,) after a solve that changed u by d (n,); kappa (g,): factors of the
         M_g."""
         A, right = np.eye(self.Z.shape[1]), np.zeros(self.Z.shape[1])
-        for seen, small, k in zip(self.seen, self.small, kappa, strict=True):
+        for ZtM, ZtMZ, k in zip(self.left_generators, self.generators, kappa, strict=True):
             if k:
-                A += k * small
-                right -= k * seen.dot(d)
+                A += k * ZtMZ
+                right -= k * ZtM.dot(d)
         return np.asarray(self.Z.dot(np.linalg.solve(A, right)))

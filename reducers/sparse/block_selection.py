@@ -231,7 +231,7 @@ class BlockwiseSelection(AtomSelection):
             outcome = self.reselected(step, memory, start)
             if outcome is not None:
                 return outcome
-        return self.steps.on(memory, starts[0]).tried(step, memory)  # the failure
+        return self.steps.on(memory, starts[0]).trial_solution(step, memory)  # the failure
 
     def thermal(self, at: SolvedStep, memory: SparseMemory) -> dict[str, BoolArray]:
         changed: dict[str, BoolArray] = {}

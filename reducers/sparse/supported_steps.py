@@ -158,7 +158,7 @@ class AtomSelection(ABC):
             memory.kept, memory.linearised_on = kept.copy(), linearised_on
             now = steps.on(memory, supports) if fresh or guess is not None else (
                 steps.current(memory))
-            return SolvedStep(step, now.tried(step, memory, guess), now, supports, fresh)
+            return SolvedStep(step, now.trial_solution(step, memory, guess), now, supports, fresh)
 
         at = solved(None)
         if not at.outcome.status.ok:

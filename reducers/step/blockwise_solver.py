@@ -78,7 +78,7 @@ class Stepper(StepSolver[Memory]):
     facts: Facts = field(default_factory=dict)
     tested: Mapping[str, TestedElastic] = field(default_factory=dict)
     mechanics: LoopMechanics | None = None
-    iterating: bool = False
+    iterative: bool = False
     """True if any elastic block has an iterative linear solver."""
     heat_groups: tuple[tuple[str, slice | IntArray], ...] = ()
     """Name and unknowns of each thermal block, or of several that are solved together."""
@@ -93,8 +93,8 @@ class Stepper(StepSolver[Memory]):
     """Equations of the whole step of a reduced model, for its linear response."""
 
     @property
-    def solved(self) -> LoopMechanics:
-        """The mechanics with equations."""
+    def mechanics_solver(self) -> LoopMechanics:
+        """The mechanics, which a model with unknowns of motion has."""
         assert self.mechanics is not None
         return self.mechanics
 
@@ -154,22 +154,27 @@ class Stepper(StepSolver[Memory]):
         return [self.tested.get(b.elastic_name) for b in self.system.bodies]
 
     def solve(self, step: StepFormula, memory: Memory) -> tuple[StepOutcome, Memory]:
-        outcome = self.tried(step, memory)
+        outcome = self.trial_solution(step, memory)
         return (self.accepted(outcome, step, memory) if outcome.status.ok else outcome), memory
 
-    def tried(
+    def trial_solution(
         self, step: StepFormula, memory: Memory, guess: FloatArray | None = None
     ) -> StepOutcome:
-        """Solution of a step, not yet stored as a past state of the run.
+        """Solution of a step, not yet stored as a past state of the run. It is the first that
+        converges of: Newton's method with the exact Jacobian of all unknowns, in the `STEPS` steps
+        after one that needed it; heat by groups, then mechanics; after a failure of the mechanics,
+        that exact Jacobian. Its `iterations` are those of the mechanics, or the largest number of
+        a thermal group where nothing moves.
 
         guess (n,): unknowns near the solution; None for the extrapolation of past states.
         """
-        if self.newton is not None and memory.full_newton_next:
+        if self.newton is not None and memory.full_newton_steps_left:
             outcome = self._full_newton(self.newton, step, memory)
-            memory.full_newton_next -= 1
+            memory.full_newton_steps_left -= 1
             if outcome.status.ok:
                 return outcome
-            memory.full_newton_next = 0
+            memory.full_newton_steps_left = 0
+        # unknowns of the iteration are departures d = x - free from the step's free motion
         now = StepUnknowns(
             step, memory.past.guess(step) if guess is None else guess - step.free)
         iterations = 0
@@ -179,10 +184,10 @@ class Stepper(StepSolver[Memory]):
                 return now.outcome(status, n, name, detail)
             iterations = max(iterations, n)
         if self.system.bodies:
-            status, iterations, block, detail = self.solved.solve(step, now, memory)
-            if self.iterating:
+            status, iterations, block, detail = self.mechanics_solver.solve(step, now, memory)
+            if self.iterative:
                 for name, count in memory.work.equations.iterations.items():
-                    memory.counted(name, count)
+                    memory.add_linear_iterations(name, count)
             if not status.ok:
                 return self._by_exact_jacobian(
                     now.outcome(status, iterations, block, detail), step, memory)
@@ -208,7 +213,7 @@ class Stepper(StepSolver[Memory]):
             now.x[at], now.v[at], now.a[at], now.step.t, now.step.c2_first, memory.jacobian(name))
         now.remaining = max(now.remaining, remaining)
         if linear:
-            memory.counted(name, linear)
+            memory.add_linear_iterations(name, linear)
         if status.ok:
             now.add_temperatures(at, block.active, d)
             memory.keep(name, jacobian)
@@ -224,7 +229,7 @@ class Stepper(StepSolver[Memory]):
         equations.begin(now.step, now.d)
         ended = loop.solve(equations, now.step, now.d, kept, memory.newest)
         for block, count in equations.iterations.items():
-            memory.counted(block, count)
+            memory.add_linear_iterations(block, count)
         if ended.status.ok:
             now.remaining = max(now.remaining, ended.remaining)
             now.add_temperatures(at, None, ended.d[at] - now.d[at])
@@ -241,7 +246,7 @@ class Stepper(StepSolver[Memory]):
         spent = failed.iterations + outcome.iterations
         if not outcome.status.ok:
             return replace(failed, iterations=spent)
-        memory.full_newton_next = STEPS
+        memory.full_newton_steps_left = STEPS
         return replace(outcome, iterations=spent)
 
     def _full_newton(
@@ -267,7 +272,7 @@ class Stepper(StepSolver[Memory]):
             for kept in memory.heat_kept.values():
                 if self.loop is not None:
                     self.loop.remember(x, d, step, kept)
-            self.solved.remember(x, d, step, memory)
+            self.mechanics_solver.remember(x, d, step, memory)
         return bad or outcome
 
     def _beyond_limits(self, x: FloatArray) -> StepOutcome | None:
@@ -287,7 +292,7 @@ class Stepper(StepSolver[Memory]):
         """Reduced elastic block -> (s, 2 s): response of its active coefficients to changes of
         their r1 and r2 with all other unknowns fixed: [-D^-1 D_m, -D^-1 M] projected, with the
         damping D_m."""
-        return self.solved.alone()
+        return self.mechanics_solver.alone()
 
     def response(self, step: StepFormula, x: FloatArray) -> FloatArray | None:
         """Linear response (n, 2 n) of the solution x of a step to changes of [r1; r2]; None where

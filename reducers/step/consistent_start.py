@@ -142,24 +142,25 @@ def _linear(
     """The body's equations at zero accelerations and multipliers, by their derivatives with respect
     to these at `forces` (n,)."""
     origin, rate, _ = body.border_motion(state.t)
-    known = body.to_border @ forces
+    prescribed_forces = body.to_border @ forces
     y, v = _border(mechanics, body, state.x, origin), _border(mechanics, body, state.v, rate)
     c2 = 1.0 / mechanics.h**2  # large enough that masses are not lost against centrifugal terms
-    w0, w1 = (_evaluate(body, t, y + known, v, c, state) for c in (0.0, c2))
+    w0, w1 = (_evaluate(body, t, y + prescribed_forces, v, c, state) for c in (0.0, c2))
     d = body.frame.rigid_size
     H = np.zeros_like(w0.border[:, :-1])
     H[:d, :d], H[:d, d:] = (w1.border - w0.border)[:d, :d] / c2, w0.border[:d, d:-1]
     H[d:, :d], H[d:, d:] = w0.border[d:, :d], c2 * w0.border[d:, d:-1]  # a compliance
-    rows = w0.border[:, -1] - H[:, d:] @ known[d:]
+    rows = w0.border[:, -1] - H[:, d:] @ prescribed_forces[d:]
     rows[d:] = _curvature(mechanics, body, t, y, v, state, motion)
     if t is None:
         return _Body(NONE, np.zeros((0, len(rows))), rows, H, np.zeros((len(rows), 0)))
     sigma = np.concatenate([(w1.sigma[:d] - w0.sigma[:d]) / c2, w0.sigma[d:-1]])
     tau = np.concatenate([(w1.tau[:d] - w0.tau[:d]) / c2, w0.tau[d:]])
-    own = _elastic_rows(body, t, w0, state) - t.directions @ (w0.sigma[d:-1].T @ known[d:])
-    right = np.concatenate([own[:, None], t.directions @ sigma.T], axis=1)
-    solved = np.linalg.lstsq(t.mass, right, rcond=None)[0]
-    return _Body(solved[:, 0], solved[:, 1:], rows, H, tau @ t.functional)
+    elastic_rows = _elastic_rows(body, t, w0, state) - t.directions @ (
+        w0.sigma[d:-1].T @ prescribed_forces[d:])
+    right_sides = np.concatenate([elastic_rows[:, None], t.directions @ sigma.T], axis=1)
+    accelerations = np.linalg.lstsq(t.mass, right_sides, rcond=None)[0]
+    return _Body(accelerations[:, 0], accelerations[:, 1:], rows, H, tau @ t.functional)
 
 
 def _is_nonlinear(

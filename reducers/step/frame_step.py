@@ -13,7 +13,7 @@ import numpy as np
 from sparsemor.core import FloatArray, Frame, FrameHistory, Layout
 from sparsemor.core.protocols.body_frame import FrameWork
 from sparsemor.core.protocols.separable import MovingBody
-from sparsemor.reducers.linalg.active_columns import few
+from sparsemor.reducers.linalg.active_columns import are_few
 from sparsemor.reducers.step.projected_operators import TestedElastic
 from sparsemor.reducers.step.time_tables import TimeTable
 
@@ -74,7 +74,7 @@ class BodyStep:
         states = np.stack([c, cv, ca])
         Q, active = tested.quadratic, states
         use = np.flatnonzero(states.any(axis=0))
-        if few(use, len(c)):  # of a complete basis: products with the active atoms alone
+        if are_few(use, len(c)):  # of a complete basis: products with the active atoms alone
             Q, active = Q[:, use[:, None], use], states[:, use]
         # (3 g,): c.Q_g c of all g, then c.Q_g c', then c.Q_g c''
         forms = (Q.dot(active.T) * active[0][:, None]).sum(axis=1).T.ravel()

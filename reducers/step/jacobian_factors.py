@@ -47,8 +47,8 @@ def factorized(J: Matrix) -> Factor:
         return SparseLu(J)
     if len(J) < MANY:
         return Inverse(J)
-    few = csc_array(J)
-    return SparseLu(few) if few.nnz <= FILLED * J.size else Lu(J)
+    sparse = csc_array(J)
+    return SparseLu(sparse) if sparse.nnz <= FILLED * J.size else Lu(J)
 
 
 class Identity:

@@ -73,10 +73,10 @@ class Memory(RunMemory):
 
     linearised_on (n,): active unknowns of the kept Jacobian where atoms are selected; exact: what
     the iteration with the exact Jacobian keeps; full_newton_steps: number of steps that it solved;
-    full_newton_next: number of coming steps that begin with it; heat_kept: what the iteration of
-    each group of full-order thermal blocks keeps; linear: block -> iterations of its linear solver;
-    linearized: reduced thermal block -> [T, T', T'', t] at which its kept Jacobian was evaluated
-    (`HeatJacobian`).
+    full_newton_steps_left: number of coming steps that begin with it; heat_kept: what the iteration
+    of each group of full-order thermal blocks keeps; linear: block -> iterations of its linear
+    solver; linearized: reduced thermal block -> [T, T', T'', t] at which its kept Jacobian was
+    evaluated (`HeatJacobian`).
     """
 
     work: Workspace = field(default_factory=Workspace)
@@ -85,7 +85,7 @@ class Memory(RunMemory):
     exact: Kept = field(default_factory=lambda: Kept.of(0))
     heat_kept: dict[str, Kept] = field(default_factory=dict)
     full_newton_steps: int = 0
-    full_newton_next: int = 0
+    full_newton_steps_left: int = 0
     linear: dict[str, int] = field(default_factory=dict)
     linearized: dict[str, FloatArray] = field(default_factory=dict)
 
@@ -117,6 +117,6 @@ class Memory(RunMemory):
         if jacobian is not None:
             self.work.heat[block], self.linearized[block] = jacobian, jacobian.at
 
-    def counted(self, block: str, iterations: int) -> None:
+    def add_linear_iterations(self, block: str, iterations: int) -> None:
         """Adds iterations of a block's linear solver to the count."""
         self.linear[block] = self.linear.get(block, 0) + iterations

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.linalg.lapack import dgetrf, dgetrs
 
 from sparsemor.core import FloatArray, IntArray, ReducedTerm, Status
-from sparsemor.reducers.linalg.active_columns import ActiveColumns, few
+from sparsemor.reducers.linalg.active_columns import ActiveColumns, are_few
 from sparsemor.reducers.linalg.modal_coordinates import carried, dense, times
 from sparsemor.reducers.step.acceptance import estimated_error
 from sparsemor.reducers.step.projected_operators import TestedHeat
@@ -102,8 +102,8 @@ class CompressedHeat:
     T' + by_value T + prescribed(t), with T the prediction and T' its rate.
 
     by_rate, by_value: (s, k), or a diagonal (modal_coordinates.py); prescribed: tabulated function
-    of time of the `loads`, moving heat sources and constant terms; few: by_rate and by_value where
-    few atoms are active.
+    of time of the `loads`, moving heat sources and constant terms; by_active_columns: by_rate and
+    by_value where few atoms are active.
     """
 
     by_rate: FloatArray
@@ -116,12 +116,12 @@ class CompressedHeat:
     rtol: float = 1e-13
     max_iterations: int = 50
     identity: FloatArray = field(init=False)
-    few: tuple[ActiveColumns, ActiveColumns] | None = field(init=False)
+    by_active_columns: tuple[ActiveColumns, ActiveColumns] | None = field(init=False)
 
     def __post_init__(self) -> None:
-        some = (ActiveColumns(dense(self.by_rate)), ActiveColumns(dense(self.by_value))) if few(
+        some = (ActiveColumns(dense(self.by_rate)), ActiveColumns(dense(self.by_value))) if are_few(
             self.active, self.by_rate.shape[-1]) else None
-        object.__setattr__(self, "few", some)
+        object.__setattr__(self, "by_active_columns", some)
         object.__setattr__(self, "identity", np.eye(len(self.by_rate) if self.local else 0))
 
     @property
@@ -170,12 +170,12 @@ class CompressedHeat:
         self, T: FloatArray, rate: FloatArray, bend: FloatArray, t: float, c2: float,
         kept: HeatJacobian | None = None,
     ) -> HeatOutcome:
-        if self.few is None:
+        if self.by_active_columns is None:
             base = times(self.by_rate, rate)
             base += times(self.by_value, T)
         else:
-            base = self.few[0].times(rate)
-            base += self.few[1].times(T)
+            base = self.by_active_columns[0].times(rate)
+            base += self.by_active_columns[1].times(T)
         base += self.prescribed.at(t)
         if not self.local or not len(base):  # linear, or without active atoms
             return HeatOutcome(base, Status.DONE, 1)

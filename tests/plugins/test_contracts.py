@@ -15,7 +15,7 @@ from sparsemor.core.cli import app
 from sparsemor.core.errors import InputError
 from sparsemor.core.registry.contracts import CONTRACTS, breaches
 from sparsemor.core.registry.registry import Registry
-from sparsemor.core.registry.value_types import fits, required_type, usual
+from sparsemor.core.registry.value_types import fits, quick_test, required_type
 from sparsemor.core.scene.scene import load
 from sparsemor.core.simulation.simulate import simulate
 from sparsemor.core.simulation.validation import checked_model
@@ -276,6 +276,6 @@ def test_a_named_type_is_what_it_stands_for() -> None:
         "arrays", np.ndarray[Any, np.dtype[T]], type_params=(T,))  # type: ignore[valid-type]
     floats = TypeAliasType("floats", arrays[np.float64])
     for hint in (arrays[np.float64], floats, floats | None):
-        assert fits(np.ones(2), hint) and usual(hint)(np.ones(2))
+        assert fits(np.ones(2), hint) and quick_test(hint)(np.ones(2))
         assert not fits(np.ones(2, dtype=int), hint) and not fits("text", hint)
         assert required_type(hint).startswith("an array of finite numbers")

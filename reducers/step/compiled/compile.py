@@ -104,21 +104,22 @@ def linked(
     """Name -> function of the kernel, and each that it calls, for a model with these functions and
     with `compiled` applied. numba resolves the names that a function calls when it compiles it, so
     that each is a copy whose global names are those of the functions that it shall call here."""
-    instead, made = functions.instead, dict[object, Any]()
+    replacements, copies = functions.instead, dict[object, Any]()
 
     def link(function: ArrayFunction) -> Any:
-        own = instead.get(function, function)
-        if own not in made:
-            made[own] = copied(own, "", {})
-        return made[own]
+        source = replacements.get(function, function)
+        if source not in copies:
+            copies[source] = copied(source, "", {})
+        return copies[source]
 
-    def copied(own: ArrayFunction, suffix: str, names: dict[str, Any]) -> Any:
-        assert isinstance(own, FunctionType)
-        called = {n: f for n in own.__code__.co_names if n not in names
-                  and isinstance(f := own.__globals__.get(n), FunctionType)}
+    def copied(source: ArrayFunction, suffix: str, names: dict[str, Any]) -> Any:
+        assert isinstance(source, FunctionType)
+        called = {n: f for n in source.__code__.co_names if n not in names
+                  and isinstance(f := source.__globals__.get(n), FunctionType)}
         copy = FunctionType(
-            own.__code__, {**own.__globals__, **{n: link(f) for n, f in called.items()}, **names},
-            own.__name__, own.__defaults__)
+            source.__code__,
+            {**source.__globals__, **{n: link(f) for n, f in called.items()}, **names},
+            source.__name__, source.__defaults__)
         copy.__qualname__ += suffix
         return compiled(copy)
 
@@ -126,10 +127,10 @@ def linked(
     for i, law in reversed([*enumerate(functions.laws)]):
         laws = copied(
             local_terms.evaluate_law, f"_{i}", {"first_law": link(law), "other_laws": laws})
-    made[local_terms.evaluate_law] = laws
+    copies[local_terms.evaluate_law] = laws
     for function in wanted:
         link(function)
-    return {function.__name__: copy for function, copy in made.items()
+    return {function.__name__: copy for function, copy in copies.items()
             if isinstance(function, FunctionType)}
 
 

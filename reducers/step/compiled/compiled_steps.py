@@ -61,7 +61,7 @@ class CompiledSteps:
         and none that does not converge even with a Jacobian of the last state."""
         moves = self.plan.equations is not None or self.plan.prescribed
         # kept.top: largest value of each block so far, to which changes are relative
-        if memory.full_newton_next or (moves and not memory.kept.top.any()):
+        if memory.full_newton_steps_left or (moves and not memory.kept.top.any()):
             return StepBlock()
         times, timed, base = self._functions_of_time(state.t, count)
         block, renew = self._solved(state, memory, times, timed, base)

@@ -75,7 +75,7 @@ def solved(kind: str) -> tuple[SparseStepper, Any, Any, FloatArray, Any]:
     formula = step_formula(
             scene.integrator.rules(scene.time.step), solver.layout, state, scene.time.step)
     now = solver.steps.current(memory)
-    return solver, memory, formula, now.tried(formula, memory).x, now
+    return solver, memory, formula, now.trial_solution(formula, memory).x, now
 
 
 @pytest.mark.parametrize("kind", quick(

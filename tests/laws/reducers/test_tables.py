@@ -55,7 +55,8 @@ def test_what_a_map_sees_is_the_map_of_the_load():
         for t in (0.0, 3.3, 7.0):
             want = dense @ sum(one.at(t) for one in loads)
             np.testing.assert_allclose(total_load(seen, t), want, rtol=1e-13, atol=1e-13)
-    np.testing.assert_allclose(loads[0].seen(left).at(2.2), left @ loads[0].at(2.2), atol=1e-13)
+    np.testing.assert_allclose(
+        loads[0].projected(left).at(2.2), left @ loads[0].at(2.2), atol=1e-13)
 
 
 @pytest.fixture(scope="module")

@@ -134,7 +134,7 @@ def test_an_exchange_lowers_the_residual_as_foreseen_with_the_other_unknowns_hel
         exchanges += 1
         heat = {n: memory.supports[n] for n in steps.heat}
         old = steps.on(other, {**before, **heat})
-        was = squared(old.tried(formula, other), old, other, before)
+        was = squared(old.trial_solution(formula, other), old, other, before)
         now = squared(outcome, steps.current(memory), memory, memory.supports)
         assert now < 1.02 * 0.9**2 * was
     assert exchanges >= 3
