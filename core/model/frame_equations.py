@@ -24,6 +24,10 @@ from sparsemor.core.protocols.prescribed_motion import FrameHistory
 from sparsemor.core.protocols.separable import MovingBody
 from sparsemor.core.protocols.term import ReducedTerm, Trial
 
+SMALL = 128
+"""Unknowns of a term up to which its Jacobian is computed with dense matrices: each sparse matrix
+takes longer to make than so small products take."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrameEquations(ReducedTerm):
@@ -99,11 +103,14 @@ class FrameEquations(ReducedTerm):
         if self.V and self.inert:
             factors[0] += k2
         Y, L, H = self.Y, self.L, w.border[:, :-1]
-        if not self.V or issparse(self.V[0]):  # few columns of Y and few rows of L are not zero
+        small = Y.shape[1] <= SMALL
+        if small:
+            Y, L = dense(Y), dense(L)
+        elif not self.V or issparse(self.V[0]):  # few columns of Y and rows of L are not zero
             Y, L, column, row, H = map(csr_array, (Y, L, column, row, H))
         J = column @ Y + L @ (row + H @ Y)
         for factor, V in zip(factors, self.V, strict=True):
-            J = J + factor * V
+            J = J + factor * (dense(V) if small else V)
         return J
 
     def time_derivative(self, order: int, t: float, h: float) -> "FrameEquations | None":

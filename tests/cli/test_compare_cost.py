@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from matplotlib.text import Text
 from typer.testing import CliRunner
 
 from sparsemor import load, open_result, plot, simulate
@@ -150,6 +149,8 @@ def test_errors_after_the_end_of_training_are_tabulated_and_drawn() -> None:
     assert notes[-1] == "failed: deim: singular"
     for line in notes[1:]:
         assert line in str(comparison) or "offline" in line
+    from matplotlib.text import Text  # half a second
+
     drawn = "\n".join(t.get_text() for t in plot(comparison).findobj(Text))
     assert all(note[:40] in drawn for note in notes)
     lines = plot(comparison, "error_over_time").findobj(Text)

@@ -10,10 +10,17 @@ from sparsemor.core import Group, SparseOutcome, SparseSolver
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.testing import installed
 from sparsemor.core.testing.sparse_problems import Elsewhere, LeastSquares, empty_start
+from sparsemor.plugins.sparse_solvers.basis_pursuit import BasisPursuit, BasisPursuitLp
 from sparsemor.plugins.sparse_solvers.newton_on_supports import LinearRecovery
 
 SOLVERS: dict[str, Any] = {name: plugin() for name, plugin in installed("sparse_solver").items()}
 LINEAR = {name: s for name, s in SOLVERS.items() if isinstance(s, LinearRecovery)}
+PURSUITS: dict[str, tuple[type[LinearRecovery], dict[str, Any]]] = {
+    "linprog": (BasisPursuitLp, {"tolerance": 0.0}),
+    "clarabel": (BasisPursuit, {"tolerance": 0.0}),
+    "highs": (BasisPursuit, {"tolerance": 0.0, "solver": "SCIPY"})}
+"""Basis pursuit with equality constraints: classes and options, because to name a solver of cvxpy
+imports cvxpy, which takes a second."""
 each = pytest.mark.parametrize("solver", SOLVERS.values(), ids=list(SOLVERS))
 each_linear = pytest.mark.parametrize("solver", LINEAR.values(), ids=list(LINEAR))
 
