@@ -20,9 +20,33 @@ def entry_points() -> tuple[metadata.EntryPoint, ...]:
 
 @cache
 def _entry_points(path: tuple[tuple[str, int], ...]) -> tuple[metadata.EntryPoint, ...]:
-    found = metadata.entry_points()
-    groups = sorted([g for g in found.groups if g.startswith(PREFIX)])
-    return tuple([e for g in groups for e in found.select(group=g)])
+    found: dict[str, list[metadata.EntryPoint]] = {}
+    for folder, changed in path:
+        for name in _offering(folder, changed):
+            if name not in found:  # of several with one name, that which Python imports
+                found[name] = _own(metadata.distribution(name))
+    return tuple(sorted([e for own in found.values() for e in own], key=lambda e: e.group))
+
+
+@cache
+def _offering(folder: str, changed: int) -> tuple[str, ...]:
+    """Names of the distributions in a folder that offer plugins; changed: its last change."""
+    names = []
+    for d in metadata.distributions(path=[folder]):
+        if _own(d):
+            with suppress(TypeError, KeyError):  # a half removed one has no metadata
+                names.append(d.name)
+    return tuple(filter(None, names))
+
+
+def _own(distribution: metadata.Distribution) -> list[metadata.EntryPoint]:
+    return [e for e in distribution.entry_points if e.group.startswith(PREFIX)]
+
+
+@cache
+def name_of(distribution: metadata.Distribution | None) -> str:
+    """Name of a distribution, read from its metadata; "" if there is none."""
+    return distribution.name if distribution else ""
 
 
 def _changed(path: str) -> int:

@@ -36,7 +36,7 @@ class PluginName:
     @cached_property
     def distribution(self) -> str:
         """Name of its distribution, read from the metadata of that; "" if it has none."""
-        return self.entry_point.dist.name if self.entry_point.dist else ""
+        return installed.name_of(self.entry_point.dist)
 
     @property
     def version(self) -> str:
