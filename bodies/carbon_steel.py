@@ -64,6 +64,8 @@ class CarbonSteel(Material):
 
     @cached_property
     def _properties(self) -> MaterialProperties:
+        """Tables of the standard: reduction of the modulus, mean expansion from 20 degrees Celsius,
+        conductivity, specific heat."""
         E = _curve(np.array(list(REDUCTION), dtype=np.float64),
                    self.modulus * np.array(list(REDUCTION.values())))
         at = np.array([*range(40, 760, 40), 750, 780, 820, 860, 950, HOTTEST], dtype=np.float64)

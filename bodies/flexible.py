@@ -245,6 +245,8 @@ class Flexible(BodyPlugin):
             mesh_notes=(*mesh.notes, *mesh_notes(name, mesh, self.sets, regions[0].constants.rho)))
 
     def _mesh(self, base: Path) -> Mesh:
+        """Mesh with the sets of the options, of the order that they or the fields ask for. Raises
+        InputError located at `mesh` or `sets`."""
         try:
             mesh = checked_return(self.mesh.build(base), Mesh, self.mesh, "build")
         except InputError as error:
@@ -367,6 +369,8 @@ class Flexible(BodyPlugin):
     def _elasticity(
         self, mesh: Mesh, m: Any, fixed: IntArray, regions: Sequence[Region], T0: FloatArray
     ) -> Elasticity:
+        """Matrices of the elastic field and, for properties that depend on temperature and for
+        nonlinear strains, their laws."""
         heated = THERMAL.name in self.fields or bool((T0 != self.reference_temperature).any())
         nonlinear = self.strains == "nonlinear"
         d, thickness, model = mesh.dimension, self._thickness(mesh), self._model(mesh)
@@ -387,6 +391,7 @@ class Flexible(BodyPlugin):
                 curves(r.material).keys().isdisjoint({"E", "alpha"}) for r in regions))
 
     def _heat(self, mesh: Mesh, regions: Sequence[Region]) -> Heat:
+        """Matrices of the thermal field, and laws for properties that depend on temperature."""
         thickness, is_lumped = self._thickness(mesh), self.capacity == "lumped"
         d = mesh.dimension
         C = summed(regions, lambda r: capacity(
@@ -401,6 +406,8 @@ class Flexible(BodyPlugin):
             laws=tuple((one, r.cells) for r in regions for one in heat_laws(r, mesh.dimension)))
 
     def _initial_temperature(self, mesh: Mesh, base: Path) -> FloatArray:
+        """Nodal temperatures (N,) at the start, K: a number, a formula of the coordinates, or a
+        file."""
         T0 = self.initial_temperature
         n = len(mesh.points)
         if T0 is None:

@@ -191,6 +191,8 @@ class FloatingBody(Body):
             self._contribute(equations)
 
     def _contribute(self, equations: Equations) -> None:
+        """Adds the equations of the frame and of the fields, whose integrals per element are
+        computed when a reducer asks."""
         mesh = self.mesh is not None
         write_frame(
             equations, self, self.inertia, self._field_inertia(),
@@ -394,6 +396,8 @@ class FloatingBody(Body):
                           self.pose, self.guide)
 
     def stress_at(self, at: str | Sequence[float]) -> ProbeStress | None:
+        """Stress at a point as a linear functional of displacements and temperatures; None where
+        the law of the stress is not linear with constant isotropic properties."""
         e, h, mesh = self.elasticity, self.heat, self.mesh
         if e is None or mesh is None or e.nonlinear or not e.recoverable or mesh.revolved:
             return None

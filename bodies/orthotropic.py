@@ -43,6 +43,8 @@ class Orthotropic(Material):
 
     @model_validator(mode="after")
     def _complete(self) -> Self:
+        """Checks that the elastic constants are given together and that the energy of each strain
+        is positive."""
         given = [n for n in ("E", "nu", "G") if getattr(self, n) is not None]
         if given and len(given) < 3:
             raise ValueError(f"the elastic field needs E, nu and G together (got {given[0]} "
@@ -58,6 +60,8 @@ class Orthotropic(Material):
         return MaterialProperties(self.rho, c=self.c)
 
     def directional(self) -> DirectionalProperties:
+        """Stiffness (6, 6), expansion and conductivity in body axes, rotated from those of the
+        material."""
         A = self._axes
         T = np.zeros((6, 6))  # strains in material axes from those in body axes
         for m, (i, j) in enumerate(PAIRS):

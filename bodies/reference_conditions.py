@@ -44,6 +44,8 @@ class Reference(Plugin):
 
     @staticmethod
     def _clamped(mesh: Mesh, name: str) -> IntArray:
+        """Displacements of the nodes of a set, all components. Raises InputError where the body
+        could still turn."""
         d, nodes = mesh.dimension, find_set(mesh, name, "reference.clamp")
         if len(nodes) < 2:
             raise InputError(
@@ -57,6 +59,8 @@ class Reference(Plugin):
 
     @staticmethod
     def _components(mesh: Mesh, hold: Mapping[str, str]) -> IntArray:
+        """Displacements of some components of sets. Raises InputError with the number of rigid
+        motions that remain."""
         d, found = mesh.dimension, [np.zeros(0, np.int64)]
         for name, components in hold.items():
             key = f"reference.hold.{name}"
@@ -74,6 +78,8 @@ class Reference(Plugin):
 
     @staticmethod
     def _chord(mesh: Mesh, chord: Sequence[str]) -> IntArray:
+        """Displacements that hold the points of a chord on the x axis, in space three points in a
+        plane."""
         d = mesh.dimension
         if len(chord) != d:
             raise InputError(f"a chord is {d} one-point sets in {d}-D (got {len(chord)})",

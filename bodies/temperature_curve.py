@@ -44,6 +44,7 @@ class TemperatureCurve(Plugin, TemperatureProperty):
 
     @model_validator(mode="after")
     def _one(self) -> Self:
+        """Checks that there is either a table or a polynomial with its range."""
         if self.polynomial is None:
             self._check_table()
         elif self.temperatures is not None or self.values is not None or self.enthalpy is not None:
@@ -56,6 +57,8 @@ class TemperatureCurve(Plugin, TemperatureProperty):
         return self
 
     def _check_table(self) -> None:
+        """Checks that temperatures increase and that there are as many values, of an enthalpy
+        increasing ones."""
         T, values, name = self.temperatures, self.values, "values"
         if self.enthalpy is not None:
             if values is not None:
@@ -146,6 +149,8 @@ class TemperatureCurve(Plugin, TemperatureProperty):
 
     @cached_property
     def _segments(self) -> Segments:
+        """Linear segments of the table, constant outside; of an enthalpy its slopes, constant in
+        each."""
         T = np.array(self.temperatures)
         if self.enthalpy is not None:
             c = np.diff(self.enthalpy) / np.diff(T)

@@ -132,6 +132,8 @@ class TemperatureFile(Plugin):
                                  float(distance[:, 0].max()))
 
     def _check(self, points: FloatArray, times: FloatArray, T: FloatArray, d: int) -> None:
+        """Raises InputError for points, times and temperatures T (times, points) that do not fit
+        each other or the body."""
         fault = ""
         if points.ndim != 2 or points.shape[1] not in (d, 3) or not len(points):
             fault = f"points of shape {points.shape}, and the body has {d} coordinates"

@@ -59,6 +59,7 @@ class TabulatedFunction(PiecewiseLinear):
 
     @model_validator(mode="after")
     def _matching(self) -> Self:
+        """Checks that there is a value for each time and that times increase."""
         if len(self.times) != len(self.values):
             raise ValueError(
                 f"{len(self.times)} times but {len(self.values)} values: give one value a time"

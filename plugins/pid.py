@@ -55,6 +55,8 @@ class Pid(Controller):
     def update(
         self, t: float, h: float, sensed: FloatArray, memory: tuple[float, ...]
     ) -> tuple[float, tuple[float, ...]]:
+        """Value k_p e + k_i (integral of e) - k_d ds/dt from the sensor s and the error e = target
+        - s; the integral stops where the value is limited (anti-windup)."""
         integral, last, begun = memory
         s = float(sensed[0])
         e = self.target.value(t) - s

@@ -102,6 +102,8 @@ class ContactTerm(Term):
         return here if here.finite else None
 
     def _evaluate(self, x: FloatArray, v: FloatArray, t: float) -> _Evaluation | None:
+        """Overlaps of the surfaces at a state, with nodal forces and heats; None if it is not
+        finite."""
         here = self._kinematics(x, v, t)
         if here is None:
             return None
@@ -151,6 +153,8 @@ class ContactTerm(Term):
                                second.held.filled(unknown[n : n + len(second.T)], t)])
 
     def residual(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray:
+        """Forces and heats at the nodes of both surfaces and on their frames, with minus sign; nan
+        for a state that is not finite."""
         if not self.elements:
             return np.zeros(len(self.rows))
         now = self._evaluate(x, v, t)
@@ -178,6 +182,8 @@ class ContactTerm(Term):
     def jacobian(
         self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
     ) -> Csr:
+        """Derivatives of the residual, as the sum of a dense block for each pair of facets, and of
+        the bristles."""
         shape = len(self.rows), len(self.columns)
         if not self.elements:
             return csr_array(shape)

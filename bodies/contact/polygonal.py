@@ -105,6 +105,7 @@ class Polygonal(ContactPlugin):
     ) -> tuple[tuple[FloatingBody, IntArray], tuple[FloatingBody, IntArray]]:
         """Both bodies, each with the facets of its contact surface."""
         def find(text: str, key: str) -> tuple[FloatingBody, IntArray]:
+            """Body of a surface and its facets, straight segments or triangles."""
             target = find_target(parts, text, key)
             body = target.body
             if body.mesh is None:
@@ -123,6 +124,8 @@ class Polygonal(ContactPlugin):
         return first, second
 
     def _check_motion(self, first: FloatingBody, second: FloatingBody) -> None:
+        """Raises InputError where options ask for deformation or heat of bodies without such a
+        field."""
         bodies = (first, second)
         if self.surfaces == "deformed" and all(b.elasticity is None for b in bodies):
             raise InputError("neither body has an elastic field, so no surface deforms: take "

@@ -105,6 +105,9 @@ class Responses:
 
     @classmethod
     def of(cls, o: Overlaps, q: Samples, face: Interface, T: FloatArray | None) -> "Responses":
+        """Responses at quadrature points with traction p u, u = n - phi v - pull; v slip velocity,
+        phi friction coefficient over speed, pull that of bristles; w relative velocity. T (M, 2 d):
+        temperatures at the corners."""
         planes, vb = o.pairs.planes, o.pairs.vb
         n, v = planes.n[q.of][:, None], q.slip
         N, V = n[..., None, :], v[..., None, :]

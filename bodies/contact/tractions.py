@@ -70,6 +70,8 @@ class Samples:
 
     @classmethod
     def at(cls, o: Overlaps, of: IntArray, s: FloatArray, face: Interface) -> "Samples":
+        """Pressure, slip and friction at points s (N, q, d) of the overlaps `of` (N,). A law that
+        gives tension is cut off at 0."""
         at, d = s @ o.at[of], o.d
         depth, sink = np.maximum(at[:, :, DEPTH], 0.0), at[:, :, SINK]
         slip, eta = at[:, :, 2 : 2 + d], at[:, :, 2 + d : 2 + 2 * d]

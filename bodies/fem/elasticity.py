@@ -52,6 +52,8 @@ class Anisotropy:
 
     @classmethod
     def of(cls, material: DirectionalProperties, model: Model) -> "Anisotropy":
+        """Stiffness and thermal stress in the plane or in space, with the constants of the stress
+        across the plane."""
         assert material.stiffness is not None
         C, alpha, plane = material.stiffness, material.expansion, [0, 1, 5]
         beta, across = C @ alpha, np.zeros(4)

@@ -131,6 +131,8 @@ class Moment(Item):
             *self.moment.tolist(), float(self.turns), float(self.space)), self.amplitude),)
 
     def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
+        """Adds the moment, in body axes A^T M if it is given in space axes, with its derivatives by
+        the attitude."""
         M, acts = self.amplitude(m.t) * self.moment, self.turns and m.elastic
         out.torque -= m.in_body(M) if self.space else M
         if acts:

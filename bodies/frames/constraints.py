@@ -122,6 +122,8 @@ class Facing(SpatialItem):
         return Wrench(none, moment, none)
 
     def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
+        """Adds the constraints with their forces lambda_k d g_k/dq and second derivatives, row by
+        row: own attitude, other attitude, mean rotation of the own set."""
         far = attitude((m.y[o : o + self.others] if self.others else self.place)[3:])
         turning = self.turns and m.elastic
         theta, at = self.turned, slice(j, j + 3)
@@ -237,6 +239,8 @@ class Slide(SpatialItem):
             kind=spatial.POINT), row=i) for i, e in enumerate(self.lines))
 
     def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
+        """Adds the constraints n . (R + A z - R_o - A_o base) = 0 along the lines n, fixed in the
+        other body, with their forces and second derivatives."""
         y_o = m.y[o : o + self.others] if self.others else self.place
         far = attitude(y_o[3:])
         z = self.point + m.s[j : j + 3] if m.elastic else self.point
@@ -343,6 +347,8 @@ class Transmission(SpatialItem):
         return 1
 
     def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
+        """Adds the constraint, its forces and derivatives; of a sum over pi the whole turns are
+        dropped."""
         size = m.at.stop
         (a, a1, a2), (b, b1, b2) = self.own(m.y[:size]), self.other(m.y[o : o + self.others])
         n1, n2 = self.factors

@@ -109,6 +109,7 @@ class SpatialFrame(ItemFrame[SpatialItem]):
         self, y: FloatArray, v: FloatArray, a: FloatArray, c1: float, c2: float,
         s: FloatArray, forms: FloatArray, t: float, work: FrameWork,
     ) -> None:
+        """The equations as the sum of what each item adds at the present motion."""
         out = work.views
         if not isinstance(out, Sums):
             out = work.views = Sums(work, self.size)
@@ -203,6 +204,7 @@ class PlanarFrame(ItemFrame[PlanarItem]):
         self, y: FloatArray, v: FloatArray, a: FloatArray, c1: float, c2: float,
         s: FloatArray, forms: FloatArray, t: float, work: FrameWork,
     ) -> None:
+        """The equations as the sum of what each item adds, in complex numbers."""
         out = work.views
         if not isinstance(out, Views):
             out = work.views = views(work)

@@ -72,6 +72,8 @@ class Inertia(Item):
             space_inertia, (self.mass, *self.moment.tolist(), *self.second.tolist())),)
 
     def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
+        """Adds inertia forces m (R'' + ...) and torques J al + w x J w + z x A^T R'', with the
+        first moment z and the inertia J of the deformed shape, and their derivatives."""
         m.acc_b = m.A.T.dot(m.acc)
         m.dacc_b = m.turn.of_space(m.acc)
         wx, alx = rot.skew(m.w), rot.skew(m.al)
@@ -129,6 +131,8 @@ class Inertia(Item):
     def _on_displacements(
         self, m: Motion, j: int, spin: FloatArray, wx: FloatArray, out: Sums
     ) -> None:
+        """Adds what the inertia of the frame's motion does to displacements, and its
+        derivatives."""
         c1, c2, k = m.c1, m.c2, self.moments
         first, second = slice(j, j + FIRST), slice(j + FIRST, j + FIRST + k.count)
         self.push(m, j, out)

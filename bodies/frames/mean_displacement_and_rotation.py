@@ -81,6 +81,8 @@ class MeanPoint(Item):
             self.point, axis, kind=spatial.POINT), row=i) for i, axis in enumerate(EYE))
 
     def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
+        """Adds the position R + A (point + mean displacement) as constraint rows, and the force of
+        the multipliers at it."""
         f, mine = m.y[k : k + 3], slice(k, k + 3)
         z = self.point + m.s[j : j + 3] if m.elastic else self.point
         dz = m.turn.of_body(z)

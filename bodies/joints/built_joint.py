@@ -83,6 +83,8 @@ class JointPart(Joint):
         return [Block(self.name, MULTIPLIER, len(self.targets))]
 
     def contribute(self, equations: Equations) -> None:
+        """Adds the constraint equations of the conditions, with compliance where they are
+        redundant; in a flexible run of two stages the prescribed reactions instead."""
         if self.exchange is not None:
             self.exchange.contribute(equations)
         if self.inert:

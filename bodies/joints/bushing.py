@@ -48,6 +48,8 @@ class Bushing(ForceElement):
         return ItemForce(item, -1.0)
 
     def items(self, own: Side, other: Side, first: bool) -> tuple[RelativeItem, ...]:
+        """Springs and dampers along the axes, then about them, without those that do nothing but
+        for the first."""
         d, axes = own.d, self._axes(own.d)
         found = []
         for key, count, motion in (("", d, "slide"), ("turning_", 2 * d - 3, "turn")):
@@ -69,6 +71,7 @@ class Bushing(ForceElement):
         return given
 
     def _axes(self, d: int) -> FloatArray:
+        """Axes (d, d) as rows, from the options `axis` and `second_axis`."""
         e = np.eye(d)[0] if self.axis is None else unit(self.axis, d)
         if d == 2:
             if self.second_axis is not None:

@@ -91,6 +91,8 @@ class ItemForce:
     def bounded_angle(
         self, times: FloatArray, own: FloatArray, other: FloatArray
     ) -> FloatArray | None:
+        """Angle (T,), rad, of a linear rotational spring less that of its rest, between -pi and pi;
+        None for other forces, and where whole turns are counted."""
         item = self.item
         if not isinstance(item, RelativeItem) or not isinstance(item.coordinate, Angle) or (
                 item.law[0] != LINEAR or not item.law[1]):
@@ -136,6 +138,8 @@ class ForceElementPart(Joint):
         return () if self.held is None else self.held.blocks()
 
     def contribute(self, equations: Equations) -> None:
+        """Adds the items to the frame's equations, with constraints of massless frames on flexible
+        sides; where all motion is prescribed, the known force."""
         if self.prescribed:
             write_reactions(equations, self.sides, self._reactions(equations), self.turns)
             return

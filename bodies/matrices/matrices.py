@@ -165,6 +165,8 @@ class Matrices(BodyPlugin):
 
     @model_validator(mode="after")
     def _complete(self) -> "Matrices":
+        """Checks that the matrices of all fields are given, and a reference condition where one is
+        needed."""
         missing = [key for field, keys in ((ELASTIC.name, ("stiffness", "mass")),
                                            (THERMAL.name, THERMAL_KEYS))
                    if field in self.selected_fields
@@ -263,6 +265,8 @@ class Matrices(BodyPlugin):
     # ------------------------------------------------------------------ files
 
     def _read(self, base: Path) -> _Files:
+        """Nodes and matrices of the files in SI units, with their sizes checked; with `shapes`
+        those of the stiffness are reduced to them."""
         gather = Gather()
         nodes = gather("", read_nodes, base, self.nodes, "nodes")
         given = gather("", read_unknowns, base, self.unknowns, "unknowns") if self.unknowns else (
@@ -378,6 +382,8 @@ class Matrices(BodyPlugin):
         return np.concatenate([labels, np.zeros((self.modes, 2), np.int64)]).astype(np.int64)
 
     def _unknowns(self, nodes: FileNodes, labels: IntArray) -> tuple[Unknowns, tuple[Note, ...]]:
+        """Unknowns of the rows of the matrices, by labels (node, direction); in the plane where all
+        are in it."""
         X, notes = nodes.X, []
         node = nodes.numbering.rows(labels[:, 0])
         away = np.setdiff1d(labels[node < 0, 0], [0])
@@ -435,6 +441,8 @@ class Matrices(BodyPlugin):
         return found
 
     def _loads(self, base: Path, written: str, files: _Files) -> NodalLoads:
+        """Nodal forces, moments and heat of a file in SI units: a table of node, direction and
+        size, or a matrix with a row for each node."""
         N, d = files.unknowns.X.shape
         r, values = 2 * d - 3, np.zeros((N, 12))
         if Path(written).suffix.lower() in TABLES:
@@ -508,6 +516,8 @@ class Matrices(BodyPlugin):
     def _elasticity(
         self, files: _Files, fixed: IntArray, own: FloatArray | None
     ) -> Elasticity:
+        """Elastic field from the matrices; own: basis of shapes without rigid motion, if the body
+        is given by shapes."""
         found, u = files.mechanical, files.unknowns
         if own is not None and files.shapes is not None:
             return self._of_shapes(files, files.shapes, own)
@@ -541,6 +551,8 @@ class Matrices(BodyPlugin):
         return replace(files, shapes=T, mechanical=reduced), basis
 
     def _of_shapes(self, files: _Files, T: FloatArray, basis: FloatArray) -> Elasticity:
+        """Elastic field on shapes T (n, k): matrices reduced to the combinations `basis` of
+        these."""
         found, N, Z = files.mechanical, len(files.unknowns.X), T @ basis
         K, M = basis.T @ (found["stiffness"] @ basis), Z.T @ (found["mass"] @ Z)
         K, M = csr_array(0.5 * (K + K.T)), csr_array(0.5 * (M + M.T))
@@ -568,6 +580,7 @@ class Matrices(BodyPlugin):
             "mass" in found) else None
 
     def _check(self, files: _Files, mesh: Mesh) -> None:
+        """Raises InputError with the faults of all matrices."""
         gather, free = Gather(), not self._supported
         for key, matrix in files.mechanical.items():
             if files.shapes is None or key == "mass":

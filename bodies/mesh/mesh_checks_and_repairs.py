@@ -160,6 +160,7 @@ def _broken(mesh: Mesh) -> list[str]:
 
 
 def _cells(mesh: Mesh) -> list[str]:
+    """Faults of cells: inverted, degenerate, folded over, twice."""
     measure = corner_measures(mesh.points, mesh.cells)
     least = FLAT * longest_edges(mesh.points, mesh.cells) ** mesh.dimension
     flat = (np.abs(measure) <= least[:, None]).any(axis=1)
@@ -197,6 +198,7 @@ def _bent(mesh: Mesh) -> list[str]:
 
 
 def _connections(mesh: Mesh) -> list[str]:
+    """Faults of connections: points in no cell, facets of more than two cells, pieces."""
     faults = []
     unused = np.setdiff1d(np.arange(len(mesh.corners)), mesh.cells)
     if unused.size:
@@ -232,6 +234,7 @@ def _unequal(mesh: Mesh, facets: IntArray, outer: BoolArray) -> list[str]:
 
 
 def _pieces(mesh: Mesh, owner: IntArray, facet: IntArray, name: str) -> list[str]:
+    """Fault of a mesh whose cells are not all connected by facets (`name`: edge or face)."""
     cells, facets = len(mesh.cells), int(facet.max()) + 1
     joined = coo_array(
         (np.ones(len(owner)), (owner, cells + facet)), shape=(cells + facets, cells + facets)

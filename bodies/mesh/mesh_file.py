@@ -126,6 +126,8 @@ def _reason(error: BaseException, full: Path, written: str) -> str:
 
 
 def _clean(content: Content, scale: float, name: str) -> Mesh:
+    """Mesh of the cells of the highest dimension, scaled, with cells turned the right way round,
+    sets of its groups, and notes."""
     d = max((block.dimension for block in content.blocks), default=0)
     chosen = [i for i, block in enumerate(content.blocks) if block.dimension == d]
     cells = _corners(content, d, [content.blocks[i] for i in chosen])

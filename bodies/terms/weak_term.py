@@ -127,6 +127,7 @@ class WeakTerm(Term):
         return np.bincount(at[kept], loads[kept], minlength=len(self.rows)).astype(np.float64)
 
     def _response(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> Response:
+        """Response of the law at all quadrature points, from the fields that it reads there."""
         nodal: dict[tuple[Quantity, int], FloatArray] = {}
         z = []
         for variable in self.law.reads:
@@ -150,6 +151,7 @@ class WeakTerm(Term):
     def jacobian(
         self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
     ) -> Csr:
+        """Sparse Jacobian from the element matrices of each pair of test function and variable."""
         data, i, j = [np.zeros(0)], [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
         for test, variable, local in self._local_matrices(self._response(x, v, a, t)):
             field = self.fields[variable.quantity]

@@ -175,6 +175,8 @@ def _run_one(
     scene: Scene, here: Path, resume: bool, observers: Sequence[object], body_cache: BodyCache,
     keep: bool,
 ) -> "RunResult":
+    """Result of one reducer in its folder; with `resume` that of an earlier command, if it is
+    complete and nothing that its numbers depend on has changed since, or its continuation."""
     from sparsemor.core.results.run_result import open_result
     from sparsemor.core.scene.run_identity import Identity
     from sparsemor.core.simulation.simulate import simulate
@@ -202,6 +204,8 @@ def _report(
     results: "dict[str, RunResult]", failures: dict[str, SolveFailed], directory: Path,
     as_json: bool, quiet: bool, charts: bool, error_limit: float, owners: Sequence[str],
 ) -> None:
+    """Writes the tables and charts of a comparison and prints it; ends the command with the code of
+    a failed run if one has failed."""
     from sparsemor.core.analysis.compare import compare as compared
 
     reference, *others = results

@@ -85,6 +85,8 @@ def plugins(
 
 
 def _chosen(registry: Registry, which: str | None) -> list[PluginName]:
+    """Plugins of a kind, or of a name in any kind; all of them for None. Raises InputError with
+    similar names where there is none."""
     kinds = registry.kinds()
     every = [p for kind in kinds for p in registry.names(kind)]
     chosen = [p for p in every if which is None or which in (p.kind, p.name, p.qualified)]
@@ -99,6 +101,7 @@ def _chosen(registry: Registry, which: str | None) -> list[PluginName]:
 
 
 def _described(registry: Registry, plugin: PluginName) -> dict[str, Any]:
+    """Entry of the list of plugins as plain data; `broken` is the reason why one cannot be used."""
     found: dict[str, Any] = {
         "kind": plugin.kind, "name": plugin.name, "use": registry.spelling(plugin),
         "distribution": plugin.distribution, "version": plugin.version, "doc": "",
@@ -169,6 +172,8 @@ def _print_table(shown: list[dict[str, Any]]) -> None:
 
 
 def _print_options(plugin: dict[str, Any]) -> None:
+    """Prints a plugin with the table of its options and the members that all plugins of its kind
+    have."""
     from rich.table import Table
 
     origin = f"{plugin['distribution']} {plugin['version']}"

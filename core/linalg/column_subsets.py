@@ -81,6 +81,8 @@ class ColumnSubsets:
         return float(rest.dot(rest))
 
     def _factorized(self, mask: bytes) -> Factors | None:
+        """QR factors of the columns in a mask (k,), given as bytes; None where they are linearly
+        dependent."""
         columns = np.flatnonzero(np.frombuffer(mask, dtype=np.bool_))
         A = self.A[:, columns]
         m, s = A.shape

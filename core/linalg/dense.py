@@ -92,6 +92,8 @@ def svd(A: FloatArray, full_matrices: bool = False) -> tuple[FloatArray, FloatAr
 def _by_qr_iteration(
     A: FloatArray, full_matrices: bool
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Singular value decomposition by LAPACK's slower routine, which converges where divide and
+    conquer does not. Raises InputError where neither does."""
     size = " x ".join(map(str, A.shape))
     if not np.isfinite(A).all():
         raise InputError(f"a matrix of {size} has entries that are not finite: it has no singular "

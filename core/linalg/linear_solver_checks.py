@@ -71,6 +71,8 @@ class Solved:
         return marked.reshape(b.shape), x.reshape(b.shape), status, iterations, worst
 
     def _columns(self, b: FloatArray, start: FloatArray | None) -> tuple[FloatArray, int]:
+        """Solution for each column of b (n, k), from those of `start` where the solver iterates,
+        and the largest number of iterations."""
         if not b.size:
             return b.copy(), 0
         if self.direct is not None:

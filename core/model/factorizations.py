@@ -54,6 +54,8 @@ class BlockSolvers:
     def _record(
         self, block: str, purpose: str, made: Factorized, unknowns: int, seconds: float
     ) -> None:
+        """Adds a factorization to the log, with those of the same block, purpose, solver and size
+        in one entry."""
         key = (block, purpose, made.solver, unknowns)
         one = next((f for f in self.log if (f.block, f.purpose, f.solver, f.unknowns) == key), None)
         if one is None:

@@ -57,6 +57,8 @@ class Slot:
         )
 
     def _fill(self, value: object, source: Any, context: dict[str, Any]) -> object:
+        """Plugin of an option's value: a name, a mapping with the key `use`, or an instance that
+        has what the protocol asks."""
         if isinstance(value, str):
             return self._build(value, {}, context)
         if isinstance(value, Mapping):
@@ -79,6 +81,7 @@ class Slot:
         return value
 
     def _build(self, name: str, options: dict[str, Any], context: dict[str, Any]) -> BaseModel:
+        """Plugin of this name with these options, validated."""
         if "registry" not in context:
             context["registry"] = Registry()
         registry: Registry = context["registry"]

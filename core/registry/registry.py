@@ -105,6 +105,8 @@ class Registry:
         return self._classes[kind, name]
 
     def _checked(self, kind: str, name: str) -> type[Plugin]:
+        """Class of a plugin, imported, compared with the contract of its kind and guarded. Raises
+        InputError that names its distribution."""
         one = self._only(kind, name)
         loaded = _Driver(one).plugin
         blame = ("report it to the authors of that package (its entry point is "

@@ -100,6 +100,8 @@ def faults_of(error: ValidationError, tree: object) -> list[Fault]:
 
 
 def _own_keys(loc: Path, tree: object, kind: str) -> tuple[Path, bool]:
+    """Path of a fault in the data of the user: pydantic's path `loc` without the parts that name a
+    branch of a union; True if such parts were left out."""
     path: list[str | int] = []
     node, tagged = tree, False
     for depth, part in enumerate(loc):

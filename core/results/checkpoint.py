@@ -141,6 +141,8 @@ class Saved:
                 for k, (_, v) in zip(keys, content, strict=True)}
 
     def _sequence(self, kind: str, content: Any, like: Any, name: str) -> Any:
+        """List, tuple or set of stored content; its entries become objects like those of `like`,
+        the present value."""
         if like is not None and not isinstance(like, _SEQUENCES[kind]):
             raise SavedError(f"{name} is a {kind}, and {_kind(like)} in this program")
         if kind == "set":
@@ -153,6 +155,7 @@ class Saved:
         return values if kind == "list" else tuple(values)
 
     def _object(self, kind: str, content: Any, like: Any, name: str) -> Any:
+        """The present object `like` with the stored fields or state."""
         if like is None or isinstance(
                 like, Mapping | list | tuple | np.ndarray | str | int | float):
             raise SavedError(f"{name} is an object with fields, and "
@@ -207,6 +210,7 @@ class _Packer:
         return len(self.arrays) - 1
 
     def _compound(self, value: Any, name: str) -> Any:
+        """Node of a container, a random generator, or an object by its state or its fields."""
         if isinstance(value, Mapping):
             return {"map": [[self.node(k, f"a key of {name}"), self.node(v, f"{name}[{k!r}]")]
                             for k, v in value.items()]}

@@ -66,6 +66,8 @@ class ProbeReader:
     def of(
         cls, place: ProbePlace, layout: Layout, maps: Mapping[str, Dictionary]
     ) -> "ProbeReader":
+        """Reader of a probe from the unknowns of a step solver. maps: dictionaries of its reduced
+        blocks."""
         frame, moved, heated = (layout.of(place.body, q) for q in (
             Quantity.POSE, Quantity.DISPLACEMENT, Quantity.TEMPERATURE))
         u, T, s = place.displacement, place.temperature, place.stress
@@ -83,6 +85,7 @@ class ProbeReader:
         return self.place.name
 
     def header(self) -> ProbeHeader:
+        """Name, place, components and units of what the probe records."""
         axes = ["x", "y", "z"][: len(self.place.point)]
         names, units = axes[:], ["m"] * len(axes)
         if self.displacement is not None:

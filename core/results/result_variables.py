@@ -119,6 +119,8 @@ _Array = tuple[str, tuple[str, ...], dict[str, Any], NDArray[Any]]
 
 
 def _fixed(header: RunHeader) -> Iterator[_Array]:
+    """Arrays of a result that do not depend on time: dictionaries, sampled rows, the stage,
+    bodies."""
     for name, d in header.dictionaries.items():
         if d.atoms.shape[1] and not len(d.atoms):  # of a model that was saved without fields
             continue
@@ -136,6 +138,8 @@ def _fixed(header: RunHeader) -> Iterator[_Array]:
 
 
 def _body_arrays(header: RunHeader, body: str, shape: BodyShape) -> Iterator[_Array]:
+    """Arrays of a body: mesh, numbers of its unknowns, prescribed values, constants of its
+    stress."""
     node, axis = f"{body}.node", f"{body}.axis"
     yield f"{body}.points", (node, axis), {"units": "m"}, shape.points
     yield f"{body}.cells", (f"{body}.cell", f"{body}.corner"), {}, shape.cells
@@ -178,6 +182,7 @@ def _body_arrays(header: RunHeader, body: str, shape: BodyShape) -> Iterator[_Ar
 
 
 def _stage_arrays(stage: Stage) -> Iterator[_Array]:
+    """Arrays of the rigid-body pre-simulation: frames, joint reactions, resultants of contacts."""
     yield STAGE_TIME, (STAGE_TIME,), {"units": "s"}, stage.times
     for name, h in stage.frames.items():
         motion = np.stack([h.pose, h.rate, h.acceleration], axis=1)

@@ -168,6 +168,8 @@ class ResultWriter:
         self._append(columns_of(steps, self._layout, self._arrays))
 
     def _append(self, columns: Mapping[str, NDArray[Any]]) -> None:
+        """Writes steps, name -> values over time, to the files of the chunks to which they belong;
+        the last one, which is not full, is written again."""
         times = columns[TIME]
         for name, values in columns.items():
             check_column(name, self._arrays[name], values, len(times))
@@ -328,6 +330,7 @@ def check_column(
 
 
 def _write_empty(path: Path, header: RunHeader) -> None:
+    """Writes a result without steps: its header and the arrays that do not depend on time."""
     growing, fixed = time_arrays(header), fixed_arrays(header)
     for name, (_, values) in fixed.items():
         if not np.isfinite(values).all():

@@ -327,6 +327,8 @@ class RunResult(Drawn):
         return self.nodal_temperature(body, step) - free
 
     def _recovery(self, body: str) -> StressRecovery:
+        """Recovery of stress from displacements and temperatures, as the body's plugin defines it,
+        kept for further steps."""
         if not self.has(body, Derived.STRESS):
             raise InputError(
                 f"{body} has no stress in this result: its displacements were not solved for, its "

@@ -213,6 +213,8 @@ class StoredArrays:
         return values[:count]
 
     def _array(self, file: Path, name: str) -> NDArray[Any]:
+        """Values of an array from a file. Raises Damaged where they are missing or do not fit the
+        header."""
         entry = self.arrays[name]
         try:
             values = read_array(file, name)

@@ -25,6 +25,7 @@ def digest(*parts: object) -> str:
 
 
 def _feed(state: Any, part: Any) -> None:
+    """Updates a digest by the type, size and bytes of a part, and of what is in it."""
     # Each piece is announced by its type and length, so that no two inputs run together.
     if part is None or isinstance(part, bool | int | float | str):
         text = json.dumps(part)

@@ -108,6 +108,8 @@ class _Checker:
             raise self.refuse(f"'{self.written(node)}' is a {other} where a {kind} is needed")
 
     def kind(self, node: ast.expr, depth: int) -> Kind:
+        """Kind of the value of a node; collects the names that it uses. Raises InputError for
+        anything but arithmetic, comparisons and the permitted functions."""
         if depth > MAX_DEPTH:
             raise self.refuse("too many nested operations")
         match node:
@@ -166,6 +168,7 @@ class _Evaluator:
         self.expression, self.values, self.checked = expression, values, checked
 
     def of(self, node: ast.expr) -> Any:
+        """Value of a node."""
         match node:
             case ast.Constant(value=str() as text):
                 return text

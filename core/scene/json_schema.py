@@ -57,6 +57,8 @@ class _Definitions:
                 self.definitions[_slot(kind)] = self._any_of(kind)
 
     def _any_of(self, kind: str) -> dict[str, Any]:
+        """Schema of a plugin of this kind: the name of one without required options, or `use` with
+        options."""
         choices: list[Any] = []
         for name in sorted(map(self.registry.spelling, self.registry.names(kind))):
             try:
@@ -79,6 +81,8 @@ class _Definitions:
             return []
 
     def _linked(self, schema: Any, prefix: str) -> Any:
+        """The schema with each slot replaced by a reference to the plugins of its kind, and its own
+        references moved under `prefix`."""
         if isinstance(schema, list):
             return [self._linked(item, prefix) for item in schema]
         if not isinstance(schema, dict):

@@ -138,6 +138,9 @@ def _outer_first(key: str) -> tuple[int, bool]:
 
 
 def _set(tree: dict[str, Any], path: KeyPath, value: Any) -> KeyPath:
+    """Sets a value in a tree of options, creates mappings on the way, and returns the path with
+    numbers of lists. Another plugin (`use`) drops the options of the former one; None removes an
+    entry."""
     if any(part == "" for part in path):
         raise InputError("a key is made of names with single dots between them")
     node: Any = tree
@@ -175,6 +178,7 @@ def _child(node: Any, part: str | int) -> Any:
 
 
 def _matched(tree: object, parts: KeyPath) -> KeyPath:
+    """Path of a dotted key in a tree: a name with dots in it is one part where the tree has it."""
     if not parts:
         return ()
     if isinstance(tree, Mapping):

@@ -135,6 +135,8 @@ class Scene(Plugin):
     def _all_faults(
         cls, data: Any, validate: ModelWrapValidatorHandler["Scene"]
     ) -> "Scene":
+        """Validation that also reports faults across options: names, training span, parameters,
+        loads of training. A scene with heat alone gets the integrator of heat."""
         if not isinstance(data, Mapping):
             return validate(data)
         lines, named = name_faults(data), name_default_slots(cls, data)
@@ -389,6 +391,8 @@ def name_faults(data: Mapping[str, Any]) -> list[InitErrorDetails]:
 
 
 def _complaint(group: str, name: object, owners: dict[object, str]) -> str:
+    """Fault of a name of a group of the scene, "" if there is none. owners: names so far -> their
+    group."""
     if not (isinstance(name, str) and _NAME.fullmatch(name)):
         return f"a name is made of letters, digits and _, and starts with no digit (got {name})"
     if len(name) > LONGEST:  # files of the result are called by it

@@ -122,6 +122,8 @@ class Source:
         return place, dotted(path)
 
     def _line(self, fault: Fault) -> str:
+        """Message of a fault with file, line and column of its key, or with the override that set
+        it."""
         path = find(self.tree, fault.key)
         origin = self._origin(path)
         if origin is not None:
@@ -146,6 +148,8 @@ def _inside(path: KeyPath, changed: Iterable[KeyPath]) -> bool:
 
 
 def _path(scene: str | Path, registry: Registry, kind: str) -> Path:
+    """Path of a packaged scene or study, or of a file. Raises LocatedError where there is
+    neither."""
     if isinstance(scene, str) and registry.has(kind, scene):
         try:
             return Path(registry.load(kind, scene))

@@ -131,6 +131,8 @@ class _BoundedComposer(Composer):
         self._open = self._values = self._keys = 0
 
     def compose_node(self, parent: Any, index: Any) -> Any:
+        """The node, refused beyond limits of depth and number, which files with aliases in
+        themselves exceed."""
         self._open += 1
         if index is None and isinstance(parent, MappingNode):
             self._keys += 1
@@ -163,6 +165,7 @@ class _Builder:
         self.faults: list[_Finding] = []
 
     def build(self, node: Node, path: KeyPath) -> Any:
+        """Plain value of a node; its position and those inside are noted, faults are collected."""
         self.positions.setdefault(path, _place(node))
         self._count += 1
         if len(path) > _DEEPEST or self._count > _LARGEST:
@@ -180,6 +183,7 @@ class _Builder:
         return None
 
     def _mapping(self, node: MappingNode, path: KeyPath) -> dict[str, Any]:
+        """Mapping of a node; keys that are no plain text or written twice are faults."""
         built: dict[str, Any] = {}
         for key_node, value_node in node.value:
             key = key_node.value if isinstance(key_node, ScalarNode) else None
@@ -197,6 +201,7 @@ class _Builder:
         return built
 
     def _scalar(self, node: ScalarNode, path: KeyPath) -> Any:
+        """Number, text, truth value or null of a node."""
         kind = str(node.tag).removeprefix(_TAG)
         if kind == "timestamp":  # nothing in a scene is a date
             return node.value

@@ -246,6 +246,8 @@ def _remove(place: Path, files: Iterable[str]) -> int:
 
 
 def _save(root: Path, place: Path, arrays: Arrays) -> None:
+    """Stores arrays as one entry of the cache: in a temporary folder, which is then renamed, so
+    that no other process reads a part of it."""
     with TemporaryFolder(root) as folder:
         fresh = folder / place.name
         fresh.mkdir()

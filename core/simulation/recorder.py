@@ -272,6 +272,8 @@ class Recorder:
         self, state: State, stats: StepStatistics, supports: Mapping[str, BoolArray],
         memory: StepMemory,
     ) -> None:
+        """Adds a state with its counts, supports and resultants to the buffers of the next
+        chunk."""
         self._rows.append((
             state.t, state.x, stats.last_iterations, stats.last_remaining, stats.last_seconds,
             [state.v[at].copy() for at in self._rates.values()]))

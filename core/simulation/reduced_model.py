@@ -350,6 +350,8 @@ class ReducedModel:
         return all(len(d.offset) for d in self._run.header.dictionaries.values())
 
     def _dump(self, fields: bool) -> bytes:
+        """Bytes of the model file. fields: with meshes and dictionaries, so that runs of it have
+        fields."""
         run = self._run
         if self.estimates_errors or run.error_limit.at_few_steps != "off":
             run = _without_estimate(run, NO_MESH)

@@ -130,6 +130,8 @@ class _Imported(Followed):
     def surface_loads(
         self, name: str, contact: Contact, motion: Mapping[str, FrameHistory]
     ) -> Mapping[str, SurfaceLoads]:
+        """Contact loads on the surfaces of each body along the motion of the rigid stage, kept in
+        the cache."""
         def make() -> Arrays:
             pressed = loads_along(contact, motion)
             made: dict[str, FloatArray | IntArray] = {

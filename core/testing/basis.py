@@ -51,6 +51,8 @@ def check_basis(basis: Basis, seed: int = 0, trials: int = 20) -> None:
 
 
 def _well_formed(dictionary: Dictionary, n: int, where: str) -> None:
+    """Checks shapes and types of a dictionary: unit columns, finite, each with a provenance of its
+    own."""
     atoms, offset = dictionary.atoms, dictionary.offset
     law(atoms.ndim == 2 and atoms.shape[0] == n and atoms.shape[1] > 0,
         f"atoms have shape {atoms.shape}, not ({n}, k) with k > 0 {where}")
@@ -70,6 +72,8 @@ def _well_formed(dictionary: Dictionary, n: int, where: str) -> None:
 
 
 def _holds_its_energy(dictionary: Dictionary, snapshots: FloatArray, where: str) -> None:
+    """Checks that projection on the atoms loses no more of the snapshots than the reported energy
+    allows."""
     energy = dictionary.info.get("energy")
     if not isinstance(energy, int | float):
         return

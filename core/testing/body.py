@@ -46,6 +46,8 @@ def check_body(
 
 
 def _blocks(body: Body) -> None:
+    """Checks names, owners and sizes of a body's blocks, their initial values and their
+    positions."""
     blocks = {b.name: b for b in body.blocks()}
     law(len(blocks) == len(body.blocks()), "two of its blocks have one name")
     law(any(b.size for b in blocks.values()), "it has no unknowns")

@@ -28,6 +28,7 @@ def _slope(
     name: str, of: Callable[[float], float], slope_name: str, slope: Callable[[float], float],
     times: list[float], seed: int,
 ) -> None:
+    """Checks a derivative against difference quotients, except at kinks."""
     off = []
     for t in times:
         value, rate = of(t), slope(t)

@@ -99,6 +99,8 @@ def _advanced(rules: UpdateRules, state: State, formula: StepFormula, x: FloatAr
 
 
 def _rules_are_implicit(integrator: Integrator, seed: int) -> None:
+    """Checks shapes of the update rules, that the new value enters with a positive factor, and that
+    they give the highest rate itself."""
     rng, h = np.random.default_rng(seed), 0.01
     state = _random_state(integrator, rng)
     columns, rules = 3 + state.memory.shape[1], integrator.rules(h)

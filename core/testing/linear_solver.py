@@ -84,6 +84,8 @@ def _graph(n: int, rng: np.random.Generator) -> Csr:
 def _solves(
     solver: LinearSolver, A: Csr, places: DofLocations | None, rng: np.random.Generator, where: str
 ) -> None:
+    """Checks solutions against a dense solver, for one and several right-hand sides, and that
+    nothing is written to A and b."""
     n, before = A.shape[0], A.copy()
     done, again = solver.factorize(A, places), solver.factorize(A, places)
     law(done.status is Status.DONE, f"factorized with {done.status.value}, {done.note}: {where}")
@@ -166,6 +168,8 @@ def _owns_up(solver: LinearSolver, rng: np.random.Generator) -> None:
 
 
 def _refuses(solver: LinearSolver, rng: np.random.Generator) -> None:
+    """Checks that matrices that are not square or symmetric, and right-hand sides of another
+    length, are refused."""
     n = 30
     good = sparse.csr_array(_graph(n, rng) + sparse.eye_array(n))
     skew = good.tolil()

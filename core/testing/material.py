@@ -48,6 +48,8 @@ def _number(name: str, value: object) -> None:
 
 
 def _curve(name: str, curve: TemperatureProperty, again: object) -> None:
+    """Checks a property of temperature: finite, positive, with its derivative, constant beyond its
+    limits."""
     low, high = curve.limits
     law(bool(np.isfinite([low, high]).all() and low < high), f"limits of {name}: {low} to {high} K")
     law(curve.degree >= 0, f"degree of {name}: {curve.degree}")

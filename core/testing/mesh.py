@@ -39,6 +39,7 @@ def _sets(mesh: Mesh) -> list[dict[str, object]]:
 
 
 def _points_and_cells(mesh: Mesh) -> None:
+    """Checks points and cells of a mesh: finite, of a known kind, none inverted."""
     n, d = mesh.points.shape
     law(d in (2, 3), f"points have {d} coordinates, not 2 or 3")
     law(bool(np.isfinite(mesh.points).all()), "a point is not finite")

@@ -55,6 +55,7 @@ def _refused(preconditioner: Preconditioner, A: FloatArray) -> bool:
 
 
 def _check_one(preconditioner: Preconditioner, A: FloatArray, where: str) -> None:
+    """Checks the matrix P (m, m) for rows A (m, k): regular, finite, the same each time."""
     m, before = A.shape[0], A.copy()
     P = preconditioner.build(A)
     law(np.array_equal(A, before), f"the preconditioner wrote to A {where}")

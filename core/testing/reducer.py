@@ -170,6 +170,8 @@ class _Checked(AroundSteps[StepSolver]):
         return reduced, memory
 
     def solve(self, step: StepFormula, memory: StepMemory) -> tuple[StepOutcome, StepMemory]:
+        """A step of the solver, with checks that it leaves its argument as it is and returns finite
+        values."""
         before = step.free.copy(), step.free_rate.copy()
         outcome, memory = self.base.solve(step, memory)
         after = step.free, step.free_rate
@@ -201,6 +203,7 @@ def _restored(solver: StepSolver, model: Model, memory: StepMemory) -> StepMemor
 
 
 def _solver(solver: StepSolver, model: Model) -> None:
+    """Checks blocks, dictionaries, rows, notes and facts of a step solver against its model."""
     full = {b.name: b.size for b in model.layout}
     own = {b.name: b.size for b in solver.layout}
     law(list(own) == list(full), "the blocks differ from the model's")

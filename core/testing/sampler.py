@@ -54,6 +54,8 @@ def _repeatable(
     sampler: Sampler, block: BlockData, m: int, dictionary: Dictionary, required: IntArray,
     seed: list[int], where: str,
 ) -> IntArray:
+    """The sampled rows, which a generator of the same seed must give again; the sampler must not
+    write to its inputs."""
     before = copied(block) + copied(dictionary) + [required.copy()]
     first, again = (
         sampler.sample(block, m, dictionary, np.random.default_rng(seed), required)

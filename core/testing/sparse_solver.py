@@ -108,6 +108,8 @@ def _refused(
 
 
 def _finds(solver: SparseSolver, problem: LeastSquares, start: SparseStart, where: str) -> None:
+    """Checks that a solver finds the known answer, again from the same start, and leaves the start
+    as it is."""
     before = copied(start)
     outcome, again = solver.solve(problem, start), solver.solve(problem, start)
     law(unchanged(start, before), f"the solver wrote to its start: {where}")
@@ -122,6 +124,8 @@ def _finds(solver: SparseSolver, problem: LeastSquares, start: SparseStart, wher
 
 
 def _well_formed(problem: SparseProblem, outcome: SparseOutcome, where: str) -> None:
+    """Checks an outcome: shapes, budgets, zeros outside the support, the residual norm that it
+    reports."""
     k = max(g.stop for g in problem.groups)
     law(outcome.c.shape == (k,), f"c has shape {outcome.c.shape}, not ({k},): {where}")
     law(outcome.support.shape == (k,) and outcome.support.dtype == np.bool_,
@@ -189,6 +193,8 @@ def check_recovery(solver: SparseSolver, seed: int = 0, trials: int = 20) -> Non
 def _selects(
     solver: SparseSolver, problem: LeastSquares, rng: np.random.Generator, where: str
 ) -> None:
+    """Checks a solver prepared for constant columns: it finds the support of the answer from
+    several starts, and stays there."""
     columns, budget = ColumnSubsets(problem.A, RANK), problem.groups[0].budget or 0
     recovery = solver.prepare(columns, budget)
     m, k = problem.A.shape

@@ -110,6 +110,7 @@ def _differences(
 
 
 def _restricted(term: Term, p: _Point, r: FloatArray, J: FloatArray, keep: IntArray) -> None:
+    """Checks `restrict`: residual and Jacobian of some rows are those rows of the whole term."""
     small, what = term.restrict(keep), f"restrict to {keep.size} of {term.rows.size} rows"
     law(np.array_equal(small.rows, term.rows[keep]), f"{what}: rows must be rows[keep]")
     place = {int(c): i for i, c in enumerate(term.columns)}
@@ -128,6 +129,8 @@ def _compressed(
     term: Term, p: _Point, base: FloatArray, scale: float, same_rates: bool,
     rng: np.random.Generator,
 ) -> None:
+    """Checks `compress`: residual and Jacobian on a random basis are the projected ones of the
+    term, and those of its functions on arrays the same."""
     n, m, k = p.x.size, term.rows.size, 3
     trial = Trial(rng.standard_normal((n, k)) / np.sqrt(k), base + 0.1 * p.a)
     left = rng.standard_normal((2, m))

@@ -151,6 +151,8 @@ def with_reducer(scene: Scene, cache: Cache, manager: Manager, body_cache: BodyC
 
 @np.errstate(all="ignore")  # overflow ends in a status, not in a warning
 def _advice(scene: Scene, cache: Cache, manager: Manager, body_cache: BodyCache) -> Advice:
+    """Trial runs over the training run of a scene, whose outcome is cached, and the scene with what
+    they chose."""
     begun = time.perf_counter()
     chooser = scene.reducer
     training = _training(scene)
@@ -190,6 +192,7 @@ def _asked(
     problem = problem_of(training, model, offline)
 
     def choice_for(model: Model, offline: Offline) -> Choice:
+        """The chooser's choice for a model; reducers whose model is unstable are rejected."""
         start = resolved_start(model, training.integrator, training.time.step).state
 
         def unstable(

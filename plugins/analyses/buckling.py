@@ -76,6 +76,8 @@ def buckling(
 
 
 def _about(p: Prepared, system: System, s: State, count: int) -> Buckled:
+    """Buckling factors and shapes about a state: K_g is the change of the tangent along the linear
+    step to full load, by central differences, with the stiffness by stress."""
     step, K = _linear(p, system, s), system.jacobian(s)
     e = CHANGE / max(system.motion(system.direction(step)), 1e-300)
     ahead, behind = (system.jacobian(replace(s, x=s.x + k * step)) for k in (e, -e))

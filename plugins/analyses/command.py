@@ -98,6 +98,7 @@ def _kept(
     file: str, analysis: str, settings: list[str] | None, out: Path | None, force: bool,
     options: dict[str, Any],
 ) -> "Solution":
+    """Solution of an analysis of a kept model from its file."""
     from sparsemor.core.simulation.reduced_model import load_model
     from sparsemor.plugins.analyses.solve import solve_kept
 

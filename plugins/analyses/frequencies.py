@@ -142,6 +142,7 @@ def frequencies(
 
 
 def _notes(modes: Modes) -> list[Note]:
+    """Notes on modes of rigid motion and on a state that is unstable."""
     found = []
     if modes.rigid.any():
         n = int(modes.rigid.sum())

@@ -112,6 +112,8 @@ def modes_of(c: Constrained, count: int) -> Modes:
 
 
 def _undamped(c: Constrained, count: int) -> Modes:
+    """Modes of K x = w^2 M x on the constraints, by the inverse of K shifted below 0: dense for
+    small systems, else by Lanczos iteration."""
     n, shift = c.size, -SHIFT * c.ratio / c.size
     K, M = (csc_array(0.5 * (X + X.T)) for X in (c.K, c.M))
     inverse = c.inverse(csc_array(K - shift * M))

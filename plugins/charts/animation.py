@@ -63,6 +63,7 @@ def _write(
     run: RunResult, file: Path, field: str, frames: int, at: Sequence[float] | None,
     magnify: float | None, report: Report | None,
 ) -> None:
+    """Draws the frames and writes them to the file."""
     if field not in FIELDS:
         raise InputError(f"no field is called {field!r}: give one of {', '.join(FIELDS)}", "field")
     if frames < 2:
@@ -152,6 +153,7 @@ class _Stage:
     def of(
         cls, run: RunResult, steps: Sequence[int], field: Field, magnify: float | None
     ) -> "_Stage":
+        """What is drawn of a run: magnification, colour limits and box are those of all frames."""
         meshes = {b: field_mesh(run, b, field) for b in run.bodies}
         points = _rigid_points(run)
         sizes = {a.shape[1] for a in (*(run.points(b) for b in meshes), *points.values())}
@@ -192,6 +194,7 @@ class _Stage:
         return {b: VIEWS[0].rotated(p) for b, p in found.items()} if self.solid else found
 
     def draw(self, axes: "Axes", step: int) -> None:
+        """Draws the bodies at one stored step."""
         places, clock = self.places(step), unit(float(self.run.times[-1]), "s")
         title = f"t = {clock.factor * self.run.times[step]:.3f} {clock.name}"
         if self.factor != 1.0:

@@ -90,6 +90,7 @@ def _skin_of(
     run: RunResult, body: str, quantity: Field, steps: list[int],
     others: Mapping[str, RunResult], name: str,
 ) -> _Skin:
+    """Surfaces of a body at the steps: from several sides, or of several runs from one side."""
     factor = magnification(run, [body], steps)
     scale, label = scale_of(run, [body], steps, quantity)
     nodes, _, triangles = field_mesh(run, body, quantity)

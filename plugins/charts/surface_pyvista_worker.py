@@ -21,6 +21,7 @@ values."""
 
 
 def _render(file: Path) -> None:
+    """Renders the surface in a file of arrays and stores the picture next to it."""
     pyvista: Any = import_module("pyvista")
     with np.load(file) as data:
         corners, values, half = data["corners"], data["values"], data["half"]

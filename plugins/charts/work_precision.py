@@ -217,6 +217,7 @@ def _ratio_to(base: float) -> Any:
 
 
 def _handles(methods: Sequence[str], points: Sequence[WorkPoint]) -> list[Any]:
+    """Entries of the legend, one for each method; hollow markers where no run reached its end."""
     from matplotlib.lines import Line2D
 
     handles = []

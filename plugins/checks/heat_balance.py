@@ -224,6 +224,8 @@ class HeatSums:
             return self._found()
 
     def _found(self) -> Mapping[str, Balance]:
+        """Balance of each thermal block over the run: what it stored less what was brought in, by
+        sums over the steps for terms that are linear, by samples for others."""
         N, h = self.steps, self.h
         summed = [t for t in self.terms if self._summed(t)]
         timed = {id(f) for t in summed if isinstance(t, AssembledTerm) and isinstance(

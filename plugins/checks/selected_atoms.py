@@ -129,6 +129,7 @@ class Selected:
                 and self.ratio > ROWS_RATIO)
 
     def _of_rows(self) -> Note | None:
+        """Warning where the sampled rows leave a larger error than all rows would."""
         if not self.error > ROWS_LIMIT:
             return None
         cause = "the rows are the cause, not the training; take" if self.by_rows else (

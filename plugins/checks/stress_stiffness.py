@@ -112,6 +112,8 @@ def stress_notes(model: Model, result: RunResult) -> Iterator[Note]:
 
 
 def _linear(result: RunResult, body: MovingBody, mass: Csr, found: Ratio) -> str:
+    """Text of the note on the change of a body's stiffness by its stress, which linear strains
+    neglect."""
     mu, size = found.mu, f"{100.0 * abs(found.mu):.2g} %"
     if mu <= -1.0:
         what = (f"is compressed to {-mu:.3g} times its buckling load at t = {found.t:.6g} s: its "

@@ -209,6 +209,8 @@ def _tested(
     model: AssembledModel, offline: OfflineProducts, name: str, d: Dictionary, h: float, end: float,
     first_steps: Callable[[], FloatArray] | None, least: float,
 ) -> dict[str, NDArray[Any]]:
+    """Projection errors of a block's atoms, as they are cached: of the training run, of the first
+    steps, of expected states; and the range of the training coefficients along orthogonal axes."""
     Q, R = _orthogonal(d.atoms)
     none, response, response_error = np.zeros(0), "", 0.0
     error = change = 0.0

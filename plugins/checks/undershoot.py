@@ -67,6 +67,8 @@ def undershoot(model: Model, result: RunResult) -> tuple[Note, ...]:
 
 
 def _note(body: str, T: float, t: float, floor: float, top: float) -> Note:
+    """Note on a body whose temperature T, K, falls below `floor`; a small undershoot is
+    information."""
     share = 100 * (floor - T) / (top - T)
     avoid = (f"bodies.{body}.capacity: lumped (linear elements only), a finer mesh where heat "
              "enters, or a longer time.step")

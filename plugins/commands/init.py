@@ -182,6 +182,8 @@ class Start:
         self, name: str, hold: str | None, load: str | None, heat: str | None, thickness: float,
         out: Path, force: float, frequency: float | None,
     ) -> str:
+        """Text of the scene file, with numbers that suit the size and the first frequency of the
+        body."""
         d = self.mesh.dimension
         at = "tip" if not self.sets else load or hold
         step = STEP if not frequency else _round(1.0 / (PER_PERIOD * frequency))

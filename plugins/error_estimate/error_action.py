@@ -74,6 +74,8 @@ class ErrorControl(StepControl):
         self.monitor, steps.held = monitor, monitor is not None
 
     def take(self, steps: RunSteps, stop_requested: Callable[[], bool]) -> SolveFailed | None:
+        """Takes the steps between two estimates at a time; where an estimate exceeds the tolerance,
+        it takes them back and acts: stop, go on at full order, or with more atoms."""
         accepted = steps.accepted()
         while (remaining := steps.steps - steps.stats.done) > 0:
             if self.monitor is None:

@@ -86,6 +86,7 @@ def _model(
     source: str, form: str, out: Path | None, inputs: str | None, outputs: str | None, force: bool,
     as_json: bool, quiet: bool,
 ) -> None:
+    """Exports a kept model to an FMU, C or matrices, and prints its inputs and outputs."""
     with located_in():
         from sparsemor.core.results.files.written_files import list_file
         from sparsemor.core.simulation.reduced_model import load_model

@@ -159,6 +159,8 @@ class _Outputs:
         return True
 
     def _of_probe(self, probe: ProbeReader, at: int) -> tuple[list[int], list[float]] | None:
+        """Whole and real numbers by which the C code evaluates component `at` of a probe; None for
+        one that it cannot."""
         d, u = len(probe.place.point), probe.displacement
         if at >= d * (1 + (u is not None)) + (probe.temperature is not None):
             return None  # a stress

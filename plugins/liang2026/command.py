@@ -55,6 +55,7 @@ def reproduce(
 
 
 def _report(done: "Reproduction", as_json: bool, quiet: bool) -> None:
+    """Prints the verdicts."""
     if as_json:
         print_json({
             "status": "failed" if done.incomplete else "done", "out": str(done.folder),

@@ -92,6 +92,8 @@ def _compared(numbers: Sequence[Number]) -> str:
 
 
 def _section(item: PaperItem, verdict: Verdict, commands: Sequence[str], folder: Path) -> str:
+    """HTML of one item: the published result next to ours, with the rule of the verdict and the
+    commands."""
     pictures = "".join(
         f'<img src="pictures/{escape(p)}" alt="{escape(f"{item.name}: {item.title}")}" '
         f'width="{_width(folder / "pictures" / p)}" loading="lazy">' for p in verdict.pictures)

@@ -162,6 +162,7 @@ class PaperFile(Plugin):
 
     @model_validator(mode="after")
     def _names_exist(self) -> "PaperFile":
+        """Checks that scenes, runs and studies that items name exist."""
         faults = []
         for i in self.items:
             faults += [f"{i.id}: no scene {i.scene!r}"] * (i.scene not in self.scenes)

@@ -109,6 +109,7 @@ def chunked(solve: Callable[[FloatArray], FloatArray]) -> Callable[[FloatArray],
 def _ordered(
     solve: Callable[[FloatArray], FloatArray], order: IntArray | None
 ) -> Callable[[FloatArray], FloatArray]:
+    """The solver of a matrix permuted by `order`, for vectors in the original numbering."""
     if order is None:
         return solve
 

@@ -23,6 +23,8 @@ class Leverage(SpanSampler):
     one region and miss others."""
 
     def choose(self, U: FloatArray, rows: GreedyRows, rng: np.random.Generator) -> None:
+        """Takes units (rows or nodes) by the leverage scores of their rows: the largest, or a draw
+        with these weights."""
         if rows.left == 0:
             return
         scores = leverage(U, U[rows.taken], rows.left)

@@ -83,6 +83,8 @@ class Smallest:
             self._from_all()
 
     def _from_all(self) -> None:
+        """Smallest singular values from the factor of all rows, and for the next rows the inverse
+        about these (shifted) by which they are updated."""
         if self.later:
             self.factor.add(np.concatenate(self.later))
             self.later.clear()

@@ -106,6 +106,8 @@ class SupportNewton(SparseSolver):
             return self._iterate(problem, *within_budget(problem, start))
 
     def _iterate(self, problem: SparseProblem, c: FloatArray, support: BoolArray) -> SparseOutcome:
+        """Newton's method in which each linearisation may change the support; when a support
+        returns, the best one is kept and solved."""
         groups, visits, explore = problem.groups, Visits(), True
         choose = self.chooser(groups, support)
         good = SparseOutcome(c, support, Status.NOT_FINITE, 0, float("inf"))
@@ -192,6 +194,8 @@ class LinearRecovery(SupportNewton):
             self, J, PreparedColumns.of(J, budget), budget if direct else None)
 
     def chooser(self, groups: Sequence[Group], support: BoolArray) -> Choose:
+        """Choice of the support of each linearisation: recovered again only where the linear
+        problem has changed."""
         found: Support | None = None
 
         def choose(linear: Linearised, support: BoolArray, explore: bool) -> Fit | Status:

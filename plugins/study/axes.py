@@ -115,6 +115,7 @@ def chart_columns(file: StudyFile, points: Sequence[Point]) -> list[str]:
 
 
 def _axes(file: StudyFile) -> tuple[list[Axis], list[StudyFault]]:
+    """Axes of a study and their faults; no two axes may change the same key."""
     if file.listed is not None:
         return _list_axis(file.listed)
     where, written = _written(file)

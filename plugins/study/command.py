@@ -95,6 +95,7 @@ def _redraw(folder: Path, as_json: bool, quiet: bool) -> None:
 
 
 def _report(done: "StudyOutcome", as_json: bool, quiet: bool) -> None:
+    """Draws the charts and prints the table."""
     from sparsemor.plugins.study.report import draw, in_words
 
     charts = draw(done.plan.drawing, done.rows, done.folder)

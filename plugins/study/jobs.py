@@ -120,6 +120,8 @@ def _products(job: Mapping[str, Any], scene: Scene, registry: Registry | None) -
 
 
 def _run(job: Mapping[str, Any], scene: Scene, registry: Registry | None) -> dict[str, Any]:
+    """Row of one run: reused from the reference, continued, from a shared model, or simulated; its
+    result is kept if wanted."""
     reference = None if job["reference"] is None else _stored_reference(
         scene_of(job["reference"], registry), job["reference_key"])
     table = partial(measured, reference=reference, errors_from=job["errors_from"], quantities={

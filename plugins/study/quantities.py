@@ -74,6 +74,7 @@ class QuantityOfInterest(Plugin):
         return TAKEN[self.take](t, y)
 
     def _history(self, result: RunResult) -> tuple[FloatArray, FloatArray]:
+        """Times and values of the probe, contact, joint or field that the quantity names."""
         times = result.times
         if self.probe:
             known = result.probe_header(self.probe).components

@@ -105,6 +105,7 @@ def _step(row: Mapping[str, Any]) -> float | None:
 def _point(
     method: str, budget: str, rows: Sequence[Mapping[str, Any]], drawing: Drawing
 ) -> "WorkPoint":
+    """Point of the work-precision chart: medians of the time over seeds, largest errors."""
     from sparsemor.plugins.charts.work_precision import WorkPoint
 
     def middle(name: str) -> float | None:

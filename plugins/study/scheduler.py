@@ -150,6 +150,7 @@ class Schedule:
         self._pool.submit(name, self._payload(job))
 
     def _payload(self, job: _Job) -> dict[str, Any]:
+        """Job as plain data for a worker."""
         run = job.run
         reference = self._plan.references[run.reference] if run.reference else None
         if job.kind == "reference":
@@ -185,6 +186,8 @@ class Schedule:
         self._settle(ended.name, answer)
 
     def _settle(self, name: str, answer: Answer) -> None:
+        """Records the answer of a job, releases those that waited for it, and commits the row of a
+        run."""
         self._answers[name] = answer
         self._graph.done(name)
         self._push(self._graph.get_ready())

@@ -82,6 +82,7 @@ class StudyFile(Plugin):
     @model_validator(mode="wrap")
     @classmethod
     def _one_form(cls, data: Any, validate: ModelWrapValidatorHandler["StudyFile"]) -> "StudyFile":
+        """Validation that also asks for exactly one form of runs (`FORMS`)."""
         lines = []
         try:
             file = validate(data)

@@ -174,6 +174,7 @@ def _compared(run: RunResult, reference: RunResult, errors_from: float) -> dict[
 def _errors(
     reference: RunResult, run: RunResult, errors_from: float
 ) -> tuple[dict[str, float | None], str, Errors | None]:
+    """Errors of a run by column, the reason why there are none, and the norms themselves."""
     try:
         errors = measure_errors(reference, run, errors_from)
     except InputError as error:

@@ -106,6 +106,8 @@ class DaskPool:
         future.add_done_callback(lambda f: self._ended.put((name, f)))
 
     def next(self, timeout: float) -> EndedJob | None:
+        """The next job that ends, with the number of workers that died of it; None after `timeout`,
+        s."""
         try:
             name, future = self._ended.get(timeout=timeout)
         except queue.Empty:

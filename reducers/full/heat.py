@@ -34,8 +34,7 @@ from sparsemor.core.model.factorizations import unconverged_note
 from sparsemor.core.protocols.integrator import second_difference
 from sparsemor.core.protocols.load_tables import LoadTable
 from sparsemor.core.protocols.separable import HeatBody
-from sparsemor.reducers.linalg.superlu import factorize
-from sparsemor.reducers.step.jacobian_factors import Factor, Identity
+from sparsemor.reducers.step.jacobian_factors import Factor, Identity, superlu
 from sparsemor.reducers.step.newton_loop import Linearisation, StepEquations
 from sparsemor.reducers.step.thermal_groups import couplings_of, group_name, starts_of
 from sparsemor.reducers.step.time_tables import plus_loads
@@ -148,7 +147,7 @@ class FullHeat(StepEquations):
     def factorize(self, J: Csr | None) -> Factor:
         if J is None:
             return Identity()
-        made: Factor = factorize(J)
+        made: Factor = superlu(J)
         return made
 
     def magnitudes(self, J: Csr | None, x: FloatArray) -> FloatArray:
@@ -210,7 +209,7 @@ def _factorized(model: AssembledModel, members: Sequence[HeatBody], A: Csr) -> F
     if abs(A - A.T).max() <= SYMMETRIC * abs(A).max():
         return model.factorize(name, A, places=_places(model, members))
     try:
-        lu = factorize(A)
+        lu = superlu(A)
     except RuntimeError:
         raise SolveFailed(Status.SINGULAR, 0.0, name, "heat of coupled bodies") from None
     return solved_directly("splu", A, 12 * int(lu.nnz), lu.solve)

@@ -222,6 +222,8 @@ class FullMechanics(StepEquations):
             self.bodies, self.work, strict=True)]
 
     def _displaced(self, b: FullBody, d: FloatArray, work: FrameWork) -> Displaced:
+        """What one body's rows are at zero departure of its displacements, and what of them stays
+        during the step; on a prescribed frame without local terms that is the solution."""
         one, o, step, at = Displaced(), b.ops, self.step, b.step.elastic
         if o is None:
             return one
@@ -257,6 +259,8 @@ class FullMechanics(StepEquations):
         return one
 
     def residual(self, d: FloatArray, slope: bool = False) -> FloatArray:
+        """Residual of the border rows, and of displacements already multiplied by the inverse of
+        their constant operators: r = d + D^-1 (...)."""
         r, X = d.copy(), self.X0 + self.R * d
         r[self.layout.first] = 0.0
         r[self.border] = 0.0
@@ -375,6 +379,8 @@ class FullMechanics(StepEquations):
         return Identity() if J is None else BorderedFactor(self, J)
 
     def rounding(self, J: Bordered | None, at: Linearisation) -> FloatArray:
+        """Round-off of each unknown: of the border by the magnitudes in its Schur complement, of
+        displacements by the noise of their solver."""
         sizes, found = np.abs(at.x), np.zeros(len(at.x))
         if J is not None:
             sizes[self.border] = abs(J.schur) @ sizes[self.border]

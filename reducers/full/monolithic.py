@@ -16,8 +16,7 @@ from scipy.sparse.linalg import splu
 from sparsemor.core import AssembledModel, Csr, FloatArray, IntArray, Layout, StepFormula, Term
 from sparsemor.core.model.equations import rate_factors, system_jacobian, system_residual
 from sparsemor.reducers.block_counts import coupling
-from sparsemor.reducers.linalg.superlu import factorize
-from sparsemor.reducers.step.jacobian_factors import Factor
+from sparsemor.reducers.step.jacobian_factors import Factor, superlu
 from sparsemor.reducers.step.local_copies import CopyMemory
 from sparsemor.reducers.step.monolithic_step import Checked, WholeEquations, checked
 from sparsemor.reducers.step.newton_loop import Linearisation
@@ -40,6 +39,7 @@ class Summed(WholeEquations):
 
     @classmethod
     def of(cls, model: AssembledModel, price: int) -> "Summed":
+        """The whole model, with the matrices of its linear terms assembled once."""
         layout, n = model.layout, model.layout.size
         linear = tuple(t for t in model.terms if t.linear)
         zero, one = np.zeros(n), np.ones(n)
@@ -91,5 +91,5 @@ class Summed(WholeEquations):
 
     def factorize(self, J: Csr) -> Factor:
         # pivots off the diagonal where it is small
-        factor: Factor = splu(J) if self.price == 0 else factorize(J, 0.01)
+        factor: Factor = splu(J) if self.price == 0 else superlu(J, 0.01)
         return factor

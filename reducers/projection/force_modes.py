@@ -125,6 +125,7 @@ def force_modes(block: Reducible, basis: Basis) -> Dictionary:
     depends = (block.name, basis, taken.integrator, taken.step, taken.every)
 
     def make() -> Mapping[str, FloatArray]:
+        """Force modes of the block as they are cached, without those that are noise."""
         F, noise = force_snapshots(block)
         if basis.needs_snapshots and np.linalg.norm(F, 2) <= noise:
             return {"modes": np.zeros((block.size, 0))}
@@ -159,6 +160,7 @@ def choose_points(
     drawn = max(min(m, block.size - len(held)), 0)
 
     def make() -> Mapping[str, IntArray]:
+        """Points drawn by the sampler in addition to those that are always kept."""
         data = equation_data(block, np.zeros((block.size, 0)))
         return {"rows": sampled_rows(sampler, data, drawn, modes, block.rng, held)}
 

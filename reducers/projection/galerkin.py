@@ -30,6 +30,8 @@ class Galerkin(ProjectionReducer):
     def in_modes(
         self, model: AssembledModel, dictionaries: Mapping[str, Dictionary]
     ) -> Mapping[str, tuple[Dictionary, float]]:
+        """Dictionaries of blocks in modal coordinates, in which their operators are diagonal, with
+        the factors of their limits. Only where no border or other term mixes the modes."""
         s = model.separated
         if s.other:
             return {}

@@ -43,6 +43,8 @@ class JointSelection(AtomSelection):
     polish: bool
 
     def solve(self, step: StepFormula, memory: SparseMemory) -> StepOutcome:
+        """A step by the supports of the last one where they still hold, otherwise by atoms that are
+        selected again."""
         if self.polish and self.carried and all(s.any() for s in memory.supports.values()):
             outcome = self.reselected(step, memory, memory.supports)
             if outcome is not None:

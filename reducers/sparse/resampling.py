@@ -84,6 +84,7 @@ class Resampled(AroundSteps[StepSolver]):
     def solve(
         self, step: StepFormula, memory: ResampledMemory
     ) -> tuple[StepOutcome, ResampledMemory]:
+        """A step on the present rows, which are drawn again every `every` steps."""
         try:
             if memory.step and memory.step % self.every == 0:
                 self._change(memory)

@@ -171,6 +171,7 @@ class SampledHeat(SampledBlock[TestedHeat]):
     def of(
         cls, block: Sampled, operators: TestedHeat, model: AssembledModel, body: HeatBody, c1: float
     ) -> "SampledHeat":
+        """A sampled thermal block, its rows compressed where atoms are selected."""
         if not block.selects:
             return cls(block, operators, (operators, block.B), RangeColumns.of(
                 block.name, block.B), None, operators, model, body, c1)
@@ -228,6 +229,8 @@ def choose_rows(
         return sampled_rows(sampler, data, count, dictionary, rng, required)
 
     def make() -> dict[str, IntArray]:
+        """Sampled rows as they are cached; without a number of rows so many that they determine the
+        atoms well (`SPREAD`)."""
         if rows is not None:
             return {"rows": draw(rows)}
         k, n = dictionary.atoms.shape[1], data.size
@@ -273,6 +276,8 @@ def weigh(
         raise InputError(f"{name}: {reason}", "reducer.preconditioner")
 
     def make() -> dict[str, FloatArray]:
+        """Rows of the inverse of the operator as they are cached, by solves of a chunk of
+        right-hand sides at a time."""
         return {"P": built_weights(preconditioner, B)}
 
     stored = make() if offline is None else offline.remember(

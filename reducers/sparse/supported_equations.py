@@ -147,6 +147,8 @@ class SupportedEquations(StepEquations):
         self.price = 8 + len(self.solved) // 40
 
     def begin(self, step: StepFormula, d: FloatArray) -> None:
+        """Begins a step: inactive coefficients go to zero; where few columns are nonzero, the
+        equations of these alone are used."""
         d[self.inactive] = -step.free[self.inactive]
         self.step = step
         self.restricted, self.in_use = self.rows.on_nonzero(self.needed, *step.at(d)[:2], d)

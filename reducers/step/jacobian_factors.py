@@ -1,7 +1,8 @@
-"""LU factorizations of the Jacobians of reduced models, with scaled rows and columns."""
+"""LU factorizations of Jacobians: of reduced models with scaled rows and columns, and of full-order
+ones by SuperLU."""
 
 from collections.abc import Iterable
-from typing import Protocol, TypeAlias
+from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 from scipy.linalg import lapack
@@ -120,6 +121,19 @@ class SparseLu:
         """Solution for a right-hand side r (n,) or (n, k)."""
         x = self.lu.solve((r.T * self.rows).T)
         return np.asarray((x.T * self.columns).T)
+
+
+def superlu(matrix: Csr, threshold: float = 0.0) -> Any:
+    """SuperLU factorization of a full-order Jacobian with the minimum-degree ordering for symmetric
+    patterns, which takes half the time and fill of the default one. It is independent of the
+    scene's linear solvers: local terms may make a Jacobian unsymmetric, and it changes in each
+    iteration.
+
+    threshold: a diagonal entry is used as pivot if it is at least this fraction of the largest
+    entry of its column. Raises RuntimeError when the matrix is singular.
+    """
+    return splu(csc_array(matrix), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=threshold,
+                options={"SymmetricMode": True})
 
 
 def _scaled(J: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -117,6 +117,7 @@ class WholeStepper(StepSolver[WholeMemory]):
             past=Past(self.points, state.x, starts), kept=Kept.of(len(starts)))
 
     def solve(self, step: StepFormula, memory: WholeMemory) -> tuple[StepOutcome, WholeMemory]:
+        """A step for all unknowns together, from the extrapolation of past states."""
         if memory.equations is None:
             memory.equations = self.equations.working(memory)
         equations, past = memory.equations, memory.past

@@ -322,6 +322,8 @@ class _StepIteration:
         self.size = self._reference_sizes(kept.top, kept.rate)
 
     def run(self, d: FloatArray, newest: FloatArray) -> Ended:
+        """Iterates until the estimated error is below the tolerance or at round-off, and decides
+        after each change between the kept Jacobian, a new one, and failure."""
         at = _Iterate(d, self.eq.residual(d, self._needs_jacobian()))
         if not np.isfinite(at.r).all():  # the extrapolation led astray
             d = newest - self.step.free
@@ -517,6 +519,8 @@ class _StepIteration:
     def failed(
         self, d: FloatArray, status: Status, detail: str = "", at: _Iterate | None = None
     ) -> Ended:
+        """Failed end of the iteration, with the block in which values are not finite or changes are
+        too large."""
         if status is Status.NOT_FINITE and self.eq.failed is not None:
             block, status, detail = self.eq.failed  # of an iterative linear solver
             return Ended(d, status, self.iterations, inf, block, detail)

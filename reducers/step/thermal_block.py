@@ -170,6 +170,8 @@ class CompressedHeat:
         self, T: FloatArray, rate: FloatArray, bend: FloatArray, t: float, c2: float,
         kept: HeatJacobian | None = None,
     ) -> HeatOutcome:
+        """Increment of the active temperatures of a step: of linear blocks by their compressed
+        operators, else by iteration of the local terms."""
         if self.by_active_columns is None:
             base = times(self.by_rate, rate)
             base += times(self.by_value, T)
@@ -221,6 +223,8 @@ class CompressedHeat:
         self, base: FloatArray, T: FloatArray, rate: FloatArray, bend: FloatArray, t: float,
         c2: float, jacobian: HeatJacobian | None,
     ) -> HeatOutcome:
+        """Increment d of d = base - (local terms), by Newton's method with a kept Jacobian, damped
+        after `UNDAMPED` iterations."""
         n, d = len(T), np.zeros(len(base))
         full, before, first = np.zeros(n), np.inf, 0.0
         for i in range(1, self.max_iterations + 1):

@@ -133,6 +133,8 @@ class _Reader:
     def statement(
         self, line: int, keyword: str, options: dict[str, str], body: list[tuple[int, str]]
     ) -> None:
+        """Reads a statement that defines the mesh; counts others, and refuses those that would
+        change it."""
         word = "*" + keyword
         if keyword in REFUSED and (body or keyword != "SYSTEM"):
             raise BadLine(line, word, REFUSED[keyword])
@@ -164,6 +166,8 @@ class _Reader:
 
     def _instance(self, line: int, word: str, options: dict[str, str],
                   body: list[tuple[int, str]]) -> None:
+        """*INSTANCE: opens an instance of a part, or one with its own nodes and elements, at its
+        placement."""
         name = key_of(needed(options, "NAME", line, word))
         if name in self.instances or self.placement is not None:
             raise BadLine(line, word, f"{name!r} is there already, or the one before has no "
@@ -184,6 +188,7 @@ class _Reader:
         self.here = scope if part is None else Scope(name, line)
 
     def _end_instance(self, line: int, word: str, *_: object) -> None:
+        """*END INSTANCE: closes it; data in an instance of a part are refused."""
         if self.placement is None:
             raise BadLine(line, word, "no *INSTANCE is open")
         name, (scope, rotation, move) = list(self.instances.items())[-1]
@@ -199,6 +204,7 @@ class _Reader:
 
     def _nodes(self, line: int, word: str, options: dict[str, str],
                body: list[tuple[int, str]]) -> None:
+        """*NODE: labels and coordinates, rectangular or cylindrical."""
         system = options.get("SYSTEM", "R").upper()
         if system not in ("R", "C"):
             raise BadLine(line, word, f"SYSTEM={system} is not supported: write rectangular "
@@ -222,6 +228,8 @@ class _Reader:
 
     def _elements(self, line: int, word: str, options: dict[str, str],
                   body: list[tuple[int, str]]) -> None:
+        """*ELEMENT: labels and nodes of elements of one type, which may go on over several
+        lines."""
         name = needed(options, "TYPE", line, word).upper()
         kind = next((k for k, pattern in _CELLS if pattern.fullmatch(name)), None)
         if kind is None or set(options) - {"TYPE", "ELSET", "OFFSET", "SOLIDELEMENTNUMBERING"}:
@@ -260,6 +268,7 @@ class _Reader:
 
     def _set(self, kind: str, line: int, word: str, options: dict[str, str],
              body: list[tuple[int, str]]) -> None:
+        """*NSET or *ELSET: a list, or ranges (GENERATE)."""
         name = needed(options, kind, line, word)
         sets = self.here.nsets if kind == "NSET" else self.here.elsets
         known = {kind, "GENERATE", "INSTANCE", "INTERNAL", "UNSORTED", *(
@@ -277,6 +286,7 @@ class _Reader:
 
     def _surface(self, line: int, word: str, options: dict[str, str],
                  body: list[tuple[int, str]]) -> None:
+        """*SURFACE: faces of elements, or nodes."""
         name = needed(options, "NAME", line, word)
         how = options.get("TYPE", "ELEMENT").upper()
         if how not in ("ELEMENT", "NODE") or set(options) - {
@@ -294,6 +304,7 @@ class _Reader:
     # mesh
 
     def _content(self) -> Content:
+        """Points, cells and groups of all instances, each placed, in one numbering."""
         points: list[FloatArray] = [np.zeros((0, 3))]
         blocks: list[CellBlock] = []
         total, count = 0, 0
@@ -340,6 +351,8 @@ class _Reader:
         return found + [(n, s, *here) for n, s in self.parts.items()]
 
     def _notes(self, missing: Sequence[str]) -> list[Note]:
+        """Notes on statements that are not read, parts without an instance, and members of sets
+        that do not exist."""
         notes = []
         if self.ignored:
             words = ", ".join(w if n == 1 else f"{w} ({n})" for w, n in self.ignored.items())

@@ -137,6 +137,7 @@ class AbaqusSets:
         return self.known[at]
 
     def _entry(self, what: str, scope: str, entry: SetDefinition) -> list[IntArray]:
+        """Numbers of the nodes or elements (`what`) of one definition of a set."""
         where = self._scope(entry.instance or scope, entry)
         placed = self.placed[where]
         if entry.how == "block":
@@ -178,6 +179,8 @@ class AbaqusSets:
     def _range(
         self, what: str, placed: Placed, words: Sequence[str], line: int, entry: SetDefinition
     ) -> IntArray:
+        """Numbers of the nodes or elements of a range of labels (GENERATE); those that do not exist
+        are noted."""
         numbers = [integer(w, line, entry.keyword) for w in words]
         first, last, step = [*numbers, 1][:3] if len(numbers) in (2, 3) else (0, 0, 0)
         if step < 1 or last < first:
@@ -215,6 +218,7 @@ class AbaqusSets:
             self.blocks[b].nodes[rows].ravel() for b, rows in group.cells)])
 
     def _surface(self, group: MeshGroup, scope: str, entry: SetDefinition) -> None:
+        """Adds a surface to the group: faces of single elements or of sets, or nodes."""
         where = self._scope(entry.instance or scope, entry)
         what = "node" if entry.how == "NODE" else "element"
         single: dict[str, tuple[list[int], list[str]]] = {}
@@ -246,6 +250,8 @@ class AbaqusSets:
     def _faces(
         self, group: MeshGroup, b: int, rows: IntArray, face: str, line: int, entry: SetDefinition
     ) -> None:
+        """Adds a face of some elements of block b to the group; without a name the free faces, of
+        elements that are facets themselves."""
         block, d = self.blocks[b], self.blocks[b].dimension
         if d == self.top - 1 and face in ("", "SPOS", "SNEG"):
             group.cells.append((b, rows))

@@ -37,6 +37,7 @@ def statements(
 
 
 def _keyword(text: str, line: int) -> tuple[str, dict[str, str]]:
+    """Keyword and options of a line `*KEYWORD, NAME=value`, in upper case without spaces."""
     words = _words(text)
     keyword = re.sub(r"\s", "", words[0][1:]).upper()
     options: dict[str, str] = {}

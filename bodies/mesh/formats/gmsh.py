@@ -72,6 +72,8 @@ class _Section:
         return BadLine(line, self.name, message)
 
     def _take(self, count: int, kind: str) -> NDArray[Any]:
+        """The next numbers of the section, of NumPy's type `kind`. Raises BadLine where there are
+        fewer, or others."""
         if count < 0:
             raise self.fail(f"a count of {count}")
         if self.binary:
@@ -148,6 +150,7 @@ class _Reader:
         self.skipped: list[str] = []
 
     def content(self) -> Content:
+        """Points, cells and groups of the file."""
         lines = {}
         for name, start, end, line in self._sections():
             lines[name] = line - 1
@@ -181,6 +184,7 @@ class _Reader:
         return Content(points, tuple(blocks), groups, tuple(self._notes()))
 
     def _notes(self) -> list[Note]:
+        """Notes on sections that are not read and on groups without elements."""
         notes = []
         if self.skipped:
             notes.append(information(f"{self.name}: the sections {', '.join(self.skipped)[:200]} "
@@ -225,6 +229,7 @@ class _Reader:
         return found
 
     def _section(self, name: str, data: bytes, line: int) -> None:
+        """Reads a section, in the form of the file's version."""
         if name == "$MeshFormat":
             self._format(data, line)
             return
@@ -246,6 +251,7 @@ class _Reader:
             (self._elements if self.version == "4.1" else self._elements_22)(section)
 
     def _format(self, data: bytes, line: int) -> None:
+        """$MeshFormat: version, text or binary."""
         words = data.split(b"\n", 1)[0].split()
         if len(words) != 3 or self.version:
             raise BadLine(line, "$MeshFormat", "takes version, file type and data size, once")
@@ -260,6 +266,7 @@ class _Reader:
             raise BadLine(line, "$MeshFormat", "binary numbers are not little-endian")
 
     def _physical_names(self, data: bytes, line: int) -> None:
+        """$PhysicalNames: (dimension, tag) -> name of a group."""
         try:
             text = data.decode("utf-8")
         except UnicodeDecodeError:
@@ -280,6 +287,7 @@ class _Reader:
     # format 4.1
 
     def _entities(self, section: _Section) -> None:
+        """$Entities (4.1): entity of the geometry -> tags of its groups."""
         for d, count in enumerate(section.sizes(4)):
             for _ in range(count):
                 number = int(section.ints(1)[0])
@@ -293,6 +301,7 @@ class _Reader:
         section.done()
 
     def _nodes(self, section: _Section) -> None:
+        """$Nodes (4.1): blocks of labels and coordinates."""
         blocks, total = (int(n) for n in section.sizes(4)[:2])
         read = 0
         for _ in range(blocks):
@@ -309,6 +318,7 @@ class _Reader:
         section.done()
 
     def _elements(self, section: _Section) -> None:
+        """$Elements (4.1): blocks of elements of one type on one entity."""
         blocks, total = (int(n) for n in section.sizes(4)[:2])
         read = 0
         for _ in range(blocks):
@@ -341,6 +351,7 @@ class _Reader:
     # format 2.2
 
     def _nodes_22(self, section: _Section) -> None:
+        """$Nodes (2.2): label and coordinates of each node."""
         count = self._count(section)
         if section.binary:
             raw = section.data[section.at:]
@@ -372,6 +383,7 @@ class _Reader:
         return int(first)
 
     def _parametric_22(self, section: _Section) -> None:
+        """$ParametricNodes (2.2): as $Nodes, with parameters on the geometry, which are dropped."""
         count = self._count(section)
         labels, points = [], []
         for _ in range(count):

@@ -124,6 +124,7 @@ class _Reader:
         self.active: set[int] = set()
 
     def read(self, lines: Sequence[str]) -> Content:
+        """Points, cells and groups by property numbers, of all cards."""
         for card in cards(lines):
             self._card(card)
         labels = np.array(list(self.grids), dtype=np.int64)
@@ -151,6 +152,8 @@ class _Reader:
         return Content(points, tuple(blocks), groups, notes)
 
     def _card(self, card: Card) -> None:
+        """Reads a card that defines the mesh; counts others, and refuses those that would change
+        it."""
         name = card.name
         if name in REFUSED:
             raise card.fail(REFUSED[name])
@@ -183,6 +186,7 @@ class _Reader:
             self.systems[number] = card, at
 
     def _element(self, card: Card) -> None:
+        """Adds an element, whose kind follows from the number of its grids."""
         label = card.integer(0)
         if label in self.seen:
             raise card.fail(f"there is an element {label} already ({self.seen[label]})")

@@ -43,6 +43,7 @@ class Disk(MeshPlugin):
 
     @model_validator(mode="after")
     def _possible(self) -> "Disk":
+        """Checks that hub and probes fit into the triangulated circle."""
         interior_points(self.triangles, self.rim)
         if self.hub >= self.radius:
             raise InputError(f"{self.hub:g} m: the hub must be smaller than the radius, "
@@ -83,6 +84,7 @@ class Disk(MeshPlugin):
         return np.concatenate([np.zeros((1, 2)), *(r * turns for r in self.probes)])
 
     def _sets(self, points: FloatArray, rim: int, n: int) -> dict[str, IntArray]:
+        """Sets of nodes: the faces, rim, hub, axis and probes."""
         top = len(points) - n
         base = np.arange(0, len(points), n)[:, None]
         near = np.hypot(points[:, 0], points[:, 1]) <= self.hub * (1 + 1e-9)

@@ -94,6 +94,7 @@ class Link(MeshPlugin):
         return AROUND * r, RADIAL * r, ALONG * r
 
     def _sets(self, points: FloatArray, a: IntArray, b: IntArray) -> dict[str, IntArray]:
+        """Sets of nodes: the edges, the bores and the two ends of the chord."""
         x, y = points.T
         half, near = self.height / 2, 1e-9 * self.length
         half_side = a.shape[1] // 8

@@ -48,6 +48,7 @@ class Unstructured(MeshPlugin):
 
     @model_validator(mode="after")
     def _countable(self) -> "Unstructured":
+        """Checks that so many triangles fit the points of the outline."""
         edge = self._outline_points
         if self.elements < edge - 2:
             raise InputError(

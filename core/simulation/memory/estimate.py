@@ -96,6 +96,8 @@ def fitting(scene: Scene, model: Model, offline: Offline) -> Estimate:
 
 
 def estimate(scene: Scene, model: Model, offline: Offline, exact: bool) -> Estimate:
+    """Estimated memory of a run in each of its phases, bytes. exact: the model is assembled, so
+    that sizes of its matrices are known."""
     blocks = block_sizes(model)
     trained, own = trains(scene, blocks, model), scene.reducer.full_order
     snapshots = snapshot_count(scene) if trained else 0

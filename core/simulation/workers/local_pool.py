@@ -61,6 +61,8 @@ class LocalPool:
             pass  # it is dead, which the end of its output shows
 
     def next(self, timeout: float) -> EndedJob | None:
+        """The next job that ends, as done or by the death of its worker; None after `timeout`,
+        s."""
         try:
             worker, line = self._lines.get(timeout=timeout)
         except queue.Empty:

@@ -74,6 +74,8 @@ class Ecsw(ProjectionReducer):
     reproduced forces are those of all elements."""
 
     def check(self, model: AssembledModel) -> Sequence[Fault]:
+        """Faults of the options; bodies and terms without integrals per element cannot be
+        weighted."""
         faults = [*super().check(model)]
         whole = "ecsw weighs mesh elements, which"
         weighted = self.constant == "weighted"
@@ -132,6 +134,8 @@ class Ecsw(ProjectionReducer):
     def _elastic(
         self, training: WeightTraining, body: MovingBody, inverses: Mapping[str, FloatArray]
     ) -> MovingBody:
+        """A moving body with weighted elements in its constant operators, if wanted, and in its
+        local terms."""
         ops, name = body.operators, body.elastic
         if self.constant == "weighted" and ops is not None and ops.integrals is not None:
             g = ops.integrals()

@@ -310,7 +310,7 @@ def test_a_count_that_differs_from_the_lines_is_an_error(
             tmp_path / f"a.{ending}", **options)
         MeshFile(path=f"a.{ending}").build(tmp_path)
         with monkeypatch.context() as patch:
-            patch.setattr(module.other, "read", without_last(module.other.read))
+            patch.setattr(module.by_meshio, "read", without_last(module.by_meshio.read))
             with pytest.raises(InputError, match="19 cells of type triangle were read, .* 20"):
                 MeshFile(path=f"a.{ending}").build(tmp_path)
 
