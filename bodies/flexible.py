@@ -216,6 +216,8 @@ class Flexible(BodyPlugin):
         return CellStress(points, cells, constants, region, nonlinear)
 
     def build(self, name: str, base: Path) -> FloatingBody:
+        """The body with its mesh, sets, fields and initial state; faults of all options are
+        reported together."""
         gather = Gather()
         self._check_options(gather)
         mesh = gather("", self._mesh, base)

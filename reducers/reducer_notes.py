@@ -83,8 +83,8 @@ def shadowed_basis(
     reducer: Plugin, model: AssembledModel, bases: Mapping[str, object]
 ) -> tuple[Note, ...]:
     """Note on a changed option `basis` where `bases` sets the basis of every block."""
-    own = dict.fromkeys(bases, True)
-    if not all(matched_option(name, own, False) for name in model.reducible()):
+    named_in_bases = dict.fromkeys(bases, True)
+    if not all(matched_option(name, named_in_bases, False) for name in model.reducible()):
         return ()
     return no_effect(changed(reducer, ["basis"]), (
         "no body of the scene has a field that is reduced" if not model.reducible() else

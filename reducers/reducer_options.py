@@ -17,8 +17,8 @@ from sparsemor.core import (
     StepSolver,
 )
 from sparsemor.core.protocols.reducer import ErrorAction
-from sparsemor.reducers.step.acceptance import Tolerances
 from sparsemor.reducers.step.compiled.compiled_stepper import Compiled, expected
+from sparsemor.reducers.step.convergence_test import Tolerances
 
 T = TypeVar("T")
 BASES = ("basis", "bases")

@@ -20,9 +20,9 @@ from sparsemor.reducers.step import (
     thermal_groups,
     time_tables,
 )
-from sparsemor.reducers.step.acceptance import Tolerances
 from sparsemor.reducers.step.blockwise_solver import Stepper
 from sparsemor.reducers.step.compiled.compiled_stepper import CompiledStepper
+from sparsemor.reducers.step.convergence_test import Tolerances
 from sparsemor.reducers.step.thermal_block import CompressedHeat
 
 CLASSES: Sequence[object] = (

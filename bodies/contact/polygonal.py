@@ -74,6 +74,8 @@ class Polygonal(ContactPlugin):
         return self.between
 
     def build(self, name: str, parts: Mapping[str, Part]) -> ContactPart:
+        """The contact of two surfaces that do not overlap at the start. Raises InputError for
+        surfaces without facets and for options that the bodies do not support."""
         bodies = self._bodies(parts)
         (one, _), (other, _) = bodies
         if one.name == other.name:

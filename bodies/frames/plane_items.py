@@ -237,7 +237,7 @@ class PlaneReaction:
 def stiffening(
     numbers: Numbers, g: float, m: PlaneMotion, j: int, o: int, k: int, total: Total, out: Views
 ) -> None:
-    """Factors of geometric stiffness: those of all loads (`items.Stiffening`). numbers: of
+    """Factors of geometric stiffness: those of all loads (`frame_items.Stiffening`). numbers: of
     functionals, of inertia matrices."""
     first = int(numbers[1])
     for i in range(int(numbers[0]) // 2):

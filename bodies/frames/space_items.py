@@ -241,7 +241,7 @@ def constraint(
 def stiffening(
     numbers: FloatArray, g: float, m: SpaceMotion, j: int, o: int, k: int, out: SpaceSums
 ) -> None:
-    """Factors of geometric stiffness: those of all loads (`items.Stiffening`). numbers: n,
+    """Factors of geometric stiffness: those of all loads (`frame_items.Stiffening`). numbers: n,
     functionals, inertia matrices."""
     first = int(numbers[2])
     for i in range(int(numbers[1])):

@@ -111,7 +111,7 @@ def put(x: FloatArray, a: Vector) -> None:
 
 def turn(q: FloatArray, i: int, n: int, X: FloatArray) -> None:
     """Rotation matrix X[0] and its derivatives X[1:] by the n attitude coordinates from number i
-    of q on."""
+    of q on: an angle about z (n = 1), or four Euler parameters (n = 4)."""
     if n == 1:
         c, s = cos(q[i]), sin(q[i])
         put(X[0, 0], (c, -s, 0.0))
@@ -134,6 +134,7 @@ def turn(q: FloatArray, i: int, n: int, X: FloatArray) -> None:
     put(X[4, 0], (-c, -p, a))
     put(X[4, 1], (p, -c, b))
     put(X[4, 2], (a, b, c))
+    # quadratic in the parameters q_k (Euler): R = 1/2 sum q_k dR/dq_k, and p .. c are 2 q_k
     for r in range(3):
         for k in range(3):
             X[0, r, k] = 0.25 * (

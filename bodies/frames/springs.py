@@ -92,6 +92,7 @@ class Length(Coordinate):
     def relative(
         self, m: Motion, o: int, near: float
     ) -> tuple[IntArray, float, FloatArray, FloatArray]:
+        """Length of the gap between two points, with its derivatives."""
         y_o, size = self.far(m, o), m.at.stop
         far, D = attitude(y_o[3:]), m.turn.of_body(self.point)
         gap = m.R + m.A.dot(self.point) - y_o[:3] - far.A.dot(self.base)
@@ -134,6 +135,7 @@ class Distance(Coordinate):
     def relative(
         self, m: Motion, o: int, near: float
     ) -> tuple[IntArray, float, FloatArray, FloatArray]:
+        """Component of the gap along an axis of the other side, with its derivatives."""
         y_o, size = self.far(m, o), m.at.stop
         far = attitude(y_o[3:])
         n, D = far.A.dot(self.axis), m.turn.of_body(self.point)
@@ -240,6 +242,8 @@ class Angle(Coordinate):
     def relative(
         self, m: Motion, o: int, near: float
     ) -> tuple[IntArray, float, FloatArray, FloatArray]:
+        """Angle between a direction of the own side and two of the other, with whole turns counted
+        near `near`."""
         y_o = self.far(m, o)
         far, at = attitude(y_o[3:]), np.arange(m.at.start, m.at.stop)
         if self.others:
@@ -352,6 +356,8 @@ class RelativeItem(SpringItem):
         return part(*self.law[1:3], 1.0, self.relaxed), part(0.0, 0.0, 0.0, drive)
 
     def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
+        """Adds the force of the law on the relative coordinate q, along its gradient, with
+        derivatives."""
         near, s = self.near if self.relaxed is None else self.relaxed(m.t), self.sign
         at, q, first, second = self.coordinate.relative(m, o, near)
         rates, there = m.v[at], slice(k, k + self.forces)

@@ -183,6 +183,8 @@ class ForceElement(JointPlugin):
         return self.turns
 
     def build(self, name: str, parts: Mapping[str, Part]) -> ForceElementPart:
+        """The force element on two sides; a flexible side gets a massless frame that follows its
+        set."""
         ends = sides_of(parts, self.between, self.dimensions)
         bodies = [s.body for s in ends if s.body is not None]
         if any(b.guide is not None for b in bodies) and not any(b.moves for b in bodies):

@@ -37,6 +37,8 @@ class Gear(JointPlugin):
     bevel gears."""
 
     def build(self, name: str, parts: Mapping[str, Part]) -> JointPart:
+        """The gear: in the plane a linear constraint of both angles, in space one of angles about
+        the axes."""
         if min(self.teeth) < 1:
             raise InputError(f"give numbers of teeth of 1 or more (got {list(self.teeth)})",
                              "teeth")
@@ -94,6 +96,7 @@ class Rack(JointPlugin):
     """In space: axis of the pinion (space axes)."""
 
     def build(self, name: str, parts: Mapping[str, Part]) -> JointPart:
+        """The rack: the way of the rack is the angle of the pinion times its radius."""
         sides = conditions_between(name, self.between, parts)
         pinion, rack = sides.first, sides.second
         if pinion.body is None or rack.body is None:

@@ -40,6 +40,8 @@ class FrictionPart(ForceElementPart):
         return None if self.joint else ForceElementPart.force.fget(self)  # type: ignore[attr-defined]
 
     def contribute(self, equations: Equations) -> None:
+        """Adds the friction force and its heat; of the friction of a joint it is a part of the
+        equation of its multipliers, whose size presses the sides together."""
         if not self.joint:
             ForceElementPart.contribute(self, equations)
             self._warm(equations, 0)
@@ -103,6 +105,7 @@ class JointFriction(Relative):
 
     @model_validator(mode="after")
     def _acts(self) -> Self:
+        """Checks that the options belong together and that the friction is not zero."""
         if (self.joint is None) is not (self.coefficient == 0.0):
             raise ValueError("joint and coefficient belong together: give both or none")
         if not self.force and self.joint is None:

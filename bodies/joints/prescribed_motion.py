@@ -35,6 +35,8 @@ class PrescribedMotion(JointPlugin):
     """In space: axis of the rotation (space axes), fixed in the body at the start."""
 
     def build(self, name: str, parts: Mapping[str, Part]) -> JointPart:
+        """Constraints of the prescribed components, as displacements from the start, and of the
+        angle."""
         conditions = conditions_on(name, self.of, parts)
         d, side = conditions.d, conditions.first
         for key in ("z", "axis") if d == 2 else ():

@@ -102,6 +102,8 @@ class RotationalSpring(ForceElement):
         return self
 
     def item(self, own: Side, other: Side, first: bool) -> RelativeItem:
+        """The spring about the axis. A prescribed rest angle is part of the drive in the plane; in
+        space the angle is measured from it."""
         sign, law = 1.0 if first else -1.0, linear(self.stiffness, self.damping)
         drive = Drive.of(self.stiffness, self.damping, 0.0, self.angle, self.torque, sign, -sign)
         if own.d == 2:

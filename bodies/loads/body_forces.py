@@ -29,6 +29,7 @@ class Gravity(LoadPlugin):
     """Bodies that have weight; all when not given."""
 
     def build(self, name: str, parts: Mapping[str, Part]) -> LoadPart:
+        """The weight of the chosen bodies, or of all, that move or deform."""
         chosen = [find_body(parts, b, "bodies") for b in self.bodies] if self.bodies else (
             all_bodies(parts))
         f = amplitude(self.factor)
@@ -57,6 +58,7 @@ class Centrifugal(LoadPlugin):
     default."""
 
     def build(self, name: str, parts: Mapping[str, Part]) -> LoadPart:
+        """Radial nodal forces spin^2 M x of a body of revolution."""
         body = find_body(parts, self.body, "body")
         if not isinstance(body, FloatingBody) or body.mesh is None or not body.mesh.revolved:
             raise InputError(f"body {self.body!r} is not axisymmetric: others spin by their frame, "

@@ -160,6 +160,8 @@ class CavityRadiation(LoadPlugin):
     """Seed of the rays that find shadows."""
 
     def build(self, name: str, parts: Mapping[str, Part]) -> LoadPart:
+        """The exchange between patches of the surfaces, with view factors at the initial
+        position."""
         surfaces = find_surfaces(parts, self.on, "thermal")
         unknown = sorted(set(self.emissivities) - set(self.on))
         if unknown:

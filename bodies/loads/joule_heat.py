@@ -86,6 +86,8 @@ class JouleHeat(LoadPlugin):
     """Function of time that multiplies all potentials and currents; 1 by default."""
 
     def build(self, name: str, parts: Mapping[str, Part]) -> LoadPart:
+        """The electric potential between the electrodes, and the heat sigma |grad phi|^2 of its
+        current, times the squared factor."""
         body = find_body(parts, self.on, "on")
         if not isinstance(body, FloatingBody) or body.mesh is None:
             raise InputError(f"body {self.on!r} has no mesh, in which a current could flow", "on")

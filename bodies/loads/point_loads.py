@@ -37,6 +37,7 @@ class PointForce(LoadPlugin):
     """Function of time that multiplies the load; 1 by default."""
 
     def build(self, name: str, parts: Mapping[str, Part]) -> LoadPart:
+        """The force at the centre of the set."""
         place = find_place(parts, self.on, "on")
         need_motion(place.body, "on")
         f = amplitude(self.factor)
@@ -80,6 +81,7 @@ class Torque(LoadPlugin):
     """Function of time that multiplies the load; 1 by default."""
 
     def build(self, name: str, parts: Mapping[str, Part]) -> LoadPart:
+        """The moment on a rigid body, or on the mean rotation of a set of a flexible one."""
         place = find_place(parts, self.on, "on")
         body = place.body
         need_motion(body, "on")

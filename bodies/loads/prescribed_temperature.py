@@ -61,6 +61,7 @@ class PrescribedTemperature(JointPlugin):
         return self
 
     def build(self, name: str, parts: Mapping[str, Part]) -> HeldTemperature:
+        """Bodies without the unknowns of these nodes, whose temperature is given."""
         bodies: dict[str, FloatingBody] = {}
         notes: list[Note] = []
         for i, text in enumerate(self.on):

@@ -32,6 +32,7 @@ class Traction(LoadPlugin):
     """Function of time that multiplies the load; 1 by default."""
 
     def build(self, name: str, parts: Mapping[str, Part]) -> LoadPart:
+        """Nodal forces of the traction, in axes of space or of the body."""
         f = amplitude(self.factor)
         loads = [(body, surface_load(mesh, facets, body.thickness),
                   components(body, self.traction, "traction"))
@@ -68,6 +69,7 @@ class Pressure(LoadPlugin):
         return self
 
     def build(self, name: str, parts: Mapping[str, Part]) -> LoadPart:
+        """Nodal forces along the normals, of a pressure or of a total force over the area."""
         surfaces = find_surfaces(parts, self.on, "mechanical")
         size = self.pressure or self.force
         assert size is not None

@@ -75,6 +75,7 @@ class Radiation(LoadPlugin):
     """Temperature of the surroundings, K, a number or a function of time."""
 
     def build(self, name: str, parts: Mapping[str, Part]) -> LoadPart:
+        """The law of a grey body on the facets of the surfaces."""
         surfaces = find_surfaces(parts, self.on, "thermal")
         law = GreyBody(self.emissivity, self.surroundings.value)
 
@@ -141,6 +142,8 @@ class Convection(LoadPlugin):
     """Temperature of the fluid, K, a number or a function of time."""
 
     def build(self, name: str, parts: Mapping[str, Part]) -> LoadPart:
+        """Linear exchange with the constant coefficient, and the law of what of it depends on
+        temperature."""
         loads = []
         for body, mesh, facets in find_surfaces(parts, self.on, "thermal"):
             h_0 = self._constant(body)

@@ -18,6 +18,7 @@ class LoadVector(LoadPlugin):
     """Function of time that multiplies the load; 1 by default."""
 
     def build(self, name: str, parts: Mapping[str, Part]) -> LoadPart:
+        """The named load vector of a body from matrices."""
         owner, _, which = self.on.partition(":")
         body = find_body(parts, owner, "on")
         if not isinstance(body, MatrixBody):

@@ -22,10 +22,10 @@ class CompressedLocal(DelegatingTerm):
 
     @classmethod
     def of(cls, term: Term, trial: Trial, left: FloatArray) -> "CompressedLocal":
-        used = np.flatnonzero(np.any(left != 0, axis=0))
-        kept = term.restrict(used)
-        at = np.searchsorted(term.columns, kept.columns)
-        return cls(kept, trial.atoms[at], trial.offset[at], left[:, used])
+        rows = np.flatnonzero(np.any(left != 0, axis=0))
+        restricted = term.restrict(rows)
+        at = np.searchsorted(term.columns, restricted.columns)
+        return cls(restricted, trial.atoms[at], trial.offset[at], left[:, rows])
 
     def residual(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray:
         T = self.atoms

@@ -120,20 +120,21 @@ def undetermined_forces(
     gram = np.diag(np.where(hard, 0.0, 1.0))
     for b in layout:
         if b.kind.order == 2:
-            own = scaled[:, layout[b.name]]
-            by_atoms = own @ unit_columns(maps[b.name].atoms) if b.name in maps else own
+            columns = scaled[:, layout[b.name]]
+            by_atoms = columns @ unit_columns(maps[b.name].atoms) if (
+                b.name in maps) else columns
             gram = gram + dense(by_atoms @ by_atoms.T)
     values, vectors = np.linalg.eigh(gram)
-    kept = values <= UNMOVED * values[-1]
-    share = (vectors[:, kept]**2).sum(axis=1)
+    unmoved = values <= UNMOVED * values[-1]
+    share = (vectors[:, unmoved]**2).sum(axis=1)
     soft, owners = _compliance(model, h), np.array(_owners(layout))
     for name in dict.fromkeys(owners[share > SHARE].tolist()):
-        own = share[owners == name]
-        what = [part for part, s in zip(model.joints[name].components, own, strict=True)
+        shares = share[owners == name]
+        what = [part for part, s in zip(model.joints[name].components, shares, strict=True)
                 if s > SHARE] if name in model.joints else []
         if what:
             words = " and ".join(part for part, _ in what)
-            by = np.sqrt(max(float(values[kept].max()), 0.0))
+            by = np.sqrt(max(float(values[unmoved].max()), 0.0))
             many = "s" if len(what) > 1 else ""
             start = (f"{words} of {name}: the trial spaces move {'these' if many else 'this'} "
                      f"constraint{many} by {by:.1g} of what a body could, so that the reduced "
@@ -141,9 +142,9 @@ def undetermined_forces(
             end = (". Take it from a run at full order or of reducer sparse, or let the basis have "
                    "the shapes of joint forces (craig_bampton)")
             least = Note(f"{start}the one of least norm, about zero, is stored{end}", UNDETERMINED)
-            made = None if model.stage is not None else model.joints[name].compliant(
-                soft(name) * (own > SHARE), least)
-            found[name] = made, least if made else Note(
+            softer = None if model.stage is not None else model.joints[name].compliant(
+                soft(name) * (shares > SHARE), least)
+            found[name] = softer, least if softer else Note(
                 f"{start}what is stored is rounding{end}", UNDETERMINED)
     return found
 

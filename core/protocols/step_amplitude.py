@@ -122,19 +122,19 @@ class Stepping:
             f, name = amplitude.__self__, amplitude.__name__
             return StepAmplitude(f, self.h, self.theta) if (
                 name == "value" and isinstance(f, TimeFunction)) else amplitude
-        own_way = getattr(amplitude, "over_steps", None)
-        if own_way is not None and not isinstance(amplitude, type):
-            by_law: T = own_way(self)
+        over_steps = getattr(amplitude, "over_steps", None)
+        if over_steps is not None and not isinstance(amplitude, type):
+            by_law: T = over_steps(self)
             return by_law
         if isinstance(amplitude, StepAmplitude | type) or not is_dataclass(amplitude):
             return amplitude
-        own: Any = amplitude
-        values = {f.name: getattr(own, f.name) for f in fields(own) if f.init}
+        data: Any = amplitude
+        values = {f.name: getattr(data, f.name) for f in fields(data) if f.init}
         over = {name: self.over(value) for name, value in values.items()
                 if isinstance(value, MethodType) or (callable(value) and is_dataclass(value))}
         changed = {name: value for name, value in over.items() if value is not values[name]}
-        made: T = replace(own, **changed) if changed else amplitude
-        return made
+        changed_data: T = replace(data, **changed) if changed else amplitude
+        return changed_data
 
 
 @dataclass(frozen=True, slots=True)

@@ -115,7 +115,7 @@ def lost(folder: Path) -> bool:
     return lock is not None and inode(place / LOCK) != inode(lock)
 
 
-def _locked(place: Path, folder: Path, made: list[Path]) -> int:
+def _locked(real_path: Path, folder: Path, created: list[Path]) -> int:
     """File descriptor of the locked file of the folder `place`; created folders are appended to
     `made`.
 
@@ -124,8 +124,8 @@ def _locked(place: Path, folder: Path, made: list[Path]) -> int:
     """
     for attempt in itertools.count():
         try:
-            _make(place, made)
-            file = os.open(place / LOCK, os.O_RDWR | os.O_CREAT, 0o666)
+            _make(real_path, created)
+            file = os.open(real_path / LOCK, os.O_RDWR | os.O_CREAT, 0o666)
         except OSError as error:
             if isinstance(error, FileNotFoundError) and attempt < _ATTEMPTS:
                 continue  # another run removed its empty folders at this moment
@@ -136,7 +136,7 @@ def _locked(place: Path, folder: Path, made: list[Path]) -> int:
             os.close(file)
             raise InputError(f"another run is writing to {folder}: wait for it, or choose "
                              "another --out", "out")
-        if inode(place / LOCK) == inode(file):
+        if inode(real_path / LOCK) == inode(file):
             return file
         os.close(file)
     raise AssertionError  # the loop has no end of its own
@@ -157,13 +157,13 @@ def _lock(file: int) -> bool:
     return True
 
 
-def _make(place: Path, made: list[Path]) -> None:
-    if os.path.isdir(place):
+def _make(real_path: Path, created: list[Path]) -> None:
+    if os.path.isdir(real_path):
         return
-    _make(place.parent, made)
+    _make(real_path.parent, created)
     try:
-        place.mkdir()
-        made.append(place)
+        real_path.mkdir()
+        created.append(real_path)
     except FileExistsError:
-        if not place.is_dir():
+        if not real_path.is_dir():
             raise

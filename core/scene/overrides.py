@@ -205,17 +205,18 @@ def _with_name(tree: Mapping[str, Any], name: str, registry: Registry) -> object
     """
     old = tree.get("reducer")
     options = old if isinstance(old, Mapping) else {}
-    mine, theirs = _reducer_class(old, registry), _reducer_class(name, registry)
-    if mine is None or theirs is None:
+    old_class, new_class = _reducer_class(old, registry), _reducer_class(name, registry)
+    if old_class is None or new_class is None:
         return name
-    if mine is theirs:
+    if old_class is new_class:
         return old
-    fields, own, shared = theirs.model_fields, mine.model_fields, (
-        {*mine.shared_options} & {*theirs.shared_options})
-    kept = {key: value for key, value in options.items() if key in fields and key in own and (
-        key in shared or (fields[key].annotation == own[key].annotation
-                          and fields[key].default == own[key].default))}
-    return {"use": name, **kept} if kept else name
+    new_fields, old_fields, shared = new_class.model_fields, old_class.model_fields, (
+        {*old_class.shared_options} & {*new_class.shared_options})
+    both = old_fields.keys() & new_fields.keys()
+    taken_over = {key: value for key, value in options.items() if key in both and (
+        key in shared or (new_fields[key].annotation == old_fields[key].annotation
+                          and new_fields[key].default == old_fields[key].default))}
+    return {"use": name, **taken_over} if taken_over else name
 
 
 def _name_notes(tree: Mapping[str, Any], name: object, registry: Registry) -> tuple[Note, ...]:

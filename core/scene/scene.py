@@ -290,21 +290,21 @@ class Scene(Plugin):
         scene._notes = (*scene._notes, *notes)
         return scene
 
-    def for_training(self, own: Mapping[str, Any] | None = None) -> "Scene":
-        """Full-order scene of the training run of a reduced model; own: its changes, if there are
-        several runs (`training_changes`).
+    def for_training(self, point: Mapping[str, Any] | None = None) -> "Scene":
+        """Full-order scene of the training run of a reduced model; point: its changes, if there
+        are several runs (`training_changes`).
 
         It does not depend on the reducer, so its digest shows whether snapshots can be reused.
         """
-        made: dict[object, Scene] = self.__dict__.setdefault("_for_training", {})  # no field
-        key = repr(sorted((own or {}).items()))
-        if key not in made:
-            changes = {**self.training.overrides, **(own or {}),
+        scenes: dict[object, Scene] = self.__dict__.setdefault("_for_training", {})  # no field
+        key = repr(sorted((point or {}).items()))
+        if key not in scenes:
+            changes = {**self.training.overrides, **(point or {}),
                        "reducer": {"use": FULL_ORDER, "remaining": LARGEST_ERROR},
                        "training": {"every": self.training.every}}
             changes.setdefault("time.end", self.training_end)
-            made[key] = build(self.source.changed(changes, "training.overrides"))
-        return made[key]
+            scenes[key] = build(self.source.changed(changes, "training.overrides"))
+        return scenes[key]
 
     def locate(self, error: InputError) -> list[str]:
         """Messages, one line per fault, `file:line:column: key: message`, in the file's order."""

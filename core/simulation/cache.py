@@ -213,11 +213,11 @@ def _files(place: Path) -> list[str] | None:
     """Files of an entry, the mark last, relative to its folder; None if it does not carry this
     program's mark. Raises OSError if it cannot be read."""
     if place.parent.name == MACHINE_CODE:
-        found = sorted(f.name for f in place.iterdir() if _MACHINE_CODE.fullmatch(f.name))
-        return found or None
+        names_of_code = sorted(f.name for f in place.iterdir() if _MACHINE_CODE.fullmatch(f.name))
+        return names_of_code or None
     if (place / STORE).is_dir():
-        own = own_files(place, checked=False)  # a reference run: known by its metadata
-        return list(reversed(own.files)) if own.results else None
+        own_result = own_files(place, checked=False)  # a reference run: known by its metadata
+        return list(reversed(own_result.files)) if own_result.results else None
     try:
         names = sorted({file for file, _ in _table(place).values()})
     except FileNotFoundError:
@@ -227,29 +227,29 @@ def _files(place: Path) -> list[str] | None:
     return [f for f in (*names, SPENT, _MANIFEST) if os.path.lexists(place / f)]
 
 
-def _remove(place: Path, files: Iterable[str]) -> int:
+def _remove(entry: Path, files: Iterable[str]) -> int:
     """Removes files of an entry, and its folder if nothing else is in it; returns the bytes that
     were freed."""
     freed = 0
     for name in files:
         with suppress(OSError):
-            size = os.lstat(place / name).st_size
-            (place / name).unlink()
+            size = os.lstat(entry / name).st_size
+            (entry / name).unlink()
             freed += size
-    for folder in sorted({p for f in files for p in (place / f).parents
-                          if place in p.parents}, key=lambda p: len(p.parts), reverse=True):
+    for folder in sorted({p for f in files for p in (entry / f).parents
+                          if entry in p.parents}, key=lambda p: len(p.parts), reverse=True):
         with suppress(OSError):
             folder.rmdir()
     with suppress(OSError):
-        place.rmdir()
+        entry.rmdir()
     return freed
 
 
-def _save(root: Path, place: Path, arrays: Arrays) -> None:
+def _save(root: Path, entry: Path, arrays: Arrays) -> None:
     """Stores arrays as one entry of the cache: in a temporary folder, which is then renamed, so
     that no other process reads a part of it."""
     with TemporaryFolder(root) as folder:
-        fresh = folder / place.name
+        fresh = folder / entry.name
         fresh.mkdir()
         files = {name: f"{i:03d}.npy" for i, name in enumerate(arrays)}
         for name, file in files.items():
@@ -262,11 +262,11 @@ def _save(root: Path, place: Path, arrays: Arrays) -> None:
         (fresh / _MANIFEST).write_text(
             json.dumps({"program": "sparsemor", "checksum": _checksum(table), "files": table}),
             encoding="utf-8")
-        place.parent.mkdir(exist_ok=True)
+        entry.parent.mkdir(exist_ok=True)
         try:
-            os.rename(fresh, place)
+            os.rename(fresh, entry)
         except OSError:
-            if not (place / _MANIFEST).exists():  # else another process was quicker
+            if not (entry / _MANIFEST).exists():  # else another process was quicker
                 raise
 
 
@@ -279,20 +279,20 @@ def _scratch_file(array: NDArray[Any]) -> str | None:
     return str(name) if whole else None
 
 
-def _load(place: Path) -> dict[str, NDArray[Any]]:
+def _load(entry: Path) -> dict[str, NDArray[Any]]:
     """Arrays of an entry. Raises ValueError, KeyError, TypeError or OSError if it is damaged or
     missing."""
-    table = _table(place)
+    table = _table(entry)
     for file, kept in table.values():
-        if written_in(place / file)[1] != kept:
+        if written_in(entry / file)[1] != kept:
             raise ValueError(f"{file}: its checksum is not that of its bytes")
-    return {name: _load_one(place / file) for name, (file, _) in table.items()}
+    return {name: _load_one(entry / file) for name, (file, _) in table.items()}
 
 
-def _table(place: Path) -> dict[str, list[Any]]:
+def _table(entry: Path) -> dict[str, list[Any]]:
     """Name of each array -> its file and the file's checksum, from the manifest, whose checksum is
     the mark of this program. Raises ValueError, KeyError, TypeError or OSError for others."""
-    manifest = json.loads((place / _MANIFEST).read_text(encoding="utf-8"))
+    manifest = json.loads((entry / _MANIFEST).read_text(encoding="utf-8"))
     table: dict[str, list[Any]] = manifest["files"]
     if manifest["checksum"] != _checksum(table):
         raise ValueError(f"{_MANIFEST}: its checksum is not that of its content")

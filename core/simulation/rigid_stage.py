@@ -155,34 +155,35 @@ def _run(scene: Scene, model: Model, manager: Manager) -> Arrays:
     `reactions_passed_on(times, multipliers, poses)`, the reaction forces for the flexible model."""
     layout = model.layout
     try:
-        kept = list(full_run(scene, model, Offline.of(model, {}), manager, STAGE))
+        states = list(full_run(scene, model, Offline.of(model, {}), manager, STAGE))
     except SolveFailed as failure:
         if failure.status is not Status.STEP_TOO_LONG:
             raise
         raise SolveFailed(failure.status, failure.time, failure.block,
                           f"{failure.detail}; {_OWN_STEPS}") from None
-    times = np.array([s.t for s in kept])
+    times = np.array([s.t for s in states])
     components = model.multiplier_components
-    frames = {b.owner: np.stack([np.stack([s.x, s.v, s.a])[:, layout[b.name]] for s in kept])
+    frames = {b.owner: np.stack([np.stack([s.x, s.v, s.a])[:, layout[b.name]] for s in states])
               for b in layout if b.kind.quantity is Quantity.POSE}
-    made: dict[str, Any] = {
+    arrays: dict[str, Any] = {
         "times": times, "moves": np.array(sorted(frames)),
         "dropped": np.array(resolved_start(model, scene.integrator, scene.time.step).dropped)}
     for name, body in model.bodies.items():
         if name not in frames:
             pose = body.pose
             frames[name] = np.stack([pose, 0 * pose, 0 * pose])[None].repeat(len(times), axis=0)
-    made |= {f"frame.{name}": values for name, values in frames.items()}
+    arrays |= {f"frame.{name}": values for name, values in frames.items()}
     poses = {name: values[:, 0] for name, values in frames.items()}
     joints = model.joints
     for b in layout:
         if b.kind.order == 0 and b.owner in scene.joints:
-            made[f"reaction.{b.owner}"] = reactions = np.stack([s.x[layout[b.name]] for s in kept])
+            reactions = np.stack([s.x[layout[b.name]] for s in states])
+            arrays[f"reaction.{b.owner}"] = reactions
             if b.name in components:
-                made[f"components.{b.owner}"] = np.array(components[b.name])
-            made[f"handed.{b.owner}"] = joints[b.owner].reactions_passed_on(
+                arrays[f"components.{b.owner}"] = np.array(components[b.name])
+            arrays[f"handed.{b.owner}"] = joints[b.owner].reactions_passed_on(
                 times, reactions, poses)
-    return made
+    return arrays
 
 
 def _stage(arrays: Arrays) -> Stage:

@@ -57,16 +57,16 @@ def output_name(part: str, component: str) -> str:
 
 def read(outputs: Sequence[Output], s: State) -> FloatArray:
     """Present values of outputs in a state of the step solver."""
-    known, found = dict[int, FloatArray](), list[float]()
-    for of in outputs:
-        if of.reader is None:
-            found.append(float((s.v if of.rate else s.x)[of.at]))
+    by_reader, values = dict[int, FloatArray](), list[float]()
+    for output in outputs:
+        if output.reader is None:
+            values.append(float((s.v if output.rate else s.x)[output.at]))
             continue
-        if id(of.reader) not in known:
+        if id(output.reader) not in by_reader:
             t, x = np.array([s.t]), s.x[None]
-            known[id(of.reader)] = np.atleast_1d(np.squeeze(
-                of.reader(t, x) if isinstance(of.reader, ProbeReader) else of.reader(
+            by_reader[id(output.reader)] = np.atleast_1d(np.squeeze(
+                output.reader(t, x) if isinstance(output.reader, ProbeReader) else output.reader(
                     t, x, {first: s.v[None, at] for first, at in rate_columns(
-                        [of.reader]).items()}), axis=0))
-        found.append(float(known[id(of.reader)][of.at]))
-    return np.array(found)
+                        [output.reader]).items()}), axis=0))
+        values.append(float(by_reader[id(output.reader)][output.at]))
+    return np.array(values)

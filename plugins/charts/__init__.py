@@ -12,7 +12,7 @@ from sparsemor.core.results.result_variables import Field
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.plugins.charts.active_atoms import active_atoms_figure
 from sparsemor.plugins.charts.animation import animation_of
-from sparsemor.plugins.charts.comparison import work_notes, work_points
+from sparsemor.plugins.charts.comparison_points import work_notes, work_points
 from sparsemor.plugins.charts.error_over_time import error_over_time_figure
 from sparsemor.plugins.charts.fields import NO_RUNS, alike
 from sparsemor.plugins.charts.planar_fields import deformation_figure

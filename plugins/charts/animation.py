@@ -25,7 +25,7 @@ from sparsemor.plugins.charts.fields import (
     values_of,
 )
 from sparsemor.plugins.charts.style import NORMAL, SMALL, new_figure, tidy, unit
-from sparsemor.plugins.charts.view import VIEWS, BodySurface, paint
+from sparsemor.plugins.charts.view_in_space import VIEWS, BodySurface, paint
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

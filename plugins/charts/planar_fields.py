@@ -106,7 +106,7 @@ class _Look:
     panels."""
 
     quantity: Field
-    factor: float
+    magnification: float
     scale: float
     label: str
     limits: tuple[float, float]
@@ -121,7 +121,7 @@ def _draw(axes: Any, run: RunResult, bodies: Sequence[str], step: int, look: _Lo
         values = values_of(run, body, step, look.quantity)
         _trace(axes, run, body, look.metre)
         nodes, cells, edges = field_mesh(run, body, look.quantity)
-        x, y = look.metre.factor * run.positions(body, step, look.factor)[nodes].T
+        x, y = look.metre.factor * run.positions(body, step, look.magnification)[nodes].T
         if values is not None:
             drawn = axes.tripcolor(
                 x, y, cells, values * look.scale, shading="gouraud", rasterized=True,

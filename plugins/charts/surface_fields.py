@@ -26,7 +26,15 @@ from sparsemor.plugins.charts.fields import (
     values_of,
 )
 from sparsemor.plugins.charts.style import NORMAL, PAGE, SMALL, new_figure, plain, unit
-from sparsemor.plugins.charts.view import VIEWS, BodySurface, View, half_of, middle, paint, rendered
+from sparsemor.plugins.charts.view_in_space import (
+    VIEWS,
+    BodySurface,
+    View,
+    half_of,
+    middle,
+    paint,
+    rendered,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -21,7 +21,7 @@ from sparsemor.plugins.charts.style import COLUMN, NORMAL, PAGE, SMALL, new_figu
 from sparsemor.plugins.charts.style import style_of as style
 from sparsemor.plugins.charts.surface_fields import solid_bodies
 from sparsemor.plugins.charts.time_histories import moving_bodies
-from sparsemor.plugins.charts.view import VIEWS, front_facing
+from sparsemor.plugins.charts.view_in_space import VIEWS, front_facing
 from sparsemor.plugins.liang2026.item_functions import PaperPart, errors_of, part_of
 from sparsemor.plugins.liang2026.quantities import FIELDS, FieldName
 

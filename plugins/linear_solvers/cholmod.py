@@ -31,6 +31,7 @@ class Cholmod(LinearSolver):
     """Elimination order; `default` lets CHOLMOD try several."""
 
     def factorize(self, A: Csr, places: DofLocations | None = None) -> Solved:
+        """Supernodal Cholesky factor of A; not solved where A is not positive definite."""
         require("sksparse", "cholmod", "cholmod")
         fault = unsuitable_matrix("cholmod", A)
         if fault is not None:

@@ -37,6 +37,8 @@ class Pardiso(LinearSolver):
     direct: ClassVar[bool] = True
 
     def factorize(self, A: Csr, places: DofLocations | None = None) -> Solved:
+        """Cholesky factor of A from its upper triangle; not solved where A is not positive
+        definite."""
         require("pypardiso", "pardiso", "pardiso")
         fault = unsuitable_matrix("pardiso", A)
         if fault is not None:

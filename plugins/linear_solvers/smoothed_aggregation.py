@@ -41,6 +41,8 @@ class SmoothedAggregation(LinearSolver):
     connection."""
 
     def factorize(self, A: Csr, places: DofLocations | None = None) -> Solved:
+        """Conjugate gradients with one multigrid cycle as preconditioner; nodes of which some
+        unknowns are fixed are completed."""
         require("pyamg", "amg", "amg")
         fault = unsuitable_matrix("amg", A)
         if fault is not None:

@@ -53,6 +53,7 @@ class Splu(LinearSolver):
     matrices."""
 
     def factorize(self, A: Csr, places: DofLocations | None = None) -> Solved:
+        """LU factors of A in the chosen elimination order."""
         fault = unsuitable_matrix("splu", A)
         if fault is not None:
             return fault

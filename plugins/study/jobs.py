@@ -219,15 +219,15 @@ _KINDS = {"reference": _reference, "products": _products, "run": _run}
 def keep_reference(scene: Scene, folder: Path) -> None:
     """Offers a full-order run as the reference of studies with the same physics and output: its
     files are linked, or copied, to the cache."""
-    kept = Cache().root / "reference" / _reference_key(scene, checked_model(scene))
+    entry = Cache().root / "reference" / _reference_key(scene, checked_model(scene))
     try:
-        if kept.is_dir():
+        if entry.is_dir():
             return
-        with TemporaryFolder(Cache().root) as place:
-            copied = place / kept.name
-            shutil.copytree(folder / STORE, copied / STORE, copy_function=_linked)
-            kept.parent.mkdir(exist_ok=True)
-            os.rename(copied, kept)
+        with TemporaryFolder(Cache().root) as scratch:
+            copy = scratch / entry.name
+            shutil.copytree(folder / STORE, copy / STORE, copy_function=_linked)
+            entry.parent.mkdir(exist_ok=True)
+            os.rename(copy, entry)
     except OSError as fault:  # a full disk: the study makes its own
         _log.warning("the reference run %s was not kept: %s", folder, fault)
 
@@ -277,33 +277,33 @@ def _stored_reference(
 ) -> RunResult:
     """Reference run from the cache; computed and cached if absent, also if it fails. Where the
     cache cannot be read or written, the result is in a temporary folder."""
-    kept = Cache().root / "reference" / key
+    entry = Cache().root / "reference" / key
     with suppress(OSError, InputError):
-        if (kept / STORE).is_dir():
-            found = open_result(kept)
-            _ = found.status
-            return found
+        if (entry / STORE).is_dir():
+            result = open_result(entry)
+            _ = result.status
+            return result
     try:
-        place = TemporaryFolder(Cache().root)
+        scratch = TemporaryFolder(Cache().root)
     except OSError:
-        place = TemporaryFolder()
-    fresh = place.path / key
+        scratch = TemporaryFolder()
+    fresh = scratch.path / key
     try:
         simulate(scene, out=fresh, keep_training=keep_training, body_cache=body_cache)
     except SolveFailed as error:
         if error.status is Status.INTERRUPTED or not isinstance(error.result, RunResult):
             raise
     try:
-        kept.mkdir(parents=True, exist_ok=True)
+        entry.mkdir(parents=True, exist_ok=True)
         for name in (checkpoint_file(fresh / STORE).name, STORE):  # this one last: it is the mark
-            os.rename(fresh / name, kept / name)
+            os.rename(fresh / name, entry / name)
     except OSError:
         with suppress(OSError, InputError):  # another process was quicker
-            found = open_result(kept)
-            _ = found.status
-            return found
-        return open_result(fresh).held_in(place)
-    return open_result(kept)
+            result = open_result(entry)
+            _ = result.status
+            return result
+        return open_result(fresh).held_in(scratch)
+    return open_result(entry)
 
 
 @contextmanager

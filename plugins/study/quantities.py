@@ -77,14 +77,14 @@ class QuantityOfInterest(Plugin):
         """Times and values of the probe, contact, joint or field that the quantity names."""
         times = result.times
         if self.probe:
-            known = result.probe_header(self.probe).components
-            return times, result.probe(self.probe)[:, known.index(
-                _known(self.component, known, "component"))]
+            components = result.probe_header(self.probe).components
+            return times, result.probe(self.probe)[:, components.index(
+                _known(self.component, components, "component"))]
         if self.contact:
             contacts = result.contacts()
-            kept = contacts[_known(self.contact, contacts, "contact")]
-            return kept["time"], kept[_known(self.component, [
-                n for n in kept if n != "time"], "component")]
+            history = contacts[_known(self.contact, contacts, "contact")]
+            return history["time"], history[_known(self.component, [
+                n for n in history if n != "time"], "component")]
         if self.joint:
             joints = result.joint_forces()
             forces = joints[_known(self.joint, joints, "joint")]

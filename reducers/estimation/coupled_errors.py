@@ -142,21 +142,22 @@ class CoupledErrors:
         states of the run; `memory` is brought to the last."""
         if not paths:
             return {n: np.zeros(0) for n in self.blocks}
-        own, stride = self.working(), int(memory["steps"])
+        copy, stride = self.working(), int(memory["steps"])
         first, chosen = stride == 0, list[Sequence[State]]()
         for path in paths:
             stride = self._stride(path[-1], stride or self.every)
             chosen.append(path[(len(path) - 1) % stride :: stride])
         vibrates = any(b.kind.order == 2 for b in self.equations.layout)
-        begun = paths[0][:FIRST] if (
+        first_states = paths[0][:FIRST] if (
             first and vibrates and np.isinf(self.turn) and self.every > 1) else ()
-        known = iter(self.projected([s for path in (begun, *chosen) for s in path]))
+        projected = iter(self.projected(
+            [s for path in (first_states, *chosen) for s in path]))
         with substep(Substep(self.h / self.every)):  # laws of steps, such as heat that is stored
-            start = own._advanced([next(known) for _ in begun], dict(memory))
-            found = [own._advanced([next(known) for _ in path], memory) for path in chosen]
-        found[0] = {n: np.append(start[n], values[-1]).max(keepdims=True)
-                    for n, values in found[0].items()}
-        return {n: np.array([values[n][-1] for values in found]) for n in self.blocks}
+            start = copy._advanced([next(projected) for _ in first_states], dict(memory))
+            norms = [copy._advanced([next(projected) for _ in path], memory) for path in chosen]
+        norms[0] = {n: np.append(start[n], values[-1]).max(keepdims=True)
+                    for n, values in norms[0].items()}
+        return {n: np.array([values[n][-1] for values in norms]) for n in self.blocks}
 
     def _stride(self, state: State, before: int) -> int:
         """Number of the run's steps in one step of the error equation, at a state of the run: the
@@ -258,17 +259,18 @@ class CoupledErrors:
         (3, m) of x, v and a outside of them, of all blocks in turn."""
         layout, maps = self.equations.layout, {b.name: b.states for b in self.spaces}
         rows = [z for s in states for z in (s.x, s.v, s.a)]
-        known = np.vstack([np.zeros((0, self.reduced.size)), *rows])
-        wide, outside = np.zeros((len(known), layout.size)), [np.zeros((len(known), 0))]
+        reduced_rows = np.vstack([np.zeros((0, self.reduced.size)), *rows])
+        in_spaces = np.zeros((len(reduced_rows), layout.size))
+        outside = [np.zeros((len(reduced_rows), 0))]
         for block in layout:
-            own = known[:, self.reduced[block.name]]
+            coefficients = reduced_rows[:, self.reduced[block.name]]
             if block.name in maps:
-                own, rest = maps[block.name](own)
+                coefficients, rest = maps[block.name](coefficients)
                 outside.append(rest)
-            wide[:, layout[block.name]] = own
-        whole = np.hstack(outside)
-        return [(StateAt(s.t, *wide[i : i + 3]), whole[i : i + 3])
-                for s, i in zip(states, range(0, len(known), 3), strict=True)]
+            in_spaces[:, layout[block.name]] = coefficients
+        all_outside = np.hstack(outside)
+        return [(StateAt(s.t, *in_spaces[i : i + 3]), all_outside[i : i + 3])
+                for s, i in zip(states, range(0, len(reduced_rows), 3), strict=True)]
 
     @property
     def _outside(self) -> dict[str, slice]:

@@ -36,7 +36,7 @@ from sparsemor.core.model.factorizations import solve_or_fail, unconverged_note
 from sparsemor.core.protocols.body_frame import FrameWork
 from sparsemor.core.protocols.separable import ElasticLocal, ElasticOperators
 from sparsemor.reducers.linalg.coarse_correction import CoarseCorrection
-from sparsemor.reducers.step.acceptance import LEAST, rounding
+from sparsemor.reducers.step.convergence_test import LEAST, rounding
 from sparsemor.reducers.step.frame_step import BodyStep, buffers
 from sparsemor.reducers.step.jacobian_factors import Factor, Identity, Matrix, factorized, summed
 from sparsemor.reducers.step.newton_loop import Linearisation, StepEquations

@@ -91,19 +91,22 @@ def replayable(block: Reducible, X: FloatArray, taken: Recording) -> bool:
     return taken.every == 1 and bool(np.abs(X[:, 0] - start).max(initial=0.0) <= 1e-12 * top)
 
 
-def replayed(block: Reducible, X: FloatArray, taken: Recording) -> tuple[FloatArray, FloatArray]:
+def replayed(
+    block: Reducible, X: FloatArray, recording: Recording
+) -> tuple[FloatArray, FloatArray]:
     """Rates and accelerations (n, M) that the integrator computed for X (n, M), up to the
     rounding of c2 X."""
     model, at = block.model, block.model.layout[block.name]
-    own = model.layout.block(block.name)
-    layout = Layout([own])
+    unknowns = model.layout.block(block.name)
+    layout = Layout([unknowns])
     first = consistent_state(model)
-    state = State(0.0, X[:, 0], first.v[at], first.a[at], np.zeros((own.size, 0)))
-    state, rules = taken.integrator.start(layout, state), taken.integrator.rules(taken.step)
+    state = State(0.0, X[:, 0], first.v[at], first.a[at], np.zeros((unknowns.size, 0)))
+    integrator, rules = recording.integrator, recording.integrator.rules(recording.step)
+    state = integrator.start(layout, state)
     V, A = np.empty_like(X), np.empty_like(X)
     V[:, 0], A[:, 0] = state.v, state.a
     for j in range(1, X.shape[1]):
-        formula = step_formula(rules, layout, state, taken.step)
+        formula = step_formula(rules, layout, state, recording.step)
         state = advanced(
             rules, layout, state, formula, StepOutcome(X[:, j], Status.DONE, 1))
         V[:, j], A[:, j] = state.v, state.a

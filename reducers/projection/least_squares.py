@@ -50,7 +50,8 @@ class Lspg(ProjectionReducer):
         """Test map atoms^T (k, n) for the energy norm; Q^T, where D atoms = Q R, for the rows."""
         if self.norm == "energy":
             return Maps(TestMap(left=block.dictionary.atoms.T), facts={"norm": "D^-1"})
-        return Maps(TestMap(left=np.linalg.qr(_images(block))[0].T), facts={"norm": "rows"})
+        Q = np.linalg.qr(_operator_images(block))[0]
+        return Maps(TestMap(left=Q.T), facts={"norm": "rows"})
 
     def notes_on(self, projection: Projection) -> Sequence[Note]:
         return projection_notes(projection, least_squares=self.norm == "rows")
@@ -75,9 +76,13 @@ class Gnat(Interpolating):
         return projection_notes(projection, least_squares=self.norm == "rows")
 
     def maps(self, block: Reducible) -> Maps:
-        """Test map Q^T W (P U)^+ (k, m) at the points for operators and forces, where W is the
-        factor of the norm and W (P U)^+ P D atoms = Q R."""
-        force, B = force_modes(block, self.basis_of_force(block)), _images(block)
+        """Test map Q^T W (P U)^+ (k, m) at the points for operators and forces, where W (P U)^+ P D
+        atoms = Q R.
+
+        D: operator of the step; U: residual modes, P: rows at the points; W: factor of the norm,
+        W^T W = U^T D^-1 U, or the identity for the norm of the rows.
+        """
+        force, B = force_modes(block, self.basis_of_force(block)), _operator_images(block)
         U = residual_modes(B, force.atoms)
         q = U.shape[1]
         modes = Dictionary(U, np.zeros(len(U)), tuple(f"residual {i}" for i in range(q)))
@@ -93,13 +98,13 @@ class Gnat(Interpolating):
         # Q of W (P U)^+ P D atoms = Q R: least squares of it are Q^T r = 0
         left = np.linalg.qr(reconstruction @ B[points])[0].T @ reconstruction
         return Maps(
-            TestMap(rows=points, left=left), None, points,
-            {"norm": "rows" if factor is None else "D^-1",
-             "force_modes": force.atoms.shape[1], "residual_modes": q, **facts},
-            notes)
+            TestMap(rows=points, left=left), force=None, rows=points, facts={
+                "norm": "rows" if factor is None else "D^-1",
+                "force_modes": force.atoms.shape[1], "residual_modes": q, **facts},
+            notes=notes)
 
 
-def _images(block: Reducible) -> FloatArray:
+def _operator_images(block: Reducible) -> FloatArray:
     """Products of the step's operator D with the atoms (n, k), as unit columns."""
     B = np.asarray(block.linear.operator @ block.dictionary.atoms)
     norms = np.linalg.norm(B, axis=0)

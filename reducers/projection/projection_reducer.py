@@ -39,9 +39,9 @@ from sparsemor.reducers.projection.operators_and_test_maps import (
 )
 from sparsemor.reducers.reducer_notes import shadowed_basis
 from sparsemor.reducers.reducer_options import BASES, ReducedStepOptions
-from sparsemor.reducers.step.acceptance import Tolerances
 from sparsemor.reducers.step.blockwise_solver import Facts, Stepper, stepper
 from sparsemor.reducers.step.compiled.compiled_stepper import compilable
+from sparsemor.reducers.step.convergence_test import Tolerances
 from sparsemor.reducers.step.coupled_reduced import (
     ProjectedBlock,
     ProjectedModel,

@@ -22,7 +22,7 @@ from sparsemor.core import (
     StepOutcome,
 )
 from sparsemor.reducers.linalg.active_columns import NEGLIGIBLE, WIDE
-from sparsemor.reducers.step.acceptance import Tolerances
+from sparsemor.reducers.step.convergence_test import Tolerances
 from sparsemor.reducers.step.jacobian_factors import Factor, factorized
 from sparsemor.reducers.step.newton_loop import Linearisation, StepEquations
 from sparsemor.reducers.step.reduced_equations import Reduced

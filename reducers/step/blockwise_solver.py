@@ -28,8 +28,8 @@ from sparsemor.core import (
 from sparsemor.core.linalg.dense import least_squares_coefficients
 from sparsemor.core.model.constraint_rates import motion_step
 from sparsemor.core.protocols.step_solver import LinearSystem
-from sparsemor.reducers.step.acceptance import Tolerances
 from sparsemor.reducers.step.consistent_start import consistent_start, constraint_errors
+from sparsemor.reducers.step.convergence_test import Tolerances
 from sparsemor.reducers.step.frame_step import BodyStep
 from sparsemor.reducers.step.monolithic_step import WholeNewton, beyond_limits, linear_response
 from sparsemor.reducers.step.newton_loop import Kept, Loop, StepEquations

@@ -171,10 +171,10 @@ def _is_nonlinear(
     (n,)."""
     origin, rate, _ = body.border_motion(state.t)
     y, v = (_border(mechanics, body, *of) for of in ((state.x, origin), (state.v, rate)))
-    d, known = body.frame.rigid_size, body.to_border @ forces
-    found = _evaluate(body, t, y + known, v, 0.0, state).border[:d, -1]
-    by_joints = p.H[:d, d:] @ known[d:]
-    return bool(np.abs(found - p.rows[:d] - by_joints).max(initial=0.0) > BENT * (
+    d, prescribed_forces = body.frame.rigid_size, body.to_border @ forces
+    frame_rows = _evaluate(body, t, y + prescribed_forces, v, 0.0, state).border[:d, -1]
+    by_joints = p.H[:d, d:] @ prescribed_forces[d:]
+    return bool(np.abs(frame_rows - p.rows[:d] - by_joints).max(initial=0.0) > BENT * (
         np.abs(by_joints).max(initial=0.0) + np.abs(p.rows[:d]).max(initial=0.0)))
 
 

@@ -32,8 +32,8 @@ from sparsemor.core.protocols.step_solver import unavailable_resultants
 from sparsemor.core.protocols.time_function import derivative_from_right, time_derivatives
 from sparsemor.reducers.block_counts import coupling, elements
 from sparsemor.reducers.linalg.least_norm import least
-from sparsemor.reducers.step.acceptance import Tolerances
 from sparsemor.reducers.step.blockwise_solver import Facts, reduce_state
+from sparsemor.reducers.step.convergence_test import Tolerances
 from sparsemor.reducers.step.frame_step import BodyStep, PrescribedFactors
 from sparsemor.reducers.step.local_copies import Coupled
 from sparsemor.reducers.step.monolithic_step import WholeMemory, WholeStepper, linear_response

@@ -26,7 +26,7 @@ from sparsemor.core import (
 from sparsemor.core.model.equations import rate_factors
 from sparsemor.core.protocols.step_solver import ResultantSource, resultant_sources
 from sparsemor.core.protocols.term import LocalCopy
-from sparsemor.reducers.step.acceptance import Tolerances
+from sparsemor.reducers.step.convergence_test import Tolerances
 from sparsemor.reducers.step.jacobian_factors import Matrix
 from sparsemor.reducers.step.local_copies import state_of
 from sparsemor.reducers.step.newton_loop import Ended, Kept, Loop, StepEquations

@@ -8,8 +8,8 @@ x = free + d, x' = free_rate + c1 d, x'' = c2 d. An iteration is one residual an
 with the Jacobian J of an earlier iterate or an earlier step (chord method; Deuflhard 2011, doi
 10.1007/978-3-642-23899-4, Sec. 2.1). J is renewed where it contracts too slowly, or when the
 iterations that it has cost in excess of its best step reach its price. The iteration ends when the
-error estimated from two changes of this step is below the tolerance (acceptance.py), relative to
-the largest values of each block so far. In space the Jacobian turns with each body,
+error estimated from two changes of this step is below the tolerance (convergence_test.py), relative
+to the largest values of each block so far. In space the Jacobian turns with each body,
 
     d <- d - L J^-1 L^T F(d),   L: identity but for quaternions, which it turns from there to here,
 
@@ -43,7 +43,7 @@ from sparsemor.core import (
     StepFormula,
 )
 from sparsemor.core.protocols.poses import turns
-from sparsemor.reducers.step.acceptance import (
+from sparsemor.reducers.step.convergence_test import (
     ACCELERATION_ERROR,
     EPS,
     LEAST,
@@ -85,13 +85,12 @@ class StepEquations(ABC):
     """Equations F(d) = 0 of one step of a model of n unknowns.
 
     price: cost of a new Jacobian in iterations with the old one; 1: a new one in each step; 0: in
-    each iteration.
-    exact: False if `jacobian` neglects terms, so that an iteration which it does not contract is
-    given up. least: lower bound of the ratio of two changes (acceptance.py). solved: unknowns for
-    which J is not the identity. named: terms that couple blocks: name in the scene, and the coupled
-    blocks. elements: number of elements that a residual visits. Of iterative linear solvers in the
-    last step, iterations: block -> their number; failed: block, status and message of one that did
-    not converge.
+    each iteration. exact: False if `jacobian` neglects terms, so that an iteration which it does
+    not contract is given up. least: lower bound of the ratio of two changes (convergence_test.py).
+    solved: unknowns for which J is not the identity. named: terms that couple blocks: name in the
+    scene, and the coupled blocks. elements: number of elements that a residual visits. Of iterative
+    linear solvers in the last step, iterations: block -> their number; failed: block, status and
+    message of one that did not converge.
     """
 
     layout: Layout
@@ -443,7 +442,7 @@ class _StepIteration:
 
     def _reference_sizes(self, top: FloatArray, rate: FloatArray) -> FloatArray:
         """Magnitudes (blocks,) to which changes are relative: the largest value so far, less where
-        an error of the tolerance times that would dominate the accelerations (acceptance.py);
+        an error of the tolerance times that would dominate the accelerations (convergence_test.py);
         infinite for multipliers, which follow from the other unknowns. The textbook method knows
         no round-off, and is judged by the unknowns alone."""
         tol = self.loop.tol.remaining

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from sparsemor.core import Amplitude, FloatArray, IntArray, Status, StepFormula, StepOutcome
-from sparsemor.reducers.step.acceptance import Tolerances
+from sparsemor.reducers.step.convergence_test import Tolerances
 from sparsemor.reducers.step.frame_step import BodyStep
 from sparsemor.reducers.step.newton_loop import Loop, StepEquations
 from sparsemor.reducers.step.reduced_equations import Reduced

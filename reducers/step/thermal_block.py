@@ -17,7 +17,7 @@ from scipy.linalg.lapack import dgetrf, dgetrs
 from sparsemor.core import FloatArray, IntArray, ReducedTerm, Status
 from sparsemor.reducers.linalg.active_columns import ActiveColumns, are_few
 from sparsemor.reducers.linalg.modal_coordinates import carried, dense, times
-from sparsemor.reducers.step.acceptance import estimated_error
+from sparsemor.reducers.step.convergence_test import estimated_error
 from sparsemor.reducers.step.projected_operators import TestedHeat
 from sparsemor.reducers.step.time_tables import LoadsInTime, TimeTable, tabulated
 

@@ -18,7 +18,7 @@ from sparsemor.core.cli.compare import variants
 from sparsemor.core.model import assembly
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.simulation.cache import Cache
-from sparsemor.plugins.charts.comparison import work_notes, work_points
+from sparsemor.plugins.charts.comparison_points import work_notes, work_points
 from sparsemor.reducers.full.reducer import Full
 
 SCENES = Path(__file__).parents[1] / "scenes"

@@ -160,9 +160,9 @@ def _signature(path: Path) -> _Signature | None:
 
 
 def remove(own: OwnFiles, folder: Path) -> bool:
-    """Removes these files, as they were found, and folders that they leave empty, in `folder`.
-    Those by which others are known go last, so that a killed removal can be repeated. Returns True
-    if nothing could not be removed."""
+    """Removes these files, and folders that they leave empty, in `folder`; files that were changed
+    since they were found are left. The first of `own.files`, by which others are known to be ours,
+    go last, so that a killed removal can be repeated. Returns False if one could not be removed."""
     whole = True
     for path in reversed(own.files):
         if _signature(folder / path) == own.files[path]:

@@ -100,20 +100,20 @@ class WeightEquations:
         """The equations with rows divided by the norm of their sums where `EquationRows.against`
         requires it; rows whose sums are round-off are dropped."""
         total, sizes = self._summed()
-        kept, sums, edge, used = [], [np.zeros(0)], 0, list[int]()
+        parts, sums, edge, numbers = [], [np.zeros(0)], 0, list[int]()
         for number, p in enumerate(self.parts):
-            own = total[edge : (edge := edge + p.count)]
-            size = float(np.linalg.norm(own))
+            sums_of_part = total[edge : (edge := edge + p.count)]
+            size = float(np.linalg.norm(sums_of_part))
             if p.against is None:
-                kept.append(p)
-                sums.append(own)
+                parts.append(p)
+                sums.append(sums_of_part)
             elif size > ROUND_OFF * p.against:
-                kept.append(replace(p, against=None, scale=1.0 / size))
-                sums.append(own / size)
+                parts.append(replace(p, against=None, scale=1.0 / size))
+                sums.append(sums_of_part / size)
             else:
                 continue
-            used.append(number)
-        return replace(self, parts=tuple(kept), sums=np.concatenate(sums), sizes=sizes[used])
+            numbers.append(number)
+        return replace(self, parts=tuple(parts), sums=np.concatenate(sums), sizes=sizes[numbers])
 
     def shares(self) -> FloatArray:
         """Share (E,) of each element in the norms of all columns, the mean over the parts."""

@@ -115,10 +115,10 @@ def installed() -> bool:
 
 
 def _with(
-    made: Stepper, notes: tuple[Note, ...], option: Compiled, checked: bool = False
+    solver: Stepper, notes: tuple[Note, ...], option: Compiled, checked: bool = False
 ) -> CompiledStepper:
-    kept: dict[str, Any] = {f.name: getattr(made, f.name) for f in fields(Stepper)}
-    return CompiledStepper(**{**kept, "notes": notes}, compiled=option, checked=checked)
+    parts: dict[str, Any] = {f.name: getattr(solver, f.name) for f in fields(Stepper)}
+    return CompiledStepper(**{**parts, "notes": notes}, compiled=option, checked=checked)
 
 
 def no_effect_of(option: Compiled, reason: str) -> tuple[Note, ...]:

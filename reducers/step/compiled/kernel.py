@@ -12,7 +12,6 @@ import numpy as np
 from sparsemor.core import FloatArray
 from sparsemor.core.protocols.integrator import same_time
 from sparsemor.core.protocols.poses import steered, tangent
-from sparsemor.reducers.step.acceptance import estimated_error
 from sparsemor.reducers.step.compiled.dense_products import product
 from sparsemor.reducers.step.compiled.local_terms import rows_of
 from sparsemor.reducers.step.compiled.model_arrays import (
@@ -27,6 +26,7 @@ from sparsemor.reducers.step.compiled.model_arrays import (
 )
 from sparsemor.reducers.step.compiled.prescribed_body import add_forces, solve_prescribed
 from sparsemor.reducers.step.compiled.reduced_equations import LEFT, motion, remember, solve
+from sparsemor.reducers.step.convergence_test import estimated_error
 from sparsemor.reducers.step.thermal_block import RENEWED, SLOW, TINY
 
 ROUND_OFF = same_time(1.0)

@@ -38,9 +38,9 @@ class HeatArrays(NamedTuple):
 
 
 class BodyArrays(NamedTuple):
-    """Constants of bodies (`reduced.Stack`). The first index of each array, not given here, is the
-    number of the body; all are filled up with zeros to the size of the largest body, b border
-    unknowns and p directions.
+    """Constants of bodies (`reduced_equations.Stack`). The first index of each array, not given
+    here, is the number of the body; all are filled up with zeros to the size of the largest body, b
+    border unknowns and p directions.
 
     items: number of contributions to the frame; kinds (i,), numbers (i, j), starts (i, 3): these
     (`FrameArrays`); gains (i,): numbers of their amplitudes, -1 for none. entries: number of rows,

@@ -7,7 +7,6 @@ from math import inf, sqrt
 import numpy as np
 
 from sparsemor.core import FloatArray
-from sparsemor.reducers.step.acceptance import LEAST, TRUSTED, estimated_error
 from sparsemor.reducers.step.compiled.dense_products import add_products, product
 from sparsemor.reducers.step.compiled.local_terms import rows_of
 from sparsemor.reducers.step.compiled.model_arrays import (
@@ -17,6 +16,7 @@ from sparsemor.reducers.step.compiled.model_arrays import (
     Work,
 )
 from sparsemor.reducers.step.compiled.reduced_equations import LEFT, reference_sizes
+from sparsemor.reducers.step.convergence_test import LEAST, TRUSTED, estimated_error
 from sparsemor.reducers.step.newton_loop import SLOW
 
 

@@ -5,13 +5,6 @@ left to these."""
 from math import inf
 
 from sparsemor.core import FloatArray, IntArray
-from sparsemor.reducers.step.acceptance import (
-    ACCELERATION_ERROR,
-    EPS,
-    MARGIN,
-    NEGLIGIBLE,
-    estimated_error,
-)
 from sparsemor.reducers.step.compiled.dense_products import add_product
 from sparsemor.reducers.step.compiled.local_terms import rows_of
 from sparsemor.reducers.step.compiled.model_arrays import (
@@ -21,6 +14,13 @@ from sparsemor.reducers.step.compiled.model_arrays import (
     RunArrays,
     TermArrays,
     Work,
+)
+from sparsemor.reducers.step.convergence_test import (
+    ACCELERATION_ERROR,
+    EPS,
+    MARGIN,
+    NEGLIGIBLE,
+    estimated_error,
 )
 from sparsemor.reducers.step.newton_loop import PATIENCE, SLOW
 

@@ -11,7 +11,6 @@ import numpy as np
 
 from sparsemor.core import FloatArray, IntArray
 from sparsemor.core.protocols.poses import LEFT
-from sparsemor.reducers.step.acceptance import EPS
 from sparsemor.reducers.step.compiled.kernel import advance, predicted, solve_heat
 from sparsemor.reducers.step.compiled.local_terms import rows_of
 from sparsemor.reducers.step.compiled.model_arrays import (
@@ -25,6 +24,7 @@ from sparsemor.reducers.step.compiled.model_arrays import (
     Work,
 )
 from sparsemor.reducers.step.compiled.reduced_equations import begin, motion, residual
+from sparsemor.reducers.step.convergence_test import EPS
 from sparsemor.reducers.step.newton_loop import UNKNOWN
 
 SMALL = 1e-6

@@ -17,7 +17,7 @@ from sparsemor.core.protocols.poses import angle_between
 from sparsemor.core.results.error_norms import measure_errors
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.simulation.cache import Cache
-from sparsemor.plugins.charts import view, write_run_charts
+from sparsemor.plugins.charts import view_in_space, write_run_charts
 from sparsemor.plugins.charts.style import new_figure
 from sparsemor.plugins.charts.surface_fields import solid_bodies, surface_figures
 from sparsemor.plugins.charts.surface_pyvista_worker import DARKEST, LIGHT
@@ -30,7 +30,7 @@ from sparsemor.plugins.charts.time_histories import (
     rate_of,
     turning,
 )
-from sparsemor.plugins.charts.view import VIEWS, BodySurface, front_facing, paint, rendered
+from sparsemor.plugins.charts.view_in_space import VIEWS, BodySurface, front_facing, paint, rendered
 from written_runs import TIMES, write_run
 
 SCENE = """\
@@ -183,7 +183,7 @@ def test_a_renderer_that_crashes_is_no_crash(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_without_the_extra_matplotlib_draws(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(view, "find_spec", lambda name: None)
+    monkeypatch.setattr(view_in_space, "find_spec", lambda name: None)
     assert rendered([ramp(8)]) is None
     assert rendered([]) is None
 
@@ -226,7 +226,7 @@ def test_images_take_their_panels_in_order(run: RunResult) -> None:
 def test_pictures_of_a_run_in_space(
     run: RunResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(view, "find_spec", lambda name: None)
+    monkeypatch.setattr(view_in_space, "find_spec", lambda name: None)
     files = write_run_charts(run, tmp_path, formats=["png"])
     assert {f.stem for f in files} == {
         "angles", "positions", "deformation_bar", "temperature_bar", "probe_displacement",

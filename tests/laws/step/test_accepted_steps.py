@@ -16,7 +16,7 @@ from sparsemor.core.simulation.offline import Offline, step_count
 from sparsemor.core.simulation.simulate import simulate
 from sparsemor.core.testing.in_memory_run import March, march, scene_of
 from sparsemor.reducers.full.monolithic import Summed
-from sparsemor.reducers.step.acceptance import estimated_error
+from sparsemor.reducers.step.convergence_test import estimated_error
 from sparsemor.reducers.step.newton_loop import Linearisation
 from tiers import quick
 

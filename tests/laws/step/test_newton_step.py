@@ -14,7 +14,7 @@ from sparsemor.core.protocols.poses import turns
 from sparsemor.core.status import Status
 from sparsemor.core.testing.in_memory_run import march, scene_of
 from sparsemor.reducers.step import newton_loop
-from sparsemor.reducers.step.acceptance import Tolerances
+from sparsemor.reducers.step.convergence_test import Tolerances
 from sparsemor.reducers.step.jacobian_factors import Lu
 from sparsemor.reducers.step.newton_loop import Ended, Kept, Linearisation, Loop
 
