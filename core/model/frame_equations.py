@@ -24,7 +24,7 @@ from sparsemor.core.protocols.prescribed_motion import FrameHistory
 from sparsemor.core.protocols.separable import MovingBody
 from sparsemor.core.protocols.term import ReducedTerm, Trial
 
-SMALL = 128
+SMALL = 256
 """Unknowns of a term up to which its Jacobian is computed with dense matrices: each sparse matrix
 takes longer to make than so small products take."""
 

@@ -210,12 +210,14 @@ def legend_above(figure: "Figure", handles: "Sequence[Artist]", columns: int = 3
 
 def save(figure: "Figure", folder: Path, name: str, formats: Iterable[str]) -> list[Path]:
     """Writes the figure as name.png, name.svg, ..; returns the paths."""
-    files = []
+    files, layout = [], figure.get_layout_engine()
     for kind in formats:
         file = folder / f"{name}.{kind}"
         metadata = {"Date": None} if kind == "svg" else None  # the same run, the same file
         figure.savefig(file, format=kind, dpi=300, metadata=metadata)
+        figure.set_layout_engine("none")  # all formats have the layout of the first one
         files.append(file)
+    figure.set_layout_engine(layout)
     return files
 
 

@@ -92,12 +92,12 @@ def test_killed_and_resumed(name: str, tmp_path: Path) -> None:
         assert whole.summary["atoms_active"]["arm.elastic"] <= 4
 
 
-def started(*arguments: str) -> subprocess.Popen[str]:
-    """The program in a process of its own, as soon as its run has begun."""
+def started(*arguments: str, sign: str = "out/result.checkpoint") -> subprocess.Popen[str]:
+    """The program in a process of its own, as soon as its run has written the file `sign`."""
     process = subprocess.Popen([PROGRAM, *arguments], stdout=subprocess.PIPE,
                                stderr=subprocess.PIPE, text=True)
     for _ in range(3000):
-        if Path("out/result.checkpoint").exists() or process.poll() is not None:
+        if Path(sign).exists() or process.poll() is not None:
             break
         time.sleep(0.01)
     assert process.poll() is None, process.communicate()
@@ -105,11 +105,40 @@ def started(*arguments: str) -> subprocess.Popen[str]:
 
 
 LONG = ["--set", "reducer=full", "--set", "time.end=5", "--out", "out"]
+WAITS = '''
+"""A check that waits in step 100 of the first run until it is told to go on."""
+
+import time
+from pathlib import Path
+
+from sparsemor.core import Check
 
 
-def test_ctrl_c_leaves_a_run_that_can_be_continued(tmp_path: Path) -> None:
-    process = started("run", str(SWING), *LONG)
+class Waits(Check):
+    """Waits."""
+
+    def on_start(self, run, state, whole):
+        return self._look
+
+    def _look(self, done, before, state, active):
+        if done == 100 and not Path("waiting").exists():
+            Path("waiting").touch()
+            for _ in range(60_000):
+                if Path("go_on").exists():
+                    break
+                time.sleep(0.01)
+'''
+
+
+def test_ctrl_c_leaves_a_run_that_can_be_continued(
+    tmp_path: Path, distribute: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    distribute("waits-pkg", {"check": {"waits": "waits_check:Waits"}}, waits_check=WAITS)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path / "site-waits-pkg"))
+    short = ["--set", "reducer=full", "--set", "time.end=0.4", "--out", "out"]
+    process = started("run", str(SWING), *short, sign="waiting")
     process.send_signal(signal.SIGINT)
+    Path("go_on").touch()
     out, err = process.communicate(timeout=600)
     assert (process.returncode, out) == (130, "")
     first, second = err.splitlines()
@@ -118,12 +147,12 @@ def test_ctrl_c_leaves_a_run_that_can_be_continued(tmp_path: Path) -> None:
     assert second == f"results up to the failure: {tmp_path / 'out' / 'result'}"
     stopped = open_result("out")
     assert stopped.status is Status.INTERRUPTED
-    assert 0 <= stopped.summary["steps"] < 5000
+    assert 0 <= stopped.summary["steps"] <= 100
     assert stopped.times[-1] == pytest.approx(stopped.summary["t_end"], rel=1e-9)
-    done = subprocess.run([PROGRAM, "run", SWING, *LONG, "--resume", "--json"],
+    done = subprocess.run([PROGRAM, "run", SWING, *short, "--resume", "--json"],
                           capture_output=True, text=True, check=True)
-    assert json.loads(done.stdout)["steps"] == 5000
-    whole = simulate(load(SWING, {"reducer": "full", "time.end": 5}), out="whole")
+    assert json.loads(done.stdout)["steps"] == 400
+    whole = simulate(load(SWING, {"reducer": "full", "time.end": 0.4}), out="whole")
     assert_same_bits(open_result("out"), whole)
 
 

@@ -6,13 +6,14 @@ Conventions, in the info string of a block of docs/**/*.md or README.md:
 * `python run`: executed there. `expression  # -> value` holds to the digits that are shown;
 * `console run`: each `$ command` succeeds, and each `# -> text` after it stands in what it
   prints (blanks count as one). `$ ! command` fails, and its text stands in what it complains.
+  `sparsemor` runs in the process of the test: most of what a short command takes is to start.
 
 The blocks of a page share the folder and the names, from top to bottom.
 """
 
 import ast
+import contextlib
 import json
-import os
 import re
 import shlex
 import subprocess
@@ -23,11 +24,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from typer.testing import CliRunner
+
+from sparsemor.core.cli import app
 
 pytestmark = pytest.mark.full
 
 ROOT = Path(__file__).parents[2]
-COMMAND = Path(sys.executable).with_name("sparsemor")
 LONG = ("kept-models", "machines", "methods", "pictures", "status-and-failures", "studies")
 """Pages that take a quarter of a minute and more each."""
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -108,6 +111,26 @@ def run_python(block: Block, page: Path, names: dict[str, Any]) -> None:
         assert agrees(str(value), promised), f"{where}: {value}, promised {promised}"
 
 
+def in_process(words: list[str], folder: Path) -> tuple[int, str]:
+    """Exit code of `sparsemor` in the folder, and what it prints and complains."""
+    with contextlib.chdir(folder):
+        done = CliRunner().invoke(app, words, prog_name="sparsemor")
+    if done.exception is not None and not isinstance(done.exception, SystemExit):
+        raise done.exception
+    return done.exit_code, done.stdout + done.stderr
+
+
+def in_python(words: list[str], folder: Path) -> tuple[int, str]:
+    """The same of `python`."""
+    done = subprocess.run([sys.executable, *words], cwd=folder, text=True, capture_output=True,
+                          check=False, timeout=300)
+    return done.returncode, done.stdout + done.stderr
+
+
+RUNS = {"sparsemor": in_process, "python": in_python}
+"""Programs that a page may run."""
+
+
 def run_console(block: Block, page: Path, folder: Path) -> None:
     printed = ""
     for number, line in enumerate(block.text.splitlines(), block.line):
@@ -115,12 +138,10 @@ def run_console(block: Block, page: Path, folder: Path) -> None:
         if line.startswith("$ "):
             fails = line.startswith("$ ! ")
             words = shlex.split(line[4 if fails else 2:], comments=True)
-            assert words[0] in ("sparsemor", "python"), f"{where}: only sparsemor and python"
-            program = COMMAND if words[0] == "sparsemor" else Path(sys.executable)
-            done = subprocess.run([program, *words[1:]], cwd=folder, env=os.environ, text=True,
-                                  capture_output=True, check=False, timeout=300)
-            assert (done.returncode != 0) == fails, f"{where}: {done.stdout}{done.stderr}"
-            printed = " ".join((done.stdout + done.stderr).split())
+            assert words[0] in RUNS, f"{where}: only {' and '.join(RUNS)}"
+            code, text = RUNS[words[0]](words[1:], folder)
+            assert (code != 0) == fails, f"{where}: {text}"
+            printed = " ".join(text.split())
         elif line.startswith("# -> "):
             text = " ".join(line.removeprefix("# -> ").split())
             assert text in printed, f"{where}: not printed: {text}\nprinted: {printed}"
