@@ -1,6 +1,7 @@
 """Source of a scene: its parsed data, its file, and the changes to it."""
 
 from collections.abc import Iterable, Mapping
+from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -62,7 +63,7 @@ class Source:
         kind: str = "scene",
     ) -> "Source":
         document = parse(text, name, kind)
-        return cls(document, document.tree, registry, folder)
+        return cls(document, deepcopy(document.tree), registry, folder)
 
     @classmethod
     def of_tree(

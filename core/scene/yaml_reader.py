@@ -4,6 +4,7 @@ import math
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any, cast
 
 from ruamel.yaml import YAML
@@ -56,9 +57,11 @@ class Document:
         return self.positions.get(path, (1, 1))
 
 
+@lru_cache(maxsize=16)
 def parse(text: str, name: str, kind: str = "scene") -> Document:
     """Document from a file's text, whose root must be a mapping; kind: type of the file in
-    messages.
+    messages. The last ones are kept: a scene is read again for each of its variants. Copy the tree
+    before you change it.
 
     Raises `LocatedError` with every fault of form: syntax, duplicate keys, tags, keys that are not
     text, numbers that are not finite, a text that is too long, too deep or of too many values.
