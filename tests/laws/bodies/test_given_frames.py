@@ -240,7 +240,7 @@ def test_soft_modes_save_full_order_a_solve(monkeypatch) -> None:
     D = (o.stiffness + o.damping / H + o.mass / H**2).toarray()
     assert np.abs(Z.T @ D @ Z - np.eye(Z.shape[1])).max() < 1e-9
     counts = linalg.eigh(o.mass.toarray(), D, eigvals_only=True)[::-1]
-    assert block.coarse.left >= np.sqrt(counts[0] * counts[Z.shape[1]])  # on the safe side
+    assert block.coarse.contraction >= np.sqrt(counts[0] * counts[Z.shape[1]])  # on the safe side
     monkeypatch.setattr(coarse, "MODES", 0)
     plain = march(scene, model=turning(scene, 60.0, 4))
     assert differ(corrected, plain) < 1e-12
