@@ -8,6 +8,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 
 import hypothesis
@@ -131,6 +132,12 @@ hypothesis.settings.register_profile(  # the same examples on every machine, how
 
 def pytest_configure(config: pytest.Config) -> None:
     hypothesis.settings.load_profile("sparsemor")
+    # Hypothesis takes constants for its examples from the sources of all imported modules: seconds
+    # in every process, and examples that depend on the tests that were collected.
+    with suppress(ImportError):  # early versions take none
+        from hypothesis.internal.conjecture import providers
+
+        vars(providers)["_get_local_constants"] = lambda: providers._local_constants
     # One thread of BLAS, for workers and programs that tests start, too: most matrices here are
     # small, and the threads of two workers on two cores wait for each other.
     os.environ.update(OPENBLAS_NUM_THREADS="1", OMP_NUM_THREADS="1", MKL_NUM_THREADS="1")

@@ -34,6 +34,7 @@ from sparsemor.reducers.estimation.estimator import ErrorModel
 from sparsemor.reducers.estimation.modal_steps import ModalSteps
 from sparsemor.reducers.estimation.reduced_states import InModes, Projected
 from sparsemor.reducers.estimation.residuals import ElasticResidual
+from tiers import quick
 
 INTEGRATORS: list[Integrator] = [Bdf1(), Bdf2(), GeneralizedAlpha()]
 
@@ -276,7 +277,7 @@ def beam() -> Scene:
         "reducer": {"use": "galerkin", "basis": {"use": "pod", "count": 2}}})
 
 
-@pytest.mark.parametrize("every", [1, "on"])
+@pytest.mark.parametrize("every", quick([1, "on"], "on"))
 def test_a_load_from_the_start_does_not_let_the_estimate_vibrate(every: int | str) -> None:
     """The initial accelerations of a reduced model are those of its own equations. Their projection
     that is orthogonal without the mass gave estimates hundreds of times too large."""
@@ -315,6 +316,7 @@ def test_few_estimates_cost_a_twentieth_of_the_steps(
     assert 0 < counts["residuals"] <= estimate_interval.SHARE * 200 / price + first
 
 
+@pytest.mark.full
 def test_kept_models_and_what_auto_chooses_have_an_estimate_unless_it_is_off() -> None:
     scene = reduced_scene(tiny())
     assert simulate(scene).error_estimates == ()

@@ -59,6 +59,7 @@ def test_a_spinning_annular_disk_and_its_reduced_model() -> None:
     assert value(reduced, "bore.u_x") == pytest.approx(value(found, "bore.u_x"), rel=1e-9)
 
 
+@pytest.mark.full
 def test_a_hollow_cylinder_conducts_heat_and_its_thermal_stress(tmp_path: Any) -> None:
     ends = {"hot": {"use": "prescribed_temperature", "on": ["disk:left"], "temperature": 393.15},
             "cold": {"use": "prescribed_temperature", "on": ["disk:right"],

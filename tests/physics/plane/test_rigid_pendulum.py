@@ -128,6 +128,7 @@ def test_bdf1_is_of_first_order_in_everything() -> None:
     np.testing.assert_allclose(np.log2(coarse / fine), 1.0, atol=0.05)
 
 
+@pytest.mark.full
 def test_bdf2_is_of_second_order_in_everything() -> None:
     coarse, fine = (errors({"use": "bdf2"}, h, 0.5) for h in (2e-3, 1e-3))
     np.testing.assert_allclose(np.log2(coarse / fine), 2.0, atol=0.1)
