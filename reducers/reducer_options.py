@@ -67,7 +67,7 @@ class StepOptions(Reducer):
     """Largest number of Newton iterations in a step; the step fails beyond."""
     compiled: Compiled = "auto"
     """Compile the time step to machine code with numba (`pip install 'sparsemor[fast]'`): `on`,
-    `off`, or `auto`: if numba is installed, in runs of at least 80 000 steps, and of at least 2000
+    `off`, or `auto`: if numba is installed, in runs of at least 50 000 steps, and of at least 2000
     where an earlier run has kept the machine code (the last digits may then differ from those of
     that run). It covers rigid bodies and reduced flexible ones, in the plane and in space, without
     contact in the step. Other models, models whose atoms are selected during the run, steps that

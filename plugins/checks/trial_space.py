@@ -30,6 +30,7 @@ from sparsemor.core import (
     RunResult,
     SolveFailed,
     StepFactors,
+    information,
 )
 from sparsemor.core.linalg.dense import orthonormal
 from sparsemor.core.linalg.snapshots import column_chunks
@@ -46,8 +47,8 @@ BEYOND_LIMIT = 0.05
 change in training, without a warning."""
 NOTHING: Mapping[str, Mapping[str, object]] = {}
 COVERED = 1e-3
-"""Projection error of the states that the loads of the run make expect, up to which a state outside
-the range of training is no reason for a warning: amplitudes are larger, shapes the same."""
+"""Projection error of the states that the loads of the run make expect, or estimated error of the
+run, up to which a state outside the range of training is no reason for a warning."""
 FIRST = 3
 """Number of steps at full order whose states are projected: what a load that jumps at the start
 excites, which estimates by static displacements do not contain."""
@@ -317,7 +318,9 @@ def beyond_training(
     spaces: Sequence[TrialSpace], result: RunResult, trained_to: float,
     facts: Mapping[str, Mapping[str, object]] = NOTHING, own_loads: bool = True,
 ) -> dict[str, Note]:
-    """Warnings about reduced blocks whose stored states left the range that they had in training;
+    """Warnings about reduced blocks whose stored states left the range that they had in training,
+    information where their estimated error is small.
+
     trained_to: end time of the training run, s; facts: of the step solver by block, whose `norm` of
     the residual says if solutions are as good as the atoms (`D^-1`); own_loads: False for loads
     other than those that the spaces were tested with. Coefficients are read in portions."""
@@ -343,12 +346,14 @@ def beyond_training(
             space.excess(result.coefficients(space.name, slice(first, first + piece)))
             for first in range(0, len(times), piece)])
         left = np.flatnonzero(excess > BEYOND_LIMIT)
-        estimate = "" if space.name not in estimates else (
-            f", with an estimated error of {estimates[space.name].max():.2g}")
-        if len(left):
-            notes[space.name] = Note(
-                f"{space.name} left the range of its training in {len(left) / len(times):.0%} of "
-                f"the stored steps, first at {times[left[0]]:.4g} s, by up to "
-                f"{excess.max():.2g} of its largest change in training (limit "
-                f"{BEYOND_LIMIT:g}){estimate}; {advice}", BEYOND)
+        if not len(left):
+            continue
+        text = (f"{space.name} left the range of its training in {len(left) / len(times):.0%} of "
+                f"the stored steps, first at {times[left[0]]:.4g} s, by up to {excess.max():.2g} "
+                f"of its largest change in training (limit {BEYOND_LIMIT:g})")
+        estimate = estimates[space.name].max() if space.name in estimates else None
+        if estimate is not None:
+            text += f", with an estimated error of {estimate:.2g}"
+        notes[space.name] = information(text, BEYOND) if (
+            estimate is not None and estimate <= COVERED) else Note(f"{text}; {advice}", BEYOND)
     return notes

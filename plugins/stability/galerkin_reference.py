@@ -30,6 +30,8 @@ from sparsemor.core.simulation.time_stepping import FixedStep, accepted_steps, f
 from sparsemor.core.simulation.training import state_steps
 from sparsemor.core.status import SolveFailed, Status
 
+COARSE = 400
+"""Number of steps from which on a run of the Galerkin model takes longer ones."""
 MANY = 400
 """Number of atoms above which the Galerkin model is too expensive to run: only the initial state is
 linearised."""
@@ -69,8 +71,8 @@ def projected(
 def along(
     solver: StepSolver, integrator: Integrator, h: float, start: State, times: Sequence[float],
 ) -> list[State]:
-    """Full-order states at `times` (s, multiples of h, 0 is the start) of a run of the given
-    solver.
+    """Full-order states of a run of the given solver, at the multiples of its step h (s) nearest to
+    `times` (s, 0 is the start).
 
     Raises SolveFailed when the run stops before the last of them.
     """
@@ -93,9 +95,10 @@ def states_along(
     model: Model, integrator: Integrator, h: float, solver: StepSolver, start: State,
     times: Sequence[float], registry: Registry | None = None, known: Sequence[State] = (),
 ) -> list[State]:
-    """Full-order states at `times` (s): those that are known, else of a run of the Galerkin model
-    with the solver's atoms; the initial state alone if that model cannot be built, stops early, or
-    has too many atoms.
+    """Full-order states near `times` (s): those that are known, else of a run of the Galerkin model
+    with the solver's atoms, in `COARSE` to 2 `COARSE` steps where there are as many (these states
+    are points of the motion to linearise at, not its solution); the initial state alone if that
+    model cannot be built, stops early, or has too many atoms.
 
     Also for integrators of higher order only the initial state: they damp little, and oscillating
     frames then grow in each linearised map without growing in the run.
@@ -105,11 +108,14 @@ def states_along(
         return [start]
     if known:
         return list(known)
-    try:
-        twin = projected(model, integrator, h, solver, {}, registry)
-        return along(twin, integrator, h, start, times)
-    except (SolveFailed, InputError):
-        return [start]
+    longer = max(1, round(times[-1] / h) // COARSE)
+    for H in sorted({h * longer, h}, reverse=True):
+        try:
+            twin = projected(model, integrator, H, solver, {}, registry)
+            return along(twin, integrator, H, start, times)
+        except (SolveFailed, InputError):  # a long step may fail where the steps of the run do not
+            continue
+    return [start]
 
 
 def times_checked(times: Sequence[float], h: float, end: float) -> tuple[float, ...]:

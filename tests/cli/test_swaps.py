@@ -42,8 +42,8 @@ def pendulum(tmp_path_factory: pytest.TempPathFactory
 @pytest.mark.full
 @pytest.mark.parametrize(("word", "wrong", "kind"), [
     ({}, False, ""),
-    ({"reducer.basis": "modal"}, False, "trial_space"),
-    ({"reducer.basis": "static"}, False, "trial_space"),
+    ({"reducer.basis": "modal"}, True, "trial_space"),
+    ({"reducer.basis": "static"}, True, "trial_space"),
     ({"reducer.basis": "craig_bampton"}, False, "trial_space"),
     ({"reducer.solver": "omp"}, False, "no_effect"),
     ({"reducer.carried": False}, False, "no_effect"),

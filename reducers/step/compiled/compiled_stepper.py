@@ -18,7 +18,7 @@ from sparsemor.reducers.step.blockwise_solver import Stepper
 from sparsemor.reducers.step.step_memory import Memory
 
 Compiled: TypeAlias = Literal["auto", "on", "off"]
-AUTO, KEPT = 80_000, 2_000
+AUTO, KEPT = 50_000, 2_000
 """Smallest number of steps of a run, or of all runs of a kept model in this process, for which
 `auto` compiles, and takes machine code that an earlier run has kept: compilation and loading take
 as long as about as many uncompiled steps."""

@@ -10,7 +10,7 @@ from pydantic import ValidationError
 from scipy import linalg
 from scipy.sparse import csr_array
 
-from sparsemor.core import BlockData, Dictionary
+from sparsemor.core import BlockData, Dictionary, StepFactors
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.model.assembly import assemble
@@ -36,6 +36,7 @@ from sparsemor.reducers.block_counts import most_atoms
         Static(rates=(0.0, 1.0, 100.0), orthonormal=True),
         Static(thermal=Modal(count=5)),
         Static(thermoelastic=False),
+        Static(count=3),
     ],
     ids=repr,
 )
@@ -189,6 +190,66 @@ def test_rates_answer_the_first_step_of_implicit_euler() -> None:
     assert "static heating at 1000/s" in Static(rates=(1e3,)).build(data).provenance
 
 
+def test_a_number_of_rates_holds_for_any_heat_over_time() -> None:
+    """Galerkin temperatures of the insulated, heated link in 400 steps of implicit Euler under
+    pulses of random size and length, beside those of all unknowns: a decade closer with five rates
+    more."""
+    full = pendulum().block_data("link1.thermal", step=StepFactors(1e-2, 100.0, 1e4, 100.0))
+    data = replace(full, start=np.zeros(full.size))
+    rng = np.random.default_rng(3)
+    heat = np.repeat(rng.uniform(-1.0, 1.0, 20), rng.multinomial(400, np.full(20, 0.05)))
+
+    def temperatures(A: FloatArray) -> FloatArray:
+        C, K = A.T @ (data.mass @ A), A.T @ (data.stiffness @ A)
+        solve = linalg.lu_factor(K + 100.0 * C)
+        f, x, X = A.T @ data.loads[:, 0], np.zeros(A.shape[1]), []
+        for q in heat:
+            x = linalg.lu_solve(solve, 100.0 * (C @ x) + q * f)
+            X.append(A @ x)
+        return np.array(X).T
+
+    exact = temperatures(np.eye(data.size))
+    errors = []
+    for count in (6, 11, 16):
+        dictionary = Static(rates=count, orthonormal=True).build(data)
+        assert count <= dictionary.atoms.shape[1] <= count + 1  # and the uniform temperature
+        difference = np.linalg.norm(temperatures(dictionary.atoms) - exact, axis=0).max()
+        errors.append(difference / np.linalg.norm(exact, axis=0).max())
+    assert errors[1] < 0.1 * errors[0] and errors[2] < 0.1 * errors[1] and errors[2] < 1e-4
+
+
+def test_numbers_of_rates_are_from_the_slowest_response_to_the_step() -> None:
+    data = pendulum().block_data("link1.thermal", step=StepFactors(1e-2, 100.0, 1e4, 100.0))
+    names = Static(rates=5).build(data).provenance
+    assert names[1] == "static heating"
+    rates = [float(name.split(" at ")[1].removesuffix("/s")) for name in names[2:]]
+    assert rates[-1] == pytest.approx(100.0)
+    ratios = np.divide(rates[1:], rates[:-1])
+    np.testing.assert_allclose(ratios, ratios[0], rtol=1e-4)
+    decay, modes = linalg.eigh(data.stiffness.toarray(), data.mass.toarray())
+    heated = np.abs(modes.T @ data.loads[:, 0])[1:]  # all but the uniform temperature
+    slowest = decay[1:][heated > 0.1 * heated.max()][0]
+    assert slowest < rates[0] < 2.0 * slowest
+    assert Static(rates=1).build(data).provenance == Static().build(data).provenance
+    with pytest.raises(InputError, match="time step that link1.thermal is reduced for is missing"):
+        Static(rates=5).build(link("link1.thermal"))
+
+
+def test_a_count_keeps_the_leading_directions_of_the_responses() -> None:
+    data = link("link1.thermal")
+    rates = (0.0, 1.0, 10.0, 100.0, 1000.0)
+    whole = Static(rates=rates, orthonormal=True).build(data)
+    few, all_of_them = (Static(rates=rates, count=count).build(data) for count in (2, 50))
+    assert few.provenance == ("static uniform", "static mode 0", "static mode 1")
+    assert np.abs(few.atoms.T @ few.atoms - np.eye(3)).max() < 1e-12
+    assert outside(few.atoms, whole) < 1e-9 and outside(all_of_them.atoms, whole) < 1e-8
+    responses = Static(rates=rates).build(data).atoms[:, 1:]
+    rest = responses - few.atoms @ (few.atoms.T @ responses)
+    u = few.atoms[:, :1]
+    singular = np.linalg.svd(responses - u @ (u.T @ responses), compute_uv=False)
+    assert np.linalg.norm(rest) == pytest.approx(np.linalg.norm(singular[2:]), rel=1e-9)
+
+
 def test_orthonormal_responses_span_the_same() -> None:
     data = link("link1.thermal")
     rates = (0.0, 1.0, 10.0, 100.0, 1000.0)
@@ -251,3 +312,5 @@ def test_what_cannot_be_built_is_refused_in_words() -> None:
         Static.model_validate({"rates": []})
     with pytest.raises(ValidationError):
         Static.model_validate({"rates": [-1.0]})
+    with pytest.raises(ValidationError):
+        Static.model_validate({"rates": 0})

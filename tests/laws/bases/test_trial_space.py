@@ -207,6 +207,22 @@ def test_a_run_that_leaves_its_training_says_when_and_by_how_much(
 
 
 @pytest.mark.full
+def test_a_small_estimated_error_makes_it_no_warning(shared: Cache, tmp_path: Path) -> None:
+    """With many atoms the estimate shows that the run is right outside the range, too; with few it
+    shows that it is not."""
+    half = tiny().using({"training.end": 0.02})
+    for count, warned in ((12, False), (2, True)):
+        result = run(shared, tmp_path / str(count), half, use="galerkin", error_estimate="on",
+                     basis={"use": "pod", "count": count})
+        left = [text for text in [*result.summary["notes"], *result.summary["information"]]
+                if "bar.thermal left the range" in text]
+        (text,) = left
+        estimate = float(text.split("estimated error of ")[1].split(";")[0])
+        assert (estimate > 1e-3) is warned
+        assert (text in result.summary["notes"]) is warned and ("train longer" in text) is warned
+
+
+@pytest.mark.full
 def test_a_run_in_the_range_of_its_training_says_nothing(shared: Cache, tmp_path: Path) -> None:
     result = run(shared, tmp_path, tiny().using({"time.end": 0.02, "training.end": 0.04}),
                  use="galerkin", basis={"use": "pod", "count": 6})

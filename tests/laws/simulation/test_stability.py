@@ -1,5 +1,6 @@
 """Laws of the linearised one-step map, of the gate, and of the states they are asked at."""
 
+from collections.abc import Iterator
 from functools import cache
 from math import inf
 from typing import Any
@@ -20,11 +21,16 @@ from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.offline_cache import Products
 from sparsemor.core.simulation.simulate import simulate
 from sparsemor.core.simulation.stages_before_steps import prepared_run
-from sparsemor.core.simulation.time_stepping import started
+from sparsemor.core.simulation.time_stepping import accepted_steps, started
 from sparsemor.core.simulation.training import offline_of
 from sparsemor.core.simulation.validation import checked_model
 from sparsemor.core.testing.installed import installed
-from sparsemor.plugins.stability.galerkin_reference import linearization_times, states_along
+from sparsemor.plugins.stability.galerkin_reference import (
+    along,
+    linearization_times,
+    projected,
+    states_along,
+)
 from sparsemor.plugins.stability.spectrum import eigenvalues, excess
 from sparsemor.plugins.stability.stability_check import (
     Judgement,
@@ -253,6 +259,29 @@ def test_a_run_is_looked_at_from_its_start_to_its_end() -> None:
     at = model.layout["link1.rigid"]
     truth = simulate(scene.using({"reducer": "full"}), cache=Cache()).block("link1.rigid")[-1]
     np.testing.assert_allclose(states[-1].x[at], truth, atol=1e-8)
+
+
+@pytest.mark.full
+def test_states_of_a_long_run_are_found_in_longer_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In 400 to 800 steps, however many the run has, and near those that it passes."""
+    taken = []
+
+    def counted(*given: Any) -> Iterator[Any]:
+        for step in accepted_steps(*given):
+            taken.append(step)
+            yield step
+
+    monkeypatch.setattr("sparsemor.plugins.stability.galerkin_reference.accepted_steps", counted)
+    scene, solver, model = prepared("bdf1", "sparse")
+    times = linearization_times(1e-4, 2000)
+    h = 1e-4
+    states = states_along(model, scene.integrator, h, solver, consistent_state(model), times)
+    assert len(taken) == 400
+    assert [s.t for s in states] == pytest.approx(times)
+    fine = along(projected(model, scene.integrator, h, solver, {}), scene.integrator, h,
+                 consistent_state(model), times)
+    at = model.layout["link1.rigid"]
+    np.testing.assert_allclose(states[-1].x[at], fine[-1].x[at], atol=2e-3)
 
 
 @pytest.mark.full
