@@ -39,15 +39,20 @@ class Bdf2(Integrator):
         return replace(state, memory=np.zeros((state.x.size, 2)))
 
     def rules(self, h: float) -> UpdateRules:
-        """Update rules in x, v, a and the two columns of the memory, of a step of size h, s."""
+        """Update rules in x, v, a and the two columns of the memory, of a step of size h, s.
+
+        A vector (5,) below holds the factors of the old [x0, v0, a0, m0, m1] in a value, a number
+        with d (dx, dv, da) the factor of the new highest rate q.
+        """
         x0, v0, a0, m0, m1 = np.eye(5)
         backward = h * (v0 - 0.5 * h * a0) - m0  # x0 - x_
         slower = h * a0 - m1  # v0 - v_
         gain = 2.0 * h / 3.0
 
         def rule(v: FloatArray, dv: float, a: FloatArray, da: float) -> UpdateRule:
-            """Rule for rates v + dv q and a + da q at the new time."""
+            """Rule for rates v + dv q and a + da q at the new time; v, a (5,)."""
             x, dx = x0 + gain * v + backward / 3.0, gain * dv
+            # the last two: new memory, differences of x0, v0 from a Taylor polynomial back in time
             old = np.array([x, v, a, h * (v - 0.5 * h * a) - (x - x0), h * a - (v - v0)])
             new = np.array([dx, dv, da, h * (dv - 0.5 * h * da) - dx, h * da - dv])
             return UpdateRule(new, old)

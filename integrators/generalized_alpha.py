@@ -62,9 +62,14 @@ class GeneralizedAlpha(Integrator):
         return replace(state, memory=memory)
 
     def rules(self, h: float) -> UpdateRules:
-        """Update rules in x, v, a and the memory, of a step of size h, s."""
+        """Update rules in x, v, a and the memory, of a step of size h, s.
+
+        x, v, a, b (4,): factors of the old values in each; the first array of an `UpdateRule` holds
+        those of the new highest rate: acceleration, or rate of first-order unknowns.
+        """
         am, af, gamma, beta = self._second()
         x, v, a, b = np.eye(4)
+        # new algorithmic acceleration: b1 . [x, v, a, b] + db times the new acceleration
         b1, db = _blended(am, af, a, b)
         second = UpdateRule(
             np.array([h * h * beta * db, h * gamma * db, 1.0, db]),
@@ -78,6 +83,7 @@ class GeneralizedAlpha(Integrator):
         return UpdateRules(second, first)
 
     def _second(self) -> _Second:
+        """Parameters am, af, gamma, beta that belong to `rho_inf`."""
         rho = self.rho_inf
         am, af = (2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0)
         gamma = 0.5 + af - am

@@ -60,7 +60,9 @@ class Stepper(StepSolver[Memory]):
     limits: largest permitted |coefficient| of each block; sanity (n,): the inverse for each
     unknown, so that one product shows that all are within. heat: block name -> its rows in a step;
     tested: elastic block -> projected operators. points: number of past states that are
-    extrapolated.
+    extrapolated. system: bodies and constraints, for consistent starts; mechanics: the solver of
+    their step, None for a model without motion. rows: sampled rows of each block;
+    elements_touched: block -> elements that a step visits; factorizations: made before the run.
     """
 
     layout: Layout
@@ -196,8 +198,8 @@ class Stepper(StepSolver[Memory]):
     def _solve_heat(
         self, name: str, at: slice | IntArray, now: StepUnknowns, memory: Memory
     ) -> tuple[Status, int, str]:
-        """Solves one thermal block, or several that are coupled, in place; returns status, number
-        of iterations and details."""
+        """Solution of one thermal block, or of several that are coupled (group `name` of the
+        unknowns `at`), added to `now`; returns status, number of iterations and details."""
         equations = self.full_heat.get(name)
         block = self.heat[name] if equations is None else None
         if block is not None and isinstance(at, slice):
@@ -205,7 +207,8 @@ class Stepper(StepSolver[Memory]):
         if (block or self.full_heat[name]).elements:
             last = memory.newest[at]
             far = float(np.abs(now.x[at] - last).max()) > 0.1 * float(np.abs(last).max())
-            if far:  # below 0 K radiation has a second solution
+            # below 0 K radiation has a second solution: start from the last temperatures instead
+            if far:
                 now.add_temperatures(at, None, last - now.x[at])
         if block is None:
             return self._solve_heat_by_loop(name, at, now, memory)
@@ -222,7 +225,8 @@ class Stepper(StepSolver[Memory]):
     def _solve_heat_by_loop(
         self, name: str, at: slice | IntArray, now: StepUnknowns, memory: Memory
     ) -> tuple[Status, int, str]:
-        """Solves the heat of a group by the loop, in place."""
+        """Solution of the heat of a full-order group by the Newton loop, added to `now`; returns
+        status, number of iterations and details."""
         equations, loop = self.full_heat[name].working(), self.loop
         assert loop is not None
         kept = memory.heat_kept[name]
@@ -315,7 +319,8 @@ class Stepper(StepSolver[Memory]):
 def reduce_state(
     state: State, layout: Layout, dictionaries: Mapping[str, Dictionary]
 ) -> State:
-    """Least-squares coefficients of a full-order state and its rates on the trial bases."""
+    """Least-squares coefficients of a full-order state and its rates on the trial bases; layout: of
+    the reduced model. Blocks without a dictionary are copied."""
     if not dictionaries:
         return state
     full = layout.resized({name: len(d.offset) for name, d in dictionaries.items()})
@@ -341,6 +346,8 @@ def stepper(
     """Block-wise step solver from reduced or full-order blocks, with the elements that one step
     visits.
 
+    layout: of the unknowns of the step; heat: group -> thermal block; tol: of the iteration;
+    factorizations: number made so far; limits: largest permitted |coefficient| of each block.
     points: number of past states to extrapolate; tested: projected elastic operators, for
     consistent initial rates; visited: elements of each thermal block's local terms, where these are
     not those of `heat`, whose keys are groups of coupled blocks.
@@ -357,11 +364,13 @@ def stepper(
     separated, known = model.separated, tested or {}
     bodies = tuple(BodyStep.of(m, layout, known[m.elastic].frame if m.elastic in known else None)
                    for m in separated.moving)
-    system = Mechanics(bodies, layout.frames.stop, layout.algebraic,
-                       tuple(separated.border_targets), separated.step)
-    return Stepper(layout, dictionaries, rows, elements, system, heat, tol, points,
-                   factorizations, limits or {}, sanity, notes, facts or {}, known,
-                   heat_groups=_heat_groups(model, layout))
+    system = Mechanics(bodies, n_rigid=layout.frames.stop, algebraic=layout.algebraic,
+                       targets=tuple(separated.border_targets), h=separated.step)
+    return Stepper(
+        layout=layout, dictionaries=dictionaries, rows=rows, elements_touched=elements,
+        system=system, heat=heat, tolerances=tol, points=points, factorizations=factorizations,
+        limits=limits or {}, sanity=sanity, notes=notes, facts=facts or {}, tested=known,
+        heat_groups=_heat_groups(model, layout))
 
 
 def _heat_groups(model: AssembledModel, layout: Layout) -> tuple[tuple[str, slice | IntArray], ...]:

@@ -27,8 +27,12 @@ from sparsemor.reducers.step.time_tables import plus_loads
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Body:
-    """Linear equations of one body in its border unknowns z (rigid accelerations, multipliers):
-    elastic accelerations c = -(base + S z); border rows (b,): rows + H z + tau c = 0."""
+    """Linear equations of one body in its b border unknowns z (rigid accelerations, multipliers):
+
+        accelerations of its k atoms: c'' = -(base + S z),    border rows: rows + H z + tau c'' = 0
+
+    base (k,), S (k, b), rows (b,), H (b, b), tau (b, k).
+    """
 
     base: FloatArray
     S: FloatArray
@@ -42,8 +46,8 @@ def consistent_start(
     motion: float,
 ) -> State:
     """The state with elastic and rigid accelerations and multipliers that satisfy the reduced
-    equations. motion: step of the finite differences of constraint Jacobians, s
-    (core/model/constraint_rates.py).
+    equations. tested: operators of each body, None for a rigid one; motion: step of the finite
+    differences of constraint Jacobians, s (core/model/constraint_rates.py).
 
     Multipliers that the reduced equations do not determine (all atoms satisfy their constraint
     already) are the solution of least norm.
@@ -86,38 +90,40 @@ def _accelerations(
     B = summed(mechanics.size, ((at, T[:, at].T @ (p.H - p.tau @ p.S) @ T[:, at])
                                 for at, T, p in zip(used, maps, parts, strict=True)))
     z = -least(B, r - _target_accelerations(mechanics, state.t))
-    there = np.concatenate([np.zeros(nr), z[nr:]])
-    nonlinear = any(_is_nonlinear(mechanics, body, t, state, p, there)
-               for body, t, p in zip(mechanics.bodies, tested, parts, strict=True))
+    multipliers = np.concatenate([np.zeros(nr), z[nr:]])
+    nonlinear = any(_is_nonlinear(mechanics, body, t, state, p, multipliers)
+                    for body, t, p in zip(mechanics.bodies, tested, parts, strict=True))
     return z, parts, nonlinear
 
 
 def constraint_errors(
     mechanics: Mechanics, tested: Sequence[TestedElastic | None], state: State
 ) -> tuple[FloatArray, FloatArray]:
-    """Values and time derivatives (l, 2) of the constraints at a state, and magnitudes (l, 2) of
-    their terms."""
-    found, sizes = (np.zeros((mechanics.size, 2)) for _ in range(2))
+    """Errors of the l constraints at a state, (l, 2): value and time derivative; and magnitudes
+    (l, 2) of their terms, to compare them with."""
+    # columns: value, time derivative; rows: rigid coordinates (unused), then constraints
+    errors, sizes = (np.zeros((mechanics.size, 2)) for _ in range(2))
     for i, f in mechanics.targets:
         target = np.array([f(state.t), time_derivatives(f, state.t, mechanics.h)[0]])
-        found[i] -= target
+        errors[i] -= target
         sizes[i] += np.abs(target)
     for body, t in zip(mechanics.bodies, tested, strict=True):
         origin, rate, _ = body.border_motion(state.t)
         y, v = _border(mechanics, body, state.x, origin), _border(mechanics, body, state.v, rate)
-        d, w = body.frame.rigid_size, _evaluate(body, t, y, v, 0.0, state)
-        rows, size = np.zeros((len(y), 2)), np.zeros((len(y), 2))
+        d, w = body.frame.rigid_size, _evaluate(body, t, y, v, c2=0.0, state=state)
+        rows, size = np.zeros((len(y), 2)), np.zeros((len(y), 2))  # of the body's border
         rows[d:, 0], rows[d:, 1] = w.border[d:, -1], _moving(body, t, y, v, state)
         of_time = body.frame.time_derivative(1, state.t, mechanics.h)
         if of_time is not None:
-            rows[d:, 1] += _evaluate(replace(body, frame=of_time), t, y, v, 0.0, state).border[
-                d:, -1]
-        reach, count = np.abs(y[:d]), min(3, d - 1)  # the position, before the attitude
+            rows[d:, 1] += _evaluate(
+                replace(body, frame=of_time), t, y, v, c2=0.0, state=state).border[d:, -1]
+        # y is the position, then the attitude, whose magnitude is at least 1
+        reach, count = np.abs(y[:d]), min(3, d - 1)
         reach[count:] = np.maximum(reach[count:], 1.0)
         size[d:] = np.abs(w.border[d:, :d]) @ np.stack([reach, np.abs(v[:d])], axis=1)
-        found += body.to_border.T @ rows
+        errors += body.to_border.T @ rows
         sizes += np.abs(body.to_border).T @ size
-    return found[mechanics.n_rigid :], sizes[mechanics.n_rigid :]
+    return errors[mechanics.n_rigid :], sizes[mechanics.n_rigid :]
 
 
 def _prescribed_start(
@@ -136,35 +142,39 @@ def _prescribed_start(
 
 
 def _linear(
-    mechanics: Mechanics, body: BodyStep, t: TestedElastic | None, state: State, motion: float,
+    mechanics: Mechanics, body: BodyStep, ops: TestedElastic | None, state: State, motion: float,
     forces: FloatArray,
 ) -> _Body:
-    """The body's equations at zero accelerations and multipliers, by their derivatives with respect
-    to these at `forces` (n,)."""
+    """Linear equations of a body in accelerations and multipliers, with the derivatives by
+    multipliers taken at `forces` (n,): rigid rows by two evaluations of the frame, with c2 = 0 (w0)
+    and c2 = 1/h^2 (w1), whose difference divided by c2 is the mass; constraint rows (from d on) as
+    their second time derivative."""
     origin, rate, _ = body.border_motion(state.t)
     prescribed_forces = body.to_border @ forces
     y, v = _border(mechanics, body, state.x, origin), _border(mechanics, body, state.v, rate)
     c2 = 1.0 / mechanics.h**2  # large enough that masses are not lost against centrifugal terms
-    w0, w1 = (_evaluate(body, t, y + prescribed_forces, v, c, state) for c in (0.0, c2))
+    w0, w1 = (_evaluate(body, ops, y + prescribed_forces, v, c, state) for c in (0.0, c2))
     d = body.frame.rigid_size
     H = np.zeros_like(w0.border[:, :-1])
     H[:d, :d], H[:d, d:] = (w1.border - w0.border)[:d, :d] / c2, w0.border[:d, d:-1]
-    H[d:, :d], H[d:, d:] = w0.border[d:, :d], c2 * w0.border[d:, d:-1]  # a compliance
+    # constraints by multipliers: a compliance, times c2 as in a second time derivative
+    H[d:, :d], H[d:, d:] = w0.border[d:, :d], c2 * w0.border[d:, d:-1]
+    # w0 was evaluated at these forces: extrapolated to zero
     rows = w0.border[:, -1] - H[:, d:] @ prescribed_forces[d:]
-    rows[d:] = _curvature(mechanics, body, t, y, v, state, motion)
-    if t is None:
+    rows[d:] = _curvature(mechanics, body, ops, y, v, state, motion)
+    if ops is None:
         return _Body(NONE, np.zeros((0, len(rows))), rows, H, np.zeros((len(rows), 0)))
     sigma = np.concatenate([(w1.sigma[:d] - w0.sigma[:d]) / c2, w0.sigma[d:-1]])
     tau = np.concatenate([(w1.tau[:d] - w0.tau[:d]) / c2, w0.tau[d:]])
-    elastic_rows = _elastic_rows(body, t, w0, state) - t.directions @ (
+    elastic_rows = _elastic_rows(body, ops, w0, state) - ops.directions @ (
         w0.sigma[d:-1].T @ prescribed_forces[d:])
-    right_sides = np.concatenate([elastic_rows[:, None], t.directions @ sigma.T], axis=1)
-    accelerations = np.linalg.lstsq(t.mass, right_sides, rcond=None)[0]
-    return _Body(accelerations[:, 0], accelerations[:, 1:], rows, H, tau @ t.functional)
+    right_sides = np.concatenate([elastic_rows[:, None], ops.directions @ sigma.T], axis=1)
+    accelerations = np.linalg.lstsq(ops.mass, right_sides, rcond=None)[0]
+    return _Body(accelerations[:, 0], accelerations[:, 1:], rows, H, tau @ ops.functional)
 
 
 def _is_nonlinear(
-    mechanics: Mechanics, body: BodyStep, t: TestedElastic | None, state: State, p: _Body,
+    mechanics: Mechanics, body: BodyStep, ops: TestedElastic | None, state: State, p: _Body,
     forces: FloatArray,
 ) -> bool:
     """True if the forces on the body's frame are not linear in multipliers, up to those in `forces`
@@ -172,7 +182,8 @@ def _is_nonlinear(
     origin, rate, _ = body.border_motion(state.t)
     y, v = (_border(mechanics, body, *of) for of in ((state.x, origin), (state.v, rate)))
     d, prescribed_forces = body.frame.rigid_size, body.to_border @ forces
-    frame_rows = _evaluate(body, t, y + prescribed_forces, v, 0.0, state).border[:d, -1]
+    frame_rows = _evaluate(
+        body, ops, y + prescribed_forces, v, c2=0.0, state=state).border[:d, -1]
     by_joints = p.H[:d, d:] @ prescribed_forces[d:]
     return bool(np.abs(frame_rows - p.rows[:d] - by_joints).max(initial=0.0) > BENT * (
         np.abs(by_joints).max(initial=0.0) + np.abs(p.rows[:d]).max(initial=0.0)))
@@ -188,56 +199,59 @@ def _border(
 
 
 def _evaluate(
-    body: BodyStep, t: TestedElastic | None, y: FloatArray, v: FloatArray, c2: float, state: State
+    body: BodyStep, ops: TestedElastic | None, y: FloatArray, v: FloatArray, c2: float, state: State
 ) -> FrameWork:
-    """Frame equations at zero unknown accelerations."""
+    """Frame equations at border unknowns y with rates v (b,) and zero unknown accelerations, with
+    derivatives for dv = 0 and da = c2 dx."""
     (w,), c = buffers([body.frame]), state.x[body.elastic]
-    body.evaluate(y, v, body.border_motion(state.t)[2], 0.0, c2, t, c, state.v[body.elastic],
-                  np.zeros(len(c)), state.t, w)
+    body.evaluate(
+        y, v, a=body.border_motion(state.t)[2], c1=0.0, c2=c2, tested=ops, c=c,
+        cv=state.v[body.elastic], ca=np.zeros(len(c)), t=state.t, work=w)
     return w
 
 
 def _elastic_rows(
-    body: BodyStep, t: TestedElastic, w: FrameWork, state: State
+    body: BodyStep, ops: TestedElastic, w: FrameWork, state: State
 ) -> FloatArray:
-    """Tested elastic rows without the inertia of elastic accelerations."""
+    """Tested elastic rows (m,) without the inertia of elastic accelerations, with the factors of
+    the frame in `w` (equation: `TestedElastic`)."""
     c, cv = state.x[body.elastic], state.v[body.elastic]
     kappa, mu = w.coefficients[:-1].reshape(2, -1)
-    r = t.stiffness @ c + t.damping @ cv + t.constant + t.directions @ w.sigma[-1]
-    r = r + np.tensordot(kappa, t.generators, 1) @ c + np.tensordot(mu, t.generators, 1) @ cv
-    if t.coupling.size:
-        r = r - t.coupling @ state.x[body.thermal]
-    r = plus_loads(r, t, state.t, -1.0)
-    if t.local:
+    r = ops.stiffness @ c + ops.damping @ cv + ops.constant + ops.directions @ w.sigma[-1]
+    r = r + np.tensordot(kappa, ops.generators, 1) @ c + np.tensordot(mu, ops.generators, 1) @ cv
+    if ops.coupling.size:
+        r = r - ops.coupling @ state.x[body.thermal]
+    r = plus_loads(r, ops, state.t, -1.0)
+    if ops.local:
         x, v = (np.concatenate((s[body.elastic], s[body.thermal])) for s in (state.x, state.v))
-        r = r + sum(part.rows(x, v, np.zeros(len(x)), state.t) for part in t.local)
+        r = r + sum(part.rows(x, v, np.zeros(len(x)), state.t) for part in ops.local)
     return np.asarray(r)
 
 
 def _curvature(
-    mechanics: Mechanics, body: BodyStep, t: TestedElastic | None, y: FloatArray, v: FloatArray,
+    mechanics: Mechanics, body: BodyStep, ops: TestedElastic | None, y: FloatArray, v: FloatArray,
     state: State, motion: float,
 ) -> FloatArray:
-    """Second time derivative of the constraint rows of the body's attachments at zero
-    accelerations."""
-    found = derivative_along_motion(lambda s: _moving(body, t, y + s * v, v, replace(
+    """Second time derivative of the constraint rows g of the body's attachments at zero
+    accelerations, (d/ds G(y + s v)) v + 2 (dG/dt) v + d2g/dt2 (core/model/constraint_rates.py)."""
+    found = derivative_along_motion(lambda s: _moving(body, ops, y + s * v, v, replace(
         state, x=state.x + s * state.v)), motion)
     first, second = (body.frame.time_derivative(n, state.t, mechanics.h) for n in (1, 2))
     if first is not None:
-        found = found + 2.0 * _moving(replace(body, frame=first), t, y, v, state)
+        found = found + 2.0 * _moving(replace(body, frame=first), ops, y, v, state)
     if second is not None:
-        w = _evaluate(replace(body, frame=second), t, y, v, 0.0, state)
+        w = _evaluate(replace(body, frame=second), ops, y, v, c2=0.0, state=state)
         found = found + w.border[body.frame.rigid_size :, -1]
     return found
 
 
 def _moving(
-    body: BodyStep, t: TestedElastic | None, y: FloatArray, v: FloatArray, state: State
+    body: BodyStep, ops: TestedElastic | None, y: FloatArray, v: FloatArray, state: State
 ) -> FloatArray:
     """Jacobian of the constraint rows of the body's attachments times the velocities."""
-    d, w = body.frame.rigid_size, _evaluate(body, t, y, v, 0.0, state)
+    d, w = body.frame.rigid_size, _evaluate(body, ops, y, v, c2=0.0, state=state)
     found = w.border[d:, :d] @ v[:d]
-    return found if t is None else found + w.tau[d:] @ (t.functional @ state.v[body.elastic])
+    return found if ops is None else found + w.tau[d:] @ (ops.functional @ state.v[body.elastic])
 
 
 def _target_accelerations(mechanics: Mechanics, t: float) -> FloatArray:

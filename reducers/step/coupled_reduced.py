@@ -123,8 +123,8 @@ def reduced_general(
     facts: Facts | None = None, ahead: bool = True,
 ) -> ReducedGeneral:
     """Step solver of a reduced model in which terms couple bodies; points: number of past states to
-    extrapolate; limits: largest permitted |coefficient| of each block; ahead: True if prescribed
-    motion and loads are evaluated now for all their times."""
+    extrapolate; limits: largest permitted |coefficient| of each block; facts: block -> numbers to
+    report; ahead: True if prescribed motion and loads are evaluated now for all their times."""
     model, dictionaries = projected.model, projected.dictionaries
     equations = dense_equations(projected, ahead=ahead)
     coupled, terms = equations.coupled, coupling_terms(model)
@@ -135,8 +135,10 @@ def reduced_general(
         f"{names} couples blocks inside the step: all unknowns are solved together, and each "
         f"evaluation visits {count} elements", "coupled"),) if dictionaries else ()
     reports = (*notes, *reports, *unavailable_resultants(c.term for c in coupled))
-    return ReducedGeneral(equations, Loop(equations.layout, tolerances), visited, points,
-                          dictionaries, projected.rows, limits or {}, reports, facts or {})
+    return ReducedGeneral(
+        equations=equations, loop=Loop(equations.layout, tolerances), elements_touched=visited,
+        points=points, dictionaries=dictionaries, rows=projected.rows, limits=limits or {},
+        notes=reports, facts=facts or {})
 
 
 def dense_equations(
@@ -144,17 +146,20 @@ def dense_equations(
 ) -> Reduced:
     """Equations of a whole step of a reduced model. by_elements: local terms are evaluated with
     their sparse derivatives at each element, which for many atoms costs less than projected points;
-    they must be left out of the elastic operators in `projected`. ahead: see
-    `reduced_general`."""
+    they must be left out of the elastic operators in `projected`. ahead: True if prescribed motion
+    and loads are evaluated now for all their times.
+
+    Rows are one to one with unknowns unless a block keeps its sampled rows (`row_layout`)."""
     model, layout, rows = projected.model, projected.layout, projected.row_layout
-    couple = _Couple(model, layout, rows or layout, projected.dictionaries,
-                     cache(projected.force_map), by_elements)
+    project = _TermProjection(
+        model, layout, rows=rows or layout, dictionaries=projected.dictionaries,
+        force_map=cache(projected.force_map), by_elements=by_elements)
     return Reduced(
         layout,
-        [ReducedHeat(layout[n], b.solved) for n, b in projected.heat.items()],
-        _bodies(projected, ahead), [couple(t) for t in coupling_terms(model)],
-        model.separated.border_targets, positions(layout), model.separated.step,
-        coupling(model), rows=rows)
+        heat=[ReducedHeat(layout[n], b.solved) for n, b in projected.heat.items()],
+        bodies=_bodies(projected, ahead), coupled=[project(t) for t in coupling_terms(model)],
+        targets=model.separated.border_targets, border=positions(layout), h=model.separated.step,
+        named=coupling(model), rows=rows)
 
 
 def coupling_terms(model: AssembledModel) -> list[Term]:
@@ -164,8 +169,8 @@ def coupling_terms(model: AssembledModel) -> list[Term]:
 
 
 def _bodies(projected: ProjectedModel, ahead: bool) -> list[ReducedBody]:
-    """All bodies; where no rigid coordinate is unknown, with the functions of time of their frames.
-    """
+    """All bodies; where no rigid coordinate is unknown, with kappa, mu and sigma of their frames as
+    functions of time (`drive`), tabulated if `ahead`."""
     layout, prescribed = projected.layout, not projected.model.separated.border_size
     found = []
     for m in projected.model.separated.moving:
@@ -179,9 +184,10 @@ def _bodies(projected: ProjectedModel, ahead: bool) -> list[ReducedBody]:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Couple:
-    """Projection of a coupling term block by block; rows: layout of the rows; force_map: test map
-    of forces (l, n) of a block."""
+class _TermProjection:
+    """Projection of a coupling term block by block. layout: of the reduced unknowns; rows: of the
+    reduced rows; force_map: block name -> test map (l, n) of its forces; by_elements: terms with
+    point values keep their sparse derivatives at each element."""
 
     model: AssembledModel
     layout: Layout
@@ -208,8 +214,8 @@ class _Couple:
                 yield b.name, some, at[some] - here.start
 
     def _trial(self, at: IntArray) -> tuple[Trial, IntArray]:
-        """Trial basis of the unknowns `at` of the full model, by reduced unknowns, and the numbers
-        of these; unknowns without a dictionary are their own."""
+        """Trial basis of the unknowns `at` (n,) of the full model, atoms (n, k) and offset (n,),
+        and the numbers (k,) of the reduced unknowns; those without a dictionary are their own."""
         offset = np.zeros(len(at))
         columns, numbers = [np.zeros((len(at), 0))], [np.zeros(0, np.int64)]
         for name, some, local in self._parts(at):
@@ -225,7 +231,8 @@ class _Couple:
         return Trial(np.hstack(columns), offset), np.concatenate(numbers)
 
     def _left(self, at: IntArray) -> tuple[FloatArray, IntArray]:
-        """Test map of the rows `at` of the full model to reduced rows, and the numbers of these."""
+        """Test map (l, n) of the rows `at` (n,) of the full model to reduced rows, and the numbers
+        (l,) of these; rows without a dictionary are their own."""
         parts, numbers = [np.zeros((0, len(at)))], [np.zeros(0, np.int64)]
         for name, some, local in self._parts(at):
             map_ = self.force_map(name) if name in self.dictionaries else None
@@ -242,17 +249,21 @@ class _Couple:
 
 def with_rates(equations: Reduced, state: State) -> State:
     """The state with accelerations, rates of temperature and multipliers that satisfy the reduced
-    equations: of least norm where these are not determined (consistent_start.py)."""
+    equations: of least norm where these are not determined (consistent_start.py).
+
+    They are linear in these unknowns z, A z + r = 0; constraints enter as their second time
+    derivative. K, C, M (n, n): derivatives of the residual by x, v and a.
+    """
     layout, t, x, a = equations.layout, state.t, state.x.copy(), np.zeros(len(state.x))
     second, first, algebraic = layout.second, layout.first, layout.algebraic
     v, zero, one = state.v.copy(), np.zeros(layout.size), np.ones(layout.size)
     v[first] = 0.0
-    K = equations.slope(x, v, a, t, zero, zero)
+    K = equations.slope(x, v, a, t, c1=zero, c2=zero)
     c1, c2 = 1.0 / equations.h, 1.0 / equations.h**2  # mass is not lost against stiffness
-    C = (equations.slope(x, v, a, t, c1 * one, zero) - K) / c1
-    M = (equations.slope(x, v, a, t, zero, c2 * one) - K) / c2
+    C = (equations.slope(x, v, a, t, c1=c1 * one, c2=zero) - K) / c1
+    M = (equations.slope(x, v, a, t, c1=zero, c2=c2 * one) - K) / c2
     A = np.hstack([M[:, second], C[:, first], K[:, algebraic]])
-    A[algebraic] = 0.0
+    A[algebraic] = 0.0  # second derivative of constraints: G a + quadratic terms
     A[algebraic, second] = K[algebraic, second]
     r = equations.residual_at(x, v, a, t, equations.prescribed(t))
     r[algebraic] = _curvature(equations, x, v, t)
@@ -266,28 +277,35 @@ def _eliminated(A: FloatArray, r: FloatArray, border: IntArray) -> FloatArray:
     """Solution z of A z = r; the coefficients of atoms, which masses and capacities determine, are
     eliminated first, then rigid coordinates and multipliers are solved for."""
     inner = np.setdiff1d(np.arange(len(r)), border)
+    # Schur complement; the last column belongs to r
     right = np.column_stack([A[np.ix_(inner, border)], r[inner]])
-    solved = np.linalg.lstsq(A[np.ix_(inner, inner)], right, rcond=None)[0]
-    rest = A[np.ix_(border, inner)] @ solved
+    inner_solution = np.linalg.lstsq(A[np.ix_(inner, inner)], right, rcond=None)[0]
+    rest = A[np.ix_(border, inner)] @ inner_solution
     z = np.zeros(len(r))
     z[border] = least(A[np.ix_(border, border)] - rest[:, :-1], r[border] - rest[:, -1])
-    z[inner] = solved[:, -1] - solved[:, :-1] @ z[border]
+    z[inner] = inner_solution[:, -1] - inner_solution[:, :-1] @ z[border]
     return z
 
 
 def _curvature(equations: Reduced, x: FloatArray, v: FloatArray, t: float) -> FloatArray:
-    """Second time derivative of the constraints at zero accelerations: the terms quadratic in
-    velocities, and derivatives of prescribed motion (core/model/constraint_rates.py)."""
+    """Second time derivative of the constraints g at zero accelerations,
+
+        (d/ds G(x + s v, t)) v + 2 (dG/dt) v + d2g/dt2,    G = dg/dx
+
+    (core/model/constraint_rates.py), time derivatives those of frames, prescribed values and terms.
+    """
     layout, zero, h = equations.layout, np.zeros(len(x)), equations.h
     rows, moving = layout.algebraic, np.zeros(len(x))
     moving[layout.second] = v[layout.second]
 
     def rate(e: Reduced, s: float, time: float) -> FloatArray:
-        J = e.slope(x + s * moving, zero, zero, time, zero, zero)
+        """G(x + s v, time) v of the constraint rows of equations e."""
+        J = e.slope(x + s * moving, zero, zero, time, c1=zero, c2=zero)
         return np.asarray(J[rows] @ moving)
 
     def value(e: Reduced, time: float) -> FloatArray:
-        return e.residual_at(x, zero, zero, time, zero)[rows]
+        """Values g of the constraint rows of equations e, without prescribed ones."""
+        return e.residual_at(x, zero, zero, time, prescribed=zero)[rows]
 
     found = derivative_along_motion(lambda s: rate(equations, s, t), motion_step(layout, moving, h))
     once, twice = (equations.time_derivative(n, t) for n in (1, 2))

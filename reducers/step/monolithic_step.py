@@ -96,7 +96,9 @@ class WholeMemory(RunMemory):
 @dataclass(frozen=True, slots=True, eq=False)
 class WholeStepper(StepSolver[WholeMemory]):
     """Step solver for the equations of a whole step. limits: largest permitted |coefficient| of a
-    block, beyond which a run counts as divergent."""
+    block, beyond which a run counts as divergent. points: number of past states to extrapolate;
+    elements_touched: block -> elements that an evaluation visits; rows: sampled rows of each block;
+    facts: block -> numbers to report."""
 
     equations: WholeEquations
     loop: Loop
@@ -137,9 +139,9 @@ class WholeStepper(StepSolver[WholeMemory]):
         least error in this step."""
         past, x, starts = memory.past, step.free + d, self.loop.starts
         self.loop.remember(x, d, step, memory.kept)
-        guesses = past.ring.guesses()[:, : past.n]
-        off = np.maximum.reduceat(np.abs(guesses - x), starts, axis=1)
-        missed = (off / np.maximum(memory.kept.top, 1e-300))[:, self.loop.judged].max(
+        guesses = past.ring.guesses()[:, : past.n]  # (orders, n)
+        errors = np.maximum.reduceat(np.abs(guesses - x), starts, axis=1)  # (orders, blocks)
+        missed = (errors / np.maximum(memory.kept.top, 1e-300))[:, self.loop.judged].max(
             axis=1, initial=0.0)
         past.push(x, d)
         # a motion that no order came close to is not extrapolated
@@ -195,7 +197,7 @@ def beyond_limits(
 
 
 def outcome_of(ended: Ended, step: StepFormula) -> StepOutcome:
-    """The end of an iteration as the outcome of the step."""
+    """The end of an iteration as the outcome of the step, with rates if it succeeded."""
     x, v, a = step.at(ended.d)
     if not ended.status.ok:
         return StepOutcome(x, ended.status, ended.iterations, ended.block, ended.detail)
@@ -238,10 +240,11 @@ class WholeNewton:
         return Loop(self.equations.layout, self.tolerances)
 
     def solve(self, step: StepFormula, past: Past, kept: Kept, sizes: Kept) -> StepOutcome:
-        """Solves a step from the extrapolation of past states with the kept Jacobian; if that
-        fails with a new one in each iteration, and then from the newest state. sizes: magnitudes of
-        the unknowns so far."""
-        if not len(kept.top):
+        """Solution of a step, the first that converges: from the extrapolation of past states with
+        the kept Jacobian; from there with a new one in each iteration ("textbook"); from the newest
+        state with a new one in each. Its `iterations` are those of all attempts. sizes: magnitudes
+        of the unknowns so far."""
+        if not len(kept.top):  # first step of the run that needs this
             kept.top, kept.rate = (np.zeros(len(past.starts)) for _ in range(2))
         before = self.loop.largest(np.abs(past.ring.rows[:, : past.n]).max(axis=0))
         kept.top = np.maximum(np.maximum(kept.top, sizes.top), before)
@@ -250,7 +253,7 @@ class WholeNewton:
         for d, textbook in ((guess, False), (guess, True), (newest, True)):
             equations = self.equations.working()
             if textbook:
-                equations.price = 0
+                equations.price = 0  # a new Jacobian in each iteration (`StepEquations`)
                 kept.forget()
             equations.begin(step, d)
             ended = self.loop.solve(equations, step, d, kept, past.newest)

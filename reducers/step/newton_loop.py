@@ -209,11 +209,11 @@ class Ended(NamedTuple):
 
 
 class _Iterate:
-    """Departure d (n,) with its residual r, and after `_newton_change` its Newton change.
+    """Departure d (n,) with its residual r, and after `_newton_change` its Newton change dx (n,).
 
-    relative (blocks,): size of the change relative to that of each block; change: the largest of
-    these; share: step length, relative to a full step, that led here; fresh: True if the Jacobian
-    is its own.
+    absolute (blocks,): largest magnitude of the change in each block; relative (blocks,): that
+    relative to the size of each block; change: the largest of these; share: step length, relative
+    to a full step, that led here; fresh: True if the Jacobian is its own.
     """
 
     __slots__ = ("absolute", "change", "d", "dx", "fresh", "relative", "r", "share")
@@ -227,7 +227,12 @@ class _Iterate:
 
 
 class Loop:
-    """The iteration for models with one layout. Immutable: a step changes `Kept` only."""
+    """The iteration for models with one layout. Immutable: a step changes `Kept` only.
+
+    Of the blocks: names, starts (first unknown) and counts (number of unknowns); masks judged (not
+    multipliers), second (second order) and mixed (rigid coordinates: lengths and rotations).
+    attitudes (q, 4): numbers of the unknowns of each quaternion.
+    """
 
     def __init__(self, layout: Layout, tolerances: Tolerances) -> None:
         self.tol, blocks = tolerances, list(layout)
@@ -284,20 +289,20 @@ class Loop:
     def solution(
         self, eq: StepEquations, kept: Kept, r: FloatArray, L: FloatArray | None = None
     ) -> FloatArray:
-        """L J^-1 L^T r; J is the identity but for the unknowns `solved`, and L (k, 4, 4) that but
-        for quaternions."""
-        factor, at, turned = kept.factor, eq.solved, self.attitudes
+        """L J^-1 L^T r (n,); J is the identity but for the unknowns `solved`, and L (q, 4, 4) that
+        but for quaternions; None where nothing has turned."""
+        factor, at, quaternions = kept.factor, eq.solved, self.attitudes
         assert factor is not None
         if L is not None:
             r = r.copy()
-            r[turned] = (r[turned][:, None] @ L)[:, 0]
+            r[quaternions] = (r[quaternions][:, None] @ L)[:, 0]
         if isinstance(at, slice):
             dx = factor.solve(r)
         else:
             dx = r.copy()
             dx[at] = factor.solve(r[at])
         if L is not None:
-            dx[turned] = (L @ dx[turned][:, :, None])[:, :, 0]
+            dx[quaternions] = (L @ dx[quaternions][:, :, None])[:, :, 0]
         return dx
 
     def remember(self, x: FloatArray, d: FloatArray, step: StepFormula, kept: Kept) -> None:
@@ -307,7 +312,14 @@ class Loop:
 
 
 class _StepIteration:
-    """The iteration of one step."""
+    """The iteration of one step.
+
+    c: factors of its `Linearisation`; size (blocks,): magnitude to which changes are relative; L
+    (q, 4, 4): turn of each quaternion since the kept Jacobian, None for a new one. bound: proved
+    contraction with the Jacobian at `point`; scale (n,): magnitude of each row in the line search.
+    smallest: smallest change so far; stall: iterations since it was last halved; cycles: True if
+    the iteration goes back and forth.
+    """
 
     def __init__(self, loop: Loop, eq: StepEquations, step: StepFormula, kept: Kept) -> None:
         self.loop, self.eq, self.step, self.kept = loop, eq, step, kept
@@ -316,7 +328,6 @@ class _StepIteration:
         self.point: Linearisation | None = None
         self.L: FloatArray | None = None
         self.bound = inf
-        # stall: iterations since the smallest change so far was last halved (_note_progress)
         self.iterations, self.stall, self.smallest, self.cycles = 0, 0, inf, False
         self.size = self._reference_sizes(kept.top, kept.rate)
 
@@ -324,7 +335,7 @@ class _StepIteration:
         """Iterates until the estimated error is below the tolerance or at round-off, and decides
         after each change between the kept Jacobian, a new one, and failure."""
         at = _Iterate(d, self.eq.residual(d, self._needs_jacobian()))
-        if not np.isfinite(at.r).all():  # the extrapolation led astray
+        if not np.isfinite(at.r).all():  # the extrapolation led astray: from the last state
             d = newest - self.step.free
             at = _Iterate(d, self.eq.residual(d, self._needs_jacobian()))
         if not np.isfinite(at.r).all():
@@ -353,6 +364,7 @@ class _StepIteration:
                     return self._done(new.d - new.dx, error)
             # changes with an old Jacobian that decrease by less than a half may be a slow mode
             stalled = new.change >= (STALLED if new.fresh or textbook else SLOW) * at.change
+            # an old Jacobian must have stalled at round-off twice
             if stalled and self._at_round_off(new) and (
                     at.fresh or textbook or self._at_round_off(at)):
                 return self._done(new.d - new.dx, new.change)
@@ -385,7 +397,7 @@ class _StepIteration:
     def _proved_error(self, at: _Iterate) -> float:
         """Bound |change| q / (1 - q) of the error after a change, relative to the size of each
         block (fixed-point theorem of Banach); inf where no contraction q is proved."""
-        if self.kept.point is not self.point and self.kept.point is not None:
+        if self.kept.point is not self.point and self.kept.point is not None:  # a new Jacobian
             self.point, self.bound = self.kept.point, self.eq.contraction(self.kept.point)
         q = self.bound
         if not 0.0 < q < TRUSTED:
@@ -406,7 +418,8 @@ class _StepIteration:
         return self.eq.price == 0 or point is None or point.c != self.c
 
     def _newton_change(self, at: _Iterate, renew: bool) -> None:
-        """Newton change at an iterate; renew: True for its own Jacobian, False for the kept one."""
+        """Newton change J^-1 r of an iterate, and its size in each block, stored in `at`; renew:
+        True for its own Jacobian, False for the kept one."""
         kept = self.kept
         if renew:
             kept.point = Linearisation(*self.step.at(at.d), self.step.t, self.c)
@@ -422,17 +435,20 @@ class _StepIteration:
             self.size = self._reference_sizes(np.maximum(kept.top, far), kept.rate)
         at.relative = self._relative_changes(at.absolute)
         at.change = max(at.relative)
-        if 1.0 < at.change < inf and not self.kept.top.all():  # of a block that was zero so far
+        # of a block that was zero so far: relative to what this change makes of it
+        if 1.0 < at.change < inf and not self.kept.top.all():
             d = at.d - at.dx
             first = self._reference_sizes(self.loop.largest(self.step.free + d),
                                           self.step.c2 * self.loop.largest(d))
             self.size = np.where(self.kept.top > 0.0, self.size, np.maximum(self.size, first))
             at.relative = self._relative_changes(at.absolute)
             at.change = max(at.relative)
-        if not at.change < inf:
+        if not at.change < inf:  # nan, too
             at.change = inf
 
     def _relative_changes(self, absolute: FloatArray) -> list[float]:
+        """Changes (blocks,) relative to the size of each block; zero where they are much less than
+        round-off."""
         moved = absolute / self.size
         if self.eq.price:
             # a change that is not a number counts
@@ -506,6 +522,8 @@ class _StepIteration:
         return np.maximum(np.where(loop.mixed.repeat(loop.counts), terms, of_block), 1e-300)
 
     def _merit(self, r: FloatArray) -> float:
+        """Largest entry of a residual relative to the scale of its row; inf if it is not a
+        number."""
         assert self.scale is not None
         value = float(np.abs(r / self.scale).max())
         return value if value == value else inf
@@ -513,13 +531,14 @@ class _StepIteration:
     # ------------------------------------------------------------------ how it ends
 
     def _done(self, d: FloatArray, remaining: float) -> Ended:
+        """End with the solution d, whose estimated relative error is `remaining`."""
         return Ended(d, Status.DONE, self.iterations, max(remaining, EPS))
 
     def failed(
         self, d: FloatArray, status: Status, detail: str = "", at: _Iterate | None = None
     ) -> Ended:
-        """Failed end of the iteration, with the block in which values are not finite or changes are
-        too large."""
+        """Failed end of the iteration with this status and message; at: the iterate that shows in
+        which block values are not finite or changes are too large."""
         if status is Status.NOT_FINITE and self.eq.failed is not None:
             block, status, detail = self.eq.failed  # of an iterative linear solver
             return Ended(d, status, self.iterations, inf, block, detail)
@@ -532,6 +551,7 @@ class _StepIteration:
         return Ended(d, status, self.iterations, inf, block, self._with_names(detail, block))
 
     def _unfinished(self, at: _Iterate) -> Ended:
+        """Failed end at the last iterate, with the block that changes most."""
         block = self.loop.names[int(np.argmax(at.absolute / self.size))]
         how = ("the iteration goes back and forth between two states" if self.cycles else
                f"last relative change {at.change:.1e} after {self.iterations} iterations")

@@ -33,7 +33,8 @@ SMALL = 0.5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RowsInTime:
-    """Functions of time of the rows `tested`: [kappa, mu, base] (T, 2 g + k)."""
+    """Functions of time of the rows `tested`: [kappa, mu, base] (T, 2 g + k), with `drive` for
+    [kappa, mu, sigma]."""
 
     tested: TestedElastic
     drive: TimeTable
@@ -48,11 +49,13 @@ class RowsInTime:
 
 class PrescribedBody:
     """Rows of one body with prescribed motion, but for the term d; rows: their numbers; drive:
-    kappa, mu and sigma as functions of time; table: `RowsInTime`, if it is known.
+    kappa, mu and sigma as functions of time; table: `RowsInTime`, if it is known. at: numbers of
+    its displacements; generators (g, l, k), and G (g, k, l) the same transposed.
 
     leading: number of unknowns in which the Jacobian differs from the identity. Of a step: weights
-    (g,) = kappa + c1 mu, and the range `turning` of the g in which it has any. Of the last Jacobian
-    that `contraction` was evaluated for: its point, weights, and the norm of J - 1.
+    (g,) = kappa + c1 mu, the range `turning` of the g in which it has any, and its first guess. Of
+    the last Jacobian that `contraction` was evaluated for: its point, its weights (`before`), and
+    the norm `size` of J - 1.
     """
 
     def __init__(
@@ -63,7 +66,8 @@ class PrescribedBody:
         self.generators, k = tested.generators, tested.mass.shape[1]
         self.G = np.ascontiguousarray(tested.generators.transpose(0, 2, 1))
         self.leading = r = min(LEADING, k) if len(self.G) else 0
-        self.sizes = np.array([  # Frobenius norms of the leading part and of the rest
+        # (g, 2): Frobenius norms of the leading part of each matrix and of its rest
+        self.sizes = np.array([
             (np.linalg.norm(A[:r, :r]), hypot(float(np.linalg.norm(A[r:])), float(
                 np.linalg.norm(A[:r, r:])))) for A in tested.generators]).reshape(len(self.G), 2)
         self.table = table or TimeTable.of(RowsInTime(tested, drive), np.array(drive.times))
@@ -86,12 +90,12 @@ class PrescribedBody:
     def begin(self, step: StepFormula, d: FloatArray, r: FloatArray) -> None:
         """Takes over the constants of a step; adds the terms of time, and the rotation at the
         departure d (n,), to r."""
-        g, at, table = len(self.G), self.at, self.table.at(step.t)
+        g, at, table = len(self.G), self.at, self.table.at(step.t)  # [kappa, mu, base]
         r[self.rows] += table[2 * g :]
         factors = table[: 2 * g].reshape(2, g)
         acts = np.flatnonzero(factors.any(axis=0))
         self.turning = slice(0, 0)
-        if not len(acts):
+        if not len(acts):  # at rest: kappa and mu are zero, and so are the weights
             self.weights = factors[0]
             return
         self.turning = some = slice(acts[0], acts[-1] + 1)
@@ -108,8 +112,9 @@ class PrescribedBody:
             self._add(r, np.multiply.outer(self.weights[self.turning], own))
 
     def _add(self, r: FloatArray, inertia: FloatArray) -> None:
-        r[self.rows] += inertia.ravel().dot(self.G[self.turning].reshape(inertia.size,
-        self.G.shape[2]))
+        """Adds sum_g G_g w_g to r, with the vectors w_g (`inertia`) of the g in `turning`."""
+        stacked = self.G[self.turning].reshape(inertia.size, self.G.shape[2])
+        r[self.rows] += inertia.ravel().dot(stacked)
 
     def rotation(self, x: FloatArray, v: FloatArray, t: float) -> FloatArray:
         """Rows (k,) of the rotation at any unknowns x with rates v, (n,) each, at t, s."""
@@ -142,5 +147,6 @@ class PrescribedBody:
         return float(off) / (1.0 - self.size)
 
     def _weights(self, t: float, c1: float) -> FloatArray:
+        """Weights (g,) = kappa + c1 mu at t, s."""
         g, table = len(self.G), self.table.at(t)
         return np.asarray(table[:g] + c1 * table[g : 2 * g])

@@ -87,17 +87,19 @@ class TestedLocal:
     def of(
         cls, local: ElasticLocal, atoms: Dictionary, heat: Dictionary | None, test: TestMap
     ) -> "TestedLocal":
-        """Projection of a local term; heat: dictionary of the temperatures that it depends on."""
+        """Projection of a local term of a block with n unknowns and k atoms; heat: dictionary of
+        the temperatures that it depends on, with kt atoms; None where there are none."""
         n, elastic, thermal = len(atoms.offset), ~local.hot, local.hot
         k = atoms.atoms.shape[1]
         kt = 0 if heat is None else heat.atoms.shape[1]
         # trial basis of the values that the term reads, by the coefficients [c | cT]
         basis, offset = np.zeros((len(thermal), k + kt)), np.zeros(len(thermal))
-        basis[elastic, :k], offset[elastic] = atoms.atoms[local.columns[elastic]], atoms.offset[
-            local.columns[elastic]]
+        at = local.columns[elastic]
+        basis[elastic, :k], offset[elastic] = atoms.atoms[at], atoms.offset[at]
         if heat is not None and thermal.any():
-            basis[thermal, k:], offset[thermal] = heat.atoms[local.columns[thermal]], heat.offset[
-                local.columns[thermal]]
+            at = local.columns[thermal]
+            basis[thermal, k:], offset[thermal] = heat.atoms[at], heat.offset[at]
+        # test map of the m rows of the term: its entries placed in the n rows of the block
         m = len(local.rows)
         placed = test(csr_array((np.ones(m), (local.rows, np.arange(m))), shape=(n, m)))
         left = np.ascontiguousarray(placed.toarray() if issparse(placed) else placed)
@@ -162,8 +164,9 @@ class TestedElastic:
         """
         force_map = test if force is None else force
         T, o = atoms.atoms, atoms.offset
+        # sigma multiplies the columns of `loading`; P gives the functionals of u that frames read
         P = ops.directions.copy()
-        loading = P  # sigma multiplies these columns; P gives the functionals of u that frames read
+        loading = P
         Mo = [M @ o for M in ops.generators]
         if np.any(o):
             # z = X + offset + atoms c: the shape moves, and with it every direction M_g X
@@ -179,18 +182,20 @@ class TestedElastic:
             Kt = force_map(ops.coupling)
             constant = constant - Kt @ heat.offset
             coupling = np.asarray(Kt @ heat.atoms)
-        k, inertia, damped = T.shape[1], ops.generators, bool(ops.damping.nnz or ops.damps)
-        none = np.zeros((0, len(constant), k))
-        mass = np.asarray(test(ops.mass @ T))
+        k, mass = T.shape[1], np.asarray(test(ops.mass @ T))
+        damping = np.zeros(mass.shape)
+        if ops.damping.nnz or ops.damps:
+            damping = np.asarray(test(ops.damping_force(T)))
+        generators, quadratic = np.zeros((0, len(constant), k)), np.zeros((0, k, k))
+        if ops.generators:
+            generators = np.stack([np.asarray(force_map(M @ T)) for M in ops.generators])
+        if ops.generators and rigid:
+            quadratic = np.stack([T.T @ (M @ T) for M in ops.generators])
         return cls(
-            frame=frame, mass=mass, damping=np.asarray(test(ops.damping_force(T))) if damped else
-            np.zeros(mass.shape), stiffness=np.asarray(test(ops.stiffness) @ T),
-            generators=np.stack([np.asarray(force_map(M @ T)) for M in inertia]) if inertia else
-            none, directions=np.asarray(force_map(loading)), coupling=coupling,
+            frame=frame, mass=mass, damping=damping, stiffness=np.asarray(test(ops.stiffness) @ T),
+            generators=generators, directions=np.asarray(force_map(loading)), coupling=coupling,
             loads=np.asarray(force_map(ops.loads)), constant=np.asarray(constant),
-            quadratic=np.stack([T.T @ (M @ T) for M in inertia]) if inertia and rigid else np.zeros(
-                (0, k, k)),
-            functional=P.T @ T, amplitudes=ops.amplitudes,
+            quadratic=quadratic, functional=P.T @ T, amplitudes=ops.amplitudes,
             tables=projected_tables(ops.tables, force_map),
             local=tuple(TestedLocal.of(part, atoms, heat, force_map) for part in ops.local),
         )
@@ -260,6 +265,8 @@ class TestedHeat:
     def of(
         cls, heat: HeatBody, atoms: Dictionary, test: TestMap, force: TestMap | None = None
     ) -> "TestedHeat":
+        """Projection of full-order thermal operators; force: test map of the forces, `test` if
+        None."""
         T, o, force_map = atoms.atoms, atoms.offset, test if force is None else force
         K = test(heat.conductivity)
         return cls(

@@ -108,10 +108,11 @@ class Stack:
     largest one, frames at the front, displacements by unknown number n and rows by number `height`
     (none).
 
-    b border unknowns (rigid coordinates, then joint forces), p directions, g matrices of the
-    inertia, k displacements and l rows of a body. first: position of its border unknowns among all
-    stacked ones. at (B, k), rows (B, l): numbers of displacements and of their rows; G (B, k, g l),
-    Q (B, k, g k), P (B, k, p), E (B, p, l).
+    Of B bodies: b border unknowns (rigid coordinates, then joint forces), p directions, g matrices
+    of the inertia, k displacements and l rows of a body (sizes, heights: those of each). first:
+    position of its border unknowns among all stacked ones, in which they have the range `span`;
+    origin (3, B, b): their constant part, without rates. at (B, k), rows (B, l): numbers of
+    displacements and of their rows; G (B, k, g l), Q (B, k, g k), P (B, k, p), E (B, p, l).
     """
 
     def __init__(
@@ -129,6 +130,7 @@ class Stack:
         G, Q = np.zeros((B, k, g, self.height)), np.zeros((B, k, g, k))
         self.P, self.E = np.zeros((B, k, p)), np.zeros((B, p, self.height))
         self.origin = np.zeros((3, B, b))
+        # body i with frame f, s displacements and m rows
         for i, (body, f, s, m) in enumerate(zip(bodies, frames, sizes, self.heights, strict=True)):
             self.origin[0, i, b - f.border :] = body.step.origin
             if (t := body.tested) is None:
@@ -153,6 +155,7 @@ class Stack:
         self.work: list[FrameWork] = []
         for i, body in enumerate(self.bodies):
             f = body.step.frame
+            # its border unknowns are the last ones of b, from o on
             o, w = b - f.border, FrameWork(f.p, f.border, f.generators)
             w.sigma, w.tau, w.border = (
                 self.sigma[i, o:, : f.p], self.tau[i, o:, : f.p], self.H[i, o:, o:])
@@ -176,13 +179,13 @@ class Stack:
         for i, (body, w) in enumerate(zip(self.bodies, self.work, strict=True)):
             f = body.step.frame
             o, own = b - f.border, f.generators
-            y, v, a = Y[:, i, o:]
+            y, v, a = Y[:, i, o:]  # views, to which prescribed motion is added
             if body.step.guide is not None:
                 for row, part in zip((y, v, a), body.step.guide.at(t), strict=True):
                     row[: len(part)] += part
             w.fresh = rates is not None
             f.evaluate(y, v, a, c1, c2, s[i, :, : f.p], forms[i, :, :own].ravel(), t, w)
-            if own < g:
+            if own < g:  # its coefficients are no view: kappa and mu, each filled up to g
                 self.coefficients[i, :own] = w.coefficients[:own]
                 self.coefficients[i, g : g + own] = w.coefficients[own:-1]
             if rates is not None and self.sizes[i]:
@@ -192,6 +195,7 @@ class Stack:
         """Functionals s (B, 3, p) of the displacements and their rates, and their quadratic forms
         (B, 3, g). Products kept: u.Q_g (`products`), G_g u and G_g u' (`turned`)."""
         B, g, k = len(self.bodies), self.g, self.k
+        # (B, 3, k): displacements, rates, second rates
         U = X.take(self.at, axis=1).transpose(1, 0, 2)
         self.products = (U @ self.Q).reshape(B, 3, g, k)
         forms = (self.products.reshape(B, 3 * g, k) @ U[:, 0, :, None]).reshape(B, 3, g)
@@ -214,6 +218,7 @@ class Stack:
             none = np.zeros((0, len(at)))
             return BorderBlocks(body, rows, at, corner, none, none.T, np.zeros(0))
         o, k = self.b - body.step.frame.border, self.k
+        # elastic rows by border unknowns: E sigma + sum_g kappa_g G_g u + mu_g G_g u'
         rates = np.hstack((self.kappa_y[i, o:], self.mu_y[i, o:])) @ self.turned[i]
         column = (self.sigma[i, o:-1] @ self.E[i] + rates)[:, : self.heights[i]].T @ T
         # derivative of u.Q u by u: both factors depend on it
@@ -349,6 +354,7 @@ class Reduced(WholeEquations):
         return LinearSystem(M, D, K, force)
 
     def _solved(self) -> IntArray | slice:
+        """Unknowns for which the Jacobian is not the identity (`solved`)."""
         layout = self.layout
         if not self.heat_first:
             return slice(None)
@@ -360,14 +366,16 @@ class Reduced(WholeEquations):
         return slice(None)
 
     def _maps(self, border: IntArray) -> None:
-        """T (N, B b): rigid unknowns and joint forces of the model to the border unknowns of all
-        stacked bodies; and for each body, the unknowns that it uses, with their part of the map."""
+        """Sets T (N, B b), the map from rigid unknowns and joint forces of the model to the border
+        unknowns of all stacked bodies, and `used`: of each body of each stack, numbers of the rows
+        and unknowns (m,) that it uses, and their part (b, m) of the map."""
         width = self.stacks[-1].span.stop if self.stacks else 0
         T: Any = np.zeros((len(border), width))
         self.used: list[list[tuple[IntArray, IntArray, FloatArray]]] = []
         for stack in self.stacks:
             used = []
             for i, body in enumerate(stack.bodies):
+                # at the end of its b columns; the others stay zero
                 end = stack.span.start + (i + 1) * stack.b
                 own = body.step.to_border
                 T[:, end - len(own) : end] = own.T
@@ -375,7 +383,7 @@ class Reduced(WholeEquations):
                 used.append((
                     self.border_rows[some], border[some], np.ascontiguousarray(own[:, some])))
             self.used.append(used)
-        self.T = csr_array(T.T) if T.size > SPARSE else T
+        self.T = csr_array(T.T) if T.size > SPARSE else T  # the sparse one transposed
 
     def parts(self) -> tuple[Any, ...]:
         return (self.layout, self.heat, self.bodies, self.coupled, self.targets, self.border,
@@ -403,16 +411,20 @@ class Reduced(WholeEquations):
         """The equations of mechanics alone, for known temperatures."""
         first = self.layout.first
         return Reduced(
-            self.layout, (), self.bodies, [c for c in self.coupled if not _inside(c.rows, first)],
-            self.targets, self.border, self.h, self.named, True,
-            self.rows if self.sampled else None, [b.table for b in self.prescribed_bodies])
+            self.layout, heat=(), bodies=self.bodies,
+            coupled=[c for c in self.coupled if not _inside(c.rows, first)],
+            targets=self.targets, border=self.border, h=self.h, named=self.named, heat_first=True,
+            rows=self.rows if self.sampled else None,
+            tables=[b.table for b in self.prescribed_bodies])
 
     def of_atoms(self, use: IntArray) -> "Reduced":
-        """The equations as functions of the unknowns `use`; the others are zero."""
-        layout, old, heat, bodies = self.layout, np.zeros(self.layout.size, np.int64), [], []
-        old[use] = 1
-        numbers = np.cumsum(old) - 1
-        some = {b.name: np.flatnonzero(old[layout[b.name]]) for b in layout}
+        """The equations as functions of the unknowns numbered `use` (m,); the others are zero. Rows
+        stay as they are."""
+        layout, used, heat, bodies = self.layout, np.zeros(self.layout.size, np.int64), [], []
+        used[use] = 1
+        new_number = np.cumsum(used) - 1
+        # block -> its unknowns in use, numbered in the block; first unknown -> name of the block
+        some = {b.name: np.flatnonzero(used[layout[b.name]]) for b in layout}
         new = layout.resized({n: len(at) for n, at in some.items()})
         name = {layout[b.name].start: b.name for b in layout}
         for h in self.heat:
@@ -423,18 +435,19 @@ class Reduced(WholeEquations):
             if b.tested is None or e.stop == e.start:
                 bodies.append(b)
                 continue
-            warm = name[T.start] if T.stop > T.start else ""
+            warm = name[T.start] if T.stop > T.start else ""  # its thermal block
             step = replace(b.step, elastic=new[name[e.start]], thermal=new[warm] if warm else T)
             bodies.append(ReducedBody(step, b.tested.of_atoms(
                 some[name[e.start]], some[warm] if warm else np.zeros(0, np.int64)), b.drive))
         coupled = []
         for c in self.coupled:
-            own = np.flatnonzero(old[c.columns])
+            own = np.flatnonzero(used[c.columns])
             coupled.append(Coupled(
-                OfAtoms(c.term, own, len(c.columns)), c.rows, numbers[c.columns[own]]))
+                OfAtoms(c.term, own, len(c.columns)), c.rows, new_number[c.columns[own]]))
         return Reduced(
-            new, heat, bodies, coupled, self.targets, positions(new), self.h, self.named,
-            self.heat_first, self.rows, [b.table for b in self.prescribed_bodies])
+            new, heat, bodies, coupled, targets=self.targets, border=positions(new), h=self.h,
+            named=self.named, heat_first=self.heat_first, rows=self.rows,
+            tables=[b.table for b in self.prescribed_bodies])
 
     @property
     def terms(self) -> list[tuple[ReducedTerm, IntArray]]:
@@ -455,11 +468,16 @@ class Reduced(WholeEquations):
 
     def begin(self, step: StepFormula, d: FloatArray) -> None:
         """Takes over the constants of a step; d (n,): its first guess, with final temperatures if
-        these are known."""
+        these are known.
+
+        Sets `base` (n + 1,), the residual without what each iteration adds to it, and X0, R of the
+        unknowns with their rates, X = X0 + R d (3, n + 1). The last entries are no unknowns: the
+        numbers with which stacks are filled up point there.
+        """
         n, base, first = self.layout.size, np.zeros(self.rows.size + 1), self.layout.first
         self.step, inactive = step, self.inactive
         motion = [step.free, step.free_rate]
-        if len(inactive):
+        if len(inactive):  # their x is zero, with d = -free: their rates follow
             motion = [step.free.copy(), step.free_rate.copy(), np.zeros(n)]
             motion[0][inactive], motion[2][inactive] = 0.0, -step.c2 * step.free[inactive]
             motion[1][inactive] -= step.c1 * step.free[inactive]
@@ -475,7 +493,7 @@ class Reduced(WholeEquations):
         for b in self.prescribed_bodies:
             b.begin(step, d, base)
         if self.heat_first:
-            if not self.sampled:
+            if not self.sampled:  # known temperatures: their rows, d + base, are zero
                 base[first] = -d[first]
             for rows, columns, _, A in self.thermal:
                 base[rows] += A.dot(step.free[columns] + d[columns])
@@ -527,6 +545,8 @@ class Reduced(WholeEquations):
     def _evaluate(
         self, X: FloatArray, t: float, rates: tuple[float, float] | None = None
     ) -> None:
+        """Evaluates all frames at X (3, n + 1); with derivatives for dv = c1 dx, da = c2 dx if
+        `rates` (c1, c2) are given."""
         self.frames_at = _NONE
         Y = X[:, self.border]
         Y = self.T.dot(Y.T).T if issparse(self.T) else Y.dot(self.T)
@@ -610,11 +630,12 @@ class Reduced(WholeEquations):
         """Jacobian (n, n), or of as many rows as there are, at a state, for dv = c1 dx and da = c2
         dx; c1, c2 (n,)."""
         layout, J = self.layout, np.zeros((self.rows.size, len(x)))
-        rate, k1, k2 = (float(c.max(initial=0.0)) for c in (
+        # the factors are equal within each kind of unknowns; k1_first: c1 of temperatures
+        k1_first, k1, k2 = (float(c.max(initial=0.0)) for c in (
             c1[layout.first], c1[layout.second], c2[layout.second]))
         for rows, columns, of, A in (*self.constants, *self.thermal):
             first = columns.start >= layout.first.start and columns.stop <= layout.first.stop
-            factor = (1.0, rate if first else k1, k2)[of]
+            factor = (1.0, k1_first if first else k1, k2)[of]
             if factor:
                 J[rows, columns] += factor * A
         for d in self.prescribed_bodies:
@@ -637,14 +658,15 @@ class Reduced(WholeEquations):
     def time_derivative(self, order: int, t: float) -> "Reduced":
         """Partial time derivative of this order of the bodies' constraint rows, at t, s."""
         frames = ((b, b.step.frame.time_derivative(order, t, self.h)) for b in self.bodies)
-        return Reduced(
-            self.layout, (), [
-                ReducedBody(replace(b.step, frame=f), b.tested) for b, f in frames
-                if f is not None], (), (), self.border, self.h)
+        bodies = [ReducedBody(replace(b.step, frame=f), b.tested) for b, f in frames
+                  if f is not None]
+        return Reduced(self.layout, heat=(), bodies=bodies, coupled=(), targets=(),
+                       border=self.border, h=self.h)
 
     def terms_alone(self) -> "Reduced":
         """The coupling terms without bodies, heat and prescribed values."""
-        return Reduced(self.layout, (), (), self.coupled, (), self.border, self.h)
+        return Reduced(self.layout, heat=(), bodies=(), coupled=self.coupled, targets=(),
+                       border=self.border, h=self.h)
 
 
 def positions(layout: Layout) -> IntArray:
@@ -678,6 +700,7 @@ def _inside(at: IntArray, span: slice) -> bool:
 
 
 def _all_inside(at: IntArray, span: slice) -> bool:
+    """True if all of the unknowns are within the span."""
     return bool(((at >= span.start) & (at < span.stop)).all())
 
 
@@ -695,7 +718,7 @@ def _merged(constants: Sequence[ConstantOperator], atoms: slice) -> list[Constan
             found += [c._replace(A=A) for c, A in parts]
             continue
         whole = np.zeros(n) if modal else np.zeros((n, n))
-        for c, A in parts:
+        for c, A in parts:  # A: diagonal (k,) or matrix, c.A: always the matrix
             at = slice(c.rows.start - atoms.start, c.rows.stop - atoms.start)
             if modal:
                 whole[at] += A

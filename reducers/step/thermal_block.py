@@ -65,9 +65,9 @@ class HeatOutcome(NamedTuple):
 def shortened(
     residual: Callable[[FloatArray], FloatArray], d: FloatArray, new: FloatArray
 ) -> FloatArray:
-    """The Newton step from d to `new`, halved until the norm of the residual falls by a tenth of
-    what its length promises: where the capacity jumps, as at the ends of a melting range, whole
-    steps may alternate for ever, while the residual falls by less and less."""
+    """Unknowns (n,) after the Newton step from d to `new`, halved until the norm of the residual
+    falls by a tenth of what its length promises: where the capacity jumps, as at the ends of a
+    melting range, whole steps may alternate for ever, while the residual falls by less and less."""
     size, share = np.linalg.norm(residual(d)), 1.0
     while share > SHORTEST and np.linalg.norm(
             residual(d + share * (new - d))) >= (1.0 - 0.1 * share) * size:
@@ -98,8 +98,8 @@ class HeatBlock(Protocol):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CompressedHeat:
-    """Reduced thermal block with s of k active atoms. Without local terms the increment is by_rate
-    T' + by_value T + prescribed(t), with T the prediction and T' its rate.
+    """Reduced thermal block with s of k active atoms (`active`, None: all). Without local terms the
+    increment is by_rate T' + by_value T + prescribed(t), with T the prediction and T' its rate.
 
     by_rate, by_value: (s, k), or a diagonal (modal_coordinates.py); prescribed: tabulated function
     of time of the `loads`, moving heat sources and constant terms; by_active_columns: by_rate and
@@ -145,18 +145,20 @@ class CompressedHeat:
             loads.table(times), support, tuple(local), c1, loads)
 
     def start_rates(self, x: FloatArray, v: FloatArray, t: float) -> FloatArray:
-        """Rates that satisfy the equations, by Newton's method; v where only some atoms are active.
+        """Rates (k,) that satisfy the equations at the unknowns x, by Newton's method from the
+        guess v; v itself where only some atoms are active, or if the method fails.
 
         Projected rates of the full-order start would not satisfy the reduced equations: heat that
         enters through a surface changes the temperatures of its nodes alone at first.
         """
         if self.active is not None or not len(x):
             return v
+        # all rows are times the left inverse: by_rate = -C, by_value = -K
         capacity, zero, one, rates = -dense(self.by_rate), np.zeros(len(x)), np.ones(len(x)), v
         known = times(self.by_value, x) + self.prescribed.at(t)
         for _ in range(START_ITERATIONS):
             r, J = capacity @ rates - known, capacity
-            for term in self.local:
+            for term in self.local:  # their derivative by rates alone: that with c1 = 1 less c1 = 0
                 r = r + term.residual(x, rates, zero, t)
                 J = J + term.jacobian(x, rates, zero, t, one, zero) - term.jacobian(
                     x, rates, zero, t, zero, zero)
@@ -198,7 +200,8 @@ class CompressedHeat:
         self, T: FloatArray, rate: FloatArray, bend: FloatArray, t: float,
         at: FloatArray | None = None,
     ) -> tuple[FloatArray, HeatJacobian]:
-        """Local terms (s,) at T with its rate, and the factorized Jacobian there."""
+        """Local terms (s,) at T with its rate and second difference `bend`, (k,) each, and the
+        factorized Jacobian there; at: [T, T', T'', t], if it is known as one array."""
         n, r, J = len(T), np.zeros(len(self.by_rate)), self.identity
         zero, c1 = np.zeros(n), np.full(n, self.c1)
         for term in self.local:
@@ -223,8 +226,12 @@ class CompressedHeat:
         self, base: FloatArray, T: FloatArray, rate: FloatArray, bend: FloatArray, t: float,
         c2: float, jacobian: HeatJacobian | None,
     ) -> HeatOutcome:
-        """Increment d of d = base - (local terms), by Newton's method with a kept Jacobian, damped
-        after `UNDAMPED` iterations."""
+        """Increment d (s,) of d = base - (local terms), by Newton's method with a kept Jacobian
+        (None: a new one), damped after `UNDAMPED` iterations. T, rate, bend (k,): the prediction;
+        base (s,): increment without local terms.
+
+        full (k,): d for all atoms; before: size of the previous change with the same Jacobian;
+        first: ratio of the first two changes."""
         n, d = len(T), np.zeros(len(base))
         full, before, first = np.zeros(n), np.inf, 0.0
         for i in range(1, self.max_iterations + 1):
@@ -254,9 +261,9 @@ class CompressedHeat:
             error = estimated_error(change, before)
             first = change / before if i == 2 else first
             if error <= self.rtol * size:
-                return HeatOutcome(d, Status.DONE, i, 0, "", error / max(size, TINY),
-                                   jacobian if first <= RENEWED else None)
-            if change > SLOW * before:
+                return HeatOutcome(d, Status.DONE, i, remaining=error / max(size, TINY),
+                                   jacobian=jacobian if first <= RENEWED else None)
+            if change > SLOW * before:  # a new Jacobian, whose changes say nothing with old ones
                 jacobian, before = None, np.inf
             else:
                 before = change

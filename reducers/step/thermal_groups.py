@@ -88,11 +88,15 @@ def compressed_group(
     model: AssembledModel, members: Sequence[HeatBody], blocks: Sequence[CompressedHeat],
     dictionaries: Mapping[str, Dictionary], force_maps: Mapping[str, FloatArray], c1: float,
 ) -> CompressedHeat:
-    """Reduced thermal block of the group, all atoms active. force_maps: block -> (k, n), left
-    inverse of its operator times the test map of forces. Raises SolveFailed where the coupled
-    matrix is singular."""
+    """Reduced thermal block of the group, all atoms active. members, blocks: each alone;
+    force_maps: block -> (k, n), left inverse of its operator times the test map of forces. Raises
+    SolveFailed where the coupled matrix is singular.
+
+    Of the equation above, times the left inverses: J = 1 + A + c1 B (K, K) with the couplings A, B
+    of all K atoms; fixed (K,): A times the offsets of the dictionaries.
+    """
     names = {b.thermal: i for i, b in enumerate(members)}
-    at = starts_of([b.by_rate.shape[0] for b in blocks])
+    at = starts_of([b.by_rate.shape[0] for b in blocks])  # range of each block in the group
     size = at[-1].stop
     A, B, fixed = np.zeros((size, size)), np.zeros((size, size)), np.zeros(size)
     by_rate, by_value = np.zeros((size, size)), np.zeros((size, size))
@@ -118,8 +122,9 @@ def compressed_group(
     local = tuple(GroupLocal(t, here, inverse[:, here])
                   for b, here in zip(blocks, at, strict=True) for t in b.local)
     return CompressedHeat(
-        carried(inverse @ (by_rate - B)), carried(inverse @ (by_value - A)), loads.table(times),
-        None, local, c1, loads, blocks[0].rtol, blocks[0].max_iterations)
+        by_rate=carried(inverse @ (by_rate - B)), by_value=carried(inverse @ (by_value - A)),
+        prescribed=loads.table(times), active=None, local=local, c1=c1, loads=loads,
+        rtol=blocks[0].rtol, max_iterations=blocks[0].max_iterations)
 
 
 def heat_groups(

@@ -22,9 +22,10 @@ Source = Callable[[FloatArray], FloatArray]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TimeTable:
-    """Function of time with tabulated values: rows (T, m) at the increasing `times`; at any other
-    time `source` is evaluated. Returned values are shared and must not be modified. Values that
-    depend on held functions are not kept."""
+    """Function of time with tabulated values: rows (T, m) at the increasing `times`, s; at any
+    other time `source` is evaluated. near: tolerance of a tabulated time, s. Returned values are
+    shared and must not be modified. Values that depend on held functions (inputs that are set from
+    step to step) are not kept: `held_reads` grows where one was read."""
 
     source: Source
     times: tuple[float, ...] = ()
