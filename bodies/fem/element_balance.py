@@ -13,8 +13,9 @@ from sparsemor.core.protocols.separable import ElasticIntegrals, HeatIntegrals, 
 
 
 def elastic_integrals(body: HasFields) -> ElasticIntegrals:
-    """Element integrals of the internal forces on the free displacements; their sum is that of
-    `body_terms.write_elasticity`."""
+    """Element integrals of the internal forces, N, on the free displacements: stiffness, thermal
+    coupling, and vectors of given temperatures (first the constant one, here of the reference
+    temperatures, then one per amplitude). Their sum is that of `body_terms.write_elasticity`."""
     from sparsemor.bodies.fem import element_matrices
 
     e, mesh, t = body.elasticity, body.mesh, body.thickness
@@ -28,25 +29,27 @@ def elastic_integrals(body: HasFields) -> ElasticIntegrals:
         for cells, law in e.regions])
     n = len(e.free)
     d = mesh.dimension
+    # mesh.nodes (E, q): node numbers of each element; unknown number d * node + component
     dofs = d * mesh.nodes[:, :, None] + np.arange(d)
     rows = numbered(e.free, d * len(mesh.points))[dofs.reshape(len(mesh.cells), -1)]
     assert body.T0 is not None and body.T_ref is not None
     stiffness = Integrals(rows, rows, K, (n, n))
     if body.heat is None:
+        vectors = [_element_products(Kt, mesh, body.T0 - body.T_ref)]
         return ElasticIntegrals(
-            stiffness, None, _columns(rows, n, [_applied(Kt, mesh, body.T0 - body.T_ref)]), ())
+            stiffness, coupling=None, given=_columns(rows, n, vectors), amplitudes=())
     nodes = numbered(body.heat.free, len(mesh.points))[mesh.nodes]
-    vectors, amplitudes = [-_applied(Kt, mesh, body.T_ref)], []
+    vectors, amplitudes = [-_element_products(Kt, mesh, body.T_ref)], []
     for held, function, shape in body.heat.prescribed:
-        vectors.append(_applied(Kt, mesh, _shaped(mesh, held, shape)))
+        vectors.append(_element_products(Kt, mesh, _nodal(mesh, held, shape)))
         amplitudes.append(function.value)
     coupling = Integrals(rows, nodes, Kt, (n, len(body.heat.free)))
     return ElasticIntegrals(stiffness, coupling, _columns(rows, n, vectors), tuple(amplitudes))
 
 
 def heat_integrals(body: HasFields) -> HeatIntegrals:
-    """Element integrals of the heat balance of the free temperatures; their sum is that of
-    `body_terms.write_conduction`."""
+    """Element integrals of the heat balance, W, of the free temperatures: capacity, conductivity,
+    and vectors of prescribed temperatures. Their sum is that of `body_terms.write_conduction`."""
     from sparsemor.bodies.fem import element_matrices
 
     h, mesh = body.heat, body.mesh
@@ -54,7 +57,7 @@ def heat_integrals(body: HasFields) -> HeatIntegrals:
     C = _by_region(mesh, [(cells, element_matrices.elements(
         element_matrices.mass, mesh, 2, cells=cells, weight=stored))
         for cells, (stored, _) in h.regions])
-    if h.lumped:
+    if h.lumped:  # row sums on the diagonal
         C = C.sum(axis=2)[:, :, None] * np.eye(C.shape[1])
     K = _by_region(mesh, [(cells, element_matrices.elements(
         element_matrices.conduction, mesh, 0, cells=cells, weight=conducted))
@@ -82,28 +85,35 @@ def _by_region(
 def _prescribed(
     h: Heat, mesh: Mesh, C: FloatArray, K: FloatArray
 ) -> tuple[list[FloatArray], tuple[Amplitude, ...]]:
-    """Element vectors and amplitudes of the contribution of prescribed temperatures and their rates
-    to the remaining rows."""
-    columns, amplitudes = [np.zeros(mesh.nodes.shape)], []
+    """Element vectors (E, p), W, of the effect of prescribed temperatures shape * f(t) on the
+    right-hand side of the rows of their elements, and the functions of time that multiply them.
+
+    First the constant vector, here zero, then for each of them -K shape with f and -C shape with
+    f'. C, K: element matrices (E, p, p) of capacity, J/K, and conductivity, W/K. Rows of the
+    prescribed temperatures themselves have no number (`numbered`), and so no effect.
+    """
+    vectors, amplitudes = [np.zeros(mesh.nodes.shape)], []
     for held, function, shape in h.prescribed:
-        there = _shaped(mesh, held, shape)
-        columns += [-_applied(K, mesh, there), -_applied(C, mesh, there)]
+        nodal = _nodal(mesh, held, shape)
+        vectors += [-_element_products(K, mesh, nodal), -_element_products(C, mesh, nodal)]
         amplitudes += [function.value, function.rate]
-    return columns, tuple(amplitudes)
+    return vectors, tuple(amplitudes)
 
 
-def _shaped(mesh: Mesh, nodes: IntArray, shape: FloatArray) -> FloatArray:
-    there = np.zeros(len(mesh.points))
-    there[nodes] = shape
-    return there
+def _nodal(mesh: Mesh, nodes: IntArray, shape: FloatArray) -> FloatArray:
+    """Values (N,) of all nodes of a mesh: `shape` (n,) at some nodes (n,), 0 elsewhere."""
+    values = np.zeros(len(mesh.points))
+    values[nodes] = shape
+    return values
 
 
-def _applied(matrices: FloatArray, mesh: Mesh, nodal: FloatArray) -> FloatArray:
+def _element_products(matrices: FloatArray, mesh: Mesh, nodal: FloatArray) -> FloatArray:
     """(E, p) products of element matrices (E, p, q) with nodal values (N,)."""
     return np.asarray(np.einsum("epc,ec->ep", matrices, nodal[mesh.nodes]))
 
 
 def _columns(rows: IntArray, n: int, vectors: Sequence[FloatArray]) -> Integrals:
-    """Element integrals with the vectors (E, p) as columns."""
+    """Element integrals of shape (n, j) with j vectors (E, p) as columns; rows (E, p): matrix row
+    of each entry."""
     columns = np.broadcast_to(np.arange(len(vectors)), (len(rows), len(vectors)))
     return Integrals(rows, columns, np.stack(vectors, axis=2), (n, len(vectors)))

@@ -90,6 +90,7 @@ def assemble(
     models without prescribed motion, built earlier. Raises InputError with all faults found,
     located by dotted input keys (`joints.A.between.0`).
     """
+    # only models without prescribed motion are kept: the key does not describe that motion
     shared = body_cache is not None and prescribed is NOTHING
     models, key = (body_cache or BodyCache()).models, ""
     if shared:
@@ -107,7 +108,7 @@ def assemble(
         if not shared:
             return model
         models[key] = model
-    # with a log of its own, and a start of its own
+    # a copy, so that its solvers log this run alone and its initial state is computed anew
     return replace(models[key], solvers=BlockSolvers(scene.linear_solver, scene.linear_solvers))
 
 
@@ -126,9 +127,10 @@ def _model(
     connected: Mapping[str, Mapping[str, Connector]], probes: tuple[ProbePlace, ...],
 ) -> Model:
     """The model from built parts: layout of their blocks, then what each contributes. connected:
-    joints, contacts and loads by name."""
+    "joints", "contacts" and "loads" -> name -> built part. Along a prescribed motion, contacts
+    contribute the loads of that motion instead of themselves."""
     groups: dict[str, Mapping[str, Part]] = {"bodies": bodies, **connected}
-    connectors = {n: part for built in connected.values() for n, part in built.items()}
+    connectors = {n: part for named in connected.values() for n, part in named.items()}
     parts = {**bodies, **connectors}
     layout = Layout([b for part in parts.values() for b in part.blocks()])
     if not layout.size:
@@ -136,8 +138,8 @@ def _model(
                          "bodies")
     records, stepping = Records(), _stepping(scene)
     motion = prescribed.motion(bodies)
-    for group, built in groups.items():
-        for name, part in built.items():
+    for group, named in groups.items():
+        for name, part in named.items():
             equations = Equations(layout, Origin(group, name), records, stepping)
             if motion is None or group != "contacts":
                 part.contribute(equations)
@@ -197,6 +199,8 @@ def _build(
 
 
 def _probe(body: Body, name: str, probe: Probe) -> ProbePlace:
+    """Material point of a body whose motion, temperature and, if wanted, stress are recorded.
+    Raises InputError if the body has no such point or no such stress."""
     made = PROBES.checked(body.probe(name, probe.at), body, "body")
     if not probe.stress:
         return made
@@ -212,7 +216,8 @@ def _body(
     body_cache: BodyCache, plugin: BodyPlugin, name: str, base: Path,
     prescribed: PrescribedQuantities,
 ) -> Body:
-    """One built body; its frame follows a prescribed motion if there is one."""
+    """One built body, from the cache if possible; its frame follows a prescribed motion if there is
+    one."""
     body = body_cache.body(plugin, name, base)
     complete(body, Body, plugin, "build")
     motion = prescribed.frame(name, body)
@@ -223,13 +228,15 @@ def _connector(
     plugin: ConnectorPlugin, name: str, bodies: Mapping[str, Body],
     prescribed: PrescribedQuantities, contract: type,
 ) -> Connector:
-    """One built joint, contact or load; a joint has no multipliers if its reactions are
-    prescribed."""
+    """One built joint, contact or load, checked to have the methods of its contract; a joint whose
+    reactions are prescribed is replaced by one with these known forces and without multipliers.
+    Raises InputError if it cannot take them."""
     part = plugin.build(name, bodies)
     complete(part, contract, plugin, "build")
-    if not isinstance(part, Joint) or (forces := prescribed.reactions(name, part)) is None:
+    reactions = prescribed.reactions(name, part) if isinstance(part, Joint) else None
+    if reactions is None or not isinstance(part, Joint):
         return part
-    return PRESCRIBED_REACTIONS.checked(part.known(forces), part)
+    return PRESCRIBED_REACTIONS.checked(part.known(reactions), part)
 
 
 def _along(
@@ -251,6 +258,8 @@ def mentioned(plugin: object, bodies: Iterable[str]) -> set[str]:
 
 
 def _start(layout: Layout, bodies: Mapping[str, Body]) -> tuple[FloatArray, FloatArray]:
+    """Initial values x (n,) and rates v (n,) of all unknowns; zero where a body gives none, as for
+    multipliers."""
     x, v = np.zeros(layout.size), np.zeros(layout.size)
     for body in bodies.values():
         for name, (value, rate) in body.initial().items():

@@ -110,12 +110,13 @@ class _BlockOperators:
                 yield local.term
 
     def _has_slot(self, m: MatrixRecord) -> bool:
-        """True if a matrix is mass, damping, stiffness, capacity or conductivity of one block, or
-        the thermal coupling of a body's displacements."""
+        """True if a matrix belongs to the operators of one body: mass, damping, stiffness, capacity
+        or conductivity of one of its blocks, or its thermal coupling, by which the temperatures
+        (columns) drive the displacements (rows)."""
         rows, columns = self.layout.block(m.rows), self.layout.block(m.columns)
         if rows.owner != columns.owner:
             return False
-        if m.rows != m.columns:  # temperatures drive displacements
+        if m.rows != m.columns:
             pair = self.field(m.rows), self.field(m.columns)
             return pair == (Quantity.DISPLACEMENT, Quantity.TEMPERATURE) and (
                 m.B is None and m.M is None)
@@ -139,12 +140,12 @@ class _BlockOperators:
         rows = self.layout.containing(local.term.rows)
         if len(rows) != 1 or self.field(rows[0]) is None:
             return None
-        (block,), read = rows, set(rows)
+        (block,), allowed = rows, set(rows)
         if self.field(block) is Quantity.DISPLACEMENT:
-            read.add(self.layout.name_of(self.layout.block(block).owner, Quantity.TEMPERATURE))
+            allowed.add(self.layout.name_of(self.layout.block(block).owner, Quantity.TEMPERATURE))
             if local.together:
                 return None
-        return block if read.issuperset(local.blocks) else None
+        return block if allowed.issuperset(local.blocks) else None
 
     def _deforms(self, body: str) -> bool:
         """True if a body has elastic operators, that is, inertia that acts on displacements."""
@@ -157,7 +158,8 @@ class _BlockOperators:
 
     def _elastic_local(self, term: Term, block: str, thermal: str) -> ElasticLocal:
         """A term evaluated element by element, with rows and columns as positions in the elastic
-        block `block` and in the temperature block `thermal` of the same body."""
+        block `block` and in the temperature block `thermal` of the same body; `hot` (n,): True for
+        columns of temperatures."""
         first, columns = self.layout[block].start, term.columns.copy()
         hot = ~np.isin(columns, self.layout.numbers(block))
         columns[~hot] -= first
@@ -175,6 +177,8 @@ class _BlockOperators:
                     m.rows, m.columns, A, B, matrix_term(self.layout, [m], []))
 
     def _couples_heat(self, m: MatrixRecord) -> bool:
+        """True for conduction or capacity (no inertia M) between temperature blocks, of one body or
+        two."""
         return self.field(m.rows) is self.field(m.columns) is Quantity.TEMPERATURE and (
             m.M is None)
 
@@ -182,13 +186,14 @@ class _BlockOperators:
 
     def mechanics(self, body: BodyRecord) -> MovingBody | None:
         """Mechanical equations of one body: constant matrices, and a kernel for its floating frame
-        of reference; None if the body neither moves nor deforms."""
+        of reference; None if the body neither moves nor deforms. Raises InputError for a force or
+        joint that cannot act on a body with prescribed motion."""
         frames = [f for f in self.records.frames if f.body == body.name and acts(self.layout, f)]
         if not frames:
             return None
         elastic, thermal = (self.layout.name_of(body.name, q) for q in (
             Quantity.DISPLACEMENT, Quantity.TEMPERATURE))
-        inertia = next((f for f in frames if f.generators), None)
+        inertia = next((f for f in frames if f.generators), None)  # only inertia has generators
         at_rest = not body.moves and body.guide is None
         if at_rest:  # nothing of the mass but M u''
             frames = [f for f in frames if f is not inertia]
@@ -197,7 +202,7 @@ class _BlockOperators:
         operators, last = None, list[FrameItem]()
         if elastic and inertia is not None:
             operators = self._elastic(body, elastic, thermal, frames, inertia)
-            if body.stiffened is not None:
+            if body.stiffened is not None:  # by its loads: a further item and generators
                 own = operators.generators
                 item, more = body.stiffened(operators.directions, len(own))
                 operators, last = replace(operators, generators=(*own, *more)), [item]
@@ -214,9 +219,11 @@ class _BlockOperators:
         of a body's frame kernel: its own rigid coordinates, those of other bodies that its forces
         depend on, and the joint forces on it."""
         layout, shift = self.layout, self.rigid - self.layout.algebraic.start
+        # rows of the result in the order of the kernel's inputs; columns: rigid coordinates of the
+        # model (numbered as in the state vector), then multipliers (`shift` leads to their columns)
         own = np.zeros((len(body.pose), self.border))
-        at = layout.numbers(layout.name_of(body.name, Quantity.POSE))
-        own[np.arange(len(at)), at] = 1.0
+        rigid_numbers = layout.numbers(layout.name_of(body.name, Quantity.POSE))
+        own[np.arange(len(rigid_numbers)), rigid_numbers] = 1.0
         others, forces = [], []
         for f in frames:
             kernel, read = body.kernel((f.item,)), layout.numbers(f.reads)
@@ -224,7 +231,7 @@ class _BlockOperators:
             T[np.arange(len(read)), read] = 1.0
             others.append(T)
             T = np.zeros((kernel.border - kernel.rigid_size, self.border))
-            if f.C is not None:
+            if f.C is not None:  # forces = C^T multipliers
                 T[:, layout.numbers(f.multipliers) + shift] = f.C.T
             forces.append(T)
         return np.concatenate([own, *others, *forces])
@@ -233,33 +240,39 @@ class _BlockOperators:
         self, body: BodyRecord, block: str, thermal: str, frames: Sequence[FrameRecord],
         inertia: FrameRecord,
     ) -> ElasticOperators:
-        """Operators of the elastic block of a body. frames: inertia, forces and attachments that
-        act through the floating frame; inertia: the one among them with the mass (not among them
-        for a frame at rest)."""
-        n, hot = (len(self.layout.numbers(b)) for b in (block, thermal))
-        columns = tuple(LoadColumn(name, f.item.forces > 0)
+        """Operators of the elastic block `block` of a body, from all contributions to its n
+        displacements u; thermal: its temperature block, "" if it has none.
+
+        frames: what acts on u through the floating frame of reference (its inertia, forces,
+        attachments of joints), with their directions side by side. inertia: the record with the
+        mass; it is among `frames` unless the frame is at rest, where only M u'' is left of it.
+        """
+        n, n_temperatures = (len(self.layout.numbers(b)) for b in (block, thermal))
+        # the directions of an attachment are those of unknown joint forces
+        columns = tuple(LoadColumn(name, joint=f.item.forces > 0)
                         for f in frames for name in f.item.names(f.origin.part))
-        here = [m for m in self.records.matrices if m.rows == block and self._has_slot(m)]
-        own = [m for m in here if m.columns == block]
-        added = [m.M for m in own if m.M is not None]
-        mass = sum(added, inertia.generators[0])
-        coupling = [-m.A for m in here if m.columns == thermal and m.A is not None]
-        constant, loads, timed = self._loads(block)
+        elastic_rows = [m for m in self.records.matrices if m.rows == block and self._has_slot(m)]
+        own = [m for m in elastic_rows if m.columns == block]
+        added_masses = [m.M for m in own if m.M is not None]
+        mass = sum(added_masses, start=inertia.generators[0])  # the first generator is the mass
+        # records have A T on the left-hand side, operators `coupling` T on the right-hand side
+        coupling = [-m.A for m in elastic_rows if m.columns == thermal and m.A is not None]
+        constant, loads, timed_records = self._loads(block)
         local = [self._elastic_local(t, block, thermal) for t in self._local(block)]
         return ElasticOperators(
             mass=mass, damping=_sum([m.B for m in own], (n, n)),
             stiffness=_sum([m.A for m in own], (n, n)),
             generators=inertia.generators if inertia in frames else (),
             directions=np.concatenate([np.zeros((n, 0)), *(f.directions for f in frames)], axis=1),
-            coupling=_sum(coupling, (n, hot)) if hot else None,
-            constant=constant, loads=loads, amplitudes=_amplitudes(timed), columns=columns,
-            load_names=tuple(r.name for r in timed), integrals=body.elastic_integrals,
+            coupling=_sum(coupling, (n, n_temperatures)) if n_temperatures else None,
+            constant=constant, loads=loads, amplitudes=_amplitudes(timed_records), columns=columns,
+            load_names=tuple(r.name for r in timed_records), integrals=body.elastic_integrals,
             tables=self._tables(block), stress_stiffness=body.stress_stiffness,
             local=tuple(part for part in local if not part.term.damps),
             damps=tuple(part for part in local if part.term.damps))
 
     def heat(self, of: Block) -> HeatBody:
-        """Heat equation of one temperature block."""
+        """Heat equation of the temperature block `of`, from all contributions to it."""
         block = of.name
         integrals = next((b.heat_integrals for b in self.records.bodies if b.name == of.owner),
                          None)
@@ -284,6 +297,7 @@ class _BlockOperators:
 
 
 def _amplitudes(records: Sequence[VectorRecord]) -> tuple[Amplitude, ...]:
+    """Functions of time of those load vectors that have one."""
     return tuple(r.amplitude for r in records if r.amplitude is not None)
 
 

@@ -56,6 +56,7 @@ class Constraints:
 
     @classmethod
     def of(cls, layout: Layout, terms: tuple[Term, ...], h: float) -> "Constraints":
+        """Constraints among the residual terms of a model: those in the rows of multipliers."""
         rows = layout.algebraic
         here = ((t, np.flatnonzero((t.rows >= rows.start) & (t.rows < rows.stop))) for t in terms)
         return cls(layout, tuple(t.restrict(keep) for t, keep in here if len(keep)), h)
@@ -79,10 +80,11 @@ class Constraints:
         found, size = self._zero(), self._zero()
         for term in self.terms:
             J, j = self._jacobian(term, x, t), term.columns
-            of_time, faster = (self._of_time(term, x, t, order) for order in (1, 2))
-            self._add(found, term, J @ v[j] + of_time)
-            self._add(size, term, abs(J) @ np.abs(v[j]) + np.abs(of_time)
-                      + self.h * np.abs(faster) + ROUND_OFF / self.h * (abs(J) @ np.abs(x[j])))
+            partial_rate, partial_second = (self._of_time(term, x, t, order) for order in (1, 2))
+            self._add(found, term, J @ v[j] + partial_rate)
+            self._add(size, term, abs(J) @ np.abs(v[j]) + np.abs(partial_rate)
+                      + self.h * np.abs(partial_second)
+                      + ROUND_OFF / self.h * (abs(J) @ np.abs(x[j])))
         return found, size
 
     def curvature(self, x: FloatArray, v: FloatArray, t: float) -> FloatArray:

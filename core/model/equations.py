@@ -49,7 +49,7 @@ def system_jacobian(
         if not len(j):  # a load that is a function of time
             continue
         J = term.jacobian(x[j], v[j], a[j], t, c1[j], c2[j])
-        # short numbers: this is what takes most memory at the start of a large run
+        # short numbers (int32): this is what takes most memory at the start of a large run
         rows.append(np.repeat(term.rows.astype(np.int32), np.diff(J.indptr)))
         columns.append(j.astype(np.int32)[J.indices])
         values.append(J.data)

@@ -79,23 +79,29 @@ def _temperatures(
     model: AssembledModel, heat: HeatBody, times: FloatArray, h: float
 ) -> tuple[FloatArray, FloatArray]:
     """Estimated temperatures (n, M), K, at times (M,), s, for a run with steps of h, s, and heat of
-    the loads before each of the later times (n, M - 1), W."""
+    the loads before each of the later times (n, M - 1), W. Implicit Euler steps of H, linearised at
+    the initial temperatures T_0 (`expected_states`):
+
+        (K_T + K + (C_0 + C) / H) T_i = (C_0 + C) / H T_(i-1) + q_i + K T_0 - r(T_0)
+
+    with conductivity K_T and capacity C_0 of the block, and K, C, r of its local terms.
+    """
     coarse = float(times[1] - times[0])
-    steps = max(1, round(coarse / h)) if heat.tables else 1
+    steps = max(1, round(coarse / h)) if heat.tables else 1  # steps of H in a coarse one
     H = coarse / steps
-    K, C, r = _linearised(model, heat)
-    carried = (heat.capacity + C) / H
+    K, C, residual = _linearised(model, heat)
+    C_over_H = (heat.capacity + C) / H
     data = model.block_data(heat.thermal)
     factor = BlockSolvers(model.linear_solver(heat.thermal)).factorize(
-        heat.thermal, heat.conductivity + K + carried, data.places, "expected states")
+        heat.thermal, heat.conductivity + K + C_over_H, data.places, "expected states")
     states = [model.x0[model.layout[heat.thermal]]]
-    constant, loads = heat.constant + K @ states[0] - r, list[FloatArray]()
-    fine = np.linspace(times[0], times[-1], steps * (len(times) - 1) + 1)
-    for before, after in zip(fine[:-1], fine[1:], strict=True):
-        q = constant + heat.loads @ _mean(heat.amplitudes, before, after)
+    constant_heat, loads = heat.constant + K @ states[0] - residual, list[FloatArray]()
+    fine_times = np.linspace(times[0], times[-1], steps * (len(times) - 1) + 1)
+    for before, after in zip(fine_times[:-1], fine_times[1:], strict=True):
+        q = constant_heat + heat.loads @ _mean(heat.amplitudes, before, after)
         q = q + _moving(heat.tables, before, after, len(q))
         loads.append(q)
-        states.append(solve_or_fail(factor, np.asarray(carried @ states[-1] + q), heat.thermal))
+        states.append(solve_or_fail(factor, np.asarray(C_over_H @ states[-1] + q), heat.thermal))
     return np.stack(states[::steps], axis=1), np.stack(loads[steps - 1::steps], axis=1)
 
 
@@ -109,7 +115,8 @@ def _linearised(model: AssembledModel, heat: HeatBody) -> tuple[Csr, Csr, FloatA
     for term in heat.local:
         rows, columns = term.rows - part.start, term.columns - part.start
         x, zero = model.x0[term.columns], np.zeros(len(columns))
-        at_rest, with_rate = (coo_array(term.jacobian(x, zero, zero, 0.0, zero + c, zero))
+        # Jacobians with dv = c dx: K for c = 0, K + C for c = 1
+        at_rest, with_rate = (coo_array(term.jacobian(x, zero, zero, 0.0, c1=zero + c, c2=zero))
                          for c in (0.0, 1.0))
         K = K + csr_array((at_rest.data, (rows[at_rest.row], columns[at_rest.col])), shape=(n, n))
         with_rates = with_rates + csr_array(
@@ -121,8 +128,10 @@ def _linearised(model: AssembledModel, heat: HeatBody) -> tuple[Csr, Csr, FloatA
 def _displacements(
     model: AssembledModel, body: MovingBody, ops: ElasticOperators, times: FloatArray, h: float,
 ) -> ExpectedStates:
-    """Static displacements under the mean loads of each coarse step; next to them the responses of
-    the block to unit forces of joints and frame, and to impulses, K^-1 M x."""
+    """Estimated displacements of an elastic block (`ExpectedStates`): static ones x = K^-1 f under
+    the mean loads of each coarse step, then the responses of norm 1 to unit forces of joints and
+    frame, and to impulses, v = K^-1 M x. times (M,): ends of the coarse steps, s; h: time step, s.
+    """
     name, thermal = body.elastic, body.thermal
     data = model.block_data(name)
     heat = next((h for h in model.separated.heat if h.thermal == thermal), None)
@@ -138,25 +147,27 @@ def _displacements(
         # a uniform temperature of no stress: thermal forces cancel to round-off
         cancelled = np.linalg.norm(f) <= ROUND_OFF * np.linalg.norm(ops.constant)
         forces.append(np.zeros_like(f) if cancelled else f)
-    named = [i for i, column in enumerate(ops.columns)
-             if column.name and ops.directions[:, i].any()]
+    named_columns = [i for i, column in enumerate(ops.columns)
+             if column.name and ops.directions[:, i].any()]  # loads of unknown size
     factor = BlockSolvers(model.linear_solver(name)).factorize(
         name, ops.stiffness, data.places, "expected states")
-    b = np.column_stack([*forces, ops.directions[:, named]])
-    x = solve_or_fail(factor, np.ascontiguousarray(b), name)
-    v = solve_or_fail(factor, np.ascontiguousarray(ops.mass @ x), name)
-    size, inertial = np.linalg.norm(x, axis=0), np.linalg.norm(v, axis=0)
-    moved = np.flatnonzero(size)
-    unit = moved[moved >= len(forces)]
-    loads = ["the loads"] * len(forces) + [ops.columns[i].name for i in named]
+    load_columns = np.column_stack([*forces, ops.directions[:, named_columns]])
+    displaced = solve_or_fail(factor, np.ascontiguousarray(load_columns), name)
+    impulse_shapes = solve_or_fail(factor, np.ascontiguousarray(ops.mass @ displaced), name)
+    displaced_size = np.linalg.norm(displaced, axis=0)
+    impulse_size = np.linalg.norm(impulse_shapes, axis=0)
+    moved = np.flatnonzero(displaced_size)  # columns with a response that is not zero
+    unit_loads = moved[moved >= len(forces)]
+    loads = ["the loads"] * len(forces) + [ops.columns[i].name for i in named_columns]
     start = model.x0[model.layout[name]]
+    impulse_scale = np.maximum(impulse_size, h**2 * displaced_size)
     return ExpectedStates(
-        np.column_stack([start, x[:, : len(forces)]]),
-        np.column_stack([x[:, unit] / size[unit],
-                         v[:, moved] / np.maximum(inertial, h**2 * size)[moved]]),
-        (*(f"the static response to {loads[i]}" for i in unit),
+        np.column_stack([start, displaced[:, : len(forces)]]),
+        np.column_stack([displaced[:, unit_loads] / displaced_size[unit_loads],
+                         impulse_shapes[:, moved] / impulse_scale[moved]]),
+        (*(f"the static response to {loads[i]}" for i in unit_loads),
          *(f"the impulse response to {loads[i]}" for i in moved)),
-        b[:, : len(forces)])
+        load_columns[:, : len(forces)])
 
 
 def _mean(amplitudes: Sequence[Amplitude], before: float, after: float) -> FloatArray:
@@ -183,16 +194,17 @@ def _frame_forces(
     zero, s, forms = np.zeros(frame.border), np.zeros((3, frame.p)), np.zeros(3 * frame.generators)
     work, total = FrameWork(frame.p, frame.border, frame.generators), np.zeros(frame.p)
     for t in _samples(before, after):
-        frame.evaluate(y, zero, zero, 0.0, 0.0, s, forms, t, work)
-        total += work.sigma[-1] / SAMPLES
+        frame.evaluate(y, zero, zero, c1=0.0, c2=0.0, s=s, forms=forms, t=t, work=work)
+        total += work.sigma[-1] / SAMPLES  # the last row: factors of the directions
     if moves:
-        frame.evaluate(y, zero, zero, 0.0, 0.0, s, forms, 0.0, work)
+        frame.evaluate(y, zero, zero, c1=0.0, c2=0.0, s=s, forms=forms, t=0.0, work=work)
         total -= work.sigma[-1]
     return total
 
 
 def _moving(tables: Sequence[LoadTable], before: float, after: float, n: int) -> FloatArray:
-    """Average (n,) of the moving loads over a coarse step."""
+    """Average (n,) of the moving loads over the times from `before` to `after`, s: of their
+    tabulated times there, else their value at the end."""
     total = np.zeros(n)
     for load in tables:
         t = load.table.times

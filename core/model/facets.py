@@ -25,10 +25,11 @@ def plane_triangles(nodes: IntArray) -> IntArray:
 def linear_facets(nodes: IntArray, d: int) -> tuple[IntArray, IntArray]:
     """Segments or triangles (S, d) on the nodes (E, q) of the facets of cells of first or second
     order, ordered for outward normals, and the row of `cell_facets` of each."""
-    rows, of, start = [], [], 0
+    rows, facet_of, start = [], [], 0
     for _, cells in by_kind(nodes, d):
         kind = KINDS[d, corners_of(d, cells.shape[1])]
-        p, count = len(kind.places), len(kind.facets)
+        p, facet_count = len(kind.places), len(kind.facets)
+        # local number of the node of an edge or quadrilateral, by its corners
         number_of = {frozenset(c): p + i for i, c in enumerate(kind.further)}
         for k, f in enumerate(kind.facets):
             second = cells.shape[1] > p
@@ -38,10 +39,11 @@ def linear_facets(nodes: IntArray, d: int) -> tuple[IntArray, IntArray]:
                 local.append(number_of[frozenset(f)])
             simplices = np.array(local)[np.array(SIMPLICES[len(f), second])]
             rows.append(cells[:, simplices].reshape(-1, d))
-            of.append(np.repeat(start + count * np.arange(len(cells)) + k, len(simplices)))
-        start += count * len(cells)
-    order = np.argsort(np.concatenate(of), kind="stable")
-    return np.concatenate(rows)[order], np.concatenate(of)[order]
+            facets = start + facet_count * np.arange(len(cells)) + k
+            facet_of.append(np.repeat(facets, len(simplices)))
+        start += facet_count * len(cells)
+    order = np.argsort(np.concatenate(facet_of), kind="stable")
+    return np.concatenate(rows)[order], np.concatenate(facet_of)[order]
 
 
 def linear_surface(nodes: IntArray, d: int, own: IntArray | None = None) -> IntArray:
@@ -61,6 +63,7 @@ def cell_facets(cells: IntArray, d: int) -> tuple[IntArray, IntArray]:
     rows, owners = [], []
     for here, own in by_kind(cells, d):
         facets = KINDS[d, own.shape[1]].facets
+        # three corners next to four: the last is repeated
         wide = np.array([(*f, *f[-1:] * (max(map(len, facets)) - len(f))) for f in facets])
         rows.append(own[:, wide].reshape(-1, wide.shape[1]))
         owners.append(np.repeat(here, len(facets)))

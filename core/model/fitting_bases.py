@@ -43,6 +43,7 @@ def fitted_bases(model: AssembledModel, reducer: Reducer) -> FittedBases:
                 found[name], partly[name] = rest, why
             elif not isinstance(shared, type(default)):
                 lacking[name] = why
+    # a shared basis that fits no block at all is refused later, with its own reason
     if lacking and all(
             n in lacking or shared.unfit(model.block_data(n)) for n in model.reducible()):
         return FittedBases(found)

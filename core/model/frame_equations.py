@@ -54,9 +54,12 @@ class FrameEquations(ReducedTerm):
     def _evaluate(
         self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: float, c2: float
     ) -> FrameWork:
+        """The frame's scalar functions (`FrameWork`) at displacements and border unknowns x, v, a
+        (n,); derivatives with dv = c1 dx, da = c2 dx."""
         f = self.frame
         work = FrameWork(f.p, f.border, f.generators)
         states = np.stack([x, v, a], axis=1)
+        # forms (g, 3): x.Q_g x, x.Q_g v, x.Q_g a; the frame takes them form by form, (3 g,)
         forms = np.array([x @ (Q @ states) for Q in self.Q]).reshape(f.generators, 3)
         s = np.ascontiguousarray((self.D @ states).T)
         f.evaluate(*self._border(x, v, a, t), c1, c2, s, forms.T.ravel(), t, work)
@@ -74,10 +77,11 @@ class FrameEquations(ReducedTerm):
         return border
 
     def residual(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray:
-        w, g = self._evaluate(x, v, a, t, 0.0, 0.0), self.frame.generators
-        r = self.L @ w.border[:, -1] + self.W @ w.sigma[-1]
+        """Residual r (m,) at unknowns x, rates v and second derivatives a (n,), t: s."""
+        work, g = self._evaluate(x, v, a, t, c1=0.0, c2=0.0), self.frame.generators
+        r = self.L @ work.border[:, -1] + self.W @ work.sigma[-1]
         for i, V in enumerate(self.V):
-            u = w.coefficients[i] * x + w.coefficients[g + i] * v
+            u = work.coefficients[i] * x + work.coefficients[g + i] * v
             r = r + V @ (u + a if i == 0 and self.inert else u)
         return np.asarray(r, dtype=np.float64)
 
@@ -85,7 +89,12 @@ class FrameEquations(ReducedTerm):
         self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
     ) -> Matrix:
         """Exact Jacobian dr/dx (m, n) with dv = c1 dx, da = c2 dx; c1, c2 (n,) must be equal for
-        all second-order unknowns."""
+        all second-order unknowns. With dy = Y dx, ds = D dx and the derivatives of `FrameWork`,
+
+            J = column Y + L (row + H Y) + sum_g (kappa_g + c1 mu_g) V_g + c2 V_m
+            column (m, b) = W dsigma/dy + sum_g (V_g x dkappa_g/dy + V_g v dmu_g/dy)
+            row (b, n) = tau D + derivatives of the rows by the forms x.Q_g x, x.Q_g v, x.Q_g a
+        """
         k1, k2 = float(np.max(c1, initial=0.0)), float(np.max(c2, initial=0.0))
         w = self._evaluate(x, v, a, t, k1, k2)
         _, rates, accelerations = self._border(x, v, a, t)
@@ -94,7 +103,7 @@ class FrameEquations(ReducedTerm):
         for g, V in enumerate(self.V):
             column = column + np.outer(V @ x, w.kappa_y[:, g]) + np.outer(V @ v, w.mu_y[:, g])
         for g, Q in enumerate(self.Q):
-            tx = Q.T @ x
+            tx = Q.T @ x  # d(x.Q v) = (Q v + c1 Q^T x).dx with dv = c1 dx, and so for a
             row = row + np.outer(w.quad[:, 0, g], Q @ x + tx)
             row = row + np.outer(w.quad[:, 1, g], Q @ v + k1 * tx)
             row = row + np.outer(w.quad[:, 2, g], Q @ a + k2 * tx)
@@ -124,7 +133,8 @@ class FrameEquations(ReducedTerm):
 
     def mapped(self, trial: Trial, left: FloatArray) -> "FrameEquations":
         """Projection on a trial basis, x = offset + atoms xi, and on the test basis `left` (l, m);
-        the matrices become small and dense."""
+        the matrices become small and dense. What an offset o adds to y, s and the forms goes into
+        y0, the frame (`Frame.shifted`) and the directions."""
         T, o = trial.atoms, trial.offset
         Qo = tuple(Q @ o for Q in self.Q)
         frame = self.frame
@@ -137,7 +147,7 @@ class FrameEquations(ReducedTerm):
         for column, g in shifted.items():  # a direction M_g X becomes M_g (X + offset)
             W[:, column] += left @ (self.V[g] @ o)
             D[column] += T.T @ Qo[g]
-        for column, g in self.frame.stiff_columns:
+        for column, g in self.frame.stiff_columns:  # their functional D does not change
             W[:, column] += left @ (self.V[g] @ o)
         return replace(
             self, frame=frame, Y=dense(self.Y @ T), y0=self.y0 + self.Y @ o, D=D,
@@ -147,8 +157,9 @@ class FrameEquations(ReducedTerm):
 
 
 def frame_rows(layout: Layout, record: FrameRecord) -> tuple[IntArray, IntArray, IntArray]:
-    """Positions of the rigid, elastic and multiplier unknowns that a force, constraint or inertia
-    of a body acts on."""
+    """Positions in the state vector of the rigid, elastic and multiplier unknowns that a force,
+    constraint or inertia of a body acts on; of elastic ones those with a direction that is not
+    zero, all for an inertia."""
     rigid, elastic = (layout.numbers(layout.name_of(record.body, q)) for q in (
         Quantity.POSE, Quantity.DISPLACEMENT))
     lam = layout.numbers(record.multipliers)
@@ -161,11 +172,12 @@ def frame_term(
     layout: Layout, body: BodyRecord, record: FrameRecord
 ) -> AssembledTerm[FrameEquations]:
     """Residual term of a single force, constraint or inertia that acts on a body's floating
-    frame."""
+    frame: `FrameEquations` with rows and columns at the unknowns that it reads or acts on."""
     frame = body.kernel((record.item,))
     rigid, el, lam = frame_rows(layout, record)
     other, pose = layout.numbers(record.reads), len(body.pose)
     at = np.sort(np.concatenate([rigid, other, el, lam]))
+    # positions among these unknowns: of the body's pose, another body's, displacements, multipliers
     own, read, mine, forces = (np.searchsorted(at, n) for n in (rigid, other, el, lam))
     Y, y0 = np.zeros((frame.border, len(at))), np.zeros(frame.border)
     Y[np.arange(len(own)), own] = 1.0
@@ -180,29 +192,35 @@ def frame_term(
         P = record.directions[el - first]
         D[:, mine], W[mine] = P.T, P
     V = _embedded(record.generators, mine, len(at))
+    # virtual work: rows act on the same unknowns as they read, L = Y^T and W = D^T
     return AssembledTerm(at, at, FrameEquations(
-        frame, Y, y0, D, V, Y.T.copy(), W, V, body.guide), record.origin.part)
+        frame, Y, y0, D, Q=V, L=Y.T.copy(), W=W, V=V, guide=body.guide), record.origin.part)
 
 
 def stiffness_term(
     body: MovingBody, elastic: IntArray, border: IntArray
 ) -> AssembledTerm[FrameEquations]:
-    """Residual term of the geometric stiffness by the loads of a body alone; elastic, border: all
-    its displacements, and rigid coordinates and multipliers of the model."""
+    """Residual term of the geometric stiffness by the loads of a body alone, on its displacements.
+    elastic: positions of all its displacements in the state vector, (n,); border (N,): those of
+    rigid coordinates and multipliers of the model. L, W and the matrices of the inertia's own
+    generators are zero, so that of the residual only that of the further generators is left."""
     ops, frame = body.operators, body.frame
     assert ops is not None
     read = np.flatnonzero(body.to_border.any(axis=0))
     at = np.sort(np.concatenate([border[read], elastic]))
-    mine, y = np.searchsorted(at, elastic), np.searchsorted(at, border[read])
+    # positions among the unknowns of the term, of displacements and of inputs of the frame
+    mine, inputs = np.searchsorted(at, elastic), np.searchsorted(at, border[read])
+    # own: number of generators of the inertia, which come first
     n, own = len(at), frame.generators - len(frame.stiff_columns)
     Y, D = np.zeros((frame.border, n)), np.zeros((frame.p, n))
-    Y[:, y], D[:, mine] = body.to_border[:, read], ops.directions.T
+    Y[:, inputs], D[:, mine] = body.to_border[:, read], ops.directions.T
     V = _embedded(ops.generators, mine, n)
     none = csr_array((len(mine), n))
     return AssembledTerm(elastic, at, FrameEquations(
-        frame, csr_array(Y), body.origin, csr_array(D), V, csr_array((len(mine), frame.border)),
-        csr_array((len(mine), frame.p)), (*(none,) * own, *(H[mine] for H in V[own:])),
-        body.guide, False), body.name)
+        frame, csr_array(Y), body.origin, csr_array(D), Q=V,
+        L=csr_array((len(mine), frame.border)), W=csr_array((len(mine), frame.p)),
+        V=(*(none,) * own, *(H[mine] for H in V[own:])), guide=body.guide, inert=False),
+        source=body.name)
 
 
 def _embedded(matrices: tuple[Csr, ...], at: IntArray, size: int) -> tuple[Csr, ...]:

@@ -37,6 +37,7 @@ def general_terms(layout: Layout, records: Records) -> dict[str, list[Term]]:
     for f in records.frames:
         if acts(layout, f):
             made.append((f.origin, frame_term(layout, owners[f.body], f)))
+    # matrices and vectors of one source on one block are one term: large parts cancel in it
     matrices, vectors = by_block(records.matrices), by_block(records.vectors)
     for at, group in matrices.items():
         made.append((at[0], matrix_term(layout, group, vectors.pop(at, []))))

@@ -36,12 +36,18 @@ costs one solve and n numbers."""
 def solve_by_blocks(model: AssembledModel, A: Csr, r: FloatArray) -> FloatArray:
     """Solution A^-1 r of a system of the whole model, A (n, n) csr.
 
-    Mass and capacity matrices of large blocks are factorized by the linear solvers that the user
-    chose. The Schur complement of the remaining unknowns (rigid coordinates, multipliers, small or
-    strongly coupled blocks) is solved as one sparse system. Raises RuntimeError if it is singular.
+    Large blocks e of A (mass or capacity matrices) are eliminated by the linear solvers that the
+    user chose. The Schur complement of the remaining unknowns b (rigid coordinates, multipliers,
+    small or strongly coupled blocks) is solved as one sparse system:
+
+        (A_bb - sum_e A_be A_ee^-1 A_eb) z_b = r_b - sum_e A_be A_ee^-1 r_e
+        z_e = A_ee^-1 (r_e - A_eb z_b)
+
+    Raises RuntimeError if it is singular.
     """
     n = A.shape[0]
-    border = np.ones(n, dtype=np.bool_)
+    border = np.ones(n, dtype=np.bool_)  # unknowns that are not eliminated
+    # of each eliminated block: its unknowns, A_eb and its columns, A_be and its rows
     parts = []
     for name in model.reducible():
         at = model.layout[name]
@@ -52,6 +58,7 @@ def solve_by_blocks(model: AssembledModel, A: Csr, r: FloatArray) -> FloatArray:
         coupled = np.setdiff1d(np.flatnonzero(np.diff(right.indptr)), own)
         below = csc_array(A[:, at]).tocsr()
         coupled_rows = np.setdiff1d(np.flatnonzero(np.diff(below.indptr)), own)
+        # two eliminated blocks must not be coupled: A_ee would not be block diagonal
         if len(coupled) > BORDER or not border[coupled].all() or not border[coupled_rows].all():
             continue
         border[own] = False
@@ -63,7 +70,7 @@ def solve_by_blocks(model: AssembledModel, A: Csr, r: FloatArray) -> FloatArray:
     S, b, answers = A[rest][:, rest].tolil(), r[rest].copy(), []
     for name, own, coupled, right, below, coupled_rows in parts:
         factor = model.factorize(name, A[own][:, own].tocsr(), "start")
-        x = solve_or_fail(factor, np.column_stack([r[own], right]), name)
+        x = solve_or_fail(factor, np.column_stack([r[own], right]), name)  # A_ee^-1 [r_e, A_eb]
         answers.append(x)
         changed = below @ x
         b[position[coupled_rows]] -= changed[:, 0]
@@ -76,6 +83,7 @@ def solve_by_blocks(model: AssembledModel, A: Csr, r: FloatArray) -> FloatArray:
 
 
 def _subtract(S: Csr, rows: IntArray, columns: IntArray, values: FloatArray) -> None:
+    """Subtracts values (m, n) from S at these rows and columns."""
     if len(rows) and len(columns):
         S[np.ix_(rows, columns)] = S[np.ix_(rows, columns)].toarray() - values
 
@@ -134,37 +142,48 @@ which they count as linear, and largest number of Newton iterations with them.""
 
 
 def _solved(model: AssembledModel, t: float, h: float = 0.0) -> State:
-    """h: 0 for accelerations at the time t, else those over a step of h (s)."""
-    found, bent = _linear(model, t, h, model.x0)
-    for _ in range(AGAIN if bent else 0):
-        before = found.x[model.layout.algebraic]
-        found, _ = _linear(model, t, h, found.x)
-        change = np.abs(found.x[model.layout.algebraic] - before).max(initial=0.0)
+    """State at t (s) with consistent accelerations (h = 0), or with those of an implicit Euler step
+    of h (s). Where forces are not linear in the multipliers, such as friction of joint forces, the
+    linear solution is repeated from the multipliers of the last one (Newton's method)."""
+    state, is_nonlinear = _linear(model, t, h, model.x0)
+    for _ in range(AGAIN if is_nonlinear else 0):
+        before = state.x[model.layout.algebraic]
+        state, _ = _linear(model, t, h, state.x)
+        change = np.abs(state.x[model.layout.algebraic] - before).max(initial=0.0)
         if change <= BENT * np.abs(before).max(initial=0.0):
             break
-    return found
+    return state
 
 
 def _linear(model: AssembledModel, t: float, h: float, at: FloatArray) -> tuple[State, bool]:
-    """The state by equations that are linear at the multipliers of `at` (n,), and True where they
-    are not linear from there to those of the state."""
+    """The state by equations that are linearised at the multipliers of `at` (n,), and True where
+    they are not linear from there to those of the state. With the residual r of x, v and a = 0,
+
+        [ M  0  F ]  [ a       ]       [ r of second-order rows      ]
+        [ 0  C  H ]  [ T'      ]   = - [ r of first-order rows       ]
+        [ G  0  S ]  [ dlambda ]       [ g'' with zero accelerations ]
+
+    M: mass (h = 0), or h^2 (M / h^2 + D / h + K) (`euler_state`); C: capacity; F, H, S: derivatives
+    of r by the multipliers; G: derivative of the constraints g by second-order unknowns.
+    """
     layout, n = model.layout, model.layout.size
     x, v, a = at.copy(), model.v0.copy(), np.zeros(n)
     algebraic, first, second = layout.algebraic, layout.first, layout.second
     K = system_jacobian(layout, model.terms, x, v, a, t, np.zeros(n), np.zeros(n))
     M, C = (_derivative(model, K, State(t, x, v, a, x), rate)[part][:, part]
             for rate, part in ((2, second), (1, first)))
-    held, across = K[:, algebraic], K[algebraic][:, second]
+    by_multipliers, constraint_rows = K[:, algebraic], K[algebraic][:, second]
     ahead = x.copy()
-    if h > 0.0:
+    if h > 0.0:  # dv = dx / h, da = dx / h^2: the Jacobian is M / h^2 + D / h + K
         one = np.ones(n)
         M = h * h * csr_array(system_jacobian(
             layout, model.terms, x, v, a, t, one / h, one / (h * h)))[second][:, second]
         ahead[second] += h * v[second]
     del K  # next to A: as large as all operators of the model
     A = block_array([
-        [M, None, held[second]], [None, C, held[first]], [across, None, held[algebraic]]],
-        format="csr")
+        [M, None, by_multipliers[second]],
+        [None, C, by_multipliers[first]],
+        [constraint_rows, None, by_multipliers[algebraic]]], format="csr")
     r = system_residual(layout, model.terms, ahead, v, a, t)
     forces = r[second].copy()
     r[algebraic] = _constraints(model).curvature(x, v, t)
@@ -174,20 +193,23 @@ def _linear(model: AssembledModel, t: float, h: float, at: FloatArray) -> tuple[
     try:
         z = -solve_by_blocks(model, A, r)
     except RuntimeError:
-        redundant = in_words(dependent_joints(layout, hstack([across, held[algebraic]]).tocsr()))
+        redundant = in_words(dependent_joints(
+            layout, hstack([constraint_rows, by_multipliers[algebraic]]).tocsr()))
         what = "accelerations at the start" + (f": {redundant}" if redundant else "")
         raise SolveFailed(Status.SINGULAR, t, "", what) from None
     _check_finite(layout, z, t, "accelerations and joint forces at the start")
     x[algebraic] += z[algebraic]
     ahead[algebraic] = x[algebraic]
-    by_joints = held[second] @ z[algebraic]
-    bent = system_residual(layout, model.terms, ahead, v, a, t)[second] - forces - by_joints
+    by_joints = by_multipliers[second] @ z[algebraic]
+    # forces with the new multipliers, beyond those that are linear in them
+    whole = system_residual(layout, model.terms, ahead, v, a, t)[second]
+    beyond_linear = whole - forces - by_joints
     a[second], v[first] = z[second], z[first]
-    for series in (x, v, a):
-        series.flags.writeable = False
-    most = np.abs(by_joints).max(initial=0.0)
-    return State(t, x, v, a, np.zeros((n, 0))), bool(np.abs(bent).max(initial=0.0) > BENT * (
-        most + np.abs(forces).max(initial=0.0)))
+    for array in (x, v, a):
+        array.flags.writeable = False
+    largest_force = np.abs(by_joints).max(initial=0.0) + np.abs(forces).max(initial=0.0)
+    return State(t, x, v, a, np.zeros((n, 0))), bool(
+        np.abs(beyond_linear).max(initial=0.0) > BENT * largest_force)
 
 
 def _check_finite(layout: Layout, values: FloatArray, t: float, what: str) -> None:
@@ -199,24 +221,29 @@ def _check_finite(layout: Layout, values: FloatArray, t: float, what: str) -> No
 
 
 def _derivative(model: AssembledModel, K: Csr, s: State, rate: int) -> Csr:
-    """Derivative (n, n) of the residual by v (rate 1) or a (rate 2), as a difference of Jacobians.
-    These are affine in c1 and c2, which are increased until the mass is not lost to round-off
-    against the stiffness in any row with a mass."""
+    """Derivative (n, n) of the residual by v (rate 1) or a (rate 2), as a difference of Jacobians:
+
+        (J(c) - K) / c,    J(c): Jacobian with dv = c dx or da = c dx,    K = J(0)
+
+    s: state at which they are evaluated. J is affine in c, which is increased until the mass is not
+    lost to round-off against the stiffness in any row with a mass.
+    """
     layout, part = model.layout, model.layout.second if rate == 2 else model.layout.first
-    factors, c, D = np.zeros((3, layout.size)), 1.0, K
+    factors, c, difference = np.zeros((3, layout.size)), 1.0, K
     if part.start == part.stop:
         return 0.0 * K
     stiff = _largest(K, part)
     for _ in range(8):
         factors[rate] = c
-        D = system_jacobian(layout, model.terms, s.x, s.v, s.a, s.t, factors[1], factors[2]) - K
-        mass = _largest(D, part)
-        some = mass > 0
-        lost = float((stiff[some] / mass[some]).max(initial=0.0))
+        difference = system_jacobian(
+            layout, model.terms, s.x, s.v, s.a, s.t, c1=factors[1], c2=factors[2]) - K
+        mass = _largest(difference, part)
+        has_mass = mass > 0
+        lost = float((stiff[has_mass] / mass[has_mass]).max(initial=0.0))
         if lost <= LOST:
             break
         c *= max(1e4, min(lost, 1e16))
-    return D / c
+    return difference / c
 
 
 def _largest(A: Csr, part: slice) -> FloatArray:
@@ -267,6 +294,7 @@ def broken_rates(layout: Layout, rates: FloatArray, sizes: FloatArray) -> tuple[
 
 
 def _constraints(model: AssembledModel) -> Constraints:
+    """Constraint equations of all joints, with their time derivatives."""
     return Constraints.of(model.layout, model.terms, model.separated.step)
 
 
@@ -349,7 +377,7 @@ def _farthest(model: Model, start: State, h: float) -> tuple[str, float]:
 def _passes(model: Model, start: State, h: float) -> bool:
     """True if a term rejects the state after h (s) at constant acceleration."""
     second = np.zeros(model.layout.size)
-    second[model.layout.second] = 1.0
+    second[model.layout.second] = 1.0  # only second-order unknowns move
     x = start.x + second * (h * start.v + 0.5 * h * h * start.a)
     v = start.v + h * start.a
     return any(term.check_step(x[term.columns], v[term.columns], start.t + h, h)

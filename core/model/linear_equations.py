@@ -142,6 +142,8 @@ def matrix_term(
     of = {name: layout.numbers(name) for name in blocks}
 
     def whole(which: str) -> Csr | None:
+        """Sum of all matrices A, B or M, with the columns of the blocks side by side; None if no
+        record has one."""
         parts = {name: csr_array((len(rows), len(at))) for name, at in of.items()}
         given = [(m.columns, X) for m in matrices
                  if (X := {"A": m.A, "B": m.B, "M": m.M}[which]) is not None]

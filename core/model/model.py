@@ -133,7 +133,8 @@ class Model(AssembledModel):
         return data if snapshots is None else replace(data, snapshots=snapshots)
 
     def _block_data(self, name: str) -> BlockData:
-        """Data of a block without snapshots and step."""
+        """Data of a block without snapshots and step. Raises KeyError for a block without
+        operators."""
         coordinates, component = self.geometry[name]
         data = partial(
             BlockData, name=name, coordinates=coordinates, component=component,
@@ -189,6 +190,7 @@ class Model(AssembledModel):
         return ring(*pair, self.geometry[name][0], path)
 
     def _operators(self, name: str) -> HeatBody | ElasticOperators | None:
+        """Operators of a temperature or elastic block; None for any other."""
         for h in self.separated.heat:
             if h.thermal == name:
                 return h
@@ -209,6 +211,7 @@ def _columns(matrix: FloatArray, names: tuple[str, ...] = ()) -> Columns:
 
 
 def _constant(vector: FloatArray) -> tuple[FloatArray, Columns]:
+    """Constant load (n,) as one column (n, 1), with its description."""
     return vector[:, None], (LoadColumn("constant part"),)
 
 
@@ -219,9 +222,9 @@ def _loads(
     of the columns that are joint forces."""
     matrices, kept = [], list[LoadColumn]()
     for matrix, columns in groups:
-        some = [i for i, c in enumerate(columns) if c.name and matrix[:, i].any()]
-        matrices.append(matrix[:, some])
-        kept += [columns[i] for i in some]
+        nonzero = [i for i, c in enumerate(columns) if c.name and matrix[:, i].any()]
+        matrices.append(matrix[:, nonzero])
+        kept += [columns[i] for i in nonzero]
     joints = np.flatnonzero([c.joint for c in kept]).astype(np.int64)
     return np.concatenate(matrices, axis=1), distinct_names([c.name for c in kept]), joints
 

@@ -38,12 +38,13 @@ def dependent_joints(layout: Layout, G: Csr) -> dict[tuple[str, ...], int]:
     count = G.shape[0]
     if not 0 < count <= MANY or not np.isfinite(G.data).all():
         return {}
-    rows = _unit_rows(G)
+    rows = _unit_rows(G)  # G G^T of these is free of units
     values, vectors = np.linalg.eigh((rows @ rows.T).toarray())
     N = vectors[:, values <= DEPENDENT * values[-1]]
     together = np.abs(N @ N.T) > SHARE
     number, labels = csgraph.connected_components(csr_array(together), directed=False)
     owners, share = _owners(layout), (N * N).sum(axis=1)
+    # trace of N N^T over a group: dimension of its null space, its number of dependent constraints
     taking_part, found = together.diagonal(), dict[tuple[str, ...], int]()
     for k in range(number):
         at = np.flatnonzero(taking_part & (labels == k))
@@ -110,14 +111,17 @@ def undetermined_forces(
     largest one. Such constraints get the compliance of redundant ones, others none.
     """
     layout, found = model.layout, dict[str, tuple[Joint | None, Note]]()
-    K = _constraint_rows(model) if maps else None
-    if K is None:
+    constraint_rows = _constraint_rows(model) if maps else None
+    if constraint_rows is None:
         return found
-    G, hard = K[:, : layout.algebraic.start], K[:, layout.algebraic.start :].diagonal() == 0.0
+    first = layout.algebraic.start
+    G = constraint_rows[:, :first]
+    rigid_rows = constraint_rows[:, first:].diagonal() == 0.0  # of constraints without compliance
     if not np.isfinite(G.data).all():
         return found
-    scaled = diags_array(np.where(hard, 1.0, 0.0)) @ _unit_rows(G)
-    gram = np.diag(np.where(hard, 0.0, 1.0))
+    # gram = G T T^T G^T with the trial spaces T; rows that are compliant already count as held
+    scaled = diags_array(np.where(rigid_rows, 1.0, 0.0)) @ _unit_rows(G)
+    gram = np.diag(np.where(rigid_rows, 0.0, 1.0))
     for b in layout:
         if b.kind.order == 2:
             columns = scaled[:, layout[b.name]]
@@ -130,14 +134,15 @@ def undetermined_forces(
     soft, owners = _compliance(model, h), np.array(_owners(layout))
     for name in dict.fromkeys(owners[share > SHARE].tolist()):
         shares = share[owners == name]
-        what = [part for part, s in zip(model.joints[name].components, shares, strict=True)
-                if s > SHARE] if name in model.joints else []
-        if what:
-            words = " and ".join(part for part, _ in what)
-            by = np.sqrt(max(float(values[unmoved].max()), 0.0))
-            many = "s" if len(what) > 1 else ""
-            start = (f"{words} of {name}: the trial spaces move {'these' if many else 'this'} "
-                     f"constraint{many} by {by:.1g} of what a body could, so that the reduced "
+        kept_components = [
+            part for part, s in zip(model.joints[name].components, shares, strict=True)
+            if s > SHARE] if name in model.joints else []
+        if kept_components:
+            words = " and ".join(part for part, _ in kept_components)
+            moved = np.sqrt(max(float(values[unmoved].max()), 0.0))
+            plural = "s" if len(kept_components) > 1 else ""
+            start = (f"{words} of {name}: the trial spaces move {'these' if plural else 'this'} "
+                     f"constraint{plural} by {moved:.1g} of what a body could, so that the reduced "
                      "model does not determine the joint force: ")
             end = (". Take it from a run at full order or of reducer sparse, or let the basis have "
                    "the shapes of joint forces (craig_bampton)")
@@ -167,7 +172,8 @@ def _unit_rows(G: Csr) -> Csr:
 
 
 def _compliance(model: Model, h: float) -> Callable[[str], FloatArray]:
-    """Compliance of the constraints of a joint (l,), by its name."""
+    """Function: name of a joint -> compliance (l,) of each of its constraints, m/N for forces and
+    rad/(N m) for moments; h: time step, s (`COMPLIANCE`)."""
     bodies = [b for b in model.bodies.values() if b.total_mass]
     mass = min((b.total_mass or 1.0 for b in bodies), default=1.0)
     size = max((b.extent for b in bodies), default=0.0) or 1.0

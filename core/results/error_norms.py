@@ -17,7 +17,8 @@ import numpy as np
 from sparsemor.core.arrays import BoolArray, FloatArray, IntArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.protocols.layout import Block, FieldKind, Quantity
-from sparsemor.core.protocols.poses import KNOWN, angle_between
+from sparsemor.core.protocols.poses import KNOWN as POSE_SIZES
+from sparsemor.core.protocols.poses import angle_between
 from sparsemor.core.registry.registry import Registry
 from sparsemor.core.results.run_result import RunResult
 
@@ -146,7 +147,8 @@ def measure_errors(reference: RunResult, run: RunResult, late_from: float = 0.0)
     Error of a block: |x_ref - x|(t) / max over t of |x_ref - x_ref(0)|; if the reference is
     constant (that change is at most `constant_change` of max |x_ref|), relative to max |x_ref|, and
     absolute if that is 0 too. Instantaneous relative error of a block: |x_ref - x|(t) / |x_ref|(t),
-    0 where x_ref = 0. angle_rad: maximum error over the rotations of all bodies, rad.
+    0 where x_ref = 0. Error of a field: the maximum over its blocks. angle_rad: maximum error over
+    the rotations of all bodies, rad.
     late_from: time from which late errors are evaluated, s.
 
     Blocks that only one of the runs has are not compared (`unshared`). Raises InputError when the
@@ -158,8 +160,10 @@ def measure_errors(reference: RunResult, run: RunResult, late_from: float = 0.0)
     size = {b.name: np.zeros(len(here)) for b in blocks}
     scale = {b.name: 0.0 for b in blocks}
     angle = np.zeros(len(here))
-    turning = [b for b in blocks if b.kind.quantity is Quantity.POSE and b.size in KNOWN and (
-        b.owner in reference.scene.get("bodies", (b.owner,)))]  # else a massless frame of a joint
+    turning_frames = [
+        b for b in blocks if b.kind.quantity is Quantity.POSE and b.size in POSE_SIZES and (
+            # else a massless frame of a joint
+            b.owner in reference.scene.get("bodies", (b.owner,)))]
     for b in blocks:
         start = reference.block(b.name, slice(0, 1))
         for part in _batches(len(here), b.size):
@@ -167,29 +171,32 @@ def measure_errors(reference: RunResult, run: RunResult, late_from: float = 0.0)
             difference = x_ref - run.block(b.name, there[part])
             error[b.name][part], size[b.name][part] = _norms(difference), _norms(x_ref)
             scale[b.name] = max(scale[b.name], float(_norms(x_ref - start).max()))
-            if b in turning:
+            if b in turning_frames:
                 angle[part] = np.maximum(
                     angle[part], angle_between(x_ref, x_ref - difference))
-    least = constant_change(reference.scene)
-    constant = {name for name in scale if scale[name] <= least * float(size[name].max())}
-    for name in constant:
+    constant_limit = constant_change(reference.scene)
+    constant_blocks = {name for name in scale
+                       if scale[name] <= constant_limit * float(size[name].max())}
+    for name in constant_blocks:
         scale[name] = float(size[name].max()) or 1.0
     fields = {b.field for b in blocks}
-    constant |= {f for f in fields if all(b.name in constant for b in blocks if b.field == f)}
+    constant_fields = {f for f in fields
+                       if all(b.name in constant_blocks for b in blocks if b.field == f)}
     times = reference.times[here]
     series = {"combined": _combined(list(error.values()), list(size.values()))}
     series |= _per_field(blocks, {name: e / scale[name] for name, e in error.items()})
-    if turning:
+    if turning_frames:
         series["angle_rad"] = angle
     series |= {name: norm(reference, run, here, there) for name, norm in further_norms().items()}
-    present = {name: _ratio(e, size[name]) for name, e in error.items()}
-    guessed = {name: run.error_estimate(name)[there] / scale[name]
+    instantaneous = {name: _ratio(e, size[name]) for name, e in error.items()}
+    estimated = {name: run.error_estimate(name)[there] / scale[name]
                for name in run.error_estimates if name in error}
     return Errors(
-        times, series, frozenset(error), late_from,
-        {"combined": series["combined"], **_per_field(blocks, present)},
-        _start_up_end(reference.times), unshared, frozenset(constant), least,
-        _per_field([b for b in blocks if b.name in guessed], guessed))
+        times, series, blocks=frozenset(error), late_from=late_from,
+        present={"combined": series["combined"], **_per_field(blocks, instantaneous)},
+        start_up_end=_start_up_end(reference.times), unshared=unshared,
+        constant=frozenset(constant_blocks | constant_fields), least=constant_limit,
+        estimated=_per_field([b for b in blocks if b.name in estimated], estimated))
 
 
 def estimated_errors(run: RunResult) -> dict[str, FloatArray]:
@@ -199,6 +206,7 @@ def estimated_errors(run: RunResult) -> dict[str, FloatArray]:
     for name in run.error_estimates:
         if run.reduced(name):
             c = run.coefficients(name)
+            # |atoms (c - c_0)| = |R (c - c_0)| with atoms = Q R
             moved = (c - c[:1]) @ np.asarray(np.linalg.qr(run.atoms(name), mode="r")).T
         else:  # the run went on at full order
             x = run.block(name)
@@ -211,6 +219,7 @@ def estimated_errors(run: RunResult) -> dict[str, FloatArray]:
 
 
 def _largest(series: Mapping[str, FloatArray], when: BoolArray | slice) -> dict[str, float]:
+    """Name -> maximum of its series over some of the times; without those that have none there."""
     return {name: float(e[when].max()) for name, e in series.items() if e[when].size}
 
 
@@ -240,6 +249,7 @@ def common_steps(reference: FloatArray, run: FloatArray) -> tuple[IntArray, IntA
     Raises InputError if the runs have no stored time in common.
     """
     if len(reference) and len(run):
+        # nearest reference step of each step of the run
         after = np.clip(np.searchsorted(reference, run), 1, max(1, len(reference) - 1))
         before = after - 1
         after = np.minimum(after, len(reference) - 1)
@@ -277,12 +287,14 @@ def common_blocks(
 
 
 def _batches(count: int, size: int) -> Iterator[slice]:
+    """Ranges of `count` steps, each of at most `_BATCH_ENTRIES` values of blocks of this size."""
     steps = max(1, _BATCH_ENTRIES // size)
     for start in range(0, count, steps):
         yield slice(start, min(count, start + steps))
 
 
 def _norms(rows: FloatArray) -> FloatArray:
+    """2-norm (T,) of each row (T, n)."""
     # Scaled, because the last steps of a diverged run may be too large to square.
     largest = np.abs(rows).max(axis=1)
     safe = np.where(largest > 0.0, largest, 1.0)
@@ -290,22 +302,27 @@ def _norms(rows: FloatArray) -> FloatArray:
 
 
 def _combined(errors: list[FloatArray], sizes: list[FloatArray]) -> FloatArray:
+    """Error norm (T,) of all blocks together relative to that of the reference, from the norms (T,)
+    of each block."""
     error, size = _norms(np.stack(errors, axis=1)), _norms(np.stack(sizes, axis=1))
     return _ratio(error, size)
 
 
 def _ratio(error: FloatArray, size: FloatArray) -> FloatArray:
+    """error / size (T,), 0 where the size is 0; at most the largest float."""
     with np.errstate(over="ignore"):  # a diverged run over a start from almost nothing
         ratio = np.divide(error, size, out=np.zeros_like(error), where=size > 0.0)
     return np.minimum(ratio, np.finfo(np.float64).max)
 
 
 def _start_up_end(times: FloatArray) -> float:
+    """End of the start-up, s: `START_UP` of the time span."""
     span = float(times[-1] - times[0])
     return float(times[0]) + START_UP * span + TIME_MATCH * span  # a step at 2 % belongs to it
 
 
 def _per_field(blocks: list[Block], by_block: dict[str, FloatArray]) -> dict[str, FloatArray]:
+    """Series (T,) of each field, the maximum over its blocks, and those of the blocks."""
     fields: dict[str, FloatArray] = {}
     for b in blocks:
         earlier = fields.get(b.field)

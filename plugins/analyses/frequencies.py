@@ -49,25 +49,27 @@ def linearised(p: Prepared, at: float | None, spin: bool, about: str) -> Lineari
         state = (equilibrium(p, t, spin) if len(p.system.mechanical) else
                  steady_heat(p, at=t)).state
     else:
-        state = _forces(p, moving(p.system.start(t)))
+        state = _with_joint_forces(p, moving(p.system.start(t)))
     return about_state(p, state)
 
 
-def _forces(p: Prepared, s: State) -> State:
-    """The state with joint forces in balance, by least squares of the forces on all unknowns."""
+def _with_joint_forces(p: Prepared, s: State) -> State:
+    """The state with the multipliers that balance it best: G^T dlambda = -r by least squares, r:
+    residual of the second-order unknowns. Other unknowns stay, and all if there is no joint."""
     rows = p.system.layout.algebraic
     if rows.start == rows.stop:
         return s
     second = p.system.layout.second
-    G = p.system.jacobian(s)[second][:, rows]
+    forces_of_joints = p.system.jacobian(s)[second][:, rows]  # G^T
     r = p.system.residual(s)[second]
     x = s.x.copy()
-    x[rows] -= lsqr(G, r, atol=1e-14, btol=1e-14)[0]
+    x[rows] -= lsqr(forces_of_joints, r, atol=1e-14, btol=1e-14)[0]
     return replace(s, x=x)
 
 
 def about_state(p: Prepared, state: State) -> Linearised:
-    """Equations about a state. Raises InputError where they vary as it rotates."""
+    """Equations about a state in the axes of its bodies. Raises InputError where those of a moving
+    state differ from those after a steady rotation by `LATER`."""
     layout = p.system.layout
     axes = body_axes(layout, state)
     z = in_body_axes(p.system.tangents(state), axes)
@@ -80,6 +82,7 @@ def about_state(p: Prepared, state: State) -> Linearised:
         other = rates(p, True)(replace(state, t=state.t + dt, x=x))
         after = in_body_axes(p.system.tangents(other), body_axes(layout, other))
         most = abs(z.M).max()
+        # K and D are compared with M times the square and the first power of the angular rate
         for i, (one, two) in enumerate(((z.M, after.M), (z.D, after.D), (z.K, after.K))):
             one, two = (X[second][:, second] for X in (one, two))
             if abs(one - two).max() > VARIES * max(abs(one).max(), rate**i * most):
