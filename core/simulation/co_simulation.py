@@ -51,6 +51,8 @@ class Stepper:
     def __init__(
         self, model: Any, run: PreparedRun, inputs: Mapping[str, Input], outputs: Sequence[str],
     ) -> None:
+        """run: prepared with the inputs in the place of functions of time; outputs: names, all if
+        empty. Raises InputError for outputs that the model does not have."""
         from threadpoolctl import ThreadpoolController
 
         self._model, self._run, self._threads = model, run, ThreadpoolController()
@@ -213,15 +215,18 @@ class Stepper:
         self._look()
 
     def _kept(self, s: State, memory: StepMemory) -> tuple[Any, ...]:
+        """Data of a saved stepper: state, memory, number of steps, inputs and controllers."""
         return (s.t, s.x, s.v, s.a, s.memory, memory, self._done, dict(self.inputs),
                 dict(self._controlled))
 
     def _holding(self) -> AbstractContextManager[None]:
+        """Context in which functions of time have the values of inputs and controllers."""
         held = self._controllers.held
         held.values |= {f.identity: self._values[key] for key, f in self._inputs.items()}
         return holding(held)
 
     def _look(self) -> None:
+        """Lets checks watch the steps from the present state on."""
         self._on_step = Checks.of(self._run.scene).on_start(self._run, self._state, False)
 
 

@@ -113,6 +113,7 @@ class ErrorRecord:
         del self._stored[mark.stored:]
 
     def _evaluate(self) -> None:
+        """Evaluates the estimates at the ends of all pending paths."""
         found = self.estimator.carry(len(self._pending), self.memory) if self.exact else (
             self.estimator.advance(self._pending, self.memory))
         for name, norms in found.items():

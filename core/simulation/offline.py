@@ -55,6 +55,9 @@ class Offline:
         manager: Manager | None = None, recording: Recording | None = None,
         reducer: Sequence[object] = (), parallel: Callable[[Sequence[str]], None] | None = None,
     ) -> None:
+        """_dictionaries: block -> its dictionary and largest coefficient, with the digest of basis
+        and step for which it was made in `_requested`; _inherited: those of another model that are
+        taken as they are; _read_only: what is not computed yet raises LookupError."""
         self._model, self._training, self._parallel = model, training, parallel
         self._reducer = list(reducer)
         self._snapshots: Mapping[str, FloatArray] | None = None

@@ -142,6 +142,10 @@ class Recorder:
         self, run: PreparedRun, writer: ResultWriter | MemoryWriter,
         checkpoint: Checkpoint | None, products: Products | None = None,
     ) -> None:
+        """checkpoint: of the result that is resumed, None for a new one; products: what was
+        computed before the steps, for the summary. _rows: buffered steps as (time, s, unknowns,
+        iterations, remaining error, seconds, rates of the columns `_rates`); _contacts, _held,
+        _supports: contact resultants, values of functions of time and active atoms at each."""
         self.scene = run.scene
         self.writer, self.checkpoint, self.steps = writer, checkpoint, run.steps
         self.reducer = run.header.reducer
@@ -240,6 +244,7 @@ class Recorder:
         return {"memory": memory, "stats": stats, **estimated}
 
     def start(self, state: State, supports: Mapping[str, BoolArray], memory: StepMemory) -> None:
+        """Buffers the initial state."""
         self._keep(state, StepStatistics(), supports, memory)
 
     def take(
@@ -300,6 +305,7 @@ class Recorder:
         estimates = {} if self.errors is None else self.errors.stored()
         if not self._rows:
             return
+        # columns of the rows (`__init__`)
         t, x, iterations, remaining, seconds, rates = (
             list(c) for c in zip(*self._rows, strict=True))
         X, times = np.array(x), np.array(t)
@@ -316,11 +322,11 @@ class Recorder:
 
         supports = {name: np.array([s[name] for s in self._supports])
                     for name in self._supports[0]}
+        contacts = {name: np.array([c[name] for c in self._contacts])
+                    for name in (self._contacts or [{}])[0]}
         self.writer.append(ChunkOfSteps(
             times, X, np.array(iterations), np.array(remaining), np.array(seconds), supports,
-            self._each({p.name: partial(probed, p) for p in self.run.probes}),
-            {name: np.array([c[name] for c in self._contacts])
-             for name in (self._contacts or [{}])[0]},
+            self._each({p.name: partial(probed, p) for p in self.run.probes}), contacts,
             self._each({f.name: partial(force, f) for f in self.run.forces}),
             self._each({b: partial(given, shape) for b, shape in self.run.given.items()}),
             estimates))

@@ -263,7 +263,7 @@ class ReducedModel:
             with usable(self._file_name):
                 state, memory = self._begin
             begin = state, memory.copy()
-        own = None if run.offline is self._run.offline else run.offline  # projected again
+        own = None if run.offline is self._run.offline else run.offline  # if projected again
         products = None if own is None else own.products
         earlier, self._earlier = self._earlier, self._earlier + run.steps
         if out is None:
@@ -513,6 +513,7 @@ class ReducedModel:
                    for p in self.scene.parameters.values() for k in p.keys)
 
     def _end_fault(self, scene: Scene) -> Fault | None:
+        """Fault of another end of the run, None if it may be changed so."""
         if scene.time.control is not None:
             return Fault("time.end", "cannot change: the error control of the steps depends on it")
         prepared = self.scene.time.end

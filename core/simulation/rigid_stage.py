@@ -187,6 +187,7 @@ def _run(scene: Scene, model: Model, manager: Manager) -> Arrays:
 
 
 def _stage(arrays: Arrays) -> Stage:
+    """Rigid-body pre-simulation from its cached arrays (`_run`)."""
     times = np.asarray(arrays["times"])
     frames = {n: FrameHistory(times, *(np.ascontiguousarray(m[:, i]) for i in range(3)))
               for n, m in _under("frame", arrays).items()}

@@ -106,6 +106,8 @@ class RunSteps:
         collector: SnapshotCollector | None = None, begin: tuple[State, StepMemory] | None = None,
         earlier: int = 0,
     ) -> None:
+        """stats: of the steps taken so far; collector: of training snapshots, if the run makes
+        some. Of a resumed run, state, memory and statistics are those of its checkpoint."""
         scene = run.scene
         self.run, self.scene, self.solver = run, scene, run.solver
         self.recorder, self.manager, self.stats, self.steps = recorder, manager, stats, run.steps
@@ -130,7 +132,7 @@ class RunSteps:
         for block, rows in sampled.items():
             manager.hook.on_resample(block=block, rows=rows)
         self.seen_changes, self.seen_draws = -1, self._resamplings()
-        self.growth: Growth | None = Growth(Extents(()))
+        self.growth: Growth | None = Growth(Extents(()))  # blocks follow in `_taken`
         # what checks see of steps is not in checkpoints
         self.on_step = self.checks.on_start(
             self.run, self.state,
@@ -333,9 +335,12 @@ class RunSteps:
         return diverged(self.scene, run.model, run.offline, run.start, self.state, large)
 
     def _resamplings(self) -> int:
+        """Number of times so far that rows were sampled anew."""
         return self.solver.counters(self.memory).get("resamplings", 0)
 
     def _report_rows(self, before: int) -> int:
+        """Tells observers the sampled rows if they changed since `before` samplings; returns the
+        number of samplings."""
         count = self._resamplings()
         if count != before:
             for block, rows in self.solver.rows_at(self.memory).items():
@@ -343,6 +348,8 @@ class RunSteps:
         return count
 
     def _report_changes(self, before: int, memory: StepMemory, t: float) -> int:
+        """Tells observers the active atoms if they changed since `before` changes; returns the
+        number of changes."""
         count = self.solver.counters(memory).get("support_changes", 0)
         if count != before:
             for block, support in self.solver.supports(memory).items():

@@ -158,6 +158,7 @@ class Judged:
     size: float
 
     def norm(self, x: FloatArray) -> float:
+        """The norm of the block in a vector x (n,) of all unknowns of the step."""
         d = x[self.at]
         square = d.dot(d) if self.gram is None else d.dot(self.gram.dot(d))
         return sqrt(max(float(square), 0.0) / self.n)
@@ -321,6 +322,7 @@ class ControlledSteps(AroundSteps[StepSolver]):
         if not part.kink:
             by_rates(fine.previous, fine.state, h)
             return fine.state, slope
+        # the same substep with the loads just after its end, and a little later: rates and slope
         rules, found = self.integrator.rules(h), []
         for later in (0.0, LATER * h):
             with substep(Substep(h, after=later)):
@@ -334,6 +336,8 @@ class ControlledSteps(AroundSteps[StepSolver]):
         return replace(fine.state, v=v, a=found[0].a if part.jump else fine.state.a), slope
 
     def _refused(self, fine: "_Try", error: float, block: str) -> StepOutcome:
+        """Outcome of a step whose finest substeps failed, or have `error` times their share of the
+        tolerance in a block."""
         if not fine.outcome.status.ok:
             return fine.outcome
         h = self.h / 2**self.control.max_halvings
@@ -354,7 +358,7 @@ class ControlledSteps(AroundSteps[StepSolver]):
             inner = memory.levels[level]
             if level not in memory.live:
                 inner.moved(state.x)
-            memory.live = memory.live - {level}  # unless this try is accepted
+            memory.live = memory.live - {level}  # ended elsewhere, unless this try is accepted
         else:
             solver = self._of_size(h, memory)
             inner = solver.start(memory.initial)[1]
@@ -392,7 +396,8 @@ class ControlledSteps(AroundSteps[StepSolver]):
         self, coarse: "_Try", fine: "_Try", state: State, memory: ControlMemory
     ) -> tuple[float, str]:
         """Largest ratio of estimated error to its share of the tolerance, and the block where it
-        occurs."""
+        occurs; infinite where a solution failed. The error of the finer solution of order p is
+        |x_fine - x_coarse| / (2^p - 1), relative to the largest change of the block."""
         if not (coarse.outcome.status.ok and fine.outcome.status.ok):
             return inf, fine.outcome.block or coarse.outcome.block
         richardson, worst = 2.0**self.integrator.order - 1.0, (0.0, "")
@@ -405,6 +410,7 @@ class ControlledSteps(AroundSteps[StepSolver]):
         return worst
 
     def _solver(self, level: int, memory: ControlMemory) -> StepSolver:
+        """Solver for substeps of H / 2^level, prepared when it is first needed."""
         if level not in memory.solvers:
             memory.solvers[level] = self._prepare(self.h / 2**level)
         return memory.solvers[level]
@@ -420,6 +426,7 @@ class ControlledSteps(AroundSteps[StepSolver]):
 
 
 def _summed(counts: Iterable[Mapping[str, int]]) -> dict[str, int]:
+    """Sums of counts of the same name."""
     total = Counter[str]()
     for one in counts:
         total.update(one)

@@ -65,6 +65,7 @@ class FixedStep(Generic[M]):
         return cls(integrator, integrator.rules(h), solver, h, loads_of(integrator, h))
 
     def __call__(self, state: State, memory: M) -> tuple[StepOutcome, State, M]:
+        """Outcome, state and memory after a step from `state`."""
         solver, own = self.solver, self.loads
 
         def solve(formula: StepFormula) -> StepOutcome:

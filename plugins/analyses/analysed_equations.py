@@ -165,7 +165,7 @@ class System:
         """Initial values of the model at the time t, at rest."""
         x = np.zeros(self.layout.size)
         for b in self.layout:
-            own = self.model.x0[self.model.layout[b.name]]
+            own = self.model.x0[self.model.layout[b.name]]  # of a reduced block: coefficients
             if b.name in self.bases:
                 d = self.bases[b.name]
                 own = least_squares_coefficients(d.atoms, (own - d.offset)[:, None])[:, 0]

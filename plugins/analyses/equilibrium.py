@@ -53,7 +53,9 @@ class Solved:
 
 
 class Solver:
-    """Solution of A y = b by sparse LU, with rows and columns scaled because their units differ."""
+    """Solution of A y = b, A (n, n), b (n,) or (n, k), by sparse LU of S_ij = A_ij / (s_i s_j),
+    because units of rows and columns differ; s_i^2: largest entry of row and column i. Raises
+    SolveFailed, at time t (s) and with the words `what`, if A is singular or not finite."""
 
     def __init__(self, A: Csr, t: float = 0.0, what: str = "") -> None:
         A = csc_array(A)
@@ -107,6 +109,7 @@ def newton(
 
 
 def _at_rest(system: System, s: State) -> tuple[Csr, FloatArray]:
+    """Jacobian (n, n), and rounding (n,) of inertia forces, of which a state at rest has none."""
     return system.jacobian(s), np.zeros(system.layout.size)
 
 
@@ -115,14 +118,20 @@ def _newton(
     tangent: Callable[[State], tuple[Csr, FloatArray]], wanted: FloatArray,
     tolerance: float = TOLERANCE,
 ) -> Solved:
-    """State with the residual `wanted`, by damped Newton iterations."""
+    """State with the residual `wanted` (m,) in the equations `at`, from the state s, by Newton
+    iterations whose steps are halved until the natural monotonicity test is met (see the module).
+
+    tangent: Jacobian, and rounding of inertia forces, in a state. The end is where the last change,
+    or the one that would follow (`ahead`), is below the tolerance, or where the residual is
+    rounding (`exact`). Raises SolveFailed after `STEPS` iterations or `SHORTEST` steps.
+    """
     size = _scale(system)[at]
     r = system.residual(s)[at] - wanted
     for k in range(1, STEPS + 1):
         J, inertia = tangent(s)
         J = J[at][:, at]
         solve = Solver(J, s.t, "stiffness")
-        dx, f = -solve(r), 1.0
+        dx, f = -solve(r), 1.0  # f: damping factor
         weight = _weights(system, _moved(s, at, dx), size, at)
         exact = _by_block(system, at, ROUNDING * (abs(J) @ np.abs(s.x[at] + dx)) + inertia[at])
         length = float(np.abs(dx / weight).max(initial=0.0))
@@ -153,21 +162,24 @@ ADVICE = ("Newton's method found no equilibrium: take smaller loads or an earlie
 def flow(system: System, start: State, at: IntArray) -> Solved:
     """Stable equilibrium of a system with free rigid motions, by pseudo-transient continuation.
     Free motions without force and stiffness stay as they are. Raises SolveFailed for forces on a
-    free motion that nothing balances."""
+    free motion that nothing balances.
+
+        (J + sigma M) dx = -r,    sigma in proportion to |r|, at least `floor`
+    """
     s, size = start, _scale(system)[at]
     M = csc_array(system.tangents(s).M)[at][:, at]
     mass = M.diagonal()
-    some = mass > 0.0
+    has_mass = mass > 0.0
     ratio = stiffness_to_mass(system.jacobian(s)[at][:, at], M)
     floor, r = FLOOR * max(ratio, 1.0), system.residual(s)[at]
-    sigma, moved = max(floor, _rate(r, mass, some, size)), np.zeros(len(at))
+    sigma, moved = max(floor, _rate(r, mass, has_mass, size)), np.zeros(len(at))
     for k in range(1, FLOW + 1):
         solve = Solver(system.jacobian(s)[at][:, at] + sigma * M, s.t, "stiffness")
         dx = -solve(r)
         weight = _weights(system, s, size, at)
         length = float(np.abs(dx / weight).max(initial=0.0))
         far = _far(dx, size)
-        if far > TURN:
+        if far > TURN:  # too far to trust: again with a shorter step
             sigma *= 4.0 * far / TURN
             if sigma > 1e300:
                 break
@@ -176,7 +188,8 @@ def flow(system: System, start: State, at: IntArray) -> Solved:
         r_new = system.residual(new)[at]
         if length <= TOLERANCE and sigma <= 1e3 * floor:
             return Solved(new, k)
-        before, after = (_force(x, mass, some) for x in (r, r_new))
+        # sigma follows |r| from step to step (switched evolution relaxation)
+        before, after = (_force(x, mass, has_mass) for x in (r, r_new))
         change = after / before if before > 0.0 and length > TOLERANCE else 0.0
         sigma = max(floor, sigma * min(max(change, 0.01), 2.0))
         moved += dx
@@ -199,7 +212,7 @@ def free_motions(system: System, at: State) -> FloatArray:
     J = system.jacobian(at)
     G = J[rows][:, frames].toarray()
     size = system.sizes()[:frames.stop]
-    G = G * size
+    G = G * size  # by changes relative to large motions, and rows of length 1: free of units
     length = np.linalg.norm(G, axis=1, keepdims=True)
     G = G / np.where(length > 0.0, length, 1.0)
     _, values, right = np.linalg.svd(G, full_matrices=True)
@@ -210,6 +223,7 @@ def free_motions(system: System, at: State) -> FloatArray:
 def neutral(system: System, at: State, free: FloatArray) -> FloatArray:
     """Free motions (n, k) that no force holds: directions with zero stiffness, of the combined
     inertia and stiffness of all unknowns that follow them."""
+    # y = (K + sigma M)^-1 M N: a free motion without stiffness is multiplied by 1 / sigma
     t = system.tangents(at)
     numbers = system.mechanical
     K, M = (X[numbers][:, numbers] for X in (t.K, t.M))
@@ -230,6 +244,7 @@ def _far(change: FloatArray, size: FloatArray) -> float:
 
 
 def _moved(s: State, at: IntArray, dx: FloatArray) -> State:
+    """The state with its unknowns `at` (m,) changed by dx (m,)."""
     x = s.x.copy()
     x[at] += dx
     return replace(s, x=x)
@@ -255,13 +270,16 @@ def _weights(system: System, s: State, size: FloatArray, at: IntArray) -> FloatA
     return np.maximum(found, np.where(size > 0.0, 1e-9 * size, 1e-30))
 
 
-def _rate(r: FloatArray, mass: FloatArray, some: IntArray, size: FloatArray) -> float:
-    moves = some & (size > 0.0)
+def _rate(r: FloatArray, mass: FloatArray, has_mass: IntArray, size: FloatArray) -> float:
+    """sigma, 1/s2, with which the first step dx = -r / (sigma mass) is at most `TURN` of a large
+    motion; has_mass (m,): True for unknowns with mass."""
+    moves = has_mass & (size > 0.0)
     return float((np.abs(r[moves]) / (mass[moves] * size[moves])).max(initial=0.0)) / TURN
 
 
-def _force(r: FloatArray, mass: FloatArray, some: IntArray) -> float:
-    return float(np.sqrt((r[some] ** 2 / mass[some]).sum()))
+def _force(r: FloatArray, mass: FloatArray, has_mass: IntArray) -> float:
+    """Norm sqrt(sum r_i^2 / mass_i) of a residual over the unknowns with mass."""
+    return float(np.sqrt((r[has_mass] ** 2 / mass[has_mass]).sum()))
 
 
 def _by_block(system: System, at: IntArray, values: FloatArray) -> FloatArray:

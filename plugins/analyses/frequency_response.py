@@ -94,7 +94,10 @@ def frequency_response(
     p: Prepared, source: str, frequencies: FloatArray, outputs: Sequence[str] | None,
     at: float | None, spin: bool, about: str,
 ) -> Response:
-    """Response of outputs to one unit of the function of time at the key `source` of the scene."""
+    """Response of outputs to one unit of the function of time at the key `source` of the scene: at
+    each frequency w, rad/s, the amplitude z of (K + i w D - w^2 M) z = T^T F in the unknowns of
+    `linearised`, and the outputs' amplitudes for it. frequencies (f,): Hz. Raises InputError at the
+    frequency of a mode without damping."""
     lin = linearised(p, at, spin, about)
     known = sensors(p.model, p.model.layout, {})
     names = _chosen(outputs, [n for n, o in known.items() if not o.rate], known)
@@ -107,14 +110,16 @@ def frequency_response(
         if not np.isfinite(y).all():
             raise InputError(f"the response at {f:g} Hz is not finite: a mode without damping has "
                              "this frequency", "frequencies")
-        values.append(_seen(p, lin, [known[n] for n in names],
-                            np.asarray(y, np.complex128), w))
+        values.append(_amplitudes_of(p, lin, [known[n] for n in names],
+                                     np.asarray(y, np.complex128), w))
     return Response(frequencies, {n: known[n].unit for n in names}, np.array(values))
 
 
 def _chosen(
     wanted: Sequence[str] | None, usual: Sequence[str], known: Mapping[str, object]
 ) -> list[str]:
+    """The wanted outputs, by default the usual ones. Raises InputError for names that are not
+    known, and where there is none."""
     for name in wanted or ():
         if name not in known:
             raise InputError(f"no output is called {name!r}: {suggestions(name, known, 'outputs')}",
@@ -143,16 +148,19 @@ def force(p: Prepared, source: str, s: State) -> FloatArray:
         model = assemble(changed, body_cache=p.bodies)
         return system_residual(model.layout, model.by_part[name], s.x, s.v, s.a, s.t)
 
+    # loads are on the right-hand side: force = -(change of the residual by one unit)
     found = residual(value) - residual(value + 1.0)
     if not found.any():
         raise InputError(f"{source} acts on nothing that this scene solves for", "input")
     return found
 
 
-def _seen(
+def _amplitudes_of(
     p: Prepared, lin: Linearised, outputs: Sequence[Output], z: ComplexArray, w: float
 ) -> ComplexArray:
-    """Complex amplitudes of outputs for an amplitude z of the unknowns, by central differences."""
+    """Complex amplitudes (o,) of outputs for an amplitude z (m,) of the unknowns at the angular
+    frequency w, rad/s: their derivatives along the changes of positions and rates, real and
+    imaginary part apart, by central differences."""
     system, state = p.system, p.system.state(lin.state)
     x = system.direction(np.asarray(lin.axes[0] @ z))
     v = system.direction(np.asarray(lin.axes[0] @ (1j * w * z) + lin.axes[1] @ z))

@@ -101,6 +101,7 @@ class Modes:
 def modes_of(c: Constrained, count: int) -> Modes:
     """The `count` modes of smallest magnitude, or all. Raises InputError where they do not
     converge."""
+    # each constraint without compliance takes one mode
     most = c.size - c.G.shape[0] + int((c.C.diagonal() != 0.0).sum())
     count = min(count, max(most, 0))
     if count == 0:
@@ -112,14 +113,20 @@ def modes_of(c: Constrained, count: int) -> Modes:
 
 
 def _undamped(c: Constrained, count: int) -> Modes:
-    """Modes of K x = w^2 M x on the constraints, by the inverse of K shifted below 0: dense for
-    small systems, else by Lanczos iteration."""
+    """Modes of K x = w^2 M x on the constraints, by the inverse of K shifted below 0,
+
+        S M x = x / (w^2 - shift),    S = inverse of K - shift M under the constraints
+
+    dense for small systems, else by Lanczos iteration. Eigenvalues w^2 give lambda = i w, or the
+    real sqrt(-w^2) of an unstable state.
+    """
     n, shift = c.size, -SHIFT * c.ratio / c.size
     K, M = (csc_array(0.5 * (X + X.T)) for X in (c.K, c.M))
     inverse = c.inverse(csc_array(K - shift * M))
     if n <= DENSE or 3 * count >= n:
         S = inverse(np.eye(n))
         weights, vectors = linalg.eigh(M.toarray())
+        # with z = root^T x the matrix root^T S root is symmetric, x = S root z
         root = vectors * np.sqrt(np.maximum(weights, 0.0))  # M = root root^T
         found, inner = linalg.eigh(root.T @ (0.5 * (S + S.T)) @ root)
         order = np.argsort(-np.abs(found))[:count]
@@ -142,10 +149,12 @@ def _undamped(c: Constrained, count: int) -> Modes:
 
 
 def _unfinished(found: int, count: int) -> InputError:
+    """Error for an iteration in which only `found` modes converged."""
     return InputError(f"{found} of {count} modes converged: ask for fewer", "count")
 
 
 def _rigid(K: Csr, shapes: FloatArray) -> NDArray[np.bool_]:
+    """(k,) True for shapes phi (n, k) without strain energy phi^H K phi but for rounding."""
     energy = np.abs((shapes.conj() * (K @ shapes)).sum(axis=0))
     return np.asarray(energy <= RIGID * (np.abs(shapes) * (abs(K) @ np.abs(shapes))).sum(axis=0))
 
@@ -155,7 +164,9 @@ def _damped(c: Constrained, count: int, first: Modes) -> Modes:
 
         (K + s D + s^2 M) y = -D r1 - M (s r1 + r2),    z = (y, r1 + s y)
 
-    which is z for the right-hand side r = (r1, r2) = z' of the iteration."""
+    which is z for the right-hand side r = (r1, r2) = z' of the iteration: its eigenvalues are
+    1 / (lambda - s). first: modes without damping, from which s and the start of the iteration
+    come."""
     n, sizes = c.size, np.abs(first.values[~first.rigid])
     s = 0.1 * float(sizes[0]) if len(sizes) else np.sqrt(SHIFT * c.ratio / n)
     inverse = c.inverse(csc_array(c.K + s * c.D + s * s * c.M))
@@ -176,9 +187,10 @@ def _damped(c: Constrained, count: int, first: Modes) -> Modes:
                 wanted, v0=start, tol=0.0)
         except ArpackNoConvergence as error:
             raise _unfinished(len(error.eigenvalues) // 2, count) from None
-    some = np.abs(found) > 1e-13 * np.abs(found).max()  # of constraints: infinite lambda
-    values, shapes = s + 1.0 / found[some], vectors[:n, some]
+    is_finite = np.abs(found) > 1e-13 * np.abs(found).max()  # of constraints: infinite lambda
+    values, shapes = s + 1.0 / found[is_finite], vectors[:n, is_finite]
     size = np.sqrt(np.abs((shapes.conj() * (c.M @ shapes)).sum(axis=0)))
+    # without infinite lambda of massless unknowns, whose phi^H M phi is rounding
     kept = (size > 1e-9 * np.abs(shapes).max(axis=0)) if len(size) else size > 0.0
     values, shapes = values[kept], shapes[:, kept] / size[kept]
     rigid = np.abs(values) <= np.where(_rigid(c.K, shapes), 1e-3, 1e-5) * s

@@ -103,6 +103,7 @@ def _of_state(
     p: Prepared, analysis: str, solved: Solved, shown: Quantity, notes: Sequence[Note],
     out: Path | None,
 ) -> Solution:
+    """Solution of an analysis whose result is one state; shown: quantity of the chart."""
     state, name = p.system.state(solved.state), analysis.replace("_", " ")
     facts = {"t": state.t, "iterations": solved.iterations, "unknowns": p.system.layout.size}
     title = f"{name} at {state.t:g} s"
@@ -153,6 +154,7 @@ def _frequencies(
 
 
 def _in_words(row: Mapping[str, Any]) -> str:
+    """A mode in words: "rigid", its decay rate (1/s) or its frequency (Hz) and damping ratio."""
     if row["rigid"]:
         return "rigid"
     if row["imaginary_per_s"] == 0.0:
@@ -170,6 +172,7 @@ def of_shapes(
     at times of these numbers."""
     if not changes.shape[1]:
         changes = np.zeros((len(state.x), 0), complex)
+    # phases of each mode such that its largest change is real
     turned = changes * np.exp(-1j * np.angle(np.take_along_axis(
         changes, np.abs(changes).argmax(axis=0)[None], axis=0)))
     shapes = scaled(turned, p, SHAPE)
@@ -215,6 +218,8 @@ def _frequency_response(
 def _harmonic(
     source: str | None, frequencies: Sequence[float] | None
 ) -> tuple[str, FloatArray]:
+    """Key of the function of time that is harmonic, and frequencies (f,), Hz. Raises InputError
+    where one is missing or the frequencies do not increase."""
     if source is None:
         raise InputError("name the function of time that is harmonic, such as loads.push.factor",
                          "input")
@@ -228,6 +233,7 @@ def _harmonic(
 def _of_response(
     found: Response, source: str, scene: Scene, facts: Mapping[str, Any], notes: Sequence[Note]
 ) -> Solution:
+    """Solution of a frequency response: rows and a chart, without states."""
     return Solution("frequency_response", scene.name, scene.reducer_name, found.rows(),
                     tuple(notes), (), {"input": source, "outputs": dict(found.units), **facts},
                     None, lambda: {"frequency_response": found.figure(source)})

@@ -43,27 +43,28 @@ def spinning(system: System, at: State, h: float) -> tuple[FloatArray, FloatArra
     frames, rows = layout.frames, layout.algebraic
     constraints = Constraints.of(layout, system.terms, h)
     G = system.jacobian(at)[rows][:, frames].toarray()
-    v, a, moves = np.zeros(layout.size), np.zeros(layout.size), np.zeros(frames.stop, np.bool_)
+    v, a, positions = np.zeros(layout.size), np.zeros(layout.size), np.zeros(frames.stop, np.bool_)
     v[frames] = model.v0[frames]
     for b in layout:
         if b.kind.quantity is Quantity.POSE:
             own = layout[b.name]
-            moves[own.start : own.start + (2 if b.size == PLANAR_POSE else 3)] = True
+            positions[own.start : own.start + (2 if b.size == PLANAR_POSE else 3)] = True
             if b.size == FREE_POSE:
                 p, q = at.x[own][3:], model.x0[own][3:]
                 v[own][3:] = turns(p[None], q[None])[0] @ v[own][3:]
-    for some in (moves, np.ones_like(moves)):
-        _correct(v[frames], G, some, constraints.rate(at.x, v, at.t)[0])
-    for some in (moves, np.ones_like(moves)):
+    # first positions alone are changed, then what is left is taken from all rigid coordinates
+    for changed in (positions, np.ones_like(positions)):
+        _correct(v[frames], G, changed, constraints.rate(at.x, v, at.t)[0])
+    for changed in (positions, np.ones_like(positions)):
         curvature = constraints.curvature(at.x, v, at.t) + G @ a[frames]
-        _correct(a[frames], G, some, curvature)
+        _correct(a[frames], G, changed, curvature)
     return v, a
 
 
-def _correct(values: FloatArray, G: FloatArray, some: BoolArray, wrong: FloatArray) -> None:
+def _correct(values: FloatArray, G: FloatArray, changed: BoolArray, error: FloatArray) -> None:
     """Changes some of the values least such that G values changes by -wrong, in place."""
-    if G.size and some.any():
-        values[some] -= np.linalg.lstsq(G[:, some], wrong, rcond=1e-10)[0]
+    if G.size and changed.any():
+        values[changed] -= np.linalg.lstsq(G[:, changed], error, rcond=1e-10)[0]
 
 
 def assembled(system: System, at: State) -> State:
@@ -72,6 +73,7 @@ def assembled(system: System, at: State) -> State:
     frames, rows, x = system.layout.frames, system.layout.algebraic, at.x.copy()
     for _ in range(TRIES):
         now = replace(at, x=x)
+        # constraints g (l,) and their Jacobian G (l, f) by rigid coordinates
         g, G = system.residual(now)[rows], system.jacobian(now)[rows][:, frames].toarray()
         change = np.linalg.lstsq(G, g, rcond=1e-10)[0] if len(g) and G.shape[1] else np.zeros(0)
         if float(np.abs(change).max(initial=0.0)) <= CLOSED:
@@ -84,21 +86,21 @@ def assembled(system: System, at: State) -> State:
 def body_axes(layout: Layout, at: State) -> tuple[Csr, Csr, Csr]:
     """T, T' and T'' (n, m) in a state: changes of all unknowns but the multipliers of quaternions
     by z, which has the other unknowns unchanged."""
-    whole: list[list[Csr]] = [[], [], []]
-    held = set(joints_with_forces(layout))
+    parts_of_each: list[list[Csr]] = [[], [], []]
+    joints = set(joints_with_forces(layout))
     for b in layout:
         if b.kind.quantity is Quantity.POSE:
-            for parts, M in zip(whole, _of_pose(b, *(
+            for parts, M in zip(parts_of_each, _of_pose(b, *(
                     s[layout[b.name]] for s in (at.x, at.v, at.a))), strict=True):
                 parts.append(csc_array(M))
-        elif b.kind.order == 0 and b.owner not in held:
-            for parts in whole:
+        elif b.kind.order == 0 and b.owner not in joints:
+            for parts in parts_of_each:
                 parts.append(csc_array((b.size, 0)))
         else:
-            one = csc_array(eye_array(b.size, format="csc"))
-            for i, parts in enumerate(whole):
-                parts.append(one if i == 0 else csc_array((b.size, b.size)))
-    T, rate, second = (csc_array(block_diag(p, format="csc")) for p in whole)
+            unit = csc_array(eye_array(b.size, format="csc"))
+            for i, parts in enumerate(parts_of_each):
+                parts.append(unit if i == 0 else csc_array((b.size, b.size)))
+    T, rate, second = (csc_array(block_diag(p, format="csc")) for p in parts_of_each)
     return T, rate, second
 
 
@@ -119,14 +121,15 @@ def _of_pose(b: Block, q: FloatArray, v: FloatArray, a: FloatArray) -> Iterator[
             moved[3:] = np.cos(size * s) * p + np.sin(size * s) / size * v[3:]
         return _at(b, moved)
 
-    ends = [along(k * h) for k in (-2, -1, 0, 1, 2)]
+    ends = [along(k * h) for k in (-2, -1, 0, 1, 2)]  # central differences of fourth order
     yield ends[2]
     yield (8.0 * (ends[3] - ends[1]) - (ends[4] - ends[0])) / (12.0 * h)
     yield (16.0 * (ends[3] + ends[1]) - (ends[4] + ends[0]) - 30.0 * ends[2]) / (12.0 * h * h)
 
 
 def _at(b: Block, q: FloatArray) -> FloatArray:
-    """Changes of rigid coordinates (b, m) by translations and rotations in body axes."""
+    """Changes (b, m) of rigid coordinates q (b,) by m translations and rotations in body axes; of a
+    free body in space b is 7, with 4 coordinates of a quaternion, and m is 6."""
     d = 2 if b.size == PLANAR_POSE else 3
     turn = b.size - d if b.size != FREE_POSE else 3
     T = np.zeros((b.size, d + turn))
@@ -154,7 +157,10 @@ def carried_jacobian(system: System, at: State) -> tuple[Csr, FloatArray]:
 
 
 def in_body_axes(t: Tangents, axes: tuple[Csr, Csr, Csr]) -> Tangents:
-    """Tangents in the unknowns z of `body_axes`."""
+    """Tangents in the unknowns z of `body_axes`, x = T z with T, T' and T'' along the motion:
+
+        T^T (K T + D T' + M T''),    T^T (D T + 2 M T'),    T^T M T
+    """
     T, rate, second = axes
     left = csc_array(T.T)
     return Tangents(csc_array(left @ (t.K @ T + t.D @ rate + t.M @ second)),

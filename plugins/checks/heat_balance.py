@@ -95,6 +95,15 @@ class HeatSums:
     """
 
     def __init__(self, run: PreparedRun, state: State, formula: int) -> None:
+        """state: first state of the run; formula: 1 (BDF1) or 2 (BDF2), the order of differences of
+        the integrator.
+
+        layout: of the full-order unknowns; names, starts: thermal blocks and their first unknowns;
+        at: unknowns of temperatures in the step solver; sum, begin, before, end: sum of its
+        unknowns over the steps, first, last but one and last state; terms: in thermal rows only;
+        sampled: True where the residuals of the steps `looked` are needed, which are summed in
+        `residuals`; kept: states at both ends of those steps in a reduced run.
+        """
         assert run.model is not None
         self.run, self.layout, self.formula = run, run.model.layout, formula
         self.h, self.steps = run.scene.time.step, run.steps
@@ -143,9 +152,11 @@ class HeatSums:
         return at, d.atoms.mean(axis=0), float(d.offset.mean())
 
     def _mean(self, state: State) -> list[float]:
+        """Mean temperature of each block in a state, K."""
         return [float(w @ state.x[at]) + constant for at, w, constant in self.means]
 
     def _inside(self, term: Term) -> bool:
+        """True if a term reads temperatures only."""
         first = self.layout.first
         return bool(((term.columns >= first.start) & (term.columns < first.stop)).all())
 
@@ -184,7 +195,7 @@ class HeatSums:
         self, term: Term, x: FloatArray, v: FloatArray, a: FloatArray, t: float, rates: float
     ) -> FloatArray:
         """Residual of a term summed over each block (blocks,), W, with the rates of temperatures
-        times a factor."""
+        times the factor `rates` (0: without storage)."""
         j, heated = term.columns, self.layout.first
         factor = np.where((j >= heated.start) & (j < heated.stop), rates, 1.0)
         with substep(Substep(self.h)):
@@ -200,6 +211,7 @@ class HeatSums:
         """H(T) - H(T_0) (blocks,), J: the formula of the integrator, with T_0 for all earlier
         temperatures."""
         at, h = self.layout.first, self.h
+        # BDF1: T' = (T_n - T_(n-1)) / h; BDF2: 3/2 of that with T_(n-1) = T_(n-2) = T_0
         gain = 1.5 if self.formula == 2 else 1.0
         v, a = 0.0 * new.x, 0.0 * new.x
         v[at] = gain * (new.x - old.x)[at] / h
@@ -224,48 +236,50 @@ class HeatSums:
             return self._found()
 
     def _found(self) -> Mapping[str, Balance]:
-        """Balance of each thermal block over the run: what it stored less what was brought in, by
-        sums over the steps for terms that are linear, by samples for others."""
+        """Block -> its balance over the run, with the brought-in heat by sums over the steps where
+        terms are linear in temperatures, else from sampled residuals (`sampled`); {} where it would
+        take too many values of functions. delay: E of the class."""
         N, h = self.steps, self.h
         summed = [t for t in self.terms if self._summed(t)]
-        timed = {id(f) for t in summed if isinstance(t, AssembledTerm) and isinstance(
+        functions = {id(f) for t in summed if isinstance(t, AssembledTerm) and isinstance(
             t.equations, LinearEquations) for f in t.equations.amplitudes}
-        if N * len(timed) > AMPLITUDES or not N:
+        if N * len(functions) > AMPLITUDES or not N:
             return {}
         begin, before, end = (self.run.full_order(s) for s in (self.begin, self.before, self.end))
         mean = self.end.x.copy()
         mean[self.at] = self.sum / N
         flows = self._sums(summed, self.run.full_order(replace(self.end, x=mean)).x)
         stored = self._stored(begin, end)
-        back = self._stored(end, begin)
-        ahead = np.zeros(len(self.names))
+        stored_back = self._stored(end, begin)
+        delay = np.zeros(len(self.names))
         if self.formula == 2:
-            heated = 0.0 * begin.v
-            heated[self.layout.first] = begin.v[self.layout.first]
-            ahead = 0.5 * (
-                self._stored(before, end) - h * self._rates(begin, heated, self.terms))
-        one = 0.0 * end.x
-        one[self.layout.first] = 1.0
-        constant = [t for t in self.terms if t.linear]  # without latent heat
-        capacity = self._rates(end, one, constant)
+            start_rates = 0.0 * begin.v
+            start_rates[self.layout.first] = begin.v[self.layout.first]
+            delay = 0.5 * (
+                self._stored(before, end) - h * self._rates(begin, start_rates, self.terms))
+        unit_rates = 0.0 * end.x
+        unit_rates[self.layout.first] = 1.0
+        constant_terms = [t for t in self.terms if t.linear]  # without latent heat
+        capacity = self._rates(end, unit_rates, constant_terms)
         if self.sampled:
             for past, now in self.kept:
                 self._add_residual(past, now)
             rest = self.residuals * h * N / len(self.looked)
-            brought = stored + ahead - rest
+            brought_in = stored + delay - rest
         else:
-            brought = sum(flows, np.zeros(len(self.names)))
-            rest = stored + ahead - brought
-        came, went = (sum((np.maximum(s * f, 0.0) for f in flows), np.zeros(len(self.names)))
+            brought_in = sum(flows, np.zeros(len(self.names)))
+            rest = stored + delay - brought_in
+        came_in, went_out = (sum((np.maximum(s * f, 0.0) for f in flows), np.zeros(len(self.names)))
                       for s in (1.0, -1.0))
-        size = np.max([came, went, abs(stored), capacity * np.maximum(
+        # reference of the share: what came, went or was stored, or a change of mean temperatures
+        size = np.max([came_in, went_out, abs(stored), capacity * np.maximum(
             np.ptp(np.array(self.sampled_means), axis=0), SMALLEST)], axis=0)
         # a storage that is no difference of a content has no H
-        known = abs(stored + back) <= 1e-3 * NOTED * np.maximum(abs(stored), size)
-        return {name: Balance(float(stored[i]), float(brought[i] - ahead[i]), float(rest[i]),
+        known = abs(stored + stored_back) <= 1e-3 * NOTED * np.maximum(abs(stored), size)
+        return {name: Balance(float(stored[i]), float(brought_in[i] - delay[i]), float(rest[i]),
                               float(size[i]), float(capacity[i]))
                 for i, name in enumerate(self.names)
-                if known[i] and np.isfinite([stored[i], brought[i], rest[i], size[i]]).all()}
+                if known[i] and np.isfinite([stored[i], brought_in[i], rest[i], size[i]]).all()}
 
     def _sums(self, terms: Sequence[Term], x: FloatArray) -> list[FloatArray]:
         """Heat (blocks,) of each term over the run, J, from the mean temperatures x."""

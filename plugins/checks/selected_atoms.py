@@ -58,6 +58,8 @@ class SelectedAtoms(Check):
     _states: list[tuple[State, Mapping[str, BoolArray]]] = PrivateAttr(default_factory=list)
 
     def on_start(self, run: PreparedRun, state: State, whole: bool) -> OnStep | None:
+        """Function that keeps the states to be checked, without those after `state` of a run that
+        went back; None where nothing is checked."""
         times, sampled = times_of_check(run.steps), bool(run.solver.rows)
         self._states = states = [(s, of) for s, of in self._states if s.t <= state.t]
 
@@ -70,6 +72,7 @@ class SelectedAtoms(Check):
         return look if run.own_loads and run.model is not None else None
 
     def after_run(self, run: PreparedRun, result: RunResult) -> Findings:
+        """Notes on the kept states; blocks whose sampled rows are the cause explain other notes."""
         if run.model is None or not run.own_loads or not self._states:
             return Findings()
         h, solver = run.scene.time.step, run.solver
@@ -149,7 +152,12 @@ def check_selection(
 ) -> tuple[Selected, ...]:
     """Residuals of blocks whose selected atoms or sampled rows leave more than all atoms and rows
     would. states: full-order states of the run with the supports of their blocks; rows: number of
-    sampled rows by block. Left out are blocks whose operators cannot be factorized, and
+    sampled rows by block.
+
+    With the operator D of a step and atoms X, all atoms and rows would leave the least residual
+    r - D X (X^T D X)^-1 X^T r of a residual r. Compared are the energy norms sqrt(r^T D^-1 r) of
+    both. The error is |S^-1 (r - least)|, S: stiffness; of temperatures conductivity, with the
+    capacity over the time of the run. Left out are blocks whose operators cannot be factorized, and
     temperatures with c(T), whose residual is a difference of heat content over the step."""
     found: dict[str, Selected] = {}
     start, residuals = model.x0, dict[float, FloatArray]()
@@ -157,12 +165,12 @@ def check_selection(
                      default=0.0) for n in dictionaries}
     for name, d in dictionaries.items():
         k, at = d.atoms.shape[1], model.layout[name]
-        some = [(s, int(np.count_nonzero(on))) for s, of in states
+        tested = [(s, int(np.count_nonzero(on))) for s, of in states
                 if not (on := _support(of, name, k)).all() or name in rows]
-        if not some or change[name] <= CONSTANT_CHANGE * _norm(some[-1][0].x[at]) or (
-                _stores_by_temperature(model, name, [s for s, _ in some])):
+        if not tested or change[name] <= CONSTANT_CHANGE * _norm(tested[-1][0].x[at]) or (
+                _stores_by_temperature(model, name, [s for s, _ in tested])):
             continue
-        for s, _ in some:
+        for s, _ in tested:
             if s.t not in residuals:  # all blocks have the same states
                 residuals[s.t] = system_residual(model.layout, model.terms, s.x, s.v, s.a, s.t)
         data = model.block_data(name, step=step)
@@ -174,17 +182,17 @@ def check_selection(
                 data.order == 1) else model.once((SELECTED, name), partial(
                     model.factorize, name, data.stiffness, PURPOSE))
             image = data.operator @ d.atoms if k < min(data.size, MANY) else None
-            r = np.stack([residuals[s.t][at] for s, _ in some], axis=1)
-            rest = np.zeros(r.shape) if image is None else r - image @ np.linalg.lstsq(
-                d.atoms.T @ image, d.atoms.T @ r, rcond=None)[0]
-            whole, left = (np.maximum((f * solve_or_fail(D, f, name)).sum(axis=0), 0.0)
-                           for f in (r, rest))
-            errors = np.linalg.norm(solve_or_fail(S, r - rest, name), axis=0) / change[name]
+            left = np.stack([residuals[s.t][at] for s, _ in tested], axis=1)  # (n, states)
+            least = np.zeros(left.shape) if image is None else left - image @ np.linalg.lstsq(
+                d.atoms.T @ image, d.atoms.T @ left, rcond=None)[0]
+            of_left, of_least = (np.maximum((r * solve_or_fail(D, r, name)).sum(axis=0), 0.0)
+                                 for r in (left, least))  # squares of the energy norms
+            errors = np.linalg.norm(solve_or_fail(S, left - least, name), axis=0) / change[name]
         except SolveFailed:
             continue
         i = int(np.argmax(errors))
-        ratio = float(np.sqrt(whole[i] / left[i])) if left[i] > 0.0 else np.inf
-        found[name] = Selected(name, some[i][0].t, some[i][1], k, rows.get(name, 0), ratio,
+        ratio = float(np.sqrt(of_left[i] / of_least[i])) if of_least[i] > 0.0 else np.inf
+        found[name] = Selected(name, tested[i][0].t, tested[i][1], k, rows.get(name, 0), ratio,
                                float(errors[i]))
     return tuple(found.values())
 

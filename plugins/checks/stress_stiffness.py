@@ -66,6 +66,8 @@ class StressStiffening(Check):
         return [Note(text, BUCKLED) for text in buckled_in_training(model, offline)]
 
     def after_run(self, run: PreparedRun, result: RunResult) -> Findings:
+        """Notes on stiffness that stress changes; a failure of the run where the scene refuses
+        them."""
         if run.model is None or run.scene.check_strains == "off":
             return Findings()
         notes = tuple(stress_notes(run.model, result))
@@ -149,7 +151,7 @@ def largest_ratio(
     start = result.nodal_temperature(name, 0) if hot else np.zeros(1)
     moved = float(np.linalg.norm(checked[largest]))
     heated = max(0.0 if T is None else float(np.linalg.norm(T - start)) for _, _, T in states)
-    known = model.stress_checks.get(name)
+    known = model.stress_checks.get(name)  # displacement, heating and |mu| of an earlier run
     if known is not None and max(known[2], 1e-12) * FAR * max(
             _ratio(moved, known[0]), _ratio(heated, known[1])) < LIMIT:
         return None
@@ -210,6 +212,7 @@ def ratio_of(
 
 
 def _ratio(size: float, other: float) -> float:
+    """size / other, at least 1; infinite where only `other` is 0."""
     return 1.0 if size <= other else size / other if other > 0.0 else inf
 
 

@@ -86,6 +86,7 @@ class _Window:
 
 
 def _rms(values: Sequence[float]) -> float:
+    """Root mean square."""
     return sqrt(sum(v * v for v in values) / len(values))
 
 
@@ -117,6 +118,14 @@ class Windows:
     refused = False
 
     def __init__(self, run: PreparedRun, origin: FloatArray) -> None:
+        """origin (n,): first unknowns of the run.
+
+        length: W, steps of a window; free: last step at which one can begin; part: steps of each
+        part of the run after the start; jerks, largest: change of the frames' accelerations in each
+        step, and the largest in each part so far; found: window of each part and the number of
+        steps before it, the first at the start of the run; frames, fading: blocks of poses and of
+        temperatures; changes, rates: largest change and rate of each block in the run.
+        """
         self.run, self.origin, self.steps = run, origin, run.steps
         windows = WINDOWS - (self.steps < 2 * FEWEST)
         self.length = 2 * min(DOUBLED, max(2, self.steps // SHARE))
@@ -196,6 +205,7 @@ class Windows:
             self.refused = True
             return {}, {}
         known = {n: differences for n, differences in again.items() if differences}
+        # windows by the number of steps before them, of which that at the start is apart
         later = [n for n in known if n > 0] or [*known]
         scale = 2.0**scene.integrator.order - 1.0
         beyond = {n: self._beyond(n) for n in known}
@@ -205,15 +215,15 @@ class Windows:
             if not known or self.changes[b.name] <= CONSTANT_CHANGE * b.norm(self.origin):
                 continue
             errors = {n: [b.norm(d) / scale for d in ds] for n, ds in known.items()}
-            ends, grows = {n: e[-1] for n, e in errors.items()}, {
-                n: _growth(e) for n, e in errors.items()}
+            ends = {n: e[-1] for n, e in errors.items()}
+            grows = {n: _growth(e) for n, e in errors.items()}
             if b.name in self.frames:
                 error = _rms([ends[n] * beyond[n] ** grows[n] for n in later])
             else:  # only what grows in every window grows in the run
                 g = min(1.0, *(grows[n] for n in later))
                 g = 0.0 if b.name in self.fading and g < STEADY else g
                 error = _rms([ends[n] * beyond[n] ** g for n in later])
-            if b.name in self.fading:
+            if b.name in self.fading:  # at most the share of the changes in a window
                 moved = _rms([b.norm(whole[n].taken[-1] - whole[n].start.x) for n in later])
                 share = _rms([ends[n] for n in later]) * change / max(moved, SMALLEST * b.size)
                 error = min(error, share)
@@ -226,6 +236,7 @@ class Windows:
             if b.name in self.frames and self.rates[b.name] > 0.0 and (
                     self.changes[b.name] > SMALLEST * b.size):
                 delays.append(error / self.rates[b.name])
+        # a delay of the motion shows in all frames and displacements, as the delay times their rate
         for b in self.blocks:
             if b.name in found and b.name not in self.fading:
                 rate = self.rates[b.name] if b.name in self.frames else _rms(
@@ -243,7 +254,8 @@ class Windows:
 
     def _again(self, w: _Window, solver: StepSolver) -> list[FloatArray]:
         """Differences (n,) of the unknowns after each step of a window that is taken again with
-        twice the step; none where that fails."""
+        twice the step; none where that fails. slope: second rates at its start, from which the
+        integrator's history for steps of 2h is made."""
         scene, layout = self.run.scene, solver.layout
         h, slope = 2.0 * scene.time.step, np.zeros(layout.size)
         if w.before is not None:
@@ -292,6 +304,7 @@ def time_error_notes(
 
 
 def _shown(errors: Mapping[str, float]) -> str:
+    """Blocks and their errors above `NOTED`, in %, the largest first."""
     return ", ".join(
         f"{n} {'more than 100' if e > 1.0 else format(100.0 * e, '.2g')} %"
         for n, e in sorted(errors.items(), key=lambda item: -item[1]) if e > NOTED)

@@ -176,6 +176,7 @@ def _constant(model: AssembledModel, name: str) -> bool:
 
 
 def _equal(one: Mapping[str, Dictionary], other: Mapping[str, Dictionary]) -> bool:
+    """True if the blocks of `one` have the same atoms in `other`."""
     return all(np.array_equal(d.atoms, other[n].atoms) for n, d in one.items())
 
 
@@ -210,42 +211,45 @@ def _tested(
     model: AssembledModel, offline: OfflineProducts, name: str, d: Dictionary, h: float, end: float,
     first_steps: Callable[[], FloatArray] | None, least: float,
 ) -> dict[str, NDArray[Any]]:
-    """Projection errors of a block's atoms, as they are cached: of the training run, of the first
-    steps, of expected states; and the range of the training coefficients along orthogonal axes."""
+    """Projection errors of a block's atoms, and the range of its coordinates in training: the
+    fields of `TrialSpace` by name, as they are cached. h, end: step and end of the run, s;
+    first_steps: its first states at full order, None where they are not projected; least: relative
+    change up to which a field counts as constant."""
     Q, R = _orthogonal(d.atoms)
-    none, response, response_error = np.zeros(0), "", 0.0
+    no_range, response, response_error = np.zeros(0), "", 0.0
     error = change = 0.0
     coordinates: FloatArray | None = None
     if offline.trained:
         states = offline.snapshots(name)
         counted = _of_the_run(offline, states.shape[1])
         error, change, coordinates = _projected(Q, d.offset, states, least, counted)
-    later = []
+    expected_of_run = []
     try:
         if not offline.trained or first_steps is not None:
             expected = expected_states(model, name, StepFactors(h, 0.0, 0.0, 0.0), end)
-            later.append(expected.states)
+            expected_of_run.append(expected.states)
             if not offline.trained:
                 response, response_error = _worst(Q, expected.responses, expected.names)
         if first_steps is not None:
-            later.append(first_steps()[:, model.layout[name]].T)
+            expected_of_run.append(first_steps()[:, model.layout[name]].T)
     except SolveFailed:  # the run itself will say so
         pass
     run_error = 0.0
-    for states in later:
+    for states in expected_of_run:
         its_error, its_change, _ = _projected(Q, d.offset, states, least)
+        # relative to the larger change of these states and of the training
         scale = its_change / max(its_change, change) if its_change else 1.0
         run_error = max(run_error, scale * its_error)
     found = {"error": np.array(error), "change": np.array(change),
-             "run_error": np.array(run_error), "run_tested": np.array(bool(later)),
+             "run_error": np.array(run_error), "run_tested": np.array(bool(expected_of_run)),
              "response": np.array(response),
              "response_error": np.array(response_error), "axes": np.zeros((0, R.shape[1])),
-             "low": none, "high": none}
+             "low": no_range, "high": no_range}
     if change == 0.0 or coordinates is None or not d.atoms.shape[1]:
         return found
     if len(coordinates) <= _TURNED:
-        turn = np.linalg.eigh(coordinates @ coordinates.T)[1].T
-        found["axes"], coordinates = turn @ R, turn @ coordinates
+        principal_axes = np.linalg.eigh(coordinates @ coordinates.T)[1].T
+        found["axes"], coordinates = principal_axes @ R, principal_axes @ coordinates
     return found | {"low": coordinates.min(axis=1), "high": coordinates.max(axis=1)}
 
 

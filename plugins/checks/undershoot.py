@@ -87,6 +87,7 @@ def _note(body: str, T: float, t: float, floor: float, top: float) -> Note:
 
 
 def _looked_at(count: int) -> IntArray:
+    """Numbers of the stored steps that are examined: the first ones, and others evenly spread."""
     spread = np.linspace(0, count - 1, min(STEPS, count)).round().astype(np.int64)
     return np.unique(np.concatenate([np.arange(min(FIRST, count)), spread]))
 

@@ -55,16 +55,16 @@ def alternating_forces(model: Model | None, result: RunResult) -> tuple[Note, ..
     forces = {name: result.block(b.name) for name, b in blocks.items() if b is not None}
     size = {name: float(np.abs(f[last]).max()) for name, f in forces.items()}
     most = max(size.values(), default=0.0)
-    found = {name: alternation(f[last]) for name, f in forces.items()
+    share_of = {name: alternation(f[last]) for name, f in forces.items()
              if size[name] > max(SMALL * most, DIED_OUT * float(np.abs(f).max()))}
-    if max(found.values(), default=0.0) <= LIMIT or most <= ROUNDING * inner_force(
+    if max(share_of.values(), default=0.0) <= LIMIT or most <= ROUNDING * inner_force(
             model, lambda name: result.block(name, slice(last.stop - 1, last.stop))):
         return ()
     return tuple(Note(
         f"the forces of joint {name} alternate from step to step, by {100 * share:.3g} % of their "
         f"size over the last {LAST} steps: they are not physical; take bdf2, or generalized_alpha "
         "with a smaller rho_inf (0.8 or less), and a smaller time.step where that does not help",
-        "alternating_forces") for name, share in found.items() if share > LIMIT)
+        "alternating_forces") for name, share in share_of.items() if share > LIMIT)
 
 
 def inner_force(model: Model | None, displacements: Callable[[str], FloatArray]) -> float:
@@ -190,11 +190,14 @@ class ShortImpacts(Check):
     order = place("short_impacts")
 
     def after_run(self, run: PreparedRun, result: RunResult) -> Findings:
+        """Warnings about force elements whose shortest impact takes less than `FEWEST` steps."""
         every, h = run.scene.output.every, run.scene.time.step
         forces = result.joint_forces()
-        shortest = {name: (min(found) + 1) * every - 1 for name, (what, unit) in
-                    result.element_forces.items() if (found := list(impacts(
-                        forces[name][what, unit])))}
+        shortest = dict[str, int]()
+        for name, (what, unit) in result.element_forces.items():
+            found = list(impacts(forces[name][what, unit]))
+            if found:  # a force at n stored steps acts for less than n + 1 intervals between them
+                shortest[name] = (min(found) + 1) * every - 1
         return Findings([Note(
             f"{name} acts for {steps} step{'s' if steps > 1 else ''} and no longer, which its "
             f"impact takes {FEWEST} or more of: bodies leave it with wrong speeds, and may gain "

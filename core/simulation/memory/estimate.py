@@ -173,6 +173,7 @@ def _start(model: Model) -> MemoryItem:
 
 
 def states(size: int) -> MemoryItem:
+    """Memory of vectors of all `size` unknowns in full-order steps."""
     return MemoryItem("states and right-hand sides", 8 * VECTORS * size, "a coarser mesh")
 
 
@@ -215,6 +216,7 @@ def bases(scene: Scene, snapshots: int, blocks: Mapping[str, int]) -> list[Memor
 
 
 def _held_snapshots(snapshots: int, blocks: Mapping[str, int]) -> list[MemoryItem]:
+    """Memory of the snapshots of blocks that are not written to disk; snapshots: their number."""
     sizes = {name: 8 * n * snapshots for name, n in blocks.items()}
     return [MemoryItem(f"snapshots of {name}", size, "a larger training.every")
             for name, size in sizes.items() if size <= HELD]
@@ -244,6 +246,7 @@ def duration(steps: float) -> str:
 
 
 def most_atoms(basis: Basis, size: int) -> int:
+    """Largest number of atoms of a basis for a block with `size` unknowns."""
     bound = basis.most_atoms(size)
     return min(size, UNKNOWN_ATOMS if bound is None else bound)
 
@@ -263,10 +266,13 @@ def _matrices(model: Model) -> int:
 
 
 def _bytes(A: Csr) -> int:
+    """Bytes of a sparse matrix."""
     return int(A.data.nbytes + A.indices.nbytes + A.indptr.nbytes)
 
 
 def refusal(expected: Estimate, limit: int) -> str:
+    """Message for a run above the memory limit, bytes, with the largest items of its largest phase
+    and advice."""
     items = sorted(expected.phases[expected.largest], key=lambda i: -i.size)[:3]
     parts = "; ".join(f"{i.what}: {gb(i.size)}" for i in items)
     return (f"this run would hold about {gb(expected.total)} of memory ({expected.largest}: "
@@ -308,6 +314,7 @@ def precheck_memory(scene: Scene) -> Estimate | None:
 
 
 def _assembly(name: str, size: BodySize) -> list[MemoryItem]:
+    """Memory of the mesh and the assembled operators of a body of known size."""
     return [
         MemoryItem(f"the mesh of {name}, {size.mesh.cells} cells",
              CELL[size.mesh.dimension] * size.mesh.cells, "a coarser mesh"),
@@ -355,21 +362,24 @@ def room_for_snapshots(scene: Scene, model: Model, offline: Offline) -> None:
 
 
 def room_for_result(scene: Scene, model: Model, out: Path) -> None:
-    """Checks that the stored steps of a run fit on the disk of `out`. Raises InputError."""
+    """Checks that the stored steps of a run, each of `per_step` numbers of 8 bytes, fit on the disk
+    of `out`. Raises InputError."""
     blocks = block_sizes(model)
-    numbers = model.layout.size - sum(blocks.values()) + 4  # time, iterations, error, seconds
-    numbers += sum(p.displacement.shape[0] if p.displacement is not None else 3
-                   for p in model.probes)
+    # rigid coordinates and multipliers; then time, iterations, error and seconds
+    per_step = model.layout.size - sum(blocks.values()) + 4
+    per_step += sum(p.displacement.shape[0] if p.displacement is not None else 3
+                    for p in model.probes)
     bases = chosen_bases(scene, blocks)
-    numbers += sum(most_atoms(bases[n], size) if n in bases else size for n, size in blocks.items())
-    rows = step_count(scene) // scene.output.every + 2
+    per_step += sum(most_atoms(bases[n], size) if n in bases else size
+                    for n, size in blocks.items())
+    stored_steps = step_count(scene) // scene.output.every + 2  # with the first and the last
     free = shutil.disk_usage(_existing(out)).free
-    if 8 * numbers * rows > free:
+    if 8 * per_step * stored_steps > free:
         raise InputError(
-            f"the result would take about {gb(8 * numbers * rows)} on the disk ({rows:.3g} stored "
-            f"steps of {numbers} numbers), which has {gb(free)} left, and the run "
-            f"{duration(step_count(scene))} at the least: take a larger output.every, a larger "
-            "time.step or an earlier time.end", "time.step")
+            f"the result would take about {gb(8 * per_step * stored_steps)} on the disk "
+            f"({stored_steps:.3g} stored steps of {per_step} numbers), which has {gb(free)} "
+            f"left, and the run {duration(step_count(scene))} at the least: take a larger "
+            "output.every, a larger time.step or an earlier time.end", "time.step")
 
 
 def _existing(path: Path) -> Path:
