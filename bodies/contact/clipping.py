@@ -79,6 +79,7 @@ class Parts:
         some_in, some_out = self._signs(values)
         if not some_out.any():
             return self
+        # only parts with corners of both signs are cut; those without a positive one become empty
         rows, left = np.flatnonzero(some_in & some_out), np.where(some_in, self.count, 0)
         if not len(rows):
             return replace(self, count=left)
@@ -105,7 +106,7 @@ class Parts:
         now = of, self
         for values, level in cuts:
             found = []
-            for sign in (1.0, -1.0):
+            for sign in (1.0, -1.0):  # below, then above the level
                 at = now[1].values(sign * (level - values[now[0]]))
                 found.append(nonempty((now[0], now[1].cut(at, NONE))))
             now = joined(found)
@@ -175,25 +176,27 @@ def _cut_polygon(at: Parts, c: FloatArray, tag: int, share: FloatArray | None) -
     None: that of a linear function.
     """
     after, used = at.following(), at.used
-    c2 = np.take_along_axis(c, after, axis=1)
-    p2 = np.take_along_axis(at.corners, after[:, :, None], axis=1)
+    c_next = np.take_along_axis(c, after, axis=1)
+    next_corners = np.take_along_axis(at.corners, after[:, :, None], axis=1)
     inside = c >= 0
-    kept, crossed = used & inside, used & (inside != (c2 >= 0))
+    kept, crossed = used & inside, used & (inside != (c_next >= 0))
     if share is None:
-        share = c / np.where(crossed, c - c2, 1.0)
-    root = at.corners + share[:, :, None] * (p2 - at.corners)
+        share = c / np.where(crossed, c - c_next, 1.0)
+    intersections = at.corners + share[:, :, None] * (next_corners - at.corners)
     R, V = c.shape
+    # candidates in order: each corner, then the intersection on the edge that begins there; the
+    # edge from an intersection at which the polygon leaves c >= 0 is the new one
     mask = np.stack([kept, crossed], axis=2).reshape(R, 2 * V)
-    corners = np.stack([at.corners, root], axis=2).reshape(R, 2 * V, 3)
+    corners = np.stack([at.corners, intersections], axis=2).reshape(R, 2 * V, 3)
     tags = np.stack([at.edges, np.where(inside, tag, at.edges)], axis=2).reshape(R, 2 * V)
     rows, k = np.nonzero(mask)
     count = mask.sum(axis=1)
-    to = (np.cumsum(mask, axis=1) - 1)[rows, k]
+    place = (np.cumsum(mask, axis=1) - 1)[rows, k]  # among the retained candidates
     width = max(int(count.max()), 3)
-    made: Any = np.zeros((R, width, 3))
+    packed = np.zeros((R, width, 3))
     edges = np.full((R, width), NONE)
-    made[rows, to], edges[rows, to] = corners[rows, k], tags[rows, k]
-    return Parts(made, np.where(count < 3, 0, count), edges)
+    packed[rows, place], edges[rows, place] = corners[rows, k], tags[rows, k]
+    return Parts(packed, np.where(count < 3, 0, count), edges)
 
 
 # ---------------------------------------------------------------------- intervals
@@ -216,10 +219,12 @@ def _two(first: Any, second: Any) -> Any:
 
 
 def _interval(bounds: FloatArray, tags: IntArray) -> Parts:
-    """`Parts.within` for segments."""
+    """`Parts.within` for segments: from the last of the points where a function becomes positive to
+    the first where one becomes negative."""
     f0, f1 = bounds[:, 0], bounds[:, 1]
     drop = f0 - f1
     root = f0 / np.where(drop == 0, 1.0, drop)
+    # beyond the segment, at 2 or -1, where a function is negative throughout: an empty interval
     starts = np.where(f0 < 0, np.where(f1 > 0, root, 2.0), 0.0)
     stops = np.where(f1 < 0, np.where(f0 > 0, root, -1.0), 1.0)
     low, high = starts.max(axis=1), stops.min(axis=1)
@@ -229,8 +234,9 @@ def _interval(bounds: FloatArray, tags: IntArray) -> Parts:
 
 
 def _cut_interval(at: Parts, c: FloatArray, tag: int, share: FloatArray | None) -> Parts:
-    """Clips intervals with function values c (R, 2) of both signs at their ends to c >= 0."""
-    rows, out = np.arange(len(c)), np.where(c[:, 0] < 0, 0, 1)
+    """Clips intervals with function values c (R, 2) of both signs at their ends to c >= 0; tag,
+    share: as in `_cut_polygon`."""
+    rows, out = np.arange(len(c)), np.where(c[:, 0] < 0, 0, 1)  # the end that is cut off
     t = c[:, 0] / (c[:, 0] - c[:, 1]) if share is None else share[:, 0]
     corners, edges = at.corners.copy(), at.edges.copy()
     corners[rows, out] = at.corners[:, 0] + t[:, None] * (at.corners[:, 1] - at.corners[:, 0])

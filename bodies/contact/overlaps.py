@@ -69,8 +69,9 @@ class Overlaps:
     """Parts of first facets in contact with a second facet.
 
     parts: the overlaps in barycentric coordinates of the first facet; at (P, d, 2 + 2 d):
-    penetration (m), its rate (m/s), slip (m/s, d) and eta (d) at the first facet's corners; measure
-    (P,), m or m2: see `Pairs.measure`.
+    penetration (m), its rate (m/s), slip (m/s, d) and eta (d) at the first facet's corners, with
+    bristles (2 + 4 d) their deflections over the limit and the rates, m/s; measure (P,), m or m2:
+    see `Pairs.measure`.
     """
 
     pairs: Pairs
@@ -85,6 +86,7 @@ class Overlaps:
         borders, measure = pairs.cells.values(eta, depth), pairs.measure()
         # surfaces that look the same way are the far sides of the bodies
         some = _reaching(depth, borders, measure)
+        # an overlap is where the point is in the cell and below the plane of the second facet
         bounds = np.concatenate([borders[some], depth[some, :, None]], axis=2)
         tags = np.arange(bounds.shape[2])
         tags[-1] = EDGE
@@ -104,11 +106,21 @@ class Overlaps:
         return int(self.at.shape[1])
 
     @property
+    def slip_columns(self) -> slice:
+        """Columns of `at` with the slip."""
+        return slice(2, 2 + self.d)
+
+    @property
+    def eta_columns(self) -> slice:
+        """Columns of `at` with the projections eta; those of bristles begin where it stops."""
+        return slice(2 + self.d, 2 + 2 * self.d)
+
+    @property
     def speed(self) -> FloatArray:
         """(P, 2) slip speed along the second facet at the corners, m/s, for contact in the plane.
         """
-        n = self.pairs.planes.n
-        return np.asarray(self.at[:, :, 3] * n[:, :1] - self.at[:, :, 2] * n[:, 1:])
+        n, slip = self.pairs.planes.n, self.at[:, :, self.slip_columns]
+        return np.asarray(slip[:, :, 1] * n[:, :1] - slip[:, :, 0] * n[:, 1:])
 
 
 def _reaching(depth: FloatArray, borders: FloatArray, measure: FloatArray) -> IntArray:
@@ -131,6 +143,7 @@ def relative(pairs: Pairs, depth: FloatArray, eta: FloatArray) -> FloatArray:
     """
     if pairs.vb is None:
         return pairs.va
+    # rate of the normal: sum g (n . b')
     swing = pairs.planes.g.transpose(0, 2, 1) @ (pairs.vb @ pairs.planes.n[:, :, None])
     return np.asarray(pairs.va - eta @ pairs.vb - depth[:, :, None] * swing.transpose(0, 2, 1))
 
@@ -185,7 +198,7 @@ def _signed(
     """Splits parts where the pressure changes its sign.
 
     The zero line between its roots on two edges is straight, or nearly so in the layer over which
-    the damping increases.
+    the damping increases. Returns the overlap of each part, sorted, and the parts.
     """
     p = pressure(o, of, parts.corners, normal)
     used = parts.used

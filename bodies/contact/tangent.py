@@ -24,7 +24,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sparsemor.bodies.contact.clipping import Parts
+from sparsemor.bodies.contact.clipping import NONE, Parts
 from sparsemor.bodies.contact.overlaps import DEPTH, EDGE, Overlaps, Pieces
 from sparsemor.bodies.contact.quadrature import points_along
 from sparsemor.bodies.contact.surface import area_slopes
@@ -60,12 +60,15 @@ class Tangent:
         q = Samples.at(o, pieces.overlap, pieces.samples(face.points), face)
         W = weights_of(o, pieces, face)
         responses = Responses.of(o, q, face, T)
-        moves, warm = (_first_moves, _warm_first) if o.pairs.vb is None else (
-            _both_move, _warm_both)
-        forces = moves(o, q, W, responses)
+        first_only = o.pairs.vb is None  # the second surface does not deform
+        # each a pair: derivatives by the positions and by the velocities
+        forces = (_first_moves if first_only else _both_move)(o, q, W, responses)
         M, D = forces[0].shape[:2]
-        heats = warm(o, q, W, responses, face) if warms else (np.zeros((M, 2 * o.d, D)),) * 2
+        heats = (np.zeros((M, 2 * o.d, D)),) * 2
+        if warms:
+            heats = (_warm_first if first_only else _warm_both)(o, q, W, responses, face)
         z, rate = (np.concatenate(x, axis=1) for x in zip(forces, heats, strict=True))
+        # loads are proportional to the projected measure, which changes too
         whole = np.concatenate([loads.force.reshape(M, 2 * o.d**2)[:, :D], loads.heat], axis=1)
         z += whole[:, :, None] * (_measure(o)[:, :D] / o.measure[:, None])[q.of][:, None]
         by_z, by_rate = summed(z, q.of, len(o.at)), summed(rate, q.of, len(o.at))
@@ -106,8 +109,12 @@ class Responses:
     @classmethod
     def of(cls, o: Overlaps, q: Samples, face: Interface, T: FloatArray | None) -> "Responses":
         """Responses at quadrature points with traction p u, u = n - phi v - pull; v slip velocity,
-        phi friction coefficient over speed, pull that of bristles; w relative velocity. T (M, 2 d):
-        temperatures at the corners."""
+        phi friction coefficient over speed, pull that of bristles; w relative velocity. T (P, 2 d):
+        temperatures at the corners, K.
+
+        dp = -p_depth n . dy - p_sink (n . dw + w . dn), v = w - (n . w) n, and the friction heat is
+        p (ratio speed + pull . free) with the names of `Samples`.
+        """
         planes, vb = o.pairs.planes, o.pairs.vb
         n, v = planes.n[q.of][:, None], q.slip
         N, V = n[..., None, :], v[..., None, :]
@@ -119,25 +126,26 @@ class Responses:
         eye = np.eye(o.d)
         drops = q.pull[..., None] * q.fall[..., None, :]  # of bristles, whose coefficient falls
         slides = p[..., None] * (phi[..., None] * eye + bend[..., None, None] * v[..., None] * V)
-        across = eye - n[..., None] * N
+        across = eye - n[..., None] * N  # dv / dw
+        # u dp + p du, du = -d(phi v) - d(pull)
         force_w = -u[..., None] * (p_sink * n)[..., None, :] - slides @ across - p[
             ..., None] * drops
         freed = (q.pull * q.free).sum(axis=2)[..., None]
-        work = (q.ratio * q.speed)[..., None] + freed
+        work = (q.ratio * q.speed)[..., None] + freed  # friction heat over pressure
         grip = p * (q.ratio_slip + q.phi)[..., None]
         heat_w = -p_sink * work * n + grip * v + p * (q.pull + freed * q.fall)
         force_y, heat_y = -u[..., None] * (p_depth * n)[..., None, :], -p_depth * work * n
         force_n, heat_n = np.zeros_like(force_y), np.zeros_like(heat_y)
         if vb is not None:
-            turn = _turning(vb, planes.g, planes.n)[q.of][:, None]
-            force_y, heat_y = force_y + force_w @ turn, heat_y + (heat_w[..., None, :] @ turn)[
-                ..., 0, :]
+            w_by = _relative_velocity_by(vb, planes.g, planes.n)[q.of][:, None]
+            force_y = force_y + force_w @ w_by
+            heat_y = heat_y + (heat_w[..., None, :] @ w_by)[..., 0, :]
             off = -q.sink[..., None]  # n . w
             w = v + off * n
             force_n = -u[..., None] * (p_sink * w)[..., None, :] + p[..., None] * eye + slides @ (
                 off[..., None] * eye + n[..., None] * w[..., None, :])
             heat_n = -p_sink * work * w - grip * off * v
-            if q.bent is not None:
+            if q.bent is not None:  # pull is the tangential part of mu bent
                 up, back = ((x * n).sum(axis=2)[..., None] for x in (q.bent, q.free))
                 mu = q.mu[..., None]
                 force_n = force_n + p[..., None] * (mu[..., None] * (
@@ -150,12 +158,13 @@ class Responses:
             flow = face.conductance * drop(q, T)
             slope = (T[:, None, o.d :] @ planes.g)[q.of]
             flow_y = flow_y - face.conductance * slope
-        return cls(force_y, force_w, force_n, heat_y, heat_w, heat_n, flow_y, p * u,
-                   q.power(), flow)
+        return cls(force_y, force_w, force_n, heat_y, heat_w, heat_n, flow_y, force=p * u,
+                   heat=q.power(), flow=flow)
 
 
-def _turning(vb: FloatArray, g: FloatArray, n: FloatArray) -> FloatArray:
-    """(P, d, d) matrix -L + h n^T, with dw = (-L + h n^T) y (module docstring)."""
+def _relative_velocity_by(vb: FloatArray, g: FloatArray, n: FloatArray) -> FloatArray:
+    """(P, d, d) derivative -L + h n^T of the relative velocity w by y, for a constant h (module
+    docstring); vb (P, d, d): velocities of the second facet's corners, m/s."""
     L = vb.transpose(0, 2, 1) @ g
     h = L.transpose(0, 2, 1) @ n[:, :, None]
     return np.asarray(h * n[:, None] - L)
@@ -176,12 +185,13 @@ def _first_moves(
     """Derivatives (M, d^2, d^2) of the nodal forces by positions and by velocities of the first
     facet's corners."""
     (M, k), d, D = W.shape, o.d, o.d**2
-    pairs = (q.s[..., :, None] * q.s[..., None, :]).reshape(M, k, D) * W[..., None]
-    made = [pairs.transpose(0, 2, 1) @ force.reshape(M, k, D)
-            for force in (of.force_y, of.force_w)]
-    by_z, by_rate = (f.reshape(M, d, d, d, d).transpose(0, 1, 3, 2, 4).reshape(M, D, D)
-                     for f in made)
-    return by_z, by_rate
+    # y = sum s da: the force on corner i by corner j is sum over points of W s_i s_j dF/dy
+    shapes = (q.s[..., :, None] * q.s[..., None, :]).reshape(M, k, D) * W[..., None]
+    found = []
+    for force in (of.force_y, of.force_w):
+        by = shapes.transpose(0, 2, 1) @ force.reshape(M, k, D)  # (corner i, corner j; a, b)
+        found.append(by.reshape(M, d, d, d, d).transpose(0, 1, 3, 2, 4).reshape(M, D, D))
+    return found[0], found[1]
 
 
 def _warm_first(
@@ -192,9 +202,11 @@ def _warm_first(
     (M, k), d = W.shape, o.d
 
     def columns(by: FloatArray) -> FloatArray:
+        """(M, k, D) weighted derivative by the corners, of one by y or w (M, k, d)."""
         return (q.s[..., :, None] * by[..., None, :]).reshape(M, k, d**2) * W[..., None]
 
     by_z = _heats(q, columns(of.heat_y), face.share) + _conducted(q, columns(of.flow_y))
+    # the heat of a point moves over the second facet: its shape functions eta change
     moved = _carried(o, q, of, face.share) * W[..., None, None]
     by_z[:, d:] += np.einsum("mqja,mqi->mjia", moved, q.s).reshape(M, d, d**2)
     return by_z, _heats(q, columns(of.heat_w), face.share)
@@ -225,7 +237,8 @@ def _carried(o: Overlaps, q: Samples, of: Responses, share: float) -> FloatArray
 
 
 def _displacement(o: Overlaps, q: Samples) -> FloatArray:
-    """(M, q, d, 2 d^2) derivative of y by the corners of both facets."""
+    """(M, q, d, 2 d^2) derivative of y by the corners of both facets, dy = sum s da - sum eta db -
+    delta sum g (n . db)."""
     n, g = o.pairs.planes.n[q.of], o.pairs.planes.g[q.of]
     eye = np.eye(o.d)
     first = q.s[..., None, :, None] * eye[:, None]
@@ -243,6 +256,7 @@ def _both_move(
     y_by, n_by, h_by = _moves(o, q)
     (M, k), d, D = W.shape, o.d, y_by.shape[3]
     by_z = of.force_y @ y_by + of.force_n @ n_by - of.force_w @ h_by
+    # nodal forces are y_by^T F, of which the weights y_by change as well (`_bent`)
     back = (W[..., None, None] * y_by).transpose(0, 3, 1, 2).reshape(M, D, d * k)
     at_corners, by_rate = (back @ x.reshape(M, d * k, D) for x in (by_z, of.force_w @ y_by))
     return at_corners + _bent(o, q, W, of, y_by, n_by), by_rate
@@ -275,7 +289,8 @@ def _moves(o: Overlaps, q: Samples) -> tuple[FloatArray, FloatArray, FloatArray]
 
 
 def tilts(o: Overlaps) -> tuple[FloatArray, FloatArray]:
-    """Derivatives (P, d, D) of the normal n and of h by the corners of both facets."""
+    """Derivatives (P, d, 2 d^2) of the normal, dn = -sum g (n . db), and of h = sum g (n . b') by
+    the corners of both facets."""
     n, g, vb = o.pairs.planes.n, o.pairs.planes.g, o.pairs.vb
     assert vb is not None
     P, d, D = len(n), o.d, o.d**2
@@ -291,8 +306,11 @@ def tilts(o: Overlaps) -> tuple[FloatArray, FloatArray]:
 def _bent(
     o: Overlaps, q: Samples, W: FloatArray, of: Responses, B: FloatArray, tilt: FloatArray
 ) -> FloatArray:
-    """(M, D, D) derivative of the nodal forces for a constant traction: its weights at the second
-    facet's corners depend on the positions."""
+    """(M, 2 d^2, 2 d^2) derivative of the nodal forces for a constant traction F, which are -(eta F
+    + delta (g . F) n) at the second facet's corners.
+
+    B, tilt: derivatives of y and n (`_moves`).
+    """
     n, g = o.pairs.planes.n[q.of], o.pairs.planes.g[q.of]
     F = W[..., None] * of.force
     M, d, D = len(W), o.d, o.d**2
@@ -300,14 +318,14 @@ def _bent(
     gB = g[:, None] @ B  # (M, q, d, D): d eta
     found = np.zeros((M, 2 * D, 2 * D))
     second = found[:, D:].reshape(M, d, d, 2 * D)
-    second -= np.einsum("mqa,mqjc->mjac", F, gB)
+    second -= np.einsum("mqa,mqjc->mjac", F, gB)  # -d eta F
     nB = (n[:, None, None] @ B)[..., 0, :]
     # -d delta (g . F) n with d delta = -n . y
     second += (gF.transpose(0, 2, 1) @ nB)[:, :, None] * n[:, None, :, None]
     arm = (q.depth[..., None] * gF).sum(axis=1)
     up = (q.depth * nF).sum(axis=1)
     t = tilt[:, 0]
-    # dg = -sum g (g_j . db) - n (g_j . dn)
+    # -delta (dg . F) n with dg = -sum g (g_j . db) - n (g_j . dn), then -delta (g . F) dn
     by_b = np.zeros((M, d, 2 * D))
     by_b[:, :, D:] = (arm[:, None, :, None] * g[:, :, None]).reshape(M, d, D)
     by_b += up[:, None, None] * (g @ t)
@@ -337,10 +355,10 @@ def moving_edges(
     (P, 2 d): temperatures at the corners, K.
     """
     conducts = T is not None and face.conductance > 0
-    tags = np.where(pieces.parts.used, pieces.parts.edges, -1)
-    piece, k = np.nonzero(tags >= 0)
+    tags = np.where(pieces.parts.used, pieces.parts.edges, NONE)
+    piece, k = np.nonzero(tags != NONE)
     tag, of = tags[piece, k], pieces.of[piece]
-    lifts = tag == EDGE
+    lifts = tag == EDGE  # has no border of the cell: 0 stands in for one
     jumps = o.pairs.cells.jumps[of, np.where(lifts, 0, tag)] | deforms
     wanted = np.where(lifts, conducts, jumps)
     piece, k, tag, of = (x[wanted] for x in (piece, k, tag, of))
@@ -350,8 +368,8 @@ def moving_edges(
     q = Samples.at(o, of, s, face)
     W = (face.width * o.measure[of])[:, None] * weights
     both = o.pairs.vb is not None
-    yield of, (W[..., None] * _integrand(o, q, face, T, both)).transpose(0, 2, 1) @ _velocity(
-        o, q, tag, both)
+    loads, speeds = _integrand(o, q, face, T, both), _velocity(o, q, tag, both)
+    yield of, (W[..., None] * loads).transpose(0, 2, 1) @ speeds
 
 
 def _rule(
@@ -372,8 +390,9 @@ def _rule(
 def _integrand(
     o: Overlaps, q: Samples, face: Interface, T: FloatArray | None, both: bool
 ) -> FloatArray:
-    """(E, q, D + 2 d) nodal forces per area on the corners of the first facet (of both facets if
-    `both`), and heats per area."""
+    """(E, q, D + 2 d) nodal forces per area, Pa, on the corners of the first facet (of both facets
+    if `both`), and heats per area, W/m2, in the order of the rows of `Tangent.z`; T (P, 2 d):
+    temperatures at the corners, K."""
     n, g = o.pairs.planes.n[q.of], o.pairs.planes.g[q.of]
     F = q.p[..., None] * n[:, None] + q.drag()
     shape = (*q.p.shape, o.d**2)
@@ -392,16 +411,21 @@ def _integrand(
 
 def _velocity(o: Overlaps, q: Samples, tag: IntArray, both: bool) -> FloatArray:
     """(E, q, D) outward normal velocity of the edge in barycentric coordinates, per velocity of
-    each corner coordinate."""
+    each corner coordinate: of the first facet's corners, then, if `both`, of the second's.
+
+    tag (E,): border of the cell on which an edge lies, or `EDGE`. On the edge a function `bound` is
+    zero, which is positive in the overlap: the penetration, or the border function of the cell. It
+    moves with the speed grad(bound) . y / |grad(bound)|, the latter by barycentric coordinates.
+    """
     n, g, cells = o.pairs.planes.n[q.of], o.pairs.planes.g[q.of], o.pairs.cells
     lifts = (tag == EDGE)[:, None]
-    at = q.of, np.where(lifts[:, 0], 0, tag)
+    at = q.of, np.where(lifts[:, 0], 0, tag)  # border 0 stands in where the surfaces lift off
     border, depth_slope = cells.borders[at], cells.depth_slopes[at][:, None]
-    depth, eta = o.at[q.of, :, DEPTH], o.at[q.of, :, 2 + o.d : 2 + 2 * o.d]
+    depth, eta = o.at[q.of, :, DEPTH], o.at[q.of, :, o.eta_columns]
     bound = np.where(lifts, depth, (eta @ border[:, :, None])[:, :, 0] - depth_slope * depth)
-    normal = np.where(lifts, -n, (border[:, None] @ g)[:, 0] + depth_slope * n)
-    slope = np.linalg.norm(bound[:, :-1] - bound[:, -1:], axis=1)
-    normal = normal / slope[:, None]
+    gradient = np.where(lifts, -n, (border[:, None] @ g)[:, 0] + depth_slope * n)
+    slope = np.linalg.norm(bound[:, :-1] - bound[:, -1:], axis=1)  # barycentric
+    normal = gradient / slope[:, None]
     shape = (*q.p.shape, o.d**2)
     first = (q.s[..., None] * normal[:, None, None]).reshape(shape)
     if not both:
@@ -409,7 +433,9 @@ def _velocity(o: Overlaps, q: Samples, tag: IntArray, both: bool) -> FloatArray:
     normal_turn = (g @ normal[:, :, None]) * n[:, None]
     second = -(q.eta[..., None] * normal[:, None, None]
                + q.depth[..., None, None] * normal_turn[:, None])
-    if o.d == 2:  # a border that keeps its angle: d slope = -slope sum g . db
+    # in the plane a border keeps its angle (`Surface.cells_at`): its inclination by eta, of the
+    # unit 1/m, changes with the length of the segment, d depth_slope = -depth_slope sum g . db
+    if o.d == 2:
         by = np.where(lifts, 0.0, depth_slope) * q.depth / slope[:, None]
         second += by[..., None, None] * g[:, None]
     return np.concatenate([first, second.reshape(shape)], axis=2)

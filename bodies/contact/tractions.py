@@ -47,6 +47,11 @@ class Samples:
     the second facet; p, p_depth, p_sink: pressure, Pa, and its derivatives; speed: of the slip, in
     the plane with its sign along the second facet; ratio, ratio_slip: friction over pressure and
     its derivative by the speed; phi = ratio / speed, s/m.
+
+    Of bristles (bristles.py), for which ratio and phi are zero: bent: deflection over its limit, Z
+    before it is projected, None without bristles; mu: coefficient; pull (d) = mu Z: traction over
+    pressure; fall (d): derivative of ln mu by the slip, s/m; free (d): slip less the rate of the
+    deflection, m/s.
     """
 
     of: IntArray
@@ -72,32 +77,32 @@ class Samples:
     def at(cls, o: Overlaps, of: IntArray, s: FloatArray, face: Interface) -> "Samples":
         """Pressure, slip and friction at points s (N, q, d) of the overlaps `of` (N,). A law that
         gives tension is cut off at 0."""
-        at, d = s @ o.at[of], o.d
+        at, d, bristles = s @ o.at[of], o.d, o.eta_columns.stop
         depth, sink = np.maximum(at[:, :, DEPTH], 0.0), at[:, :, SINK]
-        slip, eta = at[:, :, 2 : 2 + d], at[:, :, 2 + d : 2 + 2 * d]
+        slip, eta = at[:, :, o.slip_columns], at[:, :, o.eta_columns]
         p, p_depth, p_sink = face.normal.pressure(depth, sink)
         if p.min(initial=0.0) < 0.0:
             pushes = p >= 0.0
             p, p_depth, p_sink = (np.where(pushes, a, 0.0) for a in (p, p_depth, p_sink))
         none, zero = np.zeros_like(p), np.zeros_like(slip)
-        if at.shape[2] > 2 + 2 * d and face.friction is not None:
+        if at.shape[2] > bristles and face.friction is not None:
             n = o.pairs.planes.n[of]
-            bent, free = at[:, :, 2 + 2 * d : 2 + 3 * d], slip - at[:, :, 2 + 3 * d :]
+            bent, free = at[:, :, bristles : bristles + d], slip - at[:, :, bristles + d :]
             speed = np.maximum(np.sqrt((slip * slip).sum(axis=2)), AT_REST)
             mu, mu_speed = face.friction.ratio(speed)
             pull = mu[:, :, None] * (bent - (bent @ n[:, :, None]) * n[:, None])
             fall = (mu_speed / (mu * speed))[:, :, None] * slip
-            return cls(of, s, depth, sink, slip, eta, p, p_depth, p_sink, none, none, none, none,
-                       bent, mu, pull, fall, free)
+            return cls(of, s, depth, sink, slip, eta, p, p_depth, p_sink, speed=none, ratio=none,
+                       ratio_slip=none, phi=none, bent=bent, mu=mu, pull=pull, fall=fall, free=free)
         if d == 2:
             speed = (s @ o.speed[of][:, :, None])[:, :, 0]
         else:
             speed = np.sqrt(np.einsum("nqi,nqi->nq", slip, slip))
         ratio, slope = (none, none) if face.friction is None else face.friction.ratio(speed)
-        moves = speed != 0.0
+        moves = speed != 0.0  # at rest phi is the derivative of the ratio
         phi = np.where(moves, ratio, slope) / np.where(moves, speed, 1.0)
-        return cls(of, s, depth, sink, slip, eta, p, p_depth, p_sink, speed, ratio, slope, phi,
-                   None, none, zero, zero, slip)
+        return cls(of, s, depth, sink, slip, eta, p, p_depth, p_sink, speed=speed, ratio=ratio,
+                   ratio_slip=slope, phi=phi, bent=None, mu=none, pull=zero, fall=zero, free=slip)
 
     def drag(self) -> FloatArray:
         """(N, q, d) friction traction on the first body, per area of the second surface, Pa."""
@@ -145,12 +150,13 @@ def nodal(o: Overlaps, pieces: Pieces, face: Interface, T: FloatArray | None) ->
     n, g = o.pairs.planes.n[q.of], o.pairs.planes.g[q.of]
     push, drag = W * q.p, W[:, :, None] * q.drag()
     force = push[:, :, None] * n[:, None] + drag
-    arm = (q.depth[:, None] @ drag)[:, 0]  # the pressure has none
+    # delta (g . F) n of the rigid arm (module docstring), zero for the pressure, as g . n = 0
+    arm = (q.depth[:, None] @ drag)[:, 0]
     lift = (g @ arm[:, :, None]) * n[:, None]
     ends = [q.s.transpose(0, 2, 1) @ force, -(q.eta.transpose(0, 2, 1) @ force) - lift]
     power = W * q.power()
-    g1 = face.share
-    heat = [g1 * _summed(power, q.s), (1.0 - g1) * _summed(power, q.eta)]
+    share = face.share
+    heat = [share * _summed(power, q.s), (1.0 - share) * _summed(power, q.eta)]
     if T is not None and face.conductance > 0:
         flow = W * face.conductance * drop(q, T)
         heat = [heat[0] - _summed(flow, q.s), heat[1] + _summed(flow, q.eta)]

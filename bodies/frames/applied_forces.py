@@ -43,6 +43,8 @@ class SpaceForce(Item):
             float(self.total), *self.arm.tolist(), *self.force.tolist()), self.amplitude),)
 
     def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
+        """Adds minus the force f sum w, and minus its generalized force f . d (A z) / dq, z = sum w
+        (X + u), with derivatives: loads are subtracted on the left-hand side."""
         f = self.amplitude(m.t) * self.force
         arm = self.arm + m.s[j : j + 3] if m.elastic else self.arm
         out.rows[:3] -= self.total * f
@@ -89,6 +91,7 @@ class BodyForce(Item):
             spatial.body_force, (*self.total.tolist(), *self.arm.tolist()), self.amplitude),)
 
     def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
+        """Adds minus the force A sum f and the torque sum z x f in body axes, z = X + u."""
         g = self.amplitude(m.t)
         out.rows[:3] -= g * m.A.dot(self.total)
         out.H[:3, m.at] -= g * m.turn.of_body(self.total)
@@ -183,6 +186,7 @@ class Reaction(Item):
             self.push(m, j, out)
 
     def push(self, m: Moved, j: int, out: Pushed) -> None:
-        at = m.tabled(self.forces_at)
+        """Writes the force and, with `turns`, the moment, in body axes."""
+        values = m.tabled(self.forces_at)
         for i in range(0, self.directions, 3):
-            out.sigma[..., j + i : j + i + 3] = m.in_body(at[..., i : i + 3])
+            out.sigma[..., j + i : j + i + 3] = m.in_body(values[..., i : i + 3])

@@ -128,6 +128,7 @@ class UnitQuaternion:
         self._unit = q / size if len(q) == Free.size else np.zeros(len(q))
         turn = attitude(q / size)
         rates = turn.rates(rate / size, rate / size, 0.0, 0.0)
+        # derivative of q / |q|; of an angle, which is not normalised, 1
         self._down = (np.eye(len(q)) - np.outer(self._unit, self._unit)) / size
         self._lever, self._of_lever = turn.lever() / size, turn.of_lever
         self.A, self.w, self.by = turn.A, rates[0], self._lever.T

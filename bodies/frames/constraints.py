@@ -39,6 +39,7 @@ class UnitLength(RigidItem):
         return (spatial.SpacePart(spatial.unit_length, ()),)
 
     def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
+        """Adds the constraint in row k, and its multiplier mu times its derivative p."""
         mu, p = m.y[k], m.y[m.at]
         out.rows[m.at] += mu * p
         out.rows[k] = 0.5 * (p.dot(p) - 1.0)
@@ -85,13 +86,19 @@ class Facing(SpatialItem):
         return replace(self, turned=self.turned + s) if self.turns else self
 
     def in_space(self) -> tuple[spatial.SpacePart, ...]:
-        turn, axis = (None, np.zeros(3)) if self.turn is None or self.axis is None else (
-            self.turn, self.axis / np.linalg.norm(self.axis))
-        A = np.eye(3) if self.others else attitude(self.place[3:]).A
-        return tuple(spatial.SpacePart(spatial.constraint, spatial.constraint_numbers(
-            d, A @ e, others=self.others, kind=spatial.DIRECTION * self.turns, turned=self.turned,
-            axis=A @ axis), turn, i) for i, (d, e) in enumerate(zip(
-                self.own, self.other, strict=True)))
+        """One constraint (A d) . (A_o e) = 0 for each pair; directions of a body at rest are given
+        in space axes."""
+        amplitude, axis = None, np.zeros(3)
+        if self.turn is not None and self.axis is not None:
+            amplitude, axis = self.turn, self.axis / np.linalg.norm(self.axis)
+        to_given = np.eye(3) if self.others else attitude(self.place[3:]).A
+        parts = []
+        for row, (d, e) in enumerate(zip(self.own, self.other, strict=True)):
+            numbers = spatial.constraint_numbers(
+                d, to_given @ e, others=self.others, kind=spatial.DIRECTION if self.turns else 0,
+                turned=self.turned, axis=to_given @ axis)
+            parts.append(spatial.SpacePart(spatial.constraint, numbers, amplitude, row))
+        return tuple(parts)
 
     def faces(self, t: float) -> FloatArray:
         """(l, 3) directions e at time t, s."""
@@ -113,8 +120,9 @@ class Facing(SpatialItem):
     def wrench(
         self, times: FloatArray, forces: FloatArray, pose: FloatArray, other: FloatArray | None
     ) -> Wrench:
+        """The moment sum lambda_k (A d_k) x (A_o e_k), without force."""
         far, none = self.place[None] if other is None else other, np.zeros((len(times), 3))
-        faces = np.stack([self.faces(t) for t in times.tolist()])  # (T, l, 3)
+        faces = np.stack([self.faces(t) for t in times.tolist()])  # e: (T, l, 3)
         moment = none
         for k, d in enumerate(self.own):
             f = vectors_in_space(np.broadcast_to(far, (len(times), far.shape[1])), faces[:, k])
@@ -123,24 +131,25 @@ class Facing(SpatialItem):
 
     def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
         """Adds the constraints with their forces lambda_k d g_k/dq and second derivatives, row by
-        row: own attitude, other attitude, mean rotation of the own set."""
+        row: own attitude, other attitude, mean rotation theta of the own set."""
         far = attitude((m.y[o : o + self.others] if self.others else self.place)[3:])
-        turning = self.turns and m.elastic
+        deforms = self.turns and m.elastic
         theta, at = self.turned, slice(j, j + 3)
-        if turning:
+        if deforms:
             theta = theta + m.s[at]
             out.sigma[at] = 0.0
             out.sigma_y[:, at] = 0.0
         for i, (d0, e) in enumerate(zip(self.own, self.faces(m.t), strict=True)):
+            # g = (A d) . f; D, D_o: derivatives of A d and of f by the attitudes
             lam, d, f = m.y[k + i], d0 + rot.cross(theta, d0), far.A.dot(e)
             D, D_o = m.turn.of_body(d), far.of_body(e)
             self._own_rows(m, k + i, lam, d, f, D, out)
             out.rows[k + i] = m.A.dot(d).dot(f)
             if self.others:
                 self._other_rows(m, far, o + 3, k + i, lam, m.A.dot(d), e, D, D_o, out)
-            if turning:
-                self._turning(m, at, o, k + i, lam, rot.skew(d0), f, D_o, out)
-        if turning:
+            if deforms:
+                self._mean_rotation(m, at, o, k + i, lam, rot.skew(d0), f, D_o, out)
+        if deforms:
             out.tau[:, at] = out.sigma_y[:, at]
 
     @staticmethod
@@ -148,9 +157,9 @@ class Facing(SpatialItem):
         m: Motion, k: int, lam: float, d: FloatArray, f: FloatArray, D: FloatArray, out: Sums
     ) -> None:
         """Rows and derivatives of the own attitude coordinates; D = d (A d) / dq."""
-        mine, at = f.dot(D), m.at
-        out.rows[at] += lam * mine
-        out.H[k, at] = out.H[at, k] = mine
+        g_q, at = f.dot(D), m.at
+        out.rows[at] += lam * g_q
+        out.H[k, at] = out.H[at, k] = g_q
         out.H[at, at] += lam * m.turn.bend(f, d)
 
     @staticmethod
@@ -160,22 +169,22 @@ class Facing(SpatialItem):
     ) -> None:
         """Rows and derivatives of the other body's attitude coordinates, numbered from o, and mixed
         derivatives."""
-        H, theirs, both, there = out.H, Ad.dot(D_o), lam * D.T.dot(D_o), slice(o, o + far.size)
-        out.rows[there] += lam * theirs
-        H[k, there] = H[there, k] = theirs
-        H[there, there] += lam * far.bend(Ad, e)
-        H[m.at, there] += both
-        H[there, m.at] += both.T
+        H, g_o, mixed, at_o = out.H, Ad.dot(D_o), lam * D.T.dot(D_o), slice(o, o + far.size)
+        out.rows[at_o] += lam * g_o
+        H[k, at_o] = H[at_o, k] = g_o
+        H[at_o, at_o] += lam * far.bend(Ad, e)
+        H[m.at, at_o] += mixed
+        H[at_o, m.at] += mixed.T
 
-    def _turning(
+    def _mean_rotation(
         self, m: Motion, at: slice, o: int, k: int, lam: float, lever: FloatArray, f: FloatArray,
         D_o: FloatArray, out: Sums,
     ) -> None:
-        """Contribution of the mean rotation `turned` of a flexible set: dg = (d0 x A^T f) .
-        d(turned)."""
-        pull = lever.dot(m.A.T.dot(f))
-        out.sigma[at] += lam * pull
-        out.sigma_y[k, at] = pull
+        """Contribution of the mean rotation theta of a flexible set, at its functionals `at`: dg =
+        (d0 x A^T f) . d theta, lever = d0~."""
+        g_theta = lever.dot(m.A.T.dot(f))
+        out.sigma[at] += lam * g_theta
+        out.sigma_y[k, at] = g_theta
         out.sigma_y[m.at, at] += lam * lever.dot(m.turn.of_space(f)).T
         if self.others:
             out.sigma_y[o + 3 : o + self.others, at] += lam * lever.dot(m.A.T.dot(D_o)).T
@@ -216,6 +225,7 @@ class Slide(SpatialItem):
         return replace(self, point=self.point + s)
 
     def in_plane(self) -> plane.PlanePart:
+        """Its one line (numbers: `plane_items.slide`)."""
         place = self.place.tolist() if not self.others else [0.0] * 3
         return plane.PlanePart(plane.slide, (
             *self.point.tolist(), *self.lines[0].tolist(), float(self.lines[0] @ self.base),
@@ -224,101 +234,115 @@ class Slide(SpatialItem):
     def wrench(
         self, times: FloatArray, forces: FloatArray, pose: FloatArray, other: FloatArray | None
     ) -> Wrench:
+        """The force sum lambda_k A_o e_k at the own point, which the other body answers there."""
         far, d = self.place[None] if other is None else other, len(self.point)
-        lines = [vectors_in_space(far, e) for e in self.lines]
-        force = sum((forces[:, k : k + 1] * f for k, f in enumerate(lines)),
-                    np.zeros((len(times), d)))
+        force = np.zeros((len(times), d))
+        for k, e in enumerate(self.lines):
+            force = force + forces[:, k : k + 1] * vectors_in_space(far, e)
         reach = points_in_space(pose, np.broadcast_to(self.point, (len(pose), d)))
         return Wrench(force, np.zeros((len(times), 2 * d - 3)), reach)
 
     def in_space(self) -> tuple[spatial.SpacePart, ...]:
-        A, place = (np.eye(3), 0.0 * self.base) if self.others else (
-            attitude(self.place[3:]).A, self.place[:3])
-        return tuple(spatial.SpacePart(spatial.constraint, spatial.constraint_numbers(
-            self.point, A @ e, float(e @ self.base + (A @ e) @ place), others=self.others,
-            kind=spatial.POINT), row=i) for i, e in enumerate(self.lines))
+        """One constraint (R + A z - R_o) . A_o e = e . z_o for each line; of a body at rest e and
+        the right-hand side are given in space axes."""
+        A, place = np.eye(3), np.zeros(3)
+        if not self.others:
+            A, place = attitude(self.place[3:]).A, self.place[:3]
+        parts = []
+        for row, e in enumerate(self.lines):
+            numbers = spatial.constraint_numbers(
+                self.point, A @ e, float(e @ self.base + (A @ e) @ place), others=self.others,
+                kind=spatial.POINT)
+            parts.append(spatial.SpacePart(spatial.constraint, numbers, row=row))
+        return tuple(parts)
 
     def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
-        """Adds the constraints n . (R + A z - R_o - A_o base) = 0 along the lines n, fixed in the
-        other body, with their forces and second derivatives."""
+        """Adds the constraints n . (R + A z - R_o - A_o base) = 0 along the lines n = A_o e, fixed
+        in the other body, with their forces and second derivatives; D = d (A z) / dq."""
         y_o = m.y[o : o + self.others] if self.others else self.place
         far = attitude(y_o[3:])
         z = self.point + m.s[j : j + 3] if m.elastic else self.point
         gap, D = m.R + m.A.dot(z) - y_o[:3], m.turn.of_body(z)
         lam = m.y[k : k + self.forces]
         lines, n = self.lines, far.A.dot(self.lines.T).T  # (l, 3) in space axes
-        mine = slice(k, k + self.forces)
+        own, multipliers = m.at, slice(k, k + self.forces)
         f = lam.dot(n)  # force on the own point, in space axes
-        H, own = out.H, m.at
-        out.rows[mine] = n.dot(gap) - lines.dot(self.base)
+        H = out.H
+        out.rows[multipliers] = n.dot(gap) - lines.dot(self.base)
         out.rows[:3] += f
         out.rows[own] += f.dot(D)
-        H[mine, :3], H[:3, mine] = n, n.T
-        H[mine, own] = n.dot(D)
-        H[own, mine] = H[mine, own].T
+        H[multipliers, :3], H[:3, multipliers] = n, n.T
+        H[multipliers, own] = n.dot(D)
+        H[own, multipliers] = H[multipliers, own].T
         H[own, own] += m.turn.bend(f, z)
         if self.others:
-            self._other(m, far, o, k, lam, gap, n, D, out)
+            self._other_rows(m, far, o, k, lam, gap, n, D, out)
         if m.elastic:
             at = slice(j, j + 3)
             out.sigma[at] = m.A.T.dot(f)
             out.sigma_y[own, at] = m.turn.of_space(f).T
-            out.sigma_y[mine, at] = n.dot(m.A)
+            out.sigma_y[multipliers, at] = n.dot(m.A)
             if self.others:
-                turn = far.of_body(lam.dot(lines))
-                out.sigma_y[o + 3 : o + self.others, at] = turn.T.dot(m.A)
+                f_by = far.of_body(lam.dot(lines))  # by the other's attitude
+                out.sigma_y[o + 3 : o + self.others, at] = f_by.T.dot(m.A)
             out.tau[:, at] = out.sigma_y[:, at]
 
-    def _other(
+    def _other_rows(
         self, m: Motion, far: Attitude, o: int, k: int, lam: FloatArray, gap: FloatArray,
         n: FloatArray, D: FloatArray, out: Sums,
     ) -> None:
-        """Rows and derivatives of the other body's rigid coordinates, numbered from o."""
-        H, line = out.H, lam.dot(self.lines)
-        place, there = slice(o, o + 3), slice(o + 3, o + self.others)
-        turn = far.of_body(line)  # of the force, by the other's turning coordinates
+        """Rows and derivatives of the other body's rigid coordinates, numbered from o: position,
+        then attitude."""
+        H, f_o = out.H, lam.dot(self.lines)  # force on the own point, in the other's axes
+        place, at_o = slice(o, o + 3), slice(o + 3, o + self.others)
+        f_by = far.of_body(f_o)  # derivative of A_o f_o by the other's attitude
         out.rows[place] -= lam.dot(n)
-        out.rows[there] += gap.dot(turn)
-        H[there, there] += far.bend(gap, line)
-        for rows, block in ((slice(0, 3), turn), (m.at, D.T.dot(turn)), (place, -turn)):
-            H[rows, there] += block
-            H[there, rows] += block.T
+        out.rows[at_o] += gap.dot(f_by)
+        H[at_o, at_o] += far.bend(gap, f_o)
+        for rows, block in ((slice(0, 3), f_by), (m.at, D.T.dot(f_by)), (place, -f_by)):
+            H[rows, at_o] += block
+            H[at_o, rows] += block.T
         for i, e in enumerate(self.lines):
             H[k + i, place] = H[place, k + i] = -n[i]
-            H[k + i, there] = H[there, k + i] = gap.dot(far.of_body(e))
+            H[k + i, at_o] = H[at_o, k + i] = gap.dot(far.of_body(e))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Turned:
     """Angle of a body, rad, about an axis fixed in space: atan2(A d . e_2, A d . e_1); own (3,) = d
-    in body axes."""
+    in body axes; first, second (3,) = e_1, e_2 in space axes, perpendicular to the axis."""
 
     own: FloatArray
     first: FloatArray
     second: FloatArray
 
     def __call__(self, y: FloatArray) -> Jet:
+        """The angle with its derivatives by the rigid coordinates y (n,), of which the position
+        does not matter."""
         turn = attitude(y[3:])
-        angle, along, bend = of_angle(*(_cosine(turn, self.own, e)
-                                        for e in (self.first, self.second)))
+        cosine, sine = (_cosine(turn, self.own, e) for e in (self.first, self.second))
+        angle, by_attitude, bend = of_angle(cosine, sine)
         first, second = np.zeros(len(y)), np.zeros((len(y), len(y)))
-        first[3:], second[3:, 3:] = along, bend
+        first[3:], second[3:, 3:] = by_attitude, bend
         return angle, first, second
 
 
 def _cosine(turn: Attitude, d: FloatArray, e: FloatArray) -> Jet:
+    """A d . e with its derivatives by the attitude coordinates."""
     return float(turn.A.dot(d).dot(e)), e.dot(turn.of_body(d)), turn.bend(e, d)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Shifted:
-    """Distance (R + A z) . e - start, m, of a point of a body along a direction of space."""
+    """Distance (R + A z) . e - start, m, of a point of a body along a direction of space; point
+    (3,) = z, m, in body axes, along (3,) = e."""
 
     point: FloatArray
     along: FloatArray
     start: float
 
     def __call__(self, y: FloatArray) -> Jet:
+        """The distance with its derivatives by the rigid coordinates y (n,)."""
         turn = attitude(y[3:])
         second = np.zeros((len(y), len(y)))
         second[3:, 3:] = turn.bend(self.along, self.point)
@@ -332,7 +356,8 @@ class Transmission(SpatialItem):
     own and q_2 of the other body.
 
     An angle is known up to whole turns: its factor is an integer (the number of teeth), so that
-    these do not matter where the sum is wrapped into -pi to pi.
+    these do not matter where the sum is wrapped into -pi to pi. scale: 1, or a length, m; factors:
+    n_1, n_2; others: number of the other body's rigid coordinates; unit: of the multiplier.
     """
 
     own: Turned
@@ -349,13 +374,14 @@ class Transmission(SpatialItem):
     def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
         """Adds the constraint, its forces and derivatives; of a sum over pi the whole turns are
         dropped."""
-        size = m.at.stop
-        (a, a1, a2), (b, b1, b2) = self.own(m.y[:size]), self.other(m.y[o : o + self.others])
+        own, other = slice(0, m.at.stop), slice(o, o + self.others)
+        q1, q1_first, q1_second = self.own(m.y[own])
+        q2, q2_first, q2_second = self.other(m.y[other])
         n1, n2 = self.factors
-        u, lam = n1 * a + n2 * b, m.y[k]
+        u, lam = n1 * q1 + n2 * q2, m.y[k]
         out.rows[k] = self.scale * (u - 2.0 * pi * round(u / (2.0 * pi)))
-        for at, n, first, second in ((slice(0, size), n1, a1, a2),
-                                     (slice(o, o + self.others), n2, b1, b2)):
+        for at, n, first, second in (
+                (own, n1, q1_first, q1_second), (other, n2, q2_first, q2_second)):
             out.rows[at] += lam * self.scale * n * first
             out.H[at, at] += lam * self.scale * n * second
             out.H[k, at] = out.H[at, k] = self.scale * n * first

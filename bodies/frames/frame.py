@@ -56,15 +56,17 @@ class ItemFrame(BodyFrame, Generic[AnyItem]):
     def generators(self) -> int:
         """Number of inertia matrices M_g and of others (`Item.matrices`); there are none of inertia
         for a frame at rest, where M u'' is the only inertia force."""
+        if not self.elastic:
+            return 0
         inert = any(isinstance(i, Inertia) or (isinstance(i, Nothing) and i.inert)
                     for i in self.items)
-        more = sum(i.matrices for i in self.items)
-        return more + moments_of(self.size).count * inert if self.elastic else 0
+        of_inertia = moments_of(self.size).count if inert else 0
+        return of_inertia + sum(i.matrices for i in self.items)
 
     @cached_property
     def starts(self) -> tuple[tuple[int, int, int], ...]:
-        """For each item, the numbers of its first functional, first coordinate of another body and
-        first multiplier."""
+        """For each item (j, o, k): the numbers of its first functional, first coordinate of another
+        body and first multiplier."""
         made, j, o, k = [], 0, self.size, self.rigid_size
         for item in self.items:
             made.append((j, o, k))
@@ -111,14 +113,14 @@ class SpatialFrame(ItemFrame[SpatialItem]):
     ) -> None:
         """The equations as the sum of what each item adds at the present motion."""
         out = work.views
-        if not isinstance(out, Sums):
+        if not isinstance(out, Sums):  # first use of these arrays
             out = work.views = Sums(work, self.size)
         out.clear()
         m = Motion(self.size, y, v, a, c1, c2, t)
         m.elastic = self.elastic
         if self.elastic:
             m.s, m.s1, m.s2, m.forms = *s, forms
-            work.tau[3 : self.size] = 0.0
+            work.tau[3 : self.size] = 0.0  # rows of the attitude, to which `finish` adds torques
         for item, (j, o, k) in zip(self.items, self.starts, strict=True):
             item.evaluate(m, j, o, k, out)
         out.finish(m)
@@ -160,6 +162,8 @@ class SpatialFrame(ItemFrame[SpatialItem]):
     def exact(
         self, v: FloatArray, a: FloatArray, c1: float, c2: float, work: FrameWork
     ) -> None:
+        """Derivatives that are quadratic in the displacements u, at the motion of the last
+        evaluation."""
         out = work.views
         if isinstance(out, Sums):
             for _, inertia in self.inertias:
@@ -211,9 +215,10 @@ class PlanarFrame(ItemFrame[PlanarItem]):
         yl, vl, al = y.tolist(), v.tolist(), a.tolist()
         e = exp(1j * yl[2])
         s0, s1, s2 = s.view("c16").tolist() if self.elastic else ((), (), ())
-        m = PlaneMotion(yl, vl, complex(yl[0], yl[1]), e, e.conjugate(), vl[2], al[2],
-                   complex(al[0], al[1]), c1, c2, t, self.elastic, s0, s1, s2,
-                   forms.tolist(), work.fresh)
+        m = PlaneMotion(
+            y=yl, v=vl, r=complex(yl[0], yl[1]), e=e, ec=e.conjugate(), w=vl[2], al=al[2],
+            acc=complex(al[0], al[1]), c1=c1, c2=c2, t=t, elastic=self.elastic, s=s0, s1=s1, s2=s2,
+            forms=forms.tolist(), fresh=work.fresh)
         total = [0j] * SUMS
         for function, numbers, amplitude, j, o, k in self.evaluated:
             g = 1.0 if amplitude is None else amplitude(t)
@@ -221,7 +226,7 @@ class PlanarFrame(ItemFrame[PlanarItem]):
         write(total, work.fresh, out)
 
     def arrays(self) -> FrameArrays | None:
-        """Equations as a function on arrays, None where a part has no numbers."""
+        """Equations as a function on arrays, None where a part is not compiled (`FUNCTIONS`)."""
         parts = [item.in_plane() for item in self.items]
         if any(part.function not in FUNCTIONS for part in parts):
             return None
@@ -238,17 +243,20 @@ class PlanarFrame(ItemFrame[PlanarItem]):
     def drive(
         self, y: FloatArray, v: FloatArray, a: FloatArray, t: float, work: FrameWork
     ) -> None:
-        """The same loads by `evaluate` at zero displacements: its derivatives are a few complex
-        numbers, not worth a second way through the items."""
+        """Loads of the items on the displacements under prescribed motion, by `evaluate` at zero
+        displacements: its derivatives are a few complex numbers, not worth a second way through the
+        items."""
         s, forms = np.zeros((3, self.p)), np.zeros(3 * self.generators)
-        self.evaluate(y, v, a, 0.0, 0.0, s, forms, t, work)
+        self.evaluate(y, v, a, c1=0.0, c2=0.0, s=s, forms=forms, t=t, work=work)
 
     def exact(
         self, v: FloatArray, a: FloatArray, c1: float, c2: float, work: FrameWork
     ) -> None:
-        """Derivatives that are quadratic in the displacements u."""
+        """Derivatives that are quadratic in the displacements u, all in the row of the angle or by
+        it."""
         w, al = float(v[2]), float(a[2])
         if self.inertias:
+            # kappa = (-w^2, al), mu = (0, 2 w); torque al u.M_1 u + 2 w u.M_1 u' - u.M_2 u''
             work.kappa_y[2, 0], work.kappa_y[2, 1] = -2 * w * c1, c2
             work.mu_y[2, 1] = 2 * c1
             work.quad[2, 0, 0], work.quad[2, 1, 0], work.quad[2, 2, 1] = al, 2 * w, -1.0

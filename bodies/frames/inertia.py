@@ -82,11 +82,12 @@ class Inertia(Item):
         Jw, zx = J.dot(m.w), rot.skew(z)
         out.rows[:3] += self.mass * m.acc + m.A.dot(swing)
         out.torque += torque + zx.dot(m.acc_b) + J.dot(m.al) + wx.dot(Jw)
+        # derivatives by w of the swing, and of the torque, w x J w + K1 w
         swing_w, gyro = -(rot.skew(wx.dot(z)) + wx.dot(zx)), wx.dot(J) - rot.skew(Jw)
         if by_rate is not None:
-            z1, on_w = by_rate
+            z1, K1 = by_rate
             swing_w -= 2.0 * rot.skew(z1)
-            gyro += on_w
+            gyro += K1
         out.diagonal[:3] += m.c2 * self.mass
         out.H[:3, m.at] += m.turn.of_body(swing) + m.A.dot(swing_w.dot(m.dw) - zx.dot(m.dal))
         out.torque_y[:, :3] += m.c2 * zx.dot(m.A.T)
@@ -98,17 +99,18 @@ class Inertia(Item):
         self, m: Motion, j: int, spin: FloatArray, wx: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray, tuple[FloatArray, FloatArray] | None,
                FloatArray | float]:
-        """Inertia data of the current shape, in body axes: sum m z; J; sum m acc without R''; sum m
-        u' and K1 (None for a rigid body); and the torque K1 w plus that of u''."""
+        """Inertia data of the current shape, in body axes: sum m z; J; swing, sum m acc without
+        R''; sum m u' and K1 (None for a rigid body); and the torque K1 w plus that of u''. spin =
+        w~ w~ + al~, wx = w~."""
         if not m.elastic:
             return self.moment, self.tensor, spin.dot(self.moment), None, 0.0
         first = slice(j, j + FIRST)
         z, z1, z2 = self.moment + m.s[first], m.s1[first], m.s2[first]
         N, N1, N2 = self._moments(m, j)
         tensor, axial = self.moments.tensor, self.moments.axial
-        on_w = 2.0 * tensor.dot(N1)  # as J of (z, z), with the factor of 2 w x u'
+        K1 = 2.0 * tensor.dot(N1)  # as J of (z, z), with the factor of 2 w x u'
         swing = spin.dot(z) + 2.0 * wx.dot(z1) + z2
-        return z, tensor.dot(N), swing, (z1, on_w), on_w.dot(m.w) + axial.dot(N2)
+        return z, tensor.dot(N), swing, (z1, K1), K1.dot(m.w) + axial.dot(N2)
 
     def _moments(self, m: Motion, j: int) -> tuple[FloatArray, FloatArray, FloatArray]:
         """(g,) each: second moments z.M_g z, z.M_g u', z.M_g u''."""
@@ -118,7 +120,8 @@ class Inertia(Item):
                 signs * m.s1[at] + forms[1], signs * m.s2[at] + forms[2])
 
     def push(self, m: Moved, j: int, out: Pushed) -> None:
-        """Inertia loads on the displacements, without derivatives."""
+        """Inertia loads on the displacements, without derivatives: A^T R'' on the first moments,
+        w~ w~ + al~ = sum_g factor_g B_g on M_g X and M_g u, and 2 w~ on M_g u'."""
         k, at = self.moments, j + FIRST
         factors = k.factors(m.w, m.al)
         out.sigma[..., j:at] = m.in_body(m.acc)

@@ -87,6 +87,7 @@ class Moments:
 
 
 def _free_matrices() -> FloatArray:
+    """(9, 3, 3): identity, e_a~ for each axis, e1 e1^T, e2 e2^T, and symmetric pairs yz, xz, xy."""
     e = np.eye(3)
     pairs = [np.outer(e[i], e[j]) + np.outer(e[j], e[i]) for i, j in ((1, 2), (0, 2), (0, 1))]
     # e3 e3^T is the identity less the other two
@@ -94,6 +95,7 @@ def _free_matrices() -> FloatArray:
 
 
 def _free_factors(w: FloatArray, al: FloatArray) -> FloatArray:
+    """`Moments.factors` of `_free_matrices`."""
     # one by one Python's own numbers are quicker
     a, b, c = w.tolist() if w.ndim == 1 else w.T
     x, y, z = al.tolist() if al.ndim == 1 else al.T

@@ -35,7 +35,7 @@ def mean_rotation(weights: FloatArray, X: FloatArray) -> FloatArray:
     """
     arm = X - weights @ X
     lever = np.einsum("aij,nj->nia", GENERATORS[X.shape[1]], arm)  # e_a x arm
-    J = np.einsum("n,nia,nib->ab", weights, lever, lever)
+    J = np.einsum("n,nia,nib->ab", weights, lever, lever)  # theta = J^-1 sum w lever^T u
     if not np.linalg.cond(J) <= 1e12:
         raise np.linalg.LinAlgError
     turn = (weights[:, None, None] * lever).reshape(X.size, -1) @ np.linalg.inv(J)
@@ -77,27 +77,29 @@ class MeanPoint(Item):
         return plane.PlanePart(plane.attachment, tuple(self.point.tolist()))
 
     def in_space(self) -> tuple[spatial.SpacePart, ...]:
-        return tuple(spatial.SpacePart(spatial.constraint, spatial.constraint_numbers(
-            self.point, axis, kind=spatial.POINT), row=i) for i, axis in enumerate(EYE))
+        """A constraint R + A z along each space axis."""
+        numbers = [spatial.constraint_numbers(self.point, axis, kind=spatial.POINT) for axis in EYE]
+        return tuple(spatial.SpacePart(spatial.constraint, n, row=i) for i, n in enumerate(numbers))
 
     def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
-        """Adds the position R + A (point + mean displacement) as constraint rows, and the force of
-        the multipliers at it."""
-        f, mine = m.y[k : k + 3], slice(k, k + 3)
+        """Adds the position R + A z, z = point + mean displacement, as constraint rows, and the
+        force f of the multipliers at it; D = d (A z) / dq."""
+        multipliers = slice(k, k + 3)
+        f = m.y[multipliers]
         z = self.point + m.s[j : j + 3] if m.elastic else self.point
-        dz = m.turn.of_body(z)
+        D = m.turn.of_body(z)
         out.rows[:3] += f
-        out.rows[m.at] += f.dot(dz)
-        out.rows[mine] = m.R + m.A.dot(z)
+        out.rows[m.at] += f.dot(D)
+        out.rows[multipliers] = m.R + m.A.dot(z)
         H = out.H
-        H[:3, mine] = H[mine, :3] = EYE
-        H[mine, m.at], H[m.at, mine] = dz, dz.T
+        H[:3, multipliers] = H[multipliers, :3] = EYE
+        H[multipliers, m.at], H[m.at, multipliers] = D, D.T
         H[m.at, m.at] += m.turn.bend(f, z)
         if m.elastic:
             at = slice(j, j + 3)
             out.sigma[at] = m.A.T.dot(f)
             out.sigma_y[m.at, at] = out.tau[m.at, at] = m.turn.of_space(f).T
-            out.sigma_y[mine, at] = out.tau[mine, at] = m.A
+            out.sigma_y[multipliers, at] = out.tau[multipliers, at] = m.A
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -91,6 +91,7 @@ class Sums:
         self.torque_s = np.zeros((3, self.tau.shape[1]))
 
     def clear(self) -> None:
+        """Sets to zero what items add to; the other arrays they overwrite."""
         self.border.fill(0.0)
         self.torque.fill(0.0)
         self.torque_y.fill(0.0)
@@ -119,8 +120,8 @@ class MotionAtTimes:
         """y, v, a (T, b): rigid coordinates and multipliers with their rates, position first; size:
         number of rigid coordinates."""
         self.times, self.acc, at = times, a[:, :3], slice(3, size)
-        turned = _freely if size - 3 == Free.size else _about_z
-        self.A, self.w, self.al = turned(y[:, at], v[:, at], a[:, at])
+        attitudes = _freely if size - 3 == Free.size else _about_z
+        self.A, self.w, self.al = attitudes(y[:, at], v[:, at], a[:, at])
 
     def in_body(self, f: FloatArray) -> FloatArray:
         """(T, 3) components A^T f in body axes of a vector f in space axes, (3,) or (T, 3)."""
@@ -155,7 +156,7 @@ def _freely(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """A (T, 3, 3), w (T, 3) and alpha (T, 3) of quaternions p (T, 4) and their rates p1, p2, as in
     `attitude.Free`."""
-    E, G = (np.moveaxis(T(p.T), -1, 0) for T in (rot.to_space, rot.to_body))
+    E, G = (np.moveaxis(T(p.T), -1, 0) for T in (rot.to_space, rot.to_body))  # (T, 3, 4)
     w, al = (2.0 * np.matmul(G, q[..., None])[..., 0] for q in (p1, p2))
     return np.matmul(E, G.transpose(0, 2, 1)), w, al
 

@@ -16,7 +16,20 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from sparsemor.bodies.frames.plane_motion import SUMS, Numbers, PlaneMotion, Total, Views, write
+from sparsemor.bodies.frames.plane_motion import (
+    FORCE,
+    FORCE_BY_ANGLE,
+    FORCE_BY_X,
+    FORCE_BY_Y,
+    SUMS,
+    TORQUE,
+    TORQUE_BY_PLACE,
+    Numbers,
+    PlaneMotion,
+    Total,
+    Views,
+    write,
+)
 from sparsemor.bodies.frames.plane_springs import (
     relative,
     rotational_spring,
@@ -26,6 +39,9 @@ from sparsemor.core import Amplitude, FloatArray, IntArray, Table
 
 PlaneFunction: TypeAlias = Callable[
     [Numbers, float, PlaneMotion, int, int, int, Total, Views], None]
+"""Part of the equations, function(numbers, g, m, j, o, k, total, out): its constants, amplitude,
+motion, and first pair of functionals, coordinate of another body and multiplier (module docstring).
+In m.y and in rows of `out` 0, 1, 2 are x, y and the angle of the own body."""
 
 
 class PlanePart(NamedTuple):
@@ -40,59 +56,65 @@ class PlanePart(NamedTuple):
 def inertia(
     numbers: Numbers, g: float, m: PlaneMotion, j: int, o: int, k: int, total: Total, out: Views
 ) -> None:
-    """Inertia of a body: mass (kg), moment = sum m X (kg m, 2 numbers), inertia = X.M X (kg m^2)
+    """Inertia of a body (`PlaneFunction`). numbers: mass, kg, sum m X (2), kg m, X.M X, kg m^2,
     about the frame origin.
 
     Two pairs of functionals: S = m 1 (first moment) and M X (equations.md, section 1). Adds the
-    inertia force A sum(M acc) and torque sum z x M acc, with acc = A^T R'' + ... .
+    inertia force A sum(M acc) and torque sum z x M acc with z = X + u and, in complex numbers,
+    acc = conj(e) R'' + (i al - w^2) z + 2 i w u' + u''.
     """
     mass, second = numbers[0], numbers[3]
     e, ec, w, al, c1, c2 = m.e, m.ec, m.w, m.al, m.c1, m.c2
     spin = complex(-w * w, al)
-    # first moments of z, u', u''; second moments z.M z, z.M u', (J z).M u'', J a quarter turn
+    # first moments of z, u', u''; second moments z.M z, z.M u', (i z).M u''
     p, p1, p2 = complex(numbers[1], numbers[2]), 0j, 0j
     zz, zv, za = second, 0.0, 0.0
     if m.elastic:
         p, p1, p2 = p + m.s[j], m.s1[j], m.s2[j]
-        n = len(m.forms) // 3  # of values, of rates, of second rates
+        n = len(m.forms) // 3  # forms: n of values, n of rates, n of second rates
         zz += 2 * m.s[j + 1].real + m.forms[0]
         zv, za = m.s1[j + 1].real + m.forms[n], m.s2[j + 1].imag - m.forms[2 * n + 1]
     swing = e * (spin * p + 2j * w * p1 + p2)
     f = mass * m.acc + swing
     lever = p.conjugate() * ec
     arm = lever * m.acc
-    total[0] += f
-    total[3] += complex(arm.imag + al * zz + 2 * w * zv + za, c2 * zz + 2 * c1 * zv - arm.real)
-    beta = ec * m.acc
+    total[FORCE] += f
+    total[TORQUE] += complex(
+        arm.imag + al * zz + 2 * w * zv + za, c2 * zz + 2 * c1 * zv - arm.real)
+    acc_b = ec * m.acc  # A^T R''
     if m.elastic:
-        out.sigma[j], out.sigma[j + 1] = beta, spin
-        on_u = out.coefficients
+        out.sigma[j], out.sigma[j + 1] = acc_b, spin
+        on_u = out.coefficients  # kappa = (-w^2, al), mu = (0, 2 w), and a 1
         on_u[0], on_u[1], on_u[len(on_u) // 2 + 1] = -w * w, al, 2 * w
     if not m.fresh:
         return
-    by_angle = complex(-2 * w * c1, c2)  # derivative of spin
-    total[1] += 1j * swing + e * (by_angle * p + 2j * c1 * p1)
-    total[2] += 1j * c2 * lever.conjugate()
-    total[4] += mass * c2
-    total[5] += 1j * mass * c2
+    spin_by = complex(-2 * w * c1, c2)  # by the angle
+    total[FORCE_BY_ANGLE] += 1j * swing + e * (spin_by * p + 2j * c1 * p1)
+    total[TORQUE_BY_PLACE] += 1j * c2 * lever.conjugate()
+    total[FORCE_BY_X] += mass * c2
+    total[FORCE_BY_Y] += 1j * mass * c2
     if m.elastic:
-        sy, tau, turn, pull = out.sigma_y, out.tau, -1j * beta, c2 * ec
-        sy[0, j], sy[1, j], sy[2, j], sy[2, j + 1] = pull, 1j * pull, turn, by_angle
-        nu = (e * (spin - 1j * by_angle)).conjugate()
-        tau[0, j], tau[1, j], tau[2, j] = nu, 1j * nu, turn
+        sy, tau, acc_by_angle, acc_by_x = out.sigma_y, out.tau, -1j * acc_b, c2 * ec
+        sy[0, j], sy[1, j], sy[2, j], sy[2, j + 1] = (
+            acc_by_x, 1j * acc_by_x, acc_by_angle, spin_by)
+        # of the force by u, with u' and u'': e (spin + 2 i w c1 + c2), tau its conjugate (`Views`)
+        nu = (e * (spin - 1j * spin_by)).conjugate()
+        tau[0, j], tau[1, j], tau[2, j] = nu, 1j * nu, acc_by_angle
         tau[2, j + 1] = complex(2 * al + 2 * w * c1, c2)
 
 
 def body_force(
     numbers: Numbers, g: float, m: PlaneMotion, j: int, o: int, k: int, total: Total, out: Views
 ) -> None:
-    """Load that rotates with the body: total = sum f (N, 2 numbers), arm = sum X x f (N m). Pair of
-    functionals: the load and sum u x f."""
+    """Load that rotates with the body (`PlaneFunction`). numbers: sum f (2), N, sum X x f, N m.
+
+    Pair of functionals: the load itself (real part) and sum u x f (imaginary part).
+    """
     f = m.e * complex(numbers[0], numbers[1]) * g
     arm = numbers[2] + (m.s[j].imag if m.elastic else 0.0)
-    total[0] -= f
-    total[1] -= 1j * f
-    total[3] -= g * arm
+    total[FORCE] -= f
+    total[FORCE_BY_ANGLE] -= 1j * f
+    total[TORQUE] -= g * arm
     if m.elastic:
         out.sigma[j] = -g
         out.tau[2, j] = -1j * g
@@ -101,13 +123,14 @@ def body_force(
 def space_force(
     numbers: Numbers, g: float, m: PlaneMotion, j: int, o: int, k: int, total: Total, out: Views
 ) -> None:
-    """Nodal weights times one force in space axes: total = sum w, arm = sum w X (2 numbers), force
-    per unit weight (N, 2 numbers)."""
+    """Nodal weights times one force in space axes (`PlaneFunction`). numbers: sum w, sum w X (2),
+    force per unit weight (2), N."""
     f = g * complex(numbers[3], numbers[4])
-    fb = m.ec * f
+    fb = m.ec * f  # in body axes
     arm = complex(numbers[1], numbers[2]) + (m.s[j] if m.elastic else 0j)
-    total[0] -= numbers[0] * f
-    total[3] += 1j * arm.conjugate() * fb
+    total[FORCE] -= numbers[0] * f
+    # torque -Im(conj(arm) fb), and i times its derivative by the angle, Re(conj(arm) fb)
+    total[TORQUE] += 1j * arm.conjugate() * fb
     if m.elastic:
         out.sigma[j] = -fb
         if m.fresh:
@@ -117,9 +140,9 @@ def space_force(
 def moment(
     numbers: Numbers, g: float, m: PlaneMotion, j: int, o: int, k: int, total: Total, out: Views
 ) -> None:
-    """Moment on a body or on the mean rotation of a set. numbers: moment, N m; 1 where the set
-    turns, 0 for the body itself."""
-    total[3] -= g * numbers[0]
+    """Moment on a body or on the mean rotation of a set (`PlaneFunction`). numbers: moment, N m; 1
+    where the set turns, 0 for the body itself."""
+    total[TORQUE] -= g * numbers[0]
     if m.elastic and numbers[1] > 0.0:
         out.sigma[j] = -g * numbers[0]
 
@@ -127,14 +150,16 @@ def moment(
 def attachment(
     numbers: Numbers, g: float, m: PlaneMotion, j: int, o: int, k: int, total: Total, out: Views
 ) -> None:
-    """Attachment of a joint at the mean point = sum w X (m, 2 numbers) of a set, sum w = 1."""
+    """Position r + e z of the mean point z of a set as two constraint rows, and the force of their
+    multipliers on it (`PlaneFunction`). numbers: z = sum w X (2), m, with sum w = 1."""
     ec, y = m.ec, m.y
     z = complex(numbers[0], numbers[1]) + (m.s[j] if m.elastic else 0j)
     f = complex(y[k], y[k + 1])
     fb, rz = ec * f, m.e * z
     at = m.r + rz
-    total[0] += f
-    total[3] -= 1j * z.conjugate() * fb
+    total[FORCE] += f
+    # torque Im(conj(z) fb), and i times its derivative by the angle
+    total[TORQUE] -= 1j * z.conjugate() * fb
     rows, H = out.rows, out.H
     rows[k], rows[k + 1] = at.real, at.imag
     if m.elastic:
@@ -154,12 +179,17 @@ def attachment(
 def rotation(
     numbers: Numbers, g: float, m: PlaneMotion, j: int, o: int, k: int, total: Total, out: Views
 ) -> None:
-    """Rotation of a body or mean rotation of a set as a joint coordinate. numbers: 1 where the set
-    turns, 0 for the body itself; angle: mean rotation in the shape from which displacements are
-    measured, rad."""
-    moment, deforms = m.y[k], numbers[0] > 0.0 and m.elastic
-    total[3] += moment
-    out.rows[k] = m.y[2] + numbers[1] + (m.s[j].real if deforms else 0.0)
+    """Rotation theta of a body, plus the mean rotation of a set, as a constraint row; its
+    multiplier is a moment, N m (`PlaneFunction`).
+
+    numbers: 1 where the set turns, 0 for the body itself; mean rotation in the shape from which
+    displacements are measured, rad. The mean rotation of displacements is the real part of the pair
+    of functionals, whose imaginary part is 0.
+    """
+    turns, start = numbers[0] > 0.0, numbers[1]
+    theta, moment, deforms = m.y[2], m.y[k], turns and m.elastic
+    total[TORQUE] += moment
+    out.rows[k] = theta + start + (m.s[j].real if deforms else 0.0)
     out.H[2, k] = out.H[k, 2] = 1.0
     if deforms:
         out.sigma[j] = moment
@@ -169,24 +199,25 @@ def rotation(
 def slide(
     numbers: Numbers, g: float, m: PlaneMotion, j: int, o: int, k: int, total: Total, out: Views
 ) -> None:
-    """Point-on-line constraint g = Re(conj(n) (r + e z - r_o)) - base, n = e_o line.
+    """Point-on-line constraint Re(conj(n) (r + e z - r_o)) - base = 0, n = e_o line, with the force
+    lambda n on the own point z (`PlaneFunction`).
 
-    The own point z (m, 2 numbers) stays on a line of the other body with unit normal `line` (2
-    numbers) and offset `base` (m) in its axes; 1 where the other body's coordinates are unknowns,
-    else 0 and its coordinates.
+    numbers: z (2), m; in the other body's axes unit normal `line` (2) and offset `base`, m, of the
+    line; 1 where the other body's coordinates are unknowns, else 0; its coordinates (3) at rest.
     """
-    z, lam = complex(numbers[0], numbers[1]) + (m.s[j] if m.elastic else 0j), m.y[k]
+    z, line, base = complex(numbers[0], numbers[1]), complex(numbers[2], numbers[3]), numbers[4]
+    z, lam = z + (m.s[j] if m.elastic else 0j), m.y[k]
     moves = numbers[5] > 0.0
     x, y, angle = numbers[6], numbers[7], numbers[8]
     if moves:
         x, y, angle = m.y[o], m.y[o + 1], m.y[o + 2]
-    n, rz = exp(1j * angle) * complex(numbers[2], numbers[3]), m.e * z
+    n, rz = exp(1j * angle) * line, m.e * z
     gap, f, fb = m.r + rz - complex(x, y), lam * n, lam * m.ec * n
-    torque = z.conjugate() * fb
-    total[0] += f
-    total[3] -= 1j * torque
+    torque = z.conjugate() * fb  # the torque is its imaginary part
+    total[FORCE] += f
+    total[TORQUE] -= 1j * torque
     rows, H, pull = out.rows, out.H, n.conjugate() * gap
-    rows[k] = pull.real - numbers[4]
+    rows[k] = pull.real - base
     H[k, 0], H[k, 1], H[k, 2] = n.real, n.imag, (rz.conjugate() * n).imag
     H[0, k], H[1, k], H[2, k] = H[k, 0], H[k, 1], H[k, 2]
     if moves:
@@ -211,14 +242,16 @@ def slide(
 def compliance(
     numbers: Numbers, g: float, m: PlaneMotion, j: int, o: int, k: int, total: Total, out: Views
 ) -> None:
-    """Compliance of a constraint times its multiplier."""
+    """Minus the compliance of a constraint times its multiplier (`PlaneFunction`). numbers: the
+    compliance, m/N or rad/(N m)."""
     out.rows[k] = -numbers[0] * m.y[k]
     out.H[k, k] = -numbers[0]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlaneReaction:
-    """Prescribed joint force (N) and moment (N m) in space axes: table `forces_at` (T, 3)."""
+    """Prescribed joint force (N) and, with `turns`, moment (N m) in space axes, table `forces_at`
+    (T, 3), on displacements alone: a `PlaneFunction` that is not compiled."""
 
     forces_at: Table
     turns: bool
@@ -237,8 +270,8 @@ class PlaneReaction:
 def stiffening(
     numbers: Numbers, g: float, m: PlaneMotion, j: int, o: int, k: int, total: Total, out: Views
 ) -> None:
-    """Factors of geometric stiffness: those of all loads (`frame_items.Stiffening`). numbers: of
-    functionals, of inertia matrices."""
+    """Factors of geometric stiffness, those of all loads (`frame_items.Stiffening`), of which it is
+    the last part (`PlaneFunction`). numbers: count of functionals, of inertia matrices."""
     first = int(numbers[1])
     for i in range(int(numbers[0]) // 2):
         out.coefficients[first + 2 * i] = out.sigma[i].real
@@ -259,10 +292,11 @@ def evaluate_parts(
     sigma: FloatArray, tau: FloatArray, border: FloatArray, coefficients: FloatArray,
     sums: FloatArray
 ) -> None:
-    """Equations of a frame in the plane from arrays (core/protocols/body_frame.py); without
-    derivatives where c2 is 0."""
+    """Equations of a frame in the plane from arrays (`FrameFunction` in
+    core/protocols/body_frame.py); without derivatives where c2 is 0."""
     b, elastic = len(y), s.shape[1] > 0
     e, c, columns = exp(1j * y[2]), s.view(np.complex128), sigma.view(np.complex128)
+    # in the order of the fields of both, with time 0, as amplitudes are in `gains`
     m = PlaneMotion(
         y, v, complex(y[0], y[1]), e, e.conjugate(), v[2], a[2], complex(a[0], a[1]), c1, c2, 0.0,
         elastic, c[0], c[1], c[2], forms, c2 != 0.0)

@@ -19,8 +19,12 @@ from sparsemor.core.protocols.body_frame import FrameWork
 ComplexArray = NDArray[np.complex128]
 Numbers: TypeAlias = Sequence[float] | FloatArray
 Total: TypeAlias = list[complex] | ComplexArray
+FORCE, FORCE_BY_ANGLE, TORQUE_BY_PLACE, TORQUE, FORCE_BY_X, FORCE_BY_Y = 0, 1, 2, 3, 4, 5
+"""Entries of `total`, the sums over all items on the left-hand side: force f_x + i f_y, N, and its
+derivatives by the angle, x and y; torque, N m, + i times its derivative by the angle; derivative of
+the torque by x + i times that by y."""
 SUMS = 6
-"""Number of sums over all items (`write`)."""
+"""Number of these sums."""
 
 
 class PlaneMotion(NamedTuple):
@@ -76,14 +80,14 @@ def views(work: FrameWork) -> Views:
 
 
 def write(total: Total, fresh: bool, out: Views) -> None:
-    """Writes the sums over all items: force and its derivative by the angle, derivatives of the
-    torque by x + i y, torque + i its derivative by the angle, derivatives of the force by x and
-    y."""
-    rows, H, force, torque = out.rows, out.H, total[0], total[3]
+    """Writes the sums over all items to the rows of (R_x, R_y, theta) and, if `fresh`, to their
+    derivatives."""
+    rows, H, force, torque = out.rows, out.H, total[FORCE], total[TORQUE]
     rows[0], rows[1], rows[2] = force.real, force.imag, torque.real
     if not fresh:
         return
-    by_angle, by_place, by_x, by_y = total[1], total[2], total[4], total[5]
+    by_angle, by_place = total[FORCE_BY_ANGLE], total[TORQUE_BY_PLACE]
+    by_x, by_y = total[FORCE_BY_X], total[FORCE_BY_Y]
     H[0, 2], H[1, 2], H[2, 2] = by_angle.real, by_angle.imag, torque.imag
     H[2, 0], H[2, 1] = by_place.real, by_place.imag
     H[0, 0], H[1, 0], H[0, 1], H[1, 1] = by_x.real, by_x.imag, by_y.real, by_y.imag

@@ -1,7 +1,6 @@
 """Equations of a frame in space as one function on arrays (core/protocols/body_frame.py)."""
 
 from collections.abc import Callable, Sequence
-from itertools import chain
 
 import numpy as np
 
@@ -9,6 +8,7 @@ from sparsemor.bodies.frames import space_motion as motion
 from sparsemor.bodies.frames.frame_items import Item
 from sparsemor.bodies.frames.space_items import (
     SpaceFunction,
+    SpacePart,
     add_pull,
     axial,
     body_force,
@@ -51,20 +51,22 @@ CALLS: tuple[Callable[..., object], ...] = (
 def space_arrays(
     n: int, items: Sequence[Item], starts: Sequence[tuple[int, int, int]]
 ) -> FrameArrays | None:
-    """Items of a frame with n attitude coordinates as arrays, None where one is not given so."""
-    given = [made for item in items if (made := item.in_space()) is not None]
-    if len(given) < len(items):
-        return None
-    own = [[(part, (j, o, k + part.row)) for part in found]
-           for found, (j, o, k) in zip(given, starts, strict=True)]
-    parts = list(chain.from_iterable(own))
-    numbers = np.zeros((len(parts), max((1 + len(p.numbers) for p, _ in parts), default=1)))
-    for row, (part, _) in zip(numbers, parts, strict=True):
+    """Items of a frame with n attitude coordinates as arrays, None where one is not given so.
+    starts: first functional j, coordinate of another body o and multiplier k of each item."""
+    parts, at = list[SpacePart](), list[tuple[int, int, int]]()
+    for item, (j, o, k) in zip(items, starts, strict=True):
+        made = item.in_space()
+        if made is None:
+            return None
+        parts += made
+        at += [(j, o, k + part.row) for part in made]
+    numbers = np.zeros((len(parts), max((1 + len(p.numbers) for p in parts), default=1)))
+    for row, part in zip(numbers, parts, strict=True):
         row[: 1 + len(part.numbers)] = n, *part.numbers
     return FrameArrays(
-        np.array([FUNCTIONS.index(p.function) for p, _ in parts], dtype=np.int64), numbers,
-        np.array([at for _, at in parts], dtype=np.int64).reshape(-1, 3),
-        tuple(p.amplitude for p, _ in parts), evaluate_space, CALLS, FUNCTIONS)
+        np.array([FUNCTIONS.index(p.function) for p in parts], dtype=np.int64), numbers,
+        np.array(at, dtype=np.int64).reshape(-1, 3),
+        tuple(p.amplitude for p in parts), evaluate_space, CALLS, FUNCTIONS)
 
 
 def evaluate_space(
@@ -73,7 +75,8 @@ def evaluate_space(
     sigma: FloatArray, tau: FloatArray, border: FloatArray, coefficients: FloatArray,
     sums: FloatArray
 ) -> None:
-    """Equations of a frame in space from arrays; without derivatives where c2 is 0."""
+    """Equations of a frame in space from arrays (`FrameFunction` in core/protocols/body_frame.py);
+    without derivatives where c2 is 0."""
     b = len(y)
     sigma[b], border[:, b] = 0.0, 0.0
     if c2 != 0.0:
@@ -81,6 +84,8 @@ def evaluate_space(
     if len(kinds) == 0:
         return
     n = int(numbers[0, 0])
+    # `sums` holds the working arrays of the motion: own rotation matrix and derivatives, far, rest,
+    # lever, dw, dal, pairs, square
     own, far = sums[:45].reshape(5, 3, 3), sums[45:90].reshape(5, 3, 3)
     lever, dw = sums[135:147].reshape(4, 3), sums[147:159].reshape(4, 3)
     dal, rest = sums[159:171].reshape(4, 3), sums[90:135].reshape(5, 3, 3)
@@ -92,7 +97,7 @@ def evaluate_space(
     if n == 4:  # G is linear in p
         levers(v, 3, n, -1.0, dw)
         levers(a, 3, n, -1.0, dal)
-    m = SpaceMotion(
+    m = SpaceMotion(  # in the order of its fields; w and al from the levers and the rates
         n, y, v, vector(y, 0), vector(a, 0), own[0], own[1:], spin(lever, v, 3, n),
         spin(lever, a, 3, n), dw, dal, lever, c1, c2, s.shape[1] > 0, s[0], s[1], s[2], forms,
         rest, far, sums[171:255].reshape(14, 2, 3), sums[255:319].reshape(8, 8))

@@ -39,6 +39,9 @@ from sparsemor.core.protocols.poses import FREE_POSE, SPINNING_POSE
 
 SpaceFunction: TypeAlias = Callable[
     [FloatArray, float, SpaceMotion, int, int, int, SpaceSums], None]
+"""Part of the equations, function(numbers, g, m, j, o, k, out): its constants, amplitude, motion,
+and first functional, coordinate of another body and multiplier (module docstring). In m.y and in
+rows of `out` the own position begins at 0 and the attitude, with n coordinates, at 3."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +78,8 @@ def pull(kind: int, b: Vector, f: Vector) -> Vector:
 def add_pull(
     m: SpaceMotion, g: float, f: Vector, z: Vector, kind: int, b: Vector, j: int, out: SpaceSums
 ) -> None:
-    """Derivatives of g f . A z by the attitude and by the displacements of z, which was b."""
+    """Adds the derivatives of g f . A z by the attitude and by the displacements of z, which was b
+    (`kind`), to rows and sigma, and second derivatives to H, sigma_y and tau."""
     for k in range(m.n):
         out.rows[3 + k] += g * dot(f, times(m.D[k], z))
     if m.elastic and kind > 0:
@@ -93,7 +97,7 @@ def add_pull(
 def unit_length(
     numbers: FloatArray, g: float, m: SpaceMotion, j: int, o: int, k: int, out: SpaceSums
 ) -> None:
-    """Constraint (p.p - 1) / 2 = 0 of a quaternion p."""
+    """Constraint (p.p - 1) / 2 = 0 of a quaternion p (`SpaceFunction`). numbers: n."""
     out.rows[k] -= 0.5
     for i in range(3, 7):
         p = m.y[i]
@@ -108,8 +112,8 @@ def unit_length(
 def space_force(
     numbers: FloatArray, g: float, m: SpaceMotion, j: int, o: int, k: int, out: SpaceSums
 ) -> None:
-    """Nodal weights times one force in space axes. numbers: n, sum w, sum w X (3), force per unit
-    weight (3)."""
+    """Nodal weights times one force in space axes (`SpaceFunction`). numbers: n, sum w, sum w X
+    (3), force per unit weight (3), N."""
     arm, f = vector(numbers, 2), vector(numbers, 5)
     add(out.rows, 0, -g * numbers[1], f)
     z = moved(POINT, arm, vector(m.s, j)) if m.elastic else arm
@@ -119,13 +123,14 @@ def space_force(
 def body_force(
     numbers: FloatArray, g: float, m: SpaceMotion, j: int, o: int, k: int, out: SpaceSums
 ) -> None:
-    """Load that rotates with the body. numbers: n, sum f (3), sum X x f (3)."""
+    """Load that rotates with the body (`SpaceFunction`). numbers: n, sum f (3), N, sum X x f (3),
+    N m. Functionals: the load itself, then sum u x f (3)."""
     f, arm = vector(numbers, 1), vector(numbers, 4)
     add(out.rows, 0, -g, times(m.A, f))
     for c in range(m.n if m.c2 != 0.0 else 0):
-        turned = times(m.D[c], f)
+        f_by = times(m.D[c], f)  # derivative of A f
         for i in range(3):
-            out.H[i, 3 + c] -= g * turned[i]
+            out.H[i, 3 + c] -= g * f_by[i]
     if m.elastic:
         arm = plus(arm, 1.0, vector(m.s, j + 1))
         out.sigma[j] -= g
@@ -137,14 +142,14 @@ def body_force(
 def moment(
     numbers: FloatArray, g: float, m: SpaceMotion, j: int, o: int, k: int, out: SpaceSums
 ) -> None:
-    """Moment on a body or on the mean rotation of a set. numbers: n, moment (3), 1 where a set
-    turns, 1 for axes of space, else 0."""
-    M, acts = vector(numbers, 1), m.elastic and numbers[4] > 0.0
-    own = back(m.A, M) if numbers[5] > 0.0 else M
+    """Moment on a body or on the mean rotation of a set (`SpaceFunction`). numbers: n, moment (3),
+    N m, 1 where a set turns, else 0, 1 for axes of space, 0 for those of the body."""
+    M, acts, in_space = vector(numbers, 1), m.elastic and numbers[4] > 0.0, numbers[5] > 0.0
+    own = back(m.A, M) if in_space else M
     add_torque(m, (-g * own[0], -g * own[1], -g * own[2]), out)
     if acts:
         add(out.sigma, j, -g, own)
-    if numbers[5] > 0.0 and m.c2 != 0.0:
+    if in_space and m.c2 != 0.0:
         for c in range(m.n):
             slope = back(m.D[c], M)
             for i in range(m.n):
@@ -157,8 +162,9 @@ def constraint_numbers(
     own: FloatArray, e: FloatArray, base: float = 0.0, *, others: int = 0, kind: int,
     turned: FloatArray = ZERO, axis: FloatArray = ZERO,
 ) -> tuple[float, ...]:
-    """Numbers of `constraint` after the first; others: number of rigid coordinates of the other
-    body."""
+    """Numbers of `constraint` after the first: own = z or d (3,), e (3,), and the others as there;
+    others: number of rigid coordinates of the other body, 0 at rest; kind: `POINT`, `DIRECTION` or
+    0."""
     return (*own.tolist(), *e.tolist(), base, float(kind == POINT), float(max(others - 3, 0)),
             float(kind), *turned.tolist(), *axis.tolist())
 
@@ -167,11 +173,12 @@ def constraint(
     numbers: FloatArray, g: float, m: SpaceMotion, j: int, o: int, k: int, out: SpaceSums
 ) -> None:
     """Constraint (R + A z - R_o) . n - base for a point, or (A d) . n for a direction, with n = A_o
-    e of the other body, or n = e for a body at rest.
+    e of the other body, or n = e for a body at rest (`SpaceFunction`).
 
     numbers: n, z or d (3), e (3), base, 1 for a point, else 0, number of attitude coordinates of
     the other body, 0 at rest, kind of vector (`POINT`), mean rotation in the shape from which
     displacements are measured (3), axis about which e is rotated by the angle g (3), 0 for none.
+    Adds the constraint in row k, the force lambda n or moment of its multiplier, and derivatives.
     """
     own, e, axis = vector(numbers, 1), vector(numbers, 4), vector(numbers, 14)
     slides, others, kind = numbers[8] > 0.0, int(numbers[9]), int(numbers[10])
@@ -179,11 +186,11 @@ def constraint(
     if m.elastic and kind > 0:
         s = plus(s, 1.0, vector(m.s, j))
     z = moved(kind, own, s)
-    if dot(axis, axis) > 0.0:
+    if dot(axis, axis) > 0.0:  # e turned about the unit vector `axis` (Rodrigues)
         c = cos(g)
         around = plus((c * e[0], c * e[1], c * e[2]), sin(g), cross(axis, e))
         e = plus(around, (1.0 - c) * dot(axis, e), axis)
-    n, gap = e, times(m.A, z)
+    n, gap = e, times(m.A, z)  # the constraint is n . gap - base
     if others > 0:
         turn(m.y, o + 3, others, m.far)
         n = times(m.far[0], e)
@@ -195,16 +202,18 @@ def constraint(
         add(out.rows, 0, lam, n)
     out.rows[k] += dot(n, gap) - numbers[7]
     add_pull(m, lam, n, z, kind, own, j, out)
-    if m.c2 == 0.0:
+    if m.c2 == 0.0:  # no derivatives; m.far[1 + i]: derivative of A_o by its coordinate i
         for i in range(others):
             out.rows[o + 3 + i] += lam * dot(gap, times(m.far[1 + i], e))
         return
+    # by positions
     for i in range(3 if slides else 0):
         H[k, i] += n[i]
         H[i, k] += n[i]
         if others > 0:
             H[k, o + i] -= n[i]
             H[o + i, k] -= n[i]
+    # by the own attitude and displacements
     for i in range(m.n):
         slope = dot(n, times(m.D[i], z))
         H[k, 3 + i] += slope
@@ -214,26 +223,27 @@ def constraint(
         along = pull(kind, own, back(m.A, n))
         add(out.sigma_y[k], j, 1.0, along)
         add(out.tau[k], j, 1.0, along)
+    # by the other's attitude, at `at` in y
     if others > 0:
         add_bend(H, o + 3, others, m.far[0], lam, gap, e)
     for i in range(others):
-        at, by = o + 3 + i, times(m.far[1 + i], e)
-        slope = dot(gap, by)
+        at, n_by = o + 3 + i, times(m.far[1 + i], e)
+        slope = dot(gap, n_by)
         out.rows[at] += lam * slope
         H[k, at] += slope
         H[at, k] += slope
         for c in range(m.n):
-            both = lam * dot(times(m.D[c], z), by)
-            H[3 + c, at] += both
-            H[at, 3 + c] += both
+            mixed = lam * dot(times(m.D[c], z), n_by)
+            H[3 + c, at] += mixed
+            H[at, 3 + c] += mixed
         if slides:
             for c in range(3):
-                H[c, at] += lam * by[c]
-                H[at, c] += lam * by[c]
-                H[o + c, at] -= lam * by[c]
-                H[at, o + c] -= lam * by[c]
+                H[c, at] += lam * n_by[c]
+                H[at, c] += lam * n_by[c]
+                H[o + c, at] -= lam * n_by[c]
+                H[at, o + c] -= lam * n_by[c]
         if acts:
-            along = pull(kind, own, back(m.A, by))
+            along = pull(kind, own, back(m.A, n_by))
             add(out.sigma_y[at], j, lam, along)
             add(out.tau[at], j, lam, along)
 
@@ -241,8 +251,8 @@ def constraint(
 def stiffening(
     numbers: FloatArray, g: float, m: SpaceMotion, j: int, o: int, k: int, out: SpaceSums
 ) -> None:
-    """Factors of geometric stiffness: those of all loads (`frame_items.Stiffening`). numbers: n,
-    functionals, inertia matrices."""
+    """Factors of geometric stiffness, those of all loads (`frame_items.Stiffening`), of which it is
+    the last part (`SpaceFunction`). numbers: n, count of functionals, of inertia matrices."""
     first = int(numbers[2])
     for i in range(int(numbers[1])):
         out.coefficients[first + i] = out.sigma[i]
@@ -251,14 +261,16 @@ def stiffening(
 def compliance(
     numbers: FloatArray, g: float, m: SpaceMotion, j: int, o: int, k: int, out: SpaceSums
 ) -> None:
-    """Compliance of a constraint times its multiplier. numbers: n, compliance."""
+    """Minus the compliance of a constraint times its multiplier (`SpaceFunction`). numbers: n,
+    compliance, m/N or rad/(N m)."""
     out.rows[k] -= numbers[1] * m.y[k]
     if m.c2 != 0.0:
         out.H[k, k] -= numbers[1]
 
 
 def _dual(size: int) -> FloatArray:
-    """Dual basis T_g (g, 3, 3) for frames with `size` rigid coordinates."""
+    """Dual basis T_g (g, 3, 3) for frames with `size` rigid coordinates: T = sum_g (B_g : T) T_g
+    (mass_moments.py)."""
     B = moments_of(size).B
     return np.ascontiguousarray(np.linalg.pinv(B.reshape(-1, 9)).T).reshape(B.shape)
 
@@ -291,10 +303,15 @@ def factor(T: FloatArray, a: Vector, b: Vector) -> float:
 def space_inertia(
     numbers: FloatArray, g: float, m: SpaceMotion, j: int, o: int, k: int, out: SpaceSums
 ) -> None:
-    """Inertia of a body. numbers: n, mass, kg, sum m X (3), kg m, X.M_g X (9, or 3 for an attitude
-    about z), kg m^2."""
+    """Inertia of a body (`SpaceFunction`; equations: inertia.py, without matrices here). numbers:
+    n, mass, kg, sum m X (3), kg m, X.M_g X (9, or 3 for an attitude about z), kg m^2.
+
+    z, z1, z2: sums m z, m u', m u''; T, T1, T2: sums m z z^T, m z u'^T, m z u''^T, as sums over g
+    of N_g, N1_g, N2_g times the dual basis; swing: sum m acc without R''.
+    """
     mass, z, c1, c2, w, al = numbers[1], vector(numbers, 2), m.c1, m.c2, m.w, m.al
     half = len(out.coefficients) // 2  # kappa, then mu
+    # M_g: the identity, then `skew` skew-symmetric ones, then symmetric ones
     count, dual, skew = (9, FREE, 3) if m.n == 4 else (3, SPINNING, 1)
     H, acc = out.H, back(m.A, m.acc)
     T, T1, T2 = m.rest[0], m.rest[1], m.rest[2]
@@ -328,21 +345,23 @@ def space_inertia(
             out.coefficients[half + f] = -2.0 * dot(axial(dual[f]), w)
     if c2 == 0.0:
         return
+    # derivatives by the position
     for i in range(3):
         H[i, i] += c2 * mass
         arm = cross(z, vector(m.A[i], 0))
         for r in range(m.n):
             H[3 + r, i] += c2 * dot(vector(m.lever[r], 0), arm)
+    # by the attitude: of A swing (force), then of the torque
     for i in range(m.n):
         dw, dal, dacc = vector(m.dw[i], 0), vector(m.dal[i], 0), back(m.D[i], m.acc)
-        turned = plus(plus(cross(dw, wz), 1.0, cross(w, cross(dw, z))), 1.0, cross(dal, z))
-        pull = plus(times(m.D[i], swing), 1.0, times(m.A, plus(turned, 2.0, cross(dw, z1))))
-        turned = plus(plus(cross(z, dacc), 1.0, cross(w, inert(T, dw))), 1.0, cross(dw, Jw))
-        turned = plus(plus(turned, 2.0, inert(T1, dw)), 1.0, inert(T, dal))
+        swing_by = plus(plus(cross(dw, wz), 1.0, cross(w, cross(dw, z))), 1.0, cross(dal, z))
+        force_by = plus(times(m.D[i], swing), 1.0, times(m.A, plus(swing_by, 2.0, cross(dw, z1))))
+        torque_by = plus(plus(cross(z, dacc), 1.0, cross(w, inert(T, dw))), 1.0, cross(dw, Jw))
+        torque_by = plus(plus(torque_by, 2.0, inert(T1, dw)), 1.0, inert(T, dal))
         for r in range(3):
-            H[r, 3 + i] += pull[r]
+            H[r, 3 + i] += force_by[r]
         for r in range(m.n):
-            H[3 + r, 3 + i] += dot(vector(m.lever[r], 0), turned)
+            H[3 + r, 3 + i] += dot(vector(m.lever[r], 0), torque_by)
         if m.elastic:
             add(out.sigma_y[3 + i], j, 1.0, dacc)
             add(out.tau[3 + i], j, 1.0, cross(acc, vector(m.lever[i], 0)))
@@ -351,6 +370,7 @@ def space_inertia(
                     factor(dual[f], dw, w) + factor(dual[f], w, dw) - dot(axial(dual[f]), dal))
     if not m.elastic:
         return
+    # of sigma by the position, and of rows by first and second moments
     for i in range(3):
         row = vector(m.A[i], 0)
         add(out.sigma_y[i], j, c2, row)

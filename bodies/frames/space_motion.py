@@ -113,12 +113,12 @@ def turn(q: FloatArray, i: int, n: int, X: FloatArray) -> None:
     """Rotation matrix X[0] and its derivatives X[1:] by the n attitude coordinates from number i
     of q on: an angle about z (n = 1), or four Euler parameters (n = 4)."""
     if n == 1:
-        c, s = cos(q[i]), sin(q[i])
-        put(X[0, 0], (c, -s, 0.0))
-        put(X[0, 1], (s, c, 0.0))
+        cosine, sine = cos(q[i]), sin(q[i])
+        put(X[0, 0], (cosine, -sine, 0.0))
+        put(X[0, 1], (sine, cosine, 0.0))
         put(X[0, 2], (0.0, 0.0, 1.0))
-        put(X[1, 0], (-s, -c, 0.0))
-        put(X[1, 1], (c, -s, 0.0))
+        put(X[1, 0], (-sine, -cosine, 0.0))
+        put(X[1, 1], (cosine, -sine, 0.0))
         put(X[1, 2], (0.0, 0.0, 0.0))
         return
     p, a, b, c = 2.0 * q[i], 2.0 * q[i + 1], 2.0 * q[i + 2], 2.0 * q[i + 3]
@@ -142,8 +142,9 @@ def turn(q: FloatArray, i: int, n: int, X: FloatArray) -> None:
 
 
 def turn_rate(q1: FloatArray, i: int, n: int, A: FloatArray, X: FloatArray) -> None:
-    """Rates X[1:] of the derivatives of the rotation matrix A, for rates q1 of the coordinates."""
-    if n == 4:
+    """Rates X[1:] of the derivatives of the rotation matrix A, for rates q1 of its n coordinates
+    from number i on."""
+    if n == 4:  # these derivatives are linear in the parameters
         turn(q1, i, n, X)
         return
     for r in range(3):
@@ -151,7 +152,7 @@ def turn_rate(q1: FloatArray, i: int, n: int, A: FloatArray, X: FloatArray) -> N
 
 
 def bend(n: int, A: FloatArray, f: Vector, b: Vector, k: int, c: int) -> float:
-    """Second derivative of f . A b by the attitude coordinates k and c."""
+    """Second derivative of f . A b by the attitude coordinates k and c, 0 to n - 1."""
     if n == 1:
         return -dot(f, times(A, (b[0], b[1], 0.0)))
     if k == 0 and c == 0:

@@ -1,5 +1,9 @@
-"""Springs and dampers between two frames in space, as functions on arrays (notation:
-space_items.py; their equations and where these are created: springs.py)."""
+"""Springs and dampers between two frames in space, as functions on arrays (notation and arguments:
+`SpaceFunction` in space_items.py; their equations and where these are created: springs.py).
+
+Loops over i number the rigid coordinates of both bodies, the own ones first; for a rotational
+spring the attitude coordinates alone.
+"""
 
 from math import atan2, cos, floor, pi, sin, sqrt
 from typing import TypeAlias
@@ -35,7 +39,8 @@ def space_spring(
     point, base, stiffness, damping = vector(numbers, 1), vector(numbers, 4), numbers[7], numbers[8]
     others, own = int(numbers[9]), 3 + m.n
     size = own + (3 + others if others > 0 else 0)
-    gap, by, d = plus(m.R, 1.0, times(m.A, point)), m.pairs[:, 0], m.pairs[:, 1]
+    # gap between the points; derivatives of the gap and of the force F = f n by coordinate i
+    gap, gap_by, F_by = plus(m.R, 1.0, times(m.A, point)), m.pairs[:, 0], m.pairs[:, 1]
     turn_rate(m.v, 3, m.n, m.A, m.rest)
     if others > 0:
         turn(m.y, o + 3, others, m.far)
@@ -43,16 +48,16 @@ def space_spring(
     else:
         gap = plus(gap, -1.0, base)
     speed = NONE
-    for i in range(size):  # derivatives of the gap
+    for i in range(size):  # derivatives of the gap; c: number of the coordinate in its body
         c = i if i < own else i - own
         sign = 1.0 if i < own else -1.0
         if c < 3:
-            put(by[i], (sign * (c == 0), sign * (c == 1), sign * (c == 2)))
+            put(gap_by[i], (sign * (c == 0), sign * (c == 1), sign * (c == 2)))
         elif i < own:
-            put(by[i], times(m.D[c - 3], point))
+            put(gap_by[i], times(m.D[c - 3], point))
         else:
-            put(by[i], plus(NONE, -1.0, times(m.far[c - 2], base)))
-        speed = plus(speed, m.v[i if i < own else o + i - own], vector(by[i], 0))
+            put(gap_by[i], plus(NONE, -1.0, times(m.far[c - 2], base)))
+        speed = plus(speed, m.v[i if i < own else o + i - own], vector(gap_by[i], 0))
     length = sqrt(dot(gap, gap))
     n = (gap[0] / length, gap[1] / length, gap[2] / length)
     rate = dot(n, speed)
@@ -60,21 +65,22 @@ def space_spring(
     if others > 0 and m.c2 != 0.0:  # then only the rates of its derivatives are needed
         turn_rate(m.v, o + 3, others, m.far[0], m.far)
     for i in range(size if m.c2 != 0.0 else 0):
-        b = vector(by[i], 0)
-        along, of_rate = dot(n, b), 0.0
+        b = vector(gap_by[i], 0)
+        along, of_speed = dot(n, b), 0.0  # n . derivative of the speed at fixed rates
         if 3 <= i < own:
-            of_rate = dot(n, times(m.rest[i - 2], point))
+            of_speed = dot(n, times(m.rest[i - 2], point))
         elif i >= own + 3:
-            of_rate = -dot(n, times(m.far[i - own - 2], base))
-        of_f = stiffness * along + damping * (
-            dot(across, b) / length + m.c1 * along + of_rate)
-        put(d[i], plus(plus(NONE, of_f, n), f / length, plus(b, -along, n)))
+            of_speed = -dot(n, times(m.far[i - own - 2], base))
+        f_by = stiffness * along + damping * (
+            dot(across, b) / length + m.c1 * along + of_speed)
+        put(F_by[i], plus(plus(NONE, f_by, n), f / length, plus(b, -along, n)))
     F = (f * n[0], f * n[1], f * n[2])
     for i in range(size):
         row = i if i < own else o + i - own
-        out.rows[row] += dot(F, vector(by[i], 0))
+        out.rows[row] += dot(F, vector(gap_by[i], 0))
         for c in range(size if m.c2 != 0.0 else 0):
-            out.H[row, c if c < own else o + c - own] += dot(vector(by[i], 0), vector(d[c], 0))
+            out.H[row, c if c < own else o + c - own] += dot(
+                vector(gap_by[i], 0), vector(F_by[c], 0))
     if m.c2 == 0.0:
         return
     add_bend(out.H, 3, m.n, m.A, 1.0, F, point)
@@ -103,17 +109,18 @@ def overlap(p: Quaternion, f: Quaternion, a: FloatArray, i: int) -> float:
 def counted_angle(
     numbers: FloatArray, m: SpaceMotion, o: int, others: int, c: float, s: float, relaxed: float
 ) -> float:
-    """Angle atan2(s, c) of a rotational spring plus the whole turns since the start
-    (`SpatialRotationalSpring.counted`); numbers: those of the spring; relaxed: its angle without
-    deflection."""
+    """Angle atan2(s, c), rad, of a rotational spring plus the whole turns since the start
+    (`springs.Angle.nearly` and `counted`); numbers: those of `space_rotational_spring`; relaxed:
+    its angle without deflection, rad."""
     raw, near = atan2(s, c), 0.0
-    if m.n == 1 and others <= 1:
+    if m.n == 1 and others <= 1:  # angles about z; numbers[21]: their difference at the start
         about = cross(vector(numbers, 4), vector(numbers, 7))[2]
         near = about * (m.y[3] - (m.y[o + 3] if others > 0 else 0.0) - numbers[21])
     else:
         p, f = quaternion(m.y, 3, m.n), (1.0, 0.0, 0.0, 0.0)
         if others > 0:
             f = quaternion(m.y, o + 3, others)
+        # r_0 and (0, axis) r_0 begin at numbers 13 and 17
         near = 2.0 * atan2(overlap(p, f, numbers, 17), overlap(p, f, numbers, 13))
         near += 4.0 * pi * floor((relaxed - near) / (4.0 * pi) + 0.5)
     return raw + 2.0 * pi * floor((near - raw) / (2.0 * pi) + 0.5)
@@ -134,6 +141,8 @@ def space_rotational_spring(
     own, first, second = vector(numbers, 1), vector(numbers, 4), vector(numbers, 7)
     stiffness, damping, others = numbers[10], numbers[11], int(numbers[12])
     size, Ad, fc, fs = m.n + others, times(m.A, own), first, second
+    # derivatives by coordinate i of c = A d . A_o e_1, s = A d . A_o e_2, phi = atan2(s, c) and of
+    # the moment
     cosine, sine, along, slope = m.pairs[:, 0, 0], m.pairs[:, 0, 1], m.pairs[:, 0, 2], (
         m.pairs[:, 1, 0])
     if others > 0:
@@ -143,29 +152,29 @@ def space_rotational_spring(
     square, rate = c * c + s * s, 0.0
     for i in range(size):
         if i < m.n:
-            turned = times(m.D[i], own)
-            cosine[i], sine[i] = dot(fc, turned), dot(fs, turned)
+            Ad_by = times(m.D[i], own)
+            cosine[i], sine[i] = dot(fc, Ad_by), dot(fs, Ad_by)
         else:
             X = m.far[1 + i - m.n]
             cosine[i], sine[i] = dot(Ad, times(X, first)), dot(Ad, times(X, second))
         along[i] = (c * sine[i] - s * cosine[i]) / square
         rate += along[i] * m.v[3 + i if i < m.n else o + 3 + i - m.n]
-    relaxed = g * numbers[22]
+    relaxed = g * numbers[22]  # 0 where g is a moment: then g - relaxed below is that moment
     phi = counted_angle(numbers, m, o, others, c, s, relaxed)
     moment = stiffness * (phi - relaxed) + damping * rate + (g - relaxed)
     for i in range(size if m.c2 != 0.0 else 0):
         slope[i] = (stiffness + damping * m.c1) * along[i]
-        for r in range(size):
+        for r in range(size):  # second derivatives of c, s and phi (`attitude.of_angle`)
             if i < m.n and r < m.n:
-                c2, s2 = bend(m.n, m.A, fc, own, i, r), bend(m.n, m.A, fs, own, i, r)
+                c_ir, s_ir = bend(m.n, m.A, fc, own, i, r), bend(m.n, m.A, fs, own, i, r)
             elif i >= m.n and r >= m.n:
-                c2 = bend(others, m.far[0], Ad, first, i - m.n, r - m.n)
-                s2 = bend(others, m.far[0], Ad, second, i - m.n, r - m.n)
+                c_ir = bend(others, m.far[0], Ad, first, i - m.n, r - m.n)
+                s_ir = bend(others, m.far[0], Ad, second, i - m.n, r - m.n)
             else:
-                X, turned = m.far[1 + max(i, r) - m.n], times(m.D[min(i, r)], own)
-                c2, s2 = dot(turned, times(X, first)), dot(turned, times(X, second))
+                X, Ad_by = m.far[1 + max(i, r) - m.n], times(m.D[min(i, r)], own)
+                c_ir, s_ir = dot(Ad_by, times(X, first)), dot(Ad_by, times(X, second))
             m.square[i, r] = (
-                sine[i] * cosine[r] - cosine[i] * sine[r] + c * s2 - s * c2
+                sine[i] * cosine[r] - cosine[i] * sine[r] + c * s_ir - s * c_ir
                 - along[i] * 2.0 * (c * cosine[r] + s * sine[r])) / square
             slope[i] += damping * m.square[i, r] * m.v[
                 3 + r if r < m.n else o + 3 + r - m.n]
