@@ -59,9 +59,10 @@ class LocalAt:
 
 
 class FullHeat(StepEquations):
-    """Heat of a group of bodies at full order. at: numbers of its unknowns; c1: dT'/dT.
+    """Heat of a group of n unknowns at full order, numbered `at` in the model; c1: dT'/dT.
 
-    With local terms and a direct linear solver the rows are as they stand, otherwise times B^-1.
+    With local terms and a direct linear solver the rows are as they stand (`plain`), B d - q +
+    C T0' + K T0 + local terms, otherwise times B^-1; `base` (n,) is the part of a step without d.
     """
 
     named = ()
@@ -88,14 +89,14 @@ class FullHeat(StepEquations):
         self.base = plus_loads(heat.constant - heat.conductivity @ self.free, heat, step.t)
 
     def solution(self, d: FloatArray) -> FloatArray | None:
-        if self.local or self.factor.iterative:
+        if self.local or self.factor.iterative:  # takes an iteration
             return None
         own, whole = self.factor.solve(self.base), d.copy()
         whole[self.at] = own
         return whole if np.isfinite(own).all() else None
 
     def residual(self, d: FloatArray, slope: bool = False) -> FloatArray:
-        r, own = np.zeros(len(d)), d[self.at]
+        r, own = np.zeros(len(d)), d[self.at]  # other unknowns: zero, they are known
         right = self.base - self._forces(self.free + own, own) if self.local else self.base
         if self.plain:
             r[self.at] = self.B @ own - right
@@ -106,8 +107,8 @@ class FullHeat(StepEquations):
         return r
 
     def _iterated(self, right: FloatArray, d: FloatArray) -> FloatArray:
-        """B^-1 right by iteration, whose tolerance is relative to the right-hand side of the
-        temperatures themselves; not a number where it does not converge."""
+        """B^-1 right (n,) by iteration from d, whose tolerance is relative to the right-hand side
+        of the temperatures T0 + d themselves; not a number where it does not converge."""
         found = self.factor.outcome(right + self.B @ self.free, self.free + d)
         name = self.heat.thermal
         self.iterations[name] = self.iterations.get(name, 0) + found.iterations
@@ -171,8 +172,9 @@ def full_heat(model: AssembledModel, members: Sequence[HeatBody], c1: float) -> 
 
 
 def _merged(model: AssembledModel, members: Sequence[HeatBody]) -> HeatBody:
-    """The blocks of a group as one thermal block, couplings included."""
+    """The blocks of a group as one thermal block, couplings included, without local terms."""
     names = {b.thermal: i for i, b in enumerate(members)}
+    # matrices of blocks by their numbers in the group, None for zero
     K: list[list[Csr | None]] = [[None] * len(members) for _ in members]
     C: list[list[Csr | None]] = [[None] * len(members) for _ in members]
     for i, b in enumerate(members):
@@ -185,14 +187,15 @@ def _merged(model: AssembledModel, members: Sequence[HeatBody]) -> HeatBody:
     spans = starts_of([len(b.constant) for b in members])
     size = spans[-1].stop
     return HeatBody(
-        "+".join(b.name for b in members), group_name(members),
-        csr_array(block_array(C, format="csr")), csr_array(block_array(K, format="csr")),
-        np.concatenate([b.constant for b in members]),
-        block_diag([csr_array(b.loads) for b in members]).toarray(),
-        tuple(f for b in members for f in b.amplitudes), (),
-        tuple(c for b in members for c in b.columns), None,
-        tuple(_widened(t, here, size) for b, here in zip(members, spans, strict=True)
-              for t in b.tables))
+        name="+".join(b.name for b in members), thermal=group_name(members),
+        capacity=csr_array(block_array(C, format="csr")),
+        conductivity=csr_array(block_array(K, format="csr")),
+        constant=np.concatenate([b.constant for b in members]),
+        loads=block_diag([csr_array(b.loads) for b in members]).toarray(),
+        amplitudes=tuple(f for b in members for f in b.amplitudes), local=(),
+        columns=tuple(c for b in members for c in b.columns), integrals=None,
+        tables=tuple(_widened(t, here, size) for b, here in zip(members, spans, strict=True)
+                     for t in b.tables))
 
 
 def _widened(load: LoadTable, here: slice, size: int) -> LoadTable:
@@ -203,8 +206,8 @@ def _widened(load: LoadTable, here: slice, size: int) -> LoadTable:
 
 
 def _factorized(model: AssembledModel, members: Sequence[HeatBody], A: Csr) -> Factorized:
-    """Factorization by the linear solver of the first block where the matrix is symmetric, else by
-    SuperLU."""
+    """Factorization of the matrix A (n, n) of a group: by the linear solver of the first block
+    where it is symmetric, else by SuperLU. Raises SolveFailed where it is singular."""
     name = group_name(members)
     if abs(A - A.T).max() <= SYMMETRIC * abs(A).max():
         return model.factorize(name, A, places=_places(model, members))
@@ -219,7 +222,7 @@ def _places(model: AssembledModel, members: Sequence[HeatBody]) -> DofLocations:
     """Positions of the unknowns for ordering, with the bodies placed side by side: each has its own
     axes."""
     parts = [model.places(b.thermal) for b in members]
-    moved, begin = [], 0.0
+    moved, begin = [], 0.0  # begin: smallest x of the next body, m
     for p in parts:
         X = p.coordinates.copy()
         extent = float(np.ptp(X[:, 0])) if len(X) else 0.0

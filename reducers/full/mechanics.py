@@ -83,9 +83,10 @@ class FullBody:
         noise = np.ascontiguousarray(solve_or_fail(factor, terms, name).T)
         G, P = vstack(ops.generators).tocsr() if ops.generators else None, ops.directions
         if drive is not None:
-            return cls(step, ops, factor, G, None, noise, drive,
-                       CoarseCorrection.of(ops, factor, name))
-        return cls(step, ops, factor, G, solve_or_fail(factor, P, name) if P.size else P, noise)
+            return cls(step, ops, factor, G, E=None, noise=noise, drive=drive,
+                       coarse=CoarseCorrection.of(ops, factor, name))
+        E = solve_or_fail(factor, P, name) if P.size else P
+        return cls(step, ops, factor, G, E, noise)
 
     def turned(self, u: FloatArray) -> FloatArray:
         """Products M_g u of displacements u (n,) or columns of them (n, m), (g, n) or (m, g, n)."""
@@ -133,9 +134,11 @@ class LocalForces:
         return self.known + self._sum(self.iterated, d)
 
     def _sum(self, parts: Sequence[ElasticLocal], d: FloatArray) -> FloatArray:
+        """Forces (n,) of these terms at the departure d (n,)."""
         step, r = self.step, np.zeros(len(d))
         u, v, a = self.u + d, self.v + step.c1 * d, step.c2 * d
         for part in parts:
+            # x, xv, xa: values that the term reads, displacements or (hot) temperatures, with rates
             hot, (x, xv, xa) = part.hot, np.zeros((3, len(part.columns)))
             of_u, of_T = part.columns[~hot], part.columns[hot]
             x[~hot], xv[~hot], xa[~hot] = u[of_u], v[of_u], a[of_u]
@@ -153,7 +156,7 @@ class Bordered(NamedTuple):
 
 
 class BorderedFactor:
-    """Factorization of a bordered Jacobian."""
+    """Factorization of a bordered Jacobian, by elimination of the displacements."""
 
     def __init__(self, equations: "FullMechanics", J: Bordered) -> None:
         self.border, self.J, self.of = equations.border, J, equations.bodies
@@ -178,7 +181,10 @@ class FullMechanics(StepEquations):
     """Mechanical equations of a step at full order, for known temperatures.
 
     targets: prescribed values of constraints; border (N,): positions of rigid unknowns and joint
-    forces.
+    forces. maps: of each body, which of the N border unknowns it uses (m,), their numbers in the
+    model (m,), and their map (b, m) to its border. Of a step: X0, R (3, n) of the unknowns with
+    their rates, X = X0 + R d; moved: one `Displaced` for each body; turns: True unless its residual
+    is d plus constants; frames_at: x at which frames were last evaluated with derivatives.
     """
 
     named = ()
@@ -196,7 +202,7 @@ class FullMechanics(StepEquations):
         self.price = moving if len(border) else UNCHANGED
         self.exact = self.iterates  # no whole Jacobian is factorized then, for which to give up
         self.maps = []
-        for b in self.bodies:  # border unknowns that a body uses, and their part of its map
+        for b in self.bodies:
             used = np.flatnonzero(b.step.to_border.any(axis=0))
             self.maps.append((used, border[used], b.step.to_border[:, used]))
         self.work = buffers([b.step.frame for b in self.bodies])
@@ -222,8 +228,11 @@ class FullMechanics(StepEquations):
             self.bodies, self.work, strict=True)]
 
     def _displaced(self, b: FullBody, d: FloatArray, work: FrameWork) -> Displaced:
-        """What one body's rows are at zero departure of its displacements, and what of them stays
-        during the step; on a prescribed frame without local terms that is the solution."""
+        """One body's rows at zero departure of its displacements, as far as they stay during the
+        step; on a prescribed frame that does not turn, without local terms, they give the solution.
+
+        d (n,): departures, of which temperatures are final; work: arrays of the body's frame, which
+        take its factors if its motion is prescribed."""
         one, o, step, at = Displaced(), b.ops, self.step, b.step.elastic
         if o is None:
             return one
@@ -241,6 +250,7 @@ class FullMechanics(StepEquations):
         if b.drive is None:
             one.products = b.turned(np.stack([one.u, one.v], axis=1))
             return one
+        # prescribed frame: table = [kappa, mu, sigma]
         g, table = len(o.generators), b.drive.at(step.t)
         work.coefficients[: 2 * g], work.sigma[-1] = table[: 2 * g], table[2 * g :]
         kappa, mu = table[:g], table[g : 2 * g]
@@ -262,7 +272,7 @@ class FullMechanics(StepEquations):
         """Residual of the border rows, and of displacements already multiplied by the inverse of
         their constant operators: r = d + D^-1 (...)."""
         r, X = d.copy(), self.X0 + self.R * d
-        r[self.layout.first] = 0.0
+        r[self.layout.first] = 0.0  # temperatures are known
         r[self.border] = 0.0
         for i, f in self.targets:
             r[self.border[i]] -= f(self.step.t)
@@ -271,7 +281,7 @@ class FullMechanics(StepEquations):
         for b, w, one, (_, at, to_border) in zip(
                 self.bodies, self.work, self.moved, self.maps, strict=True):
             own = d[b.step.elastic]
-            if b.drive is None:
+            if b.drive is None:  # border rows, and factors at this iterate
                 products = self._evaluate(b, one, own, X, self.step.t, w, at, to_border, rates)
                 r[at] += w.border[:, -1] @ to_border
             if b.ops is None:
@@ -279,6 +289,7 @@ class FullMechanics(StepEquations):
             if one.known is not None:
                 r[b.step.elastic] = own + one.known
                 continue
+            # right: h + sum_g (kappa_g M_g u + mu_g M_g u') + P sigma + local terms
             right = one.h if one.local is None else one.h + one.local.rows(own)
             if b.drive is None:
                 right = right + w.coefficients[:-1] @ products
@@ -287,6 +298,7 @@ class FullMechanics(StepEquations):
             elif one.weights.any():
                 right = right + one.weights @ b.turned(own)
             change = own + self._solved(b, right, own, one)
+            # the equation is satisfied in its softest modes, where the change decays most slowly
             if b.coarse is not None and b.coarse.Z.size and one.weights.any():
                 change += b.coarse.correction(change, one.weights.tolist())
             r[b.step.elastic] = change
@@ -309,30 +321,31 @@ class FullMechanics(StepEquations):
                 row[: len(part)] += part
         U, o = X[:, b.step.elastic], b.ops
         if o is None:
-            s, forms, found = np.zeros((3, 0)), np.zeros(0), np.zeros((0, 0))
+            s, forms, products = np.zeros((3, 0)), np.zeros(0), np.zeros((0, 0))
         else:
+            # products (3, g, n): M_g u, M_g u', M_g u''
             if one is None:
-                found = b.turned(np.ascontiguousarray(U.T))
-            else:  # one product with the departure is that of all rates
-                found = np.empty((3, *one.products.shape[1:]))
-                found[2] = b.turned(d)
-                np.add(one.products[0], found[2], out=found[0])
-                np.multiply(found[2], self.step.c1, out=found[1])
-                found[1] += one.products[1]
-                found[2] *= self.step.c2
-            s, forms = U @ o.directions, (found @ U[0]).ravel()
-            found = found[:2].reshape(-1, U.shape[1])
+                products = b.turned(np.ascontiguousarray(U.T))
+            else:  # one product M_g d serves all rates: u = u0 + d, u' = v0 + c1 d, u'' = c2 d
+                products = np.empty((3, *one.products.shape[1:]))
+                products[2] = b.turned(d)
+                np.add(one.products[0], products[2], out=products[0])
+                np.multiply(products[2], self.step.c1, out=products[1])
+                products[1] += one.products[1]
+                products[2] *= self.step.c2
+            s, forms = U @ o.directions, (products @ U[0]).ravel()
+            products = products[:2].reshape(-1, U.shape[1])
         work.fresh = rates is not None
         c1, c2 = rates or (0.0, 0.0)
         b.step.frame.evaluate(y[0], y[1], y[2], c1, c2, s, forms, t, work)
-        return found
+        return products
 
     def _solved(
         self, b: FullBody, right: FloatArray, d: FloatArray, one: Displaced
     ) -> FloatArray:
-        """D^-1 right. The tolerance of an iterative linear solver is relative to the right-hand
-        side of the whole displacements: that of a departure may be round-off. Not a number where it
-        does not converge."""
+        """D^-1 right (n,); d (n,): departure, whose negative is the first guess of an iterative linear
+        solver. The tolerance of one is relative to the right-hand side of the whole displacements:
+        that of a departure may be round-off. Not a number where it does not converge."""
         o, factor, step = b.ops, b.factor, self.step
         assert o is not None and factor is not None
         if not factor.iterative:
@@ -350,7 +363,9 @@ class FullMechanics(StepEquations):
         return np.full(len(right), np.nan)
 
     def jacobian(self, at: Linearisation) -> Bordered | None:
-        """Jacobian at a state; None for the identity."""
+        """Jacobian at a state, without kappa, mu and local terms in the rows of displacements; of
+        each body its border corner H - tau P^T E sigma_y^T, with E = D^-1 P. None for the
+        identity."""
         n = len(self.border)
         if not n:
             return None
@@ -361,7 +376,8 @@ class FullMechanics(StepEquations):
             if b.drive is not None:
                 continue
             if not known:
-                self._evaluate(b, None, _NONE, X, at.t, w, columns, to_border, at.c[:2])
+                self._evaluate(b, one=None, d=_NONE, X=X, t=at.t, work=w, at=columns,
+                               to_border=to_border, rates=at.c[:2])
             H = w.border[:, :-1]
             if b.ops is not None and b.E is not None:
                 tau, sigma = to_border.T @ w.tau, to_border.T @ w.sigma[:-1]

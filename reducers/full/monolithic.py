@@ -45,14 +45,16 @@ class Summed(WholeEquations):
         zero, one = np.zeros(n), np.ones(n)
 
         def slope(c1: FloatArray, c2: FloatArray) -> Csr:
+            """Jacobian of the linear terms for dv = c1 dx and da = c2 dx."""
             if not linear:
                 return csc_array((n, n)).tocsr()
             return system_jacobian(layout, linear, zero, zero, zero, 0.0, c1, c2).tocsr()
 
         K = slope(zero, zero)
-        return cls(layout, K, slope(one, zero) - K, slope(zero, one) - K, linear,
-                   tuple(t for t in model.terms if not t.linear),
-                   coupling(model), price, checked((t, t.columns) for t in model.terms))
+        return cls(
+            layout, K=K, C=slope(one, zero) - K, M=slope(zero, one) - K, linear=linear,
+            others=tuple(t for t in model.terms if not t.linear), named=coupling(model),
+            price=price, checks=checked((t, t.columns) for t in model.terms))
 
     @property
     def terms(self) -> tuple[tuple[Term, IntArray], ...]:
@@ -91,5 +93,5 @@ class Summed(WholeEquations):
 
     def factorize(self, J: Csr) -> Factor:
         # pivots off the diagonal where it is small
-        factor: Factor = splu(J) if self.price == 0 else superlu(J, 0.01)
+        factor: Factor = splu(J) if self.price == 0 else superlu(J, threshold=0.01)
         return factor

@@ -41,7 +41,8 @@ class Full(StepOptions):
         return ""
 
     def prepare(self, problem: ReducedProblem) -> StepSolver:
-        """Step solver of the full-order model."""
+        """Step solver of the full-order model: for all unknowns together (`newton`, or terms that
+        couple blocks), for rigid bodies alone, or block by block with factorized operators."""
         model, integrator, h = problem.model, problem.integrator, problem.step
         tol = self.tolerances
         if self.method == "newton":
@@ -50,7 +51,8 @@ class Full(StepOptions):
             rigid = ProjectedModel(model)
             if model.separated.other:
                 return reduced_general(rigid, tol, self.predictor)
-            made = stepper(model, model.layout, {}, {}, {}, tol, self.predictor, 0)
+            made = stepper(model, model.layout, dictionaries={}, rows={}, heat={}, tol=tol,
+                           points=self.predictor, factorizations=0)
             return compilable(made.with_equations(dense_equations(rigid)), self.compiled)
         if model.separated.other:
             names = ", ".join(sorted({n for n, _ in coupling(model) if n})) or "a term"
@@ -58,24 +60,25 @@ class Full(StepOptions):
         c1, c2, c1_first = integrator.rules(h).factors
         heat = {group_name(group): full_heat(model, group, c1_first)
                 for group in model.separated.heat_groups}
-        done = len(heat)
+        done = len(heat)  # number of factorizations
         visited = {b.thermal: sum(t.elements for t in b.local) for b in model.separated.heat}
         visited |= {m.elastic: sum(part.term.elements for part in m.operators.local)
                     for m in model.separated.moving if m.operators is not None}
-        made = stepper(model, model.layout, {}, {}, {}, tol, self.predictor, done,
-                       notes=local_heat_notes(model), visited=visited)
-        found = []
+        made = stepper(model, model.layout, dictionaries={}, rows={}, heat={}, tol=tol,
+                       points=self.predictor, factorizations=done, notes=local_heat_notes(model),
+                       visited=visited)
+        bodies = []
         for m, step in zip(model.separated.moving, made.system.bodies, strict=True):
             if (o := m.operators) is None:
-                found.append(FullBody(step))
+                bodies.append(FullBody(step))
                 continue
             D = o.stiffness + c1 * o.damping + c2 * o.mass
-            driven = not m.to_border.any()
-            found.append(FullBody.of(
+            driven = not m.to_border.any()  # its motion is prescribed
+            bodies.append(FullBody.of(
                 step, o, model.factorize(m.elastic, D),
                 PrescribedFactors.table(step, m) if driven else None))
             done += 1
-        equations = FullMechanics(model.layout, found, model.separated.border_targets,
+        equations = FullMechanics(model.layout, bodies, model.separated.border_targets,
                                   positions(model.layout))
         made = replace(made, mechanics=LoopMechanics(equations, tol), factorizations=done,
                        full_heat=heat, loop=Loop(model.layout, tol), iterative=equations.iterates)

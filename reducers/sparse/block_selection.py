@@ -103,8 +103,8 @@ class BlockSelection:
         return support
 
     def at(self, r: FloatArray, c: FloatArray, support: BoolArray) -> "AtSolution":
-        """The block at coefficients c (k,) with the residual r (l,) of all compressed rows, which
-        they minimise on `support`."""
+        """The block at coefficients c (k,) with the residual r (l,) of all compressed rows, whose
+        norm they minimise on `support` (k,). The first j rows are those of B."""
         count = len(self.columns.A)
         in_range, rest = r[:count], r[count:]
         remaining = self.weight * float(rest.dot(rest))
@@ -160,8 +160,10 @@ class AtSolution:
 
 
 def exchanged(blocks: Sequence[AtSolution], hysteresis: float) -> dict[str, BoolArray]:
-    """Supports that replace those of the blocks: the ones of the sparse solver if together they
-    lower the norm of the residual by more than the fraction `hysteresis`. Raises SolveFailed."""
+    """Supports that replace those of the blocks, by block: the ones of the sparse solver if
+    together they lower the norm of the residual by more than the fraction `hysteresis`, else none.
+    Raises SolveFailed."""
+    # all sums are of squared residuals
     current, share = sum(b.current for b in blocks), (1.0 - hysteresis) ** 2
     # the remaining residual is a lower bound: not even all atoms together lower it enough
     if sum(b.remaining for b in blocks) >= share * current:
@@ -171,7 +173,7 @@ def exchanged(blocks: Sequence[AtSolution], hysteresis: float) -> dict[str, Bool
     found, after = {}, 0.0
     for b in blocks:
         new = b.selected()
-        squared = b.current if new is b.support else b.after(new)
+        squared = b.current if new is b.support else b.after(new)  # None: not distinguished
         if squared is not None and new is not b.support:
             found[b.block.rows.name] = new
         after += b.current if squared is None else squared
@@ -179,7 +181,8 @@ def exchanged(blocks: Sequence[AtSolution], hysteresis: float) -> dict[str, Bool
 
 
 def chosen(blocks: Sequence[AtSolution]) -> dict[str, BoolArray]:
-    """Supports of the sparse solver, whatever the present ones are. Raises SolveFailed."""
+    """Supports of the sparse solver, by block, whatever the present ones are: those that differ.
+    Raises SolveFailed."""
     found = {}
     for b in blocks:
         name, new = b.block.rows.name, b.selected()
@@ -224,6 +227,8 @@ class BlockwiseSelection(AtomSelection):
                    {b.rows.name: b.distinguishable for b in (*thermal, *elastic)})
 
     def solve(self, step: StepFormula, memory: SparseMemory) -> StepOutcome:
+        """Solution of a step from the first supports on which there is one: those of the step
+        before, all distinguishable atoms, none."""
         starts = [self.distinguishable, self.steps.empty]
         if self.carried and any(s.any() for s in memory.supports.values()):
             starts.insert(0, memory.supports)
@@ -248,7 +253,8 @@ class BlockwiseSelection(AtomSelection):
     def _exchanged(
         self, blocks: Sequence[BlockSelection], at: SolvedStep, rows: Mapping[str, FloatArray]
     ) -> dict[str, BoolArray]:
-        """Exchanges in blocks that decide together, from the rows of each."""
+        """Supports that are exchanged in blocks that decide together; rows: block -> its residual
+        (l,) at the solution `at`."""
         x = at.outcome.x
         parts = [b.at(rows[b.rows.name], x[b.rows.at], at.supports[b.rows.name]) for b in blocks]
         bad = next((p for p in parts if not p.current < np.inf), None)

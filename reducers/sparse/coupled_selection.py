@@ -57,6 +57,7 @@ class JointSelection(AtomSelection):
         return self.steps.current(memory).solve(step, memory)[0]
 
     def thermal(self, at: SolvedStep, memory: SparseMemory) -> dict[str, BoolArray]:
+        """Other supports of thermal blocks, each by the problem of its own."""
         changed, x = {}, at.outcome.x
         for name in self.steps.heat:
             support, here = at.supports[name], x[self.steps.base.layout[name]]
@@ -68,6 +69,8 @@ class JointSelection(AtomSelection):
         return changed
 
     def elastic(self, at: SolvedStep, memory: SparseMemory) -> dict[str, BoolArray]:
+        """Other supports of the elastic blocks, by their joint problem; its last group, the border,
+        has none."""
         if not self.steps.elastic:
             return {}
         problem, start = self._mechanics(at.step, at.outcome.x, at.supports, memory)
@@ -81,14 +84,15 @@ class JointSelection(AtomSelection):
         return out.residual_norm < (1.0 - self.hysteresis) * float(np.linalg.norm(now))
 
     def _predicted(self, step: StepFormula, memory: SparseMemory) -> StepOutcome:
-        """New supports in `memory` for the step predicted from past ones, and the solution of the
-        sparse solver."""
+        """Solution of the sparse solver for the step predicted from past ones, whose supports
+        replace those in `memory`: heat first, then all elastic blocks with the border. A failure
+        where temperatures exceed their limits."""
         base, iterations = self.steps.base, 0
         now = StepUnknowns(step, memory.past.guess(step))
         x = now.x
         found: dict[str, BoolArray] = {}
         for name, at in base.heat_groups:
-            if name not in self.steps.heat:
+            if name not in self.steps.heat:  # all its atoms are active: no selection
                 now.add_temperatures(at, None, base.heat[name].solve(
                     x[at], now.v[at], now.a[at], step.t, step.c2_first).d)
                 continue
@@ -126,7 +130,8 @@ class JointSelection(AtomSelection):
     def _mechanics(
         self, step: StepFormula, x: FloatArray, supports: SupportOf, memory: SparseMemory
     ) -> tuple[MechanicsProblem, SparseStart]:
-        """Problem of all elastic blocks near the state x, and its start."""
+        """Problem of all elastic blocks near the state x (n,), and its start on these supports; the
+        border has no zeros."""
         problem = MechanicsProblem(self.steps.mechanics.working(memory).rows.rows,
                                    list(self.steps.elastic.values()), step, x)
         c = problem.start()

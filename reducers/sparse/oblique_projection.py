@@ -46,7 +46,8 @@ def row_error(block: Sampled, states: FloatArray, D: Csr, slow: Csr) -> StateErr
 
         c = (L P W S A)^-1 L P W S x        with L P W D A = 1 and L = left inverse of the rows,
 
-    with atoms A, sampled rows W and preconditioner P, at states x (n, M) whose forces f are exact.
+    with atoms A, sampled rows W and preconditioner P, at states x (n, M), less the offset of the
+    dictionary, whose forces f are exact. For S = D it is c = L P W D x.
     S = D gives the error of one step, S = `slow` that of the state to which many steps converge.
     None for constant states, or rows that do not determine the coefficients.
     """
@@ -68,6 +69,7 @@ def row_error(block: Sampled, states: FloatArray, D: Csr, slow: Csr) -> StateErr
         except SolveFailed:
             return None
         atoms = A if support is None else A[:, support]
+        # states less their projection: what the atoms represent is recovered exactly
         rest = part - atoms @ (own if support is None else own[support])
         for S in (D, slow):
             recovered = inverse @ _rows(block, S @ rest)
@@ -87,17 +89,18 @@ def checked_rows(
     if offline.recording is None:
         return None
     data = model.block_data(block.name, step=step)
-    span = max(offline.recording.end, step.h)
+    span = max(offline.recording.end, step.h)  # duration, s
     slow = data.stiffness + data.mass / span if data.order == 1 else data.stiffness
     weight = np.zeros(0) if block.weight is None else block.weight
     return error_at_states(
-        model, offline, data, step, "row_error",
-        (block.name, block.dictionary.atoms, block.dictionary.offset, block.B, weight,
-         block.test.rows, block.test.left, block.budget, data.operator, slow),
-        lambda states: row_error(block, states, data.operator, slow),
-        _SELECTED if block.selects else STATES)
+        model, offline, data, step, kind="row_error", depends=(
+            block.name, block.dictionary.atoms, block.dictionary.offset, block.B, weight,
+            block.test.rows, block.test.left, block.budget, data.operator, slow),
+        error=lambda states: row_error(block, states, data.operator, slow),
+        most=_SELECTED if block.selects else STATES)
 
 
 def _rows(block: Sampled, values: FloatArray) -> FloatArray:
+    """Preconditioned sampled rows (m, j) of columns (n, j) of the block: P W times these."""
     seen = np.asarray(block.test(values))
     return seen if block.weight is None else np.asarray(block.weight @ seen)

@@ -71,10 +71,11 @@ def capability_faults(
     Problems with fewer rows than atoms cannot be predicted where the size of the dictionary is
     unknown; these are checked when the reduced model is prepared.
     """
+    # problems: name of a block, or names of several -> capabilities that it needs
     problems, joint, choosing = dict[str, frozenset[str]](), False, []
     for name in model.reducible():
         atoms, most = budget_of(options, name)[1].atoms, largest_dictionary(model, options, name)
-        if atoms is None:
+        if atoms is None:  # all atoms are active
             continue
         if options.selection == "joint" and model.layout.block(name).kind.order == 2:
             choosing.append(name)

@@ -53,6 +53,7 @@ class HeatProblem:
 
     @classmethod
     def at(cls, s: SampledHeat, r1: FloatArray, t: float) -> "HeatProblem":
+        """Problem of a block at the end t (s) of a step with T' = c1 T + r1, r1 (k,)."""
         T, J = s.compressed
         b = plus_loads(T.constant - T.capacity @ r1, T, t)
         size = float(np.linalg.norm(J, axis=0).max())
@@ -72,7 +73,8 @@ class MechanicsProblem:
     x: state with the temperatures of the step.
 
     columns, numbers: unknowns and rows of the problem among those of the model; scale: factors of
-    the rows; groups: ranges of the blocks, with their budgets of nonzeros.
+    the rows; groups: ranges of the blocks, with their budgets of nonzeros, the border last. k:
+    number of coefficients, border: number of rigid coordinates and multipliers.
     """
 
     def __init__(
@@ -82,7 +84,7 @@ class MechanicsProblem:
         self.rows, self.step, self.x = residual, step, x
         layout, border = residual.layout, residual.border
         groups, columns, rows, scales, k = [], list[IntArray](), list[IntArray](), [], 0
-        for s in sampled:
+        for s in sampled:  # compressed[1]: operator B of the block in its rows (height, atoms)
             name, (height, atoms) = s.block.name, s.compressed[1].shape
             at, own = layout[name], residual.rows[name]
             columns.append(np.arange(at.start, at.stop))
@@ -98,7 +100,7 @@ class MechanicsProblem:
         self.needs = mechanics_needs(sampled, self.border)
         self.prescribed = residual.prescribed(step.t)
         self.scale = np.concatenate((*scales, np.ones(self.border)))
-        self._constant: FloatArray | None = None
+        self._constant: FloatArray | None = None  # the Jacobian, where it never changes
         if self.border:
             size = np.linalg.norm(self.jacobian(self.start())[-self.border :], axis=1)
             self.scale[-self.border :] = BORDER / np.where(size > 0, size, 1.0)
@@ -108,6 +110,7 @@ class MechanicsProblem:
         return self.x[self.columns]
 
     def _state(self, c: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Unknowns of the model with their rates (n,) each, at unknowns c of the problem."""
         x = self.x.copy()
         x[self.columns] = c
         return self.step.at(x - self.step.free)

@@ -88,15 +88,15 @@ class Sparse(SparseOptions):
         return step_solver(self, problem)
 
     def check(self, model: AssembledModel) -> Sequence[Fault]:
-        """Faults of the options found by counting, before any training; keys relative to the
-        reducer."""
+        """Faults of the options found by counting, before any training; each has the option to be
+        changed, keys relative to the reducer."""
         layout = model.layout
         faults = budget_faults(model, self)
         faults += unmatched_patterns(layout, "bases", self.bases)
         faults += unmatched_patterns(layout, "preconditioned", self.preconditioned)
         faults += preconditioner_faults(model, self)
-        faults += capability_faults(
-            model, self, {n for n in inverted_blocks(model, self) if not self.samples(n)})
+        faults += capability_faults(model, self, compressed={
+            n for n in inverted_blocks(model, self) if not self.samples(n)})
         faults += resampling_faults(model, self)
         faults += self._residual_faults(model)
         if not isinstance(self.carried, bool):
@@ -118,11 +118,12 @@ class Sparse(SparseOptions):
         return faults
 
     def _residual_faults(self, model: AssembledModel) -> list[Fault]:
-        """Faults of sampling D^-1 r where a step, or a draw of rows, would need operations with the
-        whole mesh."""
+        """Faults of the option `residual`: patterns without a block, and sampling D^-1 r where a
+        step, or a draw of rows, would need operations with the whole mesh."""
         faults = ([] if isinstance(self.residual, str) else
                   unmatched_patterns(model.layout, "residual", self.residual))
         inverted = [n for n in model.reducible() if self.residual_of(n) == "preconditioned"]
+        # block -> names of its local terms, and why these have no element weights
         local, whole = local_blocks(model), unweighed(model, self)
         for name in inverted:
             if name in whole:

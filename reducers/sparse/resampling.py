@@ -84,7 +84,8 @@ class Resampled(AroundSteps[StepSolver]):
     def solve(
         self, step: StepFormula, memory: ResampledMemory
     ) -> tuple[StepOutcome, ResampledMemory]:
-        """A step on the present rows, which are drawn again every `every` steps."""
+        """A step on the present rows, which are drawn again every `every` steps; a failure, at the
+        extrapolated state, where new rows do not distinguish the atoms."""
         try:
             if memory.step and memory.step % self.every == 0:
                 self._change(memory)

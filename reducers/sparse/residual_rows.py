@@ -25,8 +25,9 @@ def inverted_blocks(model: AssembledModel, options: SparseOptions) -> frozenset[
 
 
 def unweighed(model: AssembledModel, options: SparseOptions) -> dict[str, str]:
-    """Block -> reason why its local terms have no element weights, for blocks with such terms.
-    Terms between bodies need none: a contact visits the facets near it."""
+    """Block -> reason why its local terms have no element weights, with {} for the names of these
+    terms, for blocks with such terms. Terms between bodies need none: a contact visits the facets
+    near it."""
     bases = fitted_bases(model, cast(Reducer, options)).bases.values()
     trained = any(basis.needs_snapshots for basis in bases)
     why = "" if trained else (
@@ -57,8 +58,9 @@ def samplers(model: AssembledModel, options: SparseOptions) -> dict[str, Sampler
 
 
 def plain_rows(model: AssembledModel, options: SparseOptions) -> tuple[Note, ...]:
-    """Notes on blocks with plain rows that the default chose, and why."""
+    """Notes on blocks with plain rows that the default chose, and why; one for each reason."""
     auto = [n for n in model.reducible() if options.residual_of(n) == "auto"]
+    # whole: block -> why each row of D^-1 r would read all its elements
     local, drawn, anew = local_blocks(model), samplers(model, options), _anew(options)
     whole = unweighed(model, options)
     reasons: dict[str, list[str]] = {}

@@ -41,8 +41,8 @@ def compact(t: T, B: FloatArray, columns: Sequence[FloatArray]) -> Compact[T]:
     """Compressed rows of B (m, k) and of the operators in the same m sampled rows; columns: what
     the rows consist of beside B, in the order of the basis."""
     m, k = B.shape
-    if k >= m:
-        return Compact(t, B, None, m)
+    if k >= m:  # nothing to compress
+        return Compact(t, B, basis=None, reach=m)
     Z = np.linalg.qr(_unit(B))[0]
     reach = Z.shape[1]
     for A in columns:
@@ -71,6 +71,7 @@ def _joined(Z: FloatArray, A: FloatArray) -> FloatArray:
         return Z
     for _ in range(2):  # the second pass removes what rounding left of the first
         A = A - Z @ (Z.T @ A)
+    # pivoted QR: |R_ii| is the distance of column i from the span of those before it
     R, order = linalg.qr(A, mode="r", pivoting=True)
     kept = order[: len(R)][np.abs(np.diag(R)) > DEPENDENT][:room]
     # one factorization of both: a short column alone would not stay orthogonal to Z

@@ -136,12 +136,13 @@ class SampledElastic(SampledBlock[TestedElastic]):
 
     @classmethod
     def of(cls, block: Sampled, operators: TestedElastic) -> "SampledElastic":
+        """A sampled elastic block, its rows compressed where atoms are selected."""
         if not block.selects:
-            return cls(block, operators, (operators, block.B), RangeColumns.of(
-                block.name, block.B), None)
+            return cls(block, operators, compressed=(operators, block.B),
+                       columns=RangeColumns.of(block.name, block.B), basis=None)
         c = compact(operators, block.B, elastic_columns(operators))
         t, B = c.operators, c.B
-        if c.reach == len(B):
+        if c.reach == len(B):  # few active columns of all rows are read in each step
             t, B = t.by_columns(), np.asfortranarray(B)
         return cls(block, operators, (t, B), RangeColumns.of(block.name, B[: c.reach]), c.basis)
 
@@ -173,15 +174,17 @@ class SampledHeat(SampledBlock[TestedHeat]):
     ) -> "SampledHeat":
         """A sampled thermal block, its rows compressed where atoms are selected."""
         if not block.selects:
-            return cls(block, operators, (operators, block.B), RangeColumns.of(
-                block.name, block.B), None, operators, model, body, c1)
+            return cls(block, operators, compressed=(operators, block.B),
+                       columns=RangeColumns.of(block.name, block.B), basis=None,
+                       range_rows=operators, model=model, body=body, c1=c1)
         # the span of local terms is not known: as many compressed rows as sampled ones
         c = compact(operators, block.B, (
             np.eye(len(block.B)),) if body.local else heat_columns(operators))
-        in_range = np.arange(c.reach)
-        return cls(block, operators, (c.operators, c.B), RangeColumns.of(
-            block.name, c.B[in_range]), c.basis, c.operators.through(TestMap(in_range)), model,
-            body, c1)
+        in_range = np.arange(c.reach)  # rows in which B is not zero
+        return cls(
+            block, operators, compressed=(c.operators, c.B),
+            columns=RangeColumns.of(block.name, c.B[in_range]), basis=c.basis,
+            range_rows=c.operators.through(TestMap(in_range)), model=model, body=body, c1=c1)
 
     @property
     def forces(self) -> TestMap | None:
@@ -192,6 +195,7 @@ class SampledHeat(SampledBlock[TestedHeat]):
     def on(self, support: IntArray | None) -> CompressedHeat:
         """The reduced block on a support, of all atoms if None. Raises SolveFailed."""
         inverse = self.columns.left_inverse(support)
+        # the same in the sampled rows, under which local terms are evaluated
         rows = inverse if self.basis is None else inverse @ self.basis[:, : inverse.shape[1]].T
         local = local_terms(self.model, self.body, self.block.dictionary, self.block.on_all_rows(
             rows)) if self.body.local else []
@@ -217,8 +221,9 @@ def choose_rows(
     given. rows: number of rows, None for the smallest of 2, 4, 8, 16 times the number of atoms
     whose solutions are within `SPREAD` of those of all rows.
 
-    rng is used for this draw alone; a cached result leaves its state unchanged. preconditioned:
-    True for rows of D^-1 r, whose operator is the identity.
+    budget: largest number of active atoms, which the rows must at least be. rng is used for this
+    draw alone; a cached result leaves its state unchanged. preconditioned: True for rows of D^-1 r,
+    whose operator is the identity. Raises InputError for too few rows.
     """
     required, data = model.required[name], model.block_data(name, step=step)
     if preconditioned:
@@ -226,6 +231,7 @@ def choose_rows(
         data = replace(data, stiffness=one, mass=0.0 * one, damping=None)
 
     def draw(count: int) -> IntArray:
+        """Required rows and `count` others."""
         return sampled_rows(sampler, data, count, dictionary, rng, required)
 
     def make() -> dict[str, IntArray]:
@@ -276,8 +282,7 @@ def weigh(
         raise InputError(f"{name}: {reason}", "reducer.preconditioner")
 
     def make() -> dict[str, FloatArray]:
-        """Rows of the inverse of the operator as they are cached, by solves of a chunk of
-        right-hand sides at a time."""
+        """Matrix of the preconditioner as it is cached."""
         return {"P": built_weights(preconditioner, B)}
 
     stored = make() if offline is None else offline.remember(
@@ -363,6 +368,8 @@ def inverse_rows(
     One solve per row; cached if `offline` is given.
     """
     def make() -> Mapping[str, FloatArray]:
+        """Rows of the inverse as they are cached, by solves of a chunk of right-hand sides at a
+        time."""
         factor, n = model.factorize(name, operator, "rows of the inverse"), operator.shape[0]
         count = rows.shape[-1]
         inverse = np.empty((count, n))

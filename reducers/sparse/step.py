@@ -49,8 +49,9 @@ Supports = Mapping[str, BoolArray]
 
 class SampledRows:
     """Preconditioned sample of a block: `rows` P S (m, n) of its residual; B = P S D A (m, k) as
-    columns of unit length and their lengths (k,); and the sparse solver prepared for them. rows:
-    number of sampled rows, None for all of D^-1 R."""
+    columns of unit length and their lengths (k,); and the sparse solver prepared for them. The
+    argument rows: number of sampled rows, None for all of D^-1 R; inverted: True for a sample of
+    D^-1 R. Numbers in comments are those of the steps above."""
 
     def __init__(
         self, model: AssembledModel, name: str, dictionary: Dictionary, step: StepFactors,
@@ -62,10 +63,12 @@ class SampledRows:
             S = np.linalg.qr(dictionary.atoms)[0].T @ np.linalg.inv(D)
         else:
             drawn = choose_rows(
-                model, None, name, rows, budget, sampler, dictionary, rng, step, inverted)
+                model, offline=None, name=name, rows=rows, budget=budget, sampler=sampler,
+                dictionary=dictionary, rng=rng, step=step, preconditioned=inverted)
             S = np.linalg.inv(D)[drawn] if inverted else np.eye(len(D))[drawn]
         P = None if preconditioner is None else weigh(
-            None, preconditioner, name, S @ D @ dictionary.atoms)  # 2.
+            offline=None, preconditioner=preconditioner, name=name,
+            B=S @ D @ dictionary.atoms)  # 2.
         self.name, self.rows = name, S if P is None else P @ S
         B = self.rows @ D @ dictionary.atoms  # 3.
         self.lengths = np.linalg.norm(B, axis=0)
@@ -74,8 +77,9 @@ class SampledRows:
 
 
 class SparseStep:
-    """Sparse steps of a model with these dictionaries. hysteresis: fraction by which other atoms
-    must lower the norm of the residual to replace those of the step before."""
+    """Sparse steps of a model with these dictionaries; thermal, elastic: samples of its blocks.
+    hysteresis: fraction by which other atoms must lower the norm of the residual to replace those
+    of the step before. All n unknowns of the model are x = offset + E z, E (n, k)."""
 
     def __init__(
         self, model: AssembledModel, dictionaries: Mapping[str, Dictionary],
@@ -84,9 +88,9 @@ class SparseStep:
         self.model, self.thermal, self.elastic = model, thermal, elastic
         self.hysteresis = hysteresis
         self.layout = model.layout.resized({n: d.atoms.shape[1] for n, d in dictionaries.items()})
-        self.E, self.offset = np.zeros((model.layout.size, self.layout.size)), np.zeros(
-            model.layout.size)
-        for b in model.layout:  # x = offset + E z of all unknowns
+        n = model.layout.size
+        self.E, self.offset = np.zeros((n, self.layout.size)), np.zeros(n)
+        for b in model.layout:
             at, d = model.layout[b.name], dictionaries.get(b.name)
             self.E[at, self.layout[b.name]] = np.eye(b.size) if d is None else d.atoms
             self.offset[at] = 0.0 if d is None else d.offset
@@ -123,10 +127,11 @@ class SparseStep:
     def solved(self, formula: StepFormula, z: FloatArray, supports: Supports) -> FloatArray:
         """Unknowns with the equations of all rigid coordinates and joint forces, and B^+ P S R = 0
         of each block on its active atoms; other coefficients are zero. Raises SolveFailed."""
+        # equations W R = 0 with W (k, n): all rows of the border, B^+ P S of the blocks
         active, W = np.ones(len(z), np.bool_), np.zeros(self.E.T.shape)
         for b in self.layout:
-            W[self.layout[b.name], self.model.layout[b.name]] = np.eye(
-                b.size) if b.name not in supports else 0.0
+            if b.name not in supports:
+                W[self.layout[b.name], self.model.layout[b.name]] = np.eye(b.size)
         for s in (*self.thermal, *self.elastic):
             support, left = supports[s.name], s.unit.left_inverse(supports[s.name])
             if left is None:  # the rows do not distinguish these atoms
@@ -150,11 +155,13 @@ class SparseStep:
         first: bool
     ) -> dict[str, BoolArray]:
         """Supports that replace those of blocks which decide together, with all other unknowns held
-        at the solution z. first: whatever the present ones are."""
+        at the solution z, where the residual is R. first: whatever the present ones are."""
+        # squared residuals of the group, with the present supports and with the new ones
         found, now, after = dict[str, BoolArray](), 0.0, 0.0
         for s in group:
             r, c = s.rows @ R[self.model.layout[s.name]], s.lengths * z[self.layout[s.name]]
             new = s.recovery.select(r, c, supports[s.name]).support  # 4.
+            # after least squares on the new atoms, without the ones that leave; None: dependent
             left = s.unit.squared_residual(new, r - s.unit.A[:, ~new] @ c[~new])
             weight = float(s.lengths.max()) ** -2  # residuals of blocks have different units
             now += weight * float(r @ r)

@@ -88,6 +88,7 @@ class Whole:
 
     @classmethod
     def of(cls, model: AssembledModel, dictionaries: Mapping[str, Dictionary]) -> "Whole":
+        """Projection of all rows; a row set is then taken from its (n, k) matrices."""
         heat = {b.thermal: TestedHeat.of(b, dictionaries[b.thermal], TestMap())
                 for b in model.separated.heat}
         elastic = {m.elastic: TestedElastic.of(
@@ -124,7 +125,8 @@ class Build:
         self, rows: Mapping[str, IntArray], whole: Whole | None = None, row_set: int = 0
     ) -> StepSolver:
         """Step solver that evaluates the sampled rows (m,) of each block in `rows`, and all rows of
-        D^-1 r in the others.
+        D^-1 r in the others: the operators of each block under its test map (`maps`), then under
+        its preconditioner.
 
         whole: take the rows from there instead of from the full-order matrices; row_set: number of
         this set of rows in the run. Raises InputError, or SolveFailed for rows that do not
@@ -139,8 +141,10 @@ class Build:
         for b in self.model.separated.heat:
             n = b.thermal
             source = self._source(whole, n)
-            th = (source.heat[n].through(TestMap(rows[n])) if source is not None else
-                  TestedHeat.of(b, self.dictionaries[n], maps[n]))
+            if source is not None:
+                th = source.heat[n].through(TestMap(rows[n]))
+            else:
+                th = TestedHeat.of(b, self.dictionaries[n], maps[n])
             block, facts[n] = self._block(n, th.block(c1_first), maps[n], rows.get(n), notes)
             th = th.through(TestMap(left=block.weight))
             heat[n] = SampledHeat.of(block, th, self.model, b, c1_first)
@@ -149,10 +153,12 @@ class Build:
                 continue
             n = m.elastic
             source = self._source(whole, n)
-            te = (source.elastic[n].through(TestMap(rows[n])) if source is not None else
-                  TestedElastic.of(m.operators, m.frame, self.dictionaries[n],
-                                   self.dictionaries.get(m.thermal), maps[n],
-                                   rigid=self.model.separated.rigid_equations))
+            if source is not None:
+                te = source.elastic[n].through(TestMap(rows[n]))
+            else:
+                te = TestedElastic.of(
+                    m.operators, m.frame, self.dictionaries[n], self.dictionaries.get(m.thermal),
+                    maps[n], rigid=self.model.separated.rigid_equations)
             block, facts[n] = self._block(n, te.block(c1, c2), maps[n], rows.get(n), notes)
             elastic[n] = SampledElastic.of(block, te.through(TestMap(left=block.weight)))
         sampled = [*(h.block for h in heat.values()), *(e.block for e in elastic.values())]
@@ -176,23 +182,24 @@ class Build:
             raise InputError(faults)
         return reduced_general(
             self._projected(rows, maps, heat, elastic), self.options.tolerances,
-            self.options.predictor, self.limits, (*unsampled_loads(self.model, rows), *notes),
-            facts)
+            points=self.options.predictor, limits=self.limits,
+            notes=(*unsampled_loads(self.model, rows), *notes), facts=facts)
 
     def _projected(
         self, rows: Mapping[str, IntArray], maps: Mapping[str, TestMap],
         heat: Mapping[str, SampledHeat], elastic: Mapping[str, SampledElastic],
         selecting: Container[str] = ()
     ) -> ProjectedModel:
-        """All equations: under the least squares of each block's rows, with all atoms active, or of
-        the blocks `selecting` their compressed rows."""
+        """All equations: under the least squares of each block's rows, with all atoms active; of
+        the blocks `selecting`, in which atoms are selected, their compressed rows instead."""
 
         def projected(s: SampledHeat | SampledElastic) -> ProjectedBlock[Any]:
             name = s.block.name
             m = s.forces or maps[name].then(s.block.weight)
             if name in selecting:
-                return ProjectedBlock(s.compressed[0], None, m)
-            return ProjectedBlock(s.operators, s.block.left_inverse(None), m)
+                return ProjectedBlock(tested=s.compressed[0], left=None, forces=m)
+            return ProjectedBlock(
+                tested=s.operators, left=s.block.left_inverse(support=None), forces=m)
 
         return ProjectedModel(
             self.model, self.dictionaries, rows, {n: projected(s) for n, s in heat.items()},
@@ -216,8 +223,9 @@ class Build:
     def _block(
         self, name: str, B: FloatArray, test: TestMap, rows: IntArray | None, notes: list[Note]
     ) -> tuple[Sampled, Mapping[str, float | int | str]]:
-        """A block with its preconditioner, and the condition and recovery error of its rows; a note
-        is added where the rows do not determine the coefficients well."""
+        """A block with its preconditioner P, and the condition and recovery error of its rows; to
+        `notes` one is added where the rows do not determine the coefficients well. B (m, k): tested
+        operator of the block; rows: numbers of the sampled ones, None for all rows of D^-1 r."""
         P, inverted, d = None, name in self.inverted, self.dictionaries[name]
         if inverted:  # D^-1 D atoms, without the rounding of either
             B = self.compressed[name].B if rows is None else d.atoms[rows]
@@ -225,8 +233,8 @@ class Build:
             P = weigh(self.offline, self.options.preconditioner, name, B)
             if rows is not None and P is not None and len(P) < len(rows):
                 notes.append(self._compressed(name, *B.shape))
-        block = Sampled(name, d, test, self.atoms[name] or B.shape[1],
-                        B if P is None else P @ B, P)
+        block = Sampled(name, d, test, budget=self.atoms[name] or B.shape[1],
+                        B=B if P is None else P @ B, weight=P)
         measured = dict(self.weights.get(name, {}))
         if self.offline is not None:
             measured |= row_facts(B, P)
@@ -256,11 +264,17 @@ class Build:
         heat: Mapping[str, SampledHeat], elastic: Mapping[str, SampledElastic],
         facts: Mapping[str, Mapping[str, float | int | str]], row_set: int, notes: list[Note],
     ) -> Stepper | SparseStepper:
-        """Step solver; blocks in which no atoms are selected are condensed here, once."""
+        """Step solver of a model whose blocks are solved one after the other; row_set: number of
+        this set of rows in the run.
+
+        Blocks in which no atoms are selected are condensed here, once (`base`). If there is no
+        other block, that is all; the others are condensed in each step on its active atoms
+        (`SparseStepper`)."""
         fixed_heat = {n: h.on(None) for n, h in heat.items() if not h.block.selects}
         fixed = not any(block.selects for block in _blocks(heat, elastic).values())
-        # D^-1 brings every load to every row
+        # sampled rows that some loads may miss: D^-1 brings every load to every row
         plain = {n: r for n, r in rows.items() if n not in self.inverted}
+        # maps of forces on all rows, for conduction between bodies
         coupled_maps = {
             c.rows: heat[c.rows].block.on_all_rows(heat[c.rows].columns.left_inverse(None))
             for c in self.model.separated.couplings}
@@ -269,12 +283,11 @@ class Build:
             self.model, fixed_heat, self.dictionaries, coupled_maps, self.step.c1_first)
         o, sizes = self.options, {n: d.atoms.shape[1] for n, d in self.dictionaries.items()}
         base = stepper(
-            self.model, self.model.layout.resized(sizes), self.dictionaries, rows, groups,
-            o.tolerances, o.predictor,
-            len(fixed_heat) + sum(not e.block.selects for e in elastic.values()),
-            self.limits,
-            (*unsampled_loads(self.model, plain), *notes),
-            {n: e.operators for n, e in elastic.items()}, facts, visited)
+            self.model, self.model.layout.resized(sizes), self.dictionaries, rows, heat=groups,
+            tol=o.tolerances, points=o.predictor,
+            factorizations=len(fixed_heat) + sum(not e.block.selects for e in elastic.values()),
+            limits=self.limits, notes=(*unsampled_loads(self.model, plain), *notes),
+            tested={n: e.operators for n, e in elastic.items()}, facts=facts, visited=visited)
         if fixed:
             projected = self._projected(rows, maps, heat, elastic)
             base = base.with_equations(reduced_general(
@@ -295,8 +308,10 @@ class Build:
         mechanics = SupportedMechanics(
             SupportedEquations(residual), o.tolerances,
             {n: ActiveRows(np.arange(e.block.atoms)) for n, e in elastic.items()})
-        steps = SupportedSteps(replace(base, mechanics=mechanics), mechanics, selecting_heat,
-                               selecting, row_set)
+        steps = SupportedSteps(
+            base=replace(base, mechanics=mechanics), mechanics=mechanics, heat=selecting_heat,
+            elastic=selecting, row_set=row_set)
+        # fraction by which other atoms must lower the residual
         gain = o.least_gain(not {*selecting, *selecting_heat} <= self.inverted)
         carried = frozenset(n for n in steps.empty if o.carries(n))
         selection = (
@@ -332,7 +347,12 @@ def _blocks(
 
 def step_solver(options: SparseOptions, problem: ReducedProblem) -> StepSolver:
     """Step solver of the reducer for a model: bases, sampled rows of each block or all rows of D^-1
-    r compressed, weights of elements. Raises InputError and SolveFailed as `Build.solver`."""
+    r compressed, weights of elements. Raises InputError and SolveFailed as `Build.solver`.
+
+    inverted: blocks with rows of D^-1 r; sampled: blocks whose rows are drawn; counts: rows to draw
+    of each; streams: random numbers of the first draw, `later` those of further ones; effects: of
+    forces on all rows of a block on its coefficients, by which element weights are trained.
+    """
     model, h, offline = problem.model, problem.step, problem.offline
     budgets = {n: matched_option(n, options.budgets, Budget()) for n in model.reducible()}
     step = StepFactors(h, *problem.integrator.rules(h).factors)
@@ -346,25 +366,30 @@ def step_solver(options: SparseOptions, problem: ReducedProblem) -> StepSolver:
     counts = {n: budgets[n].rows for n in sampled}
 
     def draw(streams: Streams, keep: OfflineProducts | None) -> dict[str, IntArray]:
+        """Sampled rows (m,) of each block, cached in `keep` if it is given."""
         return {n: choose_rows(
-            model, keep, n, counts[n], budgets[n].atoms or 10**9, drawn[n], dictionaries[n],
-            streams[n], step, n in inverted) for n in sampled}
+            model, keep, n, rows=counts[n], budget=budgets[n].atoms or 10**9, sampler=drawn[n],
+            dictionary=dictionaries[n], rng=streams[n], step=step, preconditioned=n in inverted)
+            for n in sampled}
 
     heat = {b.thermal for b in model.separated.heat}
     later = {n: rng.spawn(1)[0] for n, rng in streams.items()}
     rows = draw(streams, offline)
+    # further draws take as many rows as the first
     counts = {n: len(r) - required_rows(model, n, drawn[n]) for n, r in rows.items()}
     local, atoms = own_terms(model), {n: d.atoms for n, d in dictionaries.items()}
     compressed = {n: CompressedRows.of(
-        model, offline, n, step, atoms[n], n in local and n not in heat)
+        model, offline, n, step, atoms[n], changing=n in local and n not in heat)
         for n in sorted(inverted) if n not in rows}
     effects = {n: effect_of_rows(model, offline, n, step, atoms[n], rows[n])
                if n in rows else compressed[n].left for n in local if n in inverted}
     weighed, weights = _weighed(options, problem, dictionaries, effects)
     build = Build(
         weighed, offline, options, dictionaries, limits,
-        {n: b.atoms for n, b in budgets.items()}, step, inverted, compressed,
-        (*unfit, *_idle(options, model, dictionaries, rows), *weights.notes()), weights.facts)
+        atoms={n: b.atoms for n, b in budgets.items()}, step=step, inverted=inverted,
+        compressed=compressed,
+        notes=(*unfit, *_idle(options, model, dictionaries, rows), *weights.notes()),
+        weights=weights.facts)
     if options.resample is None:
         return build.solver(rows)
     return _resampled(options, build, rows, later, draw)
@@ -388,7 +413,7 @@ def _idle(
     options: SparseOptions, model: AssembledModel, dictionaries: Mapping[str, Dictionary],
     rows: Mapping[str, IntArray]
 ) -> tuple[Note, ...]:
-    """Notes on options that have no effect in this run."""
+    """Notes on options that have no effect in this run; rows: sampled rows of each block."""
     atoms = {n: d.atoms.shape[1] for n, d in dictionaries.items()}
     active = {n: (matched_option(n, options.budgets, Budget()).atoms or k, k)
               for n, k in atoms.items()}
@@ -403,8 +428,9 @@ def _resampled(
     options: SparseOptions, build: Build, rows: Mapping[str, IntArray], later: Streams,
     draw: Callable[[Streams, OfflineProducts | None], Mapping[str, IntArray]],
 ) -> StepSolver:
-    """Step solver with resampling, which begins with the rows of a run without resampling;
-    later: random streams of the further draws."""
+    """Step solver with resampling, which begins with the rows of a run without resampling: with
+    `row_sets` row sets used in turn, or (None) with new rows in each draw; later: random streams of
+    the further draws."""
     assert options.resample is not None
     whole = Whole.of(build.model, build.dictionaries)
     first = build.solver(rows, whole)
@@ -415,7 +441,9 @@ def _resampled(
             return online.solver(rows, whole, number)
 
         return Resampled(
-            first, (first,), options.resample, lambda s: draw(s, None), fresh, later)
+            first, sets=(first,), every=options.resample, draw=lambda s: draw(s, None),
+            fresh=fresh, streams=later)
     others = [build.solver(draw(branched(later), build.offline), whole, i)
               for i in range(1, options.row_sets)]
-    return Resampled(first, (first, *others), options.resample, None, None, {})
+    return Resampled(first, sets=(first, *others), every=options.resample, draw=None, fresh=None,
+                     streams={})

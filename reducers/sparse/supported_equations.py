@@ -100,9 +100,11 @@ class SupportedEquations(StepEquations):
     """Mechanical equations on a support, for known temperatures. all_rows: rows of all blocks, at
     the solution of a step; rows: those of mechanics.
 
-    support, with blocks: elastic blocks on it, their unknowns, rows and left inverses; inactive:
-    unknowns that are zero; needed (n,): unknowns of mechanics that are not. Of a step, restricted:
-    residual as a function of the unknowns that are nonzero, numbered `in_use` among all."""
+    support, with blocks: of each elastic block the numbers of its active unknowns (s,), its rows,
+    and its left inverse (s, rows), None for rows that are times it already; inactive: unknowns that
+    are zero; needed (n,): unknowns of mechanics that are not. sizes: norms of the rotation matrices
+    of bodies with prescribed motion (`PrescribedBody.contraction`). Of a step, restricted: residual
+    as a function of the unknowns that are nonzero, numbered `in_use` among all."""
 
     named = ()
     solved: IntArray
@@ -119,7 +121,8 @@ class SupportedEquations(StepEquations):
         return own
 
     def take(self, support: "SupportedMechanics") -> None:
-        """Continues on another support."""
+        """Continues on another support: sets what depends on it, listed above, and the unknowns
+        `solved` for which the Jacobian is not the identity."""
         if self.support is support:
             return
         layout, rows = self.layout, self.rows.rows
@@ -132,19 +135,19 @@ class SupportedEquations(StepEquations):
         driven = {d.at.start: d for d in rows.prescribed_bodies} if rows.linear else {}
         for name, block in support.blocks.items():
             at, own, left = layout[name], rows.rows[name], block.left
-            if left is not None:
+            if left is not None:  # it reads the first rows alone
                 own = slice(own.start, own.start + left.shape[1])
             self.blocks.append((at.start + block.active, own, left))
             if (d := driven.get(at.start)) is None:
                 continue
-            if left is None:
+            if left is None:  # beyond the leading atoms the Jacobian is the identity
                 free[at.start + d.leading : at.stop] = False
                 self.sizes.append(d.sizes)
-            else:
+            else:  # the Jacobian is exact: no rest outside of a leading part
                 G = left @ d.generators[:, : left.shape[1], block.active]
                 self.sizes.append(np.stack([np.linalg.norm(G, axis=(1, 2)), np.zeros(len(G))], 1))
         self.solved = np.flatnonzero(free)
-        self.price = 8 + len(self.solved) // 40
+        self.price = 8 + len(self.solved) // 40  # as of `Reduced`
 
     def begin(self, step: StepFormula, d: FloatArray) -> None:
         """Begins a step: inactive coefficients go to zero; where few columns are nonzero, the
@@ -165,6 +168,8 @@ class SupportedEquations(StepEquations):
             step.free_rate[use], step.h, before), d[use])
 
     def residual(self, d: FloatArray, slope: bool = False) -> FloatArray:
+        """Residual (n,): border rows, d + B^+ R of active coefficients, and the value of inactive
+        ones."""
         own = d if isinstance(self.in_use, slice) else d[self.in_use]
         R, r = self.restricted.residual(own), np.zeros(len(d))
         r[self.rows.rows.border] = R[self.restricted.border_rows]
@@ -188,11 +193,12 @@ class SupportedEquations(StepEquations):
         return found
 
     def jacobian(self, at: Linearisation) -> FloatArray:
+        """Jacobian of the unknowns `solved` by each other."""
         rows, use = self.rows.on_nonzero(self.needed, at.x, at.v, at.a)
         J = rows.slope_at(Linearisation(at.x[use], at.v[use], at.a[use], at.t, at.c))
         columns = self.solved if isinstance(use, slice) else np.searchsorted(use, self.solved)
         J, n = J[:, columns], self.layout.size
-        whole = np.zeros((n, len(self.solved)))
+        whole = np.zeros((n, len(self.solved)))  # of all rows; B^+ D = 1 is part of J
         whole[self.rows.rows.border] = J[rows.border_rows]
         for atoms, span, left in self.blocks:
             whole[atoms] = J[span] if left is None else left @ J[span]
@@ -234,6 +240,8 @@ class SupportedMechanics(LoopMechanics):
         return found
 
     def alone(self) -> Mapping[str, FloatArray]:
+        """Elastic block -> (s, 2 s): response of its active coefficients to changes of their r1 and
+        r2 with all other unknowns fixed, -B^+ [damping, mass]."""
         found, rows = {}, self.sampled.rows.rows
         for b in rows.bodies:
             if b.tested is not None:

@@ -68,6 +68,7 @@ class SupportedSteps:
     def _made(self, memory: SparseMemory, supports: SupportOf) -> Stepper:
         """Step solver on these supports, from the parts of each block that are kept in `memory`."""
         def part(kept: dict[Supports, T], name: str, make: Callable[[IntArray | None], T]) -> T:
+            """The kept part of a block on its support, or one by `make` of its active atoms."""
             support = supports[name]
             key = self.row_set, name, support.tobytes()
             return memory.counted_part(kept, key, lambda: make(numbers(support)))
@@ -148,24 +149,27 @@ class AtomSelection(ABC):
         self, step: StepFormula, memory: SparseMemory, start: SupportOf
     ) -> StepOutcome | None:
         """Solution of a step whose supports are selected at its solution on the supports `start`:
-        thermal ones first, because temperatures load the bodies, then elastic ones. None where
-        there is no solution on `start`."""
+        thermal ones first, because temperatures load the bodies, then elastic ones. Where `start`
+        is not the supports of the step before (`fresh`), up to `ROUNDS` exchanges are made, else
+        one. None where there is no solution on `start`."""
         steps, fresh, supports = self.steps, start is not memory.supports, start
         kept, linearised_on = memory.kept, memory.linearised_on
 
         def solved(guess: FloatArray | None) -> SolvedStep:
+            """The step on the present `supports`, from a guess (n,), None: extrapolated."""
             # as if the step had not been solved on other supports
             memory.kept, memory.linearised_on = kept.copy(), linearised_on
             now = steps.on(memory, supports) if fresh or guess is not None else (
                 steps.current(memory))
             return SolvedStep(step, now.trial_solution(step, memory, guess), now, supports, fresh)
 
-        at = solved(None)
+        at = solved(guess=None)
         if not at.outcome.status.ok:
             memory.kept, memory.linearised_on = kept, linearised_on
             return None
         for select in (self.thermal, self.elastic):
             for repeated in range(ROUNDS if fresh else 1):
+                # the first exchange without earlier supports takes those of the solver as they are
                 found = select(replace(at, fresh=False) if repeated else at, memory)
                 if not found:
                     break
@@ -203,6 +207,8 @@ class SparseStepper(AroundSteps[Stepper]):
             factorizations=self.base.factorizations, supports=self.steps.empty)
 
     def solve(self, step: StepFormula, memory: SparseMemory) -> tuple[StepOutcome, SparseMemory]:
+        """A step with a selection, or on the supports of the step before; a failure, at the
+        extrapolated state, where no atoms can be selected."""
         selects = memory.step % self.every == 0
         memory.step += 1
         try:
