@@ -27,6 +27,7 @@ def compresses(preconditioner: Preconditioner, rows: int, atoms: int) -> bool:
 def local_blocks(model: AssembledModel) -> dict[str, str]:
     """Block -> names of the bodies, loads and contacts whose terms are evaluated element by element
     in each step there, e.g. radiation or a table of conductivity."""
+    # id of a term -> its body, load or contact
     part = {id(term): name for name, terms in model.by_part.items() for term in terms}
     found: dict[str, list[str]] = {}
     for heat in model.separated.heat:
@@ -42,6 +43,7 @@ def local_blocks(model: AssembledModel) -> dict[str, str]:
 
 
 def block_size(model: AssembledModel, name: str) -> int:
+    """Number of unknowns of a block."""
     place = model.layout[name]
     return int(place.stop - place.start)
 

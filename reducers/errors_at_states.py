@@ -52,7 +52,7 @@ def error_at_states(
 ) -> StateError | None:
     """Error of a block, a function of its states (n, M), at `most` training snapshots, or estimates
     of the states where there was no training; cached as `kind`, by what it `depends` on. None
-    without states, or where it is undefined for these."""
+    without states, or where it is undefined for these (cached as an empty array)."""
     if offline.recording is None:
         return None
     end = max(offline.recording.end, step.h)

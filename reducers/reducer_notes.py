@@ -82,7 +82,8 @@ def unselected(reducer: Plugin, active: Mapping[str, tuple[int, int]]) -> tuple[
 def shadowed_basis(
     reducer: Plugin, model: AssembledModel, bases: Mapping[str, object]
 ) -> tuple[Note, ...]:
-    """Note on a changed option `basis` where `bases` sets the basis of every block."""
+    """Note on a changed option `basis` where `bases` (block pattern -> basis) sets the basis of
+    every block, or where the scene has no block to reduce."""
     named_in_bases = dict.fromkeys(bases, True)
     if not all(matched_option(name, named_in_bases, False) for name in model.reducible()):
         return ()

@@ -115,7 +115,8 @@ class ReducedStepOptions(StepOptions):
             at_few_steps=chosen)
 
     def error_estimator(self, problem: ReducedProblem, solver: StepSolver) -> ErrorEstimator | None:
-        """Estimator of the errors of runs of `solver`, None without the option."""
+        """Estimator of the errors of runs of `solver`, None without the option. Raises InputError
+        for an integrator with several solves in a step, if a number of steps is asked for."""
         limit = self.error_limit
         if limit.at_few_steps == "on" or limit.at_few_steps == "auto" and problem.estimated:
             from sparsemor.reducers.estimation.estimate_interval import affordable_model

@@ -66,7 +66,8 @@ def spanned(
     blocks or in those of `blocks`.
 
     Where all atoms are used the solution depends on their span alone. Directions with singular
-    values below DEPENDENT times the largest are left out.
+    values below DEPENDENT times the largest are left out. Limits of coefficients grow with the
+    change of basis, and a note says so.
     """
     dictionaries, limits, notes = dict(bases.dictionaries), dict(bases.limits), list(bases.notes)
     for name, d in bases.dictionaries.items():
@@ -75,7 +76,7 @@ def spanned(
             continue
         made = offline.remember("span", (d.atoms,), partial(_span, d.atoms))
         atoms, scale = np.asarray(made["atoms"], dtype=np.float64), float(made["scale"])
-        if not atoms.shape[1]:
+        if not atoms.shape[1]:  # independent atoms stay as they are
             continue
         dictionaries[name] = replace(
             d, atoms=atoms, provenance=tuple(f"span {i}" for i in range(atoms.shape[1])),

@@ -95,7 +95,7 @@ class Auto(ReducedStepOptions):
             if data.order == 1:
                 needless = name in ref.constant
             else:
-                size = float(np.ptp(data.coordinates, axis=0).max())
+                size = float(np.ptp(data.coordinates, axis=0).max())  # of the body, m
                 needless = largest(problem.offline.snapshots(name)) <= RIGID * size
             found += [name] if needless else []
         return tuple(found)
@@ -128,7 +128,15 @@ class Auto(ReducedStepOptions):
 
 
 class Search:
-    """Trial runs for one problem: numbers of atoms by block, and the reducer."""
+    """Trial runs for one problem: numbers of atoms by block, and the reducer.
+
+    ref: snapshots that errors are measured by; sources: options of the bases of each block; moving:
+    blocks over which loads move, whose bases need no training; heat: elastic block -> thermal block
+    of its body. Of the last bases, projection_errors: block -> error (k + 1,) by the number of
+    atoms, and targets: largest one allowed; lead: atoms that a basis has beyond its option `count`.
+    trials: all trial runs; last: step solver and states of the last one, None if it failed. tau:
+    tolerance of ECSW weights, 0 for Galerkin projection; rejected: why ECSW was.
+    """
 
     def __init__(self, auto: Auto, problem: ReducedProblem) -> None:
         self.auto, self.problem = auto, problem
@@ -147,6 +155,7 @@ class Search:
             data = problem.model.block_data(name)
             if data.heat is not None:
                 self.heat[name] = data.heat.name
+            # displacements under a heat source that moves
             carried = data.order == 2 and data.heat is not None and data.heat.moving
             if name in self.ref.constant:
                 self.sources[name] = lambda k: dict(CONSTANT)
@@ -184,6 +193,7 @@ class Search:
         offline, share = self.problem.offline, self.auto.learning
         self.largest(self.problem)
         whole = {n: self._needed(n) for n in self.sources if self._learns(n)}
+        # left: number of first parts that may still be tried after this one
         for left in reversed(range(PARTS if self.ref.runs == 1 else 1)):
             self.ref = self.ref.after(share)
             said = (f"learned from the first {share:.3g} of it" if self.ref.runs == 1 else
@@ -212,7 +222,9 @@ class Search:
         self, whole: Projection, least: Mapping[str, int], said: str = ""
     ) -> dict[str, int]:
         """Numbers of atoms, at least those of `least`, that meet the tolerance, among those of the
-        largest model; said: what its bases have learned, "" for the whole training run."""
+        largest model `whole`: they grow from trial run to trial run, of ECSW where that may pay,
+        else of Galerkin projection. said: what its bases have learned, "" for the whole training
+        run."""
         total = {n: d.atoms.shape[1] for n, d in whole.dictionaries.items()}
         counts = {n: min(max(self._needed(n), least.get(n, 1)), total[n]) for n in total}
         if self._hyper(whole, counts):
@@ -247,6 +259,7 @@ class Search:
     ) -> dict[str, int]:
         """Numbers of atoms after a trial run: more in blocks that are not accurate enough, and in
         the temperatures that act on them. aim: share of its limit to which an error shall fall."""
+        # factors: block -> factor of its target
         share, factors = HELD_OUT if trial.holdout else SAFE, dict[str, float]()
         limit = share * self.auto.tolerance
         for name, error in trial.errors.items():
@@ -260,8 +273,9 @@ class Search:
         return more
 
     def _tried(self, projection: Projection, method: str, said: str) -> TrialRun:
-        """Trial run of a method with this projection; its states are kept if its errors are within
-        the tolerance. said: what is reported of it, "" for nothing."""
+        """Trial run of a method with this projection, added to `trials`; its states are kept in
+        `last` if its errors are within the tolerance. said: what its bases have learned, "" for
+        the whole training run, of which nothing is held out then."""
         try:
             solver = projection.solver()
             trial, states = self.ref.run(method, solver, bool(said))
@@ -286,15 +300,16 @@ class Search:
     def _weighted(
         self, whole: Projection, counts: dict[str, int], total: Mapping[str, int], said: str
     ) -> dict[str, int]:
-        """Numbers of atoms with which ECSW meets the tolerance. Each attempt trains weights of
-        its own; where the first part of the training run has been tried, the whole is tried
-        once."""
+        """Numbers of atoms with which ECSW meets the tolerance, from `counts` up to `total`; said:
+        see `sized`. Each attempt trains weights of its own; where the first part of the training
+        run has been tried, the whole is tried once."""
         if self.tau and not said:
-            self._tried(self._weighed(whole, counts, False), f"ecsw, tau {self.tau:.1g}", "")
+            self._tried(
+                self._weighed(whole, counts, part=False), f"ecsw, tau {self.tau:.1g}", said="")
             return counts
         self.tau = 0.1 * self.auto.tolerance
         for attempt in range(WEIGHINGS):
-            projection = self._weighed(whole, counts, bool(said))
+            projection = self._weighed(whole, counts, part=bool(said))
             trial = self._tried(projection, f"ecsw, tau {self.tau:.1g}{said and ', '}{said}", said)
             more = self._grown(counts, total, trial, NEARER if said else TIGHTER)
             if more == counts or attempt + 1 == WEIGHINGS:
@@ -318,7 +333,8 @@ class Search:
             problem.model, leading.dictionaries, problem.offline, problem.step))
 
     def choice(self, counts: Mapping[str, int]) -> Choice:
-        """The chosen reducer, and what speaks for and against it."""
+        """The chosen reducer, and what speaks for and against it: errors of the last trial runs
+        within the tolerance (reasons) or above it (doubts), and how projection errors fall."""
         tolerance = self.auto.tolerance
         reasons = [self.rejected] if self.rejected else []
         doubts: list[str] = []
@@ -339,7 +355,7 @@ class Search:
                            "which need no training")
         for name, fall in self.projection_errors.items():
             k = counts[name]
-            ten = np.flatnonzero(fall[k:] <= 0.1 * fall[k])
+            ten = np.flatnonzero(fall[k:] <= 0.1 * fall[k])  # further atoms for a tenth of it
             if name not in self.ref.constant:
                 reasons.append(f"{name}: projection error {fall[k]:.1e} with {k} atoms, a tenth of "
                                + (f"it with {k + int(ten[0])}" if ten.size else

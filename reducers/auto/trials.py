@@ -55,15 +55,17 @@ class TrainingReference:
         for name in model.reducible():
             X = problem.offline.snapshots(name)
             runs = 1 if taken is None else taken.runs
+            # with integrators of second order one snapshot is an additional one of the start
             count = X.shape[1] // runs - int(taken is not None and taken.integrator.order > 1)
             found = np.array([largest_change(x) for x in np.split(X, runs, axis=1)])
-            changes, size = found[:, 0], found[:, 1].max()
+            changes, size = found[:, 0], found[:, 1].max()  # (runs,), and the largest norm
             if changes.max() <= CONSTANT_CHANGE * size:
                 constant.add(name)
                 changes = np.full(runs, size or 1.0)
             scales[name] = np.where(changes > LEAST * changes.max(), changes, np.inf)
         every = 1 if taken is None else taken.every
-        return cls(problem, scales, frozenset(constant), count, every, 0).after(learning)
+        return cls(
+            problem, scales, frozenset(constant), count, every, first=0).after(learning)
 
     @property
     def runs(self) -> int:
@@ -97,6 +99,7 @@ class TrainingReference:
             for _, part in column_chunks(self.of_run(name, run)):
                 x = part - d.offset[:, None]
                 size = np.sum(x * x, axis=0)
+                # (k + 1, M): squared norms of what 0, 1, .. k orthonormal atoms leave
                 left = np.vstack([size, size - np.cumsum((Q.T @ x) ** 2, axis=0)])
                 np.maximum(worst, left.max(axis=1) / scale**2, out=worst)
         return np.sqrt(np.maximum(worst, 0.0))
@@ -111,6 +114,7 @@ class TrainingReference:
         h, integrator = problem.step, problem.integrator
         assert isinstance(problem.model, Model)
         atoms = {n: d.atoms.shape[1] for n, d in solver.dictionaries.items()}
+        # coefficients at the times of the snapshots, and numbers of the states that are returned
         kept = {n: np.zeros((k, self.count)) for n, k in atoms.items()}
         ok, steps = True, (self.count - 1) * self.every
         due = {round(i * steps / (LINEARIZED - 1)) for i in range(LINEARIZED)}
@@ -134,10 +138,10 @@ class TrainingReference:
             ms = 1e3 * (time.process_time() - begun) / max(steps, 1)
         errors = {n: self._errors(n, d, kept[n]) if ok else np.full(self.count, np.inf)
                   for n, d in solver.dictionaries.items()}
+        on_rest = {n: float(e[self.first:].max()) for n, e in errors.items()} if holdout else {}
         trial = TrialRun(
-            method, atoms, {n: float(e.max()) for n, e in errors.items()},
-            {n: float(e[self.first:].max()) for n, e in errors.items()} if holdout else {},
-            ms, sum(solver.elements_touched.values()))
+            method, atoms, {n: float(e.max()) for n, e in errors.items()}, on_rest, ms,
+            sum(solver.elements_touched.values()))
         return trial, states if ok else ()
 
     def _errors(self, name: str, d: Dictionary, c: FloatArray) -> FloatArray:

@@ -20,8 +20,9 @@ from sparsemor.reducers.step.reduced_equations import Reduced
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BodyModes:
-    """Modes of one body in the Jacobian: their range, that of its temperatures, and its rigid
-    unknowns (n,); diagonal (q,), coupling (q, qT) with temperatures, column (q, n), row (n, q)."""
+    """Modes of one body in the Jacobian: their range `at`, that of its temperatures, and its rigid
+    unknowns (n,). Its parts: diagonal (q,) of the modes by themselves, coupling (q, qT) with
+    temperatures, column (q, n) of the modes by rigid unknowns, row (n, q) of these by the modes."""
 
     at: slice
     thermal: slice
@@ -50,6 +51,7 @@ class BorderedModes:
         """The Jacobian at unknowns x with rates v and a (n,) at t, s, with dv = c1 dx, da = c2 dx
         (temperatures: c1_first). spaces: block -> the modes in which its equations are written.
         Raises RuntimeError where it is singular."""
+        # S (N, N): Schur complement of the modes in the border; number: unknown -> number in it
         border = equations.border
         number = np.zeros(equations.layout.size, dtype=np.int64)
         number[border] = np.arange(len(border))
@@ -60,12 +62,14 @@ class BorderedModes:
             if (b := body.tested) is None:
                 continue
             space = spaces[body.step.elastic_name]
+            # K + c1 C + c2 M and the diagonal of the rotation sum_g (kappa_g + c1 mu_g) G_g
             diagonal = (space.stiffness + c1 * space.damping + c2 * space.mass
                         + made.turning[: len(b.generators)]
                         @ np.diagonal(b.generators, axis1=1, axis2=2))
             S[at] -= made.row @ (made.column / diagonal[:, None])
-            bodies.append(BodyModes(body.step.elastic, body.step.thermal, made.at, diagonal,
-                                    b.coupling, made.column, made.row))
+            bodies.append(BodyModes(
+                at=body.step.elastic, thermal=body.step.thermal, rigid=made.at, diagonal=diagonal,
+                coupling=b.coupling, column=made.column, row=made.row))
         if not len(border):  # all frames are prescribed
             none = np.zeros(0, dtype=np.int64)
             for body in equations.bodies:
@@ -73,14 +77,16 @@ class BorderedModes:
                     space = spaces[body.step.elastic_name]
                     diagonal = space.stiffness + c1 * space.damping + c2 * space.mass
                     bodies.append(BodyModes(
-                        body.step.elastic, body.step.thermal, none, diagonal, b.coupling,
-                        np.zeros((space.size, 0)), np.zeros((0, space.size))))
+                        at=body.step.elastic, thermal=body.step.thermal, rigid=none,
+                        diagonal=diagonal, coupling=b.coupling,
+                        column=np.zeros((space.size, 0)), row=np.zeros((0, space.size))))
         heat = tuple((equations.layout[n], s.stiffness + c1_first * s.damping)
                      for n, s in spaces.items() if equations.layout.block(n).kind.order == 1)
         return cls(heat, tuple(bodies), border, equations.factorize(S) if len(border) else None)
 
     def solve(self, r: FloatArray) -> FloatArray:
-        """Solution (n,) for a right-hand side r (n,)."""
+        """Solution (n,) for a right-hand side r (n,): heat, displacements without border, border,
+        and what it changes in the displacements."""
         z, rest = np.zeros(len(r)), r.copy()
         for at, diagonal in self.heat:
             z[at] = r[at] / diagonal

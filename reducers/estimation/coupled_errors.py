@@ -103,7 +103,7 @@ class CoupledErrors:
     def start(self, full: State, reduced: State) -> dict[str, FloatArray]:
         """Memory of the estimate at the start of a run: errors (s, n) of the initial state with
         their rates and the integrator's history, and the state itself (3, n) with its time, in the
-        coordinates of the error spaces."""
+        coordinates of the error spaces. Keys: `_memory`."""
         layout, (known, outside) = self.equations.layout, self.projected([reduced])[0]
         spaces, e = {b.name: b for b in self.spaces}, np.zeros((3, layout.size))
         for block in layout:
@@ -116,7 +116,7 @@ class CoupledErrors:
         x, v, a = e
         error = State(full.t, x, v, a, np.zeros((layout.size, 0)))
         return self._memory(error_start(
-            self.integrator, 1, layout, error), known, outside, 0)
+            self.integrator, 1, layout, error), known, outside, count=0)
 
     def corrected(self, full: State, memory: Mapping[str, FloatArray]) -> State:
         """A state of the full model plus the estimated errors and their rates."""
@@ -142,11 +142,13 @@ class CoupledErrors:
         states of the run; `memory` is brought to the last."""
         if not paths:
             return {n: np.zeros(0) for n in self.blocks}
+        # steps of the run in one of the error equation; 0: the first estimate of a run
         copy, stride = self.working(), int(memory["steps"])
         first, chosen = stride == 0, list[Sequence[State]]()
-        for path in paths:
+        for path in paths:  # every `stride`-th state, the last one included
             stride = self._stride(path[-1], stride or self.every)
             chosen.append(path[(len(path) - 1) % stride :: stride])
+        # few estimates of a vibrating model: the first estimate includes errors of its first steps
         vibrates = any(b.kind.order == 2 for b in self.equations.layout)
         first_states = paths[0][:FIRST] if (
             first and vibrates and np.isinf(self.turn) and self.every > 1) else ()
@@ -166,6 +168,7 @@ class CoupledErrors:
         rate, h = 0.0, self.h / self.every
         for b in self.reduced:
             if b.kind.quantity is Quantity.POSE:
+                # angular rate, rad/s: twice that of a quaternion, or that of the last coordinate
                 v = state.v[self.reduced[b.name]]
                 rate = max(rate, 2.0 * float(np.linalg.norm(v[-4:])) if b.size == FREE_POSE
                            else abs(float(v[-1])))
@@ -191,8 +194,10 @@ class CoupledErrors:
         self, run: Sequence[tuple[StateAt, FloatArray]], memory: dict[str, FloatArray],
         permitted: FloatArray | float = 0.0
     ) -> dict[str, FloatArray]:
-        """Error norms of each block after a step of the error equation to each of these states;
-        where the number of the run's steps in it changes, the integrator's history begins anew."""
+        """Error norms of each block after a step of the error equation to each of these states,
+        which come with their parts (3, m) outside of the error spaces; `memory` is brought to the
+        last. Where the number of the run's steps in one changes, the integrator's history begins
+        anew. permitted: residual (n,) that the error equation keeps."""
         found: dict[str, list[float]] = {n: [] for n in self.blocks}
         for at, outside in run:
             x, v, a, *history = memory["errors"]
@@ -213,7 +218,7 @@ class CoupledErrors:
         self, at: StateAt, error: State, count: int, permitted: FloatArray | float
     ) -> State:
         """Errors at a state of the run from those `count` steps before: R(state + error) =
-        `permitted`."""
+        `permitted`, by Newton's method with one Jacobian."""
         layout, h = self.equations.layout, self.h / self.every
         rules = error_rules(self.integrator, count, h)
         formula = step_formula(rules, layout, error, count * h)
@@ -292,6 +297,9 @@ class CoupledErrors:
     def _memory(
         error: State, at: StateAt, outside: FloatArray, count: int
     ) -> dict[str, FloatArray]:
+        """Memory of an estimate: errors [x, v, a, history] (s, n); state that was reduced last (3,
+        n), its time, s, and its part outside of the error spaces (3, m); number of the run's steps
+        in the last step, 0 at the start."""
         return {"errors": np.vstack([error.x, error.v, error.a, error.memory.T]),
                 "reduced": np.stack([at.x, at.v, at.a]), "time": np.array(at.t),
                 "outside": outside, "steps": np.array(count)}

@@ -77,7 +77,8 @@ def is_whole(model: AssembledModel) -> bool:
 
 class _Builder:
     """Error spaces and equations of all blocks, one after the other: those of heat first, whose
-    errors act on displacements."""
+    errors act on displacements. h: step of the error equation, s, over `every` steps of the run;
+    step: its factors; turn, margin: see `CoupledErrors`."""
 
     def __init__(
         self, problem: ReducedProblem, solver: StepSolver, every: int, whole: bool,
@@ -110,11 +111,13 @@ class _Builder:
             blocks.layout, self.problem.integrator, self.notes)
 
     def coupled(self) -> CoupledErrors:
-        """The error equation of the whole model, with each block projected on its error space."""
+        """The error equation of the whole model, with each block projected on its error space: the
+        modes of the errors are its trial basis (`dictionaries`) and its test basis."""
         heat, elastic, spaces = {}, {}, dict[str, ErrorSpace]()
         dictionaries = {}
 
         def add(name: str, space: ErrorSpace) -> TestMap:
+            """Takes the error space of a block as its basis; returns the test map of its modes."""
             spaces[name] = space
             dictionaries[name] = Dictionary(space.modes, self.dictionary(name).offset, ())
             return TestMap(left=np.ascontiguousarray(space.modes.T))
@@ -122,8 +125,8 @@ class _Builder:
         for b in self.model.separated.heat:
             test = add(b.thermal, self._heat_space(b))
             heat[b.thermal] = ProjectedBlock(
-                TestedHeat.of(b, dictionaries[b.thermal], test),
-                np.eye(spaces[b.thermal].size), test)
+                tested=TestedHeat.of(b, dictionaries[b.thermal], test),
+                left=np.eye(spaces[b.thermal].size), forces=test)  # rows as they are
         for m in self.model.separated.moving:
             if m.operators is None:
                 continue
@@ -142,20 +145,24 @@ class _Builder:
             tested = TestedElastic.of(
                 replace(m.operators, local=()), m.frame, dictionaries[m.elastic],
                 dictionaries.get(m.thermal), test)
-            elastic[m.elastic] = ProjectedBlock(tested, np.eye(spaces[m.elastic].size), test)
-        projected = ProjectedModel(self.model, dictionaries, {}, heat, elastic)
-        blocks = [ReducedBlock(
-            name, space, dictionaries[name].offset,
-            self.projected(name, space) or InModes(
-                least_squares_coefficients(space.modes, self.dictionary(name).atoms)))
-            for name, space in spaces.items()]
+            elastic[m.elastic] = ProjectedBlock(
+                tested=tested, left=np.eye(spaces[m.elastic].size), forces=test)
+        projected = ProjectedModel(
+            self.model, dictionaries, rows={}, heat=heat, elastic=elastic)
+        blocks = []
+        for name, space in spaces.items():
+            states = self.projected(name, space) or InModes(
+                least_squares_coefficients(space.modes, self.dictionary(name).atoms))
+            blocks.append(ReducedBlock(name, space, dictionaries[name].offset, states))
         separated = self.model.separated
         varying = bool(separated.between) or any(
             map(self.local.has_nonlinear_stiffness, separated.moving))
         return CoupledErrors(
-            self.every, self.h, tuple(blocks), dense_equations(projected, True),
-            self.model.layout, self.solver.layout, self.problem.integrator, self.turn, self.margin,
-            varying, 2 if separated.elastic_local else 1, tuple(self.notes))
+            every=self.every, h=self.h, spaces=tuple(blocks),
+            equations=dense_equations(projected, by_elements=True), full=self.model.layout,
+            reduced=self.solver.layout, integrator=self.problem.integrator, turn=self.turn,
+            margin=self.margin, varying=varying, passes=2 if separated.elastic_local else 1,
+            notes=tuple(self.notes))
 
     def dictionary(self, name: str) -> Dictionary:
         """Trial basis of a block; all its unknowns where it is not reduced."""
@@ -177,12 +184,14 @@ class _Builder:
         return Projected.of(d.atoms, space)
 
     def _heat_space(self, b: HeatBody) -> ErrorSpace:
+        """Space of the errors of temperatures."""
         d = self._spanned(b.thermal)
         columns = [*residual_columns(b, d.atoms, d.offset, d.atoms), self.local.of_heat(b, d)]
         return self._space(b.thermal, self.local.tangent_of_heat(b), d, columns)
 
     def _elastic_space(self, m: MovingBody, errors: FloatArray) -> ErrorSpace:
-        """errors (nT, q): modes of the errors of the body's temperatures."""
+        """Space of the errors of displacements; errors (nT, q): modes of those of the body's
+        temperatures."""
         assert m.operators is not None
         d, o = self._spanned(m.elastic), m.operators
         hot = self.dictionary(m.thermal) if m.thermal in self.model.layout else None
@@ -193,16 +202,20 @@ class _Builder:
     def _space(
         self, name: str, operators: Operators, d: Dictionary, columns: Sequence[FloatArray]
     ) -> ErrorSpace:
+        """Space of the errors of a block with atoms d; columns (n, j): what its residual consists
+        of."""
         model, at = self.model, self.model.layout[name]
         starts = np.column_stack([model.x0[at] - d.offset, model.v0[at]])
-        return error_space(name, model, operators, d.atoms, columns, starts, self.step,
-                           self.problem.offline, self.whole)
+        return error_space(
+            name, model, operators, atoms=d.atoms, sources=columns, starts=starts, step=self.step,
+            offline=self.problem.offline, coupled=self.whole)
 
 
 class _Coordinates:
     """Error equations of blocks whose frames are prescribed. bases: block -> basis of the
-    coordinates that its residual is evaluated in, the modes of its errors where these do not span
-    its atoms, and `layout` of these coordinates."""
+    coordinates that its residual is evaluated in: its atoms, or the modes of its errors where these
+    do not span them; layout: of these coordinates; states: block -> map of its coefficients to
+    them."""
 
     def __init__(self, build: _Builder, spaces: Mapping[str, ErrorSpace]) -> None:
         self.build, self.spaces = build, spaces
@@ -216,6 +229,7 @@ class _Coordinates:
             {n: d.atoms.shape[1] for n, d in self.bases.items()})
 
     def heat(self, b: HeatBody) -> BlockErrors:
+        """Error equation of temperatures."""
         name = b.thermal
         tested = TestedHeat.of(b, self.bases[name], TestMap(left=self.spaces[name].modes.T))
         return self._block(name, HeatResidual.of(self.layout[name], tested))
@@ -229,9 +243,10 @@ class _Coordinates:
         tested = TestedElastic.of(
             o, m.frame, self.bases[name], self.bases.get(m.thermal), test, rigid=False)
         step = BodyStep(
-            m.name, tested.frame, m.to_border, m.origin, layout[name],
-            layout[m.thermal] if m.thermal in layout else slice(0, 0), name, m.guide)
-        warmth = None
+            m.name, tested.frame, m.to_border, m.origin, elastic=layout[name],
+            thermal=layout[m.thermal] if m.thermal in layout else slice(0, 0), elastic_name=name,
+            guide=m.guide)
+        warmth = None  # loads of the modes by errors of temperatures, (qT, q)
         if o.coupling is not None and warm is not None:
             warmth = np.ascontiguousarray((test(o.coupling) @ warm.modes).T)
         if space.coupled > PROPORTIONAL:
@@ -244,7 +259,9 @@ class _Coordinates:
         self, name: str, residual: HeatResidual | ElasticResidual, heat: str = "",
         warmth: FloatArray | None = None
     ) -> BlockErrors:
+        """Error equation of a block; heat, warmth: of the temperatures that load it."""
         build, d = self.build, self.build.dictionary(name)
         return BlockErrors(
-            name, self.spaces[name], residual, d.atoms, d.offset, build.model.layout[name],
-            build.solver.layout[name], self.states[name], heat, warmth)
+            name, self.spaces[name], residual, atoms=d.atoms, offset=d.offset,
+            full=build.model.layout[name], reduced=build.solver.layout[name],
+            states=self.states[name], heat=heat, warmth=warmth)

@@ -121,9 +121,10 @@ def _vectors(
 ) -> FloatArray:
     """Orthonormal vectors (n, q): the span of the atoms first, then that of the starts, then at
     most `count` others."""
-    combinations = S.shape[1], count + OVERSAMPLING
+    combinations = S.shape[1], count + OVERSAMPLING  # many columns, in few combinations
     if combinations[0] > combinations[1]:  # the range of random combinations, Halko et al. 2011
         S = unit(S @ np.random.default_rng(combinations[0]).standard_normal(combinations))
+    # D^-1 S of a step, and of slow changes
     responses = [unit(solve_or_fail(
         model.factorize(name, operators.shifted(step, slow), "error estimate"), S, name))
         for slow in (1.0, SLOW)]
@@ -146,7 +147,8 @@ def _outside(Q: FloatArray, A: FloatArray) -> FloatArray:
 
 
 def in_modes(E: FloatArray, operators: Operators) -> ErrorSpace:
-    """The span of orthonormal vectors E (n, q) in the eigenmodes of its projected operators."""
+    """The span of orthonormal vectors E (n, q) in the eigenmodes E W of its projected operators,
+    K against M (heat: conductivity against capacity), with mass or capacity 1."""
     heat = operators.mass is None
     inertia = operators.damping if operators.mass is None else operators.mass
     values, W = linalg.eigh(projected(operators.stiffness, E), projected(inertia, E))
@@ -154,7 +156,8 @@ def in_modes(E: FloatArray, operators: Operators) -> ErrorSpace:
     momenta = np.ascontiguousarray((inertia @ modes).T)
     stiffness = np.maximum(values, 0.0)  # below 0 by round-off only
     if heat:
-        return ErrorSpace(modes, momenta, W, stiffness, one, zero, 0.0)
+        return ErrorSpace(modes, momenta, norm=W, stiffness=stiffness, damping=one, mass=zero,
+                          coupled=0.0)
     assert operators.damping_force is not None
     C = modes.T @ operators.damping_force(modes)
     C = 0.5 * (C + C.T)
@@ -162,7 +165,8 @@ def in_modes(E: FloatArray, operators: Operators) -> ErrorSpace:
     sizes = np.sqrt(np.abs(np.outer(damping, damping)))
     between = float(np.abs(C - np.diag(damping)).max(initial=0.0))
     coupled = between / max(float(sizes.max(initial=0.0)), 1e-300)
-    return ErrorSpace(modes, momenta, W, stiffness, damping, one, coupled)
+    return ErrorSpace(modes, momenta, norm=W, stiffness=stiffness, damping=damping, mass=one,
+                      coupled=coupled)
 
 
 def residual_columns(

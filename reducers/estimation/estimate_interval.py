@@ -45,6 +45,6 @@ def affordable_model(
         return None
     every = problem.every or steps_between(problem, solver, compiled)
     try:
-        return error_model(problem, solver, every, active, True)
+        return error_model(problem, solver, every, active, at_few_steps=True)
     except SolveFailed:
         return None

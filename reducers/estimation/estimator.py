@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sparsemor.core import FloatArray, Integrator, Layout, Note, State
+from sparsemor.core import FloatArray, Integrator, Layout, Note, State, UpdateRule
 from sparsemor.reducers.estimation.error_space import ErrorSpace
 from sparsemor.reducers.estimation.modal_steps import (
     ModalSteps,
@@ -32,7 +32,7 @@ class BlockErrors:
     """Error equation of one block. atoms (n, k) and offset (n,): its trial basis; full, reduced:
     its unknowns in the full model and in the reduced one; states: map of its coefficients to the
     coordinates that residuals are evaluated in; warmth (qT, q): loads of the modes by errors of the
-    body's temperatures, whose block is `heat` ("" without)."""
+    body's temperatures, whose block is `heat` ("" without); None where these do not act."""
 
     name: str
     space: ErrorSpace
@@ -67,7 +67,11 @@ class ErrorModel:
     """Estimator of errors (`ErrorEstimator`). heat, elastic: blocks of first and second order;
     layout: their modes; reduced: layout of the reduced model; coordinates: that of its states in
     the coordinates that residuals are evaluated in; every: steps between two estimates, over which
-    the error equation takes one step (`error_rules`); margin: factor of the estimates."""
+    the error equation takes one step (`error_rules`); margin: factor of the estimates; first,
+    second: steps of the modes of all thermal and of all elastic blocks.
+
+    Memory of a run: "first", "second": modal errors [x, x', x'', history] (s, q) of the blocks of
+    each order; "outside" (3, m): parts of the last state outside of the error spaces."""
 
     every: int
     margin: float
@@ -91,13 +95,9 @@ class ErrorModel:
         margin, reduced, coordinates: as above."""
         layout = Layout([full.block(b.name).resized(b.space.size) for b in (*heat, *elastic)])
         rules = error_rules(integrator, every, h)
-        first, second = (
-            ModalSteps.of(rule, *(np.concatenate([np.zeros(0), *column]) for column in (
-                [b.space.stiffness for b in blocks], [b.space.damping for b in blocks],
-                [b.space.mass for b in blocks])))
-            for rule, blocks in ((rules.first, heat), (rules.second, elastic)))
         return cls(every, margin, tuple(heat), tuple(elastic), layout, reduced, coordinates,
-                   integrator, first, second, tuple(notes))
+                   integrator, first=_steps_of(rules.first, heat),
+                   second=_steps_of(rules.second, elastic), notes=tuple(notes))
 
     @property
     def blocks(self) -> tuple[str, ...]:
@@ -159,10 +159,11 @@ class ErrorModel:
         self, run: Trajectory | int, count: int, memory: dict[str, FloatArray]
     ) -> dict[str, FloatArray]:
         """Error norms (count,) of each block after as many estimates along reduced states, or along
-        full-order steps if `run` is their number; errors of heat first, which load displacements.
-        Parts of states outside of the error space (reduced_states.py) are errors as they are."""
+        full-order steps if `run` is their number, brought to `memory`; errors of heat first, which
+        load displacements. Parts of states outside of the error space (reduced_states.py) are
+        errors as they are."""
         found: dict[str, FloatArray] = {}
-        modal: dict[str, FloatArray] = {}
+        modal: dict[str, FloatArray] = {}  # block -> errors of its modes (count, q)
         if isinstance(run, int):
             outside = np.repeat(memory["outside"][:, None], count, axis=1)
         else:
@@ -194,7 +195,7 @@ class ErrorModel:
         count = len(run.times)
         if not self._outside:
             return run, np.zeros((3, count, 0))
-        wide = np.zeros((3, count, self.coordinates.size))
+        wide = np.zeros((3, count, self.coordinates.size))  # x, v, a at each time
         outside = {b.name: np.zeros((3, count, 0)) for b, _ in self._outside}
         for block in self.coordinates:
             b = maps.get(block.name)
@@ -205,6 +206,15 @@ class ErrorModel:
                     outside[b.name] = rest.reshape(3, count, -1)
             wide[:, :, self.coordinates[block.name]] = C.reshape(3, count, -1)
         return Trajectory(run.times, *wide), np.concatenate(list(outside.values()), axis=2)
+
+
+def _steps_of(rule: UpdateRule, blocks: Sequence[BlockErrors]) -> ModalSteps:
+    """Steps of the modes of several blocks of one order, one block after the other."""
+    none, spaces = np.zeros(0), [b.space for b in blocks]
+    return ModalSteps.of(
+        rule, stiffness=np.concatenate([none, *(s.stiffness for s in spaces)]),
+        damping=np.concatenate([none, *(s.damping for s in spaces)]),
+        mass=np.concatenate([none, *(s.mass for s in spaces)]))
 
 
 def modes_of(blocks: Sequence[BlockErrors]) -> list[tuple[BlockErrors, slice]]:

@@ -36,8 +36,9 @@ class ElementForces:
         return np.hstack([x, known[:, chosen]])
 
     def of_heat(self, b: HeatBody, d: Dictionary) -> FloatArray:
-        """Forces (n, j) of the local terms of a thermal block at its states, and with their rates
-        in the directions of the changes from state to state."""
+        """Forces (n, 2 M) of the local terms of a thermal block with atoms d at its M states, and
+        what rates add to them: as rates serve the changes from state to state, as directions, and
+        the first atom. No columns without local terms. Time in them is 0."""
         if not b.local:
             return np.zeros((len(d.offset), 0))
         T, start = self._states(b.thermal), self.model.layout[b.thermal].start
@@ -53,7 +54,7 @@ class ElementForces:
 
     def tangent_of_heat(self, b: HeatBody) -> Operators:
         """Operators of a thermal block with the tangent of its local terms at the state in the
-        middle of training."""
+        middle of training: dr/dT adds to the conductivity, dr/dT' to the capacity."""
         constant = Operators.of(b)
         if not b.local:
             return constant
@@ -62,12 +63,14 @@ class ElementForces:
         for term in b.local:
             at = term.columns - start
             zero, one = np.zeros(len(at)), np.ones(len(at))
-            at_rest, changing = (_placed(term.jacobian(x[at], zero, zero, 0.0, c, zero),
-                                    term.rows - start, at, K.shape[0]) for c in (zero, one))
+            # Jacobians for dT' = c1 dT with c1 = 0 and c1 = 1
+            at_rest, changing = (
+                _placed(term.jacobian(x[at], zero, zero, 0.0, c1, zero), term.rows - start, at,
+                        K.shape[0]) for c1 in (zero, one))
             K, C = K + at_rest, C + (changing - at_rest)
         return replace(constant, stiffness=csr_array(K), damping=csr_array(C))
 
-    def _of_body(self, m: MovingBody) -> tuple[FloatArray, FloatArray]:
+    def _displacements_and_temperatures(self, m: MovingBody) -> tuple[FloatArray, FloatArray]:
         """States (n, M) and (nT, M) of a body's displacements and temperatures; nT is 0 without
         these."""
         u = self._states(m.elastic)
@@ -75,11 +78,12 @@ class ElementForces:
         return u, self._states(m.thermal) if hot else np.zeros((0, u.shape[1]))
 
     def of_elastic(self, m: MovingBody, d: Dictionary) -> FloatArray:
-        """Forces (n, j) of the local terms of an elastic block at its states."""
+        """Forces (n, M) of the local terms of an elastic block at its M states, without rates and
+        at time 0; no columns without local terms. d: trial basis of the block."""
         assert m.operators is not None
         if not m.operators.local:
             return np.zeros((len(d.offset), 0))
-        u, T = self._of_body(m)
+        u, T = self._displacements_and_temperatures(m)
         found = np.zeros(u.shape)
         for part in m.operators.local:
             for i in range(u.shape[1]):
@@ -89,10 +93,10 @@ class ElementForces:
         return found
 
     def tangent_of_elastic(self, m: MovingBody) -> Operators:
-        """Operators of an elastic block with the tangent of its local terms at the state in the
-        middle of training."""
+        """Operators of an elastic block with the tangent of its local terms, by displacements
+        alone, at the state in the middle of training."""
         assert m.operators is not None
-        constant, (u, T) = Operators.of(m.operators), self._of_body(m)
+        constant, (u, T) = Operators.of(m.operators), self._displacements_and_temperatures(m)
         K, i = constant.stiffness, u.shape[1] // 2
         for part in m.operators.local:
             x = _read(part, u[:, i], T[:, i])
@@ -104,19 +108,19 @@ class ElementForces:
 
     def has_nonlinear_stiffness(self, m: MovingBody) -> bool:
         """True if a local term of an elastic block is not linear in its displacements: its tangent
-        changes with a small displacement."""
+        changes from the initial state to one displaced by 1 mm."""
         if m.operators is None:
             return False
-        u, T = self._of_body(m)
+        u, T = self._displacements_and_temperatures(m)
         # 1 mm with other values at all nodes, so that all elements are strained, and reproducible
         displaced = u[:, 0] + 1e-3 * np.sin(np.arange(len(u)))
         for part in m.operators.local:
             if part.hot.all():  # it reads temperatures alone
                 continue
             zero = np.zeros(len(part.columns))
-            initial, other = (csr_array(part.term.jacobian(
-                _read(part, x, T[:, 0]), zero, zero, 0.0, zero, zero))[:, ~part.hot]
-                for x in (u[:, 0], displaced))
+            initial, other = (
+                csr_array(part.term.jacobian(_read(part, x, T[:, 0]), zero, zero, 0.0, zero, zero))
+                [:, ~part.hot] for x in (u[:, 0], displaced))
             if abs(other - initial).max() > ROUND_OFF * max(abs(initial).max(), abs(other).max()):
                 return True
         return False

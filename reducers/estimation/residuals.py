@@ -39,7 +39,7 @@ class HeatResidual:
                    LoadsInTime(b.constant, b.loads, tuple(b.amplitudes), tuple(b.tables)))
 
     def __call__(self, run: Trajectory) -> FloatArray:
-        """Residuals (j, q)."""
+        """Residuals (j, q) at the states of a run."""
         at = self.at
         return np.hstack([run.x[:, at], run.v[:, at]]) @ self.operators - self.loads(run.times)
 
@@ -65,7 +65,7 @@ class ElasticResidual:
         return cls(step, b, np.ascontiguousarray(np.hstack(columns).T), loads)
 
     def __call__(self, run: Trajectory) -> FloatArray:
-        """Residuals (j, q)."""
+        """Residuals (j, q) at the states of a run, one product with all operators."""
         e, g, b = self.step.elastic, len(self.tested.generators), self.tested
         c, v, a = run.x[:, e], run.v[:, e], run.a[:, e]
         factors = PrescribedFactors(self.step)(run.times)

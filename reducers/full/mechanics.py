@@ -343,9 +343,10 @@ class FullMechanics(StepEquations):
     def _solved(
         self, b: FullBody, right: FloatArray, d: FloatArray, one: Displaced
     ) -> FloatArray:
-        """D^-1 right (n,); d (n,): departure, whose negative is the first guess of an iterative linear
-        solver. The tolerance of one is relative to the right-hand side of the whole displacements:
-        that of a departure may be round-off. Not a number where it does not converge."""
+        """D^-1 right (n,); d (n,): departure, whose negative is the first guess of an iterative
+        linear solver. The tolerance of one is relative to the right-hand side of the whole
+        displacements: that of a departure may be round-off. Not a number where it does not
+        converge."""
         o, factor, step = b.ops, b.factor, self.step
         assert o is not None and factor is not None
         if not factor.iterative:

@@ -53,6 +53,7 @@ class CoarseCorrection:
         kept = MODES if not factor.iterative and n >= 8 * MODES else 0
         if not g:
             return cls(np.zeros((n, 0)), np.zeros((0, 0, n)), np.zeros((0, 0, 0)), 0.0)
+        # without a coarse space one vector still gives the lowest mode, for `contraction`
         X = np.random.default_rng(0).standard_normal((n, kept + SPARE if kept else 1))
         for _ in range(POWER if kept else 2 * POWER):
             MX = np.asarray(ops.mass @ X)
@@ -67,6 +68,7 @@ class CoarseCorrection:
                     Status.SINGULAR, 0.0, block, "the stiffness of its step has no modes in "
                     f"floating point: mass over stiffness is {size:.3g}") from None
             X = Y @ V[:, ::-1]
+        # eigenvalues of M relative to D, s^2: the largest belong to the lowest modes
         values = np.maximum(values[::-1], 0.0)
         Z = np.ascontiguousarray(X[:, :kept])
         ZtM = np.stack([np.ascontiguousarray((M.T @ Z).T) for M in ops.generators])

@@ -37,7 +37,8 @@ def modal_coordinates(d: Dictionary, K: Csr, M: Csr, unit: str) -> tuple[Diction
     """Dictionary of the same span whose atoms (n, k) diagonalise atoms^T K atoms and atoms^T M
     atoms, and the factor by which coefficients can grow in this change of basis.
 
-    None where the atoms are not orthonormal or the numbers too extreme for eigenvectors. unit: unit
+    K, M: symmetric operators (n, n) of the block (heat: conductivity, capacity). None where the
+    atoms are not orthonormal or the numbers too extreme for eigenvectors. unit: unit
     of the eigenvalues in the modes' names, "Hz" for displacements or "/s" for decaying
     temperatures.
     """
@@ -56,14 +57,15 @@ def modal_coordinates(d: Dictionary, K: Csr, M: Csr, unit: str) -> tuple[Diction
         values, V = linalg.eigh(mass, stiff)
     except linalg.LinAlgError:
         return None
-    values, V = values[::-1], V[:, ::-1]
-    turned = A @ V
+    values, V = values[::-1], V[:, ::-1]  # soft modes first
+    modes = A @ V
     # coefficients of old atoms times V^-1 = V^T stiff, and by how much the atoms become shorter
-    back = np.linalg.norm(turned, axis=0)[:, None] * (V.T @ stiff)
+    back = np.linalg.norm(modes, axis=0)[:, None] * (V.T @ stiff)
+    # eigenvalues of K relative to M: angular frequency squared, or rate of decay, 1/s
     rates = np.maximum(1.0 / np.maximum(values, 1e-300) - shift, 0.0)
     at = np.sqrt(rates) / (2.0 * np.pi) if unit == "Hz" else rates
     return replace(
-        d, atoms=oriented_unit_columns(turned),
+        d, atoms=oriented_unit_columns(modes),
         provenance=distinct_names([f"mode at {value:.4g} {unit}" for value in at]),
         info={**d.info, "coordinates": "eigenmodes of the span"},
     ), float(np.abs(back).sum(axis=1).max())

@@ -24,13 +24,13 @@ class Deim(Interpolating):
 
     def maps(self, block: Reducible) -> Maps:
         """Test maps atoms^T (k, n) of the operators and atoms^T U (P^T U)^+ (k, m) of the forces at
-        m points."""
+        m points, with force modes U (n, f)."""
         modes, atoms = force_modes(block, self.basis_of_force(block)), block.dictionary.atoms
         f = modes.atoms.shape[1]
         points = choose_points(block, modes, self.wanted(block, f), self.sampler, self.required)
         reconstruction, facts = interpolation(block.name, modes.atoms, points)
         left = (atoms.T @ modes.atoms) @ reconstruction
         return Maps(
-            TestMap(left=atoms.T), TestMap(rows=points, left=left), points,
-            {"norm": "D^-1", "force_modes": f, **facts},
-            self.notes(block, points, modes.atoms, reconstruction))
+            test=TestMap(left=atoms.T), force=TestMap(rows=points, left=left), rows=points,
+            facts={"norm": "D^-1", "force_modes": f, **facts},
+            notes=self.notes(block, points, modes.atoms, reconstruction))

@@ -102,9 +102,9 @@ class Interpolating(ProjectionReducer):
 def _interpolated_loads(
     block: Reducible, points: IntArray, U: FloatArray, reconstruction: FloatArray
 ) -> tuple[Note, ...]:
-    """Note on loads of the run that modes U of the training do not contain: relative error of the
-    displacements (or temperatures) of a step under the interpolated loads, U times `reconstruction`
-    times f[points], in the span of the atoms."""
+    """Note on loads f (n, M) of the run that modes U (n, q) of the training do not contain:
+    displacements (or temperatures) A c of a step, (A^T D A) c = A^T f with the atoms A and the
+    operator D, under the error f - U reconstruction f[points], relative to those under f."""
     recording, separated = block.offline.recording, block.model.separated
     tables = [*(h.tables for h in separated.heat),
               *(m.operators.tables for m in separated.moving if m.operators is not None)]
@@ -116,7 +116,7 @@ def _interpolated_loads(
     except SolveFailed:  # the run itself will say so
         return ()
     A = block.dictionary.atoms
-    both = np.concatenate([f - U @ (reconstruction @ f[points]), f], axis=1)
+    both = np.concatenate([f - U @ (reconstruction @ f[points]), f], axis=1)  # error | loads
     c = np.linalg.lstsq(A.T @ (block.linear.operator @ A), A.T @ both, rcond=None)[0]
     error, change = (float(np.linalg.norm(A @ part, axis=0).max(initial=0.0))
                      for part in np.split(c, 2, axis=1))

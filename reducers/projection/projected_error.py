@@ -40,11 +40,13 @@ def projected_error(
     dictionary: Dictionary, D: Csr, states: FloatArray, least_squares: bool = False
 ) -> StateError | None:
     """Errors of the projected solutions for states (n, M) with the step matrix D (n, n), symmetric
-    positive definite; None for constant states."""
+    positive definite; least_squares: those of all rows, else Galerkin's. None for constant
+    states."""
     A, x = dictionary.atoms, states - dictionary.offset[:, None]
     if not (change := largest_change(states)):
         return None
     W = D @ A
+    # what the atoms represent is solved exactly, so that the rest alone is projected
     rest = x - A @ least_squares_coefficients(A, x)
     best = float(np.linalg.norm(rest, axis=0).max())
     if least_squares:
@@ -64,9 +66,9 @@ def projection_notes(projection: Projection, least_squares: bool = False) -> tup
             continue
         data = problem.model.block_data(name, step=step)
         error = error_at_states(
-            problem.model, problem.offline, data, step, "galerkin_error",
-            (name, dictionary.atoms, dictionary.offset, data.operator, least_squares),
-            partial(projected_error, dictionary, data.operator, least_squares=least_squares))
+            problem.model, problem.offline, data, step, kind="galerkin_error",
+            depends=(name, dictionary.atoms, dictionary.offset, data.operator, least_squares),
+            error=partial(projected_error, dictionary, data.operator, least_squares=least_squares))
         note = None if error is None else projection_note(error, name, k, least_squares)
         found += [] if note is None else [note]
     return tuple(found)

@@ -116,8 +116,9 @@ class ProjectionReducer(ReducedStepOptions, ABC):
         bases, limits, notes = spanned(trial_bases(
             offline, model, self, StepFactors(h, *problem.integrator.rules(h).factors)), offline)
         return Projection(
-            self, problem, bases, limits, self.approximation(model, bases, offline, h),
-            dict(zip(bases, problem.rng.spawn(len(bases)), strict=True)), notes)
+            self, problem, dictionaries=bases, limits=limits,
+            approximation=self.approximation(model, bases, offline, h),
+            generators=dict(zip(bases, problem.rng.spawn(len(bases)), strict=True)), notes=notes)
 
     def prepare(self, problem: ReducedProblem) -> Stepper | ReducedGeneral:
         """Step solver of the reduced model. Raises InputError where the reducer does not apply to
@@ -161,11 +162,13 @@ class Projection:
             n: d.leading(wanted[n]) if n in wanted else d for n, d in self.dictionaries.items()})
 
     def solver(self) -> Stepper | ReducedGeneral:
-        """Step solver. Raises InputError where test maps do not exist, SolveFailed for linearly
-        dependent atoms."""
+        """Step solver: the operators of each block on its trial basis and under its test maps,
+        times the left inverse of the block's own operator. Raises InputError where test maps do not
+        exist, SolveFailed for linearly dependent atoms."""
         reducer, problem, model = self.reducer, self.problem, self.approximation.model
         integrator, h, offline = problem.integrator, problem.step, problem.offline
         c1, c2, c1_first = integrator.rules(h).factors
+        # blocks in modal coordinates have other atoms of the same span, and other limits
         modes = reducer.in_modes(problem.model, self.dictionaries)
         dictionaries = {**self.dictionaries, **{n: d for n, (d, _) in modes.items()}}
         limits = {n: top * modes[n][1] if n in modes else top for n, top in self.limits.items()}
@@ -173,10 +176,11 @@ class Projection:
         heat, elastic = {}, {}
 
         def mapped(name: str, source: HeatBody | MovingBody) -> Maps:
+            """Test maps of a block, stored in `maps`; a copy of its random generator each time."""
             linear = LinearOperators.of(source, c1, c2, c1_first)
             maps[name] = reducer.maps(Reducible(
-                name, dictionaries[name], linear, model, offline, integrator, h,
-                deepcopy(self.generators[name])))
+                name, dictionaries[name], linear, model, offline, integrator, h=h,
+                rng=deepcopy(self.generators[name])))
             return maps[name]
 
         for b in model.separated.heat:
@@ -184,23 +188,25 @@ class Projection:
             th = TestedHeat.of(b, dictionaries[b.thermal], m.test, m.force)
             th = th.in_modes() if b.thermal in modes else th
             left = left_inverse(b.thermal, th.block(c1_first))
-            heat[b.thermal] = ProjectedBlock(th, left, m.forces)
+            heat[b.thermal] = ProjectedBlock(tested=th, left=left, forces=m.forces)
         for body in model.separated.moving:
             if body.operators is None:
                 continue
             n, m = body.elastic, mapped(body.elastic, body)
-            te = TestedElastic.of(body.operators, body.frame, dictionaries[n],
-                                  dictionaries.get(body.thermal), m.test, m.force,
-                                  model.separated.rigid_equations)
+            te = TestedElastic.of(
+                body.operators, body.frame, dictionaries[n], dictionaries.get(body.thermal),
+                m.test, m.force, rigid=model.separated.rigid_equations)
             te = te.in_modes() if n in modes else te
-            elastic[n] = ProjectedBlock(te, left_inverse(n, te.block(c1, c2)), m.forces)
+            left = left_inverse(n, te.block(c1, c2))
+            elastic[n] = ProjectedBlock(tested=te, left=left, forces=m.forces)
         rows = {n: m.rows for n, m in maps.items() if m.rows is not None}
         notes = (*self.notes, *shadowed_basis(reducer, model, reducer.bases),
                  *(note for m in maps.values() for note in m.notes), *self.approximation.notes)
         known = self.approximation.facts
         facts = {n: {**(maps[n].facts if n in maps else {}), **known.get(n, {})}
                  for n in {**known, **maps}}
-        projected = ProjectedModel(model, dictionaries, rows, heat, elastic)
+        projected = ProjectedModel(
+            model, dictionaries, rows=rows, heat=heat, elastic=elastic)
         made = reduced_general if model.separated.other else partial(block_wise, (c1, c2, c1_first))
         solver = made(projected, reducer.tolerances, reducer.predictor, limits, notes, facts)
         if isinstance(solver, Stepper):
@@ -216,6 +222,7 @@ def block_wise(
 ) -> Stepper:
     """Step solver of a model whose blocks are solved one after the other: heat, then mechanics.
 
+    projected: its blocks; limits: largest permitted |coefficient| of each block; facts: to report.
     rates: c1, c2, and c1 of first-order unknowns; points: number of past states to extrapolate.
     """
     c1_first, heat, model = rates[2], {}, projected.model
@@ -224,12 +231,14 @@ def block_wise(
         local = local_terms(model, b, projected.dictionaries[n], projected.force_map(n)) if (
             b.local) else []
         assert p.left is not None
-        heat[n] = CompressedHeat.of(p.tested, p.left, None, c1_first, local)
+        heat[n] = CompressedHeat.of(
+            p.tested, p.left, support=None, c1=c1_first, local=local)  # all atoms
     force_maps = {c.rows: projected.force_map(c.rows) for c in model.separated.couplings}
     made = stepper(
         model, projected.layout, projected.dictionaries, projected.rows,
-        heat_groups(model, heat, projected.dictionaries, force_maps, c1_first), tolerances,
-        points, len(heat) + len(projected.elastic), limits, notes,
-        {n: p.tested for n, p in projected.elastic.items()}, facts,
-        {n: block.elements for n, block in heat.items()})
+        heat=heat_groups(model, heat, projected.dictionaries, force_maps, c1_first),
+        tol=tolerances, points=points, factorizations=len(heat) + len(projected.elastic),
+        limits=limits, notes=notes,
+        tested={n: p.tested for n, p in projected.elastic.items()}, facts=facts,
+        visited={n: block.elements for n, block in heat.items()})
     return made.with_equations(reduced_general(projected, tolerances, points).equations)

@@ -69,6 +69,7 @@ class WeightTraining:
         return replace(body, operators=replace(ops, local=local))
 
     def _local(self, name: str, term: Any, T: Trained, effect: FloatArray) -> Term:
+        """A local term of a thermal block on the elements with a weight."""
         at, chosen = self.model.layout[name].start, self._chosen(len(T.t))
         x, v = T.states(term.columns - at, chosen)
         G = local_equations(term, effect[:, term.rows - at], x, v, T.t[chosen])
@@ -78,8 +79,9 @@ class WeightTraining:
     def _elastic_local(
         self, name: str, local: ElasticLocal, u: Trained, T: Trained | None, effect: FloatArray
     ) -> ElasticLocal:
-        """A term of an elastic block on the elements with a weight; effect (k, n): displacements of
-        the reduced model due to forces on its rows, by which the weights are trained."""
+        """A term of an elastic block on the elements with a weight; u, T: training states of its
+        displacements and temperatures; effect (k, n): displacements of the reduced model due to
+        forces on its rows, by which the weights are trained."""
         term = local.term
         if not term.weighs_elements:
             return local
@@ -90,6 +92,7 @@ class WeightTraining:
             x[local.hot], v[local.hot] = T.states(local.columns[local.hot], chosen)
         some = term.weighted(self.weights(name, "local_elements", local_equations(
             term, effect[:, local.rows], x, v, u.t[chosen])))
+        # it has fewer rows and columns: those of `term`, whose numbers increase
         at = np.searchsorted(term.columns, some.columns)
         return ElasticLocal(some, local.rows[np.searchsorted(term.rows, some.rows)],
                             local.columns[at], local.hot[at])
@@ -106,6 +109,7 @@ class WeightTraining:
             return {"weights": found.values, "residual": np.array(found.residual)}
 
         stored = self.offline.remember("weights", (self.tau, self.candidates, *G.content), make)
+        # facts add up over the terms of a block
         w, fact = np.asarray(stored["weights"]), self.facts.setdefault(name, {"tau": self.tau})
         fact[kind] = int(fact.get(kind, 0)) + len(w)
         fact[f"{kind}_kept"] = int(fact.get(f"{kind}_kept", 0)) + int(np.count_nonzero(w))

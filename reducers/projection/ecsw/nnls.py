@@ -39,6 +39,7 @@ def nonnegative(
     n = A.shape[1]
     most = n if most is None else most
     norms = np.linalg.norm(A, axis=0)
+    # Q R: QR factors of the columns `active`, in this order; x: weights; r: residual b - A x
     active: list[int] = []
     Q, R = np.zeros((len(b), 0)), np.zeros((0, 0))
     x, r, size = np.zeros(n), b, float(np.linalg.norm(b))
@@ -105,8 +106,8 @@ def _appended(Q: FloatArray, R: FloatArray, a: FloatArray) -> tuple[FloatArray, 
 def _feasible(
     Q: FloatArray, R: FloatArray, active: list[int], b: FloatArray, x: FloatArray
 ) -> tuple[FloatArray, FloatArray, list[int], FloatArray]:
-    """Least squares on the active columns; columns with nonpositive weights leave the active
-    set."""
+    """Least squares on the active columns from feasible weights x (n,); columns whose weights
+    become nonpositive leave the active set. Returns Q, R, the active columns and the weights."""
     w = x[active]
     while active:
         z = solve_triangular(R, Q.T @ b)

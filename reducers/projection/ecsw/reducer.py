@@ -74,8 +74,8 @@ class Ecsw(ProjectionReducer):
     reproduced forces are those of all elements."""
 
     def check(self, model: AssembledModel) -> Sequence[Fault]:
-        """Faults of the options; bodies and terms without integrals per element cannot be
-        weighted."""
+        """Faults of the options, and of bodies and terms without integrals per element, which
+        cannot be weighted."""
         faults = [*super().check(model)]
         whole = "ecsw weighs mesh elements, which"
         weighted = self.constant == "weighted"
@@ -99,7 +99,8 @@ class Ecsw(ProjectionReducer):
         offline: OfflineProducts, h: float
     ) -> Approximation:
         """The model with element integrals replaced by ECSW-weighted sums, and facts of each
-        block's weights."""
+        block's weights. inverses: block -> (k, k), by which its forces become rates of temperature
+        or displacements."""
         def left(name: str, K: Csr) -> FloatArray:
             """Inverse (k, k) of a matrix projected on the atoms of a block."""
             A = dictionaries[name].atoms
@@ -112,12 +113,12 @@ class Ecsw(ProjectionReducer):
                      and self._weighs(m.operators.integrals, m.operators.local)}
         training = WeightTraining(
             model, offline, h, self.tau, dictionaries,
-            lambda name: inverses[name] @ dictionaries[name].atoms.T, self.states,
-            self.candidates)
+            effect=lambda name: inverses[name] @ dictionaries[name].atoms.T, states=self.states,
+            candidates=self.candidates)
         moving = tuple(self._elastic(training, m, inverses) for m in model.separated.moving)
         heat = tuple(self._heat(training, b, inverses) for b in model.separated.heat)
         facts, notes = training.facts, training.notes()
-        exact = [n for n in dictionaries if n not in facts]
+        exact = [n for n in dictionaries if n not in facts]  # blocks without weighted elements
         if exact:
             text = (f"reducer ecsw is galerkin in {', '.join(exact)}: without local terms a step "
                     "visits no elements, so none are selected (reducer.constant: weighted weighs "
@@ -138,7 +139,7 @@ class Ecsw(ProjectionReducer):
         local terms."""
         ops, name = body.operators, body.elastic
         if self.constant == "weighted" and ops is not None and ops.integrals is not None:
-            g = ops.integrals()
+            g = ops.integrals()  # by elements
             T = training.at(body.thermal) if body.thermal in training.dictionaries else None
             ops = _weigh_elastic(ops, g, training.weights(
                 name, "elements", elastic_equations(g, training.at(name), T, inverses[name])))
@@ -148,6 +149,8 @@ class Ecsw(ProjectionReducer):
     def _heat(
         self, training: WeightTraining, body: HeatBody, inverses: Mapping[str, FloatArray]
     ) -> HeatBody:
+        """A thermal block with weighted elements in its constant operators, if wanted, and in its
+        local terms."""
         name = body.thermal
         if self.constant == "weighted" and body.integrals is not None:
             g = body.integrals()
@@ -170,6 +173,8 @@ def _weigh_elastic(ops: ElasticOperators, g: ElasticIntegrals, w: FloatArray) ->
 
 
 def _weigh_heat(body: HeatBody, g: HeatIntegrals, w: FloatArray) -> HeatBody:
+    """The block with element integrals times weights w (E,); heat of elements that are left out
+    stays, as constant vectors."""
     fixed, rest = _left_out(g.given, w)
     return replace(
         body, capacity=_weighed(body.capacity, g.capacity, w),

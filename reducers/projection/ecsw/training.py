@@ -100,6 +100,7 @@ def elastic_equations(
     """Training matrix G (m, E) of an elastic block: static displacements due to the stiffness and
     thermal forces of each element, relative to |c|.
 
+    u, heat: training states of displacements and temperatures (None: no thermal forces);
     flexibility (k, k): inverse of the projected stiffness. Both forces are trained separately, not
     only their sum: the sum is small and would also be reproduced by weights that give a body
     neither stiffness nor expansion.
@@ -109,10 +110,12 @@ def elastic_equations(
         return WeightEquations(count, (), ())
     left = u.dictionary.atoms @ flexibility.T / size
     prescribed = _values_at(integrals.amplitudes, u.t)
+    # thermal forces: those of prescribed temperatures, and those of the unknown ones
     thermal, factors = [(integrals.given, np.eye(len(prescribed)))], [prescribed]
     if integrals.coupling is not None and heat is not None:
         thermal.append((integrals.coupling, heat.with_offset))
         factors.append(heat.homogeneous)
+    # `Shares`: left, integrals with their matrices, factors, reference magnitude
     return _equations(count, [
         (left, [(integrals.stiffness, u.with_offset)], u.homogeneous, None),
         (left, thermal, np.concatenate(factors), None)])
@@ -120,8 +123,8 @@ def elastic_equations(
 
 def heat_equations(integrals: HeatIntegrals, T: Trained, C_inverse: FloatArray) -> WeightEquations:
     """Training matrix G (m, E) of a thermal block: rates of temperature due to conduction and to
-    stored heat of each element, each relative to its sum over all elements. C_inverse (k, k):
-    inverse of the projected capacity."""
+    stored heat of each element, each relative to its sum over all elements. T: training states;
+    C_inverse (k, k): inverse of the projected capacity."""
     left = T.dictionary.atoms @ C_inverse.T
     prescribed = _values_at(integrals.amplitudes, T.t)
     # what conduction and changes are differences of: below its round-off there is nothing to learn
@@ -148,14 +151,17 @@ def local_equations(
     count, rows = term.elements, len(left) * len(t)
 
     def evaluated(part: Part) -> FloatArray:
+        """Rows (E', k M) of the elements `part`: the transpose of their columns of G."""
         shares = term.contributions(left, x, v, t, np.arange(count)[part])
         return shares.reshape(len(shares), -1)
 
     whole = evaluated(slice(0, count)) if rows * count <= MOST_ENTRIES else None
 
     def make(part: Part) -> FloatArray:
+        """Columns (k M, E') of G for the elements `part`."""
         return (evaluated(part) if whole is None else whole[part]).T
 
+    # sums: G 1 and G times two random vectors; size: sum |G|; sizes: norms of the columns
     probes = np.random.default_rng(0).standard_normal((count, 2))
     sums, size, sizes = np.zeros((rows, 3)), 0.0, np.zeros((1, count))
     for first in range(0, count, step := max(BLOCK // max(rows, 1), 1)):
@@ -220,6 +226,7 @@ def train(equations: WeightEquations, tau: float, most_candidates: int = CANDIDA
     G = equations.scaled() if equations.parts else equations
     if not G.parts:
         return Weights(np.ones(G.count), 0.0)
+    # total: G 1; among: elements that may have a weight; w: their last weights, where to go on
     total, among, combinations = G.total(), candidates(G, most_candidates), COMBINATIONS
     best, w = Weights(np.ones(G.count), np.inf), np.zeros(len(among))
     while True:
