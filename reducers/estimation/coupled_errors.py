@@ -285,13 +285,17 @@ class CoupledErrors:
                        if sizes.get(b.name)})
 
     def _norms(self, e: FloatArray, outside: FloatArray, count: int) -> dict[str, float]:
-        """Estimates of each block from errors e (n,) after a step over `count` of the run's."""
+        """Estimates of each block from errors e (n,) after a step over `count` of the run's, and
+        parts (m,) outside of the error spaces."""
         margin = 1.0 if count <= 1 else self.margin
         layout, norms = self.equations.layout, {b.name: b.space.norm for b in self.spaces}
         rest = self._outside
-        return {n: margin * float(np.linalg.norm(np.concatenate([
-            norms[n] @ e[layout[n]] if n in norms else e[layout[n]],
-            outside[rest.get(n, slice(0, 0))]]))) for n in self.blocks}
+        found = {}
+        for n in self.blocks:
+            inside = norms[n] @ e[layout[n]] if n in norms else e[layout[n]]
+            both = np.concatenate([inside, outside[rest.get(n, slice(0, 0))]])
+            found[n] = margin * float(np.linalg.norm(both))
+        return found
 
     @staticmethod
     def _memory(

@@ -74,6 +74,8 @@ class Projected:
         return len(self.modes)
 
     def __call__(self, C: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Coordinates (j, q) of coefficients C (j, k), and what the modes leave of the states, (j,
+        n)."""
         active = np.flatnonzero(C.any(axis=0))
         many = 2 * len(active) > C.shape[1]
         rest = C @ self.atoms if many else C[:, active] @ self.atoms[active]

@@ -96,6 +96,8 @@ class FullHeat(StepEquations):
         return whole if np.isfinite(own).all() else None
 
     def residual(self, d: FloatArray, slope: bool = False) -> FloatArray:
+        """Residual at the departure d: rows as they stand, or d - B^-1 (...) by the linear
+        solver."""
         r, own = np.zeros(len(d)), d[self.at]  # other unknowns: zero, they are known
         right = self.base - self._forces(self.free + own, own) if self.local else self.base
         if self.plain:

@@ -218,6 +218,7 @@ class FullMechanics(StepEquations):
         return any(b.factor is not None and b.factor.iterative for b in self.bodies)
 
     def begin(self, step: StepFormula, d: FloatArray) -> None:
+        """Takes over the constants of a step; d (n,): its first guess, with final temperatures."""
         self.frames_at = _NONE
         self.step, self.X0 = step, np.stack([step.free, step.free_rate, np.zeros(len(d))])
         layout, self.R = self.layout, np.zeros((3, len(d)))

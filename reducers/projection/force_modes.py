@@ -51,6 +51,7 @@ def force_snapshots(block: Reducible) -> tuple[FloatArray, float]:
     runs = np.split(
         np.asarray(block.offline.snapshots(block.name), dtype=np.float64), taken.runs, axis=1)
     runs = [states(block, X, taken) for X in runs]
+    # rates and accelerations of each run
     rates = [replayed(block, X, taken) if replayable(block, X, taken)
              else differences(X, taken.step * taken.every) for X in runs]
     X = np.concatenate(runs, axis=1)

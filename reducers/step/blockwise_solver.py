@@ -375,6 +375,10 @@ def stepper(
 
 def _heat_groups(model: AssembledModel, layout: Layout) -> tuple[tuple[str, slice | IntArray], ...]:
     """Name and unknowns of each group of coupled thermal blocks."""
-    at = np.arange(layout.size)
-    return tuple((group_name(g), layout[g[0].thermal] if len(g) == 1 else np.concatenate(
-        [at[layout[b.thermal]] for b in g])) for g in model.separated.heat_groups)
+    number = np.arange(layout.size)
+    found: list[tuple[str, slice | IntArray]] = []
+    for group in model.separated.heat_groups:
+        ranges = [layout[b.thermal] for b in group]
+        at = ranges[0] if len(group) == 1 else np.concatenate([number[r] for r in ranges])
+        found.append((group_name(group), at))
+    return tuple(found)

@@ -66,10 +66,11 @@ class PrescribedBody:
         self.generators, k = tested.generators, tested.mass.shape[1]
         self.G = np.ascontiguousarray(tested.generators.transpose(0, 2, 1))
         self.leading = r = min(LEADING, k) if len(self.G) else 0
-        # (g, 2): Frobenius norms of the leading part of each matrix and of its rest
-        self.sizes = np.array([
-            (np.linalg.norm(A[:r, :r]), hypot(float(np.linalg.norm(A[r:])), float(
-                np.linalg.norm(A[:r, r:])))) for A in tested.generators]).reshape(len(self.G), 2)
+        # Frobenius norms of the leading part of each matrix and of its rest
+        self.sizes = np.zeros((len(self.G), 2))
+        for i, A in enumerate(tested.generators):
+            below, right = float(np.linalg.norm(A[r:])), float(np.linalg.norm(A[:r, r:]))
+            self.sizes[i] = np.linalg.norm(A[:r, :r]), hypot(below, right)
         self.table = table or TimeTable.of(RowsInTime(tested, drive), np.array(drive.times))
 
     weights: FloatArray

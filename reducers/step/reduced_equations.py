@@ -327,7 +327,9 @@ class Reduced(WholeEquations):
         return own, thermal
 
     def linear_system(self) -> LinearSystem:
-        """The equations as constant matrices (`StepSolver.linear_system`)."""
+        """The equations as constant matrices (`StepSolver.linear_system`). Raises InputError with
+        the reason where they are not linear with constant matrices."""
+        # bodies with kappa or mu, which multiply displacements
         moving = [b.at for b in self.prescribed_bodies
                   if len(b.table.times) or b.table.at(0.0)[: 2 * len(b.G)].any()
                   or (len(b.G) and b.step.guide is None)]
@@ -344,6 +346,7 @@ class Reduced(WholeEquations):
             matrices[c.of][c.rows, c.columns] += np.diag(c.A) if c.A.ndim == 1 else c.A
 
         def force(t: float) -> FloatArray:
+            """Right-hand side (n,) at t, s."""
             f = np.zeros(n)
             for h in self.heat:
                 f[h.at] = plus_loads(h.tested.constant, h.tested, t)

@@ -133,7 +133,11 @@ def heat_groups(
 ) -> dict[str, CompressedHeat]:
     """Group name -> reduced thermal block; blocks that are coupled by conduction form one group,
     solved together. A block without coupling may be absent from `blocks`, and is then left out."""
-    return {
-        group_name(g): blocks[g[0].thermal] if len(g) == 1 else compressed_group(
-            model, g, [blocks[b.thermal] for b in g], dictionaries, force_maps, c1)
-        for g in model.separated.heat_groups if len(g) > 1 or g[0].thermal in blocks}
+    found = {}
+    for members in model.separated.heat_groups:
+        if len(members) > 1:
+            found[group_name(members)] = compressed_group(
+                model, members, [blocks[b.thermal] for b in members], dictionaries, force_maps, c1)
+        elif members[0].thermal in blocks:
+            found[group_name(members)] = blocks[members[0].thermal]
+    return found

@@ -134,13 +134,14 @@ class WeightEquations:
             if len(A) > 2 * len(elements):  # |A w - b| = |R [w, -1]| with [A, b] = Q R
                 R = np.asarray(np.linalg.qr(np.column_stack([A, b]), mode="r"))
                 A, b = R[:, :-1], R[:, -1]
-            return Combined(A, b, True)
+            return Combined(A, b, exact=True)
+        # S (most, rows): random signs, None where all rows are taken
         S = None if self.rows <= most else _signs(self.rows, most)
         A = np.empty((self.rows if S is None else most, len(elements)))
         for part, G in self._chunks(elements):
             A[:, part] = G if S is None else S @ G
         total = self.total()
-        return Combined(A, total if S is None else np.asarray(S @ total), S is None)
+        return Combined(A, total if S is None else np.asarray(S @ total), exact=S is None)
 
 
 class Combined(NamedTuple):
