@@ -59,17 +59,18 @@ class Anisotropy:
         beta, across = C @ alpha, np.zeros(4)
         if model == "solid":
             return cls(C, _tensor(beta), np.concatenate([C.ravel(), beta, across]))
-        if model == "plane_strain":
+        if model == "plane_strain":  # the stress across follows from C in space
             return cls(C[np.ix_(plane, plane)], _tensor(beta)[:2, :2],
                        np.concatenate([C.ravel(), beta, across]))
+        # plane stress: the compliance S of the plane's components is inverted on its own
         S = np.linalg.inv(C)
-        own = np.linalg.inv(S[np.ix_(plane, plane)])
-        by = own @ alpha[plane]
-        across = np.append(S[2, plane] @ own, alpha[2] - S[2, plane] @ by)
-        whole, thermal = np.zeros((6, 6)), np.zeros(6)
-        whole[np.ix_(plane, plane)], thermal[plane] = own, by
-        return cls(own, _tensor(thermal)[:2, :2],
-                   np.concatenate([whole.ravel(), thermal, across]))
+        in_plane = np.linalg.inv(S[np.ix_(plane, plane)])
+        thermal_in_plane = in_plane @ alpha[plane]
+        across = np.append(S[2, plane] @ in_plane, alpha[2] - S[2, plane] @ thermal_in_plane)
+        in_space, thermal = np.zeros((6, 6)), np.zeros(6)
+        in_space[np.ix_(plane, plane)], thermal[plane] = in_plane, thermal_in_plane
+        return cls(in_plane, _tensor(thermal)[:2, :2],
+                   np.concatenate([in_space.ravel(), thermal, across]))
 
 
 def general(law: Law) -> FloatArray:

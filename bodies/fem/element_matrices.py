@@ -238,24 +238,26 @@ def facet_quadratures(
     with others of straight edges; outward unit normals (d, n, Q). Without gradients the nodes of a
     facet are its own, else those of its cell."""
     degree += mesh.revolved
-    d, near = mesh.dimension, np.zeros(len(mesh.points), np.bool_)
-    near[facets] = True
-    some = np.flatnonzero(np.count_nonzero(near[mesh.cells], axis=1) >= d)
-    rows, owner = cell_facets(mesh.cells[some], d)
+    d, on_facets = mesh.dimension, np.zeros(len(mesh.points), np.bool_)
+    on_facets[facets] = True
+    near_cells = np.flatnonzero(np.count_nonzero(on_facets[mesh.cells], axis=1) >= d)
+    # facets of the cells near by, kind by kind, and for each wanted one its row among them
+    rows, owner = cell_facets(mesh.cells[near_cells], d)
     wide = [np.pad(r, ((0, 0), (0, 4 - r.shape[1])), mode="edge") if d == 3 else r
             for r in (rows, facets)]
     group, first, _ = group_equal_rows(facet_keys(np.concatenate(wide)))
-    at = first[group[len(rows):]]  # the first cell with this facet
+    row_of = first[group[len(rows):]]  # the first cell with this facet
+    # (corners, nodes, points) of a facet -> positions, quadratures and normals
     shapes: dict[tuple[int, int, int], list[tuple[IntArray, Any, FloatArray]]] = {}
-    start = 0
-    for here, nodes in _parts(mesh, some):
+    start = 0  # row of the first facet of this kind of cells
+    for here, nodes in _parts(mesh, near_cells):
         space = Space.of(mesh, nodes)
         count = len(space.kind.facets)
         for k, facet in enumerate(space.kind.facets):
-            mine = np.flatnonzero((at >= start) & (at < start + len(here) * count)
-                                  & ((at - start) % count == k))
+            mine = np.flatnonzero((row_of >= start) & (row_of < start + len(here) * count)
+                                  & ((row_of - start) % count == k))
             if len(mine):
-                own = nodes[(at[mine] - start) // count]
+                own = nodes[(row_of[mine] - start) // count]
                 q, normals = _on_facet(mesh, space, own, facet, degree, gradients)
                 key = len(facet), int(q.shape.nodes.shape[1]), int(q.weights.shape[1])
                 shapes.setdefault(key, []).append((mine, q, normals))
@@ -276,7 +278,7 @@ def _on_facet(
     with the nodes (n, q)."""
     d, corners = mesh.dimension, np.array([space.kind.places[i] for i in facet])
     refdom: Any = {2: RefLine, 3: RefTri, 4: RefQuad}[len(facet)]
-    flat = space._replace(kind=KINDS[2, 3] if len(facet) < 4 else KINDS[2, 4])
+    flat = space._replace(kind=KINDS[2, 3] if len(facet) < 4 else KINDS[2, 4])  # for its degree
     xi, weights = rule(refdom, flat.degree(degree))
     sides = (corners[[1, -1] if d == 3 else [1]] - corners[0]).T  # (d, d - 1)
     points = corners[0][:, None] + sides @ xi
@@ -284,6 +286,7 @@ def _on_facet(
                      if set(c) <= set(facet) and mesh.order == 2)]
     shapes = [space.element.lbasis(points, i) for i in space.to_ours[own]]
     X, phi = mesh.points[nodes[:, own]], np.array([f for f, _ in shapes])
+    # derivatives along the sides of the facet, and from these its tangents and normal
     along = np.einsum("njq,jk->nkq", np.array([df for _, df in shapes]), sides)
     tangents = np.einsum("eni,nkq->kieq", X, along)
     normals = np.cross(tangents[0], tangents[1], axis=0) if d == 3 else np.stack(
@@ -304,11 +307,14 @@ def _turned(mesh: Mesh, at: Quadrature) -> Quadrature:
 # ---------------------------------------------------------------------- element matrices
 
 def mass(at: Quadrature, weight: float) -> FloatArray:
+    """Element matrices (E, n, n) of the integral of weight phi_i phi_j."""
     phi = at.shape.values
     return np.asarray((phi * (weight * at.weights)[:, None]) @ phi.transpose(0, 2, 1))
 
 
 def conduction(at: Quadrature, weight: float | FloatArray) -> FloatArray:
+    """Element matrices (E, n, n) of the integral of grad phi_i . weight grad phi_j, weight a number
+    or a tensor (d, d)."""
     G, w = _gradients(at)
     n = G.shape[1]
     return np.asarray((_directed(weight, G) * w[:, None, None]).reshape(len(G), n, -1)
@@ -316,6 +322,8 @@ def conduction(at: Quadrature, weight: float | FloatArray) -> FloatArray:
 
 
 def stiffness(at: Quadrature, lam: float, mu: float) -> FloatArray:
+    """Element matrices (E, n d, n d) of an isotropic law, by H_iajb = integral of d_a phi_i d_b
+    phi_j: K_iajb = lam H_iajb + mu H_ibja + mu delta_ab sum_c H_icjc."""
     G, w = _gradients(at)
     E, n, d, Q = G.shape
     flat = G.reshape(E, n * d, Q)
@@ -328,7 +336,8 @@ def stiffness(at: Quadrature, lam: float, mu: float) -> FloatArray:
 
 
 def anisotropic(at: Quadrature, C: FloatArray) -> FloatArray:
-    """Stiffness of a material whose stiffness C (s, s) depends on the direction."""
+    """Element matrices (E, n d, n d) B^T C B of a material whose stiffness C (s, s) depends on the
+    direction; B: strains with components as in `DirectionalProperties`, shear as angles."""
     G, w = _gradients(at)
     E, n, d, Q = G.shape
     pairs = [(0, 0), (1, 1), (0, 1)] if d == 2 else [
@@ -350,17 +359,20 @@ def _directed(weight: float | FloatArray, G: FloatArray) -> FloatArray:
 
 
 def expansion(at: Quadrature, weight: float | FloatArray) -> FloatArray:
+    """Element matrices (E, n d, n) of thermal forces, the integral of weight d_a phi_i phi_j;
+    weight: thermal stress per K, a number or a tensor (d, d)."""
     G = at.shape.gradients
     assert G is not None
     G = _directed(weight, G)
     E, n, d, _ = G.shape
     phi = at.shape.values * at.weights[:, None]
-    phi = phi.sum(axis=2, keepdims=True) if G.shape[3] == 1 else phi
+    phi = phi.sum(axis=2, keepdims=True) if G.shape[3] == 1 else phi  # constant gradients
     return np.asarray(G.reshape(E, n * d, -1) @ phi.transpose(0, 2, 1))
 
 
 def hoop_stiffness(at: Quadrature, lam: Any, mu: Any) -> FloatArray:
-    """Stiffness of a body of revolution, with the hoop strain u_x / x."""
+    """Element matrices (E, n d, n d) of the stiffness of a body of revolution, with the hoop strain
+    u_x / x: in the trace of the strain, and 2 mu times its square."""
     G, phi, w = at.shape.gradients, at.shape.values / at.coordinates[0][:, None], at.weights
     assert G is not None
     E, n, d, _ = G.shape
@@ -373,7 +385,8 @@ def hoop_stiffness(at: Quadrature, lam: Any, mu: Any) -> FloatArray:
 
 
 def hoop_expansion(at: Quadrature, weight: Any) -> FloatArray:
-    """Thermal forces of a body of revolution, with the hoop strain."""
+    """Element matrices (E, n d, n) of the thermal forces of a body of revolution, with the hoop
+    strain."""
     phi = np.broadcast_to(at.shape.values, (len(at.weights), *at.shape.values.shape[1:]))
     K, d = expansion(at, weight), at.coordinates.shape[0]
     K[:, ::d] += (phi * (weight * at.weights / at.coordinates[0])[:, None]) @ phi.transpose(0, 2, 1)

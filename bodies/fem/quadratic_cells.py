@@ -27,7 +27,7 @@ def with_midpoints(
     """
     d, n = mesh.dimension, len(mesh.points)
     kinds = [(here, own, KINDS[d, own.shape[1]]) for here, own in by_kind(mesh.cells, d)]
-    of, nodes = [np.zeros((len(own), 0), np.int64) for _, own, _ in kinds], n
+    further, nodes = [np.zeros((len(own), 0), np.int64) for _, own, _ in kinds], n
     points = [mesh.points]
     for size in (2, 4, 8):  # edges, quadrilaterals, hexahedra
         rows = [own[:, np.array(f, dtype=np.int64)] for _, own, kind in kinds
@@ -35,25 +35,28 @@ def with_midpoints(
         if not rows:
             continue
         corners = np.sort(np.concatenate([r.reshape(-1, size) for r in rows]), axis=1)
+        # one node for all cells with the same corners
         number, first_of, _ = group_equal_rows(corners)
         points.append(mesh.points[corners[first_of]].mean(axis=1))
         if size == 2 and edges is not None and places is not None:
+            # edges as single integers, which are sorted as the groups are
             sought, among = (np.sort(e, axis=1) @ np.array([n, 1])
                              for e in (edges, corners[first_of]))
             points[-1][np.searchsorted(among, sought)] = places
         start = 0
         for i, (_, own, kind) in enumerate(kinds):
             count = len(own) * sum(len(c) == size for c in kind.further)
-            of[i] = np.hstack([of[i], nodes + number[start : start + count].reshape(
-                len(own), -1)])
+            own_numbers = nodes + number[start : start + count].reshape(len(own), -1)
+            further[i] = np.hstack([further[i], own_numbers])
             start += count
         nodes += len(first_of)
     X = np.concatenate(points)
+    # nodes inside facets and cells follow the curved edges
     for i, (_, own, kind) in enumerate(kinds):
         W = _inner(kind)
         if len(W) and places is not None:
-            X[of[i][:, -len(W):]] = W @ X[np.hstack([own, of[i]])[:, : W.shape[1]]]
-    made = replace(mesh, points=X, midpoints=padded(of, [here for here, _, _ in kinds]))
+            X[further[i][:, -len(W):]] = W @ X[np.hstack([own, further[i]])[:, : W.shape[1]]]
+    made = replace(mesh, points=X, midpoints=padded(further, [here for here, _, _ in kinds]))
     return replace(made, point_sets={
         name: with_further(made, members, name) for name, members in mesh.point_sets.items()})
 
@@ -115,7 +118,9 @@ def _on(mesh: Mesh, chosen: BoolArray) -> BoolArray:
 
 
 def _inner(kind: CellKind) -> FloatArray:
-    """(f, p + e) weights of corners and nodes of edges for the nodes inside facets and cell."""
+    """(f, p + e) weights of the p corners and e nodes of edges for the nodes inside facets and
+    cell: those of serendipity interpolation there, -1/4 of each corner and 2 over the number of
+    corners for each edge."""
     p, inner = len(kind.places), kind.further[len(kind.edges):]
     W = np.zeros((len(inner), p + len(kind.edges)))
     for row, corners in zip(W, inner, strict=True):

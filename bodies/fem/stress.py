@@ -23,10 +23,11 @@ _PAIRS = ((0, 0), (1, 1), (2, 2), (1, 2), (2, 0), (0, 1))
 class CellStress:
     """Strain and stress of one body at its nodes, once for each material of their cells.
 
-    points (N, d); cells (E, q): as `Mesh.nodes`; constants (R, 5 or 6): lam, mu, beta, and lam,
-    beta of the stress across the plane, of each material, and 1 of a body of revolution; region
-    (E,): material of each cell; nonlinear: True for Green-Lagrange strains. nodes (P,): node of
-    each value; own (E, q): number of the value at the nodes of each cell (`_by_material`).
+    points (N, d); cells (E, q): as `Mesh.nodes`; constants (R, 5, 6 or 46): lam, mu, beta, and lam,
+    beta of the stress across the plane, of each material, and 1 of a body of revolution; or numbers
+    of a general law (`Anisotropy.recovery`); region (E,): material of each cell; nonlinear: True
+    for Green-Lagrange strains. nodes (P,): node of each value; own (E, q): number of the value at
+    the nodes of each cell (`_by_material`).
     """
 
     def __init__(
@@ -113,6 +114,7 @@ class CellStress:
         a node of several materials it is that of the first of them."""
         slopes, volumes = self._slopes
         N, d = self.points.shape
+        # nodes in cells of their first material, without repeated ones of mixed meshes
         first = (self.own == self.cells) & (np.diff(self.cells, axis=1, prepend=-1) != 0)
         share = np.where(first, volumes[:, None], 0.0)
         total = np.bincount(self.cells.ravel(), share.ravel(), N)
@@ -120,6 +122,7 @@ class CellStress:
         used = np.flatnonzero(share.any(axis=1))
         nodes, share = self.cells[used], share[used]
         lam, mu, beta, lam_out, beta_out = self.constants[used].T[:, :, None]
+        # of each cell (E, q, d): weighted sum over its nodes of the gradients of shape functions
         D = np.einsum("ep,epaj->eaj", share, slopes[used])
         by_u, by_T = np.zeros((N, d, 6)), np.zeros((N, 6))
         for k, (i, j) in enumerate(((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))):

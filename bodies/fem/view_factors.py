@@ -61,7 +61,8 @@ class Facets:
 
 
 def exchange_areas(facets: Facets, patch: IntArray, seed: int) -> FloatArray:
-    """A_i F_ij (P, P), m or m2, between patches; patch (n,): number of the patch of each facet."""
+    """A_i F_ij (P, P), m or m2, between patches; patch (n,): number of the patch of each facet;
+    seed: of the rays for shadows."""
     heights = facets.heights()
     above = (heights > 0).any(axis=2)
     facing: BoolArray = np.logical_and(above, above.T)
@@ -75,7 +76,9 @@ def exchange_areas(facets: Facets, patch: IntArray, seed: int) -> FloatArray:
 
 
 def _strings(facets: Facets, heights: FloatArray, facing: BoolArray) -> FloatArray:
-    """Crossed strings (n, n) of the parts of segments that are above each other's horizon."""
+    """A_i F_ij (n, n), m, of segments a = (a0, a1), b = (b0, b1), by crossed strings on the parts
+    above each other's horizon: |(|a0 b0| + |a1 b1|) - (|a0 b1| + |a1 b0|)| / 2. facing (n, n): True
+    for pairs to be evaluated."""
     i, j = np.nonzero(facing)
     a, b = facets.corners[i], facets.corners[j]
     b = _above(b, heights[i, j])
@@ -138,6 +141,7 @@ def _point_to_triangle(x: FloatArray, normal: FloatArray, corners: FloatArray) -
     """View factors (n, p) from points x (n, p, 3) with normals (n, 3) to triangles (n, 3, 3): the
     sum over the edges of angle times normal of the plane through the point, without what lies below
     the horizon of the point."""
+    # a triangle is cut at h = 0: `out` where its border goes below, `in` where it comes up again
     r = corners[:, None] - x[:, :, None]  # (n, p, 3 corners, 3)
     h = np.einsum("npcd,nd->npc", r, normal)
     total = np.zeros(x.shape[:2])
@@ -154,7 +158,7 @@ def _point_to_triangle(x: FloatArray, normal: FloatArray, corners: FloatArray) -
             old, any_ = cuts.get(name, (np.zeros(cut.shape), np.zeros(down.shape, bool)))
             cuts[name] = np.where(where[..., None], cut, old), any_ | where
     (leaves, is_cut), (enters, _) = cuts["out"], cuts["in"]
-    total += np.where(is_cut, _edge(leaves, enters, normal), 0.0)
+    total += np.where(is_cut, _edge(leaves, enters, normal), 0.0)  # the edge along the horizon
     return np.abs(total) / (2.0 * np.pi)
 
 
@@ -181,11 +185,13 @@ def _visible(
             continue
         pairs = []
         for q in partners.tolist():
+            # systematic sampling: RAYS equal steps along the cumulated exchange of pairs of facets
             cumulated = np.cumsum(S[np.ix_(members[p], members[q])].ravel())
             at = (np.arange(RAYS) + rng.random()) / RAYS * cumulated[-1]
             pair = np.minimum(np.searchsorted(cumulated, at), len(cumulated) - 1)
             pairs.append((members[p][pair // len(members[q])], members[q][pair % len(members[q])]))
         i, j = (np.concatenate(k) for k in zip(*pairs, strict=True))
+        # random points of both facets (uniform barycentric coordinates)
         start, end = (np.einsum("rc,rcd->rd", rng.dirichlet(np.ones(facets.d), len(k)),
                                 facets.corners[k]) for k in (i, j))
         above = (((end - start) * facets.normals[i]).sum(axis=1) > 0.0) & (
@@ -205,20 +211,22 @@ def _stopped(
     """(r,) True for rays from start to end (r, d), on facets i and j, that another facet stops:
     they meet its plane inside of it."""
     ray = end - start
-    fall = np.einsum("rd,nd->rn", ray, facets.normals)
+    across = np.einsum("rd,nd->rn", ray, facets.normals)
     gap = np.einsum("rnd,nd->rn", facets.corners[None, :, 0] - start[:, None], facets.normals)
     with np.errstate(divide="ignore", invalid="ignore"):
-        s = gap / fall
+        s = gap / across
     hit = (s > ENDS) & (s < 1.0 - ENDS)
     hit[np.arange(len(i)), i] = hit[np.arange(len(j)), j] = False
-    r, n = np.nonzero(hit)
-    x = start[r] + s[r, n][:, None] * ray[r] - facets.corners[n, 0]
-    sides = facets.corners[n, 1:] - facets.corners[n, :1]  # (h, d - 1, d)
+    ray_number, facet = np.nonzero(hit)
+    x = start[ray_number] + s[ray_number, facet][:, None] * ray[ray_number]
+    x = x - facets.corners[facet, 0]
+    sides = facets.corners[facet, 1:] - facets.corners[facet, :1]  # (h, d - 1, d)
+    # barycentric coordinates of the point where the ray meets the plane of the facet
     G = np.einsum("had,hbd->hab", sides, sides)
     share = np.linalg.solve(G, np.einsum("had,hd->ha", sides, x)[:, :, None])[:, :, 0]
     inside = (share >= 0.0).all(axis=1) & (share.sum(axis=1) <= 1.0)
     found = np.zeros(len(start), np.bool_)
-    found[r[inside]] = True
+    found[ray_number[inside]] = True
     return found
 
 

@@ -277,6 +277,7 @@ class Matrices(BodyPlugin):
         gather.check()
         assert nodes is not None and given is not None
         found = {k: m for k, m in read.items() if m is not None}
+        # T (n, k): shapes; mass is (n, n), stiffness and damping are (k, k) or reduced to that
         N, T = len(nodes.labels), found["shapes"].matrix.toarray() if "shapes" in found else None
         if T is not None and found.get("mass") and found["mass"].matrix.shape == (N, 1):
             each = np.repeat(found["mass"].matrix.toarray().ravel(), nodes.X.shape[1])
@@ -313,11 +314,12 @@ class Matrices(BodyPlugin):
                                            f"{m.shape[1]}, and the body has {what}: {shape[0]} x "
                                            f"{shape[1]} is needed"))
         gather.check()
+        # unknowns in metres: a matrix A of energy x.A x becomes energy * by A by (s and K stay)
         energy = self.units.mass * self.units.length**2
-        by = diags_array(np.where((u.component >= 0) & (u.component < u.d),
+        into_metres = diags_array(np.where((u.component >= 0) & (u.component < u.d),
                                   1.0 / self.units.length, 1.0))
-        by = by @ diags_array(self._scale(u, same.get("mass")))
-        into = {key: by if T is None or key == "mass" else eye_array(k) for key in same}
+        into_metres = into_metres @ diags_array(self._scale(u, same.get("mass")))
+        into = {key: into_metres if T is None or key == "mass" else eye_array(k) for key in same}
         mechanical = {key: gather("", symmetric, getattr(self, key),
                                   (energy * into[key] @ m @ into[key]).tocsr(), key)
                       for key, m in same.items()}
@@ -325,8 +327,9 @@ class Matrices(BodyPlugin):
                    for k in THERMAL_KEYS if k in found}
         gather.check()
         whole = {k: m for k, m in mechanical.items() if m is not None}
-        forces = (energy * by @ found["coupling"].matrix).tocsr() if "coupling" in found else None
-        return _Files(nodes, u, None if T is None else T / by.diagonal()[:, None], whole,
+        forces = (energy * into_metres @ found["coupling"].matrix).tocsr() if (
+            "coupling" in found) else None
+        return _Files(nodes, u, None if T is None else T / into_metres.diagonal()[:, None], whole,
                       {k: m for k, m in thermal.items() if m is not None}, forces, notes)
 
     def _scale(self, u: Unknowns, M: Csr | None) -> FloatArray:
@@ -433,6 +436,7 @@ class Matrices(BodyPlugin):
             raise error.under("sets") from None
 
     def _weights(self, nodes: FileNodes) -> dict[str, FloatArray]:
+        """Set -> weights of its nodes where they are given, in the order of the set."""
         found = {}
         for name, one in self.sets.items():
             if one.nodes is not None and one.weights is not None:
@@ -444,6 +448,8 @@ class Matrices(BodyPlugin):
         """Nodal forces, moments and heat of a file in SI units: a table of node, direction and
         size, or a matrix with a row for each node."""
         N, d = files.unknowns.X.shape
+        # columns: direction of the table (1 to 3 forces, 4 to 6 moments, 11 heat), 0 unused; in the
+        # plane the one moment is 6; r: number of moments
         r, values = 2 * d - 3, np.zeros((N, 12))
         if Path(written).suffix.lower() in TABLES:
             node, direction, size = read_table(base, written, 3, "").T
@@ -536,38 +542,40 @@ class Matrices(BodyPlugin):
         """Files with the free massless unknowns i condensed, u_i = -K_ii^-1 K_ib u_b, exactly as
         inertia does not act on them, and the basis of the unknowns `massive` alone."""
         K = files.mechanical["stiffness"]
-        i = np.setdiff1d(np.arange(K.shape[0]), np.union1d(fixed, massive))
-        b = np.setdiff1d(np.arange(K.shape[0]), i)
-        if len(b) * K.shape[0] > LARGEST:
-            raise InputError(f"{len(i)} of {K.shape[0]} unknowns have no mass, which are too many "
-                             "to condense here: take a consistent mass matrix", "mass")
-        T = np.zeros((K.shape[0], len(b)))
-        T[b, np.arange(len(b))] = 1.0
-        T[i] = -splu(K[i][:, i].tocsc()).solve(K[i][:, b].toarray())
-        reduced = {key: A if key == "mass" else csr_array(T.T @ (A @ T))
+        massless = np.setdiff1d(np.arange(K.shape[0]), np.union1d(fixed, massive))
+        kept = np.setdiff1d(np.arange(K.shape[0]), massless)
+        if len(kept) * K.shape[0] > LARGEST:
+            raise InputError(f"{len(massless)} of {K.shape[0]} unknowns have no mass, which are "
+                             "too many to condense here: take a consistent mass matrix", "mass")
+        shapes = np.zeros((K.shape[0], len(kept)))
+        shapes[kept, np.arange(len(kept))] = 1.0
+        factor = splu(K[massless][:, massless].tocsc())
+        shapes[massless] = -factor.solve(K[massless][:, kept].toarray())
+        reduced = {key: A if key == "mass" else csr_array(shapes.T @ (A @ shapes))
                    for key, A in files.mechanical.items()}
-        basis = np.zeros((len(b), len(massive)))
-        basis[np.searchsorted(b, massive), np.arange(len(massive))] = 1.0
-        return replace(files, shapes=T, mechanical=reduced), basis
+        basis = np.zeros((len(kept), len(massive)))
+        basis[np.searchsorted(kept, massive), np.arange(len(massive))] = 1.0
+        return replace(files, shapes=shapes, mechanical=reduced), basis
 
     def _of_shapes(self, files: _Files, T: FloatArray, basis: FloatArray) -> Elasticity:
         """Elastic field on shapes T (n, k): matrices reduced to the combinations `basis` of
         these."""
         found, N, Z = files.mechanical, len(files.unknowns.X), T @ basis
+        # coordinates of the basis: u = T basis c = Z c
         K, M = basis.T @ (found["stiffness"] @ basis), Z.T @ (found["mass"] @ Z)
         K, M = csr_array(0.5 * (K + K.T)), csr_array(0.5 * (M + M.T))
-        none, d = np.zeros(0, np.int64), files.unknowns.d
+        no_fixed, d = np.zeros(0, np.int64), files.unknowns.d
         rigid = matrix_checks.rigid_coordinates(T, files.unknowns)[0]
         holds_rigid_motion = len(rigid) == d * (d + 1) // 2
         if self.damping.modes_of == "free" and not holds_rigid_motion:
             raise InputError("the shapes hold no rigid motion: their modes are `held`",
                              "damping.modes_of")
         if holds_rigid_motion and self.damping.modes_of != "held" and self.frame == "floating":
-            whole = csr_array(T.T @ (found["mass"] @ T))
-            C, modal = self.damping.of(found["stiffness"], whole, none, d, True)
+            whole_mass = csr_array(T.T @ (found["mass"] @ T))
+            C, modal = self.damping.of(found["stiffness"], whole_mass, no_fixed, d, True)
             C, modal = basis.T @ (C @ basis), modal and replace(modal, L=basis.T @ modal.L)
         else:
-            C, modal = self.damping.of(K, M, none, d, False)
+            C, modal = self.damping.of(K, M, no_fixed, d, False)
         if "damping_matrix" in found:
             C = C + csr_array(basis.T @ (found["damping_matrix"] @ basis))
         return Elasticity(

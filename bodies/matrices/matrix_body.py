@@ -56,6 +56,8 @@ class MatrixBody(FloatingBody):
             self.shapes.T @ vectors))
 
     def _functionals(self, vectors: FloatArray) -> FloatArray | None:
+        """(k, p) functionals of its elastic unknowns from those of nodal displacements, (d N, p);
+        None without an elastic field."""
         return None if self.elasticity is None else self._own(
             self.unknowns.displacements @ vectors)
 
@@ -142,7 +144,7 @@ def mass_properties(M: Csr, u: Unknowns, written: str, free: bool) -> MassProper
     inertia are impossible, as when rows of M are missing.
     """
     d, modes = u.d, u.rigid_modes
-    G = modes.T @ (M @ modes)
+    G = modes.T @ (M @ modes)  # rigid mass matrix: translations, then rotations about the origin
     size = float(np.abs(G[:d, :d]).max(initial=0.0))
     mass = float(np.trace(G[:d, :d]) / d)
     if not mass > 0.0 or free and np.abs(G[:d, :d] - mass * np.eye(d)).max() > ROUND_OFF * size:

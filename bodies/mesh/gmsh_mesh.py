@@ -163,7 +163,7 @@ class GmshMesh(MeshPlugin):
 
 
 class _Faces:
-    """Faces of a meshed solid; scale: metres per unit of the geometry."""
+    """Faces of a meshed solid, by their tags in Gmsh; scale: metres per unit of the geometry."""
 
     def __init__(self, gmsh: Any, scale: float) -> None:
         self.gmsh, self.scale = gmsh, scale
@@ -176,18 +176,25 @@ class _Faces:
         self.round.sort(key=lambda one: -one[0])
 
     def _add(self, tag: int) -> None:
+        """Adds a cylindrical face to those of the same cylinder, or as the first of a new one.
+
+        From its middle point x with normal n, the larger principal curvature 1/r and the direction
+        of the other, its axis: the axis goes through x + r n or x - r n, that which is at the
+        distance r from another point of the face as well.
+        """
         model = self.gmsh.model
         low, high = model.getParametrizationBounds(2, tag)
-        at = [(a + b) / 2 for a, b in zip(low, high, strict=True)]
+        at = [(a + b) / 2 for a, b in zip(low, high, strict=True)]  # parameters of its middle
         most, least, bent, along = model.getPrincipalCurvatures(tag, at)
         curvature, axis = max((abs(most[0]), along), (abs(least[0]), bent), key=lambda c: c[0])
         radius, axis = 1.0 / curvature, np.array(axis)
         x, normal = np.array(model.getValue(2, tag, at)), np.array(model.getNormal(tag, at))
-        quarter = [low[0] + 0.4 * (high[0] - low[0]), at[1]]
-        other = np.array(model.getValue(2, tag, quarter))
-        off = [abs(np.linalg.norm(np.cross(other - x - s * radius * normal, axis)) - radius)
-               for s in (1.0, -1.0)]
-        centre = x + (1.0 if off[0] < off[1] else -1.0) * radius * normal
+        second_at = [low[0] + 0.4 * (high[0] - low[0]), at[1]]
+        second_point = np.array(model.getValue(2, tag, second_at))
+        distance_errors = [
+            abs(np.linalg.norm(np.cross(second_point - x - s * radius * normal, axis)) - radius)
+            for s in (1.0, -1.0)]
+        centre = x + (1.0 if distance_errors[0] < distance_errors[1] else -1.0) * radius * normal
         for r, c, a, tags in self.round:
             if max(abs(r - radius), float(np.linalg.norm(np.cross(c - centre, a))),
                    r * float(np.linalg.norm(np.cross(a, axis)))) < SAME * radius:
@@ -199,12 +206,12 @@ class _Faces:
         """Tags of the faces of a rule; InputError where there are none, or several cylinders."""
         groups = [one[3] for one in self.round]
         radii = [one[0] * self.scale for one in self.round]
-        listed = ", ".join(f"{r:.6g}" for r in radii) or "none"
+        known_radii = ", ".join(f"{r:.6g}" for r in radii) or "none"
         if rule.cylinder is not None:
             distinct = [r for i, r in enumerate(radii) if not i or r < radii[i - 1] * (1 - SAME)]
             if rule.cylinder > len(distinct):
                 raise InputError(f"the solid has {len(distinct)} different radii of cylinders "
-                                 f"({listed} m)", "cylinder")
+                                 f"({known_radii} m)", "cylinder")
             wanted: float | None = distinct[rule.cylinder - 1]
         else:
             wanted = rule.radius
@@ -212,10 +219,10 @@ class _Faces:
             groups = [g for g, r in zip(groups, radii, strict=True)
                       if abs(r - wanted) < 10 * SAME * wanted]
             if not groups:
-                raise InputError(f"no cylinder has this radius; radii: {listed} m", "radius")
+                raise InputError(f"no cylinder has this radius; radii: {known_radii} m", "radius")
         else:
-            alone = {tag for group in groups for tag in group}
-            groups = groups + [[tag] for tag in self.all if tag not in alone]
+            cylindrical = {tag for group in groups for tag in group}
+            groups = groups + [[tag] for tag in self.all if tag not in cylindrical]
         if rule.nearest is None:
             if len(groups) > 1:
                 raise InputError(f"{len(groups)} cylinders have this radius: choose one by "
@@ -225,6 +232,7 @@ class _Faces:
         return min(groups, key=lambda tags: min(self._distance(tag, point) for tag in tags))
 
     def _distance(self, tag: int, point: FloatArray) -> float:
+        """Distance of a point from the nearest node of a face, in units of the geometry."""
         nodes = self.gmsh.model.mesh.getNodes(2, tag, includeBoundary=True)[1].reshape(-1, 3)
         return float(np.linalg.norm(nodes - point, axis=1).min()) if len(nodes) else np.inf
 

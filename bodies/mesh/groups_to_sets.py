@@ -34,37 +34,39 @@ def sets_of(content: Content, d: int, chosen: Sequence[int], new: IntArray) -> S
     sets = Sets()
     for name, group in content.groups.items():
         _check(name, group, content)
-        cells, low, facets = [], [_renumbered(p, new) for p in group.points], list(group.facets)
-        inside = []
+        lower_points = [_renumbered(p, new) for p in group.points]
+        cells, cell_nodes, facets = [], [], list(group.facets)
         for b, rows in group.cells:
             block = content.blocks[b]
             nodes = block.nodes[rows]
             if b in starts:
                 cells.append(starts[b] + rows)
-                inside.append(nodes)
+                cell_nodes.append(nodes)
             else:
-                low.append(_renumbered(nodes, new))
+                lower_points.append(_renumbered(nodes, new))
                 if block.dimension == d - 1 and block.kind in CELLS:
                     facets.append(nodes[:, : CELLS[block.kind][1]])
-        low += [_renumbered(f, new) for f in facets]
-        points = _union(low)
+        lower_points += [_renumbered(f, new) for f in facets]
+        points = _union(lower_points)
         if not points.size:
-            points = _union([_renumbered(nodes, new) for nodes in inside])
+            points = _union([_renumbered(nodes, new) for nodes in cell_nodes])
         if not points.size:  # such as the centre of an arc, which is in no cell
             sets.empty.append(name)
             continue
         sets.points[name] = points
         if cells:
             sets.cells[name] = _union(cells)
-        there = [new[f][(new[f] >= 0).all(axis=1)] for f in facets if f.shape[1] >= d]
-        if sum(map(len, there)):
-            wide = max(f.shape[1] for f in there)
-            sets.facets[name] = np.unique(facet_keys(np.concatenate([
-                np.pad(f, ((0, 0), (0, wide - f.shape[1])), mode="edge") for f in there])), axis=0)
+        in_body = [new[f][(new[f] >= 0).all(axis=1)] for f in facets if f.shape[1] >= d]
+        if sum(map(len, in_body)):
+            wide = max(f.shape[1] for f in in_body)
+            same_width = [np.pad(f, ((0, 0), (0, wide - f.shape[1])), mode="edge")
+                          for f in in_body]
+            sets.facets[name] = np.unique(facet_keys(np.concatenate(same_width)), axis=0)
     return sets
 
 
 def _check(name: str, group: MeshGroup, content: Content) -> None:
+    """Raises InputError for a group with numbers of points or cells that the file does not have."""
     for numbers in (*group.points, *group.facets):
         if numbers.size and not 0 <= numbers.min() <= numbers.max() < len(content.points):
             raise InputError(f"set {name!r} names points that do not exist")
@@ -78,9 +80,11 @@ def _check(name: str, group: MeshGroup, content: Content) -> None:
 
 
 def _renumbered(points: IntArray, new: IntArray) -> IntArray:
+    """Numbers in the body of points of the file, without those that it does not have."""
     kept = new[points.ravel()]
     return np.asarray(kept[kept >= 0])
 
 
 def _union(parts: Sequence[IntArray]) -> IntArray:
+    """Sorted numbers that are in any of the arrays."""
     return np.unique(np.concatenate([np.zeros(0, np.int64), *parts]))

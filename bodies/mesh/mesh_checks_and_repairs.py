@@ -130,6 +130,7 @@ def some(numbers: IntArray) -> str:
 
 
 def _place(point: FloatArray) -> str:
+    """Coordinates of a point, m, for messages."""
     return "(" + ", ".join(f"{c:.6g}" for c in point) + ")"
 
 
@@ -138,6 +139,8 @@ def _centre(mesh: Mesh, cell: int) -> str:
 
 
 def _broken(mesh: Mesh) -> list[str]:
+    """Faults of the arrays: their shapes, no cells, points that are not finite, cells and midpoints
+    outside of the points."""
     n, d = mesh.points.shape
     if mesh.cells.ndim != 2 or (d, mesh.cells.shape[1]) not in KINDS or (len(mesh.cells) and any(
             (d, own.shape[1]) not in KINDS for _, own in by_kind(mesh.cells, d))):

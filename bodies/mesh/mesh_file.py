@@ -210,6 +210,7 @@ def _whole(block: CellBlock) -> IntArray:
         return cells
     bad = []
     for row in repeats:
+        # turned about the axis until the corners 2 and 3 (and 6 and 7 above them) are the same
         own, ring = cells[row], [0, 1, 2, 3]
         turned = [np.concatenate([np.roll(own[k : k + 4], -s) for k in range(0, p, 4)])
                   for s in ring]
@@ -264,7 +265,7 @@ def _unfolded(linear: Mesh, edges: IntArray, places: FloatArray, name: str) -> M
 
     made = mesh = with_midpoints(linear, edges, places)
     n, straight = len(linear.points), linear.points[edges].mean(axis=1)
-    keys = np.sort(edges, axis=1) @ np.array([n, 1])
+    keys = np.sort(edges, axis=1) @ np.array([n, 1])  # edges as single integers
     eased: BoolArray = np.zeros(len(edges), np.bool_)
     bend, bad = np.ones(len(edges)), np.zeros(0, np.int64)
     while (now := element_matrices.folded(mesh)).size:

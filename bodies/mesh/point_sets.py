@@ -129,6 +129,7 @@ def given_centres(mesh: Mesh, sets: Mapping[str, PointSet]) -> dict[str, FloatAr
 
 
 def _check_centre(mesh: Mesh, name: str, point: FloatArray) -> None:
+    """Raises InputError for a centre (d,), m, that the set cannot have."""
     _same_dimension(len(point), mesh, f"{name}.centre")
     try:
         centre_of_set(mesh, mesh.point_sets[name], point, name)
@@ -146,6 +147,7 @@ def find_set(mesh: Mesh, name: str, key: str) -> IntArray:
 
 
 def _same_dimension(count: int, mesh: Mesh, key: str) -> None:
+    """Raises InputError unless so many coordinates are those of the mesh's dimension."""
     if count != mesh.dimension:
         raise InputError(f"{count} coordinates given for a {mesh.dimension}-D mesh", key)
 
@@ -168,24 +170,26 @@ def cut_measures(mesh: Mesh, declared: PointSet, facets: IntArray) -> tuple[floa
     inside = np.isin(outer, facets)
     ours = area_vectors(mesh.points[facets]) / (mesh.dimension - 1)
     total = float(np.linalg.norm(ours, axis=1).sum())
-    mixed = outer[inside.any(axis=1) & ~inside.all(axis=1)]
-    if not len(mixed) or (declared.box is None and declared.where is None):
+    cut_facets = outer[inside.any(axis=1) & ~inside.all(axis=1)]
+    if not len(cut_facets) or (declared.box is None and declared.where is None):
         return total, total
     # unit normals of the facets of the set, gathered at their corners
     sums = np.zeros_like(mesh.points)
     np.add.at(sums, facets, ours[:, None])
-    normals = area_vectors(mesh.points[mixed]) / (mesh.dimension - 1)
+    normals = area_vectors(mesh.points[cut_facets]) / (mesh.dimension - 1)
     size = np.linalg.norm(normals, axis=1)
-    near = sums[mixed]
-    length = np.linalg.norm(near, axis=2)
-    cosine = np.einsum("fkd,fd->fk", near, normals) / np.maximum(length * size[:, None], 1e-300)
-    mixed, size = (a[(cosine > SAME_SIDE).any(axis=1)] for a in (mixed, size))
-    if not len(mixed):
+    set_normals = sums[cut_facets]
+    length = np.linalg.norm(set_normals, axis=2)
+    sizes = np.maximum(length * size[:, None], 1e-300)
+    cosine = np.einsum("fkd,fd->fk", set_normals, normals) / sizes
+    cut_facets, size = (a[(cosine > SAME_SIDE).any(axis=1)] for a in (cut_facets, size))
+    if not len(cut_facets):
         return total, total
     weights = _weights(mesh.dimension)
-    at = np.einsum("sk,fkd->fsd", weights, mesh.points[mixed])
+    samples = np.einsum("sk,fkd->fsd", weights, mesh.points[cut_facets])
     try:
-        found = declared.contains(at.reshape(-1, mesh.dimension), mesh).reshape(len(mixed), -1)
+        found = declared.contains(samples.reshape(-1, mesh.dimension), mesh)
+        found = found.reshape(len(cut_facets), -1)
     except InputError:  # the condition is defined at nodes only
         return total, total
     return total, total + float(size @ found.mean(axis=1))

@@ -183,7 +183,9 @@ def _along(mesh: Mesh, edges: IntArray) -> FloatArray:
 
 
 def _moved(even: FloatArray, X: FloatArray, point: FloatArray) -> FloatArray:
-    """(N,) weights nearest to `even`, of sum 1, with the weighted mean position `point`."""
+    """(N,) weights nearest to `even`, of sum 1, with the weighted mean position `point` (d,), m:
+    even_n (1 + linear . (X_n - mean)), linear by the second moments of the set. InputError for a
+    point off the line or plane of the set."""
     mean = even @ X
     arm = X - mean
     size, axes = np.linalg.eigh(np.einsum("n,ni,nj->ij", even, arm, arm))
@@ -273,6 +275,7 @@ def _cylinder(X: FloatArray, facets: IntArray) -> tuple[FloatArray, float] | Non
             return None
         radius = float(r.mean())
         unit, z = flat / r[:, None], (arm @ a)[:, None]
+        # derivatives of |flat| - radius by two shifts of p, two tilts of a, and the radius
         J = np.hstack([-unit, -z * unit, -np.ones((len(P), 1))])
         step = np.linalg.lstsq(J, radius - r, rcond=1e-10)[0]
         p, a = p + step[:2] @ e, a + step[2:4] @ e
@@ -282,6 +285,7 @@ def _cylinder(X: FloatArray, facets: IntArray) -> tuple[FloatArray, float] | Non
     e = _across(a)
     if not _round((P - p) @ e.T, radius):
         return None
+    # middle along the axis: mean of the triangles' heights, by areas on the developed surface
     flat, z = (X - p) @ e.T, (X - p) @ a
     angle = np.arctan2(flat[:, 1], flat[:, 0])[facets]
     turn = (np.diff(angle, axis=1) + np.pi) % (2.0 * np.pi) - np.pi

@@ -300,6 +300,7 @@ class Equations:
         self._records.constraints.append(ConstraintRecord(self.origin, block, tuple(targets)))
 
     def _checked(self, block: str) -> int:
+        """Number of unknowns of a block. Raises InputError if the model does not have it."""
         if block not in self.layout:
             names = ", ".join(b.name for b in self.layout)
             raise self._fault(f"it writes into the block {block!r}, which the scene does not have: "
@@ -307,6 +308,7 @@ class Equations:
         return self.size(block)
 
     def _check_numbers(self, values: FloatArray, what: str) -> None:
+        """Raises InputError unless all values are finite real numbers."""
         if values.dtype.kind not in "fiub" or not np.isfinite(values).all():
             raise self._fault(f"{what} holds values that are not finite real numbers "
                               f"({values.dtype})")

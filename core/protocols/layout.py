@@ -113,6 +113,7 @@ class Layout:
     """
 
     def __init__(self, blocks: Iterable[Block]) -> None:
+        """Raises ValueError for two blocks, or two kinds of field, of one name."""
         given = list(blocks)
         self.kinds = ordered(b.kind for b in given)
         names = [k.name for k in self.kinds]

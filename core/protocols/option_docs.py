@@ -34,6 +34,8 @@ def _of_source(source: str) -> Mapping[str, Mapping[str, str]]:
 
 
 def _classes(parent: ast.AST, prefix: str) -> Iterator[tuple[str, Mapping[str, str]]]:
+    """Qualified name of each class inside of a node -> docstrings of its attributes; prefix: of
+    their names."""
     for node in ast.iter_child_nodes(parent):
         if isinstance(node, ast.ClassDef):
             yield prefix + node.name, dict(_attributes(node))
@@ -45,6 +47,7 @@ def _classes(parent: ast.AST, prefix: str) -> Iterator[tuple[str, Mapping[str, s
 
 
 def _attributes(node: ast.ClassDef) -> Iterator[tuple[str, str]]:
+    """Annotated attributes of a class and the string after each, "" without one."""
     for statement, after in pairwise([*node.body, ast.Pass()]):
         if isinstance(statement, ast.AnnAssign) and isinstance(statement.target, ast.Name):
             text = after.value if isinstance(after, ast.Expr) else None

@@ -124,6 +124,7 @@ class Saved:
         raise SavedError(f"{name} is of an unknown kind {kind!r}")
 
     def _leaf(self, kind: str, content: Any) -> Any:
+        """A float, bytes, an array or a scalar of an array."""
         if kind == "float":
             return float.fromhex(content)
         if kind == "bytes":
@@ -131,6 +132,8 @@ class Saved:
         return self.arrays[content] if kind == "array" else self.arrays[content][()]
 
     def _mapping(self, content: Any, like: Any, name: str) -> Any:
+        """A mapping; its values are filled into those of `like`, into copies of its first value for
+        further keys."""
         if like is not None and not isinstance(like, Mapping):
             raise SavedError(f"{name} is a mapping, and {_kind(like)} in this program")
         keys = [self._value(k, None, name) for k, _ in content]

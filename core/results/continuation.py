@@ -24,7 +24,7 @@ def refusal(attributes: Mapping[str, Any], scene: Scene) -> str:
     """Reason why a run of this scene cannot continue a stored one, "" if it can. attributes: those
     of the stored result."""
     kept, ended = attributes["scene"], attributes["status"] == Status.DONE.value
-    changed = set(changes(kept, scene.dump())) - FREE
+    changed = set(changes(kept, scene.dump())) - FREE  # dotted keys
     if ended and not changed:
         return "the run has ended; nothing is left to do until a later time.end"
     if attributes.get("enriched"):
@@ -48,7 +48,7 @@ def refusal(attributes: Mapping[str, Any], scene: Scene) -> str:
     if attributes.get("estimates") and scene.rigid_stage is not None:
         return ("the error estimate takes its loads from the whole rigid-body pre-simulation, "
                 f"which ends with the run; {ELSEWHERE}")
-    trained = kept["training"]["end"]
+    trained = kept["training"]["end"]  # None: at the end of the run
     trained = before if trained is None else float(trained)
     if scene.training_end != trained and not scene.reducer.full_order:
         return (f"its model was trained to {trained} s, and with a later time.end the training "

@@ -252,6 +252,8 @@ def _folder(path: Path) -> bool:
 
 
 def _nothing(path: Path) -> bool:
+    """True for a file that holds no result, such as a lock or a temporary file, and for a folder
+    with such files alone; False for an empty folder."""
     name = path.name
     if name in (LOCK, KEPT, MOVING, LISTING) or path.name.startswith(_SCRATCH) or (
             TEMPORARY.fullmatch(name)):

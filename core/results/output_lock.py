@@ -158,6 +158,7 @@ def _lock(file: int) -> bool:
 
 
 def _make(real_path: Path, created: list[Path]) -> None:
+    """Makes a folder with those above it; adds those that are new to `created`."""
     if os.path.isdir(real_path):
         return
     _make(real_path.parent, created)

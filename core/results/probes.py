@@ -114,6 +114,7 @@ class ProbeReader:
             s = self.place.stress.base + sum(part(x) for part in self.stress)
             for weights, function in self.place.stress.given:
                 s = s + np.outer([function.value(r) for r in t], weights)
+            # von Mises: sqrt(3/2 s : s) of the deviator s, with normal and shear components n, m
             n, m = s[:, :3], s[:, 3:]
             columns += [*s[:, self._stresses].T, np.sqrt(
                 1.5 * ((n - n.mean(axis=1, keepdims=True)) ** 2).sum(axis=1)

@@ -57,10 +57,13 @@ def steps_per_chunk(header: RunHeader) -> int:
 
 
 def time_arrays(header: RunHeader) -> dict[str, dict[str, Any]]:
-    """Name -> entry (`array_entry`) of the arrays that grow with time."""
+    """Name -> entry (`array_entry`) of the arrays that grow with time: of steps, blocks of unknowns
+    (of reduced ones coefficients and active atoms), probes, prescribed temperatures, error
+    estimates, contacts and force elements. Raises ValueError for two arrays of one name."""
     made: dict[str, dict[str, Any]] = {}
 
     def add(name: str, dtype: str, inner: tuple[tuple[str, int], ...], **attributes: Any) -> None:
+        """Adds an array; inner: names and sizes of its dimensions after time."""
         if name in made:
             raise ValueError(f"two arrays of the result are named {name!r}: rename the probe")
         sizes = [size for _, size in inner]
@@ -138,8 +141,9 @@ def _fixed(header: RunHeader) -> Iterator[_Array]:
 
 
 def _body_arrays(header: RunHeader, body: str, shape: BodyShape) -> Iterator[_Array]:
-    """Arrays of a body: mesh, numbers of its unknowns, prescribed values, constants of its
-    stress."""
+    """Arrays of a body, each with its dimensions and unit: mesh, numbers of its unknowns,
+    prescribed values, constants of its stress. Raises ValueError for shapes that do not fit the
+    layout or each other."""
     node, axis = f"{body}.node", f"{body}.axis"
     yield f"{body}.points", (node, axis), {"units": "m"}, shape.points
     yield f"{body}.cells", (f"{body}.cell", f"{body}.corner"), {}, shape.cells
@@ -222,5 +226,6 @@ def one_function(which: IntArray) -> FloatArray:
 
 
 def _expect(what: str, shape: tuple[int, ...], expected: tuple[int, ...]) -> None:
+    """Raises ValueError for an array, called `what`, of another shape."""
     if shape != expected:
         raise ValueError(f"{what}: shape {shape}, expected {expected}")

@@ -91,6 +91,11 @@ class ResultWriter:
     steps."""
 
     def __init__(self, path: Path) -> None:
+        """path: of an existing store, which is continued after its committed steps.
+
+        _arrays: name -> entry of the header, of the arrays over time; _per_file: steps of a full
+        file; _number: number of the file that is written next.
+        """
         self.path = path
         self._folder = FixedFolder(path)
         self._document = read_header(path)
@@ -251,6 +256,7 @@ class ResultWriter:
             remove_store(self.path)
 
     def _check_times(self, times: FloatArray) -> None:
+        """Raises ValueError for times (j,), s, that do not grow."""
         before = np.concatenate([[self._last_time], times])
         if np.any(np.diff(before) <= 0.0):
             raise ValueError(f"time: must grow, after {self._last_time} s came {times}")
@@ -379,6 +385,7 @@ def _old_folder(store: Path) -> Path:
 
 
 def _refused(target: Path, why: str) -> InputError:
+    """Error for a result that cannot be resumed."""
     return InputError(f"{target} cannot be resumed: {why}", key="resume")
 
 

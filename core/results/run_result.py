@@ -381,6 +381,7 @@ class RunResult(Drawn):
         return np.zeros(SPINNING_POSE if solid else PLANAR_POSE)
 
     def _poses(self, body: str, step: int, count: int) -> FloatArray:
+        """(count, b) the pose of a body at a stored step, once for each of `count` points."""
         pose = self.pose(body, step)
         if pose.size not in KNOWN:
             raise InputError(
@@ -454,16 +455,19 @@ class RunResult(Drawn):
         return drawing().animation_of(self, field, **options)
 
     def _at_nodes(self, body: str, what: str, shape: tuple[int, ...]) -> FloatArray:
+        """Nodal values of those unknowns that are not solved for, 0 of the others; a new array."""
         key = f"{body}.eliminated_{what}"
         return self._array(key).copy() if key in self._data else np.zeros(shape)
 
     def _fill(self, values: FloatArray, body: str, quantity: Quantity, step: int) -> None:
+        """Writes the unknowns of a body at a stored step into its nodal values, in place."""
         block = self.layout.of(body, quantity)
         if block is not None:
             dofs = self._array(f"{block.name}.places")
             values.reshape(-1)[dofs] = self.block(block.name, self._only(step))[0]
 
     def _only(self, step: int) -> slice:
+        """Slice of one stored step, counted from the end if negative. Raises IndexError."""
         count = self._data.shape("time")[0]
         if not -count <= step < count:
             raise IndexError(f"step {step} of a result with {count} stored steps")
@@ -471,15 +475,18 @@ class RunResult(Drawn):
         return slice(first, first + 1)
 
     def _of_reduced(self, name: str, what: str) -> str:
+        """Name of an array of a reduced block. Raises InputError for another block."""
         if not self.reduced(name):
             raise InputError(f"{name} is not reduced in this run: it has no {what}", key="block")
         return f"{name}.{what}"
 
     def _of_body(self, body: str, what: str) -> str:
+        """Name of an array of a body. Raises InputError for another one."""
         _require(body, self.bodies, "body", f"no body {body!r} with a stored shape")
         return f"{body}.{what}"
 
     def _array(self, name: str) -> NDArray[Any]:
+        """A stored array, read once; read-only."""
         if name not in self._arrays:
             self._arrays[name] = self._data.read(name)
             self._arrays[name].flags.writeable = False

@@ -383,6 +383,7 @@ class ReducedModel:
         return dict(functions_of_time({"loads": self.scene.loads, "joints": self.scene.joints}))
 
     def _pack(self, value: object) -> Packed:
+        """Data of an object without plugins. Raises InputError for one that needs the mesh."""
         try:
             return Packed.of(value, _table(self.scene), _functions(self.scene))
         except PackedError as error:
@@ -425,8 +426,12 @@ class ReducedModel:
             return error.faults[0].message
 
     def _changed(self, overrides: Mapping[str, Any] | Scene, initial: Initial) -> PreparedRun:
-        """The prepared run with other settings. Raises InputError for those that need a new
-        model."""
+        """The prepared run with other settings. Raises InputError for those that need a new model.
+
+        Parameters: equations projected again (`_again`). Loads or start: step solver made again
+        from its data with the functions of time of the new scene, accelerations of its own, and an
+        error estimate where that needs no mesh. Anything else: the scene in the header.
+        """
         if not (overrides or initial):
             return self._run
         run, scene = self._run, self._scene_with(overrides)
@@ -479,6 +484,7 @@ class ReducedModel:
         if self.scene.rigid_stage is not None:
             return start
         a, h = solver.start(start)[0].a, self.scene.time.step
+        # as in `resolved_start`: displacements that a would make in a step, beyond the body
         far = (size > FAR * b.diagonal for b, size in zip(
             self._extents.blocks, self._extents.sizes(0.5 * h * h * a), strict=True) if not b.hot)
         return start if any(far) else replace(start, a=a)

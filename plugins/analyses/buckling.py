@@ -76,18 +76,24 @@ def buckling(
 
 
 def _about(p: Prepared, system: System, s: State, count: int) -> Buckled:
-    """Buckling factors and shapes about a state: K_g is the change of the tangent along the linear
-    step to full load, by central differences, with the stiffness by stress."""
+    """Buckling factors lambda and shapes phi about the state s without the scaled loads,
+
+        (K + K_s + lambda K_g) phi = 0,    on the constraints
+
+    K: tangent, K_s: stiffness by the stress of s; K_g: their change along the linear step to full
+    load, by central differences of K, with that of the tangent by the loads themselves. Raises
+    InputError where these are not symmetric.
+    """
     step, K = _linear(p, system, s), system.jacobian(s)
-    e = CHANGE / max(system.motion(system.direction(step)), 1e-300)
-    ahead, behind = (system.jacobian(replace(s, x=s.x + k * step)) for k in (e, -e))
-    change = (ahead - behind) / (2.0 * e) + p.system.jacobian(s) - K
-    here, there = (_stress_stiffness(p.model, system, x, s.t) for x in (s.x, s.x + step))
+    scale = CHANGE / max(system.motion(system.direction(step)), 1e-300)
+    ahead, behind = (system.jacobian(replace(s, x=s.x + k * step)) for k in (scale, -scale))
+    tangent_change = (ahead - behind) / (2.0 * scale) + p.system.jacobian(s) - K
+    K_s, K_s_loaded = (_stress_stiffness(p.model, system, x, s.t) for x in (s.x, s.x + step))
     T, (second, held) = body_axes(system.layout, s)[0], kept_rows(system.layout)
     left = csc_array(T.T)
-    z = csc_array(left @ (K + here) @ T)
+    z = csc_array(left @ (K + K_s) @ T)
     c = Constrained.of(Tangents(z, 0.0 * z, 0.0 * z), second, held)
-    K_g = csc_array(left @ (change + there - here) @ T)[second][:, second]
+    K_g = csc_array(left @ (tangent_change + K_s_loaded - K_s) @ T)[second][:, second]
     for X in (c.K, K_g):
         if abs(X - X.T).max() > LIKE * abs(X).max():
             raise InputError("a load or term has tangents that are not symmetric, as one that "
@@ -101,8 +107,8 @@ def _about(p: Prepared, system: System, s: State, count: int) -> Buckled:
 
 
 def _linear(p: Prepared, system: System, s: State) -> FloatArray:
-    """Linear change (n,) of the unknowns by the scaled loads, and of temperatures by that of the
-    stored initial state."""
+    """Linear change (n,) of the unknowns by the scaled loads, dx = -K^-1 r with the residual r of
+    the whole scene (p), and of temperatures by that of the stored initial state."""
     at, step = system.mechanical, np.zeros(system.layout.size)
     first = system.thermal
     step[first] = p.system.start(s.t).x[first] - s.x[first]

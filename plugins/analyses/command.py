@@ -126,6 +126,7 @@ def _spaced(text: str | None) -> list[float] | None:
 
 
 def _report(found: "Solution", directory: Path, as_json: bool, quiet: bool) -> None:
+    """Prints a solution as JSON or as a table, then its notes."""
     if as_json:
         print_json({**found.summary, "out": directory})
     elif not quiet:

@@ -248,6 +248,7 @@ class HeatSums:
         begin, before, end = (self.run.full_order(s) for s in (self.begin, self.before, self.end))
         mean = self.end.x.copy()
         mean[self.at] = self.sum / N
+        # one state with the mean temperatures of the run gives the sums of terms linear in them
         flows = self._sums(summed, self.run.full_order(replace(self.end, x=mean)).x)
         stored = self._stored(begin, end)
         stored_back = self._stored(end, begin)

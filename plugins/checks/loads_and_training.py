@@ -99,6 +99,7 @@ def _never_acts(key: str, function: TimeFunction, count: int, h: float) -> Note 
 
 def _too_fast(key: str, function: TimeFunction, count: int, h: float) -> Note | None:
     """Warning about a function with fewer than 4 steps of h (s) per period."""
+    # samples in each step at multiples of the golden ratio, which keep step with no period
     spread = np.sort(np.mod(0.5 + 0.6180339887498949 * np.arange(SAMPLES), 1.0))
     extremes, steps = 0, 0
     first = {0} if count <= WINDOW * WINDOWS else {

@@ -64,6 +64,7 @@ class TimeError(Check):
         return None if self._windows is None else self._windows.take
 
     def after_run(self, run: PreparedRun, result: RunResult) -> Findings:
+        """Notes on large time errors, and all errors by block for the summary."""
         errors, first = ({}, {}) if self._windows is None else self._windows.estimated()
         scene = run.scene
         notes = time_error_notes(errors, first, scene.time.step, scene.integrator.order)

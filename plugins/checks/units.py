@@ -64,6 +64,8 @@ def _materials(options: Mapping[str, Any], key: str) -> Iterator[tuple[str, Mapp
 
 
 def _material(key: str, material: Mapping[str, Any]) -> Iterator[Note]:
+    """Notes on a material that no solid has: E, Pa, written in GPa or MPa, or rho, kg/m3, in g/cm3.
+    """
     E, rho = float(material["E"]), float(material["rho"])
     if rho >= DENSE and 0.0 < E < SOFT * rho:
         factor, unit = (1e9, "GPa") if E < 1e3 else (1e6, "MPa")

@@ -108,6 +108,12 @@ class _Reader:
     """Reader of one file: statements one after the other, sets at the end."""
 
     def __init__(self, name: str) -> None:
+        """name: of the file, for messages.
+
+        model, here: mesh outside of parts, and that to which data belong now; parts: name -> mesh;
+        ignored: keyword -> number of its statements that are not read; placed: name -> instance in
+        the numbering of the model.
+        """
         self.name = name
         self.model = Scope(MODEL, 1)
         self.parts: dict[str, Scope] = {}
@@ -156,6 +162,7 @@ class _Reader:
 
     def _part(self, line: int, word: str, options: dict[str, str], body: list[tuple[int, str]]
               ) -> None:
+        """*PART: opens a part, to which data belong until *END PART."""
         name = key_of(needed(options, "NAME", line, word))
         if name in self.parts:
             raise BadLine(line, word, f"there is a part {name!r} already")
@@ -298,6 +305,7 @@ class _Reader:
             word, how, lines, key_of(options.get("INSTANCE", ""))))
 
     def _add(self, sets: dict[str, list[SetDefinition]], name: str, entry: SetDefinition) -> None:
+        """Adds a definition to those of a set; a name may have several, as the set grows."""
         self.spelled.setdefault(key_of(name), {})[shown(name)] = None
         sets.setdefault(key_of(name), []).append(entry)
 
@@ -415,6 +423,8 @@ def _once(scope: Scope) -> tuple[IntArray, FloatArray]:
 
 
 def _rows(nodes: Numbering, given: list[list[int]], place: str) -> IntArray:
+    """Rows (n, q) of the nodes with these labels. Raises BadLine for a node that is not there;
+    place: line and keyword, as in `CellBlock`."""
     found = np.array(given, dtype=np.int64)
     rows = nodes.rows(found)
     bad = np.argwhere(rows < 0)
@@ -424,4 +434,5 @@ def _rows(nodes: Numbering, given: list[list[int]], place: str) -> IntArray:
 
 
 def _line(place: str) -> int:
+    """Line number of a place `:line: keyword`."""
     return int(place.split(":")[1])

@@ -45,12 +45,13 @@ def _silent() -> Iterator[None]:
 
 
 def content_of(raw: Any) -> Content:
-    """meshio's mesh as arrays of the expected shapes and types."""
+    """meshio's mesh as arrays of the expected shapes and types: blocks of cells with cells, and
+    groups of its cell sets, tags and point sets. Raises ValueError for other shapes."""
     points = np.asarray(raw.points, dtype=np.float64)
     if points.ndim != 2 or points.shape[1] not in (2, 3):
         raise ValueError(f"points of shape {points.shape}, where (n, 2) or (n, 3) is expected")
     blocks: list[CellBlock] = []
-    new: dict[int, int] = {}
+    kept: dict[int, int] = {}
     for number, block in enumerate(raw.cells):
         if not len(block.data):
             continue
@@ -60,15 +61,15 @@ def content_of(raw: Any) -> Content:
         count = CELLS[kind][2] if kind in CELLS else None
         if count is not None and nodes.shape[1:] != (count,):
             raise ValueError(f"cells of shape {nodes.shape}, where (n, {count}) is expected")
-        new[number] = len(blocks)
+        kept[number] = len(blocks)  # of meshio's block among those that are not empty
         blocks.append(CellBlock(kind, nodes))
     groups: dict[str, MeshGroup] = {}
     for name, per_block in raw.cell_sets.items():
         for number, rows in enumerate(per_block):
             if rows is not None and len(rows) and not str(name).startswith("gmsh:"):
                 chosen = np.asarray(rows, dtype=np.int64)
-                groups.setdefault(str(name), MeshGroup()).cells.append((new[number], chosen))
-    for name, tag, number, rows in _tagged(raw, new, blocks):
+                groups.setdefault(str(name), MeshGroup()).cells.append((kept[number], chosen))
+    for name, tag, number, rows in _tagged(raw, kept, blocks):
         group = name or f"{WORD[blocks[number].dimension]}_{tag}"
         groups.setdefault(group, MeshGroup()).cells.append((number, rows))
     for name, numbers in (*raw.point_sets.items(), *_point_families(raw)):

@@ -62,6 +62,7 @@ def difference(kind: str, data: bytes, read: dict[str, int]) -> str:
 
 
 def _text(data: bytes) -> str:
+    """Text of a file with lines that end in a line feed."""
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -128,7 +129,12 @@ def _abaqus(data: bytes) -> dict[str, int] | None:
 
 
 def _gmsh(data: bytes) -> dict[str, int] | None:
-    """Lines of $Elements by type and by physical group; None where a line has not one element."""
+    """Lines of $Elements by type and by physical group; None where a line has not one element.
+
+    Format 4.1: blocks of a line `dimension entity type count` and `count` lines of elements, whose
+    groups are those of the entity. Format 2.2: lines `number type count tags.. nodes..` with the
+    count of tags, the first of which is the group; an element of several groups has several lines.
+    """
     lines = [t.strip() for t in _lines(data)]
 
     def section(name: str) -> list[list[str]]:

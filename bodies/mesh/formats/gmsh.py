@@ -138,6 +138,11 @@ class _Reader:
     """Reader of one file: its sections in their order."""
 
     def __init__(self, data: bytes, name: str) -> None:
+        """data, name: content and name of the file.
+
+        names: (dimension, tag) -> name of a group; labels, points: of nodes, block by block;
+        elements: Gmsh's number of a type -> its elements; skipped: names of sections not read.
+        """
         self.data, self.name = data, name
         self.version = ""
         self.binary = False
@@ -336,12 +341,14 @@ class _Reader:
         section.done()
 
     def _width(self, section: _Section, number: int) -> int:
+        """Number of nodes of elements of a type. Raises BadLine for one that is not supported."""
         if number not in TYPES:
             raise section.fail(f"elements of type {number} are not supported: save the mesh with "
                                "elements of order 1 or 2")
         return TYPES[number][1]
 
     def _add(self, number: int, nodes: IntArray, tags: Sequence[int] | IntArray) -> None:
+        """Adds elements of a type, with node labels (n, q), that are all in the groups `tags`."""
         found = self.elements.setdefault(number, _Elements())
         rows = np.arange(found.count, found.count + len(nodes))
         found.nodes.append(nodes)
@@ -368,6 +375,7 @@ class _Reader:
         section.done()
 
     def _whole(self, section: _Section, values: FloatArray) -> IntArray:
+        """Labels that were read as reals. Raises BadLine for one that is no whole number."""
         if not (np.abs(values) < 2**53).all() or (values != np.floor(values)).any():
             raise section.fail("a number of a node is no whole number")
         return values.astype(np.int64)
@@ -436,6 +444,7 @@ class _Reader:
                     3, 3 + tags + TYPES[number][1])] for (number, tags), rows in starts.items()}
 
     def _elements_22(self, section: _Section) -> None:
+        """$Elements (2.2): elements of all types, each with tags; the first is its group."""
         count = self._count(section)
         found = (self._binary_22 if section.binary else self._text_22)(section, count)
         section.done()

@@ -111,6 +111,13 @@ class _Reader:
     """Reader of one file: cards one after the other, coordinate systems at the end."""
 
     def __init__(self, name: str) -> None:
+        """name: of the file, for messages.
+
+        grids: label -> card; default_system, default_axes: coordinate systems of grids that name
+        none (GRDSET), of positions and of displacements; seen: label of an element -> its card and
+        line; ignored: name of a card -> number of them; frames: coordinate systems that are
+        evaluated, as `_frame` returns them; active: those that are being evaluated.
+        """
         self.name = name
         self.grids: dict[int, Card] = {}
         self.systems: dict[int, tuple[Card, int]] = {}
@@ -175,6 +182,7 @@ class _Reader:
             self.ignored[name] = self.ignored.get(name, 0) + 1
 
     def _coordinate_system(self, card: Card) -> None:
+        """CORD1, CORD2: adds the coordinate systems of a card, two on a long CORD1."""
         if card.name[4:] not in ("1R", "1C", "1S", "2R", "2C", "2S"):
             raise card.fail("this coordinate system is not supported")
         starts = (0,) if card.name[4] == "2" or not card.text(4) else (0, 4)
@@ -251,6 +259,7 @@ class _Reader:
         return self.frames[number]
 
     def _grid(self, label: int, card: Card) -> FloatArray:
+        """(3,) position of the grid that a card names."""
         if label not in self.grids:
             raise card.fail(f"there is no grid {label}")
         return self._position(self.grids[label])

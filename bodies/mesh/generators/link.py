@@ -42,6 +42,7 @@ class Link(MeshPlugin):
     @field_validator("elements")
     @classmethod
     def _square_multiple(cls, elements: int) -> int:
+        """Raises InputError for a number of triangles that is neither 1280 r^2 nor 320."""
         r = isqrt(elements // REGULAR)
         if elements in (COARSE, REGULAR * r * r):
             return elements
@@ -136,4 +137,5 @@ def _numbers(around: int, radial: int, along: int) -> tuple[IntArray, IntArray, 
 
 
 def _closed(ring: IntArray) -> IntArray:
+    """Rows of point numbers (r, c) with their first point again at the end, (r, c + 1)."""
     return np.concatenate([ring, ring[:, :1]], axis=1)

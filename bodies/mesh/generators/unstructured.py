@@ -113,6 +113,7 @@ class Unstructured(MeshPlugin):
         return points, cells
 
     def _misfit(self) -> str:
+        """Message for a number of triangles that does not go with the divisions of the outline."""
         area, segment = self.size[0] * self.size[1], sum(self.size) / sum(self.divisions)
         fitting = 2 * round(2.0 * area / (np.sqrt(3.0) * segment**2))
         return (f"{self.elements} triangles have sides of {self._side:.3g} m, which does not go "
@@ -121,6 +122,7 @@ class Unstructured(MeshPlugin):
                 f"below {LEAST_QUALITY}); these divisions take about {fitting} triangles")
 
     def _sets(self, points: FloatArray) -> dict[str, IntArray]:
+        """Sets of points: sides, corners, and the middle of the top if a point is there."""
         x, y = points.T
         near = 1e-9 * max(self.size)
         sides = {"left": x < near, "right": x > self.size[0] - near,

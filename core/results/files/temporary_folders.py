@@ -78,6 +78,7 @@ def _host() -> str:
 
 
 def _alive(pid: int) -> bool:
+    """False if there is certainly no process with this number."""
     if os.name == "nt":  # where signal 0 is no question
         return True
     try:

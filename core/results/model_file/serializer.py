@@ -201,6 +201,7 @@ def _check_plain(value: object, depth: int) -> None:
 
 
 def _identity(a: NDArray[Any]) -> tuple[object, ...]:
+    """Type, shape, order and digest of an array: equal ones are stored once."""
     return a.dtype.str, a.shape, order(a), hashlib.sha256(shuffled(a)).digest()
 
 
@@ -242,6 +243,7 @@ class _Packer:
         return self._object(value, name)
 
     def _array(self, value: Any) -> int:
+        """Number of an array, or of an equal one that is there already."""
         array = np.asarray(value)
         key = _identity(array)
         if key not in self._numbers:
@@ -266,6 +268,8 @@ class _Packer:
         return {"plugin": key}
 
     def _named(self, item: Any, name: str) -> str:
+        """Label of a class or function of the table. Raises PackedError for another one; name: path
+        of the object."""
         label = _label(item)
         if self.table.get(label) is not item:
             raise PackedError(f"{name} is a {item.__qualname__}, which cannot be stored")
@@ -310,16 +314,19 @@ class _Maker:
     _copied: int = 0
 
     def value(self, node: Any) -> Any:
+        """Value of a node as `_Packer.node` makes it: itself, or a mapping {type: content}."""
         if node is None or isinstance(node, bool | int | str):
             return node
         (kind, content), = node.items()
         return self._kept(kind, content) if kind in _KEPT else _LEAVES[kind](self, content)
 
     def _kept(self, kind: str, content: Any) -> Any:
+        """A new object, with the next number by which `again` refers to it."""
         self._known.append(made := _KEPT[kind](self, content))
         return made
 
     def named(self, name: str) -> Any:
+        """Class or function of the table. Raises PackedError for another one."""
         if name not in self.table:
             raise PackedError(f"it names {name!r}, which no plugin of its scene provides")
         return self.table[name]
@@ -330,9 +337,11 @@ class _Maker:
         return self.plugins[key]
 
     def options(self, content: Any) -> Any:
+        """Plugin of a class with the stored options."""
         return self.named(content[0]).model_validate(content[1])
 
     def method(self, content: Any) -> Callable[..., Any]:
+        """Public method of a stored object. Raises PackedError for what is none."""
         of, name = self.value(content[0]), content[1]
         allowed = isinstance(of, TimeFunction) or type(of) in self.table.values()
         if not allowed or name[:1] == "_" or not isinstance(
@@ -342,11 +351,14 @@ class _Maker:
         return found
 
     def swapped(self, content: int) -> NDArray[Any]:
+        """Array with its last two axes exchanged, made once."""
         if content not in self._swapped:
             self._swapped[content] = np.ascontiguousarray(self.arrays[content].swapaxes(-1, -2))
         return self._swapped[content]
 
     def csr(self, content: Any) -> Any:
+        """Sparse matrix of the arrays with three numbers and a shape. Raises PackedError where
+        copies of its numbers would fill memory."""
         data, indices, indptr, shape = content
         self._copied += self.arrays[indices].nbytes + self.arrays[indptr].nbytes
         if self._copied > SMALL + sum(a.nbytes for a in self.arrays):
@@ -357,11 +369,13 @@ class _Maker:
         return made
 
     def parts(self, content: Any) -> Any:
+        """Object of a class and the arguments of its `of_parts`, or of itself."""
         cls, values = self.named(content[0]), [self.value(v) for v in content[1]]
         return self.fitting(
             cls.of_parts(*values) if issubclass(cls, HasParts) else cls(*values))
 
     def fields(self, content: Any) -> Any:
+        """Object of a class and its fields by name."""
         return self.fitting(self.named(content[0])(
             **{n: self.value(v) for n, v in content[1].items()}))
 

@@ -51,6 +51,7 @@ class LocalPool:
         self._lines: queue.Queue[tuple[_Worker, str]] = queue.Queue()
 
     def submit(self, name: str, job: Payload) -> None:
+        """Gives a job to an idle worker, or to a new one."""
         idle = next((w for w in self._alive if not w.job), None) or self._start()
         idle.job = name
         assert idle.process.stdin is not None
@@ -77,6 +78,7 @@ class LocalPool:
         return EndedJob(worker.job, None, _cause(code), deaths=1) if worker.job else None
 
     def close(self) -> None:
+        """Ends all workers, whatever they are doing."""
         for worker in self._alive:
             worker.process.kill()  # its answer will not be heard
         for worker in self._alive:
@@ -88,6 +90,7 @@ class LocalPool:
         self._log.close()
 
     def _start(self) -> _Worker:
+        """A new worker process, with a thread that reads its answers."""
         process = subprocess.Popen(
             [sys.executable, "-m", self._program], text=True, encoding="utf-8",
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._log,

@@ -22,6 +22,7 @@ def training() -> Execute:
     from sparsemor.core.simulation.training import train
 
     def execute(job: Mapping[str, Any]) -> dict[str, Any]:
+        """Makes the training run of a job (`train_in_parallel`) and stores it in the cache."""
         try:
             with fixed_threads():
                 tree = dict(job["tree"])
