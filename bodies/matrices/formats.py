@@ -71,6 +71,7 @@ def whole(values: FloatArray, what: str) -> IntArray:
 
 
 def _number(word: str) -> bool:
+    """True for a finite number, with an exponent E or D."""
     try:
         return bool(np.isfinite(float(word.upper().replace("D", "E"))))
     except ValueError:
@@ -200,6 +201,7 @@ def read_nastran(path: Path, name: str) -> FileMatrix:
     values: dict[tuple[tuple[int, int], tuple[int, int]], float] = {}
     for card in columns:
         column = card.integer(1), card.integer(2, 0)
+        # fields: name, node and direction of the column, blank; then row node, direction, A, B
         for at in range(4, len(card.fields), 4):
             if card.text(at):
                 row = card.integer(at), card.integer(at + 1, 0)

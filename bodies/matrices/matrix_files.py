@@ -133,6 +133,7 @@ def read_nodes(base: Path, written: str, key: str) -> FileNodes:
 
 
 def _lines(content: str) -> FileNodes:
+    """Nodes of a text with lines `number, x, y` or `number, x, y, z`."""
     first = next((line for line in content.splitlines() if not remark(line)), "")
     values = table(content, 4 if len(first.replace(",", " ").split()) > 3 else 3)
     return FileNodes(whole(values[:, 0], "the number of a node,"), values[:, 1:])

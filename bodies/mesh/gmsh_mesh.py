@@ -166,6 +166,7 @@ class _Faces:
     """Faces of a meshed solid, by their tags in Gmsh; scale: metres per unit of the geometry."""
 
     def __init__(self, gmsh: Any, scale: float) -> None:
+        """gmsh: the module, with the meshed model; cylinders are sorted by falling radius."""
         self.gmsh, self.scale = gmsh, scale
         self.all = [tag for _, tag in gmsh.model.getEntities(2)]
         self.round: list[tuple[float, FloatArray, FloatArray, list[int]]] = []

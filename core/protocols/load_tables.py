@@ -147,5 +147,6 @@ def ring(mass: Csr, stiffness: Csr, coordinates: FloatArray, rows: IntArray) -> 
 
 
 def _ones(matrix: Csr) -> Csr:
+    """Matrix with ones at the stored entries of another one."""
     m = csr_array(matrix)
     return csr_array((np.ones(m.nnz), m.indices, m.indptr), shape=m.shape)

@@ -148,4 +148,5 @@ def outside_box_notes(key: str, point: Sequence[float], points: FloatArray) -> I
 
 
 def _point(p: FloatArray) -> str:
+    """Coordinates of a point, m, for messages."""
     return "(" + ", ".join(f"{c:.6g}" for c in p) + ")"

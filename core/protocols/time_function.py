@@ -192,6 +192,7 @@ def time_derivatives(function: Callable[[float], float], t: float, h: float) -> 
 
 
 def _scalar(function: Callable[[float], float], order: int, t: float, h: float) -> float:
+    """`derivative_from_right` of a function with numbers as values."""
     return float(derivative_from_right(lambda s: np.array(function(s)), order, t, h))
 
 

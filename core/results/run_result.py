@@ -54,6 +54,11 @@ class RunResult(Drawn):
     """
 
     def __init__(self, path: str | Path) -> None:
+        """path: folder of the store. Raises InputError if there is no result in it.
+
+        _arrays: arrays that were read, by name; _recoveries: body -> recovery of its stress;
+        _folder: temporary folder that is removed with this result.
+        """
         self._path: Path | None = Path(path).absolute()
         if not (self.path / HEADER).exists():
             refuse_older(self.path)

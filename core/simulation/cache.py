@@ -183,6 +183,7 @@ class Cache:
         return self.reduce(0, kind).freed
 
     def _last_use(self, entry: CacheEntry) -> float:
+        """Time of the last use of an entry, s since the epoch; 0 where it is gone."""
         place = self.place(entry.kind, entry.key)
         times = []
         for file in (place / _MANIFEST, place):
@@ -302,10 +303,12 @@ def _table(entry: Path) -> dict[str, list[Any]]:
 
 
 def _checksum(table: Mapping[str, object]) -> int:
+    """CRC-32 of the table of a manifest."""
     return zlib.crc32(json.dumps(table).encode("utf-8"))
 
 
 def _load_one(file: Path) -> NDArray[Any]:
+    """Array of a file; a large one as a read-only memory map."""
     large = file.stat().st_size >= _MAPPED_BYTES
     array: NDArray[Any] = np.load(file, mmap_mode="r" if large else None, allow_pickle=False)
     return array

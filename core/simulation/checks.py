@@ -55,10 +55,10 @@ class Findings:
         return cls(
             (*chain(*(f.notes for f in found)),
              *(note for f in found for name, note in f.general.items() if name not in explained)),
-            dict(chain(*(f.summary.items() for f in found))),
-            next((f.failure for f in found if f.failure is not None), None), explained, {},
-            dict(chain(*(f.kept.items() for f in found))),
-            dict(chain(*(f.changes.items() for f in found))))
+            summary=dict(chain(*(f.summary.items() for f in found))),
+            failure=next((f.failure for f in found if f.failure is not None), None),
+            explained=explained, kept=dict(chain(*(f.kept.items() for f in found))),
+            changes=dict(chain(*(f.changes.items() for f in found))))
 
 
 class Check(Plugin):
@@ -178,6 +178,7 @@ class Checks(pluggy.PluginManager):
 
 
 def _overrides(cls: type, name: str) -> bool:
+    """True if a class of checks has a method of this name other than that of `Check`."""
     return getattr_static(cls, name, None) is not vars(Check)[name]
 
 

@@ -70,6 +70,7 @@ class OfflineCost:
         finally:
             self._open.pop()
         elapsed = time.perf_counter() - start
+        # times of this product and of those that it was computed from
         if one.hit:
             cost = dict(_read(place))
         else:
@@ -94,6 +95,7 @@ def record(place: Path | None, cost: Mapping[str, float]) -> None:
 
 
 def _read(place: Path | None) -> Mapping[str, float]:
+    """Computing times, s by product, that `record` wrote next to a cache entry; {} without them."""
     if place is None:
         return {}
     try:

@@ -57,6 +57,8 @@ class SnapshotCollector:
         self, scene: Scene, steps: int, layout: Layout, blocks: tuple[str, ...],
         folder: Callable[[], Path], whole: int = 0,
     ) -> None:
+        """blocks: those of which snapshots are kept; folder: makes the folder for snapshots that do
+        not fit in memory. share: of the steps of the run that belong to the training run."""
         self.steps, self.share = steps, steps / (whole or steps)
         self.every, self._h, self._layout = scene.training.every, scene.time.step, layout
         extra = int(scene.integrator.order > 1)

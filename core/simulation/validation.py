@@ -161,10 +161,12 @@ def time_faults(scene: Scene) -> list[Fault]:
 
 
 def _whole(end: float, step: float) -> bool:
+    """True if an end time is a whole number of steps, both s, up to 1e-6 steps."""
     return abs(round(end / step) * step - end) <= 1e-6 * step
 
 
 def _not_whole(key: str, end: float, step: float) -> Fault:
+    """Fault of an end time between two steps, both s, with the nearest ones that are not."""
     below = max(math.floor(end / step), 1) * step
     return Fault(key, f"{end:g} s is not a whole number of steps of {step:g} s ({end / step:.6g} "
                  f"steps): take {below:.6g} or {below + step:.6g}")

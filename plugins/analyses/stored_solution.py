@@ -96,6 +96,7 @@ class Solution:
 
 
 def _shown(value: object) -> str:
+    """Entry of a printed table: numbers with 6 digits, "yes" or "" of a flag, "" of None."""
     if isinstance(value, bool):
         return "yes" if value else ""
     return f"{value:.6g}" if isinstance(value, float) else "" if value is None else str(value)

@@ -56,6 +56,8 @@ def _warnings(
     model: Model, motion: Mapping[str, FrameHistory],
     contacts: Mapping[str, Mapping[str, FloatArray]] | None,
 ) -> tuple[Note, ...]:
+    """Warnings about contacts along a motion of all bodies; contacts: histories of their resultants
+    (`RunResult.contacts`), None where not every step is stored."""
     parts = model.contacts
     texts = [part.missed(motion) for part in parts.values()]
     if contacts is not None:

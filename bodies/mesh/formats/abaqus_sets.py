@@ -105,9 +105,11 @@ class AbaqusSets:
         return found
 
     def _spellings(self, key: str) -> list[str]:
+        """Names under which a set is known: as the file spells it, and in capitals."""
         return list({**self.spelled.get(key, {}), key: None})
 
     def _collect(self, group: MeshGroup, scope: str, key: str) -> None:
+        """Adds to a group the nodes, elements and surfaces of a name in a part or instance."""
         own = self.placed[scope].scope
         if key in own.nsets:
             group.points.append(self.numbers("node", scope, key))
@@ -117,9 +119,10 @@ class AbaqusSets:
             self._surface(group, scope, entry)
 
     def _tag(self, group: MeshGroup, elements: IntArray) -> None:
-        of = np.searchsorted(self.starts, elements, side="right") - 1
-        for b in np.unique(of):
-            group.cells.append((int(b), elements[of == b] - self.starts[b]))
+        """Adds elements, by numbers in the whole model, to a group: block and rows in it."""
+        block_of = np.searchsorted(self.starts, elements, side="right") - 1
+        for b in np.unique(block_of):
+            group.cells.append((int(b), elements[block_of == b] - self.starts[b]))
 
     def numbers(self, what: str, scope: str, key: str) -> IntArray:
         """Sorted numbers of the nodes or elements (what) of a set."""
@@ -158,6 +161,7 @@ class AbaqusSets:
         return found
 
     def _scope(self, name: str, entry: SetDefinition) -> str:
+        """The name of a part or instance. Raises BadLine for one that is not there."""
         if name not in self.placed:
             line = next((n for n, _ in entry.lines), 0)
             raise BadLine(line, entry.keyword, f"there is no instance {name!r}")
@@ -212,6 +216,7 @@ class AbaqusSets:
         raise BadLine(line, entry.keyword, f"there is no set of {what}s {shown(word)[:80]!r}")
 
     def _nodes_of(self, elements: IntArray) -> IntArray:
+        """Numbers of the nodes of elements, repeated where several have one."""
         group = MeshGroup()
         self._tag(group, elements)
         return np.concatenate([np.zeros(0, np.int64), *(

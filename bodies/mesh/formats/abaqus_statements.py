@@ -52,6 +52,7 @@ def _keyword(text: str, line: int) -> tuple[str, dict[str, str]]:
 
 
 def needed(options: dict[str, str], name: str, line: int, word: str) -> str:
+    """Value of an option. Raises BadLine, with line and keyword, where it is missing."""
     if not options.get(name, "").strip('"'):
         raise BadLine(line, word, f"has no {name}=")
     return options[name]
@@ -64,6 +65,7 @@ def key_of(name: str) -> str:
 
 
 def shown(name: str) -> str:
+    """A name of the file without quotes, for messages."""
     return name.strip().strip('"')
 
 
@@ -94,6 +96,7 @@ def data_words(text: str) -> tuple[list[str], bool]:
 
 
 def integer(word: str, line: int, keyword: str) -> int:
+    """Whole number. Raises BadLine for another word."""
     if not INTEGER.fullmatch(word):
         raise BadLine(line, keyword, f"{word[:40]!r} is no whole number")
     return int(word)

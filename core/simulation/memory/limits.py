@@ -121,6 +121,7 @@ def _folders() -> list[Path]:
 
 
 def _number(file: Path) -> int | None:
+    """Number in a file; None without the file, or for the text "max" (no limit)."""
     try:
         return int(file.read_text())
     except (OSError, ValueError):  # no such group, or "max"
@@ -141,6 +142,7 @@ def _mentioned(file: str | Path, name: str, unit: int) -> int | None:
 
 
 def gb(size: float) -> str:
+    """Size in bytes as GB for messages."""
     if size >= 1e6 * GIGABYTE:
         return f"{size / GIGABYTE:.3g} GB"
     return f"{size / GIGABYTE:.0f} GB" if size >= 10 * GIGABYTE else f"{size / GIGABYTE:.2g} GB"
