@@ -227,12 +227,12 @@ class Search:
         run."""
         total = {n: d.atoms.shape[1] for n, d in whole.dictionaries.items()}
         counts = {n: min(max(self._needed(n), least.get(n, 1)), total[n]) for n in total}
-        if self._hyper(whole, counts):
-            return self._weighted(whole, counts, total, said)
+        if self._ecsw_may_pay(whole, counts):
+            return self._sized_by_ecsw(whole, counts, total, said)
         self.tau = 0.0
         for attempt in range(ATTEMPTS):
-            trial = self._tried(whole.leading(counts), f"galerkin{said and ', '}{said}", said)
-            more = self._grown(counts, total, trial, TIGHTER)
+            trial = self._trial_run(whole.leading(counts), f"galerkin{said and ', '}{said}", said)
+            more = self._more_atoms(counts, total, trial, TIGHTER)
             if more == counts or attempt + 1 == ATTEMPTS:
                 break
             counts = more
@@ -254,7 +254,7 @@ class Search:
         met = np.flatnonzero(self.projection_errors[name][1:] <= self.targets[name])
         return int(met[0]) + 1 if met.size else len(self.projection_errors[name]) - 1
 
-    def _grown(
+    def _more_atoms(
         self, counts: Mapping[str, int], total: Mapping[str, int], trial: TrialRun, aim: float
     ) -> dict[str, int]:
         """Numbers of atoms after a trial run: more in blocks that are not accurate enough, and in
@@ -272,7 +272,7 @@ class Search:
             more[name] = min(max(self._needed(name), counts[name] + 1), total[name])
         return more
 
-    def _tried(self, projection: Projection, method: str, said: str) -> TrialRun:
+    def _trial_run(self, projection: Projection, method: str, said: str) -> TrialRun:
         """Trial run of a method with this projection, added to `trials`; its states are kept in
         `last` if its errors are within the tolerance. said: what its bases have learned, "" for
         the whole training run, of which nothing is held out then."""
@@ -288,7 +288,7 @@ class Search:
         self.trials.append(trial)
         return trial
 
-    def _hyper(self, whole: Projection, counts: Mapping[str, int]) -> bool:
+    def _ecsw_may_pay(self, whole: Projection, counts: Mapping[str, int]) -> bool:
         """True if local terms have so many elements that their hyper-reduction may pay."""
         model = self.problem.model
         local = any(b.local for b in model.separated.heat) or model.separated.elastic_local
@@ -297,27 +297,28 @@ class Search:
         touched = sum(whole.leading(counts).solver().elements_touched.values())
         return touched > WORTH * sum(counts.values()) and not Ecsw().check(model)
 
-    def _weighted(
+    def _sized_by_ecsw(
         self, whole: Projection, counts: dict[str, int], total: Mapping[str, int], said: str
     ) -> dict[str, int]:
         """Numbers of atoms with which ECSW meets the tolerance, from `counts` up to `total`; said:
         see `sized`. Each attempt trains weights of its own; where the first part of the training
         run has been tried, the whole is tried once."""
         if self.tau and not said:
-            self._tried(
-                self._weighed(whole, counts, part=False), f"ecsw, tau {self.tau:.1g}", said="")
+            self._trial_run(
+                self._ecsw_model(whole, counts, part=False), f"ecsw, tau {self.tau:.1g}", said="")
             return counts
         self.tau = 0.1 * self.auto.tolerance
         for attempt in range(WEIGHINGS):
-            projection = self._weighed(whole, counts, part=bool(said))
-            trial = self._tried(projection, f"ecsw, tau {self.tau:.1g}{said and ', '}{said}", said)
-            more = self._grown(counts, total, trial, NEARER if said else TIGHTER)
+            projection = self._ecsw_model(whole, counts, part=bool(said))
+            method = f"ecsw, tau {self.tau:.1g}{said and ', '}{said}"
+            trial = self._trial_run(projection, method, said)
+            more = self._more_atoms(counts, total, trial, NEARER if said else TIGHTER)
             if more == counts or attempt + 1 == WEIGHINGS:
                 break
             counts, self.tau = more, max(0.1 * self.tau, 1e-8)
         return counts
 
-    def _weighed(
+    def _ecsw_model(
         self, whole: Projection, counts: Mapping[str, int], part: bool
     ) -> Projection:
         """ECSW model on the leading atoms. part: with bases of the first part of the training run,

@@ -88,7 +88,7 @@ class FullBody:
         E = solve_or_fail(factor, P, name) if P.size else P
         return cls(step, ops, factor, G, E, noise)
 
-    def turned(self, u: FloatArray) -> FloatArray:
+    def inertia_products(self, u: FloatArray) -> FloatArray:
         """Products M_g u of displacements u (n,) or columns of them (n, m), (g, n) or (m, g, n)."""
         if self.G is None:
             return np.zeros((*u.shape[1:], 0, len(u)))
@@ -183,8 +183,9 @@ class FullMechanics(StepEquations):
     targets: prescribed values of constraints; border (N,): positions of rigid unknowns and joint
     forces. maps: of each body, which of the N border unknowns it uses (m,), their numbers in the
     model (m,), and their map (b, m) to its border. Of a step: X0, R (3, n) of the unknowns with
-    their rates, X = X0 + R d; moved: one `Displaced` for each body; turns: True unless its residual
-    is d plus constants; frames_at: x at which frames were last evaluated with derivatives.
+    their rates, X = X0 + R d; displaced: one `Displaced` for each body; needs_iteration: False
+    where the residual is d plus constants; frames_at: x at which frames were last evaluated with
+    derivatives.
     """
 
     named = ()
@@ -224,11 +225,11 @@ class FullMechanics(StepEquations):
         layout, self.R = self.layout, np.zeros((3, len(d)))
         self.R[0], self.R[1, layout.second], self.R[2, layout.second] = 1.0, step.c1, step.c2
         self.iterations, self.failed = {}, None
-        self.least, self.turns = LEAST, bool(len(self.border))
-        self.moved = [self._displaced(b, d, w) for b, w in zip(
+        self.least, self.needs_iteration = LEAST, bool(len(self.border))
+        self.displaced = [self._constant_part(b, d, w) for b, w in zip(
             self.bodies, self.work, strict=True)]
 
-    def _displaced(self, b: FullBody, d: FloatArray, work: FrameWork) -> Displaced:
+    def _constant_part(self, b: FullBody, d: FloatArray, work: FrameWork) -> Displaced:
         """One body's rows at zero departure of its displacements, as far as they stay during the
         step; on a prescribed frame that does not turn, without local terms, they give the solution.
 
@@ -249,7 +250,7 @@ class FullMechanics(StepEquations):
             rate = step.free_rate[b.step.thermal] + step.c1_first * d[b.step.thermal]
             one.local = LocalForces((*o.local, *o.damps), step, one.u, one.v, T, rate)
         if b.drive is None:
-            one.products = b.turned(np.stack([one.u, one.v], axis=1))
+            one.products = b.inertia_products(np.stack([one.u, one.v], axis=1))
             return one
         # prescribed frame: table = [kappa, mu, sigma]
         g, table = len(o.generators), b.drive.at(step.t)
@@ -259,12 +260,12 @@ class FullMechanics(StepEquations):
         if work.sigma[-1].any():
             one.h = one.h + o.directions @ work.sigma[-1]
         if kappa.any() or mu.any():
-            past = b.turned(np.stack([one.u, one.v], axis=1))
+            past = b.inertia_products(np.stack([one.u, one.v], axis=1))
             one.h = one.h + kappa @ past[0] + mu @ past[1]
         if not one.weights.any() and one.local is None:
-            one.known = self._solved(b, one.h, d[at], one)
+            one.known = self._operator_solution(b, one.h, d[at], one)
             return one
-        self.turns = True
+        self.needs_iteration = True
         if b.coarse is not None:
             self.least = max(self.least, b.coarse.contraction * float(np.abs(one.weights).sum()))
         return one
@@ -280,7 +281,7 @@ class FullMechanics(StepEquations):
         rates = (self.step.c1, self.step.c2) if slope else None
         self.frames_at = X[0] if slope else _NONE
         for b, w, one, (_, at, to_border) in zip(
-                self.bodies, self.work, self.moved, self.maps, strict=True):
+                self.bodies, self.work, self.displaced, self.maps, strict=True):
             own = d[b.step.elastic]
             if b.drive is None:  # border rows, and factors at this iterate
                 products = self._evaluate(b, one, own, X, self.step.t, w, at, to_border, rates)
@@ -297,8 +298,8 @@ class FullMechanics(StepEquations):
                 if w.sigma.shape[1]:
                     right += b.ops.directions @ w.sigma[-1]
             elif one.weights.any():
-                right = right + one.weights @ b.turned(own)
-            change = own + self._solved(b, right, own, one)
+                right = right + one.weights @ b.inertia_products(own)
+            change = own + self._operator_solution(b, right, own, one)
             # the equation is satisfied in its softest modes, where the change decays most slowly
             if b.coarse is not None and b.coarse.Z.size and one.weights.any():
                 change += b.coarse.correction(change, one.weights.tolist())
@@ -326,10 +327,10 @@ class FullMechanics(StepEquations):
         else:
             # products (3, g, n): M_g u, M_g u', M_g u''
             if one is None:
-                products = b.turned(np.ascontiguousarray(U.T))
+                products = b.inertia_products(np.ascontiguousarray(U.T))
             else:  # one product M_g d serves all rates: u = u0 + d, u' = v0 + c1 d, u'' = c2 d
                 products = np.empty((3, *one.products.shape[1:]))
-                products[2] = b.turned(d)
+                products[2] = b.inertia_products(d)
                 np.add(one.products[0], products[2], out=products[0])
                 np.multiply(products[2], self.step.c1, out=products[1])
                 products[1] += one.products[1]
@@ -341,7 +342,7 @@ class FullMechanics(StepEquations):
         b.step.frame.evaluate(y[0], y[1], y[2], c1, c2, s, forms, t, work)
         return products
 
-    def _solved(
+    def _operator_solution(
         self, b: FullBody, right: FloatArray, d: FloatArray, one: Displaced
     ) -> FloatArray:
         """D^-1 right (n,); d (n,): departure, whose negative is the first guess of an iterative
@@ -391,7 +392,7 @@ class FullMechanics(StepEquations):
         return Bordered(summed(n, corners), parts)
 
     def contraction(self, point: Linearisation) -> float:
-        return inf if self.turns else 0.0
+        return inf if self.needs_iteration else 0.0
 
     def factorize(self, J: Bordered | None) -> Factor:
         return Identity() if J is None else BorderedFactor(self, J)

@@ -62,7 +62,7 @@ class JointSelection(AtomSelection):
         for name in self.steps.heat:
             support, here = at.supports[name], x[self.steps.base.layout[name]]
             problem = self._heat(name, at.step)
-            out = self._solved(problem, SparseStart(np.where(support, here, 0.0), support))
+            out = self._sparse_solution(problem, SparseStart(np.where(support, here, 0.0), support))
             if not np.array_equal(out.support, support) and self._better(
                     out, problem.residual(here)):
                 changed[name] = out.support
@@ -74,7 +74,7 @@ class JointSelection(AtomSelection):
         if not self.steps.elastic:
             return {}
         problem, start = self._mechanics(at.step, at.outcome.x, at.supports, memory)
-        out = self._solved(problem, start)
+        out = self._sparse_solution(problem, start)
         changed = {g.name: out.support[g.start : g.stop] for g in problem.groups[:-1]
                    if not np.array_equal(out.support[g.start : g.stop], at.supports[g.name])}
         return changed if changed and self._better(out, problem.residual(start.c)) else {}
@@ -97,7 +97,7 @@ class JointSelection(AtomSelection):
                     x[at], now.v[at], now.a[at], step.t, step.c2_first).d)
                 continue
             support = self._first(name, memory)
-            out = self._solved(
+            out = self._sparse_solution(
                 self._heat(name, step), SparseStart(np.where(support, x[at], 0.0), support))
             found[name], x[at] = out.support, out.c
             iterations = max(iterations, out.iterations)
@@ -108,7 +108,7 @@ class JointSelection(AtomSelection):
         if self.steps.elastic:
             first = {n: self._first(n, memory) for n in self.steps.elastic}
             problem, start = self._mechanics(step, x, first, memory)
-            out = self._solved(problem, start)
+            out = self._sparse_solution(problem, start)
             for g in problem.groups[:-1]:
                 found[g.name] = out.support[g.start : g.stop]
                 x[base.layout[g.name]] = out.c[g.start : g.stop]
@@ -140,7 +140,7 @@ class JointSelection(AtomSelection):
             support[g.start : g.stop] = supports[g.name]
         return problem, SparseStart(c, support)
 
-    def _solved(
+    def _sparse_solution(
         self, problem: HeatProblem | MechanicsProblem, start: SparseStart
     ) -> SparseOutcome:
         """Result of the sparse solver. Raises SolveFailed where it fails."""

@@ -383,19 +383,19 @@ def step_solver(options: SparseOptions, problem: ReducedProblem) -> StepSolver:
         for n in sorted(inverted) if n not in rows}
     effects = {n: effect_of_rows(model, offline, n, step, atoms[n], rows[n])
                if n in rows else compressed[n].left for n in local if n in inverted}
-    weighed, weights = _weighed(options, problem, dictionaries, effects)
+    weighed, weights = _with_element_weights(options, problem, dictionaries, effects)
     build = Build(
         weighed, offline, options, dictionaries, limits,
         atoms={n: b.atoms for n, b in budgets.items()}, step=step, inverted=inverted,
         compressed=compressed,
-        notes=(*unfit, *_idle(options, model, dictionaries, rows), *weights.notes()),
+        notes=(*unfit, *_idle_options(options, model, dictionaries, rows), *weights.notes()),
         weights=weights.facts)
     if options.resample is None:
         return build.solver(rows)
     return _resampled(options, build, rows, later, draw)
 
 
-def _weighed(
+def _with_element_weights(
     options: SparseOptions, problem: ReducedProblem, dictionaries: Mapping[str, Dictionary],
     effects: Mapping[str, FloatArray]
 ) -> tuple[AssembledModel, WeightTraining]:
@@ -409,7 +409,7 @@ def _weighed(
     return model.with_separated(replace(s, heat=heat, moving=moving)), training
 
 
-def _idle(
+def _idle_options(
     options: SparseOptions, model: AssembledModel, dictionaries: Mapping[str, Dictionary],
     rows: Mapping[str, IntArray]
 ) -> tuple[Note, ...]:

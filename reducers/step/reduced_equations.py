@@ -193,18 +193,18 @@ class Stack:
 
     def multiply(self, X: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Functionals s (B, 3, p) of the displacements and their rates, and their quadratic forms
-        (B, 3, g). Products kept: u.Q_g (`products`), G_g u and G_g u' (`turned`)."""
+        (B, 3, g). Kept: u.Q_g (`products`), G_g u and G_g u' (`rotation_products`)."""
         B, g, k = len(self.bodies), self.g, self.k
         # (B, 3, k): displacements, rates, second rates
         U = X.take(self.at, axis=1).transpose(1, 0, 2)
         self.products = (U @ self.Q).reshape(B, 3, g, k)
         forms = (self.products.reshape(B, 3 * g, k) @ U[:, 0, :, None]).reshape(B, 3, g)
-        self.turned, self.u = (U[:, :2] @ self.G).reshape(B, 2 * g, self.height), U[:, 0]
+        self.rotation_products, self.u = (U[:, :2] @ self.G).reshape(B, 2 * g, self.height), U[:, 0]
         return U @ self.P, forms
 
     def forces(self) -> FloatArray:
         """Terms (B, l) of the frames in the rows of the displacements, after `evaluate`."""
-        return np.asarray((self.coefficients[:, None, :-1] @ self.turned
+        return np.asarray((self.coefficients[:, None, :-1] @ self.rotation_products
                            + self.sigma[:, -1:] @ self.E)[:, 0])
 
     def blocks(
@@ -219,7 +219,7 @@ class Stack:
             return BorderBlocks(body, rows, at, corner, none, none.T, np.zeros(0))
         o, k = self.b - body.step.frame.border, self.k
         # elastic rows by border unknowns: E sigma + sum_g kappa_g G_g u + mu_g G_g u'
-        rates = np.hstack((self.kappa_y[i, o:], self.mu_y[i, o:])) @ self.turned[i]
+        rates = np.hstack((self.kappa_y[i, o:], self.mu_y[i, o:])) @ self.rotation_products[i]
         column = (self.sigma[i, o:-1] @ self.E[i] + rates)[:, : self.heights[i]].T @ T
         # derivative of u.Q u by u: both factors depend on it
         back = (self.Q[i].reshape(k * g, k) @ self.u[i]).reshape(k, g).T

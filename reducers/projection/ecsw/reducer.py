@@ -164,9 +164,9 @@ def _weigh_elastic(ops: ElasticOperators, g: ElasticIntegrals, w: FloatArray) ->
     out stay, as they are constant vectors."""
     fixed, rest = _left_out(g.given, w)
     return replace(
-        ops, stiffness=_weighed(ops.stiffness, g.stiffness, w),
+        ops, stiffness=_weighted_matrix(ops.stiffness, g.stiffness, w),
         coupling=None if ops.coupling is None or g.coupling is None
-        else _weighed(ops.coupling, g.coupling, w),
+        else _weighted_matrix(ops.coupling, g.coupling, w),
         constant=ops.constant + fixed, loads=np.concatenate([ops.loads, rest], axis=1),
         amplitudes=(*ops.amplitudes, *g.amplitudes),
         load_names=(*ops.load_names, *("left-out elements" for _ in g.amplitudes)))
@@ -177,8 +177,8 @@ def _weigh_heat(body: HeatBody, g: HeatIntegrals, w: FloatArray) -> HeatBody:
     stays, as constant vectors."""
     fixed, rest = _left_out(g.given, w)
     return replace(
-        body, capacity=_weighed(body.capacity, g.capacity, w),
-        conductivity=_weighed(body.conductivity, g.conductivity, w),
+        body, capacity=_weighted_matrix(body.capacity, g.capacity, w),
+        conductivity=_weighted_matrix(body.conductivity, g.conductivity, w),
         constant=body.constant + fixed, loads=np.concatenate([body.loads, rest], axis=1),
         amplitudes=(*body.amplitudes, *g.amplitudes),
         columns=(*body.columns, *(LoadColumn("left-out elements") for _ in g.amplitudes)))
@@ -191,7 +191,7 @@ def _left_out(g: Integrals, w: FloatArray) -> tuple[FloatArray, FloatArray]:
     return change[:, 0], change[:, 1:]
 
 
-def _weighed(matrix: Csr, g: Integrals, w: FloatArray) -> Csr:
+def _weighted_matrix(matrix: Csr, g: Integrals, w: FloatArray) -> Csr:
     """The matrix with its element contributions weighted; contributions that are not element
     integrals (convective films) remain unchanged."""
     other = csr_array(matrix - g.weighted(np.ones(g.count)))
