@@ -177,7 +177,8 @@ class _Comparison:
         return found
 
     def stiffness(self, u: FloatArray) -> FloatArray:
-        """(d n, j) forces K_2 u, N."""
+        """(d n, j) forces K_2 u, N: integrals of grad phi . stress, with the stress
+        lam tr(grad u) I + mu (grad u + grad u^T) at the quadrature points."""
         j, found = u.shape[1], []
         for (_, at), (lam, mu) in zip(self.shapes, self.laws, strict=True):
             G = at.shape.gradients

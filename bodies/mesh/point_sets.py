@@ -47,6 +47,7 @@ class PointSet(Plugin):
 
     @model_validator(mode="after")
     def _one(self) -> "PointSet":
+        """Raises InputError unless exactly one way is given, or the centre alone."""
         options = [name for name in self.ways if getattr(self, name) is not None]
         if len(options) != 1 and (options or self.centre is None):
             raise InputError(

@@ -44,6 +44,7 @@ def system_jacobian(
     """Jacobian (n, n), csc, of the whole model, with dv = c1 dx and da = c2 dx; c1, c2 (n,)."""
     rows, columns = [np.zeros(0, np.int32)], [np.zeros(0, np.int32)]
     values = [np.zeros(0)]
+    # entries (i, j, J_ij) of all terms; those at one place are summed by csc_array
     for term in terms:
         j = term.columns
         if not len(j):  # a load that is a function of time

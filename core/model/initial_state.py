@@ -348,16 +348,16 @@ def resolved_start(model: Model, integrator: Integrator, h: float) -> ResolvedSt
     """
     start = consistent_state(model)
     if integrator.order < 2:
-        return ResolvedStart(start, 0.0)
+        return ResolvedStart(start, dropped=0.0)
     still = replace(start, a=np.zeros_like(start.a))
     if model.stage is not None and model.stage.dropped:
-        return ResolvedStart(still, model.stage.dropped)
+        return ResolvedStart(still, dropped=model.stage.dropped)
     if _passes(model, start, h) and not _passes(model, still, h):
         return ResolvedStart(still, float(np.abs(start.a[model.layout.second]).max()))
     shaken, far = _farthest(model, start, h)
     if shaken:
-        return ResolvedStart(euler_state(model, h), 0.0, shaken, far)
-    return ResolvedStart(start, 0.0)
+        return ResolvedStart(euler_state(model, h), dropped=0.0, shaken=shaken, far=far)
+    return ResolvedStart(start, dropped=0.0)
 
 
 def _farthest(model: Model, start: State, h: float) -> tuple[str, float]:

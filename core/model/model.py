@@ -133,8 +133,8 @@ class Model(AssembledModel):
         return data if snapshots is None else replace(data, snapshots=snapshots)
 
     def _block_data(self, name: str) -> BlockData:
-        """Data of a block without snapshots and step. Raises KeyError for a block without
-        operators."""
+        """Data of a block without snapshots and step: matrices of a temperature block (`h`) or an
+        elastic one (`m`), with its loads side by side. Raises KeyError for any other block."""
         coordinates, component = self.geometry[name]
         data = partial(
             BlockData, name=name, coordinates=coordinates, component=component,

@@ -211,12 +211,13 @@ def read_stage(names: Mapping[str, Any], data: ResultArrays) -> Stage:
     times = read("time")
     frames = {n: FrameHistory(times, *read(f"{n}.frame").transpose(1, 0, 2))
               for n in names["frames"]}
-    return Stage(times, frames, frozenset(names["moves"]),
-                 {n: read(f"{n}.reaction") for n in names["reactions"]},
-                 {n: {what: read(f"{n}.{what}") for what in histories}
-                  for n, histories in names["contacts"].items()},
-                 components={n: tuple((what, si) for what, si in kept)
-                             for n, kept in names.get("components", {}).items()})
+    contacts = {n: {what: read(f"{n}.{what}") for what in histories}
+                for n, histories in names["contacts"].items()}
+    components = {n: tuple((what, unit) for what, unit in kept)
+                  for n, kept in names.get("components", {}).items()}
+    return Stage(times, frames, moves=frozenset(names["moves"]),
+                 reactions={n: read(f"{n}.reaction") for n in names["reactions"]},
+                 contacts=contacts, components=components)
 
 
 def one_function(which: IntArray) -> FloatArray:

@@ -191,11 +191,12 @@ def _stage(arrays: Arrays) -> Stage:
     times = np.asarray(arrays["times"])
     frames = {n: FrameHistory(times, *(np.ascontiguousarray(m[:, i]) for i in range(3)))
               for n, m in _under("frame", arrays).items()}
-    return Stage(times, frames, frozenset(str(n) for n in arrays["moves"]),
-                 _under("reaction", arrays), {}, _under("handed", arrays),
-                 float(arrays["dropped"]),
-                 {name: tuple((str(what), str(si)) for what, si in kept)
-                  for name, kept in _under("components", arrays).items()})
+    components = {name: tuple((str(what), str(unit)) for what, unit in kept)
+                  for name, kept in _under("components", arrays).items()}
+    return Stage(times, frames, moves=frozenset(str(n) for n in arrays["moves"]),
+                 reactions=_under("reaction", arrays), contacts={},
+                 reactions_passed_on=_under("handed", arrays), dropped=float(arrays["dropped"]),
+                 components=components)
 
 
 def _under(group: str, arrays: Arrays) -> Arrays:

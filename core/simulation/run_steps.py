@@ -298,7 +298,7 @@ class RunSteps:
                 if (found := look(stats.done, before, self.state, supports)) is not None:
                     return found
             if self.growth is not None and (large := self.growth.sudden(sizes)):
-                self.growth = None  # asked once
+                self.growth = None  # a trial run looks for the cause, once
                 if (found := self._too_long(large)) is not None:
                     return found
             if self.run.header.fall_back:

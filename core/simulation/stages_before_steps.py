@@ -139,6 +139,7 @@ def build_bases(scene: Scene, model: Model, offline: Offline) -> None:
 
 
 def _factors(scene: Scene) -> StepFactors:
+    """Size and factors of the steps of a scene."""
     return StepFactors(scene.time.step, *scene.integrator.rules(scene.time.step).factors)
 
 
@@ -152,7 +153,7 @@ def reduced(
     singular matrices."""
     h, integrator, reducer = scene.time.step, scene.integrator, scene.reducer
     model, undetermined = _determined(scene, model, offline)
-    known = not controllers_of(scene)
+    known = not controllers_of(scene)  # all loads are known before the run
     problem = replace(problem_of(scene, model, offline), steps=step_count(scene),
                       estimated=estimated and known and scene.time.control is None, every=every)
     solver: StepSolver = reducer.prepare(problem)
@@ -166,12 +167,12 @@ def reduced(
         *initial_notes(scene, model, solver.dictionaries), *start.notes(h),
         *integrator.notes(model.layout), *undetermined)
     return PreparedRun(
-        scene, solver, start.state, header_of(
-            scene, model, solver, step_count(scene), estimator),
-        tuple(ProbeReader.of(p, solver.layout, solver.dictionaries) for p in model.probes),
-        {n: shape for n, shape in model.shapes().items() if shape.given}, notes,
-        scene.training_end if offline.trained else None, model, estimator, offline,
-        known, forces=tuple(
+        scene, solver, start.state,
+        header=header_of(scene, model, solver, step_count(scene), estimator),
+        probes=tuple(ProbeReader.of(p, solver.layout, solver.dictionaries) for p in model.probes),
+        given={n: shape for n, shape in model.shapes().items() if shape.given}, notes=notes,
+        trained_to=scene.training_end if offline.trained else None, model=model,
+        estimator=estimator, offline=offline, own_loads=known, forces=tuple(
             ForceReader.of(name, joint.force, solver.layout)
             for name, joint in model.joints.items() if joint.force is not None))
 

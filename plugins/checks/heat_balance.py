@@ -277,13 +277,16 @@ class HeatSums:
             np.ptp(np.array(self.sampled_means), axis=0), SMALLEST)], axis=0)
         # a storage that is no difference of a content has no H
         known = abs(stored + stored_back) <= 1e-3 * NOTED * np.maximum(abs(stored), size)
-        return {name: Balance(float(stored[i]), float(brought_in[i] - delay[i]), float(rest[i]),
-                              float(size[i]), float(capacity[i]))
+        return {name: Balance(stored=float(stored[i]), brought_in=float(brought_in[i] - delay[i]),
+                              rest=float(rest[i]), size=float(size[i]),
+                              capacity=float(capacity[i]))
                 for i, name in enumerate(self.names)
                 if known[i] and np.isfinite([stored[i], brought_in[i], rest[i], size[i]]).all()}
 
     def _sums(self, terms: Sequence[Term], x: FloatArray) -> list[FloatArray]:
-        """Heat (blocks,) of each term over the run, J, from the mean temperatures x."""
+        """Heat (blocks,) of each term that is linear in temperatures over the run, J: N h times its
+        power at the mean temperatures x (n,) and the means of its functions of time; of a moving
+        load (`TabledEquations`) the sum of its table over the steps."""
         N, h, zero = self.steps, self.h, 0.0 * x
         times = np.asarray(h * np.arange(1, N + 1), dtype=np.float64)
         means: dict[int, float] = {}

@@ -192,8 +192,8 @@ def check_selection(
             continue
         i = int(np.argmax(errors))
         ratio = float(np.sqrt(of_left[i] / of_least[i])) if of_least[i] > 0.0 else np.inf
-        found[name] = Selected(name, tested[i][0].t, tested[i][1], k, rows.get(name, 0), ratio,
-                               float(errors[i]))
+        found[name] = Selected(name, t=tested[i][0].t, active=tested[i][1], atoms=k,
+                               rows=rows.get(name, 0), ratio=ratio, error=float(errors[i]))
     return tuple(found.values())
 
 

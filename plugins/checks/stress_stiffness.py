@@ -173,6 +173,7 @@ def buckled_in_training(model: Model, offline: OfflineProducts) -> tuple[str, ..
         moved = offline.snapshots(body.elastic)
         states = []
         for i in {int(np.linalg.norm(moved, axis=0).argmax()), moved.shape[1] - 1}:
+            # nodal displacements and temperatures, with prescribed ones as at the start
             u, T = np.zeros(shape.points.shape), None
             u.ravel()[shape.elastic_dofs] = moved[:, i]
             if shape.thermal_nodes is not None:

@@ -200,10 +200,12 @@ def trial_spaces(
             "trial_space", ("run", name, d.atoms, d.offset, offline.trained, physics),
             partial(_tested, model, offline, name, d, h, end, steps, least))
         found.append(TrialSpace(
-            name, d.atoms.shape[1], float(arrays["error"]), float(arrays["change"]),
-            float(arrays["run_error"]), bool(arrays["run_tested"]), str(arrays["response"]),
-            float(arrays["response_error"]), offline.trained, np.asarray(arrays["axes"]),
-            np.asarray(arrays["low"]), np.asarray(arrays["high"])))
+            name, atoms=d.atoms.shape[1], error=float(arrays["error"]),
+            change=float(arrays["change"]), run_error=float(arrays["run_error"]),
+            run_tested=bool(arrays["run_tested"]), response=str(arrays["response"]),
+            response_error=float(arrays["response_error"]), trained=offline.trained,
+            axes=np.asarray(arrays["axes"]), low=np.asarray(arrays["low"]),
+            high=np.asarray(arrays["high"])))
     return tuple(found)
 
 

@@ -98,6 +98,7 @@ def nodes(lines: Sequence[str]) -> tuple[IntArray, FloatArray, dict[str, IntArra
             reader.statement(line, keyword, options, body)
     labels, X = _once(reader.model)
     none = np.zeros(0, np.int64)
+    # the one mesh, from its first point and element on, without elements
     whole = Placed(reader.model, 0, 0, np.zeros(1, np.int64), Numbering(labels), Numbering(none))
     sets = AbaqusSets({MODEL: whole}, reader.spelled, ()).groups()
     return labels, X, {name: np.unique(np.concatenate([none, *group.points]))
@@ -255,7 +256,7 @@ class _Reader:
             if not words:
                 continue
             numbers = [integer(w, at, word) for w in words]
-            row = row + numbers if more else numbers
+            row = row + numbers if more else numbers  # label, then nodes
             more = open_end and len(row) < count + 1
             if more:
                 continue
@@ -325,6 +326,7 @@ class _Reader:
             if twice is not None:
                 place = next(p for _, own, _, p in reversed(scope.blocks) if twice in own)
                 raise BadLine(_line(place), "*ELEMENT", f"there is an element {twice} already")
+            # total, count: points and elements of the instances before; starts: of its blocks
             starts = np.cumsum([count, *(len(own) for _, own, _, _ in scope.blocks)])
             self.placed[name] = Placed(scope, total, count, starts, nodes, elements)
             for kind, _, given, place in scope.blocks:

@@ -155,7 +155,9 @@ class _Reader:
         self.skipped: list[str] = []
 
     def content(self) -> Content:
-        """Points, cells and groups of the file."""
+        """Points, cells and groups of the file: one block of cells for each type of elements, and a
+        group for each tag, named by `$PhysicalNames` or by its dimension and number. Raises BadLine
+        for nodes that are missing or there twice."""
         lines = {}
         for name, start, end, line in self._sections():
             lines[name] = line - 1

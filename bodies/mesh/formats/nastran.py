@@ -135,6 +135,7 @@ class _Reader:
         for card in cards(lines):
             self._card(card)
         labels = np.array(list(self.grids), dtype=np.int64)
+        # fields of a GRID after its name: label, coordinate system, three coordinates
         plain = [c.reals(2, 3) if not self._system(c) else self._position(c)
                  for c in self.grids.values()]
         points = np.array(plain, dtype=np.float64).reshape(-1, 3)
