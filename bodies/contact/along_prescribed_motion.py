@@ -55,7 +55,7 @@ def relative_motion(
     second body's axes; T = 1 if neither body moves."""
     R, R1, A, w = first.at(now)
     S, S1, B, v = second.at(now)
-    C = B.transpose(0, 2, 1) @ A
+    C = B.transpose(0, 2, 1) @ A  # first to second body's axes
     z = (R - S)[:, None] @ B + X @ C.transpose(0, 2, 1)
     own = crossed(w[:, None], X[None]) @ C.transpose(0, 2, 1)
     rate = (R1 - S1)[:, None] @ B + own - crossed(v[:, None], z)
@@ -98,6 +98,7 @@ def windows(
         if len(z) < count:
             z, rate = np.repeat(z, count, axis=0), np.repeat(rate, count, axis=0)
         middles = z[:, i].mean(axis=2)
+        # pairs: facet f of the first and g of the second surface at time k of the window
         here, g = near.pairs(middles.reshape(-1, first.d), second.tree)
         k, f = np.divmod(here, len(i))
         some = balls_in_cells(middles[k, f], first.radii[f], planes, cells, g)
@@ -106,8 +107,8 @@ def windows(
                                     cells.some(g)))
         nodes = np.concatenate([i[f[kept]], j[g[kept]]], axis=1)
         yield Window(begin, stop, k[kept], nodes, o, Pieces.cut(o, face.normal, face.friction))
-        each = max(len(i), len(here) / count)
-        begin, together = stop, max(1, int(AT_ONCE / each))
+        pairs_per_time = max(len(i), len(here) / count)
+        begin, together = stop, max(1, int(AT_ONCE / pairs_per_time))
 
 
 RESTLESS = 0.02
@@ -125,9 +126,9 @@ def chatter_ratio(normal: FloatArray) -> float:
     change = np.diff(late)
     if len(change) < 8 or not late.any():
         return 0.0
-    turns = float((change[1:] * change[:-1] < 0).mean())
+    reversals = float((change[1:] * change[:-1] < 0).mean())
     size = float(np.abs(change).mean() / late.mean())
-    return size if turns > 0.5 and size > RESTLESS else 0.0
+    return size if reversals > 0.5 and size > RESTLESS else 0.0
 
 
 def chatter_warning(name: str, normal: FloatArray) -> str:

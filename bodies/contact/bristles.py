@@ -81,9 +81,14 @@ class Bristles:
     def sliding(
         self, o: Overlaps, pieces: Pieces, face: Interface, corners: IntArray, z: FloatArray
     ) -> Sliding:
-        """Slip of the bristles at deflections z (k, d) for overlaps without them."""
+        """Slip of the bristles at deflections z (k, d), m, for overlaps without them: V, and the
+        rate (|z| - z_0)+ / tau z / |z| that is lost, with its derivative by z (module docstring).
+
+        corners (P, d): nodes of the first facets.
+        """
         _, N, moved = _integrals(o, pieces, face)
         at = self.patch[corners].ravel()
+        # sums over the corners of each patch; without pressure z_0 is 0
         whole = np.bincount(at, N.ravel(), self.count).astype(np.float64)
         V = np.array([np.bincount(at, m, self.count) for m in moved.reshape(-1, o.d).T]).T
         size, z0 = np.linalg.norm(z, axis=1), np.where(whole > 0.0, self.give, 0.0)
@@ -99,25 +104,29 @@ class Bristles:
         deforms: bool,
     ) -> tuple[FloatArray, FloatArray]:
         """Derivatives (P, d^2, D) of V in the rows of the corners' patches, by positions and by
-        velocities of the facets' corners."""
+        velocities of the facets' corners; deforms: as in `Tangent.of`.
+
+        V = M / N with M = int phi p w dA = N n - F, F the nodal forces of the traction p (n - w):
+        dV = (dM - V dN) / N.
+        """
         P, d, at = len(corners), o.d, self.patch[corners]
-        o = replace(o, at=o.at[:, :, : 2 + 2 * d])  # without bristles
+        o = replace(o, at=o.at[:, :, : o.eta_columns.stop])  # without bristles
         force, N, _ = _integrals(o, pieces, face)
         tangent = Tangent.of(o, pieces, _sliding(face), nodal(o, pieces, _sliding(face), None),
                              None, deforms, False)
         n = o.pairs.planes.n
-        tilt = None if o.pairs.vb is None else tilts(o)[0]
+        n_by = None if o.pairs.vb is None else tilts(o)[0]
         scale = _inverse(now.N)[at][:, :, None, None]
         found = []
         for by in (tangent.z, tangent.rate):
-            F = by[:, : d * d].reshape(P, d, d, -1)
-            dN = (n[:, None, None] @ F)[:, :, 0]
-            moved = -F
-            if by is tangent.z and tilt is not None:
-                dN = dN + force @ tilt
-                moved = moved + N[:, :, None, None] * tilt[:, None]
-            moved = moved + (n[:, None, :, None] - now.V[at][..., None]) * dN[:, :, None]
-            found.append((scale * moved).reshape(P, d * d, -1))
+            dF = by[:, : d * d].reshape(P, d, d, -1)
+            dN = (n[:, None, None] @ dF)[:, :, 0]  # N = n . F
+            rest = -dF  # of dM - V dN = (n - V) dN + N dn - dF
+            if by is tangent.z and n_by is not None:
+                dN = dN + force @ n_by
+                rest = rest + N[:, :, None, None] * n_by[:, None]
+            slip = rest + (n[:, None, :, None] - now.V[at][..., None]) * dN[:, :, None]
+            found.append((scale * slip).reshape(P, d * d, -1))
         return found[0], found[1]
 
     # ------------------------------------------------------------------ effect of the deflections
@@ -127,7 +136,11 @@ class Bristles:
     ) -> tuple[FloatArray, FloatArray]:
         """Derivatives of the nodal forces (P, D, d^2) and heats (P, 2 d, d^2) of each overlap by
         the deflections at the first facet's corners, of which c1 (P, d^2) are those of their rates;
-        overlaps as of `on`."""
+        overlaps as of `on`.
+
+        The force is -p mu Z, with the rigid arm of tractions.py on the second facet, the heat p mu
+        Z . (w - z'); Z is linear in the deflections.
+        """
         q, P, d = Samples.at(o, pieces.overlap, pieces.samples(face.points), face), len(o.at), o.d
         W = weights_of(o, pieces, face) * q.p * q.mu / self.give
         n, g = o.pairs.planes.n[q.of], o.pairs.planes.g[q.of]
@@ -142,12 +155,15 @@ class Bristles:
         forces = np.concatenate(rows, axis=1).reshape(len(q.of), -1, d * d)
         assert q.bent is not None
         Z = q.bent - (q.bent @ n[:, :, None]) * n[:, None]
+        # of the heat at a point over W: by z the tangential part of w - z', by z' -Z
         by_z, by_rate = q.free - (q.free @ n[:, :, None]) * n[:, None], -self.give * Z
         ends = face.share * q.s, (1.0 - face.share) * q.eta
-        heats = [np.concatenate([np.einsum("mq,mqi,mqj,mqb->mijb", W, e, q.s, by) for e in ends],
-                                axis=1).reshape(len(q.of), -1, d * d) for by in (by_z, by_rate)]
-        return summed(forces, q.of, P), (
-            summed(heats[0], q.of, P) + summed(heats[1], q.of, P) * c1[:, None])
+        heats = []
+        for by in (by_z, by_rate):
+            parts = [np.einsum("mq,mqi,mqj,mqb->mijb", W, e, q.s, by) for e in ends]
+            made = np.concatenate(parts, axis=1).reshape(len(q.of), -1, d * d)
+            heats.append(summed(made, q.of, P))
+        return summed(forces, q.of, P), heats[0] + heats[1] * c1[:, None]
 
 
 def _inverse(x: FloatArray) -> FloatArray:
@@ -156,6 +172,7 @@ def _inverse(x: FloatArray) -> FloatArray:
 
 
 def _sliding(face: Interface) -> Interface:
+    """The interface with the traction p (n - w), whose nodal forces give int p and int p w."""
     return replace(face, friction=Slip(), conductance=0.0)
 
 

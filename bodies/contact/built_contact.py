@@ -126,6 +126,8 @@ class ContactPart(Contact):
         return found
 
     def _prescribed_face(self) -> Interface:
+        """The interface without conduction, in the plane with at least `PRESCRIBED` points a piece:
+        loads along a motion are computed once."""
         d, n = self.first.d, points_along(self.first.d, self.face.points)
         points, weights = rule(d, max(PRESCRIBED, n) if d == 2 else n)
         return replace(self.face, conductance=0.0, points=points, weights=weights)
@@ -145,6 +147,7 @@ class ContactPart(Contact):
         return found
 
     def _loads(self, motion: Motion, face: Interface) -> Iterator[tuple[Window, Loads]]:
+        """Contact in each window of times, with nodal forces and friction heat."""
         for w in windows(self.first, self.second, self.near, face, motion):
             yield w, nodal(w.overlaps, w.pieces, face, None)
 
@@ -215,6 +218,7 @@ def _passage(
     """
     short, other = sorted((0, 1), key=lambda i: float(np.ptp(before[i], axis=0).max()))
     near = cKDTree(before[other]).query(before[short])[1]
+    # relative to the nearest node, projected on the directions in which the surface is not flat
     moved = np.median((after[short] - before[short]) - (after[other] - before[other])[near], axis=0)
     sizes, axes = np.linalg.svd(before[short] - before[short].mean(axis=0), full_matrices=False)[1:]
     flat = axes[sizes > FLAT * sizes[0]]
@@ -239,7 +243,7 @@ class _Sums:
         """Adds the loads of the next `times` times: time (M,), nodes (M, d), force (M, d, d), N,
         heat (M, d), W."""
         touched, at = np.unique(nodes, return_inverse=True)
-        at = (time[:, None] * len(touched) + at.reshape(nodes.shape)).ravel()
+        at = (time[:, None] * len(touched) + at.reshape(nodes.shape)).ravel()  # (time, node)
         columns = [*force.reshape(-1, self.d).T, heat.ravel()]
         size = times * len(touched)
         whole: FloatArray = np.array([np.bincount(at, c, size) for c in columns]).T

@@ -64,6 +64,8 @@ class ElasticFoundation(NormalLaw):
     def pressure(
         self, depth: FloatArray, rate: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Pressure, Pa, and its derivatives by penetration and rate: K d + ramp d', ramp = D s(d /
+        d0); the caller cuts off tension."""
         K, D = self.stiffness, self.damping
         if D == 0.0 or self.damping_depth is None:
             return K * depth, np.full_like(depth, K), np.zeros_like(depth)

@@ -110,11 +110,12 @@ class ContactTerm(Term):
         first, second = (s.surface for s in self.sides)
         moves = len(self.sides[1].u) > 0
         planes = Planes.of(here.b[second.facets]) if moves else second.planes
+        # pairs: facet f of the first surface with nodes i, g of the second with nodes j
         f, g = self._pairs(here, planes)
         i, j, planes = first.facets[f], second.facets[g], planes.some(g)
-        o, kept = Overlaps.of(Pairs(
-            here.a[i], here.va[i], planes, second.cells_at(g, planes) if moves else
-            second.cells.some(g), here.vb[j] if moves else None))
+        cells = second.cells_at(g, planes) if moves else second.cells.some(g)
+        pairs = Pairs(here.a[i], here.va[i], planes, cells, vb=here.vb[j] if moves else None)
+        o, kept = Overlaps.of(pairs)
         nodes = np.concatenate([i[kept], len(first.nodes) + j[kept]], axis=1)
         pieces = Pieces.cut(o, self.face.normal, self.face.friction)
         T = self._temperatures(x, t)[nodes] if self.face.conductance > 0 else None
@@ -146,6 +147,7 @@ class ContactTerm(Term):
         return f[some], g[some]
 
     def _temperatures(self, x: FloatArray, t: float) -> FloatArray:
+        """(n1 + n2,) temperatures of all nodes, K: unknowns in x (N,), and prescribed ones."""
         unknown = picked(x, self.reads[Sizes.of(*self.sides).whole :])
         first, second = self.sides
         n = len(first.T)
@@ -223,14 +225,20 @@ class ContactTerm(Term):
         return own[kept], (i[kept], j[kept])
 
     def _of_pairs(self, now: _Evaluation, c1: FloatArray) -> FloatArray:
-        """(P, m, m) derivatives of the generalized forces and heats of each pair, and of the free
-        motion of its bristles, by its unknowns, in the order of `Sizes.of_pairs`; c1: derivatives
-        of rates, by local number."""
+        """(P, size, size) derivatives of the generalized forces and heats of each pair, and of the
+        free motion of its bristles, by its unknowns, in the order of `Sizes.of_pairs`; c1:
+        derivatives of rates, by local number.
+
+        Rows and columns: up to f frames, up to m displacements, up to w temperatures, then d^2
+        bristles. Only the first pair has the derivatives of the frames' rows for constant forces,
+        which are sums over all pairs.
+        """
         k, n = now.kinematics, now.kinematics.sizes
         warms = bool((self.writes[n.whole :] >= 0).any())
         tangent = Tangent.of(now.overlaps, now.pieces, self.face, now.loads, now.T, self.deforms,
                            warms)
         i, j, D = now.nodes[:, : n.d], now.nodes[:, n.d :] - n.n1, tangent.z.shape[2]
+        # of nodal forces and heats by unknowns; then also forces by their transposed derivatives
         inner = k.by_unknowns(tangent.z, i) + k.by_rates(tangent.rate, i, j, c1[: n.whole])
         P, m, f = len(i), inner.shape[2], n.frames
         w = m + 2 * n.d
@@ -245,11 +253,11 @@ class ContactTerm(Term):
             made[:, f : f + n.d**2, :f] += own
             made[:, :f, f : f + n.d**2] += own.transpose(0, 2, 1)
         if self.bristles is not None and now.sliding is not None:
-            of = now.overlaps, now.pieces, self.face
-            forces, heats = self.bristles.effect(*of, c1[n.all + self.bristles.numbers(i)])
+            contact = now.overlaps, now.pieces, self.face
+            forces, heats = self.bristles.effect(*contact, c1[n.all + self.bristles.numbers(i)])
             made[:, :m, w:] = k.by_unknowns(forces.transpose(0, 2, 1), i).transpose(0, 2, 1)
             made[:, m:w, w:] = heats
-            by_z, by_rate = self.bristles.by_corners(*of, i, now.sliding, self.deforms)
+            by_z, by_rate = self.bristles.by_corners(*contact, i, now.sliding, self.deforms)
             made[:, w:, :m] = k.by_unknowns(by_z, i) + k.by_rates(by_rate, i, j, c1[: n.whole])
         return made
 
@@ -290,6 +298,7 @@ class ContactTerm(Term):
     # ------------------------------------------------------------------ reduction
 
     def compress(self, trial: Trial, left: FloatArray) -> CompressedLocal | FollowedContact:
+        """Projected term, with a Verlet list where deformed surfaces have to be searched."""
         local = CompressedLocal.of(self, trial, left)
         return FollowedContact.of(local) if self.deforms and local.elements else local
 
@@ -299,6 +308,7 @@ class ContactTerm(Term):
         writes = renumbered(self.writes, keep, len(self.rows))
         n = Sizes.of(*self.sides)
         active = self.active
+        # every pair of facets acts on the frames and on the bristles' normal force
         if not (writes[: n.frames] >= 0).any() and not (writes[n.all :] >= 0).any():
             first, second = (a & hot[s.surface.facets].any(axis=1) for a, s, hot in zip(
                 self.active, self.sides, n.touched(writes), strict=True))

@@ -87,10 +87,12 @@ def moment(r: FloatArray, f: FloatArray) -> FloatArray:
 
 
 class Kinematics:
-    """Positions a (n1, d), b (n2, d) and velocities va, vb of the surfaces' nodes in the second
-    body's axes.
+    """Positions a (n1, d), b (n2, d), m, and velocities va, vb, m/s, of the surfaces' nodes in the
+    second body's axes.
 
-    x, v: local unknowns (contact_unknowns.py) and their rates; t: time, s.
+    x, v: local unknowns (contact_unknowns.py) and their rates; t: time, s. one, two: attitudes; B,
+    C = B^T A, y = X + u: module docstring. In rates of the first surface: k (n1, d) = w_1 x y + u',
+    in its own axes; drift (d,) = B^T (R1' - R2'); rate (n1, d) = drift + C k, less w_2 x a: va.
     """
 
     def __init__(
@@ -138,6 +140,7 @@ class Kinematics:
         (frames,): derivative of their rates by the coordinates, as in `by_rates`."""
         n, d = self.sizes, self.sizes.d
         one, two = self.one, self.two
+        # va = drift + C k - w_2 x a; columns: position and attitude of the first, then the second
         made = -turning(two.w) @ self.by_frames
         if n.f1:
             made[:, :, :d] += self.B.T * c[:d]
@@ -197,6 +200,7 @@ class Kinematics:
         """(local,) generalized forces of nodal forces f (n1 + n2, d), N, given in the second body's
         axes."""
         n, first = self.sizes, f[: self.sizes.n1]
+        # resultant in space axes, and nodal forces in the first body's axes
         whole, own = self.B @ first.sum(axis=0), first @ self.C
         parts = [np.zeros(0)]
         if n.f1:
@@ -221,6 +225,7 @@ class Kinematics:
         one, two, at = self.one, self.two, i.ravel()
         flat = f.reshape(-1, d)
         y, a, g = self.y[at], self.a[at], flat @ self.C  # g: in the first body's axes
+        # columns of the position (R) and the attitude (q) of both bodies
         frames, own = np.zeros((n.frames, n.frames)), np.zeros((len(at), d, n.frames))
         R1, q1 = slice(0, d), slice(d, n.f1)
         R2, q2 = slice(n.f1, n.f1 + d), slice(n.f1 + d, n.frames)
@@ -229,10 +234,10 @@ class Kinematics:
             frames[q1, q1] = one.rows_by(moment(y, g)) + one.by.T @ _total(
                 arms(y), own[:, :, q1])
         if n.f2:
-            turned = arms(flat) @ two.by
-            own[:, :, q2] = self.C.T @ turned
-            frames[q2, q2] = two.rows_by(-moment(a, flat)) - _total(turned, arms(a)) @ two.by
-            frames[R2, q2] = -self.B @ turned.sum(axis=0)
+            f_by = arms(flat) @ two.by  # the forces turn with the second body's axes
+            own[:, :, q2] = self.C.T @ f_by
+            frames[q2, q2] = two.rows_by(-moment(a, flat)) - _total(f_by, arms(a)) @ two.by
+            frames[R2, q2] = -self.B @ f_by.sum(axis=0)
             frames[q2, R2] = frames[R2, q2].T
             if n.f1:
                 frames[R1, q2] = -frames[R2, q2]
@@ -255,21 +260,21 @@ def too_deep(
     Before a step in which it crosses a facet, a node is no farther from the facet than the distance
     that both move in the step.
     """
-    before, facing = now.a - h * now.va, now.b - h * now.vb
+    before, before_b = now.a - h * now.va, now.b - h * now.vb  # one step earlier, to first order
     deforms = now.sizes.u2 > 0
     speed = float(np.linalg.norm(now.va, axis=1).max())
     if deforms:
         speed += float(np.linalg.norm(now.vb, axis=1).max())
-    tree = tree_of(facing, second.facets) if deforms else second.tree
+    tree = tree_of(before_b, second.facets) if deforms else second.tree
     found = tree.query(before, k=np.arange(1, min(4 * near.most, tree.n) + 1),
                        distance_upper_bound=second.radius + reach + h * speed)[1]
-    node, rank = np.nonzero(found < tree.n)
+    node, rank = np.nonzero(found < tree.n)  # the tree returns tree.n where it finds no facet
     facet = found[node, rank]
     depth = _depth(now.a[node], now.b if deforms else None, second, facet)
     deep = np.flatnonzero(depth > reach)
     if not len(deep):
         return 0.0
-    was = _depth(before[node[deep]], facing if deforms else None, second, facet[deep])
+    was = _depth(before[node[deep]], before_b if deforms else None, second, facet[deep])
     return float(depth[deep[(was <= reach) & (was > -np.inf)]].max(initial=0.0))
 
 

@@ -149,6 +149,7 @@ class Polygonal(ContactPlugin):
             raise InputError(faults)
 
     def _share(self, first: FloatingBody, second: FloatingBody) -> float:
+        """Fraction of the friction heat that enters the first body, 0 without heat."""
         if self.heat is None:
             return 0.0
         if self.heat.share != "effusivity":

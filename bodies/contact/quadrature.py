@@ -30,7 +30,7 @@ def rule(d: int, n: int) -> tuple[FloatArray, FloatArray]:
     along, v = 0.5 * (along + 1.0), 0.5 * v
     if d == 2:
         return np.stack([1.0 - along, along], axis=1), v
-    across, w = roots_jacobi(n, 1.0, 0.0)
+    across, w = roots_jacobi(n, 1.0, 0.0)  # lines through the corner have the length 1 - x
     x = 0.5 * (across + 1.0)[:, None]
     y = along[None] * (1.0 - x)
     x = x + 0.0 * y
@@ -77,6 +77,7 @@ def _trials(
     """
     depths = [0.0, *normal.breaks]
     last, unit = depths[-1], depths[-1] or 1e-9
+    # between breaks, and from the last one up to 10^5 times as deep
     layers = [*pairwise(depths), *((last, last + unit * 10.0**k) for k in range(6))]
     breaks = friction.breaks if friction else ()
     slips = _slips_in_plane(breaks) if d == 2 else _slips_in_space(breaks)

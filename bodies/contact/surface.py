@@ -119,13 +119,14 @@ def cells_of(X: FloatArray, facets: IntArray, planes: Planes) -> FacetCells:
     if d == 2:
         return FacetCells(*own, (other < 0) | (turns != 0))
     facet, border, depth_slope = _shared(X, facets, planes, other, turns)
+    # the three own borders, then as many additional ones as the facet with most of them has
     count = np.bincount(facet, minlength=F)
     rank = np.arange(len(facet)) - (np.cumsum(count) - count)[facet]
     borders = np.ones((F, 3 + int(count.max(initial=0)), 3))  # never below 0 where there is none
     depth_slopes = np.zeros(borders.shape[:2])
     borders[:, :3], depth_slopes[:, :3] = own
     borders[facet, 3 + rank], depth_slopes[facet, 3 + rank] = border, depth_slope
-    corners = np.zeros(len(X), bool)
+    corners = np.zeros(len(X), bool)  # at an end of a turned edge
     for end in (1, 2):
         corners[np.roll(facets, -end, axis=1)[turns != 0]] = True
     jumps = np.repeat(corners[facets].any(axis=1, keepdims=True), borders.shape[1], axis=1)
@@ -173,7 +174,8 @@ def _shared(
     F = len(facets)
     facet, edge = np.nonzero((other >= 0) & (turns == 0))
     flat = csr_array((np.ones(len(facet)), (facet, other[facet, edge])), shape=(F, F))
-    _, patch = connected_components(flat, directed=False)
+    _, patch = connected_components(flat, directed=False)  # coplanar triangles
+    # turned edges, each of its owner, and the triangles of its patch at either of its ends
     owner, edge = np.nonzero(turns)
     ends = [np.roll(facets, -k, axis=1)[owner, edge] for k in (1, 2)]
     at = csr_array((np.ones(3 * F), (facets.ravel(), np.repeat(np.arange(F), 3))),
@@ -183,6 +185,7 @@ def _shared(
     facet = np.concatenate([p.col for p in pairs])
     kept = (patch[facet] == patch[owner[which]]) & (facet != owner[which])
     which, facet = which[kept], facet[kept]
+    # distance of their corners from the edge, inwards: a border if none is beyond it
     g = planes.g[owner, edge]
     inward = (g / np.linalg.norm(g, axis=1, keepdims=True))[which]
     border = ((X[facets[facet]] - X[ends[0][which]][:, None]) * inward[:, None]).sum(axis=2)
@@ -190,6 +193,7 @@ def _shared(
     inner = border.min(axis=1) >= -1e-9 * size
     facet, border, size = facet[inner], border[inner], size[inner]
     depth_slope = turns[owner, edge][which][inner]
+    # one of the borders that a triangle has twice, from both ends of an edge or from edges in line
     key = np.round(np.concatenate([border / size[:, None], depth_slope[:, None]], axis=1), 9)
     _, first = np.unique(np.concatenate([facet[:, None], key], axis=1), axis=0, return_index=True)
     return facet[first], border[first], depth_slope[first]

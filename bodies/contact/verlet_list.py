@@ -117,6 +117,7 @@ class FollowedContact(DelegatingTerm):
 
     @classmethod
     def of(cls, whole: CompressedLocal) -> Self:
+        """Projected contact `whole`, with bounds of the motion of both surfaces."""
         term: Any = whole.term
         movers: tuple[Mover, Mover] = term.movers
         first, second = (MotionBound.of(m, whole.atoms, whole.offset) for m in movers)

@@ -356,8 +356,9 @@ class Transmission(SpatialItem):
     own and q_2 of the other body.
 
     An angle is known up to whole turns: its factor is an integer (the number of teeth), so that
-    these do not matter where the sum is wrapped into -pi to pi. scale: 1, or a length, m; factors:
-    n_1, n_2; others: number of the other body's rigid coordinates; unit: of the multiplier.
+    these do not matter where the sum is wrapped into -pi to pi. factors: n_1, n_2; scale: 1 / n_1
+    of gears, the pitch radius, m, of a rack; others: number of the other body's rigid coordinates;
+    unit: of the multiplier.
     """
 
     own: Turned

@@ -96,14 +96,14 @@ class Length(Coordinate):
         y_o, size = self.far(m, o), m.at.stop
         far, D = attitude(y_o[3:]), m.turn.of_body(self.point)
         gap = m.R + m.A.dot(self.point) - y_o[:3] - far.A.dot(self.base)
-        by, at = np.hstack([EYE, D]), np.arange(size)  # derivative of the gap
+        gap_by, at = np.hstack([EYE, D]), np.arange(size)
         if self.others:
-            by = np.hstack([by, -EYE, -far.of_body(self.base)])
+            gap_by = np.hstack([gap_by, -EYE, -far.of_body(self.base)])
             at = np.concatenate([at, np.arange(o, o + self.others)])
         length = float(np.sqrt(gap.dot(gap)))
         n = gap / length
-        first = n.dot(by)
-        second = (by.T.dot(by) - np.outer(first, first)) / length
+        first = n.dot(gap_by)
+        second = (gap_by.T.dot(gap_by) - np.outer(first, first)) / length
         second[3:size, 3:size] += m.turn.bend(n, self.point)
         if self.others:
             second[size + 3 :, size + 3 :] -= far.bend(n, self.base)
@@ -112,6 +112,8 @@ class Length(Coordinate):
     def moved(
         self, own: Along, other: Along, near: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The length, its rate, and as force per unit the direction n of the gap, without moment.
+        """
         d = len(self.point)
         gap = _placed(own[0], self.point) - _placed(other[0], self.base)
         speed = (own[1][:, :d] + vector_rates(*own, self.point)
@@ -139,18 +141,19 @@ class Distance(Coordinate):
         y_o, size = self.far(m, o), m.at.stop
         far = attitude(y_o[3:])
         n, D = far.A.dot(self.axis), m.turn.of_body(self.point)
+        # the distance is gap . n - base . axis; D, E: derivatives of A z and n by the attitudes
         gap, at = m.R + m.A.dot(self.point) - y_o[:3], np.arange(size)
         first, second = np.concatenate([n, n.dot(D)]), np.zeros((size, size))
         second[3:, 3:] = m.turn.bend(n, self.point)
         if self.others:
             E = far.of_body(self.axis)
             at = np.concatenate([at, np.arange(o, o + self.others)])
-            by = np.hstack([EYE, D, -EYE])
+            gap_by = np.hstack([EYE, D, -EYE])  # by all but the other's attitude, from size + 3 on
             first = np.concatenate([first, -n, gap.dot(E)])
             whole = np.zeros((len(at), len(at)))
             whole[:size, :size] = second
-            whole[: len(by.T), size + 3 :] = by.T.dot(E)
-            whole[size + 3 :, : len(by.T)] = E.T.dot(by)
+            whole[: size + 3, size + 3 :] = gap_by.T.dot(E)
+            whole[size + 3 :, : size + 3] = E.T.dot(gap_by)
             whole[size + 3 :, size + 3 :] = far.bend(gap, self.axis)
             second = whole
         return at, float(gap.dot(n) - self.base.dot(self.axis)), first, second
@@ -158,6 +161,7 @@ class Distance(Coordinate):
     def moved(
         self, own: Along, other: Along, near: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The distance, its rate, and as force per unit the axis n = A_o e, without moment."""
         d, T = len(self.point), len(near)
         n = vectors_in_space(other[0], self.axis)
         gap = _placed(own[0], self.point) - other[0][:, :d]
@@ -168,6 +172,7 @@ class Distance(Coordinate):
 
 
 def _placed(pose: FloatArray, z: FloatArray) -> FloatArray:
+    """(T, d) positions in space of a point z (d,) of a body, m."""
     return points_in_space(pose, np.broadcast_to(z, (len(pose), len(z))))
 
 
@@ -222,11 +227,11 @@ class Angle(Coordinate):
         spring is not deflected by more than 2 pi.
         """
         if own.shape[1] == 1 and (other.shape[1] == 1 or not self.others):
-            about = float(rot.cross(self.first, self.second)[2])
-            turned = own - self.start
+            about_z = float(rot.cross(self.first, self.second)[2])  # 1 or -1, the axis' direction
+            angle = own - self.start
             if self.others:
-                turned = turned - (other - self.place[3:])
-            return np.asarray(about * turned[:, 0])
+                angle = angle - (other - self.place[3:])
+            return np.asarray(about_z * angle[:, 0])
         p, f = _quaternions(own), _quaternions(other)
         c, s = ((p * rot.products(f, r)).sum(axis=1) for r in self._at_start())
         phi = 2.0 * np.arctan2(s, c)
@@ -236,8 +241,8 @@ class Angle(Coordinate):
         self, raw: FloatArray, own: FloatArray, other: FloatArray, near: FloatArray
     ) -> FloatArray:
         """Angles (T,) between -pi and pi, `raw`, plus the whole turns of `nearly`."""
-        turned = self.nearly(own, other, near)
-        return np.asarray(raw + 2.0 * np.pi * np.floor((turned - raw) / (2.0 * np.pi) + 0.5))
+        phi = self.nearly(own, other, near)
+        return np.asarray(raw + 2.0 * np.pi * np.floor((phi - raw) / (2.0 * np.pi) + 0.5))
 
     def relative(
         self, m: Motion, o: int, near: float
@@ -266,16 +271,19 @@ class Angle(Coordinate):
     def moved(
         self, own: Along, other: Along, near: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        d, e = vectors_in_space(own[0], self.own), (self.first, self.second)
-        f = [vectors_in_space(other[0], x) for x in e]
-        c, s = ((d * x).sum(axis=1) for x in f)
-        turning = vector_rates(*own, self.own)
-        c1, s1 = ((turning * x + d * vector_rates(*other, y)).sum(axis=1)
-                  for x, y in zip(f, e, strict=True))
+        """The angle, its rate, and the moment per unit, its derivative by a small rotation of the
+        own body: with c = d . f_1, s = d . f_2 it is d x (c f_2 - s f_1) / (c^2 + s^2)."""
+        d, d_rate = vectors_in_space(own[0], self.own), vector_rates(*own, self.own)
+        f, cosines, rates = [], [], []
+        for e in (self.first, self.second):
+            f.append(vectors_in_space(other[0], e))
+            cosines.append((d * f[-1]).sum(axis=1))
+            rates.append((d_rate * f[-1] + d * vector_rates(*other, e)).sum(axis=1))
+        (c, s), (c_rate, s_rate) = cosines, rates
         size = c * c + s * s
         phi = self.counted(np.arctan2(s, c), own[0][:, 3:], other[0][:, 3:], near)
-        by_turn = np.cross(d, c[:, None] * f[1] - s[:, None] * f[0]) / size[:, None]
-        return phi, (c * s1 - s * c1) / size, np.pad(by_turn, ((0, 0), (3, 0)))
+        moment = np.cross(d, c[:, None] * f[1] - s[:, None] * f[0]) / size[:, None]
+        return phi, (c * s_rate - s * c_rate) / size, np.pad(moment, ((0, 0), (3, 0)))
 
 
 def _quaternions(q: FloatArray) -> FloatArray:
@@ -317,27 +325,39 @@ class RelativeItem(SpringItem):
             amplitudes_along((self.relaxed,), times)[:, 0])
 
     def in_plane(self) -> plane.PlanePart:
+        """Its numbers in the orders of the functions of plane_springs.py, which have their legends.
+        """
         c, drive, moves = self.coordinate, self.drive or Held(0.0), float(self.others > 0)
-        place = self.coordinate.place.tolist() if not self.others else [0.0] * 3
+        place = c.place.tolist() if not self.others else [0.0] * 3
+        stiffness_and_damping = self.law[1:3]  # of a law of the kind `LINEAR`, as of all lengths
         if isinstance(c, Length):
             return plane.PlanePart(plane_springs.spring, (
-                *c.point.tolist(), *c.base.tolist(), *self.law[1:3], moves, *place), drive)
+                *c.point.tolist(), *c.base.tolist(), *stiffness_and_damping, moves, *place), drive)
         if isinstance(c, PlaneAngle) and self.law[0] == LINEAR:
             return plane.PlanePart(plane_springs.rotational_spring, (
-                *self.law[1:3], moves, c.start + place[2]), drive)
-        places = (*c.point.tolist(), *c.axis.tolist(), float(c.base @ c.axis)) if isinstance(
-            c, Distance) else (0.0, 0.0, 1.0, 0.0, c.start if isinstance(c, PlaneAngle) else 0.0)
+                *stiffness_and_damping, moves, c.start + place[2]), drive)
+        point, axis, zero = [0.0, 0.0], [1.0, 0.0], 0.0
+        if isinstance(c, Distance):
+            point, axis, zero = c.point.tolist(), c.axis.tolist(), float(c.base @ c.axis)
+        elif isinstance(c, PlaneAngle):
+            zero = c.start
         return plane.PlanePart(plane_springs.relative, (
             *self.law, self.sign, float(isinstance(c, Distance)), moves, float(self.forces),
-            *places, *place))
+            *point, *axis, zero, *place))
 
     def in_space(self) -> tuple[spatial.SpacePart, ...] | None:
-        c, drive, turns = self.coordinate, self.drive or Held(0.0), float(max(self.others - 3, 0))
-        A, place = (np.eye(3), np.zeros(3)) if self.others else (
-            attitude(c.place[3:]).A, c.place[:3])
+        """Its numbers in the orders of the functions of space_springs.py, which have their legends;
+        points and directions of a body at rest are given in space axes."""
+        c, drive = self.coordinate, self.drive or Held(0.0)
+        attitudes = float(max(self.others - 3, 0))  # unknown attitude coordinates of the other body
+        A, place = np.eye(3), np.zeros(3)
+        if not self.others:
+            A, place = attitude(c.place[3:]).A, c.place[:3]
+        stiffness, damping = self.law[1:3]  # of a law of the kind `LINEAR`, as of all lengths
         if isinstance(c, Length):
+            base = place + A @ c.base
             return (spatial.SpacePart(space_spring, (
-                *c.point.tolist(), *(place + A @ c.base).tolist(), *self.law[1:3], turns), drive),)
+                *c.point.tolist(), *base.tolist(), stiffness, damping, attitudes), drive),)
         if not isinstance(c, Angle) or self.law[0] != LINEAR:
             return None
         pair, angle = c._at_start(), float(c.start[-1])
@@ -346,22 +366,23 @@ class RelativeItem(SpringItem):
         else:
             pair = tuple(rot.products(_quaternions(c.place[None, 3:]), r)[0] for r in pair)
 
-        def part(k: float, damping: float, relaxed: float, g: Amplitude) -> spatial.SpacePart:
+        def part(k: float, damping: float, g_relaxes: float, g: Amplitude) -> spatial.SpacePart:
+            """Spring with the amplitude g, its relaxed angle (g_relaxes 1) or its moment (0)."""
             return spatial.SpacePart(space_rotational_spring, (
                 *c.own.tolist(), *(A @ c.first).tolist(), *(A @ c.second).tolist(), k, damping,
-                turns, *pair[0].tolist(), *pair[1].tolist(), angle, relaxed), g)
+                attitudes, *pair[0].tolist(), *pair[1].tolist(), angle, g_relaxes), g)
 
         if self.relaxed is None:
-            return (part(*self.law[1:3], 0.0, drive),)
-        return part(*self.law[1:3], 1.0, self.relaxed), part(0.0, 0.0, 0.0, drive)
+            return (part(stiffness, damping, 0.0, drive),)
+        return part(stiffness, damping, 1.0, self.relaxed), part(0.0, 0.0, 0.0, drive)
 
     def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
         """Adds the force of the law on the relative coordinate q, along its gradient, with
         derivatives."""
         near, s = self.near if self.relaxed is None else self.relaxed(m.t), self.sign
         at, q, first, second = self.coordinate.relative(m, o, near)
-        rates, there = m.v[at], slice(k, k + self.forces)
-        load = float(np.sqrt(m.y[there].dot(m.y[there])))
+        rates, multipliers = m.v[at], slice(k, k + self.forces)
+        load = float(np.sqrt(m.y[multipliers].dot(m.y[multipliers])))
         if self.relaxed is not None:
             q -= near
         f, by_q, by_rate, by_load = relative_law(
@@ -374,7 +395,7 @@ class RelativeItem(SpringItem):
         out.rows[at] += f * first
         out.H[np.ix_(at, at)] += np.outer(first, slope) + f * second
         if load:
-            out.H[at, there] += np.outer(s * by_load * first, m.y[there] / load)
+            out.H[at, multipliers] += np.outer(s * by_load * first, m.y[multipliers] / load)
 
     def moved(
         self, times: FloatArray, own: Along, other: Along
@@ -383,6 +404,7 @@ class RelativeItem(SpringItem):
         return self.coordinate.moved(own, other, self.near_at(times))
 
     def along(self, times: FloatArray, own: Along, other: Along) -> tuple[FloatArray, FloatArray]:
+        """As in `SpringItem`; the law reads no joint forces here, which no motion tells."""
         q, rate, unit = self.moved(times, own, other)
         s = self.sign
         if self.relaxed is not None:

@@ -68,6 +68,8 @@ class JointPart(Joint):
         return tuple(self._component(row) for row in range(len(self.targets)))
 
     def _component(self, row: int) -> tuple[str, str]:
+        """Name and unit of a multiplier: those of the item multipliers that are added in its row,
+        if all agree."""
         kinds = {c.item.reactions[i] for c in self.conditions if c.item.reactions
                  for i in np.flatnonzero(c.C[row]).tolist()}
         if len(kinds) == 1:
@@ -98,9 +100,10 @@ class JointPart(Joint):
         for c in self.conditions:
             equations.frame(c.body.name, c.item, c.vectors, multipliers=block, C=c.C,
                             reads=f"{c.other}.rigid" if c.other else "")
-        for i, soft in enumerate(() if self.compliance is None else self.compliance.tolist()):
-            equations.frame(self.conditions[0].body.name, Compliance(soft), multipliers=block,
-                            C=np.eye(len(self.targets))[:, [i]])
+        for row, compliance in enumerate(
+                () if self.compliance is None else self.compliance.tolist()):
+            equations.frame(self.conditions[0].body.name, Compliance(compliance),
+                            multipliers=block, C=np.eye(len(self.targets))[:, [row]])
         equations.constraint(block, self.targets)
 
     def compliant(self, compliance: FloatArray, note: Note | None) -> JointPart:
@@ -163,9 +166,10 @@ def wrenches(
     bodies = [side.body for side in sides if side.body is not None]
     motion = {b.name: poses.get(b.name, b.pose[None]) for b in bodies}
     of, d = {b.name: i for i, b in enumerate(bodies)}, sides[0].d
+    # a condition acts on the body with whose equations it is evaluated, and the other one answers
     found = np.zeros((len(times), len(bodies), size(sides[0])))
     for c in conditions:
-        if c.body.name not in of:
+        if c.body.name not in of:  # a massless frame
             continue
         other = poses[c.other] if c.other else None
         w = holding(c.item).wrench(times, multipliers @ c.C, motion[c.body.name], other)

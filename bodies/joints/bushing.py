@@ -55,6 +55,7 @@ class Bushing(ForceElement):
         for key, count, motion in (("", d, "slide"), ("turning_", 2 * d - 3, "turn")):
             k = self._numbers(f"{key}stiffness", count)
             c = self._numbers(f"{key}damping", count)
+            # in the plane the one angle has no axis
             about = axes if d == 3 or motion == "slide" else np.zeros((1, 2))
             found += [relative_item(motion, e, own, other, first, linear(ki, ci))
                       for e, ki, ci in zip(about, k, c, strict=True)]
@@ -63,6 +64,7 @@ class Bushing(ForceElement):
         return tuple(i for n, i in enumerate(found) if not n or i.law[1] or i.law[2])
 
     def _numbers(self, key: str, count: int) -> list[float]:
+        """The `count` numbers of an option, 0 when not given. InputError for another count."""
         given: list[float] | None = getattr(self, key)
         if given is None:
             return [0.0] * count

@@ -137,10 +137,10 @@ class Conditions:
     def couple_rotations(self, ratio: float = -1.0, target: Amplitude | None = None) -> None:
         """In the plane: angle_1 + ratio angle_2, rad, is constant; for a joint with the ground the
         angle may follow a function of time."""
-        factors = [1.0, ratio]
         sides = [s for s in (self.first, self.second) if s.body is not None]
-        start = sum(f * float(s.pose[2]) for f, s in zip(factors, sides, strict=False))
-        self.linear([(s, np.array([[0.0, 0.0, f]])) for f, s in zip(factors, sides, strict=False)],
+        terms = list(zip(sides, [1.0, ratio], strict=False))  # one, for a joint with the ground
+        start = sum(factor * float(side.pose[2]) for side, factor in terms)
+        self.linear([(side, np.array([[0.0, 0.0, factor]])) for side, factor in terms],
                     [constant(start) if target is None else target])
 
     def no_turn(self) -> None:
@@ -175,7 +175,11 @@ class Conditions:
         self, own: Sequence[FloatArray], other: Sequence[FloatArray], C: FloatArray,
         turn: Amplitude | None = None, axis: FloatArray | None = None,
     ) -> None:
-        """Constraints C (l, n) @ (A own_k . A_o other_k) = 0 for n pairs of directions."""
+        """Constraints C (l, n) @ (A own_k . A_o other_k) = 0 for n pairs of directions, in space
+        axes at the start; turn, axis: as in `no_relative_rotation`.
+
+        InputError where sides that rotate about z alone cannot satisfy them.
+        """
         side, far = self.own, self.other
         across = axis is not None and abs(abs(axis[2]) - 1.0) >= 1e-9
         if side.about_z and across and axis is not None and not self.prescribed:
@@ -204,9 +208,10 @@ class Conditions:
             raise InputError(
                 "the second point does not lie on the line through the first along the axis: they "
                 f"are {gap:.3g} m apart across it; correct a pose or the axis", "between")
-        item = Slide(side.point, np.array(lines) @ far.axes,
-                     (place - far.pose[: self.d]) @ far.axes,
-                     len(far.pose) if far.reads else 0, far.pose)
+        item = Slide(
+            side.point, lines=np.array(lines) @ far.axes,
+            base=(place - far.pose[: self.d]) @ far.axes,
+            others=len(far.pose) if far.reads else 0, place=far.pose)
         self._of_both(item, side.displacement, np.eye(len(lines)))
 
     def add_item(self, side: Side, item: Item, reads: str = "") -> None:
@@ -217,9 +222,11 @@ class Conditions:
         self._close(item.forces, [constant(0.0)] * item.forces)
 
     def _of_both(self, item: Item, vectors: FloatArray | None, C: FloatArray) -> None:
-        """Adds constraints evaluated with the own side that read the coordinates of the other."""
+        """Adds constraints evaluated with the own side that read the coordinates of the other;
+        vectors, C: as in `Condition`."""
         body = self.own.body
         assert body is not None
+        # multipliers act on the first side
         sign = 1.0 if self.own is self.first or self.first.body is None else -1.0
         self._add(body, item, vectors, sign * C, self.other.reads)
         self._close(len(C), [constant(0.0)] * len(C))
@@ -249,9 +256,12 @@ class Conditions:
         self, body: Body, item: Item, vectors: FloatArray | None, C: FloatArray,
         reads: str = "",
     ) -> None:
+        """Adds a condition to the next constraint equations, which `_close` counts: several
+        conditions may be added to the same ones."""
         self.made.append((self.count, Condition(body, item, vectors, C, reads)))
 
     def _close(self, rows: int, targets: Sequence[Amplitude]) -> None:
+        """Ends these constraint equations, of the given number and targets."""
         self.count += rows
         self.targets += targets
 
@@ -317,6 +327,7 @@ def _about_z(
     """
     kept: tuple[list[FloatArray], list[FloatArray], list[int]] = [], [], []
     for i, (d, e) in enumerate(zip(own, other, strict=True)):
+        # along z and in the x-y plane: a pair of one of each stays perpendicular
         along = [abs(abs(v[2]) - 1.0) < 1e-9 for v in (d, e)]
         across = [abs(v[2]) < 1e-9 for v in (d, e)]
         if (along[0] and across[1]) or (along[1] and across[0]):

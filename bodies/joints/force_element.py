@@ -46,8 +46,9 @@ from sparsemor.core.protocols.poses import FREE_POSE
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Drive:
-    """Prescribed part of the force of a spring: factor load(t) - k s(t) - c s'(t), with its length
-    or angle at rest s = offset + sign rest(t), s' = sign speed(t), stiffness k and damping c."""
+    """Prescribed part of the force of a spring: factor load(t) - k s(t) - c s'(t), N or N m, with
+    its length or angle at rest s = offset + sign rest(t), s' = sign speed(t), stiffness k and
+    damping c; rest, speed, load: None for zero."""
 
     stiffness: float
     damping: float
@@ -64,7 +65,6 @@ class Drive:
             f -= self.sign * (self.stiffness * self.rest(t) + self.damping * self.speed(t))
         return f if self.load is None else f + self.factor * self.load(t)
 
-
     @classmethod
     def of(
         cls, stiffness: float, damping: float, offset: float, rest: TimeFunction | None,
@@ -72,8 +72,9 @@ class Drive:
     ) -> "Drive":
         """Drive by functions of time."""
         return cls(
-            stiffness, damping, offset, None if rest is None else rest.value,
-            None if rest is None else rest.rate, None if load is None else load.value, sign, factor)
+            stiffness, damping, offset, rest=None if rest is None else rest.value,
+            speed=None if rest is None else rest.rate, load=None if load is None else load.value,
+            sign=sign, factor=factor)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -155,11 +156,11 @@ class ForceElementPart(Joint):
         """Forces and moments on both sides along their prescribed motion, with the functions of
         time that the steps of the run see."""
         motion = [s.motion for s in self.sides]
-        times = max((m.times for m in motion), key=len)
-        along = [m.along(times)[:2] for m in motion]
+        times = max((m.times for m in motion), key=len)  # a side at rest has one
+        own, other = (m.along(times)[:2] for m in motion)
         items: list[SpringItem] = [equations.over_steps(item) for item in self.items]
-        wrench = sum((item.along(times, *along)[1] for item in items[1:]),
-                     items[0].along(times, *along)[1])
+        wrenches = [item.along(times, own, other)[1] for item in items]
+        wrench = sum(wrenches[1:], wrenches[0])
         return Table(times, np.hstack([wrench, -wrench]))
 
 
@@ -184,7 +185,7 @@ class ForceElement(JointPlugin):
 
     def build(self, name: str, parts: Mapping[str, Part]) -> ForceElementPart:
         """The force element on two sides; a flexible side gets a massless frame that follows its
-        set."""
+        set. Its item belongs to the first side whose coordinates are unknowns."""
         ends = sides_of(parts, self.between, self.dimensions)
         bodies = [s.body for s in ends if s.body is not None]
         if any(b.guide is not None for b in bodies) and not any(b.moves for b in bodies):
@@ -201,13 +202,14 @@ class ForceElement(JointPlugin):
             frames[frame.body.name] = frame.body
         for more in held[1:]:
             held[0].add(more)
-        first = bool(sides[0].reads)
+        first = bool(sides[0].reads)  # True: the own side is the first of the scene
         own, other = sides if first else sides[::-1]
         if not own.reads:
             raise InputError("no side can move", "between")
         items = self.items(own, other, first)
-        return ForceElementPart(name, (own, other), items, self._law(items[0], first),
-                                self.recorded, held[0].joint() if held else None, frames)
+        return ForceElementPart(
+            name, (own, other), items, self._law(items[0], first), self.recorded,
+            held=held[0].joint() if held else None, adjusted=frames)
 
     def _prescribed(self, name: str, ends: tuple[Side, Side]) -> ForceElementPart:
         """The element between sides whose motion is prescribed."""
@@ -299,9 +301,12 @@ def relative_item(
     motion: str, axis: FloatArray, own: Side, other: Side, first: bool, law: Numbers,
     near: float = 0.0,
 ) -> RelativeItem:
-    """Item of the frame of `own` for a law of the angle about an axis (d,) or of the distance along
-    it, in space axes at the start; first: True if `own` is the first side, relative to whose other
-    one the coordinate is."""
+    """Item of the frame of `own` for a law of the angle ("turn") about an axis (d,) or of the
+    distance along it, in space axes at the start.
+
+    The coordinate of the law is that of the first side relative to the second, so that its sign
+    changes if `own` is the second; first: True if it is the first. near: as in `RelativeItem`, rad.
+    """
     sign = 1.0 if first else -1.0
     if motion == "turn":
         return RelativeItem(relative_angle(axis, own, other), law, sign, near=sign * near)

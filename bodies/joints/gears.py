@@ -57,8 +57,8 @@ class Gear(JointPlugin):
         axis = unit(self.axis, 3)
         second = axis if self.second_axis is None else unit(self.second_axis, 3, "second_axis")
         sides.add_item(own, Transmission(
-            turned(own, axis), turned(other, second), (float(n1), float(n2)), 1.0 / n1,
-            len(other.pose)), other.reads)
+            turned(own, axis), turned(other, second), factors=(float(n1), float(n2)),
+            scale=1.0 / n1, others=len(other.pose)), other.reads)
         return sides.joint()
 
 
@@ -113,5 +113,6 @@ class Rack(JointPlugin):
         own, other = rigid_pair(pinion, rack)
         sides.add_item(own, Transmission(
             turned(own, unit(self.axis, 3)), Shifted(other.point, e, start),
-            (-1.0, 1.0 / self.radius), self.radius, len(other.pose), "N"), other.reads)
+            factors=(-1.0, 1.0 / self.radius), scale=self.radius, others=len(other.pose),
+            unit="N"), other.reads)
         return sides.joint()

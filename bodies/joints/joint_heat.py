@@ -43,11 +43,12 @@ class HeatExchange:
     parts: Mapping[str, Part]
 
     def contribute(self, equations: Equations) -> None:
-        """Adds the heat flow to the temperatures of both bodies."""
+        """Adds the heat flow G w_own (w_own . T_own - w_far . T_far) to the temperatures of both
+        bodies; prescribed temperatures in a mean are loads."""
         one, two = map(self._mean, self.sides)
         for (own, T), (far, T_far) in ((one, two), (two, one)):
             block, column = f"{own}.thermal", csr_array(T.weights[:, None])
-            if not equations.size(block):
+            if not equations.size(block):  # all its temperatures are prescribed
                 continue
             for body, mean, G in ((own, T, self.conductance), (far, T_far, -self.conductance)):
                 other = f"{body}.thermal"
@@ -76,11 +77,13 @@ def heat_exchange(
     """
     heats = [side.target is not None and (
         side.target.body.temperature_of(side.target.which) is not None) for side in ends]
+    if conductance is None and not all(heats):
+        return None, ()
     if conductance is None:
         one, two = (side.body.name if side.body is not None else "" for side in ends)
         return None, (information(
             f"no heat flows through joints.{name} between {one} and {two}: give its conductance "
-            "(W/K), or 0 if it insulates", "insulated_joint"),) if all(heats) else ()
+            "(W/K), or 0 if it insulates", "insulated_joint"),)
     if not conductance or any(
             side.body is not None and side.body.without_fields for side in ends):
         return None, ()
@@ -98,11 +101,11 @@ STEP = 1e-6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrictionPower:
-    """Power of friction, W, as a function of rigid coordinates and joint forces.
+    """Power of friction f(q', |F|) q', W, as a function of rigid coordinates and joint forces F.
 
-    item: law and coordinate; sizes: numbers of rigid coordinates of the own and the other side that
-    are unknowns, one after the other, 0 for a side that stands or follows a prescribed motion
-    `guides`; after them come the joint forces.
+    Unknowns x (n,): rigid coordinates of the own side, of the other side (`sizes` of them, 0 for a
+    side that stands or follows a prescribed motion `guides`), then the joint forces. item: law f
+    and coordinate q.
     """
 
     item: RelativeItem
@@ -110,7 +113,7 @@ class FrictionPower:
     guides: tuple[FrameHistory, FrameHistory]
 
     def rates(self, x: FloatArray, v: FloatArray, t: float) -> FloatArray:
-        """Rates q' (T,) at states x, v (T, n) and time t."""
+        """Rates q' (T,) at T states x, v (T, n), all at time t, s."""
         first, ends = 0, []
         for size, guide in zip(self.sizes, self.guides, strict=True):
             at = slice(first, first + size)
@@ -123,27 +126,29 @@ class FrictionPower:
         return np.asarray(self.item.moved(np.full(len(x), t), *ends)[1])
 
     def __call__(self, x: FloatArray, v: FloatArray, t: float) -> float:
-        forces = x[sum(self.sizes):]
+        """The power at unknowns x (n,) and their rates v; friction depends on no value q."""
+        load = float(np.linalg.norm(x[sum(self.sizes):]))
         rate = float(self.rates(x[None], v[None], t)[0])
-        return float(relative_law(*self.item.law, 0.0, rate, float(np.linalg.norm(forces)))[0]
-                     * rate)
+        force, *_ = relative_law(*self.item.law, q=0.0, rate=rate, load=load)
+        return float(force * rate)
 
     def slopes(self, x: FloatArray, v: FloatArray, t: float) -> tuple[FloatArray, FloatArray]:
-        """Derivatives (n,) of the power by x and by v; rates are linear in v."""
+        """Derivatives (n,) of the power by x and by v. Those of the rate q' by the m rigid
+        coordinates are central differences, by their rates exact ones, as q' is linear in them."""
         n, m = len(x), sum(self.sizes)
         rate = float(self.rates(x[None], v[None], t)[0])
-        L = float(np.linalg.norm(x[m:]))
-        f, _, by_rate, by_load = relative_law(*self.item.law, 0.0, rate, L)
-        by_v, by_x, one = np.zeros(n), np.zeros(n), np.eye(n)[:m]
+        load = float(np.linalg.norm(x[m:]))
+        f, _, by_rate, by_load = relative_law(*self.item.law, q=0.0, rate=rate, load=load)
+        rate_by_x, rate_by_v, one = np.zeros(n), np.zeros(n), np.eye(n)[:m]
         if m:
-            by_v[:m] = self.rates(np.tile(x, (m, 1)), v + one, t) - rate
-            far, near = (self.rates(x + s * STEP * one, np.tile(v, (m, 1)), t) for s in (1, -1))
-            by_x[:m] = (far - near) / (2.0 * STEP)
-        gain = f + by_rate * rate
-        by_x *= gain
-        if L:
-            by_x[m:] = by_load * rate * x[m:] / L
-        return by_x, gain * by_v
+            rate_by_v[:m] = self.rates(np.tile(x, (m, 1)), v + one, t) - rate
+            after, before = (self.rates(x + s * STEP * one, np.tile(v, (m, 1)), t) for s in (1, -1))
+            rate_by_x[:m] = (after - before) / (2.0 * STEP)
+        power_by_rate = f + by_rate * rate
+        by_x = power_by_rate * rate_by_x
+        if load:
+            by_x[m:] = by_load * rate * x[m:] / load
+        return by_x, power_by_rate * rate_by_v
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -219,13 +224,14 @@ class HeatOfFriction:
         self, equations: Equations, item: RelativeItem, sides: tuple[Side, Side], block: str
     ) -> None:
         """Adds the heat for an item that acts on rigid coordinates of `sides`; block: of the
-        multipliers that its law reads."""
+        multipliers that its law reads, "" for none."""
         item = equations.over_steps(item)
         frames = [f"{s.reads}.rigid" if s.reads else "" for s in sides]
-        at = [equations.numbers(f) if f else np.zeros(0, np.int64) for f in frames]
-        power = FrictionPower(item, (len(at[0]), len(at[1])), (sides[0].motion, sides[1].motion))
-        columns = np.concatenate([*at, equations.numbers(block)[: item.forces] if block else at[0][
-            :0]])
+        none = np.zeros(0, np.int64)
+        own, other = (equations.numbers(f) if f else none for f in frames)
+        forces = equations.numbers(block)[: item.forces] if block else none
+        power = FrictionPower(item, (len(own), len(other)), (sides[0].motion, sides[1].motion))
+        columns = np.concatenate([own, other, forces])
         for name, weights in self.weights(equations):
             used = np.flatnonzero(weights)
             blocks = [name, *(b for b in (*frames, block) if b)]

@@ -137,6 +137,7 @@ def side_of(parts: Mapping[str, Part], text: str, dimensions: Sequence[int], key
 
 
 def _target(parts: Mapping[str, Part], text: str, key: str) -> Place:
+    """The set `body:set` of a body that can move or deform; InputError for another one."""
     target = find_place(parts, text, key)
     if target.body.immobile:
         raise InputError(f"{text!r} cannot move: body {target.body.name!r} is fixed in space and "
@@ -145,6 +146,7 @@ def _target(parts: Mapping[str, Part], text: str, key: str) -> Place:
 
 
 def _check_dimension(body: Body, dimensions: Sequence[int], key: str) -> None:
+    """InputError for a body in a dimension in which the joint does not exist."""
     if body.d not in dimensions:
         need = "in space" if body.d == 2 else "in the plane"
         raise InputError(f"this joint needs bodies {need}, and body {body.name!r} is "

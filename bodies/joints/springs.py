@@ -43,13 +43,16 @@ class SpringDamper(ForceElement):
         return self
 
     def item(self, own: Side, other: Side, first: bool) -> RelativeItem:
+        """The spring between the two points; which side is the first does not matter. InputError
+        for points that coincide at the start."""
         base, place = self._base(other), self._place(other)
         start = float(np.linalg.norm(own.place() - place))
         if not start > 1e-12 * size_of(own, other):
             raise InputError("the two points coincide at the start, so the line between them has "
                              "no direction: move a body or choose other points", "between")
-        drive = Drive.of(self.stiffness, self.damping, start if self.length is None else 0.0,
-                         self.length, self.force)
+        drive = Drive.of(
+            self.stiffness, self.damping, offset=start if self.length is None else 0.0,
+            rest=self.length, load=self.force)
         return RelativeItem(Length(*unknowns(other), own.point, base),
                             linear(self.stiffness, self.damping), drive=drive)
 
@@ -104,13 +107,18 @@ class RotationalSpring(ForceElement):
     def item(self, own: Side, other: Side, first: bool) -> RelativeItem:
         """The spring about the axis. A prescribed rest angle is part of the drive in the plane; in
         space the angle is measured from it."""
+        # item: acts against the angle of `own`, that of the first side times `sign`
         sign, law = 1.0 if first else -1.0, linear(self.stiffness, self.damping)
-        drive = Drive.of(self.stiffness, self.damping, 0.0, self.angle, self.torque, sign, -sign)
+        drive = Drive.of(
+            self.stiffness, self.damping, offset=0.0, rest=self.angle, load=self.torque, sign=sign,
+            factor=-sign)
         if own.d == 2:
             if self.axis is not None:
                 raise InputError("plane bodies turn about the normal of the plane: drop it", "axis")
             return RelativeItem(relative_angle(np.zeros(2), own, other), law, drive=drive)
+        relaxed = None  # sign angle(t), as the drive of a stiffness of -1
+        if self.angle is not None:
+            relaxed = replace(drive, stiffness=-1.0, damping=0.0, load=None)
         return RelativeItem(
             relative_angle(unit(self.axis, 3), own, other), law,
-            drive=replace(drive, stiffness=0.0), relaxed=None if self.angle is None else replace(
-                drive, stiffness=-1.0, damping=0.0, load=None))
+            drive=replace(drive, stiffness=0.0), relaxed=relaxed)

@@ -67,17 +67,19 @@ class Exchange:
     shares: FloatArray
 
     def temperatures(self, x: FloatArray, t: float) -> FloatArray:
+        """(P,) mean temperatures of the patches, K."""
         T = self.offset + self.W @ x
         for shape, f in self.given:
             T = T + shape * f(t)
         return T
 
     def heat(self, x: FloatArray, t: float) -> FloatArray:
+        """(m,) heat lost in each row, W."""
         q = self.G @ self.temperatures(x, t) ** 4 + self.g * self.surroundings(t) ** 4
         return np.asarray(self.shares @ q)
 
     def slopes(self, x: FloatArray, t: float) -> FloatArray:
-        """(m, n) derivatives of the heat by the unknowns."""
+        """(m, n) derivatives of the heat by the unknowns, W/K."""
         return np.asarray(self.shares @ (4.0 * self.G * self.temperatures(x, t) ** 3) @ self.W)
 
 
@@ -169,26 +171,26 @@ class CavityRadiation(LoadPlugin):
                              f"emissivities.{unknown[0]}")
         bodies = {body.name: body for body, _, _ in surfaces}
         self._check(bodies)
-        nodes, corners = [], []
+        nodes, corners = [], []  # of the straight facets of each surface, in space at the start
         for body, mesh, facets in surfaces:
-            rows = divided(mesh, facets)
-            nodes.append(rows)
+            facet_nodes = divided(mesh, facets)
+            nodes.append(facet_nodes)
             X = points_in_space(np.tile(body.pose, (len(body.X), 1)), body.X)
-            corners.append(X[rows])
-        facets_ = Facets.of(np.concatenate(corners))
-        if len(facets_.areas) > MOST:
-            raise InputError(f"{len(facets_.areas)} straight facets, of which view factors of at "
+            corners.append(X[facet_nodes])
+        straight = Facets.of(np.concatenate(corners))
+        if len(straight.areas) > MOST:
+            raise InputError(f"{len(straight.areas)} straight facets, of which view factors of at "
                              f"most {MOST} are computed: name smaller surfaces, or coarser ones",
                              "on")
-        of = np.repeat(np.arange(len(surfaces)), [len(n) for n in nodes])
-        patch = patches_of(facets_, of, max(self.patches, len(surfaces)))
-        areas = np.bincount(patch, facets_.areas).astype(np.float64)
-        S, notes = self._view_factors(name, facets_, patch, areas)
+        of = np.repeat(np.arange(len(surfaces)), [len(n) for n in nodes])  # surface of each facet
+        patch = patches_of(straight, of, max(self.patches, len(surfaces)))
+        areas = np.bincount(patch, straight.areas).astype(np.float64)
+        S, notes = self._view_factors(name, straight, patch, areas)
         eps = np.zeros(len(areas))
         eps[patch] = np.array([self.emissivities.get(text, self.emissivity)
                                for text in self.on])[of]
         G, g = (STEFAN_BOLTZMANN * c for c in grey(S / areas[:, None], eps))
-        loads = [(body, nodal_areas(body, surfaces, nodes, facets_, patch, of)) for body in
+        loads = [(body, nodal_areas(body, surfaces, nodes, straight, patch, of)) for body in
                  bodies.values()]
         depth = surfaces[0][0].thickness
         ambient = nothing if self.surroundings is None else self.surroundings.value
@@ -203,6 +205,7 @@ class CavityRadiation(LoadPlugin):
                         notes=(*celsius, *notes, *_moving(name, bodies)))
 
     def _check(self, bodies: Mapping[str, FloatingBody]) -> None:
+        """InputError for bodies that cannot radiate to each other."""
         if any(b.revolved for b in bodies.values()):
             raise InputError("view factors of axisymmetric bodies are not those of their section: "
                              "take radiation", "on")
@@ -245,6 +248,7 @@ def patches_of(facets: Facets, of: IntArray, count: int) -> IntArray:
     """(n,) number of the patch of each facet: surfaces `of` (n,), of which the patch with the
     largest area times extent (of places and normals) is cut in two by its mean, until there are
     `count`."""
+    # places and normals of the facets, without units
     z = np.concatenate([facets.corners.mean(axis=1) / facets.size, facets.normals], axis=1)
 
     def spread(here: IntArray) -> float:
@@ -256,7 +260,7 @@ def patches_of(facets: Facets, of: IntArray, count: int) -> IntArray:
         here = groups[at]
         along = z[here, np.ptp(z[here], axis=0).argmax()]
         low = along <= np.average(along, weights=facets.areas[here])
-        if spread(here) <= 0.0 or low.all():
+        if spread(here) <= 0.0 or low.all():  # no patch can be cut any more
             break
         groups[at : at + 1] = [here[low], here[~low]]
     patch = np.zeros(len(of), np.int64)
@@ -267,11 +271,15 @@ def patches_of(facets: Facets, of: IntArray, count: int) -> IntArray:
 
 def grey(F: FloatArray, eps: FloatArray) -> tuple[FloatArray, FloatArray]:
     """G (P, P) and g (P,) of q = G E + g E_a: net heat lost by patches with emissive powers E of a
-    black body, in surroundings with E_a."""
+    black body, in surroundings with E_a.
+
+    With J = R (eps E + (1 - eps) F_a E_a), R = (1 - (1 - eps) F)^-1, and H = F J + F_a E_a: q = (1
+    - F) J - F_a E_a (module docstring); F (P, P): view factors, eps (P,): emissivities.
+    """
     one, outside = np.eye(len(F)), np.maximum(0.0, 1.0 - F.sum(axis=1))
     R = np.linalg.inv(one - (1.0 - eps)[:, None] * F)
-    H = one - F
-    return H @ R * eps, H @ R @ ((1.0 - eps) * outside) - outside
+    net = one - F
+    return net @ R * eps, net @ R @ ((1.0 - eps) * outside) - outside
 
 
 def nodal_areas(
@@ -293,7 +301,12 @@ def write_cavity(
     equations: Equations, loads: Sequence[tuple[FloatingBody, FloatArray]], areas: FloatArray,
     depth: float, G: FloatArray, g: FloatArray, ambient: Amplitude,
 ) -> None:
-    """Adds the exchange to the temperatures of all bodies, with nodal areas (N, P) each."""
+    """Adds the exchange to the temperatures of all bodies, with nodal areas (N, P) each.
+
+    areas (P,): of the patches, m2 or in the plane m, with the thickness `depth`, m; G, g: as in
+    `Exchange`; ambient: temperature of the surroundings, K. A patch's temperature is the mean over
+    its nodal areas, of unknown and of prescribed temperatures.
+    """
     numbers, shares, given, blocks = [], [], [], []
     for body, nodal in loads:
         assert body.heat is not None
@@ -311,4 +324,5 @@ def write_cavity(
         return
     at, S = np.concatenate(numbers), np.concatenate(shares)
     equations.local(blocks, CavityTerm(at, at, Exchange(
-        G, g, ambient, tuple(given), S.T / areas[:, None], np.zeros(len(areas)), depth * S)))
+        G, g, surroundings=ambient, given=tuple(given), W=S.T / areas[:, None],
+        offset=np.zeros(len(areas)), shares=depth * S)))

@@ -98,6 +98,7 @@ class JouleHeat(LoadPlugin):
         for s, cells in sigma:
             K = K + conductivity(body.mesh, s, body.thickness, cells)
         phi, V, current = self._potential(K, nodes)
+        # nodal heats (N,), W; axes e: element, n: node, d: direction, q: point
         heat = np.zeros(len(body.X))
         for s, cells in sigma:
             for _, at in on_cells(body.mesh, 1, cells):
@@ -160,6 +161,7 @@ class JouleHeat(LoadPlugin):
         if len(np.setdiff1d(part, part[held])):
             raise InputError(f"a part of {self.on!r} touches no electrode, so that its potential "
                              "is not determined", "electrodes")
+        # H: harmonic functions as columns; G = H^T K H: conductances, A/V, currents G V
         H, free = np.zeros((K.shape[0], len(nodes))), np.setdiff1d(np.arange(K.shape[0]), held)
         for i, at in enumerate(nodes):
             H[at, i] = 1.0
@@ -168,8 +170,8 @@ class JouleHeat(LoadPlugin):
         G = H.T @ (K @ H)
         given = list(self.electrodes.values())
         V = np.array([0.0 if e.potential is None else e.potential for e in given])
-        flows = np.array([e.potential is None for e in given])
-        if flows.any():
-            currents = np.array([e.current or 0.0 for e in given])[flows]
-            V[flows] = np.linalg.solve(G[np.ix_(flows, flows)], currents - (G @ V)[flows])
+        driven = np.array([e.potential is None for e in given])  # by a current
+        if driven.any():
+            currents = np.array([e.current or 0.0 for e in given])[driven]
+            V[driven] = np.linalg.solve(G[np.ix_(driven, driven)], currents - (G @ V)[driven])
         return H @ V, V, G @ V

@@ -73,6 +73,7 @@ class Pressure(LoadPlugin):
         surfaces = find_surfaces(parts, self.on, "mechanical")
         size = self.pressure or self.force
         assert size is not None
+        # nodal forces of a unit pressure, or of a unit force over the whole area
         area = 1.0 if self.force is None else sum(
             body.thickness * float(facet_measures(mesh, facets).sum())
             for body, mesh, facets in surfaces)

@@ -148,6 +148,7 @@ class Convection(LoadPlugin):
         for body, mesh, facets in find_surfaces(parts, self.on, "thermal"):
             h_0 = self._constant(body)
             h = h_0 * body.thickness
+            # nodal heats w T_fluid - S T with the coefficient h_0
             loads.append((body, facets, h_0, h * surface_load(mesh, facets, 1.0),
                           surface_mass(mesh, facets, h)))
 

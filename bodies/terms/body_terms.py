@@ -29,7 +29,8 @@ from sparsemor.core.protocols.load_tables import LoadTable
 
 
 def write_elasticity(body: HasFields, equations: Equations, e: Elasticity) -> None:
-    """Adds stiffness, damping and thermal forces of the free displacements."""
+    """Adds stiffness, damping and thermal forces of the free displacements: K u + D u' - K_T (T -
+    T_ref), with constant temperatures T0 for a body without the field (equations.md, section 1)."""
     F, Kt = e.free, e.coupling[e.free]
     block, thermal = f"{body.name}.elastic", f"{body.name}.thermal"
     equations.matrix(block, block, A=e.stiffness[F][:, F], B=e.damping[F][:, F])
@@ -102,6 +103,7 @@ def _write_stress(
     assert body.mesh is not None
     for _, points in on_cells(body.mesh, law.degree, cells):
         term, (block,) = law_term(body, equations, law, points)
+        # rows and columns of the term are numbers of the state, `first` that of the block's first
         n, first = equations.size(block), int(equations.numbers(block)[0])
         zero = np.zeros(len(term.columns))
         force = np.zeros(n)
@@ -141,6 +143,7 @@ def law_term(
     A field that is no unknown of the body has its initial value: zero displacement, temperatures
     T0.
     """
+    # the law adds to rows of the field that it tests, and reads the unknowns of others
     row_quantity, read = law.tests[0].quantity, {v.quantity for v in law.reads}
     names = {Quantity.DISPLACEMENT: f"{body.name}.elastic",
              Quantity.TEMPERATURE: f"{body.name}.thermal"}
@@ -152,6 +155,7 @@ def law_term(
         free = whole.column_of >= 0
         if quantity is row_quantity:
             row_of = whole.column_of
+        # positions of the field's unknowns among the columns; none where the law does not read it
         at = np.searchsorted(columns, unknowns) if quantity in read else np.full(len(unknowns), -1)
         column_of = np.full(whole.column_of.shape, -1, np.int64)
         column_of[free] = at[whole.column_of[free]]

@@ -33,7 +33,8 @@ Kept = MutableMapping[bytes, Csr]
 def load_stiffness(
     body: HasFields, directions: FloatArray, kept: Kept
 ) -> tuple[Csr, ...]:
-    """Matrices H_j (n, n) of the columns of `directions` (n, p); kept: those found before."""
+    """Matrices H_j (n, n) of the columns P_j of `directions` (n, p), zero for a zero column; kept:
+    those found before, to which new ones are added."""
     columns = np.ascontiguousarray(directions.T)
     new = [j for j, P in enumerate(columns) if P.any() and P.tobytes() not in kept]
     if new:
@@ -106,6 +107,7 @@ def geometric_stiffness(body: HasFields, u: FloatArray, rise: FloatArray | None)
         for _, at in on_cells(mesh, 0, cells):
             nodes, gradients = at.shape.nodes, at.shape.gradients
             assert gradients is not None
+            # gradient, strain and stress in axes (d, d, element, point)
             G = np.einsum("eni,enjq->ijeq", u[nodes], gradients)
             strain = (G + G.swapaxes(0, 1)) / 2.0
             if e.nonlinear:
@@ -118,6 +120,7 @@ def geometric_stiffness(body: HasFields, u: FloatArray, rise: FloatArray | None)
             if rise is not None:
                 stress = stress - beta[:, :, None, None] * (
                     rise[nodes][:, None, :] @ at.shape.values)[:, 0]
+            # one matrix for all components of the displacements: integral of grad . sigma grad
             weighted = stress * (body.thickness * at.weights)
             wide = np.broadcast_to(gradients, (*gradients.shape[:3], weighted.shape[3]))
             local = np.einsum("enaq,abeq,embq->enm", wide, weighted, wide, optimize=True)
@@ -130,7 +133,8 @@ def geometric_stiffness(body: HasFields, u: FloatArray, rise: FloatArray | None)
 
 
 def _directional(law: Anisotropy, strain: FloatArray) -> FloatArray:
-    """Stress (d, d, E, Q) of strains (d, d, E, Q) by a stiffness that depends on the direction."""
+    """Stress (d, d, E, Q) of strains (d, d, E, Q) by a stiffness that depends on the direction, in
+    the order of components of `Anisotropy.C`, shear strains doubled."""
     pairs = [(0, 0), (1, 1), (0, 1)] if len(strain) == 2 else [
         (0, 0), (1, 1), (2, 2), (1, 2), (2, 0), (0, 1)]
     values = np.tensordot(law.C, np.stack([

@@ -2,8 +2,10 @@
 material_laws.py at N points.
 
 A property is a run of numbers (`TemperatureProperty.numbers`): a table (0, n, its n temperatures,
-then the first temperature, value and slope of each of its n + 1 segments), or a polynomial (1, n,
-T_0, least and greatest temperature, n coefficients in powers of T - T_0).
+then the first temperature of each of its n + 1 segments, the value there of each and the slope of
+each), or a polynomial (1, n, T_0, least and greatest temperature, n coefficients in powers of T -
+T_0). Segment i is that above i of the n temperatures. Arguments of a law:
+`core/protocols/term.LawFunction`.
 """
 
 import numpy as np
@@ -25,7 +27,7 @@ def curve_at(numbers: FloatArray, first: int, T: float) -> tuple[float, float]:
     n, at = int(numbers[first + 1]), first + 2
     if numbers[first] == TABLE:
         low, high = 0, n
-        while low < high:
+        while low < high:  # bisection: `low` temperatures of the table are below T
             middle = (low + high) // 2
             if numbers[at + middle] < T:
                 low = middle + 1
@@ -46,11 +48,12 @@ def curve_at(numbers: FloatArray, first: int, T: float) -> tuple[float, float]:
 
 def integral_at(numbers: FloatArray, first: int, T: float) -> float:
     """Integral over temperature up to T, K, of the property whose numbers begin at `first`; those
-    of a table are followed by the integrals up to its n temperatures (`with_integrals`)."""
+    of a table are followed by the integrals up to its n temperatures (`with_integrals`), from the
+    first of them on; that of a polynomial is from its least temperature on."""
     n, at = int(numbers[first + 1]), first + 2
     if numbers[first] == TABLE:
         low, high = 0, n
-        while low < high:
+        while low < high:  # as in `curve_at`
             middle = (low + high) // 2
             if numbers[at + middle] < T:
                 low = middle + 1
@@ -65,7 +68,7 @@ def integral_at(numbers: FloatArray, first: int, T: float) -> float:
     if not T == T:
         inside = T
     z, low_z, value = inside - numbers[at], numbers[at + 1] - numbers[at], 0.0
-    whole, whole_low = 0.0, 0.0
+    whole, whole_low = 0.0, 0.0  # integrals over z, and over low_z, divided by these
     for i in range(n - 1, -1, -1):
         a = numbers[at + 3 + i]
         value = a + value * z
@@ -106,8 +109,9 @@ def stored_heat(
     numbers: FloatArray, gains: FloatArray, z: FloatArray, x: FloatArray, y: FloatArray,
     slopes: FloatArray
 ) -> None:
-    """Heat storage by differences of heat content (material_laws.py); numbers: rho, c_0, number of
-    earlier values, h, c; gain: 1 in the first step."""
+    """Heat storage rho e' by differences of heat content e (`material_laws.StoredHeat`); numbers:
+    rho, c_0, number of earlier values, h, c; gain: 1 in the first step. z: T, T', T''; slopes: by
+    T, by T'."""
     rho, c_0, earlier, h = numbers[0], numbers[1], int(numbers[2]), numbers[3]
     for n in range(z.shape[1]):
         T, rate = z[0, n], z[1, n]
@@ -138,7 +142,8 @@ def softening(
     numbers: FloatArray, gains: FloatArray, z: FloatArray, x: FloatArray, y: FloatArray,
     slopes: FloatArray
 ) -> None:
-    """Stress (E(T)/E_0 - 1) C_0 : eps; numbers: d, E_0, lambda, mu, E."""
+    """Stress (E(T)/E_0 - 1) C_0 : eps; numbers: d, E_0, lambda, mu, E. z: T, then grad u row by
+    row; slopes: in the order of `softening_pairs`."""
     d, E_0, lam, mu = int(numbers[0]), numbers[1], numbers[2], numbers[3]
     for n in range(z.shape[1]):
         value, slope = curve_at(numbers, 4, z[0, n])
@@ -167,7 +172,8 @@ def softening(
 
 
 def softening_pairs(d: int) -> list[tuple[int, int]]:
-    """Derivatives in the order of `softening`."""
+    """Pairs (stress component, variable) of the derivatives, in the order of `softening`: by T,
+    then for a normal stress by du_k/dx_k, for a shear stress by both gradients of its shear."""
     found = []
     for i in range(d):
         for j in range(d):

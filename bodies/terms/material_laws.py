@@ -183,11 +183,13 @@ class StoredHeat(PointwiseLaw):
         return replace(self, earlier=stepping.differences, step=stepping.h)
 
     def __call__(self, z: Sequence[FloatArray], x: FloatArray, t: float) -> Response:
+        """Heat stored per volume and time, W/m3, and its derivatives by T and T', for constant T_0
+        and T_1, the temperatures of earlier steps."""
         T, rate, bend = z  # second difference 2 (T_0 - T + h T')/h^2
         c, slope = self.c.at(T)
         stored, step = self.rho * c, present_step()
         h = step.h
-        if not self.earlier or not h:
+        if not self.earlier or not h:  # another formula, or no step: e' = (c - c_0) T'
             return Response([stored * rate], {(0, 0): self.rho * slope * rate, (0, 1): stored})
         T_0 = T - h * rate + 0.5 * h * h * bend  # one step before, T_1 two
         past = self.c.integral(T_0)
@@ -233,7 +235,8 @@ class Softening(StressLaw):
         return self.E.of.degree
 
     def __call__(self, z: Sequence[FloatArray], x: FloatArray, t: float) -> Response:
-        d, (T, *g) = self.d, z
+        """Stress (d d), Pa, row by row, and its derivatives by T and grad u."""
+        d, (T, *g) = self.d, z  # g: grad u, row by row
         value, slope = self.E.at(T)
         e, by_T = value / self.E.reference, slope / self.E.reference
         lam, mu = self.law.lam, self.law.mu
@@ -286,6 +289,7 @@ class Expansion(StressLaw):
         return sum(p.degree for p in (self.E, self.alpha) if isinstance(p, TemperatureProperty)) + 1
 
     def __call__(self, z: Sequence[FloatArray], x: FloatArray, t: float) -> Response:
+        """The d equal normal stresses, Pa, and their derivatives by T."""
         (T,) = z
         rise = T - self.reference
         (E, E_T), (alpha, alpha_T) = evaluated(self.E, T), evaluated(self.alpha, T)

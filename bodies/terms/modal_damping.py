@@ -37,11 +37,12 @@ def modal_factors(
     """
     free = np.setdiff1d(np.arange(K.shape[0]), held)
     K, M, elastic_modes = K[free][:, free], M[free][:, free], len(free) - rigid
-    same_ratio = isinstance(ratio, int | float)
+    same_ratio = isinstance(ratio, int | float)  # of `count` modes, or as many as there are
     number_of_ratios = count if isinstance(ratio, int | float) else len(ratio)
     if number_of_ratios > elastic_modes and not same_ratio:
         raise InputError(f"gives {number_of_ratios} ratios, and the body has {elastic_modes} "
                          "elastic modes", "ratio")
+    # of a common ratio one mode more, to see whether the last ones have the same frequency
     computed = min(number_of_ratios + same_ratio, elastic_modes)
     values, shapes = _lowest(K, M, rigid + computed)
     values, shapes = values[rigid:], shapes[:, rigid:]

@@ -71,10 +71,13 @@ class NonlinearStrains(StressLaw):
         return sum(degrees) + 1 if self.heated else 0
 
     def __call__(self, z: Sequence[FloatArray], x: FloatArray, t: float) -> Response:
+        """Stress y (d d) and its derivatives at points: of F S less the linear stress, with e = E /
+        E_0, pressure = beta (T - T_ref), and by T (index _T) and G (module docstring)."""
         d, lam_0, mu_0, first = self.d, self.law.lam, self.law.mu, int(self.heated)
         shape = np.broadcast_shapes(*(v.shape for v in z))
         G = np.stack([np.broadcast_to(v, shape) for v in z[first:]]).reshape(d, d, *shape)
         e: FloatArray | float = 1.0
+        # in axes (i, j, points): half = G^T G / 2, strain E, whole = S at E_0 without pressure
         S_T = pressure = np.zeros(())
         if self.heated:
             rise = z[0] - self.reference
@@ -105,7 +108,7 @@ class NonlinearStrains(StressLaw):
         left = np.einsum("ik...,jk...->ij...", F, F) * mu
         lamF, muF = lam * F, mu * F
         slopes: dict[tuple[int, int], FloatArray | float] = {}
-        for r in range(d * d):
+        for r in range(d * d):  # component (i, J) of the stress, and, symmetric, (k, L) of G
             i, J = divmod(r, d)
             for s in range(r, d * d):
                 k, L = divmod(s, d)
@@ -129,10 +132,13 @@ class NonlinearStrains(StressLaw):
         return GreenLagrange(self.law, self.d, self.reference if self.heated else None)
 
     def arrays(self) -> LawArrays | None:
+        """Numbers and pairs (stress, variable) of derivatives in the order of `nonlinear_stress`;
+        None where a property has no numbers."""
         E, alpha = numbers_of(self.E), numbers_of(self.alpha)
         if E is None or alpha is None:
             return None
         n, first = self.d**2, int(self.heated)
+        # 9 numbers of its own, of which the last is where alpha begins, after those of E
         pairs = [(r, s) for r in range(n) for s in range(n + first)]
         numbers = [self.d, self.heated, self.law.lam, self.law.mu, self.law.beta, self.E_0,
                    self.factor, self.reference, 9.0 + len(E)]
@@ -155,7 +161,7 @@ def nonlinear_stress(
     d, first = int(numbers[0]), int(numbers[1])
     lam_0, mu_0, beta_0 = numbers[2], numbers[3], numbers[4]
     half, whole, S, B = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3))
-    F, S_T = np.zeros((3, 3)), np.zeros((3, 3))
+    F, S_T = np.zeros((3, 3)), np.zeros((3, 3))  # B: mu F F^T
     m = d * d
     for n in range(z.shape[1]):
         e, e_T, pressure, pressure_T, rise = 1.0, 0.0, 0.0, 0.0, 0.0
@@ -166,7 +172,7 @@ def nonlinear_stress(
             e, e_T = E / numbers[5], E_T / numbers[5]
             pressure = numbers[6] * E * alpha * rise
             pressure_T = numbers[6] * ((E_T * alpha + E * alpha_T) * rise + E * alpha)
-        spread, trace = 0.0, 0.0
+        spread, trace = 0.0, 0.0  # of `half`, and of the strain
         for i in range(d):
             for j in range(d):
                 total = 0.0

@@ -84,7 +84,10 @@ class PointTerm(ReducedTerm):
         tests: Sequence[FloatArray], source: str,
     ) -> PointTerm:
         """Term from each variable on the trial basis and each test function under the left
-        projection, (l, E, Q or 1)."""
+        projection, (l, E, Q or 1); variables: those of `projections`, values without their rates.
+
+        One column for each prescribed function of time, with its effect on all variables.
+        """
         k = projections[0].P.shape[2]
         spans, first = [], 0
         for one in projections:

@@ -54,6 +54,8 @@ class PolynomialTerm(ReducedTerm):
     def jacobian(
         self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
     ) -> FloatArray:
+        """(l, k): by the product rule, coefficients times the two other factors of each monomial.
+        """
         i, j, k = self._values(x, t)
         m = len(self.by_monomial)
         slopes = csr_array(  # of the monomials by z
@@ -62,12 +64,13 @@ class PolynomialTerm(ReducedTerm):
         return np.ascontiguousarray((slopes.T @ self.by_monomial)[1 : 1 + self.size].T)
 
     def _values(self, x: FloatArray, t: float) -> FloatArray:
+        """(3, m) values of the factors z of each monomial."""
         z = np.concatenate([[1.0], x, [f.value(t) for f in self.functions]])
         return np.asarray(z[self.factors])
 
     def arrays(self) -> PointArrays:
-        """The term as a law at one point, whose variables are the unknowns and functions of
-        time."""
+        """The term as a law at one point, whose variables are the n unknowns and `more` functions
+        of time, each with the identity as P, or effect, and each row with a test of its own."""
         (m, rows), n, more = self.by_monomial.shape, self.size, len(self.functions)
         pairs = [(i, j) for i in range(rows) for j in range(n + more)]
         law = LawArrays(
@@ -78,9 +81,10 @@ class PolynomialTerm(ReducedTerm):
         f = self.functions
         reads = np.array([(j, 1, 0) for j in range(n + more)], dtype=np.int64).reshape(-1, 3)
         return PointArrays(
-            law, np.ones((1, 1)), np.zeros((1, 1)), np.eye(n + more, n), np.zeros(n + more),
-            effects, tuple(g.value for g in f), tuple(g.rate for g in f),
-            tuple(nothing for _ in f), reads, tuple(np.eye(rows)[:, [i]] for i in range(rows)))
+            law=law, weights=np.ones((1, 1)), coordinates=np.zeros((1, 1)), P=np.eye(n + more, n),
+            offset=np.zeros(n + more), effects=effects, values=tuple(g.value for g in f),
+            rates=tuple(g.rate for g in f), bends=tuple(nothing for _ in f), reads=reads,
+            tests=tuple(np.eye(rows)[:, [i]] for i in range(rows)))
 
 
 def nothing(t: float) -> float:
@@ -92,8 +96,9 @@ def polynomial(
     numbers: FloatArray, gains: FloatArray, z: FloatArray, x: FloatArray, y: FloatArray,
     slopes: FloatArray
 ) -> None:
-    """`PolynomialTerm` at one point, which numba compiles; numbers: monomials, factors,
-    coefficients."""
+    """`PolynomialTerm` at one point, which numba compiles (`LawFunction`); numbers: count m of
+    monomials, 3 factors of each, then coefficients of each in all rows. z holds the factors from
+    number 1 on; slopes: (row, variable), row by row."""
     m, rows, n = int(numbers[0]), y.shape[0], z.shape[0]
     coefficient = 1 + 3 * m
     for monomial in range(m):
@@ -107,7 +112,7 @@ def polynomial(
             y[row, 0] += numbers[coefficient + row] * product
         if len(slopes):
             for row in range(rows):
-                of = row * n - 1
+                of = row * n - 1  # factor i is variable i - 1
                 if i:
                     slopes[of + i, 0] += numbers[coefficient + row] * (b * c)
                 if j:
@@ -119,7 +124,12 @@ def polynomial(
 
 def polynomial_of(points: PointTerm, of: GreenLagrange) -> ReducedTerm:
     """The projected stress of Green-Lagrange strains less the linear one as a polynomial, or
-    `points`, the same at points, where that costs less in a step."""
+    `points`, the same at points, where that costs less in a step.
+
+    Equations: module docstring. n: number of factors z_i that move the body, `u` their numbers in
+    z; `hot`: those of factors that change temperatures; coefficients of z_i z_j (second, mixed),
+    z_i z_j z_k (third) and T_a z_k (heated) in each of `rows` rows.
+    """
     law, d, reference = of
     first = int(reference is not None)
     gradients = [points.spans[i][0] for i, _ in points.reads[first:]]
@@ -128,6 +138,7 @@ def polynomial_of(points: PointTerm, of: GreenLagrange) -> ReducedTerm:
     # numbers in z = (1, x, f) of the factors of displacements, and of temperatures
     u: IntArray = np.concatenate([np.zeros(int(moved), np.int64), 1 + used])
     n, rows = len(u), len(points.tests[0])
+    # T (R, hot): shapes T_a of T - T_ref; curved: given at each point, else once an element
     hot, T, curved = np.zeros(0, np.int64), np.zeros((0, 0)), False
     if reference is not None:
         at = points.spans[points.reads[0][0]][0]
@@ -136,6 +147,7 @@ def polynomial_of(points: PointTerm, of: GreenLagrange) -> ReducedTerm:
         hot, curved = np.flatnonzero(T.any(axis=0)), len(T) == points.weights.size
         T = T[:, hot]
     monomials = n * (n + 1) // 2 + n * (n + 1) * (n + 2) // 6 + n * len(hot)
+    # products of a step; the law itself costs as much as 60 a point
     at_points = points.P.size + sum(L.size for L in points.tests) + 60 * points.weights.size
     if len(used) > MOST or monomials * (rows + 3) > at_points:
         return points
@@ -143,7 +155,7 @@ def polynomial_of(points: PointTerm, of: GreenLagrange) -> ReducedTerm:
     second, third = np.zeros((len(pairs[0]), rows)), np.zeros((len(pairs[0]), rows, n))
     mixed, heated = np.zeros((n, rows, n)), np.zeros((len(hot), rows, n))
     E, Q = points.weights.shape
-    width = d * (d + 1) // 2 * Q * (len(pairs[0]) + (rows + 1) * (n + 1))
+    width = d * (d + 1) // 2 * Q * (len(pairs[0]) + (rows + 1) * (n + 1))  # numbers an element
     step = max(1, _CHUNK // max(width, 1))
     for begin in range(0, E, step):
         cells = slice(begin, begin + step)
@@ -151,6 +163,7 @@ def polynomial_of(points: PointTerm, of: GreenLagrange) -> ReducedTerm:
                        for at in gradients])  # (d d, M, n)
         L = np.stack([_tests(points, A, cells) for A in points.tests])  # (d d, M, rows)
         H, L = (A.reshape(d, d, *A.shape[1:]) for A in (H, L))
+        # M points; axes q: point, r: row, n: factor; seen = H_n^T L_r, squares = m_ij
         seen = np.einsum("kiqn,kjqr->ijqrn", H, L, optimize=True)
         test, strain = _voigt(L, d), _voigt(H, d)
         both = _voigt(seen, d).reshape(len(strain), -1, rows * n)
@@ -176,7 +189,11 @@ def _collected(
     parts: Sequence[tuple[tuple[IntArray | int, ...], FloatArray]], size: int,
     functions: tuple[TimeFunction, ...], rows: int, source: str
 ) -> PolynomialTerm:
-    """Term of all products: their factors and coefficients (..., rows), by monomials."""
+    """Term of all products: their factors and coefficients (..., rows), by monomials.
+
+    parts: numbers in z of the three factors of each product, as arrays that broadcast to the shape
+    (...), and its coefficients. Factors in ascending order are the digits of one code a monomial.
+    """
     base = 1 + size + len(functions)
     codes, values = [], []
     for numbers, coefficients in parts:

@@ -127,7 +127,8 @@ class WeakTerm(Term):
         return np.bincount(at[kept], loads[kept], minlength=len(self.rows)).astype(np.float64)
 
     def _response(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> Response:
-        """Response of the law at all quadrature points, from the fields that it reads there."""
+        """Response of the law at all quadrature points, from the fields that it reads there: values
+        (kind 0), rates (1) and second differences (2, in a); unknowns at the columns (n,)."""
         nodal: dict[tuple[Quantity, int], FloatArray] = {}
         z = []
         for variable in self.law.reads:
@@ -151,7 +152,8 @@ class WeakTerm(Term):
     def jacobian(
         self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
     ) -> Csr:
-        """Sparse Jacobian from the element matrices of each pair of test function and variable."""
+        """Sparse Jacobian (m, n) from the element matrices of each pair of test function and
+        variable; c1 (n,): derivatives of the rates by the unknowns."""
         data, i, j = [np.zeros(0)], [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
         for test, variable, local in self._local_matrices(self._response(x, v, a, t)):
             field = self.fields[variable.quantity]
@@ -174,11 +176,12 @@ class WeakTerm(Term):
             rows = self.tested.shape.along(tests[i].axis)
             columns = self.fields[reads[j].quantity].shape.along(reads[j].axis)
             factors = np.broadcast_to(derivative, self.weights.shape) * self.weights
-            if rows.shape[2] == columns.shape[2] == 1:
+            if rows.shape[2] == columns.shape[2] == 1:  # both constant in each element
                 local = factors.sum(axis=1)[:, None, None] * rows * columns.transpose(0, 2, 1)
             else:
                 local = (rows * factors[:, None]) @ np.broadcast_to(
                     columns, (*columns.shape[:2], factors.shape[1])).transpose(0, 2, 1)
+            # derivatives of one variable along all axes are in the same rows and columns
             key = tests[i].component, replace(reads[j], axis=None)
             found[key] = local if key not in found else found[key] + local
         return ((test, variable, local) for (test, variable), local in found.items())
@@ -237,6 +240,7 @@ class WeakTerm(Term):
         weights = np.where(part_rows >= 0, left[:, part_rows], 0.0)
         weights = weights.reshape(*weights.shape[:2], prod(weights.shape[2:]))
         contributed = np.zeros((len(part_rows), len(left), len(t)))
+        # axes l: row of `left`, f: element, i: node and component; second rates are zero
         for i, time in enumerate(t.tolist()):
             rates = v[part_columns, i]
             loads = part._loads(x[part_columns, i], rates, 0.0 * rates, time)
