@@ -112,8 +112,9 @@ class Bristles:
         P, d, at = len(corners), o.d, self.patch[corners]
         o = replace(o, at=o.at[:, :, : o.eta_columns.stop])  # without bristles
         force, N, _ = _integrals(o, pieces, face)
-        tangent = Tangent.of(o, pieces, _sliding(face), nodal(o, pieces, _sliding(face), None),
-                             None, deforms, False)
+        sliding = _sliding(face)
+        tangent = Tangent.of(o, pieces, sliding, nodal(o, pieces, sliding, T=None), T=None,
+                             deforms=deforms, warms=False)
         n = o.pairs.planes.n
         n_by = None if o.pairs.vb is None else tilts(o)[0]
         scale = _inverse(now.N)[at][:, :, None, None]
@@ -181,7 +182,7 @@ def _integrals(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Of each overlap and corner i of its first facet: int s_i p (n - w) dA (P, d, d), N, its
     normal part int s_i p dA (P, d), N, and int s_i p w dA (P, d, d), W."""
-    loads = nodal(o, pieces, _sliding(face), None)
+    loads = nodal(o, pieces, _sliding(face), T=None)
     force = summed(loads.force[:, : o.d], pieces.overlap, len(o.at))
     n = o.pairs.planes.n
     N = (force @ n[:, :, None])[:, :, 0]

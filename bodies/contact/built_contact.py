@@ -83,7 +83,8 @@ class ContactPart(Contact):
         first, second = (
             ContactSide.of(s, equations.layout, moves=False, deforms=False, conducts=True,
                     motion=motion.get(s.body.name)) for s in (self.first, self.second))
-        self._write(equations, (first, second), replace(self.face, friction=None), False)
+        self._write(
+            equations, (first, second), replace(self.face, friction=None), deforms=False)
 
     def _write(
         self, equations: Equations, sides: tuple[ContactSide, ContactSide], face: Interface,
@@ -149,7 +150,7 @@ class ContactPart(Contact):
     def _loads(self, motion: Motion, face: Interface) -> Iterator[tuple[Window, Loads]]:
         """Contact in each window of times, with nodal forces and friction heat."""
         for w in windows(self.first, self.second, self.near, face, motion):
-            yield w, nodal(w.overlaps, w.pieces, face, None)
+            yield w, nodal(w.overlaps, w.pieces, face, T=None)
 
     # ------------------------------------------------------------------ warnings after a run
 

@@ -76,8 +76,8 @@ class ContactTerm(Term):
         columns = np.unique(numbers[numbers >= 0])
         at = found_in(numbers, columns)
         first, second = (np.ones(len(s.surface.facets), bool) for s in sides)
-        return cls(columns, columns, sides, face, near, deforms, reach, (first, second), at, at,
-                   bristles)
+        return cls(columns, columns, sides, face, near, deforms, reach, active=(first, second),
+                   reads=at, writes=at, bristles=bristles)
 
     @property
     def elements(self) -> int:
@@ -235,8 +235,9 @@ class ContactTerm(Term):
         """
         k, n = now.kinematics, now.kinematics.sizes
         warms = bool((self.writes[n.whole :] >= 0).any())
-        tangent = Tangent.of(now.overlaps, now.pieces, self.face, now.loads, now.T, self.deforms,
-                           warms)
+        tangent = Tangent.of(
+            now.overlaps, now.pieces, self.face, now.loads, now.T, deforms=self.deforms,
+            warms=warms)
         i, j, D = now.nodes[:, : n.d], now.nodes[:, n.d :] - n.n1, tangent.z.shape[2]
         # of nodal forces and heats by unknowns; then also forces by their transposed derivatives
         inner = k.by_unknowns(tangent.z, i) + k.by_rates(tangent.rate, i, j, c1[: n.whole])

@@ -91,16 +91,19 @@ class Polygonal(ContactPlugin):
             d, self.normal, friction, self.tolerance)))
         # half a facet: farther in, the nearest facet is not the one that was crossed
         reach = 0.5 * float(min(first.sizes.min(), second.sizes.min()))
-        return ContactPart(name, first, second, face, BroadPhase.of(first, second, reach), reach,
-                           self.deforms, self.heat is not None, bristles)
+        return ContactPart(
+            name, first, second, face, near=BroadPhase.of(first, second, reach), reach=reach,
+            deforms=self.deforms, heats=self.heat is not None, bristles=bristles)
 
     def _face(
         self, first: FloatingBody, second: FloatingBody, points: tuple[FloatArray, FloatArray]
     ) -> Interface:
+        """Laws and heat of the contact, with the points and weights of a quadrature rule."""
         width = min(first.thickness, second.thickness)
         conductance = 0.0 if self.heat is None else self.heat.conductance
-        return Interface(self.normal, self.friction, width, self._share(first, second),
-                         conductance, *points)
+        return Interface(
+            self.normal, self.friction, width, share=self._share(first, second),
+            conductance=conductance, points=points[0], weights=points[1])
 
     def _bodies(
         self, parts: Mapping[str, Part]

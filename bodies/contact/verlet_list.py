@@ -162,13 +162,13 @@ class FollowedContact(DelegatingTerm):
         w = self.term
         contact: Any = w.term
         points = contact.points(w.offset + w.atoms @ x, 0.0)
-        if points is None:
+        if points is None:  # not a finite state: the term of all facets says so
             return LocalContact(self, x, w)
         middles = [z[f].mean(axis=1) for z, f in zip(points, self.facets, strict=True)]
         first, second = (_beside(m, other, contact.near.radius + self.margin)
                          for m, other in (middles, middles[::-1]))
         if not (len(first) and len(second)):
-            return LocalContact(self, x, None)
+            return LocalContact(self, x, some=None)
         some, columns, rows = contact.among(first, second)
         return LocalContact(self, x, CompressedLocal(
             some, w.atoms[columns], w.offset[columns], np.ascontiguousarray(w.left[:, rows])))

@@ -250,7 +250,8 @@ class Conditions:
             wide[first : first + len(c.C)] = c.C
             conditions.append(replace(c, C=wide))
         sides = tuple(s for s in self.ends if s.body is not None)
-        return JointPart(self.name, sides, tuple(conditions), tuple(self.targets), frame)
+        return JointPart(
+            self.name, sides, tuple(conditions), tuple(self.targets), adjusted=frame)
 
     def _add(
         self, body: Body, item: Item, vectors: FloatArray | None, C: FloatArray,

@@ -312,17 +312,20 @@ def relative_item(
         return RelativeItem(relative_angle(axis, own, other), law, sign, near=sign * near)
     # a coordinate that is zero at the start, as the ground's point is the other's
     base = (own.place() - other.pose[: own.d]) @ other.axes
-    return RelativeItem(
-        Distance(*unknowns(other), own.point, base, axis @ other.axes), law, sign)
+    others, place = unknowns(other)
+    distance = Distance(others, place, point=own.point, base=base, axis=axis @ other.axes)
+    return RelativeItem(distance, law, sign)
 
 
 def relative_angle(axis: FloatArray, own: Side, other: Side) -> PlaneAngle | Angle:
     """Angle of two sides since the start, in space about an axis (3,), in space axes at the start.
     """
+    others, place = unknowns(other)
     if own.d == 2:
-        return PlaneAngle(*unknowns(other), float(own.pose[2] - other.pose[2]))
+        return PlaneAngle(others, place, start=float(own.pose[2] - other.pose[2]))
     e1, e2 = across(axis)
-    return Angle(*unknowns(other), e1 @ own.axes, e1 @ other.axes, e2 @ other.axes, own.pose[3:])
+    return Angle(others, place, own=e1 @ own.axes, first=e1 @ other.axes,
+                 second=e2 @ other.axes, start=own.pose[3:])
 
 
 def unknowns(other: Side) -> tuple[int, FloatArray]:

@@ -67,7 +67,7 @@ def write_conduction(body: HasFields, equations: Equations, h: Heat) -> None:
     equations.matrix(block, block, A=h.conductivity[free][:, free], B=h.capacity[free][:, free])
     for law, cells in h.laws:
         stored = any(v.rate for v in law.reads)
-        write_law(body, equations, equations.over_steps(law), None, cells,
+        write_law(body, equations, equations.over_steps(law), facets=None, cells=cells,
                   at_nodes=stored and h.lumped)
     for nodes, function, shape in h.prescribed:
         for matrix, f in ((h.conductivity, function.value), (h.capacity, function.rate)):
@@ -98,7 +98,7 @@ def _write_stress(
     """Adds a stress law; one that is linear in the displacements becomes a stiffness matrix and a
     constant force where the body's temperatures are no unknowns."""
     if body.heat is not None or not law.linear:
-        write_law(body, equations, law, None, cells)
+        write_law(body, equations, law, facets=None, cells=cells)
         return
     assert body.mesh is not None
     for _, points in on_cells(body.mesh, law.degree, cells):
@@ -161,8 +161,9 @@ def law_term(
         column_of[free] = at[whole.column_of[free]]
         fields[quantity] = NodalField(
             whole.shape, column_of, whole.constant, whole.prescribed)
-    term = WeakTerm(numbers[row_quantity], columns, law, fields, row_of,
-                    quadrature.weights * body.thickness, quadrature.coordinates)
+    term = WeakTerm(
+        rows=numbers[row_quantity], columns=columns, law=law, fields=fields, row_of=row_of,
+        weights=quadrature.weights * body.thickness, coordinates=quadrature.coordinates)
     here = np.unique(row_of[fields[row_quantity].shape.nodes])
     blocks = [n for q, n in names.items() if len(numbers[q]) and q in {row_quantity, *read}]
     return term.restrict(here[here >= 0]), blocks

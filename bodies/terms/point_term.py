@@ -109,10 +109,10 @@ class PointTerm(ReducedTerm):
             for L in tests)
         return cls(
             law, weights, coordinates,
-            np.concatenate([one.P.reshape(one.offset.size, k) for one in projections]),
-            np.concatenate([one.offset.ravel() for one in projections]),
-            tuple(columns), tuple(spans), reads, flat,
-            frozenset(kind for _, kind in reads), source)
+            P=np.concatenate([one.P.reshape(one.offset.size, k) for one in projections]),
+            offset=np.concatenate([one.offset.ravel() for one in projections]),
+            parts=tuple(columns), spans=tuple(spans), reads=reads, tests=flat,
+            kinds=frozenset(kind for _, kind in reads), source=source)
 
     @property
     def elements(self) -> int:

@@ -205,7 +205,8 @@ def _collected(
     by_monomial = np.zeros((len(found), rows))
     np.add.at(by_monomial, place.ravel(), np.concatenate(values))
     factors = np.stack([found // base**2, found // base % base, found % base])
-    return PolynomialTerm(np.ascontiguousarray(factors), by_monomial, size, functions, source)
+    return PolynomialTerm(
+        np.ascontiguousarray(factors), by_monomial, size, functions=functions, source=source)
 
 
 def _at_points(
