@@ -262,8 +262,9 @@ class Reduced(WholeEquations):
         self.targets, self.border, self.h, self.named = targets, border, h, named
         self.heat_first, n, first = heat_first, layout.size, layout.first
         # cost of a Jacobian in iterations, measured: 6 for 65 unknowns, 14 for 260, 31 for 1300; of
-        # rigid bodies, whose derivatives come with the residual, less than an iteration
-        rigid = all(b.tested is None for b in bodies)
+        # rigid bodies, whose derivatives come with the residual, less than an iteration; not so
+        # those of coupled terms, such as contact
+        rigid = not coupled and all(b.tested is None for b in bodies)
         self.price = 1 if rigid and n <= RIGID else 8 + n // 40
         self.atoms = slice(layout.frames.stop, layout.algebraic.start)
         solved = [layout[b.name] for b in layout.differential if b.kind.reducible]
