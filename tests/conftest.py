@@ -137,7 +137,9 @@ def pytest_configure(config: pytest.Config) -> None:
     with suppress(ImportError):  # early versions take none
         from hypothesis.internal.conjecture import providers
 
-        vars(providers)["_get_local_constants"] = lambda: providers._local_constants
+        inside = vars(providers)
+        if (empty := inside.get("_local_constants")) is not None:
+            inside["_get_local_constants"] = lambda: empty
     # One thread of BLAS, for workers and programs that tests start, too: most matrices here are
     # small, and the threads of two workers on two cores wait for each other.
     os.environ.update(OPENBLAS_NUM_THREADS="1", OMP_NUM_THREADS="1", MKL_NUM_THREADS="1")
