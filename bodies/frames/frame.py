@@ -247,7 +247,7 @@ class PlanarFrame(ItemFrame[PlanarItem]):
         displacements: its derivatives are a few complex numbers, not worth a second way through the
         items."""
         s, forms = np.zeros((3, self.p)), np.zeros(3 * self.generators)
-        self.evaluate(y, v, a, c1=0.0, c2=0.0, s=s, forms=forms, t=t, work=work)
+        self.evaluate(y, v, a, 0.0, 0.0, s, forms, t, work)
 
     def exact(
         self, v: FloatArray, a: FloatArray, c1: float, c2: float, work: FrameWork

@@ -116,7 +116,7 @@ def _linearised(model: AssembledModel, heat: HeatBody) -> tuple[Csr, Csr, FloatA
         rows, columns = term.rows - part.start, term.columns - part.start
         x, zero = model.x0[term.columns], np.zeros(len(columns))
         # Jacobians with dv = c dx: K for c = 0, K + C for c = 1
-        at_rest, with_rate = (coo_array(term.jacobian(x, zero, zero, 0.0, c1=zero + c, c2=zero))
+        at_rest, with_rate = (coo_array(term.jacobian(x, zero, zero, 0.0, zero + c, zero))
                          for c in (0.0, 1.0))
         K = K + csr_array((at_rest.data, (rows[at_rest.row], columns[at_rest.col])), shape=(n, n))
         with_rates = with_rates + csr_array(
@@ -194,10 +194,10 @@ def _frame_forces(
     zero, s, forms = np.zeros(frame.border), np.zeros((3, frame.p)), np.zeros(3 * frame.generators)
     work, total = FrameWork(frame.p, frame.border, frame.generators), np.zeros(frame.p)
     for t in _samples(before, after):
-        frame.evaluate(y, zero, zero, c1=0.0, c2=0.0, s=s, forms=forms, t=t, work=work)
+        frame.evaluate(y, zero, zero, 0.0, 0.0, s, forms, t, work)
         total += work.sigma[-1] / SAMPLES  # the last row: factors of the directions
     if moves:
-        frame.evaluate(y, zero, zero, c1=0.0, c2=0.0, s=s, forms=forms, t=0.0, work=work)
+        frame.evaluate(y, zero, zero, 0.0, 0.0, s, forms, 0.0, work)
         total -= work.sigma[-1]
     return total
 
