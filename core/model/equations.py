@@ -49,7 +49,7 @@ def system_jacobian(
         j = term.columns
         if not len(j):  # a load that is a function of time
             continue
-        J = term.jacobian(x[j], v[j], a[j], t, c1[j], c2[j])
+        J = csr_array(term.jacobian(x[j], v[j], a[j], t, c1[j], c2[j]))  # of any format
         # short numbers (int32): this is what takes most memory at the start of a large run
         rows.append(np.repeat(term.rows.astype(np.int32), np.diff(J.indptr)))
         columns.append(j.astype(np.int32)[J.indices])
@@ -123,7 +123,7 @@ class AssembledTerm(Term, Generic[E]):
         self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
     ) -> Csr:
         J = self.equations.jacobian(x, v, a, t, c1, c2)
-        return J if issparse(J) else sparse(J)
+        return csr_array(J) if issparse(J) else sparse(J)
 
     def time_derivative(
         self, order: int, t: float, h: float

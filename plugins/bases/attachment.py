@@ -9,14 +9,14 @@ from sparsemor.core import Basis, BlockData, Dictionary, FloatArray, InputError,
 from sparsemor.core.linalg.dense import unit_columns
 from sparsemor.core.model.model import distinct_names
 from sparsemor.plugins.bases.load_patterns import (
+    compressed,
     known_step,
-    largest_directions,
     likely_states,
     moving_loads,
     refuse_both,
     refuse_nowhere,
 )
-from sparsemor.plugins.bases.orthogonalise import independent, independent_atoms
+from sparsemor.plugins.bases.orthogonalise import independent_atoms
 from sparsemor.plugins.bases.static_response import StaticSolver, factorize
 
 
@@ -98,12 +98,10 @@ class Attachment(Basis):
         if self.count is not None:
             # one size for all families: newtons and kelvins do not compare
             level = [a / max(float(np.linalg.norm(a)), 1e-300) for a in answers]
-            first = unit_columns(np.concatenate(lasting, axis=1))
-            own, Q = independent(first, self.rank_rtol)
-            U = largest_directions(np.concatenate(level, axis=1), Q, self.count, self.rank_rtol)
-            lasting, answers = [Q], [U]
-            lasting_names = [lasting_names[i] for i in own]
-            said = [[f"attachment mode {i}" for i in range(U.shape[1])]]
+            atoms, provenance = compressed(
+                unit_columns(np.concatenate(lasting, axis=1)), lasting_names,
+                np.concatenate(level, axis=1), self.count, self.rank_rtol, "attachment mode")
+            return self._independent(data, atoms, provenance)
         return self._independent(
             data, np.concatenate([*lasting, *answers], axis=1), sum(said, lasting_names))
 

@@ -9,8 +9,8 @@ from sparsemor.core import Basis, BlockData, Dictionary, FloatArray, InputError
 from sparsemor.core.linalg.dense import oriented_unit_columns
 from sparsemor.core.model.model import distinct_names
 from sparsemor.plugins.bases.load_patterns import (
+    compressed,
     known_step,
-    largest_directions,
     moving_loads,
     refuse_both,
     refuse_nowhere,
@@ -144,8 +144,13 @@ class Impulse(Basis):
             kept, _ = independent(found, self.rank_rtol)
             atoms, provenance = found[:, kept], [[*first_names, *said][i] for i in kept]
         else:
-            atoms, provenance = self._pooled(first, responses, delays)
-            provenance = [*first_names[: atoms.shape[1] - len(provenance)], *provenance]
+            # sum of x x^T over all delays: covariance of temperatures x under unit heat at random
+            # times and positions; the computed delays are the nodes of a quadrature of this sum
+            gaps = np.gradient(delays.astype(float)) if len(delays) > 1 else np.ones(1)
+            A = np.concatenate(
+                [np.sqrt(g) * x for g, x in zip(gaps, responses, strict=True)], axis=1)
+            atoms, provenance = compressed(
+                first, first_names, A, self.count, self.rank_rtol, "impulse mode")
         names_of_atoms = tuple(distinct_names(provenance))
         return Dictionary(oriented_unit_columns(atoms), np.zeros(data.size), names_of_atoms, {
             "positions": len(names), "delays": ", ".join(map(str, delays)),
@@ -157,30 +162,13 @@ class Impulse(Basis):
             raise refuse_nowhere(data, "impulse")
         known_step(data, "impulse")
         first, names = _lasting(data)
-        _, Q = independent(first, self.rank_rtol)
         X = tabled_responses(data)
-        U = largest_directions(X, Q, self.count or min(X.shape), self.rank_rtol, REST)
-        if not U.shape[1]:  # all tables are 0
+        atoms, said = compressed(
+            first, names, X, self.count or min(X.shape), self.rank_rtol, "response", REST)
+        if len(said) == len(names):  # all tables are 0
             raise refuse_nowhere(data, "impulse")
-        return Dictionary(
-            oriented_unit_columns(np.hstack([Q, U])), np.zeros(data.size),
-            (*names, *(f"response {i}" for i in range(U.shape[1]))),
-            {"responses": X.shape[1], "kept": Q.shape[1] + U.shape[1]})
-
-    def _pooled(
-        self, first: FloatArray, responses: list[FloatArray], delays: FloatArray
-    ) -> tuple[FloatArray, list[str]]:
-        """Orthonormal atoms, those that span `first` (n, p) in front, and the names of the others.
-
-        The sum of x x^T over all delays is the covariance of temperatures x under unit heat at
-        random times and positions; the computed delays are the nodes of a quadrature of this sum.
-        """
-        _, Q = independent(first, self.rank_rtol)
-        gaps = np.gradient(delays.astype(float)) if len(delays) > 1 else np.ones(1)
-        A = np.concatenate([np.sqrt(g) * x for g, x in zip(gaps, responses, strict=True)], axis=1)
-        assert self.count is not None
-        U = largest_directions(A, Q, self.count, self.rank_rtol)
-        return np.hstack([Q, U]), [f"impulse mode {i}" for i in range(U.shape[1])]
+        return Dictionary(oriented_unit_columns(atoms), np.zeros(data.size), tuple(said),
+                          {"responses": X.shape[1], "kept": len(said)})
 
 
 def _lasting(data: BlockData) -> tuple[FloatArray, list[str]]:

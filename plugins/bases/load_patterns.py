@@ -2,6 +2,8 @@
 singular vectors of the load tables; and the compression of many responses to few orthonormal atoms,
 their leading singular vectors."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy import linalg
 from scipy.sparse import csr_array
@@ -157,6 +159,19 @@ def largest_directions(
     U, s = left_singular(A, max(rtol, round_off_level(*A.shape)), rest)
     kept = min(count, int(np.count_nonzero(s > rtol * s[0])), len(A) - first.shape[1])
     return U[:, :kept]
+
+
+def compressed(
+    first: FloatArray, names: Sequence[str], A: FloatArray, count: int, rtol: float, kind: str,
+    rest: float = 0.0,
+) -> tuple[FloatArray, list[str]]:
+    """Orthonormal atoms (n, k) and their names: the independent ones of the unit columns `first`
+    (n, p) with these names, then at most `count` leading directions of A (n, j) orthogonal to them,
+    named "`kind` 0", ... rtol, rest: see `largest_directions`."""
+    kept, Q = independent(first, rtol)
+    U = largest_directions(A, Q, count, rtol, rest)
+    return np.hstack([Q, U]), [
+        *(names[i] for i in kept), *(f"{kind} {i}" for i in range(U.shape[1]))]
 
 
 def steps_of(data: BlockData) -> int:

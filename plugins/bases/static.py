@@ -7,9 +7,9 @@ from pydantic import Field
 
 from sparsemor.core import Basis, BlockData, Dictionary, FloatArray, InputError, Slot
 from sparsemor.core.linalg.dense import oriented_unit_columns, unit_columns
-from sparsemor.plugins.bases.load_patterns import known_step, largest_directions
+from sparsemor.plugins.bases.load_patterns import compressed, known_step
 from sparsemor.plugins.bases.modal import load_names
-from sparsemor.plugins.bases.orthogonalise import independent, independent_atoms
+from sparsemor.plugins.bases.orthogonalise import independent_atoms
 from sparsemor.plugins.bases.static_response import StaticSolver, factorize, is_thermal
 
 Rates = Annotated[tuple[Annotated[float, Field(ge=0.0)], ...], Field(min_length=1)]
@@ -83,15 +83,11 @@ class Static(Basis):
                 "response: give this block another basis under reducer.bases, such as modal")
         if self.count is not None:
             lasting = np.isin(names, LASTING)
-            first = found[:, lasting]
-            own, Q = independent(unit_columns(first), self.rank_rtol)
-            U = largest_directions(
-                unit_columns(found[:, ~lasting]), Q, self.count, self.rank_rtol)
-            kept_names = [names[i] for i in np.flatnonzero(lasting)[own]]
-            return Dictionary(
-                oriented_unit_columns(np.hstack([Q, U])), np.zeros(data.size),
-                (*kept_names, *(f"static mode {i}" for i in range(U.shape[1]))),
-                {"responses": found.shape[1], "kept": Q.shape[1] + U.shape[1]})
+            atoms, said = compressed(
+                unit_columns(found[:, lasting]), [n for n in names if n in LASTING],
+                unit_columns(found[:, ~lasting]), self.count, self.rank_rtol, "static mode")
+            return Dictionary(oriented_unit_columns(atoms), np.zeros(data.size), tuple(said),
+                              {"responses": found.shape[1], "kept": len(said)})
         atoms, kept = independent_atoms(found, self.rank_rtol, self.orthonormal)
         left_out = [names[i] for i in np.setdiff1d(np.flatnonzero(found.any(axis=0)), kept)]
         return Dictionary(

@@ -1,12 +1,16 @@
 """Every term of every body, joint and load of an assembled scene keeps the laws of a term."""
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
-from small_scenes import everything, everything_assembled
+from small_scenes import everything, everything_assembled, tiny
 from sparsemor.bodies.frames.frame import PlanarFrame
 from sparsemor.bodies.terms.weak_term import WeakTerm
 from sparsemor.core import Term
+from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.equations import AssembledTerm, system_jacobian, system_residual
 from sparsemor.core.model.frame_equations import FrameEquations
 from sparsemor.core.model.linear_equations import LinearEquations
@@ -74,3 +78,21 @@ def test_the_whole_jacobian_is_the_derivative_of_the_whole_residual(model: Model
         want = (r[0] - r[1]) / (2 * e)
         noise = 1e-12 * np.abs(r[0]).max() / e
         assert np.abs(J @ d - want).max() < 1e-6 * np.abs(want).max() + noise, b.name
+
+
+@pytest.mark.parametrize("form", ["csr", "csc", "coo", "dense"])
+def test_a_jacobian_of_any_format_is_assembled(form: str) -> None:
+    """Terms of other packages may return any of scipy's formats, or an array."""
+    model = assemble(tiny())
+    x, v, a = model.x0, model.v0, 0.0 * model.x0
+    c = np.full(len(x), 3.0)
+    expected = system_jacobian(model.layout, model.terms, x, v, a, 0.0, c, c).toarray()
+
+    def of(term: Term) -> Any:
+        def jacobian(*given: Any) -> Any:
+            J = term.jacobian(*given)
+            return J.toarray() if form == "dense" else J.asformat(form)
+        return SimpleNamespace(columns=term.columns, rows=term.rows, jacobian=jacobian)
+
+    found = system_jacobian(model.layout, list(map(of, model.terms)), x, v, a, 0.0, c, c)
+    np.testing.assert_array_equal(found.toarray(), expected)
