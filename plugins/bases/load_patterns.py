@@ -45,7 +45,7 @@ def tabled_loads(data: BlockData, count: int) -> tuple[FloatArray, list[str]]:
     """
     columns, names = [np.zeros((data.size, 0))], list[str]()
     for load in data.moving:
-        V = load.table.values
+        V = load.table.values  # (times, columns): amplitudes of the unit loads `load.columns`
         # the small side: times or columns; squares lose what is below 1e-8 of the largest
         gram = V @ V.T if len(V) < V.shape[1] else V.T @ V
         values, vectors = np.linalg.eigh(gram)
@@ -114,6 +114,7 @@ def patch_weights(points: FloatArray, count: int) -> FloatArray:
         centres = _far_apart(points, count)
         nearest = np.linalg.norm(points[:, None] - points[centres], axis=2).argmin(axis=1)
         return np.asarray(nearest[:, None] == np.arange(count), dtype=np.float64)
+    # hat functions of the length along the curve through the points, m
     order = _chain(points)
     along = np.zeros(j)
     along[order[1:]] = np.cumsum(np.linalg.norm(np.diff(points[order], axis=0), axis=1))

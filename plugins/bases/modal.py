@@ -68,6 +68,8 @@ def lowest_modes(data: BlockData, count: int, held: FloatArray | None = None) ->
 def _held_inverse(
     factor: Any, held: FloatArray | None
 ) -> Callable[[FloatArray], FloatArray]:
+    """Function b -> x of A x + P y = b, P^T x = 0, with the factors of A (n, n) and columns P (n,
+    p) in `held`: x = A^-1 b - A^-1 P (P^T A^-1 P)^-1 P^T A^-1 b. Without P, x = A^-1 b."""
     if held is None:
         return lambda b: np.asarray(factor.solve(np.ravel(b)))
     reached = factor.solve(np.ascontiguousarray(held))
@@ -124,7 +126,8 @@ class Modal(Basis):
             no_interface(data, FIXED))
 
     def build(self, data: BlockData) -> Dictionary:
-        """Dictionary with atoms (n, k). Raises InputError for a fixed interface where no joint
+        """Dictionary with atoms (n, k): modes, then static responses and initial values less their
+        projection on the modes (`_extra`). Raises InputError for a fixed interface where no joint
         acts."""
         held = joint_columns(data, FIXED) if (
             self.interface == "fixed") else None

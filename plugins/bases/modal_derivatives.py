@@ -63,8 +63,10 @@ def derivatives(
 ) -> FloatArray:
     """Static derivatives (n, m (m + 1) / 2) of m modes (n, m), by rows of their upper triangle.
 
-    Of modes whose largest displacement is the size of the body; a derivative that is small beside
-    these is left out as rounding.
+    tangent(u): stiffness (n, n) of the nonlinear terms at displacements u (n,); by central
+    differences, K theta_ij = -(dK/du phi_j) phi_i. The modes are scaled so that their largest
+    displacement is the size of the body, m; a derivative that is small beside these is set to zero
+    as rounding.
     """
     size = float(np.ptp(data.coordinates, axis=0).max())
     shapes = shapes * (size / np.abs(shapes).max(axis=0))

@@ -56,7 +56,11 @@ class Pod(Basis):
 
     def build(self, data: BlockData) -> Dictionary:
         """Dictionary with atoms (n, k). Raises InputError for snapshots that are absent, not finite
-        or all 0."""
+        or all 0.
+
+        snapshots: less the offset, divided by their weights, as they are decomposed; plain: the
+        same without weights, in which the share of energy is reported.
+        """
         A = _checked(data)
         n, M = A.shape
         offset = column_mean(A) if self.centred else np.zeros(n)
@@ -140,6 +144,7 @@ class Pod(Basis):
 
 
 def _checked(data: BlockData) -> FloatArray:
+    """Snapshots (n, M) of a block. Raises InputError if they are absent, not finite or all zero."""
     A = data.snapshots
     if A.size == 0:
         raise InputError(

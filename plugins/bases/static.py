@@ -82,7 +82,7 @@ class Static(Basis):
                 f"no load, joint or temperature acts on {data.name}, so there is no static "
                 "response: give this block another basis under reducer.bases, such as modal")
         if self.count is not None:
-            lasting = np.isin(names, LASTING)
+            lasting = np.isin(names, LASTING)  # uniform temperature and initial values: always kept
             atoms, said = compressed(
                 unit_columns(found[:, lasting]), [n for n in names if n in LASTING],
                 unit_columns(found[:, ~lasting]), self.count, self.rank_rtol, "static mode")
@@ -95,6 +95,9 @@ class Static(Basis):
             {"responses": len(kept), "dependent": ", ".join(left_out) or "none"})
 
     def _of_forces(self, data: BlockData) -> tuple[list[FloatArray], list[str]]:
+        """Responses, in blocks of columns (n, j), and a name for each column: of displacements to
+        the loads, the initial values, and responses to the temperatures of a basis (forces
+        K_fT T = data.coupling @ T)."""
         solve = StaticSolver.of(data)
         columns = [np.zeros((data.size, 0)) if solve.uniform is None else solve.uniform[:, None],
                    solve(data.loads)]
@@ -114,6 +117,8 @@ class Static(Basis):
         return columns, names
 
     def _of_heat(self, data: BlockData) -> tuple[list[FloatArray], list[str]]:
+        """Responses, in blocks of columns (n, j), and a name for each column: of temperatures, the
+        uniform one and the initial values, then (K_T + s C)^-1 f for the loads f at each rate s."""
         steady = StaticSolver.of(data)
         columns: list[FloatArray] = []
         names: list[str] = []
@@ -142,7 +147,7 @@ class Static(Basis):
         if self.rates == 1:
             return (0.0,)
         known_step(data, "static with a number of rates")
-        X, fastest = steady(data.loads), data.factors[1]
+        X, fastest = steady(data.loads), data.factors[1]  # s_h, 1/s
         stored = np.einsum("ij,ij->j", X, data.mass @ X)
         decay = np.einsum("ij,ij->j", X, data.stiffness @ X)[stored > 0.0] / stored[stored > 0.0]
         slowest = min(decay.min(initial=fastest), fastest)

@@ -49,12 +49,13 @@ class AutomaticSolver(LinearSolver):
         return replace(done, note="; ".join(part for part in (note, done.note) if part))
 
     def choose(self, A: Csr, places: DofLocations | None = None) -> tuple[Any, str]:
-        """Solver chosen for A (n, n), and the reason in words."""
+        """Solver chosen for A (n, n), and the reason in words. places: positions of the unknowns,
+        by which the elimination order and so the size of the factors is known."""
         n = A.shape[0]
         if n <= SMALL:
             return Splu(), f"splu: {n} unknowns are few"
         entries = factor_entries(A, places)
-        size, limit = 2 * ENTRY * entries / GIGABYTE, self._limit()
+        size, limit = 2 * ENTRY * entries / GIGABYTE, self._limit()  # GB of both factors
         if size > limit:
             return self._iterative(A, places, f"factors of {size:.2g} GB exceed {limit:.2g} GB")
         # one solve visits both factors once, one iteration the matrix and six vectors; these are

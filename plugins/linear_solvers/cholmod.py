@@ -46,6 +46,7 @@ class Cholmod(LinearSolver):
             factor.cholesky_inplace(lower)
         except CholmodError as error:
             return not_solved("cholmod", A, Status.SINGULAR, f"not positive definite: {error}")
+        # 12 bytes an entry: a value and its row index
         return solved_directly("cholmod", A, 12 * int(factor.L().nnz), factor)
 
     def expected(self, A: Csr, places: DofLocations | None = None) -> int:

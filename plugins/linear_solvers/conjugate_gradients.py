@@ -38,6 +38,7 @@ class ConjugateGradients(LinearSolver):
             return fault
         inverse = 1.0 / A.diagonal()
 
+        # one right-hand side, from `start` or zero: its solution and number of iterations
         def column(b: FloatArray, start: FloatArray | None) -> tuple[FloatArray, int]:
             return iterate(A, lambda r: inverse * r, b, start, self.rtol, self.max_iterations)
 

@@ -49,6 +49,7 @@ class SmoothedAggregation(LinearSolver):
             return fault
         if A.shape[0] == 0:
             return Solved("amg", A, direct=lambda b: b.copy())
+        # A with all unknowns of each node, positions of A's unknowns in it, rigid-body modes of it
         whole, at, motions = _whole_nodes(A, places)
         levels = _hierarchy(whole, motions, self.theta)
         cycle = levels.aspreconditioner(cycle="V")
@@ -114,7 +115,7 @@ def _whole_nodes(A: Csr, places: DofLocations | None) -> tuple[Any, IntArray, Fl
         return _short(A), np.arange(n), motions
     X, component = places.coordinates, np.maximum(places.component, 0)
     d = max(X.shape[1], int(component.max()) + 1)  # more with rotations
-    new = np.ones(n, dtype=np.bool_)
+    new = np.ones(n, dtype=np.bool_)  # first unknown of a node
     new[1:] = (np.diff(component) <= 0) | np.any(np.diff(X, axis=0) != 0.0, axis=1)
     at = d * (np.cumsum(new) - 1) + component
     size = d * int(np.sum(new))

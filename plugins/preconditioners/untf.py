@@ -35,8 +35,8 @@ class UnitNormTightFrame(Preconditioner):
         )
 
     def build(self, A: FloatArray) -> FloatArray:
-        """Preconditioner P (m, m) for A (m, k), k >= m. Raises InputError when k < m or A lacks row
-        rank."""
+        """Preconditioner P (m, m) for the sampled rows A (m, k), k >= m, B of the class. Raises
+        InputError when k < m or A lacks row rank."""
         m, k = A.shape
         reason = self.check(m, k)
         if reason:

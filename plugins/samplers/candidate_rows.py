@@ -72,10 +72,11 @@ def _whole_nodes(
     """Positions of m rows on as few nodes as possible: fewer elements are evaluated than by single
     rows.
 
-    Only the last node drawn may contribute fewer rows than it has.
+    coordinates (number of candidate rows, d): position of each row's node, m; draw(N, m, rng): m
+    distinct integers below N. Only the last node drawn may contribute fewer rows than it has.
     """
     node = node_numbers(coordinates)
-    sizes = np.bincount(node)
+    sizes = np.bincount(node)  # number of candidate rows of each node
     nodes = draw(sizes.size, -(-m // int(sizes.max(initial=1))), rng)
     order = np.concatenate([nodes, rng.permutation(np.setdiff1d(np.arange(sizes.size), nodes))])
     return in_order(node, order, m)

@@ -42,7 +42,7 @@ def pivots(U: FloatArray, rows: GreedyRows) -> None:
     repeats them.
     """
     _, V, rank = RowFactor(U[rows.taken]).singular(U.shape[1])
-    W = U @ V[:, rank:]
+    W = U @ V[:, rank:]  # rows without their parts in the span of the rows taken
     # columns of W are orthonormal, and so are those of what is left of them: some row has at least
     # 1/n left of its square until all is spanned, and the differences below keep their digits
     left = np.einsum("ij,ij->i", W, W)
@@ -91,7 +91,7 @@ def raise_smallest(U: FloatArray, rows: GreedyRows) -> None:
     smallest = Smallest(U[rows.taken])
     length = np.einsum("ij,ij->i", U, U)
     while rows.left:
-        above, least = smallest.s**2
+        above, least = smallest.s**2  # s_{k-1}^2, s_k^2
         g, along = above - least, (U @ smallest.vector) ** 2
         score = along  # what counts when only one value is smallest, or two are alike
         if np.isfinite(g) and g > EPS * above:

@@ -35,7 +35,7 @@ def one_column_a_row(U: FloatArray, rows: GreedyRows) -> None:
     while rows.left:
         count = int(rows.taken.sum())
         j = min(count + 1, k)
-        _, V, rank = factor.singular(j)
+        _, V, rank = factor.singular(j)  # columns of V from `rank` on: null space of the rows taken
         if rank == j:
             return
         C = U[:, :j]
@@ -49,7 +49,8 @@ def one_column_a_row(U: FloatArray, rows: GreedyRows) -> None:
 def all_columns(U: FloatArray, rows: GreedyRows) -> None:
     """Adds further rows by det(A^T A + u^T u) = det(A^T A) (1 + u (A^T A)^-1 u^T) for a row u.
 
-    q = u (A^T A)^-1 u^T of all candidates is updated after each row by rank-one updates.
+    q (n,), u (A^T A)^-1 u^T of all candidates, is updated after each row by rank-one updates, and
+    computed again where these have lost digits.
     """
     if not rows.left:
         return

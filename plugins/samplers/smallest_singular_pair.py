@@ -84,7 +84,8 @@ class Smallest:
 
     def _from_all(self) -> None:
         """Smallest singular values from the factor of all rows, and for the next rows the inverse
-        about these (shifted) by which they are updated."""
+        M = (A^T A - shift)^-1 by which they are updated; None: no updates, each row needs an SVD.
+        held: its leading eigenvectors; first: its largest eigenvalue."""
         if self.later:
             self.factor.add(np.concatenate(self.later))
             self.later.clear()
@@ -93,7 +94,7 @@ class Smallest:
         s = np.concatenate([[np.inf], s, np.zeros(k - s.size)])
         self.s, self.vector, self.M = s[-2:], V[:, -1], None
         if k > SMALL and rank == k and s[-1] > ILL * s[1]:
-            least, above = s[:-3:-1] ** 2
+            least, above = s[:-3:-1] ** 2  # s_k^2, s_(k-1)^2
             self.shift = least - max(above - least, CLOSE * least)
             inverse = 1.0 / (s[1:] ** 2 - self.shift)
             self.M, self.held = (V * inverse) @ V.T, V[:, : -HELD - 1 : -1]
@@ -110,6 +111,7 @@ class Smallest:
         values, X, converged = largest(M, np.column_stack([self.held, *new]), HELD)
         if not converged or values[0] * LOST < self.first:
             return False
+        # eigenvalues of M descend, singular values are in the order (s_(k-1), s_k)
         self.s, self.vector, self.held = np.sqrt(self.shift + 1.0 / values[1::-1]), X[:, 0], X
         return True
 

@@ -62,7 +62,10 @@ class BasisPursuit(LinearRecovery):
         return frozenset(PROBLEM_FEATURES) - exact
 
     def recover(self, problem: Penalised) -> Recovered:
-        """Coefficients x (k,), zero where the solution is at or below `cut`."""
+        """Coefficients x (k,), zero where the solution is at or below `cut` times its largest one.
+
+        Solved for a right-hand side b of unit norm; x is scaled back.
+        """
         cp = _cvxpy()
         order = 2 if self.norm == "two" else np.inf
         size = float(np.linalg.norm(problem.b, order))
@@ -134,6 +137,7 @@ class BasisPursuitLp(LinearRecovery):
         size = float(np.abs(problem.b).max())
         A, b = problem.A, problem.b / size
         m, k = A.shape
+        # variables: p (k), n (k), slack (m)
         cost = np.concatenate((np.tile(weights(problem), 2), np.zeros(m)))
         # one bounded slack a row: half the rows of two inequalities, and up to twice as fast
         bounds = np.vstack((np.tile([0.0, np.inf], (2 * k, 1)),

@@ -27,7 +27,8 @@ class Cosamp(LinearRecovery):
         return True
 
     def recover(self, problem: Penalised) -> Recovered:
-        """Coefficients x (k,) with at most `budget` nonzeros per group."""
+        """Coefficients x (k,) of A x = b with at most `budget` nonzeros per group: those of the
+        sweep with the smallest residual norm."""
         A, b, groups = problem.A, problem.b, problem.groups
         best, r = np.zeros(A.shape[1]), b
         least, enough = float(np.linalg.norm(b)), 1e-12 * float(np.linalg.norm(b))
@@ -50,6 +51,7 @@ class Cosamp(LinearRecovery):
         """Mask of the active columns and those of largest correlation `proxy` (k,) with the
         residual, at most as many as there are rows."""
         merged = active.copy()
+        # `size`: number of rows; share: part of twice the budget that the rows leave room for
         wanted = 2 * sum(g.budget or 0 for g in problem.groups)
         room = problem.size - int(np.count_nonzero(active))
         share = min(1.0, room / max(wanted, 1))

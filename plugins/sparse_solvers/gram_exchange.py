@@ -57,7 +57,11 @@ class GramExchange:
         budget: int,
     ) -> Exchanged | None:
         """The `budget` largest coefficients of least squares on the columns `union`, which include
-        the active ones, and least squares on these; None where that needs QR."""
+        the active ones, and least squares on these; None where that needs QR.
+
+        z (k,), r (m,): least-squares solution on `active` and its residual, which a change d of the
+        coefficients turns into r + J d; g = J^T r. Hence (J_U^T J_U) d = -g_U on the columns U.
+        """
         wide = np.flatnonzero(union)
         factor = self._factor(wide)
         if factor is None:
@@ -75,24 +79,24 @@ class GramExchange:
             return None
         gone = np.flatnonzero(active & ~mask)
         near = self.transposed[kept]
-        r = r - z[gone].dot(self.transposed[gone])
+        r = r - z[gone].dot(self.transposed[gone])  # the coefficients that leave become 0
         new = np.zeros(len(z))
         new[kept] = z[kept]
-        for _ in range(2):
+        for _ in range(2):  # the second pass corrects the rounding of the first
             d = _solved(factor, -near.dot(r))
             new[kept] += d
             r = r + d.dot(near)
         return Exchanged(mask, new, r)
 
     def _factor(self, columns: IntArray) -> FloatArray | None:
-        """Lower Cholesky factor of the Gram matrix of some columns; None if that is too ill
-        conditioned."""
+        """Lower Cholesky factor of the Gram matrix J_U^T J_U of the columns U with these numbers;
+        None if that is too ill conditioned."""
         if self.gram is None:
             rows = self.transposed[columns]
             G = rows @ rows.T
         else:
             G = self.gram[np.ix_(columns, columns)]
-        size = float(np.abs(G).sum(axis=0).max(initial=0.0))
+        size = float(np.abs(G).sum(axis=0).max(initial=0.0))  # 1-norm, for its condition number
         factor, info = lapack.dpotrf(G, lower=1)
         if info or not float(lapack.dpocon(factor, size, uplo="L")[0]) > LEAST_RCOND:
             return None

@@ -54,7 +54,8 @@ class GreedyGaussNewton(SupportNewton):
     endless exchanges of atoms that fit round-off."""
 
     def prepare(self, columns: Columns, budget: int) -> Recovery:
-        """Steps 2 to 5 for constant columns; one parallel to an earlier column counts as zero."""
+        """Steps 2 to 5 for constant columns; one parallel to an earlier column counts as zero. With
+        candidates `all`, and rows for all columns, their pseudo-inverse gives step 3."""
         J = np.array(columns.A)
         J[:, repeated(J)] = 0.0
         m, k = J.shape
@@ -75,7 +76,12 @@ class GreedyGaussNewton(SupportNewton):
         self, linear: Linearised, support: BoolArray, groups: Sequence[Group], explore: bool
     ) -> Fit | None:
         """Least-squares fit after steps 2 to 5 on one linearisation; None when the active columns
-        are dependent."""
+        are dependent.
+
+        2 `base`: fit on the support; 3 `wide`: fit on its union with the candidates; 4 `new`: fit
+        on the largest coefficients of `wide` within the budgets; 5 `new` if its residual norm is
+        lower by the share `gain`, else `base`. explore: False keeps the support.
+        """
         base = fit(linear, support, self.rank_rtol)
         if base is None or not explore or base.norm <= base.round_off:
             return base
@@ -124,8 +130,10 @@ class GreedyRecovery:
         return found or self.by_qr(r, c, support, now)
 
     def by_gram(self, r: FloatArray, c: FloatArray, support: BoolArray) -> Selection | None:
-        """Support after exchanges by normal equations, from the least-squares solution c on
-        `support`; None where columns are too alike for these."""
+        """Support after exchanges by normal equations, from the least-squares solution c (k,) on
+        `support` with the residual r (m,), r + J d for a change d of c; None where columns are too
+        alike for these. Each exchange adds the columns that correlate most with the residual and
+        keeps the `budget` largest coefficients, while that lowers the residual norm."""
         gram, budget, now, z = self.gram, self.groups[0].budget or 0, support, c
         assert gram is not None
         norm = math.sqrt(r.dot(r))
@@ -149,7 +157,8 @@ class GreedyRecovery:
     def by_qr(
         self, r: FloatArray, c: FloatArray, support: BoolArray, now: BoolArray
     ) -> Selection:
-        """Support after exchanges by QR factorizations that start from `now`."""
+        """Support after exchanges by QR factorizations that start from `now`, the part of `support`
+        within the budget; r (m,): residual at the coefficients c (k,)."""
         linear = Linearised(self.columns.A, r, c, self.lengths)
         for _ in range(self.solver.max_iterations):
             found = self.solver.step(linear, now, self.groups, True)
@@ -164,7 +173,8 @@ class GreedyRecovery:
         self, r: FloatArray, c: FloatArray, support: BoolArray, inverse: FloatArray
     ) -> Selection:
         """Support of the largest coefficients of least squares on all columns, which do not depend
-        on the support: one exchange is all, and the caller compares its residual norm."""
+        on the support: one exchange is all, and the caller compares its residual norm. inverse
+        (k, m): pseudo-inverse of J, so that z = c - inverse r minimises |r + J (z - c)|."""
         z, columns = c - inverse.dot(r), self.columns
         kept = largest(np.abs(z), self.groups[0].budget or 0)
         if (kept == support).all():

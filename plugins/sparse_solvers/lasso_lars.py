@@ -46,7 +46,11 @@ class LassoLars(LinearRecovery):
         return Recovered(min(_candidates(problem, path), key=problem.left))
 
     def _path(self, problem: Penalised) -> FloatArray:
-        """Solutions (k, knots) along the path, from no active column on."""
+        """Solutions x (k, knots) along the path, from no active column on.
+
+        scikit-learn has one penalty for all coefficients and gets columns A / weight and b of unit
+        norm; its solutions are scaled back.
+        """
         from sklearn.exceptions import ConvergenceWarning
         from sklearn.linear_model import lars_path
 
@@ -62,7 +66,8 @@ class LassoLars(LinearRecovery):
 
 
 def _candidates(problem: Penalised, path: FloatArray) -> list[FloatArray]:
-    """Debiased solutions within the budgets, one for each support along the path."""
+    """Debiased solutions x (k,) within the budgets, one for each support along the path (k, knots)
+    that has as many active columns as the largest of them."""
     kept = {k.tobytes(): k for k in (pruned(x, x != 0.0, problem.groups) for x in path.T)}
     most = max(int(k.sum()) for k in kept.values())
     nonzero_columns = np.linalg.norm(problem.A, axis=0) > 0.0

@@ -65,6 +65,7 @@ class Support:
         mine, its = self.linear, other
         if not np.array_equal(mine.J, its.J):
             return False
+        # right-hand sides of min |J x - b|: of the residual r at scaled coefficients z
         a, b = mine.J @ mine.z - mine.r, its.J @ its.z - its.r
         return float(np.linalg.norm(a - b)) <= 1e-12 * float(np.linalg.norm(a))
 
@@ -107,7 +108,11 @@ class SupportNewton(SparseSolver):
 
     def _iterate(self, problem: SparseProblem, c: FloatArray, support: BoolArray) -> SparseOutcome:
         """Newton's method in which each linearisation may change the support; when a support
-        returns, the best one is kept and solved."""
+        returns, the best one is kept and solved.
+
+        explore: True while the support may change; good: the last iterate with a finite residual;
+        choose: fit on the support of the next iterate (`chooser`).
+        """
         groups, visits, explore = problem.groups, Visits(), True
         choose = self.chooser(groups, support)
         good = SparseOutcome(c, support, Status.NOT_FINITE, 0, float("inf"))
@@ -189,7 +194,7 @@ class LinearRecovery(SupportNewton):
         refused = solver_refusal("this problem", self, frozenset(shape))
         if refused:
             raise InputError(refused)
-        direct = self.keeps_largest and orthonormal(J)
+        direct = self.keeps_largest and orthonormal(J)  # the best support without a solve
         return PreparedRecovery(
             self, J, PreparedColumns.of(J, budget), budget if direct else None)
 
@@ -206,12 +211,15 @@ class LinearRecovery(SupportNewton):
                 if not found.status.ok:
                     return found.status
                 support = found.active
+            # without `explore` the support of the iterate stays
             return fit(linear, support, self.rank_rtol) or Status.RANK_DEFICIENT
 
         return choose
 
     def _support(self, linear: Linearised, groups: Sequence[Group]) -> Support:
-        """Support after steps 2 to 4. Columns that depend linearly on others are left out."""
+        """Support after steps 2 to 4: unpenalised columns (always active) eliminated, sparse
+        coefficients of the rest recovered and pruned to the budgets. Columns that depend linearly
+        on others are left out."""
         free = always_active(groups, linear.z.size)
         if fit(linear, free, self.rank_rtol) is None:
             return Support(linear, free, Status.RANK_DEFICIENT)
@@ -241,7 +249,8 @@ class PreparedRecovery:
     largest: int | None
 
     def select(self, r: FloatArray, c: FloatArray, support: BoolArray) -> Selection:
-        """Support of the largest recovered coefficients, without linearly dependent columns."""
+        """Support of the largest recovered coefficients, without linearly dependent columns. r
+        (m,): residual at the coefficients c (k,); `support` is returned after a failure only."""
         b = self.J.dot(c) - r
         size = float(np.sqrt(b.dot(b)))
         if not size < np.inf:
@@ -250,7 +259,7 @@ class PreparedRecovery:
             x = np.abs(b.dot(self.J))
             return Selection(largest(np.where(x > 100.0 * EPS * size, x, 0.0), self.largest))
         problem = self.columns.with_right(b)
-        left = float(np.sqrt(problem.b.dot(problem.b)))
+        left = float(np.sqrt(problem.b.dot(problem.b)))  # part of b that columns can represent
         if left <= 100.0 * EPS * size:
             return Selection(np.zeros_like(support))
         found = self.solver.recover(problem)

@@ -34,13 +34,15 @@ class OrthogonalMatchingPursuit(LinearRecovery):
         most = min(problem.size, sum(room))
         # columns without their parts along the chosen ones; chosen and refused columns are zero
         W = np.array(A, order="F")
+        # orthonormal directions Q of the n chosen columns, H[:n] = Q^T times all columns before
+        # they are projected, shares[:n] = Q^T b; room: further columns that each group may get
         Q, H = np.empty((problem.size, most), order="F"), np.empty((most, A.shape[1]))
         chosen: list[int] = []
         r, left, shares = b, sqrt(float(b.dot(b))), np.empty(most)
         least = self.tolerance * left
         while len(chosen) < most and left > least:
             correlation, n = r.dot(W), len(chosen)
-            j = int(blas.idamax(correlation))
+            j = int(blas.idamax(correlation))  # largest magnitude
             if correlation[j] == 0.0:
                 break
             q = W[:, j].copy()

@@ -45,11 +45,12 @@ class Penalised:
         """Penalised part of a linearised problem, whose unpenalised columns must be independent."""
         free = always_active(groups, linear.z.size)
         columns = np.flatnonzero(~free)
-        target = linear.J @ linear.z - linear.r
+        target = linear.J @ linear.z - linear.r  # right-hand side for coefficients, not for a step
         wide = np.column_stack((linear.J[:, columns], target))
         f = int(np.count_nonzero(free))
         if f:
             reflectors, tau, _, _ = lapack.dgeqrf(linear.J[:, free])
+            # rows of Q^T [J, target] below the f rows of R; -1: ask for the workspace size
             size = int(lapack.dormqr("L", "T", reflectors, tau, wide, -1)[1][0])
             wide = lapack.dormqr("L", "T", reflectors, tau, wide, size)[0][f:]
         A, b = wide[:, :-1].copy(), wide[:, -1].copy()
@@ -107,6 +108,7 @@ def repeated(A: FloatArray) -> BoolArray:
     U = A[:, used] / lengths[used]
     product = np.abs(np.random.default_rng(0).standard_normal(len(A)) @ U)
     order = product.argsort(kind="stable")
+    # products of parallel columns differ by at most PARALLEL times the length of the random vector
     reach = 10.0 * PARALLEL * np.sqrt(len(A))
     for place, i in enumerate(order):
         for j in order[place + 1:]:

@@ -58,7 +58,8 @@ class Linearised:
 class Fit:
     """Least-squares solution on the `active` columns (k,): z (k,), zero elsewhere; residual (m,).
 
-    rcond is the reciprocal condition number of the active unit columns.
+    z are coefficients of unit columns, as in `Linearised`; rcond is the reciprocal condition number
+    of the active ones.
     """
 
     active: BoolArray
@@ -77,10 +78,11 @@ class Fit:
 
 
 def fit(linear: Linearised, active: BoolArray, rank_rtol: float) -> Fit | None:
-    """Least squares on the active columns by QR; None when they are linearly dependent."""
+    """Least squares on the active columns by QR; None when they are linearly dependent: their
+    reciprocal condition number is at most `rank_rtol`."""
     columns = np.flatnonzero(active)
     A, z, r = linear.J[:, columns], np.zeros(linear.z.size), linear.r
-    gone = np.flatnonzero(~active & (linear.z != 0.0))
+    gone = np.flatnonzero(~active & (linear.z != 0.0))  # coefficients that become zero
     if gone.size:
         r = r - linear.J[:, gone] @ linear.z[gone]
     if columns.size == 0:
@@ -106,7 +108,8 @@ def widened(
     """Mask of the active columns and those of each group that correlate most with the residual of
     `base`.
 
-    At most `budget` (or `growth`) new columns per group, in total no more than there are rows.
+    At most `budget` (or `growth`, if it is smaller) new columns per group; with the active ones, no
+    more than there are rows.
     """
     correlation = np.abs(base.residual @ linear.J)
     correlation[base.active] = 0.0
@@ -182,6 +185,7 @@ def small_step(linear: Linearised, found: Fit, groups: Sequence[Group], rtol: fl
     """True if the step of every group is within `rtol` of the group's norm, or within rounding
     errors."""
     step = found.z - linear.z
+    # rounding of the solve is amplified by the condition number of the active columns
     floor = min(4.0 * EPS / found.rcond, rtol) * float(np.linalg.norm(found.z))
     return all(
         float(np.linalg.norm(step[g.start : g.stop]))

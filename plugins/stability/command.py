@@ -87,8 +87,9 @@ def plan_of(
     seeds: int, samplers: str | None, required: str | None, rows: str | None, atoms: str | None,
     step: str | None, integrators: str | None, at: str | None,
 ) -> "SurveyPlan":
-    """Plan of a stability survey from the text of the command's options. Raises InputError that
-    names the option."""
+    """Plan of a stability survey from the text of the command's options, such as rows "30/20,60/40"
+    (values apart by commas, one number a field); None: not given. Raises InputError that names the
+    option."""
     from sparsemor.plugins.stability.variants import SurveyPlan
 
     flags = {"true": [True], "false": [False], "both": [True, False], None: None}
@@ -109,7 +110,7 @@ def write(found: "Survey", folder: Path) -> list[Path]:
     from sparsemor.plugins.charts.style import save
     from sparsemor.plugins.stability.figure import stability_figure
 
-    with writing(folder), publishing(folder) as fresh:
+    with writing(folder), publishing(folder) as fresh:  # temporary folder, moved at the end
         table, each = fresh / "stability.csv", fresh / "seeds.csv"
         lines = [e.as_dict() for e in found.entries]
         findings = [{**e.settings, **_flat(f.as_dict())} for e in found.entries for f in e.findings]

@@ -56,7 +56,9 @@ def projected(
 ) -> StepSolver:
     """Galerkin model on the span of the active atoms, which are orthonormalised.
 
-    Raises SolveFailed where the projected blocks are singular.
+    solver: reduced model with the atoms; supports: block -> mask of its active atoms, all atoms of
+    a block that is not named; h: step size, s. Raises SolveFailed where the projected blocks are
+    singular.
     """
     spans = {name: _orthonormal(d, supports.get(name)) for name, d in solver.dictionaries.items()}
     reducer: Any = (registry or Registry()).get("reducer", PROJECTION)()
@@ -108,7 +110,7 @@ def states_along(
         return [start]
     if known:
         return list(known)
-    longer = max(1, round(times[-1] / h) // COARSE)
+    longer = max(1, round(times[-1] / h) // COARSE)  # steps of h in one of the Galerkin model
     for H in sorted({h * longer, h}, reverse=True):
         try:
             twin = projected(model, integrator, H, solver, {}, registry)

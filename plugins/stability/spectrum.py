@@ -73,8 +73,9 @@ def excess(values: ComplexArray, reference: ComplexArray | None) -> tuple[float,
 
 
 def block_of(step: StepMap, value: complex) -> str:
-    """Block in which the eigenvector of `value` is largest, relative to the sizes of the
-    unknowns."""
+    """Block in which the eigenvector of the eigenvalue `value` of the map is largest, relative to
+    the sizes of the unknowns."""
+    # the strongly connected part of the map that has this eigenvalue
     part = min(parts_of(step.matrix), key=lambda p: float(
         np.abs(np.linalg.eigvals(step.matrix[np.ix_(p, p)]) - value).min()))
     A = step.matrix[np.ix_(part, part)].astype(complex)
@@ -86,7 +87,7 @@ def block_of(step: StepMap, value: complex) -> str:
     n = step.layout.size
     whole = np.zeros(len(step.matrix))
     whole[part] = np.abs(vector)
-    shown = whole[:n] / step.scale
+    shown = whole[:n] / step.scale  # of z = (x, v, a, ...) the unknowns x alone
     names = [b.name for b in step.layout.differential]
     return max(names, key=lambda b: float(shown[step.layout[b]].max(initial=0.0)))
 
@@ -175,7 +176,9 @@ def own_values(step: StepMap) -> dict[str, ComplexArray]:
     block.
 
     Computed from the derivatives of the block's solution of a step by the right-hand sides r1 and
-    r2 of the integrator: -D^-1 D_m and -D^-1 M, with damping D_m and D = K + c1 D_m + c2 M.
+    r2 of the integrator: -D^-1 D_m and -D^-1 M, with damping D_m and D = K + c1 D_m + c2 M; for
+    heat by r1 alone, -D^-1 C with D = K + c1 C. In the code `mass`, `damping` and `stiffness` are
+    D^-1 M (or D^-1 C), D^-1 D_m and D^-1 K.
     """
     alone, f, found = step.solver.alone(), step.formula, {}
     for b in step.layout:

@@ -201,8 +201,10 @@ class Stability(Check):
     order = place("stability")
 
     def before_steps(self, run: PreparedRun, again: PreparedRun | None) -> Findings:
-        """Raises InputError (key `check_stability`) if the model is unstable and the scene's option
-        is `refuse`."""
+        """Warning about a predicted instability, and numbers for the summary; those of an earlier
+        run of a kept model (`again`) are used again, and a run without model or offline data has
+        none. Raises InputError (key `check_stability`) if the model is unstable and the scene's
+        option is `refuse`."""
         if again is not None:
             return Findings([n for n in again.notes if n.kind == UNSTABLE],
                             {"stability": again.summary.get("stability", {})})
@@ -232,6 +234,7 @@ def check_run(
     if not scene.integrator.one_solve:
         return (information("the stability check does not apply to an integrator with several "
                             "solves a step", "stability_unchecked"),), {}
+    # keys of the scene that cannot change the result are reset, so that they do not change its key
     plain = {key: value for key, value in IRRELEVANT.items() if key not in ("seed", "parameters")}
     kept = offline.remember(
         "stability", (scene.using(plain).digest(), *([len(states)] if states else [])),
@@ -248,6 +251,9 @@ def _judged_run(
     scene: Scene, model: Model, solver: StepSolver, full: State, offline: Offline,
     known: Sequence[State],
 ) -> Judgement:
+    """Judgement of the worst of several states of the run: those `known` to be of it or near it,
+    else of the training run where that is near it, else of a run of the Galerkin model from the
+    initial state `full`."""
     integrator, h, steps = scene.integrator, scene.time.step, step_count(scene)
     registry = scene.source.registry
     if not known and integrator.order == 1 and offline.trained and _trained_along(scene):

@@ -47,8 +47,9 @@ class Affine:
     def of(
         cls, integrator: Integrator, layout: Layout, state: State, h: float, solution: FloatArray
     ) -> "Affine":
-        """Map from unit changes of each entry of z and of x, which are exact, and from small ones
-        of quaternions about the state and the solution (n,) of its step; h: step size, s."""
+        """Map from unit changes of each entry of z = [x; v; a; memory] and of x, which are exact,
+        and from small ones of quaternions about the state and the solution (n,) of its step; h:
+        step size, s. w = [r1; r2] are the history terms of v = c1 x + r1, a = c2 x + r2."""
         n, z, rules = layout.size, packed(state), integrator.rules(h)
         base = step_formula(rules, layout, state, h)
 
@@ -76,6 +77,8 @@ class Affine:
         def solved(i: int, by: float) -> FloatArray:
             return next_state(state, base, solution + by * _unit(n, i))
 
+        # for each column of z (x, v, a, memory): the change that moves a quaternion in the step by
+        # at most QUATERNION_CHANGE; rows of `old`: factors of these columns in x, v of free motion
         old, (c1, c2, _) = np.abs(rules.second.old), rules.factors
         sizes = QUATERNION_CHANGE / np.maximum(np.maximum(old[0], old[1] / c1), 1.0 / c2)
         for i in (start + k for start in layout.quaternions for k in range(4)):
@@ -93,7 +96,8 @@ class StepMap:
 
     solver: step solver that was linearised; supports: active atoms of the blocks that select them;
     layout: the n active unknowns; matrix (N, N); response (n, 2 n): dx' from changes [dr1; dr2] of
-    the step formula; scale (n,): size of each unknown.
+    the step formula; formula: that of the linearised step; integrator: its affine parts; scale
+    (n,): size of each unknown.
     """
 
     solver: StepSolver
@@ -174,7 +178,8 @@ def _exact(
 def _response_by_some_change(
     solver: StepSolver, formula: StepFormula, kept: StepMemory, active: IntArray, scale: FloatArray
 ) -> FloatArray:
-    """Response by the usual perturbations, or by smaller ones if a solve near the step fails.
+    """Response (n, 2 n) by the usual perturbations, or by smaller ones if a solve near the step
+    fails; arguments as of `_response`.
 
     If the sampled rows do not contain those of a joint, a perturbed frame leads to very large
     coefficients, for which the solver reports a failure or does not converge.
@@ -211,8 +216,9 @@ def unpacked(z: FloatArray, like: State) -> State:
 def _response(
     solver: StepSolver, formula: StepFormula, kept: StepMemory, active: IntArray, scale: FloatArray
 ) -> FloatArray:
-    """Response (n, 2 n) by differences: dx' of the active unknowns from changes of their own r1 and
-    r2."""
+    """Response (n, 2 n) by differences: dx' of the n active unknowns from changes of r1 (columns 0
+    to n - 1) and r2 (the others) of each of them. kept: memory of the solver before the step;
+    active: numbers of the active unknowns; scale: size of every unknown of the solver."""
     layout, n = solver.layout, len(active)
     kind_of = [b.kind for b in layout for _ in range(b.size)]
     S = np.zeros((n, 2 * n))
@@ -224,12 +230,13 @@ def _response(
         return _solve(solver, formula.with_history(r1, r2), kept.copy())[0]
 
     for j, i in enumerate(active.tolist()):
+        # the layout is in the order second-order, first-order, algebraic unknowns
         if i >= layout.algebraic.start:
             continue
         first = i >= layout.second.stop
         kinds = [("r1", formula.c1_first)] if first else [("r1", formula.c1), ("r2", formula.c2)]
         for shift, (which, c) in enumerate(kinds):
-            d = kind_of[i].change * scale[i] * c
+            d = kind_of[i].change * scale[i] * c  # r1 + d is as if x were larger by d / c
             if kind_of[i].central:
                 near, far = (moved(which, i, k * d) - moved(which, i, -k * d) for k in (1.0, 2.0))
                 column = (8.0 * near - far) / (12.0 * d)

@@ -75,7 +75,8 @@ def reduced_fields(scene: Scene) -> tuple[str, ...]:
 
 
 def settings(scene: Scene) -> dict[str, str]:
-    """Settings of a variant as text; "-" for an option that its reducer does not have."""
+    """Settings of a variant as text; "-" for an option that its reducer does not have. required:
+    rows of joints and loads always sampled (`kept`) or sampled like all others (`drawn`)."""
     reducer, options = scene.reducer, dict(scene.dump()["integrator"])
     name = options.pop("use")
     words = ", ".join(f"{k} {v:g}" if isinstance(v, float) else f"{k} {v}"
