@@ -24,7 +24,9 @@ SEEDS = [1, 2, 3]
 
 
 def methods(subject: Subject) -> Mapping[str, Any]:
-    """Methods over their number of atoms."""
+    """Study of the reducers that have bases over their number of atoms (`ladder`: of the largest
+    block; the others in proportion), each with the options that the scene gives it."""
+    # `auto` is left out: it would be replaced by one of the others
     names = [name for name, cls in subject.installed("reducer")
              if {"basis", "bases"} <= {*cls.model_fields} and not cls().chooses]
     return {
@@ -36,7 +38,8 @@ def methods(subject: Subject) -> Mapping[str, Any]:
 
 
 def samplers(subject: Subject) -> Mapping[str, Any]:
-    """Samplers over their number of rows, with and without those of joints and loads."""
+    """Study of the samplers over their number of rows, with and without those of joints and loads
+    (`required`), three seeds each; all atoms of the sparse method are active."""
     drawn: dict[str, Any] = {}
     for name, cls in subject.installed("sampler"):
         if "required" in cls.model_fields:
@@ -64,8 +67,8 @@ def preconditioners(subject: Subject) -> Mapping[str, Any]:
 
 
 def solvers(subject: Subject) -> Mapping[str, Any]:
-    """Sparse solvers over the number of atoms that they choose in each step. Bases and numbers of
-    rows are those of the scene in all runs."""
+    """Study of the sparse solvers over the number of atoms that they choose in each step. Bases and
+    numbers of rows are those of the scene in all runs."""
     all_atoms = subject.atoms
 
     def active(atoms: int) -> dict[str, Any]:
@@ -84,7 +87,8 @@ def solvers(subject: Subject) -> Mapping[str, Any]:
 
 
 def bases(subject: Subject) -> Mapping[str, Any]:
-    """Bases over their number of atoms, projected."""
+    """Study of the bases over their number of atoms, by Galerkin projection; a basis without the
+    option `count` is one run with all of its atoms."""
     runs = []
     for name, cls in subject.installed("basis"):
         own = {"use": name}
@@ -98,9 +102,11 @@ def bases(subject: Subject) -> Mapping[str, Any]:
 
 
 def integrators(subject: Subject) -> Mapping[str, Any]:
-    """Time integrators over their step, against one fine reference."""
+    """Study of the time integrators over their step, at full order and with the scene's reducer,
+    against one reference with a finer step."""
     time, own = subject.scene.time, subject.reducer["use"]
     steps = [float(f"{f * time.step:.12g}") for f in STEPS]
+    # steps of which the run has a whole number
     whole = [h for h in steps if abs(time.end / h - round(time.end / h)) < 1e-9 and h <= time.end]
     reducers: dict[str, Any] = {"full": {"reducer": {"use": "full"}}}
     if own != "full":

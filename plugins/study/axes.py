@@ -121,7 +121,7 @@ def _axes(file: StudyFile) -> tuple[list[Axis], list[StudyFault]]:
     where, written = _written(file)
     axes: list[Axis] = []
     findings: list[StudyFault] = []
-    owned: dict[tuple[str | int, ...], str] = {}
+    owned: dict[tuple[str | int, ...], str] = {}  # changed key of the scene -> its axis
     for name, values in written.items():
         faults = _axis_faults(name, values, (*where, name))
         findings += faults

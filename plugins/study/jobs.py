@@ -59,6 +59,7 @@ UNCOMPUTED = (REFUSED, BROKEN, DIED)
 def execute(job: Mapping[str, Any], registry: Registry | None = None) -> dict[str, Any]:
     """Executes a job and returns its result; failures are returned in it, not raised.
 
+    job: plain data with its `kind` (reference, products or run) and its `scene` (`scene_data`).
     Raises KeyboardInterrupt if the user interrupts the run.
     """
     try:
@@ -121,7 +122,14 @@ def _products(job: Mapping[str, Any], scene: Scene, registry: Registry | None) -
 
 def _run(job: Mapping[str, Any], scene: Scene, registry: Registry | None) -> dict[str, Any]:
     """Row of one run: reused from the reference, continued, from a shared model, or simulated; its
-    result is kept if wanted."""
+    result is kept if wanted.
+
+    Keys of the job: reference, reference_key: scene of its reference, None if it has none, and key
+    of that in the cache; is_reference: True if the run is its own; keep: folder of the result, None
+    if only the numbers of the row stay; scratch: folder for it until then; continue: go on with an
+    interrupted result in `keep`; offered: keep a full-order run as a reference; model: prepared
+    model that it may share, None for its own.
+    """
     reference = None if job["reference"] is None else _stored_reference(
         scene_of(job["reference"], registry), job["reference_key"])
     table = partial(measured, reference=reference, errors_from=job["errors_from"], quantities={
@@ -184,7 +192,8 @@ def shared_model(base: SharedBase, registry: Registry | None) -> ReducedModel | 
 
 def _continued(scene: Scene, folder: Path, offered: bool) -> RunResult:
     """Result of a run in `folder`: the one that is there, continued where it was interrupted, or a
-    new one if it is of another scene or program."""
+    new one if it is of another scene or program. offered: a full-order run is put into the cache as
+    the reference of other studies."""
     kept = completed(scene, folder)
     try:
         if kept is None and OutputDirectory(folder).is_result():
@@ -281,7 +290,7 @@ def _stored_reference(
     with suppress(OSError, InputError):
         if (entry / STORE).is_dir():
             result = open_result(entry)
-            _ = result.status
+            _ = result.status  # raises for a result that cannot be read
             return result
     try:
         scratch = TemporaryFolder(Cache().root)
@@ -308,8 +317,9 @@ def _stored_reference(
 
 @contextmanager
 def _place(kept: str | None, scratch: str | None) -> Iterator[Path]:
-    """Context manager: folder for the result of a run; a temporary one if only its numbers are
-    kept."""
+    """Context manager: folder for the result of a run. kept: folder in which it stays, None if only
+    its numbers are kept; scratch: folder that is removed afterwards, None or of another machine:
+    a temporary one."""
     wanted_folder = kept or scratch
     if wanted_folder is not None and Path(wanted_folder).parent.is_dir():
         folder = Path(wanted_folder)

@@ -157,6 +157,7 @@ class StudyPlan:
         file = read.file
         columns = columns_of(settings, fields, file.errors_from > 0.0, file.over_time,
                              file.quantities, file.compared, file.keep)
+        # no axis and no quantity may have the name of a column of the results
         read.check(taken_names(file, (*error_columns(fields), *file.quantities)))
         read.check(file.quantity_faults(maker.base.tree, {
             *settings, *RESERVED, *OUTCOME, "seed", *error_columns(fields)}))
@@ -197,6 +198,13 @@ class _Maker:
     _known: dict[str, Any] = field(default_factory=dict)
 
     def run(self, number: int, point: Point) -> Run:
+        """Run of one point of the axes; refused, with the reason, if its scene or that of its
+        reference is invalid.
+
+        Also collects for the plan: kinds of fields, versions of code and input files
+        (`identities`), and ends of training runs within the run (`trained`); `elsewhere` if
+        training has other loads or parameters.
+        """
         settings, changes = point.settings, point.changes
         source = self.base
         try:
@@ -233,6 +241,7 @@ class _Maker:
                 self.trained.add(scene.training_end)
         else:
             training = ""
+        # its own reference: full order, with the same options on which the unknowns depend
         own = bool(key) and reducer.full_order and (
             _compared(dump) == _compared(reference_dump))
         return Run(number, settings, scene.reducer_name, scene.seed, scene_data(scene), key,
@@ -278,7 +287,8 @@ class _Maker:
         self, number: int, error: InputError, source: Source, owners: Mapping[str, KeyPath]
     ) -> str:
         """Records the positions in the study file that cause the faults of a run; returns the
-        faults as text."""
+        faults as text. source: scene of the run, which knows which changes made each of its keys;
+        owners: changed key -> its position in the study file."""
         words = []
         for fault in error.faults:
             label, option = source.origin(fault.key) or ("", "")
@@ -299,7 +309,7 @@ class _Maker:
 
     def never_valid(self, points: list[Point]) -> list[StudyFault]:
         """Faults of axis values that are invalid in every run that uses them."""
-        found: dict[KeyPath, list[StudyFault]] = {}
+        found: dict[KeyPath, list[StudyFault]] = {}  # position of an axis value, () for none
         for n, findings in self.blamed.items():
             for f in findings:
                 choice = next((p for p in points[n - 1].places if f.path[:len(p)] == p), ())

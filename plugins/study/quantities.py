@@ -74,7 +74,8 @@ class QuantityOfInterest(Plugin):
         return TAKEN[self.take](t, y)
 
     def _history(self, result: RunResult) -> tuple[FloatArray, FloatArray]:
-        """Times and values of the probe, contact, joint or field that the quantity names."""
+        """Times (j,), s, and values (j,) of the probe, contact, joint or field that the quantity
+        names; of a joint without a component the norm of its forces, N."""
         times = result.times
         if self.probe:
             components = result.probe_header(self.probe).components
@@ -87,7 +88,7 @@ class QuantityOfInterest(Plugin):
                 n for n in history if n != "time"], "component")]
         if self.joint:
             joints = result.joint_forces()
-            forces = joints[_known(self.joint, joints, "joint")]
+            forces = joints[_known(self.joint, joints, "joint")]  # (name, unit) -> values (j,)
             if self.component:
                 named = {name: values for (name, _), values in forces.items()}
                 return times, named[_known(self.component, named, "component")]

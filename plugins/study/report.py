@@ -32,7 +32,7 @@ _DECIMAL = {"ms_per_step": ".3g", "speed_up": ".3g"}
 
 def in_words(plan: StudyPlan, rows: Sequence[Mapping[str, Any]]) -> str:
     """Text table of the most important columns, and numbers of runs by status."""
-    errors = _errors(plan.drawing)
+    errors = _errors(plan.drawing)  # column -> error measure
     own = plan.study.file.quantities
     axes = [n for n in plan.axes if LABEL not in plan.axes or not any(
         isinstance(row.get(n), dict) for row in rows)]  # which the label names
@@ -105,7 +105,8 @@ def _step(row: Mapping[str, Any]) -> float | None:
 def _point(
     method: str, budget: str, rows: Sequence[Mapping[str, Any]], drawing: Drawing
 ) -> "WorkPoint":
-    """Point of the work-precision chart: medians of the time over seeds, largest errors."""
+    """Point of the work-precision chart: medians of the time over seeds, largest errors. Times are
+    ms per step or, where the time step is an axis of the study, s per simulated second."""
     from sparsemor.plugins.charts.work_precision import WorkPoint
 
     def middle(name: str) -> float | None:
@@ -128,7 +129,7 @@ class StudyTable(list[dict[str, Any]]):
         self.plan = plan
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return list, (list(self),)
+        return list, (list(self),)  # pickled as a plain list, without the plan
 
     def __str__(self) -> str:
         return in_words(self.plan, self)
@@ -182,7 +183,7 @@ def chart_notes(drawing: Drawing, rows: Sequence[Mapping[str, Any]]) -> list[str
     elif end > 0.0 or drawing.elsewhere:
         found.append("errors over the whole run" + (
             "; training had other loads" if drawing.elsewhere else trained))
-    missing: dict[str, list[str]] = {}
+    missing: dict[str, list[str]] = {}  # status -> names of runs that took no step
     for row in rows:
         if row["ms_per_step"] is None:
             missing.setdefault(str(row["status"]), []).append(

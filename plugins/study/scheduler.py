@@ -95,6 +95,7 @@ class Schedule:
         self._graph.prepare()
         self._ready: list[tuple[int, str]] = []
         self._push(self._graph.get_ready())
+        # by name of a job: results; numbers of workers that died of it; submitted jobs
         self._answers: dict[str, Answer] = {}
         self._deaths: dict[str, int] = {}
         self._flying: set[str] = set()
@@ -150,7 +151,7 @@ class Schedule:
         self._pool.submit(name, self._payload(job))
 
     def _payload(self, job: _Job) -> dict[str, Any]:
-        """Job as plain data for a worker."""
+        """Job as plain data for a worker; its keys are those that `jobs.py` reads."""
         run = job.run
         reference = self._plan.references[run.reference] if run.reference else None
         if job.kind == "reference":
@@ -230,15 +231,19 @@ def _shared_models(runs: Sequence[Run]) -> dict[str, dict[str, Any]]:
 
 
 def _jobs_of(runs: Sequence[Run]) -> list[_Job]:
-    """Jobs in order: reference runs, offline products shared by several runs, runs."""
+    """Jobs in order: reference runs, offline products shared by several runs, runs.
+
+    Of runs with one training run, the first job of offline products computes it, and all others
+    wait for that; a run that shares no bases computes its own.
+    """
     possible = [run for run in runs if not run.refused]
     references = {run.reference: run for run in reversed(possible) if run.reference}
-    trained: dict[str, list[Run]] = {}
+    trained: dict[str, list[Run]] = {}  # key of the training run -> runs
     for run in possible:
         if run.training:
             trained.setdefault(run.training, []).append(run)
     products: list[_Job] = []
-    waits_for: dict[str, str] = {}
+    waits_for: dict[str, str] = {}  # key of training run and bases -> job
     for group in trained.values():
         if len(group) == 1:
             continue

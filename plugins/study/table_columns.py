@@ -157,7 +157,8 @@ def _numbers(
 
 
 def _compared(run: RunResult, reference: RunResult, errors_from: float) -> dict[str, Any]:
-    """Columns of a run that compare it with its reference."""
+    """Columns of a run that compare it with its reference. above_limit, constant: names of errors
+    above the limit, and of those of fields that do not change in the reference."""
     errors, note, series = _errors(reference, run, errors_from)
     measures = measure_names(reference.layout.kinds)
     constant = [] if series is None else [m for m in measures if m in series.constant]
@@ -205,7 +206,8 @@ def thinned(errors: Errors, measures: Iterable[str]) -> dict[str, list[float]]:
 
 
 def _cost(run: RunResult, facts: RunFacts, base: RunFacts | None) -> dict[str, Any]:
-    """Cost columns. offline_s: offline time of this run; offline_total_s: with an empty cache;
+    """Cost columns of a run with the counts and times `facts`; base: those of its reference, None
+    if it has none. offline_s: offline time of this run; offline_total_s: with an empty cache;
     pays_after: number of online runs after which the latter is recovered."""
     ms, used = facts.ms_per_step, run.summary.get("cache", {})
     base_ms = None if base is None else base.ms_per_step

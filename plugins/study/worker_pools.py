@@ -151,7 +151,8 @@ def _execute(code: str, job: Payload) -> dict[str, Any]:
 
 
 def _connected(scheduler: Any) -> Any:
-    """Client of our own, whatever is given."""
+    """Client of our own at the scheduler that is given by its address, its scheduler file, a
+    `Client` or a `Cluster`. Raises InputError if none responds."""
     try:
         from distributed import Client
     except ImportError:
