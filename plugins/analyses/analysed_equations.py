@@ -55,7 +55,8 @@ def stiffness_to_mass(K: Csr, M: Csr) -> float:
 @dataclass(frozen=True, slots=True, eq=False)
 class Projected(Term):
     """Galerkin projection of a term as a term of the reduced unknowns: rows (l,), columns (k,);
-    test (l, m): left factor of its m rows."""
+    test (l, m): left factor of its m rows. whole: the term of the model; trial: its unknowns as an
+    affine function of the reduced ones; term: the product of all three."""
 
     rows: IntArray
     columns: IntArray
@@ -199,7 +200,7 @@ class System:
             own = np.ones(b.size) if b.kind.order else np.zeros(b.size)
             if b.kind.quantity is Quantity.DISPLACEMENT:
                 own[:] = extent[b.owner]
-            elif b.kind.quantity is Quantity.POSE:
+            elif b.kind.quantity is Quantity.POSE:  # positions first: 2 of 3 in the plane
                 own[:2 if b.size == 3 else 3] = extent[b.owner]
             found[layout[b.name]] = own
         return found

@@ -98,7 +98,7 @@ def equilibrium(p: Prepared, t: float, spin: bool) -> Solved:
         raise InputError("no body of this scene moves or deforms: take steady_heat", "bodies")
     if spin:
         return newton(system, start, at, rates(p, True))
-    if free_motions(system, start).shape[1]:
+    if free_motions(system, start).shape[1]:  # the tangent may be singular on the way
         return flow(system, start, at)
     return newton(system, start, at)
 

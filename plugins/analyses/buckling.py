@@ -76,7 +76,8 @@ def buckling(
 
 
 def _about(p: Prepared, system: System, s: State, count: int) -> Buckled:
-    """Buckling factors lambda and shapes phi about the state s without the scaled loads,
+    """Buckling factors lambda and shapes phi about the state s of `system`, the equations without
+    the scaled loads (those of p contain them),
 
         (K + K_s + lambda K_g) phi = 0,    on the constraints
 
@@ -120,7 +121,8 @@ def _linear(p: Prepared, system: System, s: State) -> FloatArray:
 
 
 def _stress_stiffness(model: Model, system: System, x: FloatArray, t: float) -> Csr:
-    """Geometric stiffness (n, n) that the terms of bodies with linear strains leave out."""
+    """Geometric stiffness (n, n), N/m, that the terms of bodies with linear strains leave out, of
+    the stress at unknowns x (n,) of the system and at t, s."""
     n, full, shapes = system.layout.size, system.full(x), model.shapes()
     found = csr_array((n, n))
     for body in system.model.separated.moving:

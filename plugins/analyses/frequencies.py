@@ -101,7 +101,7 @@ def _later(p: Prepared, s: State, dt: float) -> FloatArray:
         at = layout[b.name]
         q, v, a = s.x[at], s.v[at], s.a[at]
         d = 2 if b.size == PLANAR_POSE else 3
-        if b.size == FREE_POSE:
+        if b.size == FREE_POSE:  # a unit quaternion turns at half the rate of the body
             w = float(np.linalg.norm(v[3:]))
             if w > 0.0:
                 x[at][3:] = np.cos(w * dt) * q[3:] + np.sin(w * dt) / w * v[3:]

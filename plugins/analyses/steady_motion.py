@@ -50,6 +50,7 @@ def spinning(system: System, at: State, h: float) -> tuple[FloatArray, FloatArra
             own = layout[b.name]
             positions[own.start : own.start + (2 if b.size == PLANAR_POSE else 3)] = True
             if b.size == FREE_POSE:
+                # rate of the quaternion for the same angular velocity in body axes
                 p, q = at.x[own][3:], model.x0[own][3:]
                 v[own][3:] = turns(p[None], q[None])[0] @ v[own][3:]
     # first positions alone are changed, then what is left is taken from all rigid coordinates
@@ -62,7 +63,8 @@ def spinning(system: System, at: State, h: float) -> tuple[FloatArray, FloatArra
 
 
 def _correct(values: FloatArray, G: FloatArray, changed: BoolArray, error: FloatArray) -> None:
-    """Changes some of the values least such that G values changes by -wrong, in place."""
+    """Changes the values (f,) at `changed` (f,) in place, as little as possible, such that
+    G values, G (l, f), changes by -error (l,)."""
     if G.size and changed.any():
         values[changed] -= np.linalg.lstsq(G[:, changed], error, rcond=1e-10)[0]
 

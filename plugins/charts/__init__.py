@@ -162,7 +162,8 @@ def _of_every(
     run: RunResult, times: Sequence[float] | None, others: Mapping[str, RunResult], name: str,
     fields: Sequence[Field], only: str | None,
 ) -> Makers:
-    """Charts that single runs and comparisons have, of a run called `name` and of others."""
+    """Charts that single runs and comparisons have, of a run called `name` and of others. only:
+    name of the chart that is drawn, whose bodies alone are rendered; None: all."""
     surfaces = {f"{NAMES[f]}_{body}": (body, f) for body in solid_bodies(run) for f in fields
                 if run.has(body, f)}
     figures = cache(partial(  # all at once: each call of the renderer starts a process

@@ -153,7 +153,8 @@ class _Stage:
     def of(
         cls, run: RunResult, steps: Sequence[int], field: Field, magnify: float | None
     ) -> "_Stage":
-        """What is drawn of a run: magnification, colour limits and box are those of all frames."""
+        """What is drawn of a run: magnification, colour limits and box are those of all frames.
+        factor: magnification; scale: from the SI unit of the field to that of the colour bar."""
         meshes = {b: field_mesh(run, b, field) for b in run.bodies}
         points = _rigid_points(run)
         sizes = {a.shape[1] for a in (*(run.points(b) for b in meshes), *points.values())}

@@ -102,8 +102,9 @@ def deformation_figure(
 
 @dataclass(frozen=True, slots=True)
 class _Look:
-    """Field, magnification, unit factor and label of the colours, their limits, and axes of all
-    panels."""
+    """Field, magnification of displacements, factor (`scale`) from the field's SI unit to that of
+    the colours and its label, limits of the colours in that unit, and axes of all panels: box
+    (x from, x to, y from, y to), m, and the unit in which they are labelled."""
 
     quantity: Field
     magnification: float

@@ -113,7 +113,7 @@ def _skin_of(
         at = [step_near(shown, float(run.times[s])) for s in steps]
         rotated = [None if s is None else view.rotated(shown.positions(body, s, factor)[nodes])
                    for s in at]
-        if half is None or not others:
+        if half is None or not others:  # panels of several runs have the size of the first run's
             half = half_of([p for p in rotated if p is not None])
         row: list[BodySurface | None] = []
         for s, points in zip(at, rotated, strict=True):
@@ -127,7 +127,8 @@ def _skin_of(
 
 def _figure(skin: _Skin, images: Iterator[NDArray[np.uint8] | None]) -> "Figure":
     """Figure of one body and field: groups of rows, one per view or run, with up to three times per
-    row."""
+    row. images: picture of each surface in the order of rows and times, None where matplotlib
+    draws it."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
 

@@ -21,7 +21,9 @@ values."""
 
 
 def _render(file: Path) -> None:
-    """Renders the surface in a file of arrays and stores the picture next to it."""
+    """Renders the surface in a file of arrays and stores the picture next to it: corners (b, 3, 3)
+    of triangles in view axes (z towards the viewer), m, relative to the centre of the panel, whose
+    half width and height are half (2,); values (b, 3) that colour them between low and high."""
     pyvista: Any = import_module("pyvista")
     with np.load(file) as data:
         corners, values, half = data["corners"], data["values"], data["half"]

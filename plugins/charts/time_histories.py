@@ -242,7 +242,8 @@ def _probes(
     read: Callable[[RunResult], dict[str, FloatArray]], what: str, si: str,
 ) -> "Figure | None":
     """Chart of the probes, one panel per body, each with its own scale, because magnitudes differ
-    between bodies."""
+    between bodies. others: further runs, drawn over the first one, which is called `label`; read:
+    probe -> values (j,) of a run; what, si: quantity and its SI unit."""
     shown = read(run)
     if not shown or len(run.times) < 2:
         return None

@@ -183,8 +183,8 @@ def _numbers(budget: str) -> list[float]:
 def _time_axis(
     axes: Any, points: Sequence[WorkPoint], reference: WorkPoint | None
 ) -> None:
-    """Logarithmic time axis (ms/step) and, where the reference has a time, an upper axis for the
-    speed-up and a vertical line at the reference."""
+    """Logarithmic axis of the computing time and, where the reference has a time, an upper axis for
+    the speed-up and a vertical line at the reference."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
     axes.set_xscale("log")

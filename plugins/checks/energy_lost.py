@@ -93,9 +93,9 @@ def energy_lost(model: Model, states: Sequence[State], h: float, steps: int) -> 
     lost, most, inertia, other = 0.0, 0.0, 0.0, 0.0
     at, changes = model.layout.frames, list[float]()
     for s in states:
-        of_v, of_a, rest = _forces(model, s)
+        of_v, of_a, rest = _forces(model, s)  # M v, M a, largest force of another kind
         most = max(most, 0.5 * float(s.v[at] @ of_v))
-        lost += h * h * float(s.a[at] @ of_a)
+        lost += h * h * float(s.a[at] @ of_a)  # of a step: twice the kinetic part
         inertia = max(inertia, float(np.abs(of_a).max(initial=0.0)))
         other = max(other, rest)
         changes.append(float(s.a[at] @ of_v))
@@ -103,6 +103,7 @@ def energy_lost(model: Model, states: Sequence[State], h: float, steps: int) -> 
         return None
     if inertia <= ROUNDING * inner_force(model, lambda name: states[-1].x[model.layout[name]]):
         return None  # a settling of bodies that deform
+    # mean loss of a step times their number, less the change of (h/2) v^T M a
     return max(0.0, lost / len(states) * steps - 0.5 * h * (changes[-1] - changes[0])) / most
 
 

@@ -102,7 +102,9 @@ class HeatSums:
         at: unknowns of temperatures in the step solver; sum, begin, before, end: sum of its
         unknowns over the steps, first, last but one and last state; terms: in thermal rows only;
         sampled: True where the residuals of the steps `looked` are needed, which are summed in
-        `residuals`; kept: states at both ends of those steps in a reduced run.
+        `residuals`; kept: states at both ends of those steps in a reduced run; means: how the mean
+        temperature of each block follows from unknowns of the solver (`_mean_of`), which is taken
+        every `every` steps, K, into `sampled_means`.
         """
         assert run.model is not None
         self.run, self.layout, self.formula = run, run.model.layout, formula
@@ -306,6 +308,7 @@ class HeatSums:
                     means[id(f)] = float(np.mean([f(float(t)) for t in times]))
             with_mean_amplitudes = replace(equations, amplitudes=tuple(
                 Held(means[id(f)]) for f in equations.amplitudes))
+            # powers are on the right-hand side: minus the residual without storage
             heats.append(-N * h * self._powers(
                 replace(term, equations=with_mean_amplitudes), x, zero, zero, self.end.t, 0.0))
         return heats

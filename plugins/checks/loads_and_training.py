@@ -163,6 +163,7 @@ def of_solver(scene: Scene, solver: StepSolver) -> tuple[Note, ...]:
     information on those that have fewer atoms than the options ask for."""
     found = []
     for name, d in solver.dictionaries.items():
+        # rank of the snapshots, as POD reports it; of other bases more than one atom is assumed
         rank = d.info.get("numerical_rank", d.info.get("rank_at_least", 2))
         if d.atoms.shape[1] == 1 and isinstance(rank, int) and rank > 1:
             found.append(Note(

@@ -56,6 +56,7 @@ def after_run(model: Model, result: RunResult) -> tuple[Note, ...]:
     """Warnings about results outside the validity of the equations: temperatures that no solid has,
     displacements larger than the body's smallest extent."""
     found: list[Note] = []
+    # bodies whose equations hold for large displacements
     nonlinear = {m.name for m in model.separated.moving if m.operators is not None and (
         s := m.operators.stress_stiffness) is not None and s.nonlinear and (
             not s.prestressed)}
@@ -169,6 +170,7 @@ def unheld_bodies(scene: Scene, model: Model) -> tuple[Note, ...]:
     """
     frames = {b.owner: b for b in model.layout if b.kind.quantity is Quantity.POSE}
     bodies = [name for name in scene.bodies if name in frames]
+    # name of the group of connected bodies to which each belongs; that of the ground is ""
     group = {name: name for name in bodies} | {GROUND: GROUND}
     connectors = [*scene.joints.values(), *scene.contacts.values()]
     for connector in connectors:

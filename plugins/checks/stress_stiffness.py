@@ -92,7 +92,8 @@ class Ratio:
 
 def stress_notes(model: Model, result: RunResult) -> Iterator[Note]:
     """Warnings about bodies with linear strains whose stress changes their stiffness by more than
-    `LIMIT`, and about bodies with nonlinear ones that are compressed beyond their buckling load."""
+    `LIMIT`, and about bodies with nonlinear ones that are compressed beyond their buckling load.
+    mu: relative change of stiffness, above 0 in tension, -1 at the buckling load."""
     for body in model.separated.moving:
         ops = body.operators
         if ops is None or ops.stress_stiffness is None:
@@ -115,7 +116,8 @@ def stress_notes(model: Model, result: RunResult) -> Iterator[Note]:
 
 def _linear(result: RunResult, body: MovingBody, mass: Csr, found: Ratio) -> str:
     """Text of the note on the change of a body's stiffness by its stress, which linear strains
-    neglect."""
+    neglect: mu of `found`, below 0 in compression (-1 at the buckling load), above 0 in tension.
+    mass: mass matrix of the body."""
     mu, size = found.mu, f"{100.0 * abs(found.mu):.2g} %"
     if mu <= -1.0:
         what = (f"is compressed to {-mu:.3g} times its buckling load at t = {found.t:.6g} s: its "
@@ -127,6 +129,7 @@ def _linear(result: RunResult, body: MovingBody, mass: Csr, found: Ratio) -> str
         what = (f"is stiffened by {size} at t = {found.t:.6g} s, by its tension: with linear "
                 f"strains its deflections may be {size} or more too large")
     spin = largest_spin(result, body.name)
+    # lowest natural frequency, rad/s: 1 / w^2 is the largest eigenvalue of M phi = mu K phi
     w = extreme_eigenvalue(mass, found.K, found.factor, body.elastic) ** -0.5
     if spin > SPINS * w:
         what += (f"; it turns at up to {spin:.4g} rad/s, {spin / w:.2g} of its lowest natural "
@@ -195,7 +198,9 @@ def ratio_of(
     states: Sequence[tuple[float, FloatArray, FloatArray | None]],
 ) -> Ratio | None:
     """Largest change of stiffness of states: time, s, displacements (N, d), m, and temperatures
-    (N,), K, or None."""
+    (N,), K, or None. It is the eigenvalue mu of largest magnitude of K_s phi = mu K phi, K:
+    stiffness, K_s: geometric stiffness of the stress. None without a stress, or where K is
+    singular."""
     found, factor = None, None
     for t, u, T in states:
         if not np.isfinite(u).all() or not (u.any() or T is not None):

@@ -160,7 +160,11 @@ class Windows:
     def take(
         self, done: int, before: State, state: State, active: Mapping[str, BoolArray]
     ) -> None:
-        """Looks at the step that ended at `state` after `done` steps, from the state `before`."""
+        """Looks at the step that ended at `state` after `done` steps, from the state `before`.
+
+        A window begins at the start of the run, and in each later part at the step in which the
+        frames' accelerations (`moving`) change most; of its steps every second state is kept.
+        """
         d = state.a[self.moving] - self.older  # over two steps: what alternates is no course
         self.older = before.a[self.moving]
         self.jerks.append(sqrt(d.dot(d)))
@@ -259,7 +263,7 @@ class Windows:
         integrator's history for steps of 2h is made."""
         scene, layout = self.run.scene, solver.layout
         h, slope = 2.0 * scene.time.step, np.zeros(layout.size)
-        if w.before is not None:
+        if w.before is not None:  # over one step of the run, 0.5 h
             second, first = layout.second, layout.first
             slope[second] = (w.start.a - w.before.a)[second] / (0.5 * h)
             slope[first] = (w.start.v - w.before.v)[first] / (0.5 * h)
@@ -284,8 +288,9 @@ def _growth(errors: Sequence[float]) -> float:
 def time_error_notes(
     found: Mapping[str, float], start: Mapping[str, float], h: float, order: int
 ) -> tuple[Note, ...]:
-    """Notes on the fields with a large time error, in the run and at its start. found, start: of
-    `TimeError.estimated`; h: time step, s; order: of the integrator."""
+    """Notes on the fields with a large time error, in the run and at its start. found, start: block
+    -> error relative to its largest change (`Windows.estimated`); h: time step, s; order: of the
+    integrator."""
     other = ", an integrator of order 2" if order == 1 else ""
     cure = f"take a smaller time.step{other} or time.control"
     notes = []

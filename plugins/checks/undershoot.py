@@ -121,9 +121,10 @@ def _cooled(parts: Mapping[str, Part], b: HeatBody, times: FloatArray) -> bool:
     if any(t.columns.data.min(initial=0.0) < 0.0 or t.table.values.min(initial=0.0) < 0.0
            for t in b.tables):
         return True
-    amounts = amplitudes_along(b.amplitudes, times)
+    amounts = amplitudes_along(b.amplitudes, times)  # (times, j): factors of the j load vectors
     for i, column in enumerate(b.columns):
         part = parts.get(column.name)
+        # such loads take heat down to a temperature that `_floor` counts
         tied = isinstance(part, Connector) and part.surroundings is not None
         if not (tied or column.prescribed) and np.outer(
                 (b.loads[:, i].min(), b.loads[:, i].max()), amounts[:, i]).min() < 0.0:

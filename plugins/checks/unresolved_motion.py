@@ -153,7 +153,8 @@ class SpringAngles:
     run.
 
     They are continuous between -2 pi and 2 pi and jump by 4 pi there, where the force of the spring
-    is wrong from then on.
+    is wrong from then on. readers: force elements whose angle is known between these limits only;
+    last: their angles, rad.
     """
 
     def __init__(self, run: PreparedRun, state: State) -> None:
