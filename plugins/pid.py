@@ -56,7 +56,9 @@ class Pid(Controller):
         self, t: float, h: float, sensed: FloatArray, memory: tuple[float, ...]
     ) -> tuple[float, tuple[float, ...]]:
         """Value k_p e + k_i (integral of e) - k_d ds/dt from the sensor s and the error e = target
-        - s; the integral stops where the value is limited (anti-windup)."""
+        - s; the integral stops where the value is limited (anti-windup). t, h: start and size of
+        the step in which it acts, s; sensed (1,): s; memory: as of `begin`, returned for the next
+        step."""
         integral, last, begun = memory
         s = float(sensed[0])
         e = self.target.value(t) - s

@@ -187,7 +187,9 @@ def _asked(
     scene: Scene, chooser: Reducer, model: Model, offline: Offline,
     tools: tuple[Cache, Manager, BodyCache],
 ) -> tuple[tuple[str, ...], Choice | None]:
-    """Blocks that are left out, and the chosen reducer; None where no block remains."""
+    """Blocks that are left out, and the chosen reducer; None where no block remains. A model
+    without the blocks that do not change is taken if the choice for it has no doubts: tolerances
+    that are not met. tools: of `prepared`."""
     training = _training(scene)
     problem = problem_of(training, model, offline)
 

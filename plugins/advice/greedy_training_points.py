@@ -48,7 +48,8 @@ def _trial_errors(
     scene: Scene, cache: Cache, manager: Manager, body_cache: BodyCache,
     points: Sequence[Point], candidates: Sequence[Point],
 ) -> list[float]:
-    """Estimated errors at candidates of the reduced model that is trained at `points`."""
+    """Estimated errors at candidates of the reduced model that is trained at `points`; infinite
+    where its run fails."""
     trained, errors = trial_scene(scene, points), list[float]()
     kept = prepared_run(trained, cache, manager, body_cache)
     for point in candidates:
@@ -137,6 +138,7 @@ def estimated_error(
     worst, X = 0.0, np.stack(states)
     for name, errors in record.stored().items():
         d, c = solver.dictionaries.get(name), X[:, solver.layout[name]]
+        # |R c| = |atoms c|, so that changes of the field are those of k coefficients
         R = np.eye(c.shape[1]) if d is None else np.asarray(np.linalg.qr(d.atoms, mode="r"))
         change = float(np.linalg.norm((c - c[0]) @ R.T, axis=1).max())
         size = float(np.linalg.norm(c[0] if d is None else d.offset + d.atoms @ c[0]))

@@ -77,6 +77,7 @@ class Attachment(Basis):
     def build(self, data: BlockData) -> Dictionary:
         """Dictionary with atoms (n, k). Raises InputError if no load moves and no temperature acts,
         or if `dynamic` is set and the time step is unknown."""
+        # families: mechanical and thermal loads (n, q) with the names of their responses
         families = [f for f in self._forces(data) if f[1]]
         if not families:
             raise refuse_nowhere(data, "attachment")
@@ -88,6 +89,7 @@ class Attachment(Basis):
             for forces, names in families:
                 answers.append(np.asarray(factor.solve(np.ascontiguousarray(forces))))
                 said.append([f"dynamic {name}" for name in names])
+        # uniform temperature and initial values: atoms whatever the others are compressed to
         lasting, lasting_names = [np.zeros((data.size, 0))], list[str]()
         if solve.uniform is not None:
             lasting.append(solve.uniform[:, None])

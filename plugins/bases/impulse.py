@@ -195,8 +195,12 @@ def _doubling(data: BlockData) -> list[int]:
 def _responses(
     data: BlockData, forces: FloatArray, delays: FloatArray, substeps: int | None
 ) -> Iterator[FloatArray]:
-    """Responses (n, q) at each of the delays, by time stepping: one solve of all q columns per
-    step."""
+    """Responses (n, q) of unit loads (n, q) at each of the increasing delays, in steps of the run,
+    by time stepping: one solve of all q columns per step. substeps: most steps from one delay to
+    the next, which are longer then; None: those of the run.
+
+        B x_0 = f,    B x_p = (B - K) x_(p-1),    B: operator of a step, K: stiffness (or K_T)
+    """
     first, carried = factorize(data.operator, data), data.operator - data.stiffness
     x, last = np.asarray(first.solve(np.ascontiguousarray(forces))), 0
     for p in delays.tolist():

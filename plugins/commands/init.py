@@ -170,6 +170,7 @@ class Start:
 
         name = re.sub(r"\W+", "_", self.path.stem)
         name = name if re.match(r"[A-Za-z]", name) else f"body_{name}"
+        # first with any force, to learn mass and frequency, then with those that suit them
         first = self._written(name, hold, load, heat, thickness, out, 1.0, None)
         scene = loaded(_parsed(first) | {"output": {}}, {
             f"bodies.{name}.mesh.path": str(self.path.absolute())})

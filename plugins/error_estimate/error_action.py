@@ -76,7 +76,7 @@ class ErrorControl(StepControl):
     def take(self, steps: RunSteps, stop_requested: Callable[[], bool]) -> SolveFailed | None:
         """Takes the steps between two estimates at a time; where an estimate exceeds the tolerance,
         it takes them back and acts: stop, go on at full order, or with more atoms."""
-        accepted = steps.accepted()
+        accepted = steps.accepted()  # the present state, to which steps are taken back
         while (remaining := steps.steps - steps.stats.done) > 0:
             if self.monitor is None:
                 return steps.portion(remaining, stop_requested)

@@ -64,7 +64,8 @@ class ErrorMonitor:
             d.atoms) for n, d in bases.items()}
 
     def exceeded(self, state: State, errors: Mapping[str, float]) -> Exceeded | None:
-        """The block with the largest relative error, if that is above the tolerance."""
+        """The block with the largest relative error, if that is above the tolerance. state: of the
+        step solver; errors: block -> estimated error (2-norm over its full-order unknowns)."""
         worst, block = 0.0, ""
         for name, R in self._lengths.items():
             at = self._layout[name]

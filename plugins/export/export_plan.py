@@ -38,7 +38,7 @@ def plan_export(
         raise InputError("no body of this run has a mesh: there are no points to write")
     if len(run.times) == 0:
         raise InputError("the run has no stored step yet")
-    gather = Gather()
+    gather = Gather()  # gather(key, function, arguments): its faults under that key, until `check`
     gather("to", _check_name, to, FORMATS, "format", "formats")
     if to in OF_RUN and (bodies is not None or fields is not None):
         raise InputError(f"{to} is of the whole run: fields of single bodies go to vtu or xdmf",

@@ -94,7 +94,8 @@ def export_c(
 
 
 class _Made:
-    """Steps of a model in machine code with its inputs and outputs."""
+    """Steps of a model in machine code with its inputs and outputs. keys: inputs, by the keys of
+    their functions of time; names: outputs; left_out: those that the code cannot evaluate."""
 
     def __init__(
         self, model: ReducedModel, inputs: Sequence[str] | None, outputs: Sequence[str] | None
@@ -110,7 +111,8 @@ class _Made:
         self.steps = self.stepper.machine_steps(*about.arrays())
 
     def write(self, folder: Path, **more: str) -> None:
-        """Writes steps.o, data.bin and sizes.h."""
+        """Writes steps.o, data.bin (reals, table, integers, flags, as model.c reads them) and
+        sizes.h, with exact numbers as hexadecimals. more: further definitions, name -> value."""
         steps, stepper = self.steps, self.stepper
         (folder / "steps.o").write_bytes(steps.code)
         (folder / "data.bin").write_bytes(b"".join(
@@ -145,7 +147,9 @@ class _Outputs:
         self.weights: list[float] = []
 
     def add(self, name: str, of: Output) -> bool:
-        """Adds an output; False for one that is no function of the state alone."""
+        """Adds an output; False for one that is no function of the state alone. Each has 8 whole
+        numbers, of which the first is its kind, and 10 real ones. Those of an entry of the state
+        (`STATE`) are its row (0: unknowns, 1: rates) and column."""
         row: list[int] = [STATE, int(of.rate), of.at]
         numbers: list[float] = []
         if of.reader is not None:
@@ -160,7 +164,13 @@ class _Outputs:
 
     def _of_probe(self, probe: ProbeReader, at: int) -> tuple[list[int], list[float]] | None:
         """Whole and real numbers by which the C code evaluates component `at` of a probe; None for
-        one that it cannot."""
+        one that it cannot. Components: d positions, d displacements, temperature, if it has them.
+
+        `AFFINE`, temperature or displacement: first unknown, number k of unknowns, first of their k
+        weights; constant part. `POSITION`: component, d, first rigid coordinate (-1 for a fixed
+        pose), number of coordinates of the pose, first elastic unknown, their number k, first of
+        their k d weights; point (3,), m, and the fixed pose.
+        """
         d, u = len(probe.place.point), probe.displacement
         if at >= d * (1 + (u is not None)) + (probe.temperature is not None):
             return None  # a stress

@@ -121,6 +121,7 @@ class XdmfSeries:
         (folder / body).mkdir()
         kinds = named_cells(cells, d)
         name = _TOPOLOGY[kinds[0][0]][0] if len(kinds) == 1 else "Mixed"
+        # in a mixed topology the number of its kind is in front of the nodes of each cell
         rows = kinds[0][1] if len(kinds) == 1 else np.concatenate([np.insert(
             own, 0, _TOPOLOGY[kind][1], axis=1).ravel() for kind, own in kinds])
         self._topology = (

@@ -66,7 +66,11 @@ class Results:
         return [json.loads(line) for line in table.read_text(encoding="utf-8").splitlines()]
 
     def opened(self, kind: Any, name: Any) -> Any:
-        """Results that an option of a part names; kind: type of the parameter."""
+        """Results that an option of a quantity or picture names; kind: type of its parameter.
+
+        `Rows`: the table of the study `name`; one run: its result, None for ""; otherwise `name` is
+        a mapping label -> run, of which the results are returned by label.
+        """
         if kind == Rows:
             return self.rows(name)
         if isinstance(name, str):
@@ -80,7 +84,8 @@ class Results:
 
 
 class PaperPart(Plugin):
-    """Base class of the parts: the options of one function."""
+    """Base class of the quantities and pictures of an item: the options of one function, as fields
+    (`part_of` makes a subclass of each function)."""
 
     function: ClassVar[Callable[..., Any]]
     kinds: ClassVar[Mapping[str, Any]]
@@ -111,7 +116,7 @@ def part_of(function: Callable[..., Any], key: str) -> type[PaperPart]:
     options: dict[str, Any] = {key: (Literal[function.__name__], ...)}
     for name, parameter in signature(function).parameters.items():
         kind, default = hints[name], parameter.default
-        if name != "known":
+        if name != "known":  # values computed before, which the item passes on: no option
             empty = "" if default is None and kind in _WRITTEN else default
             options[name] = (_WRITTEN.get(kind, kind), ... if default is Parameter.empty else empty)
     made = create_model(function.__name__, __base__=PaperPart, __doc__=function.__doc__, **options)

@@ -146,6 +146,7 @@ class PaperFile(Plugin):
         except ValidationError as error:
             raise source.invalid(error) from None
         folder = source.folder or Path()
+        # scene files next to the paper file, by their whole path
         near = {name: entry.model_copy(update={"scene": str(folder / entry.scene)})
                 for name, entry in file.runs.items() if (folder / entry.scene).is_file()}
         return file.model_copy(update={"runs": {**file.runs, **near}})
@@ -168,6 +169,7 @@ class PaperFile(Plugin):
             faults += [f"{i.id}: no scene {i.scene!r}"] * (i.scene not in self.scenes)
             faults += [f"{i.id}: no run {n!r}" for n in i.runs if n not in self.runs]
             faults += [f"{i.id}: no study {n!r}" for n in i.studies if n not in self.studies]
+        # a run that others wait for waits for none
         faults += [f"{name}: no run {e.after!r}" for name, e in self.entries.items()
                    if e.after and (e.after not in self.runs or self.runs[e.after].after)]
         faults += [f"{name}: a run and a study have this name"

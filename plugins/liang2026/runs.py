@@ -78,7 +78,9 @@ class Work:
             self._ended(name, _reason(partial(self._profile, name)), len(timed), "runs timed")
 
     def _plan(self, runs: Mapping[str, RunEntry], count: int) -> StudyPlan:
-        """Plan of the runs; those whose scene is refused have failed."""
+        """Plan of the runs; those whose scene is refused have failed. The snapshots of a run that
+        others wait for are kept in the cache (`offered`). count: number of runs and studies, for
+        the progress."""
         offered = {e.after for e in self.file.entries.values()}
         found: list[Run] = []
 

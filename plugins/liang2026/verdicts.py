@@ -45,7 +45,8 @@ class Verdict:
 
 def judged(item: PaperItem, results: Results, folder: Path) -> Verdict:
     """Verdict on an item, with its pictures drawn into a folder. Failures are part of the verdict,
-    never raised."""
+    never raised. Its rule, and later values, may use the values by name, and the published ones as
+    `paper_NAME`."""
     known: dict[str, Value] = {}
     faults = []
     drawn: dict[str, Figure | None] = {}
