@@ -65,7 +65,7 @@ class ErrorMonitor:
 
     def exceeded(self, state: State, errors: Mapping[str, float]) -> Exceeded | None:
         """The block with the largest relative error, if that is above the tolerance. state: of the
-        step solver; errors: block -> estimated error (2-norm over its full-order unknowns)."""
+        step solver; errors: block -> norm of its estimated error over its full-order unknowns."""
         worst, block = 0.0, ""
         for name, R in self._lengths.items():
             at = self._layout[name]
