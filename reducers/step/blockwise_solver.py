@@ -61,7 +61,7 @@ class Stepper(StepSolver[Memory]):
     unknown, so that one product shows that all are within. heat: block name -> its rows in a step;
     tested: elastic block -> projected operators. points: number of past states that are
     extrapolated. system: bodies and constraints, for consistent starts; mechanics: the solver of
-    their step, None for a model without motion. rows: sampled rows of each block;
+    their step, None only while the solver is put together. rows: sampled rows of each block;
     elements_touched: block -> elements that a step visits; factorizations: made before the run.
     """
 
@@ -96,7 +96,7 @@ class Stepper(StepSolver[Memory]):
 
     @property
     def mechanics_solver(self) -> LoopMechanics:
-        """The mechanics, which a model with unknowns of motion has."""
+        """The mechanics, which every complete step solver has."""
         assert self.mechanics is not None
         return self.mechanics
 
@@ -134,7 +134,9 @@ class Stepper(StepSolver[Memory]):
         return Stepper(**{**own, "meshless": True, "tested": tested, "dictionaries": bases})
 
     def reduced(self, state: State) -> State:
-        """A full-order state in the unknowns of this model, with consistent rates."""
+        """A full-order state in the unknowns of this model, with rates of temperature,
+        accelerations and multipliers that satisfy its own equations. At full order (no
+        dictionaries) as it is: the model's start is consistent already."""
         reduced = self.projection(state)
         reduced = replace(reduced, v=reduced.v.copy())  # without mesh it is the caller's state
         for name, at in self.heat_groups:
@@ -142,6 +144,7 @@ class Stepper(StepSolver[Memory]):
                 reduced.v[at] = self.heat[name].start_rates(
                     reduced.x[at], reduced.v[at], reduced.t)
         if self.dictionaries:
+            # s, step of the finite differences of constraint Jacobians
             scale = motion_step(self.layout, reduced.v, self.system.h)
             reduced = consistent_start(self.system, self._tested_bodies(), reduced, scale)
         return reduced
@@ -199,12 +202,14 @@ class Stepper(StepSolver[Memory]):
         self, name: str, at: slice | IntArray, now: StepUnknowns, memory: Memory
     ) -> tuple[Status, int, str]:
         """Solution of one thermal block, or of several that are coupled (group `name` of the
-        unknowns `at`), added to `now`; returns status, number of iterations and details."""
+        unknowns `at`), added to the prediction `now`; returns status, number of iterations and
+        details. Full-order groups (`full_heat`) are solved by the Newton loop, reduced ones by
+        their `HeatBlock`."""
         equations = self.full_heat.get(name)
         block = self.heat[name] if equations is None else None
         if block is not None and isinstance(at, slice):
             now.drop_inactive_temperatures(at, block.active)
-        if (block or self.full_heat[name]).elements:
+        if (block or self.full_heat[name]).elements:  # it has local terms, such as radiation
             last = memory.newest[at]
             far = float(np.abs(now.x[at] - last).max()) > 0.1 * float(np.abs(last).max())
             # below 0 K radiation has a second solution: start from the last temperatures instead
@@ -225,8 +230,9 @@ class Stepper(StepSolver[Memory]):
     def _solve_heat_by_loop(
         self, name: str, at: slice | IntArray, now: StepUnknowns, memory: Memory
     ) -> tuple[Status, int, str]:
-        """Solution of the heat of a full-order group by the Newton loop, added to `now`; returns
-        status, number of iterations and details."""
+        """Solution of the heat of a full-order group by the Newton loop, added to the prediction
+        `now`; returns status, number of iterations and details. Departures d (n,) from the free
+        motion are of all unknowns of the model, of which the loop changes those at `at`."""
         equations, loop = self.full_heat[name].working(), self.loop
         assert loop is not None
         kept = memory.heat_kept[name]
@@ -242,15 +248,15 @@ class Stepper(StepSolver[Memory]):
     def _by_exact_jacobian(
         self, failed: StepOutcome, step: StepFormula, memory: Memory
     ) -> StepOutcome:
-        """Solution of the step by Newton's method with the exact Jacobian; the original failure if
-        that fails, too."""
+        """Solution of the step by Newton's method with the exact Jacobian of all unknowns; the
+        original failure `failed` if that fails, too, or if the model has no such method."""
         if self.newton is None:
             return failed
         outcome = self._full_newton(self.newton, step, memory)
         spent = failed.iterations + outcome.iterations
         if not outcome.status.ok:
             return replace(failed, iterations=spent)
-        memory.full_newton_steps_left = STEPS
+        memory.full_newton_steps_left = STEPS  # so many further steps begin with it
         return replace(outcome, iterations=spent)
 
     def _full_newton(
@@ -267,7 +273,9 @@ class Stepper(StepSolver[Memory]):
         self, outcome: StepOutcome, step: StepFormula, memory: Memory
     ) -> StepOutcome:
         """The outcome, stored as a past state of the run; or a failure where values exceed their
-        limits."""
+        limits. Stored are x, its departure d from the step's free motion, which the rates give to
+        more digits where they are known, and the largest magnitudes so far, to which the loops
+        compare changes."""
         bad = self._beyond_limits(outcome.x)
         if bad is None:
             x, rates = outcome.x, outcome.rates
@@ -357,7 +365,7 @@ def stepper(
     elements |= visited or {name: block.elements for name, block in heat.items()}
     elements |= {n: sum(part.term.elements for part in t.local)
                  for n, t in (tested or {}).items() if t.local}
-    # unknowns over their limits; those without one are scaled to be caught when not finite only
+    # 1 / limit of each unknown; those without one are scaled to be caught when not finite only
     sanity = np.full(layout.size, 1e-150)
     for name, limit in (limits or {}).items():
         sanity[layout[name]] = 1.0 / limit

@@ -55,9 +55,10 @@ def consistent_start(
     nr = mechanics.n_rigid
     if not mechanics.bodies:
         return state
-    if not mechanics.size:
+    if not mechanics.size:  # no frame moves freely, and no joint force is unknown
         return _prescribed_start(mechanics, tested, state)
-    # z: rigid accelerations, then multipliers; repeated where friction is not linear in the latter
+    # z: rigid accelerations, then multipliers; repeated where friction is not linear in the latter,
+    # at most AGAIN times, until they change by less than BENT of the largest
     forces, last = np.zeros(mechanics.size), NONE
     for _ in range(AGAIN):
         z, parts, nonlinear = _accelerations(mechanics, tested, state, motion, forces)
@@ -78,8 +79,10 @@ def _accelerations(
     mechanics: Mechanics, tested: Sequence[TestedElastic | None], state: State,
     motion: float, forces: FloatArray,
 ) -> tuple[FloatArray, Sequence[_Body], bool]:
-    """Rigid accelerations and multipliers, by equations that are linear at `forces` (n,), zeros and
-    multipliers; the equations of each body; True if these are not linear up to the result."""
+    """Rigid accelerations and multipliers z (n,), by equations linearised at the multipliers in
+    `forces` (n,), whose leading entries, those of rigid coordinates, are zero; the equations of
+    each body (`_Body`); True if these are not linear up to the result. tested, motion: as in
+    `consistent_start`."""
     nr = mechanics.n_rigid
     parts = [_linear(mechanics, body, t, state, motion, forces)
              for body, t in zip(mechanics.bodies, tested, strict=True)]
@@ -111,7 +114,9 @@ def constraint_errors(
         origin, rate, _ = body.border_motion(state.t)
         y, v = _border(mechanics, body, state.x, origin), _border(mechanics, body, state.v, rate)
         d, w = body.frame.rigid_size, _evaluate(body, t, y, v, c2=0.0, state=state)
-        rows, size = np.zeros((len(y), 2)), np.zeros((len(y), 2))  # of the body's border
+        # of the body's border: y are d rigid coordinates, then joint forces; in the rows from d on
+        # w.border has the derivatives of the constraints by y and, in its last column, their values
+        rows, size = np.zeros((len(y), 2)), np.zeros((len(y), 2))
         rows[d:, 0], rows[d:, 1] = w.border[d:, -1], _moving(body, t, y, v, state)
         of_time = body.frame.time_derivative(1, state.t, mechanics.h)
         if of_time is not None:
@@ -136,7 +141,7 @@ def _prescribed_start(
         if t is not None:
             w, = buffers([body.frame])
             body.frame.drive(*body.border_motion(state.t), state.t, w)
-            rows = _elastic_rows(body, t, w, state)
+            rows = _elastic_rows(body, t, w, state)  # mass a + rows = 0
             a[body.elastic] = -np.linalg.lstsq(t.mass, rows, rcond=None)[0]
     return replace(state, a=a)
 
@@ -148,7 +153,9 @@ def _linear(
     """Linear equations of a body in accelerations and multipliers, with the derivatives by
     multipliers taken at `forces` (n,): rigid rows by two evaluations of the frame, with c2 = 0 (w0)
     and c2 = 1/h^2 (w1), whose difference divided by c2 is the mass; constraint rows (from d on) as
-    their second time derivative."""
+    their second time derivative. Of w0, w1 (`FrameWork`): border (b, b + 1) = [H, rows], tau (b,
+    p), and sigma (b + 1, p), whose last row are the factors of the p directions in the elastic
+    equations and whose others are their derivatives by the border unknowns."""
     origin, rate, _ = body.border_motion(state.t)
     prescribed_forces = body.to_border @ forces
     y, v = _border(mechanics, body, state.x, origin), _border(mechanics, body, state.v, rate)
@@ -178,7 +185,8 @@ def _is_nonlinear(
     forces: FloatArray,
 ) -> bool:
     """True if the forces on the body's frame are not linear in multipliers, up to those in `forces`
-    (n,)."""
+    (n,): the rigid rows there differ by more than BENT from rows + H forces of the body's linear
+    equations p. Rigid rows are the first d."""
     origin, rate, _ = body.border_motion(state.t)
     y, v = (_border(mechanics, body, *of) for of in ((state.x, origin), (state.v, rate)))
     d, prescribed_forces = body.frame.rigid_size, body.to_border @ forces
@@ -213,8 +221,12 @@ def _evaluate(
 def _elastic_rows(
     body: BodyStep, ops: TestedElastic, w: FrameWork, state: State
 ) -> FloatArray:
-    """Tested elastic rows (m,) without the inertia of elastic accelerations, with the factors of
-    the frame in `w` (equation: `TestedElastic`)."""
+    """Tested elastic rows (m,) without the inertia of elastic accelerations, for coefficients c and
+    temperature coefficients cT of the state, with the factors kappa, mu, sigma of the frame in `w`:
+
+        K c + D c' + E sigma + sum_g (kappa_g G_g c + mu_g G_g c') - C_T cT + constant - loads(t)
+        + local terms,    E: `directions`, G_g: `generators`, C_T: `coupling`.
+    """
     c, cv = state.x[body.elastic], state.v[body.elastic]
     kappa, mu = w.coefficients[:-1].reshape(2, -1)
     r = ops.stiffness @ c + ops.damping @ cv + ops.constant + ops.directions @ w.sigma[-1]
@@ -233,7 +245,11 @@ def _curvature(
     state: State, motion: float,
 ) -> FloatArray:
     """Second time derivative of the constraint rows g of the body's attachments at zero
-    accelerations, (d/ds G(y + s v)) v + 2 (dG/dt) v + d2g/dt2 (core/model/constraint_rates.py)."""
+    accelerations, (d/ds G(y + s v)) v + 2 (dG/dt) v + d2g/dt2 (core/model/constraint_rates.py).
+
+    G: Jacobian of g by border unknowns y (b,), with rates v, and displacements; `_moving` is G v.
+    motion: step s of the finite difference along the motion, s.
+    """
     found = derivative_along_motion(lambda s: _moving(body, ops, y + s * v, v, replace(
         state, x=state.x + s * state.v)), motion)
     first, second = (body.frame.time_derivative(n, state.t, mechanics.h) for n in (1, 2))

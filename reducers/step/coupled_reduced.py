@@ -46,9 +46,9 @@ T = TypeVar("T", TestedElastic, TestedHeat)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ProjectedBlock(Generic[T]):
-    """One block on its trial basis and under its test maps. left (k, l): left inverse of the tested
-    operator, left @ (tested operator) = 1, None for rows that stay as they are; forces: test map of
-    all other terms."""
+    """One block on its trial basis of k atoms and under its test maps, with l rows. left (k, l):
+    left inverse of the tested operator of a step, left @ (K + c1 C + c2 M) = 1 (of heat K + c1 C),
+    None for rows that stay as they are; forces: test map of all other terms."""
 
     tested: T
     left: FloatArray | None
@@ -69,7 +69,7 @@ class ProjectedBlock(Generic[T]):
 @dataclass(frozen=True, slots=True, eq=False)
 class ProjectedModel:
     """A model with its blocks projected; without projected blocks a model of rigid bodies. rows:
-    sampled rows of each block."""
+    sampled rows of each block; heat, elastic: projected blocks by name."""
 
     model: AssembledModel
     dictionaries: Mapping[str, Dictionary] = field(default_factory=dict)
@@ -99,7 +99,8 @@ class ProjectedModel:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReducedGeneral(WholeStepper):
-    """Step solver of a reduced model with dense equations for all unknowns together."""
+    """Step solver of a reduced model with dense equations for all unknowns together. Without
+    dictionaries it is one of rigid bodies, whose initial state is consistent already."""
 
     equations: Reduced
 
@@ -130,6 +131,7 @@ def reduced_general(
     coupled, terms = equations.coupled, coupling_terms(model)
     visited = elements(model, [c.term for c in coupled], [t.rows for t in terms])
     count = sum(c.term.elements for c in coupled)
+    # named: name of each coupling term in the scene, "" without one, and the blocks that it couples
     names = ", ".join(sorted({n for n, _ in equations.named if n})) or "a term"
     reports = (information(
         f"{names} couples blocks inside the step: all unknowns are solved together, and each "
@@ -215,7 +217,8 @@ class _TermProjection:
 
     def _trial(self, at: IntArray) -> tuple[Trial, IntArray]:
         """Trial basis of the unknowns `at` (n,) of the full model, atoms (n, k) and offset (n,),
-        and the numbers (k,) of the reduced unknowns; those without a dictionary are their own."""
+        and the numbers (k,) of the reduced unknowns; those without a dictionary are their own.
+        Of each block, `some` are positions in `at` and `local` those in the block."""
         offset = np.zeros(len(at))
         columns, numbers = [np.zeros((len(at), 0))], [np.zeros(0, np.int64)]
         for name, some, local in self._parts(at):
@@ -232,7 +235,8 @@ class _TermProjection:
 
     def _left(self, at: IntArray) -> tuple[FloatArray, IntArray]:
         """Test map (l, n) of the rows `at` (n,) of the full model to reduced rows, and the numbers
-        (l,) of these; rows without a dictionary are their own."""
+        (l,) of these; rows without a dictionary are their own. Of each block, `some` are positions
+        in `at` and `local` those in the block."""
         parts, numbers = [np.zeros((0, len(at)))], [np.zeros(0, np.int64)]
         for name, some, local in self._parts(at):
             map_ = self.force_map(name) if name in self.dictionaries else None
@@ -252,7 +256,9 @@ def with_rates(equations: Reduced, state: State) -> State:
     equations: of least norm where these are not determined (consistent_start.py).
 
     They are linear in these unknowns z, A z + r = 0; constraints enter as their second time
-    derivative. K, C, M (n, n): derivatives of the residual by x, v and a.
+    derivative. K, C, M (n, n): derivatives of the residual by x, v and a. z and the columns of A
+    are in the order of the layout: the slices `second` (accelerations), `first` (rates of
+    temperature) and `algebraic` (changes of multipliers) follow each other.
     """
     layout, t, x, a = equations.layout, state.t, state.x.copy(), np.zeros(len(state.x))
     second, first, algebraic = layout.second, layout.first, layout.algebraic
@@ -267,7 +273,7 @@ def with_rates(equations: Reduced, state: State) -> State:
     A[algebraic, second] = K[algebraic, second]
     r = equations.residual_at(x, v, a, t, equations.prescribed(t))
     r[algebraic] = _curvature(equations, x, v, t)
-    z = -_eliminated(A, r, equations.border)
+    z = -_eliminated(A, r, equations.border)  # border: rigid coordinates and multipliers
     a[second], v[first] = z[second], z[first]
     x[algebraic] += z[algebraic]
     return replace(state, x=x, v=v, a=a)
@@ -275,7 +281,8 @@ def with_rates(equations: Reduced, state: State) -> State:
 
 def _eliminated(A: FloatArray, r: FloatArray, border: IntArray) -> FloatArray:
     """Solution z of A z = r; the coefficients of atoms, which masses and capacities determine, are
-    eliminated first, then rigid coordinates and multipliers are solved for."""
+    eliminated first, then the unknowns numbered `border`, rigid coordinates and multipliers, are
+    solved for, with least norm where they are not determined."""
     inner = np.setdiff1d(np.arange(len(r)), border)
     # Schur complement; the last column belongs to r
     right = np.column_stack([A[np.ix_(inner, border)], r[inner]])
@@ -310,9 +317,9 @@ def _curvature(equations: Reduced, x: FloatArray, v: FloatArray, t: float) -> Fl
     found = derivative_along_motion(lambda s: rate(equations, s, t), motion_step(layout, moving, h))
     once, twice = (equations.time_derivative(n, t) for n in (1, 2))
     found = found + 2.0 * rate(once, 0.0, t) + value(twice, t)
-    for i, f in equations.targets:
+    for i, f in equations.targets:  # position in `border`, prescribed value; g = (...) - f(t)
         found[equations.border[i] - rows.start] -= time_derivatives(f, t, h)[1]
-    if equations.coupled:
+    if equations.coupled:  # their time derivatives: finite differences
         other = equations.terms_alone()
         found = found + derivative_from_right(lambda s: value(other, s), 2, t, h)
         found = found + 2.0 * derivative_from_right(lambda s: rate(other, 0.0, s), 1, t, h)

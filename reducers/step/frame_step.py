@@ -63,8 +63,9 @@ class BodyStep:
         tested: TestedElastic | None, c: FloatArray, cv: FloatArray, ca: FloatArray, t: float,
         work: FrameWork,
     ) -> None:
-        """Evaluates the frame at border unknowns y and rates v, a (b,), for elastic coefficients c
-        (k,) with rates cv, ca. tested: projected elastic operators, None for a rigid body.
+        """Evaluates the frame at border unknowns y (rigid coordinates, then joint forces) and rates
+        v, a (b,), for elastic coefficients c (k,) with rates cv, ca: fills `work`, derivatives for
+        dv = c1 dy, da = c2 dy. tested: projected elastic operators, None for a rigid body.
 
         Of the displacements the frame reads few numbers: P^T (c, c', c''), with P^T = `functional`
         (p, k), and the forms c.Q_g (c, c', c''), with Q_g = `quadratic` (g, k, k)."""
@@ -100,8 +101,9 @@ class BodyStep:
     def _filled(
         self, pose: FloatArray, rate: FloatArray, acceleration: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Prescribed motion (..., n) extended by zeros and the constant part to all b border
-        unknowns."""
+        """Prescribed motion (..., n) extended to all b border unknowns, of which its n rigid
+        coordinates are the first, by zeros; the constant part `origin` (b,) is added to the
+        pose."""
         n, b = pose.shape[-1], len(self.origin)
         if n == b:
             return self.origin + pose, rate, acceleration
@@ -114,8 +116,9 @@ class BodyStep:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PrescribedFactors:
-    """Factors kappa, mu, sigma (T, 2 g + p) of a prescribed frame at times (T,), which do not
-    depend on displacements (core/protocols/body_frame.py)."""
+    """Factors [kappa, mu, sigma] (T, 2 g + p) of a prescribed frame at times (T,), s, which do not
+    depend on displacements u (core/protocols/body_frame.py): kappa, mu (g,) multiply the inertia
+    matrices times u and u', sigma (p,) the directions of loads on u."""
 
     body: BodyStep
 

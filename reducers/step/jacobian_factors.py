@@ -63,8 +63,8 @@ class Inverse:
     """Inverse of a small matrix: one product takes an eighth of the time of two triangular solves.
     Raises RuntimeError where the matrix is singular.
 
-    All three factorizations are of A = diag(rows) J diag(columns), whose largest entries are 1:
-    J^-1 = diag(columns) A^-1 diag(rows).
+    It is computed from A = diag(rows) J diag(columns), whose largest entries are 1, as J^-1 =
+    diag(columns) A^-1 diag(rows).
     """
 
     __slots__ = ("inverse",)
@@ -85,8 +85,8 @@ class Inverse:
 
 
 class Lu:
-    """Dense LU factorization of J with scaled rows and columns. Raises RuntimeError where it is
-    singular."""
+    """Dense LU factorization of A = diag(rows) J diag(columns), whose largest entries are 1, so
+    that J^-1 = diag(columns) A^-1 diag(rows). Raises RuntimeError where J is singular."""
 
     __slots__ = ("columns", "lu", "pivots", "rows")
 
@@ -103,13 +103,15 @@ class Lu:
 
 
 class SparseLu:
-    """LU factorization by SuperLU of a Jacobian with few entries that are not zero. Raises
-    RuntimeError where it is singular or not finite."""
+    """LU factorization by SuperLU of a Jacobian J (n, n), csc, with few entries that are not zero:
+    of A = diag(rows) J diag(columns), whose largest entries are 1, so that J^-1 = diag(columns)
+    A^-1 diag(rows). Raises RuntimeError where J is singular or not finite."""
 
     __slots__ = ("columns", "lu", "rows")
 
     def __init__(self, J: Csr) -> None:
-        # row and column number of each stored entry; J is csc
+        # self.rows, self.columns (n,): scales, 1 / largest entry of each row, then column; rows,
+        # columns: row and column number of each stored entry; J is csc
         rows, entries = J.indices, np.abs(J.data)
         columns = np.repeat(np.arange(J.shape[1]), np.diff(J.indptr))
         largest = np.full(J.shape[0], 1e-300)

@@ -22,14 +22,15 @@ class CopyMemory(Protocol):
 @dataclass(frozen=True, slots=True, eq=False)
 class Coupled:
     """A projected term: `columns` (k,) unknowns that it depends on, `rows` (l,) that it contributes
-    to."""
+    to, all numbered as in the reduced model."""
 
     term: ReducedTerm
     rows: IntArray
     columns: IntArray
 
     def by_copies(self, number: int, memory: CopyMemory) -> "Coupled":
-        """The same, evaluated by local copies in `memory` if the term offers any."""
+        """The same, evaluated by local copies in `memory`, kept there under `number`, if the term
+        offers any: cheaper, and exact near the state at which they are made."""
         return replace(self, term=Relocalised(self.term, number, memory)) if (
             self.term.relocates) else self
 
@@ -60,7 +61,8 @@ class OfAtoms(DelegatingTerm):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Relocalised(DelegatingTerm):
-    """A reduced term evaluated by its local copy, which is renewed where it is no longer exact."""
+    """A reduced term evaluated by its local copy, which is renewed where it is no longer exact.
+    number: key of the copy in `memory.near`; `memory.searches` counts the copies made."""
 
     term: ReducedTerm
     number: int

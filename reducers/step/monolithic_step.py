@@ -119,7 +119,8 @@ class WholeStepper(StepSolver[WholeMemory]):
             past=Past(self.points, state.x, starts), kept=Kept.of(len(starts)))
 
     def solve(self, step: StepFormula, memory: WholeMemory) -> tuple[StepOutcome, WholeMemory]:
-        """A step for all unknowns together, from the extrapolation of past states."""
+        """A step for all unknowns together, from the extrapolation of past states of the order that
+        was best in the last step; d (n,): departure from the free motion of the step."""
         if memory.equations is None:
             memory.equations = self.equations.working(memory)
         equations, past = memory.equations, memory.past
@@ -131,12 +132,14 @@ class WholeStepper(StepSolver[WholeMemory]):
         if ended.status.ok:
             self._remember(ended.d, step, memory)
         outcome = rejected_step(outcome_of(ended, step), equations.checks, step)
+        # limits: block -> largest |coefficient|; its keys are also the blocks to check
         bad = next(beyond_limits(outcome.x, self.layout, self.limits, self.limits), None)
         return (bad if outcome.status.ok and bad else outcome), memory
 
     def _remember(self, d: FloatArray, step: StepFormula, memory: WholeMemory) -> None:
         """Stores an accepted step, and chooses the order of the next extrapolation: that with the
-        least error in this step."""
+        least error in this step, relative to the largest value of each block so far (`top`); blocks
+        of multipliers are not `judged`."""
         past, x, starts = memory.past, step.free + d, self.loop.starts
         self.loop.remember(x, d, step, memory.kept)
         guesses = past.ring.guesses()[:, : past.n]  # (orders, n)
@@ -170,12 +173,14 @@ def rejected_step(
     outcome: StepOutcome, terms: Sequence[Checked], step: StepFormula
 ) -> StepOutcome:
     """The outcome, or status "not converged" where a term rejects it: for example a surface has
-    passed through another one, where no contact force acts."""
+    passed through another one, where no contact force acts. terms: those that check steps, each
+    with the numbers of its unknowns."""
     if not (outcome.status.ok and terms):
         return outcome
     rates = outcome.rates or step.at(outcome.x - step.free)[1:]
     v = rates[0]
     for term, columns in terms:
+        # 1 / c1 is about the size of the step, s
         why = term.check_step(outcome.x[columns], v[columns], step.t, 1.0 / step.c1)
         if why:
             return replace(outcome, status=Status.NOT_CONVERGED, detail=why)
@@ -242,8 +247,9 @@ class WholeNewton:
     def solve(self, step: StepFormula, past: Past, kept: Kept, sizes: Kept) -> StepOutcome:
         """Solution of a step, the first that converges: from the extrapolation of past states with
         the kept Jacobian; from there with a new one in each iteration ("textbook"); from the newest
-        state with a new one in each. Its `iterations` are those of all attempts. sizes: magnitudes
-        of the unknowns so far."""
+        state with a new one in each. Its `iterations` are those of all attempts. kept: Jacobian of
+        this method, and largest magnitude of each block (`top`) and of its highest rates (`rate`)
+        so far, (blocks,), to which changes are relative; sizes: the same of the cheaper method."""
         if not len(kept.top):  # first step of the run that needs this
             kept.top, kept.rate = (np.zeros(len(past.starts)) for _ in range(2))
         before = self.loop.largest(np.abs(past.ring.rows[:, : past.n]).max(axis=0))

@@ -209,7 +209,8 @@ class Ended(NamedTuple):
 
 
 class _Iterate:
-    """Departure d (n,) with its residual r, and after `_newton_change` its Newton change dx (n,).
+    """Departure d (n,) with its residual r, and after `_newton_change` its Newton change dx (n,):
+    the next iterate is d - dx.
 
     absolute (blocks,): largest magnitude of the change in each block; relative (blocks,): that
     relative to the size of each block; change: the largest of these; share: step length, relative
@@ -253,8 +254,10 @@ class Loop:
     def solve(
         self, eq: StepEquations, step: StepFormula, d: FloatArray, kept: Kept, newest: FloatArray
     ) -> Ended:
-        """Solves a step from the guess d (n,) of its departure, or from the last state `newest`
-        where the equations cannot be evaluated there."""
+        """Solves a step from the guess d (n,) of its departure from the free motion, or from the
+        last state `newest` where the equations cannot be evaluated there. kept: Jacobian from
+        earlier steps, changed in place; eq.price: cost of a new one in iterations, 1 for a new one
+        in each step, 0 for one in each iteration."""
         if not len(self.names):
             return Ended(d, Status.DONE, 1)
         if (solved := eq.solution(d)) is not None:
@@ -380,7 +383,9 @@ class _StepIteration:
 
     def _next(self, at: _Iterate) -> _Iterate | None:
         """Next iterate with its own change: after a full step, or after a line search where full
-        steps do not converge; None where no step length decreases the residual."""
+        steps do not converge; None where no step length decreases the residual, or a Jacobian that
+        neglects terms (not `exact`) does not converge. stall: iterations since the smallest change
+        was last halved; cycles: True if the iteration goes back and forth."""
         if self.stall > PATIENCE and not self.eq.exact:
             return None
         wanders = self.iterations > 2 * PATIENCE and at.change > WANDERING
@@ -396,13 +401,15 @@ class _StepIteration:
 
     def _proved_error(self, at: _Iterate) -> float:
         """Bound |change| q / (1 - q) of the error after a change, relative to the size of each
-        block (fixed-point theorem of Banach); inf where no contraction q is proved."""
+        block (`size`; fixed-point theorem of Banach); inf where no contraction q (`bound`) is
+        proved or q >= TRUSTED. dx (n,): the change itself."""
         if self.kept.point is not self.point and self.kept.point is not None:  # a new Jacobian
             self.point, self.bound = self.kept.point, self.eq.contraction(self.kept.point)
         q = self.bound
         if not 0.0 < q < TRUSTED:
             return 0.0 if q == 0.0 else inf
-        if q / (1.0 - q) * at.change > self.loop.tol.remaining:  # norms are larger still
+        # at.change has the largest entries of blocks; their Euclidean norms are larger still
+        if q / (1.0 - q) * at.change > self.loop.tol.remaining:
             return inf
         norms = np.sqrt(np.add.reduceat(at.dx * at.dx, self.loop.starts))
         return q / (1.0 - q) * float((norms / self.size).max())
@@ -418,8 +425,10 @@ class _StepIteration:
         return self.eq.price == 0 or point is None or point.c != self.c
 
     def _newton_change(self, at: _Iterate, renew: bool) -> None:
-        """Newton change J^-1 r of an iterate, and its size in each block, stored in `at`; renew:
-        True for its own Jacobian, False for the kept one."""
+        """Newton change dx = J^-1 r of an iterate and its size in each block, absolute and relative
+        to `size` (blocks,), stored in `at`, with the largest relative one as `change`, inf if it is
+        no number. renew: True for its own Jacobian, False for the kept one. kept.top, rate
+        (blocks,): largest value of each block so far, and of its highest rates."""
         kept = self.kept
         if renew:
             kept.point = Linearisation(*self.step.at(at.d), self.step.t, self.c)
@@ -498,7 +507,9 @@ class _StepIteration:
                 self.cycles, self.stall = True, PATIENCE + 1
 
     def _line_search(self, at: _Iterate) -> _Iterate | None:
-        """Line search: an iterate along the change with a smaller residual, with its own change."""
+        """Line search: an iterate along the change with a smaller residual, with its own change;
+        None where there is none down to the step length SHORTEST. `_merit`: largest entry of a
+        residual relative to the scale of its row."""
         if not at.fresh:
             self._newton_change(at, renew=True)
         if self.scale is None:  # one for the whole step: under two, each way may seem to descend

@@ -22,7 +22,8 @@ def _weights(points: int, order: int, newest: int) -> FloatArray:
 
 
 class Ring:
-    """Ring buffer of the last `points` states as rows (points, n), for extrapolation."""
+    """Ring buffer of the last `points` states as rows (points, n), for extrapolation. newest: row
+    of the last state; filled: number of states in it."""
 
     def __init__(self, points: int, x: FloatArray) -> None:
         self.rows = np.zeros((points, len(x)))

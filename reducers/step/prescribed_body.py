@@ -34,7 +34,7 @@ SMALL = 0.5
 @dataclass(frozen=True, slots=True, eq=False)
 class RowsInTime:
     """Functions of time of the rows `tested`: [kappa, mu, base] (T, 2 g + k), with `drive` for
-    [kappa, mu, sigma]."""
+    [kappa, mu, sigma] (T, 2 g + p), and base = directions sigma + constant - loads(t)."""
 
     tested: TestedElastic
     drive: TimeTable
@@ -62,6 +62,9 @@ class PrescribedBody:
         self, step: BodyStep, tested: TestedElastic, drive: TimeTable, rows: slice,
         table: TimeTable | None = None,
     ) -> None:
+        """step: the body, with the range of its displacements; tested: its operators times the left
+        inverse of its own; drive: [kappa, mu, sigma] (T, 2 g + p); rows: range of its rows in the
+        model; table: [kappa, mu, base] (T, 2 g + k), if it is known already."""
         self.step, self.at, self.rows = step, step.elastic, rows
         self.generators, k = tested.generators, tested.mass.shape[1]
         self.G = np.ascontiguousarray(tested.generators.transpose(0, 2, 1))
@@ -89,8 +92,9 @@ class PrescribedBody:
         return self.table.at(t)[2 * len(self.G) :]
 
     def begin(self, step: StepFormula, d: FloatArray, r: FloatArray) -> None:
-        """Takes over the constants of a step; adds the terms of time, and the rotation at the
-        departure d (n,), to r."""
+        """Takes over the constants of a step; adds the terms of time alone, and the rotation at the
+        first guess d (n,) of the departure, to r. The rotation is sum_g G_g (kappa_g u + mu_g u'),
+        with u = free + d and u' = free_rate + c1 d."""
         g, at, table = len(self.G), self.at, self.table.at(step.t)  # [kappa, mu, base]
         r[self.rows] += table[2 * g :]
         factors = table[: 2 * g].reshape(2, g)
@@ -131,7 +135,9 @@ class PrescribedBody:
 
     def contraction(self, point: Linearisation, sizes: FloatArray | None = None) -> float:
         """Proved upper bound, in the Euclidean norm, of the ratio of two changes of this step with
-        the Jacobian at a point: |J^-1| |J - dF/dd|; inf where none is known. sizes: of the matrices
+        the Jacobian at a point: |J^-1| |J - dF/dd|; inf where none is known. J = 1 + sum_g w_g G_g
+        in the leading modes, with the weights w there (`before`), dF/dd with those of this step in
+        all modes. sizes (g, 2): norms of the leading part of each matrix and of its rest, of those
         with which the iteration is made, if not G_g."""
         sizes = self.sizes if sizes is None else sizes
         if point is not self.point:

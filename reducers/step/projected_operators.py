@@ -88,7 +88,8 @@ class TestedLocal:
         cls, local: ElasticLocal, atoms: Dictionary, heat: Dictionary | None, test: TestMap
     ) -> "TestedLocal":
         """Projection of a local term of a block with n unknowns and k atoms; heat: dictionary of
-        the temperatures that it depends on, with kt atoms; None where there are none."""
+        the temperatures that it depends on, with kt atoms; None where there are none. local.hot:
+        True for the term's columns that are temperatures."""
         n, elastic, thermal = len(atoms.offset), ~local.hot, local.hot
         k = atoms.atoms.shape[1]
         kt = 0 if heat is None else heat.atoms.shape[1]
@@ -210,7 +211,8 @@ class TestedElastic:
                        damping=d if alone else self.damping)
 
     def through(self, test: TestMap) -> "TestedElastic":
-        """These operators with a further test map of their m rows."""
+        """These operators with a further test map of their m rows. `functional` and `quadratic`,
+        which frames read, have no rows and stay."""
         if test.identity:
             return self
         m, k = self.mass.shape

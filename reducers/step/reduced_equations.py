@@ -92,7 +92,8 @@ class ConstantOperator(NamedTuple):
 class BorderBlocks(NamedTuple):
     """Derivatives for one body: `corner` (m, m) of its m rigid and constraint rows (`rows`) by its
     m rigid unknowns and joint forces, numbered `at`, `column` (l, m) of its elastic rows
-    by these, `row` (m, k) of the former by its displacements; turning (g,) = kappa + c1 mu."""
+    by these, `row` (m, k) of the former by its displacements; turning (g,) = kappa + c1 mu: factors
+    of its inertia matrices in the derivative of elastic rows by displacements."""
 
     body: ReducedBody
     rows: IntArray
@@ -118,6 +119,11 @@ class Stack:
     def __init__(
         self, bodies: Sequence[ReducedBody], rows: Sequence[slice], n: int, height: int, first: int
     ) -> None:
+        """rows: range of each body's elastic rows in the model; n, height: number of unknowns and
+        of rows of the model, which are also the numbers with which `at` and `rows` are filled up;
+        first: position of the stack's border unknowns among those of all stacks. A frame with fewer
+        than b border unknowns uses the last of b, a body with fewer displacements or directions the
+        first."""
         self.bodies, frames, B = bodies, [body.step.frame for body in bodies], len(bodies)
         sizes = [0 if body.tested is None else body.tested.mass.shape[1] for body in bodies]
         k, b = max(sizes), max(f.border for f in frames)
@@ -146,7 +152,8 @@ class Stack:
         self.reset()
 
     def reset(self) -> None:
-        """New working arrays of the frames, which are views of arrays of all bodies."""
+        """New working arrays of the frames (`FrameWork`), views of the arrays of all bodies made
+        here, which have the same names (`H` is its `border`) and the body as their first index."""
         B, b, p, g = len(self.bodies), self.b, self.p, self.g
         self.sigma, self.tau = np.zeros((B, b + 1, p)), np.zeros((B, b, p))
         self.H, self.coefficients = np.zeros((B, b, b + 1)), np.zeros((B, 2 * g + 1))
@@ -171,7 +178,9 @@ class Stack:
         self, X: FloatArray, Y: FloatArray, t: float, rates: tuple[float, float] | None
     ) -> None:
         """Evaluates the frames for unknowns with rates X (3, n + 1) and border unknowns Y (3, B b)
-        of all stacks at t, s; with derivatives for dv = c1 dx, da = c2 dx if c1, c2 are given."""
+        of all stacks at t, s; with derivatives for dv = c1 dx, da = c2 dx if `rates` (c1, c2) are
+        given. o: first of the b border unknowns that a frame uses; sizes: numbers of displacements.
+        """
         B, b, g, k = len(self.bodies), self.b, self.g, self.k
         c1, c2 = rates or (0.0, 0.0)
         Y = Y[:, self.span].reshape(3, B, b) + self.origin
@@ -210,8 +219,10 @@ class Stack:
     def blocks(
         self, i: int, T: FloatArray, rows: IntArray, at: IntArray, c1: float, c2: float
     ) -> BorderBlocks:
-        """Derivatives for body i after `evaluate`; T (b, m): map of its m rigid unknowns, numbered
-        `at`, to its border unknowns, whose equations are numbered `rows`."""
+        """Derivatives for body i after `evaluate`; T (b, m): map of its m rigid unknowns and joint
+        forces, numbered `at`, to its border unknowns, whose equations are numbered `rows`. c1, c2:
+        dv = c1 dx, da = c2 dx. products[i] (3, g, k) = Q_g (u, u', u''), rotation_products[i] (2 g,
+        l) = G_g u, then G_g u'."""
         body, w, g, s = self.bodies[i], self.work[i], self.g, self.sizes[i]
         corner = T.T @ w.border[:, :-1] @ T
         if not s:
@@ -221,7 +232,7 @@ class Stack:
         # elastic rows by border unknowns: E sigma + sum_g kappa_g G_g u + mu_g G_g u'
         rates = np.hstack((self.kappa_y[i, o:], self.mu_y[i, o:])) @ self.rotation_products[i]
         column = (self.sigma[i, o:-1] @ self.E[i] + rates)[:, : self.heights[i]].T @ T
-        # derivative of u.Q u by u: both factors depend on it
+        # derivatives of u.Q u, u.Q u', u.Q u'' by u: Q u, ... plus 1, c1, c2 times Q^T u
         back = (self.Q[i].reshape(k * g, k) @ self.u[i]).reshape(k, g).T
         forms = self.products[i] + np.array([1.0, c1, c2])[:, None, None] * back
         row = self.tau[i, o:] @ self.P[i].T + (
@@ -258,6 +269,12 @@ class Reduced(WholeEquations):
         h: float, named: Sequence[tuple[str, frozenset[str]]] = (), heat_first: bool = False,
         rows: Layout | None = None, tables: Sequence[TimeTable | None] = (),
     ) -> None:
+        """heat, bodies: projected rows of the blocks; coupled: terms that are not linear in one
+        body, or act between bodies; targets: (position in `border`, prescribed value) of
+        constraints; border: positions of rigid unknowns, then joint forces; h: step size, s; named:
+        name of a coupling term, and its blocks; heat_first: temperatures are known when a step
+        begins; rows: layout of the rows, None if each unknown has its own; tables: rows in time of
+        prescribed bodies (`PrescribedBody`), if they are known."""
         self.layout, self.heat, self.bodies, self.coupled = layout, heat, bodies, coupled
         self.targets, self.border, self.h, self.named = targets, border, h, named
         self.heat_first, n, first = heat_first, layout.size, layout.first
@@ -299,7 +316,7 @@ class Reduced(WholeEquations):
     def _stacks(self, bodies: Sequence[ReducedBody]) -> list[Stack]:
         """Bodies of similar size together."""
         groups: dict[int, list[ReducedBody]] = {}
-        for body in bodies:
+        for body in bodies:  # k displacements: up to TOGETHER, else by powers of two
             k = 0 if body.tested is None else body.tested.mass.shape[1]
             groups.setdefault(0 if k <= TOGETHER else k.bit_length(), []).append(body)
         stacks: list[Stack] = []
@@ -311,7 +328,8 @@ class Reduced(WholeEquations):
 
     def _constants(self) -> tuple[list[ConstantOperator], list[ConstantOperator]]:
         """Constant operators of displacements and temperatures, and those by which temperatures
-        act on displacements."""
+        act on displacements, all with their signs on the left-hand side; 0, 1, 2: of the unknowns,
+        their rates, their second rates."""
         own, thermal = [], []
         for h in self.heat:
             rows = self.row(h.at)
@@ -351,7 +369,7 @@ class Reduced(WholeEquations):
             f = np.zeros(n)
             for h in self.heat:
                 f[h.at] = plus_loads(h.tested.constant, h.tested, t)
-            for b in self.prescribed_bodies:
+            for b in self.prescribed_bodies:  # their base is on the left-hand side
                 f[b.rows] = -b.base(t)
             return f
 
@@ -381,7 +399,7 @@ class Reduced(WholeEquations):
             for i, body in enumerate(stack.bodies):
                 # at the end of its b columns; the others stay zero
                 end = stack.span.start + (i + 1) * stack.b
-                own = body.step.to_border
+                own = body.step.to_border  # (its border unknowns, N)
                 T[:, end - len(own) : end] = own.T
                 some = np.any(own != 0.0, axis=0)
                 used.append((
@@ -476,7 +494,9 @@ class Reduced(WholeEquations):
 
         Sets `base` (n + 1,), the residual without what each iteration adds to it, and X0, R of the
         unknowns with their rates, X = X0 + R d (3, n + 1). The last entries are no unknowns: the
-        numbers with which stacks are filled up point there.
+        numbers with which stacks are filled up point there. of_motion, of_inactive: constant
+        operators to be multiplied by the free motion, and masses, for inactive unknowns alone,
+        because second rates of the free motion are zero.
         """
         n, base, first = self.layout.size, np.zeros(self.rows.size + 1), self.layout.first
         self.step, inactive = step, self.inactive
@@ -506,7 +526,9 @@ class Reduced(WholeEquations):
         self.base = base
 
     def residual(self, d: FloatArray, slope: bool = False) -> FloatArray:
-        """Residual (n,) at the departure d (n,)."""
+        """Residual (n,) at the departure d (n,): base + d + rotation of prescribed frames +
+        temperature coupling + frames + terms. base: what `begin` has computed; identity: rows with
+        a term d; slope: True if frames are to give their derivatives, too."""
         r = self.base.copy()
         if not self.sampled:
             r[self.identity] += d[self.identity]
@@ -537,6 +559,7 @@ class Reduced(WholeEquations):
     ) -> FloatArray:
         """r (n + 1,) plus the rows of frames and terms at X (3, n + 1); the last is dropped."""
         self._evaluate(X, t, rates)
+        # rigid and constraint rows of each body; T (N, B b), or its transpose if it is sparse
         rows = [stack.H[:, :, -1].ravel() for stack in self.stacks]
         if len(self.border) and rows:
             r[self.border_rows] += self.T.T.dot(np.concatenate(rows)) if issparse(self.T) else (
@@ -559,7 +582,7 @@ class Reduced(WholeEquations):
 
     def jacobian(self, at: Linearisation) -> FloatArray:
         """Exact Jacobian of the unknowns `solved`; that of all others is the identity."""
-        if self.linear:
+        if self.linear:  # one block per body, of its leading modes; at.c = (c1, ...)
             c1, J, rows = at.c[0], np.eye(len(np.arange(self.layout.size)[self.solved])), 0
             for b in self.prescribed_bodies:
                 some = slice(rows, rows := rows + b.leading)
@@ -637,6 +660,7 @@ class Reduced(WholeEquations):
         # the factors are equal within each kind of unknowns; k1_first: c1 of temperatures
         k1_first, k1, k2 = (float(c.max(initial=0.0)) for c in (
             c1[layout.first], c1[layout.second], c2[layout.second]))
+        # of: 0, 1, 2 for operators of the unknowns, their rates, their second rates
         for rows, columns, of, A in (*self.constants, *self.thermal):
             first = columns.start >= layout.first.start and columns.stop <= layout.first.stop
             factor = (1.0, k1_first if first else k1, k2)[of]
@@ -711,7 +735,8 @@ def _all_inside(at: IntArray, span: slice) -> bool:
 def _merged(constants: Sequence[ConstantOperator], atoms: slice) -> list[ConstantOperator]:
     """Products with unknowns and rates of the free motion, whose second rates are zero: one vector
     each where all operators are diagonal (modal coordinates), one matrix each for few coefficients,
-    otherwise those of the blocks."""
+    otherwise those of the blocks. atoms: range of all coefficients; `carried` returns a diagonal
+    matrix as its diagonal."""
     n, found = atoms.stop - atoms.start, []
     for of in (0, 1):
         parts = [(c, carried(c.A)) for c in constants if c.of == of and c.A.any()]

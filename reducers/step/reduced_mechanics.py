@@ -61,7 +61,8 @@ class StepUnknowns:
 @dataclass(frozen=True, slots=True, eq=False)
 class Mechanics:
     """Bodies and constraints of the mechanics of a step. n_rigid: number of rigid coordinates;
-    algebraic: range of the multipliers; targets: prescribed values of the constraints; h: step, s.
+    algebraic: range of the multipliers; targets: (position among rigid coordinates and multipliers,
+    prescribed value as a function of time) of the constraints; h: step, s.
     """
 
     bodies: tuple[BodyStep, ...]
@@ -93,7 +94,8 @@ class LoopMechanics:
         self, step: StepFormula, now: StepUnknowns, memory: Memory
     ) -> tuple[Status, int, str, str]:
         """Solves a step in place from the prediction `now`; returns status, number of iterations,
-        block of a failure, and details."""
+        block of a failure, and details. memory.kept: Jacobian and magnitudes that the loop keeps
+        over steps; its factorizations are counted in `memory`."""
         equations = memory.work.of(self.equations)
         equations.begin(step, now.d)
         ended = self.loop.solve(equations, step, now.d, memory.kept, memory.newest)
@@ -108,7 +110,8 @@ class LoopMechanics:
 
 
 class ReducedMechanics(LoopMechanics):
-    """Mechanics of a reduced model. whole: equations of the whole step."""
+    """Mechanics of a reduced model. whole: equations of the whole step, from which those of the
+    mechanics alone are made. parts, of_parts: for storage in a file."""
 
     equations: Reduced
 

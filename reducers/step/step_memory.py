@@ -12,7 +12,7 @@ from sparsemor.reducers.step.thermal_block import HeatJacobian
 @dataclass(eq=False, kw_only=True)
 class RunMemory(StepMemory):
     """State between steps common to all step solvers: past states with their departures from the
-    free motion (predictor.py), counters, and active atoms of blocks.
+    free motion (predictor.py), counters, and `supports`, block -> mask (k,) of its active atoms.
 
     It is stored as plain data (core/results/checkpoint.py) without working arrays and whatever can
     be recomputed: `__getstate__` leaves these out.
@@ -37,7 +37,7 @@ class RunMemory(StepMemory):
 
     def rows_changed(self, fresh: bool) -> None:
         """Another set of sampled rows is in use from the next step on; fresh: True if the previous
-        set is never used again."""
+        set is never used again. Does nothing here."""
 
     @property
     def newest(self) -> FloatArray:

@@ -76,6 +76,9 @@ def shortened(
 
 
 class HeatBlock(Protocol):
+    """Temperatures of a block, or of several that are coupled, in a step. active: numbers of the
+    active atoms, None for all."""
+
     @property
     def active(self) -> IntArray | None: ...
     @property
@@ -133,8 +136,9 @@ class CompressedHeat:
         cls, b: TestedHeat, left: FloatArray, support: IntArray | None, c1: float,
         local: Sequence[ReducedTerm] = (),
     ) -> "CompressedHeat":
-        """Reduced block from the tested operators; left (s, m): left inverse of the tested B on the
-        support, left @ B_S = 1; local terms include the factor `left` already."""
+        """Reduced block from the tested operators b (m rows); left (s, m): left inverse of the
+        tested B = c1 C + K on the active atoms `support` (None: all), left @ B_S = 1; local terms
+        include the factor `left` already. `carried` stores a diagonal matrix as its diagonal."""
         loads = LoadsInTime(
             left @ b.constant, left @ b.loads, tuple(b.amplitudes),
             tabulated(b.tables, left, support is None))
@@ -172,8 +176,9 @@ class CompressedHeat:
         self, T: FloatArray, rate: FloatArray, bend: FloatArray, t: float, c2: float,
         kept: HeatJacobian | None = None,
     ) -> HeatOutcome:
-        """Increment of the active temperatures of a step: of linear blocks by their compressed
-        operators, else by iteration of the local terms."""
+        """Increment (s,) of the active temperatures of a step from the prediction T (k,) with its
+        rate and second difference `bend`: of linear blocks by_rate T' + by_value T + prescribed(t),
+        else by iteration of the local terms. kept: Jacobian of an earlier step."""
         if self.by_active_columns is None:
             base = times(self.by_rate, rate)
             base += times(self.by_value, T)
@@ -201,7 +206,8 @@ class CompressedHeat:
         at: FloatArray | None = None,
     ) -> tuple[FloatArray, HeatJacobian]:
         """Local terms (s,) at T with its rate and second difference `bend`, (k,) each, and the
-        factorized Jacobian there; at: [T, T', T'', t], if it is known as one array."""
+        factorized Jacobian there, 1 + their derivative for dT' = c1 dT, (s, s); at: [T, T', T'',
+        t], if it is known as one array."""
         n, r, J = len(T), np.zeros(len(self.by_rate)), self.identity
         zero, c1 = np.zeros(n), np.full(n, self.c1)
         for term in self.local:

@@ -50,7 +50,7 @@ def couplings_of(model: AssembledModel, names: Mapping[str, int]) -> list[HeatCo
 @dataclass(frozen=True, slots=True, eq=False)
 class GroupLocal(ReducedTerm):
     """A projected local term of one member of the group: `at` range of its unknowns in the group;
-    left (K, s): map of its rows to rows of the group."""
+    left (K, s): map of its s rows to all K rows of the group."""
 
     term: ReducedTerm
     at: slice
@@ -92,8 +92,15 @@ def compressed_group(
     force_maps: block -> (k, n), left inverse of its operator times the test map of forces. Raises
     SolveFailed where the coupled matrix is singular.
 
-    Of the equation above, times the left inverses: J = 1 + A + c1 B (K, K) with the couplings A, B
-    of all K atoms; fixed (K,): A times the offsets of the dictionaries.
+    Rows of the group, times the left inverse of each block's operator, for increments d from the
+    predictions T, T' (`by_rate`, `by_value`, `loads` those of the single blocks):
+
+        J d = (by_rate - B) T' + (by_value - A) T + loads(t) - fixed - local terms,
+        J = 1 + A + c1 B,
+
+    A, B (K, K): couplings A T + B T' of all K atoms, on the left-hand side; fixed (K,): A times the
+    offsets of the dictionaries. The result has these rows times J^-1. `carried` stores a diagonal
+    matrix as its diagonal, `dense` makes it a matrix again. Tolerances are equal in all blocks.
     """
     names = {b.thermal: i for i, b in enumerate(members)}
     at = starts_of([b.by_rate.shape[0] for b in blocks])  # range of each block in the group
@@ -132,7 +139,8 @@ def heat_groups(
     dictionaries: Mapping[str, Dictionary], force_maps: Mapping[str, FloatArray], c1: float,
 ) -> dict[str, CompressedHeat]:
     """Group name -> reduced thermal block; blocks that are coupled by conduction form one group,
-    solved together. A block without coupling may be absent from `blocks`, and is then left out."""
+    solved together. A block without coupling may be absent from `blocks`, and is then left out.
+    force_maps, c1: as in `compressed_group`."""
     found = {}
     for members in model.separated.heat_groups:
         if len(members) > 1:

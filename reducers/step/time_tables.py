@@ -41,7 +41,8 @@ class TimeTable:
         cls, source: Source, times: FloatArray,
         single: Callable[[float], FloatArray] | None = None,
     ) -> "TimeTable":
-        """Table of `source` at the times (T,), s."""
+        """Table of `source` at the times (T,), s; without values where there are no times, or where
+        the source read a held function, an input that may change from step to step."""
         if not len(times):
             return cls(source, single=single)
         near = NEAR * float(np.diff(times).min()) if len(times) > 1 else 0.0
@@ -58,7 +59,8 @@ class TimeTable:
         return cls.of(*parts)
 
     def at(self, t: float) -> FloatArray:
-        """Values (m,) at time t, s."""
+        """Values (m,) at time t, s: a row of the table, the last value computed, or a new one,
+        which is kept unless it depends on a held function."""
         if self.rows is not None:
             i = bisect_left(self.times, t - self.near)
             if i < len(self.times) and self.times[i] - t <= self.near:
