@@ -21,7 +21,9 @@ class Bdf1(Integrator):
         return 1
 
     def rules(self, h: float) -> UpdateRules:
-        """Update rules in x, v, a of a step of size h, s."""
+        """Update rules of a step of size h, s, for second-order unknowns, then first-order ones:
+        [x, v, a] at the new time = (first array) q + (second array) [x0, v0, a0], with q the new
+        acceleration, or the new rate v of first-order unknowns."""
         return UpdateRules(
             UpdateRule(np.array([h * h, h, 1.0]), np.array([[1.0, h, 0], [0, 1, 0], [0, 0, 0]])),
             UpdateRule(np.array([h, 1.0, 0.0]), np.array([[1.0, 0, 0], [0, 0, 0], [0, 0, 0]])))

@@ -42,7 +42,9 @@ class Bdf2(Integrator):
         """Update rules in x, v, a and the two columns of the memory, of a step of size h, s.
 
         A vector (5,) below holds the factors of the old [x0, v0, a0, m0, m1] in a value, a number
-        with d (dx, dv, da) the factor of the new highest rate q.
+        with d (dx, dv, da) the factor of the new highest rate q (acceleration, or rate of
+        first-order unknowns). x_, v_: values one step before x0, v0; memory m0 = x_ - (x0 - h v0 +
+        h^2/2 a0), m1 = v_ - (v0 - h a0).
         """
         x0, v0, a0, m0, m1 = np.eye(5)
         backward = h * (v0 - 0.5 * h * a0) - m0  # x0 - x_

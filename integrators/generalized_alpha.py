@@ -64,8 +64,10 @@ class GeneralizedAlpha(Integrator):
     def rules(self, h: float) -> UpdateRules:
         """Update rules in x, v, a and the memory, of a step of size h, s.
 
-        x, v, a, b (4,): factors of the old values in each; the first array of an `UpdateRule` holds
-        those of the new highest rate: acceleration, or rate of first-order unknowns.
+        [x, v, a, b] at the new time = (first array) q + (second array) [x, v, a, b] at the old one,
+        with q the new acceleration, or the new rate of first-order unknowns; b: the memory. x, v,
+        a, b (4,) below: factors of the old values in each; am, af, gamma, beta: parameters of the
+        method that belong to `rho_inf`.
         """
         am, af, gamma, beta = self._second()
         x, v, a, b = np.eye(4)

@@ -51,8 +51,9 @@ def error_at_states(
     most: int = STATES,
 ) -> StateError | None:
     """Error of a block, a function of its states (n, M), at `most` training snapshots, or estimates
-    of the states where there was no training; cached as `kind`, by what it `depends` on. None
-    without states, or where it is undefined for these (cached as an empty array)."""
+    of the states where there was no training, fewer of large blocks; cached as `kind`, by what it
+    `depends` on. None without states, for snapshots that the caller supplied (no `recording`), or
+    where it is undefined for the states (cached as an empty array)."""
     if offline.recording is None:
         return None
     end = max(offline.recording.end, step.h)

@@ -51,6 +51,7 @@ def trial_bases(
     found, limits, fitted = {}, {}, fitted_bases(model, reducer)
     for name, basis in fitted.bases.items():
         try:
+            # top: largest coefficient of the snapshots, 0 without any
             found[name], top = offline.dictionary(name, basis, step)
         except InputError as error:
             raise InputError(f"{name}: {error}", "reducer.basis") from None

@@ -110,7 +110,7 @@ class Auto(ReducedStepOptions):
         search = Search(self, problem)
         least = search.learned()
         counts = search.sized(search.largest(problem), least)
-        if search.tau:
+        if search.tau:  # ECSW is chosen; `last`: step solver and states of its trial run
             last_trial = search.last
             why = "it is singular" if not last_trial else unstable(
                 search.options("ecsw", counts), *last_trial)
@@ -142,15 +142,15 @@ class Search:
         self.auto, self.problem = auto, problem
         self.ref = TrainingReference.of(problem, auto.learning)
         self.trials: list[TrialRun] = []
-        self.last: tuple[StepSolver, Sequence[State]] | None = None
-        self.heat: dict[str, str] = {}
-        self.moving: list[str] = []
-        self.sources: dict[str, Source] = {}
-        self.tau = 0.0
-        self.rejected = ""
-        self.projection_errors: Mapping[str, FloatArray] = {}
-        self.lead: dict[str, int] = {}
-        self.targets: dict[str, float] = {}
+        self.last: tuple[StepSolver, Sequence[State]] | None = None  # of the last trial run
+        self.heat: dict[str, str] = {}  # elastic block -> thermal block of its body
+        self.moving: list[str] = []  # blocks over which loads move
+        self.sources: dict[str, Source] = {}  # block -> options of its basis by number of atoms
+        self.tau = 0.0  # tolerance of ECSW weights, 0 for Galerkin projection
+        self.rejected = ""  # why ECSW was
+        self.projection_errors: Mapping[str, FloatArray] = {}  # (k + 1,) by number of atoms
+        self.lead: dict[str, int] = {}  # atoms that a basis has beyond its option `count`
+        self.targets: dict[str, float] = {}  # largest projection errors allowed
         for name in problem.model.reducible():
             data = problem.model.block_data(name)
             if data.heat is not None:
@@ -236,7 +236,7 @@ class Search:
             if more == counts or attempt + 1 == ATTEMPTS:
                 break
             counts = more
-        if not said:
+        if not said:  # atoms beyond the option `count` of a basis
             self.lead = {n: max(0, k - self.auto.most) for n, k in total.items()}
         return counts
 
@@ -258,7 +258,8 @@ class Search:
         self, counts: Mapping[str, int], total: Mapping[str, int], trial: TrialRun, aim: float
     ) -> dict[str, int]:
         """Numbers of atoms after a trial run: more in blocks that are not accurate enough, and in
-        the temperatures that act on them. aim: share of its limit to which an error shall fall."""
+        the temperatures that act on them. aim: share of its limit to which an error shall fall;
+        the targets, largest projection errors allowed, are lowered by as much."""
         # factors: block -> factor of its target
         share, factors = HELD_OUT if trial.holdout else SAFE, dict[str, float]()
         limit = share * self.auto.tolerance
@@ -301,8 +302,9 @@ class Search:
         self, whole: Projection, counts: dict[str, int], total: Mapping[str, int], said: str
     ) -> dict[str, int]:
         """Numbers of atoms with which ECSW meets the tolerance, from `counts` up to `total`; said:
-        see `sized`. Each attempt trains weights of its own; where the first part of the training
-        run has been tried, the whole is tried once."""
+        what the bases have learned, "" for the whole training run. Each attempt trains weights of
+        its own, to the tolerance `tau`; where the first part of the training run has been tried,
+        the whole is tried once."""
         if self.tau and not said:
             self._trial_run(
                 self._ecsw_model(whole, counts, part=False), f"ecsw, tau {self.tau:.1g}", said="")
@@ -354,7 +356,7 @@ class Search:
         if self.moving:
             reasons.append(f"loads move over {', '.join(self.moving)}: atoms of the load tables, "
                            "which need no training")
-        for name, fall in self.projection_errors.items():
+        for name, fall in self.projection_errors.items():  # fall: error by number of atoms, 0 first
             k = counts[name]
             ten = np.flatnonzero(fall[k:] <= 0.1 * fall[k])  # further atoms for a tenth of it
             if name not in self.ref.constant:

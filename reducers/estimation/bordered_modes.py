@@ -51,7 +51,9 @@ class BorderedModes:
         """The Jacobian at unknowns x with rates v and a (n,) at t, s, with dv = c1 dx, da = c2 dx
         (temperatures: c1_first). spaces: block -> the modes in which its equations are written.
         Raises RuntimeError where it is singular."""
-        # S (N, N): Schur complement of the modes in the border; number: unknown -> number in it
+        # S (N, N): Schur complement of the modes in the border; number: unknown -> number in it;
+        # made (`BorderBlocks`): derivatives for one body, of its rigid and constraint rows by its
+        # border unknowns `at` (corner) and modes (row), and of its modes by `at` (column)
         border = equations.border
         number = np.zeros(equations.layout.size, dtype=np.int64)
         number[border] = np.arange(len(border))
@@ -86,7 +88,8 @@ class BorderedModes:
 
     def solve(self, r: FloatArray) -> FloatArray:
         """Solution (n,) for a right-hand side r (n,): heat, displacements without border, border,
-        and what it changes in the displacements."""
+        and what it changes in the displacements. With modes u and border unknowns y of each body,
+        diagonal u - coupling T + column y = r_u, and row u adds to the rows of y."""
         z, rest = np.zeros(len(r)), r.copy()
         for at, diagonal in self.heat:
             z[at] = r[at] / diagonal

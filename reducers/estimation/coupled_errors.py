@@ -101,9 +101,10 @@ class CoupledErrors:
         return tuple(b.name for b in self.equations.layout.differential)
 
     def start(self, full: State, reduced: State) -> dict[str, FloatArray]:
-        """Memory of the estimate at the start of a run: errors (s, n) of the initial state with
-        their rates and the integrator's history, and the state itself (3, n) with its time, in the
-        coordinates of the error spaces. Keys: `_memory`."""
+        """Memory of the estimate at the start of a run: errors (s, n), full less reduced, of the
+        initial state with their rates and the integrator's history, and the state itself (3, n)
+        with its time, in the coordinates of the error spaces, measured from the offsets of the
+        trial bases. Keys: `_memory`."""
         layout, (known, outside) = self.equations.layout, self.projected([reduced])[0]
         spaces, e = {b.name: b for b in self.spaces}, np.zeros((3, layout.size))
         for block in layout:
@@ -119,7 +120,8 @@ class CoupledErrors:
             self.integrator, 1, layout, error), known, outside, count=0)
 
     def corrected(self, full: State, memory: Mapping[str, FloatArray]) -> State:
-        """A state of the full model plus the estimated errors and their rates."""
+        """A state of the full model plus the estimated errors and their rates: those in the error
+        spaces, and minus the part of the reduced state outside of these ("outside")."""
         x, v, a = full.x.copy(), full.v.copy(), full.a.copy()
         spaces = {b.name: b.space.modes for b in self.spaces}
         for block in self.equations.layout:
@@ -218,7 +220,8 @@ class CoupledErrors:
         self, at: StateAt, error: State, count: int, permitted: FloatArray | float
     ) -> State:
         """Errors at a state of the run from those `count` steps before: R(state + error) =
-        `permitted`, by Newton's method with one Jacobian."""
+        `permitted`, by Newton's method with one Jacobian. d (n,): departure of the error from its
+        free motion; passes: Newton iterations of a long step."""
         layout, h = self.equations.layout, self.h / self.every
         rules = error_rules(self.integrator, count, h)
         formula = step_formula(rules, layout, error, count * h)
@@ -286,7 +289,8 @@ class CoupledErrors:
 
     def _norms(self, e: FloatArray, outside: FloatArray, count: int) -> dict[str, float]:
         """Estimates of each block from errors e (n,) after a step over `count` of the run's, and
-        parts (m,) outside of the error spaces."""
+        parts (m,) outside of the error spaces; times `margin` after long steps. space.norm (q, q):
+        |norm e| is the length of the error of the block's q modes in its n unknowns."""
         margin = 1.0 if count <= 1 else self.margin
         layout, norms = self.equations.layout, {b.name: b.space.norm for b in self.spaces}
         rest = self._outside

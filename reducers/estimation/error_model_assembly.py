@@ -84,6 +84,10 @@ class _Builder:
         self, problem: ReducedProblem, solver: StepSolver, every: int, whole: bool,
         active: Active, at_few_steps: bool,
     ) -> None:
+        """every: steps of the run from one estimate to the next; whole: True if the errors of all
+        blocks are solved together; active: largest number of active atoms, by block name and number
+        of atoms; at_few_steps: frames may turn at will between two estimates, and loads act
+        suddenly. turn: largest rotation of a frame in a step, rad; margin: factor of estimates."""
         self.turn, self.margin = (np.inf, SUDDEN) if at_few_steps else (TURN, 1.0)
         self.problem, self.solver, self.every, self.whole = problem, solver, every, whole
         self.model = problem.model
@@ -104,7 +108,7 @@ class _Builder:
             hot = spaces.get(m.thermal)
             spaces[m.elastic] = self._elastic_space(
                 m, np.zeros((0, 0)) if hot is None else hot.modes)
-        blocks = _Coordinates(self, spaces)
+        blocks = _Coordinates(self, spaces)  # bases in which the residuals are evaluated
         return ErrorModel.of(
             self.every, self.margin, self.problem.step, [blocks.heat(b) for b in warm],
             [blocks.elastic(m) for m in moving], self.model.layout, self.solver.layout,

@@ -120,7 +120,7 @@ def _vectors(
     starts: FloatArray, step: StepFactors, count: int
 ) -> FloatArray:
     """Orthonormal vectors (n, q): the span of the atoms first, then that of the starts, then at
-    most `count` others."""
+    most `count` others, responses D^-1 S to the columns S (n, j) that span the residuals."""
     combinations = S.shape[1], count + OVERSAMPLING  # many columns, in few combinations
     if combinations[0] > combinations[1]:  # the range of random combinations, Halko et al. 2011
         S = unit(S @ np.random.default_rng(combinations[0]).standard_normal(combinations))

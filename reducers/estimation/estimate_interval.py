@@ -43,6 +43,7 @@ def affordable_model(
     nothing is reduced, a step has several solves, or an operator cannot be factorized."""
     if not (solver.dictionaries and problem.integrator.one_solve):
         return None
+    # problem.every: of a run that is resumed, 0 for a new one
     every = problem.every or steps_between(problem, solver, compiled)
     try:
         return error_model(problem, solver, every, active, at_few_steps=True)

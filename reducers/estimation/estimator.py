@@ -91,8 +91,9 @@ class ErrorModel:
         elastic: Sequence[BlockErrors], full: Layout, reduced: Layout, coordinates: Layout,
         integrator: Integrator, notes: Sequence[Note],
     ) -> "ErrorModel":
-        """Error model for every `every`-th step of size h, s; full: layout of the full model;
-        margin, reduced, coordinates: as above."""
+        """Error model for every `every`-th step of size h, s; margin: factor of the estimates;
+        full, reduced: layouts of the full model and of the reduced one; coordinates: layout of
+        reduced states in the coordinates that residuals are evaluated in."""
         layout = Layout([full.block(b.name).resized(b.space.size) for b in (*heat, *elastic)])
         rules = error_rules(integrator, every, h)
         return cls(every, margin, tuple(heat), tuple(elastic), layout, reduced, coordinates,
@@ -105,7 +106,8 @@ class ErrorModel:
 
     def start(self, full: State, reduced: State) -> dict[str, FloatArray]:
         """Memory of the estimate at the start of a run: modal errors (s, q) of the initial state
-        with their rates and the integrator's history, of first and of second order."""
+        with their rates and the integrator's history, of first and of second order; "outside":
+        parts (3, m) of x, v, a of the reduced state outside of the error spaces."""
         z = np.zeros((3, self.layout.size))
         for b in (*self.heat, *self.elastic):
             z[:, self.layout[b.name]] = b.starts(full, reduced)

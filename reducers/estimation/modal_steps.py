@@ -32,7 +32,7 @@ class ModalSteps:
     integrator] of each mode.
 
     transition (s, s, q), load (s, q). They follow from the rule z = new p + old z of a step with
-    the highest rate p, and the equation at the end of the step.
+    the highest rate p, and the equation k x + d x' + m x'' = f at the end of the step, f its load.
     """
 
     transition: FloatArray

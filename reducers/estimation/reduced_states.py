@@ -75,7 +75,7 @@ class Projected:
 
     def __call__(self, C: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Coordinates (j, q) of coefficients C (j, k), and what the modes leave of the states, (j,
-        n)."""
+        n). atoms (k, n): one atom a row; inverse (q, n): left inverse of the modes (n, q)."""
         active = np.flatnonzero(C.any(axis=0))
         many = 2 * len(active) > C.shape[1]
         rest = C @ self.atoms if many else C[:, active] @ self.atoms[active]

@@ -61,6 +61,7 @@ class ElasticResidual:
     @classmethod
     def of(cls, step: BodyStep, b: TestedElastic) -> "ElasticResidual":
         columns = [b.stiffness, b.damping, b.mass, *b.generators, b.directions, -b.coupling]
+        # to be subtracted; `constant` is on the left-hand side (`TestedElastic`)
         loads = LoadsInTime(-b.constant, b.loads, tuple(b.amplitudes), tuple(b.tables))
         return cls(step, b, np.ascontiguousarray(np.hstack(columns).T), loads)
 

@@ -62,7 +62,8 @@ class FullHeat(StepEquations):
     """Heat of a group of n unknowns at full order, numbered `at` in the model; c1: dT'/dT.
 
     With local terms and a direct linear solver the rows are as they stand (`plain`), B d - q +
-    C T0' + K T0 + local terms, otherwise times B^-1; `base` (n,) is the part of a step without d.
+    K T0 + local terms, otherwise times B^-1; `base` (n,) = q - K T0 of a step. B = c1 C + K; the
+    free motion T0 is constant, T0' = 0.
     """
 
     named = ()
@@ -96,8 +97,9 @@ class FullHeat(StepEquations):
         return whole if np.isfinite(own).all() else None
 
     def residual(self, d: FloatArray, slope: bool = False) -> FloatArray:
-        """Residual at the departure d: rows as they stand, or d - B^-1 (...) by the linear
-        solver."""
+        """Residual at the departure d: rows as they stand (`plain`), B d - (base - local terms), or
+        d - B^-1 (base - local terms) by the linear solver; base (n,): loads less conduction at the
+        free motion T0."""
         r, own = np.zeros(len(d)), d[self.at]  # other unknowns: zero, they are known
         right = self.base - self._forces(self.free + own, own) if self.local else self.base
         if self.plain:
@@ -132,7 +134,8 @@ class FullHeat(StepEquations):
         return r
 
     def jacobian(self, at: Linearisation) -> Csr | None:
-        """Jacobian of the group's own rows; None for the identity."""
+        """Jacobian of the group's own rows, B plus derivatives of the local terms for dT' = c1 dT
+        and dT'' = c2 dT, the last two of at.c; None for the identity."""
         if not self.plain:
             return None
         n, J = len(self.at), self.B
@@ -158,8 +161,8 @@ class FullHeat(StepEquations):
 
 
 def full_heat(model: AssembledModel, members: Sequence[HeatBody], c1: float) -> FullHeat:
-    """Heat of bodies that conduct to each other, or of one. Raises SolveFailed where its matrix is
-    singular."""
+    """Heat of bodies that conduct to each other, or of one, with unknowns in the order of
+    `members`. c1: dT'/dT of a step. Raises SolveFailed where its matrix is singular."""
     number = np.arange(model.layout.size)
     at = np.concatenate([number[model.layout[b.thermal]] for b in members])
     heat = members[0] if len(members) == 1 else _merged(model, members)

@@ -98,8 +98,9 @@ class FullBody:
 
 class Displaced:
     """An elastic body in a step: free motion u0, v0 (n,), its products with the g matrices M_g
-    (2, g, n), and its terms h; local: terms evaluated at each iterate; weights (g,) = kappa + c1 mu
-    of a prescribed frame; known: D^-1 h of one that does not turn, without local terms."""
+    (2, g, n), and its terms h (n,) = K u0 + C v0 - coupling T - loads, on a prescribed frame with
+    those of the frame; local: terms evaluated at each iterate; weights (g,) = kappa + c1 mu of a
+    prescribed frame; known: D^-1 h of one that does not turn, without local terms."""
 
     __slots__ = ("h", "known", "local", "products", "u", "v", "weights")
 
@@ -156,14 +157,17 @@ class Bordered(NamedTuple):
 
 
 class BorderedFactor:
-    """Factorization of a bordered Jacobian, by elimination of the displacements."""
+    """Factorization of a bordered Jacobian, by elimination of the displacements u: of the system
+    u + E sigma_y^T y = r_u, tau P^T u + H y = r_y with E = D^-1 P (n, p), directions P, and border
+    unknowns y (rigid coordinates and joint forces)."""
 
     def __init__(self, equations: "FullMechanics", J: Bordered) -> None:
         self.border, self.J, self.of = equations.border, J, equations.bodies
         self.factor = factorized(J.schur)
 
     def solve(self, r: FloatArray) -> FloatArray:
-        """Solution for a right-hand side r (n,)."""
+        """Solution for a right-hand side r (n,): Schur complement times y = r_y - tau P^T r_u, then
+        u = r_u - E sigma_y^T y; tau, sigma_y (m, p) on the m border unknowns `at` of a body."""
         z, y = r.copy(), r[self.border]
         for i, at, tau, _ in self.J.bodies:
             body = self.of[i]
@@ -196,6 +200,8 @@ class FullMechanics(StepEquations):
         self, layout: Layout, bodies: Sequence[FullBody], targets: Sequence[tuple[int, Amplitude]],
         border: IntArray,
     ) -> None:
+        """targets: (position in `border`, prescribed value) of constraints; border (N,): positions
+        of rigid coordinates, then joint forces, in the layout."""
         self.layout, self.targets, self.border = layout, targets, border
         self.bodies = [b for b in bodies if b.ops is not None or b.step.to_border.any()]
         # with a new Jacobian, iterative linear solvers contract no further than their tolerance
@@ -399,7 +405,8 @@ class FullMechanics(StepEquations):
 
     def rounding(self, J: Bordered | None, at: Linearisation) -> FloatArray:
         """Round-off of each unknown: of the border by the magnitudes in its Schur complement, of
-        displacements by the noise of their solver."""
+        displacements by the noise (3, n) of their solver at unit u, u' and u'', times the largest
+        of these."""
         sizes, found = np.abs(at.x), np.zeros(len(at.x))
         if J is not None:
             sizes[self.border] = abs(J.schur) @ sizes[self.border]

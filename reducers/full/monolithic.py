@@ -39,7 +39,8 @@ class Summed(WholeEquations):
 
     @classmethod
     def of(cls, model: AssembledModel, price: int) -> "Summed":
-        """The whole model, with the matrices of its linear terms assembled once."""
+        """The whole model, with the matrices of its linear terms assembled once. price: cost of a
+        new Jacobian in iterations with the old one, 0 for a new one in each."""
         layout, n = model.layout, model.layout.size
         linear = tuple(t for t in model.terms if t.linear)
         zero, one = np.zeros(n), np.ones(n)

@@ -30,6 +30,7 @@ class Deim(Interpolating):
         points = choose_points(block, modes, self.wanted(block, f), self.sampler, self.required)
         reconstruction, facts = interpolation(block.name, modes.atoms, points)
         left = (atoms.T @ modes.atoms) @ reconstruction
+        # norm: that in which the residual of the operators is least, as by Galerkin projection
         return Maps(
             test=TestMap(left=atoms.T), force=TestMap(rows=points, left=left), rows=points,
             facts={"norm": "D^-1", "force_modes": f, **facts},

@@ -106,7 +106,7 @@ def replayed(
     state = integrator.start(layout, state)
     V, A = np.empty_like(X), np.empty_like(X)
     V[:, 0], A[:, 0] = state.v, state.a
-    for j in range(1, X.shape[1]):
+    for j in range(1, X.shape[1]):  # each step ends at the next snapshot, without a solve
         formula = step_formula(rules, layout, state, recording.step)
         state = advanced(
             rules, layout, state, formula, StepOutcome(X[:, j], Status.DONE, 1))
@@ -129,7 +129,9 @@ def force_modes(block: Reducible, basis: Basis) -> Dictionary:
     depends = (block.name, basis, taken.integrator, taken.step, taken.every)
 
     def make() -> Mapping[str, FloatArray]:
-        """Force modes of the block as they are cached, without those that are noise."""
+        """Force modes of the block as they are cached, without those that are noise: whose share in
+        the forces F (n, M) of the training run is below the singular values that round-off causes
+        in them."""
         F, noise = force_snapshots(block)
         if basis.needs_snapshots and np.linalg.norm(F, 2) <= noise:
             return {"modes": np.zeros((block.size, 0))}

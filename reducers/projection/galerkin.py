@@ -33,12 +33,13 @@ class Galerkin(ProjectionReducer):
         """Dictionaries of blocks in modal coordinates, in which their operators are diagonal, with
         the factors of their limits. Only where no border or other term mixes the modes."""
         s = model.separated
-        if s.other:
+        if s.other:  # terms between blocks
             return {}
         modal = {b.thermal: modal_coordinates(
                       dictionaries[b.thermal], b.conductivity, b.capacity, "/s")
                   for b in s.heat}
         for m in s.moving:
+            # border_size: number of rigid coordinates and joint forces
             if m.operators is not None and not s.border_size:
                 o = m.operators
                 modal[m.elastic] = modal_coordinates(

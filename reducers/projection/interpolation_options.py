@@ -69,6 +69,7 @@ class Interpolating(ProjectionReducer):
                 faults.append(Fault("force_basis", f"forces of {name}: {FROM_ZERO}"))
             points, size = matched_option(name, self.points, 0), block_size(model, name)
             modes = basis.most_atoms(size) or 0  # 0 where the options set no number
+            # rows of joints and localized loads, which are points in addition
             held = len(model.required[name]) if self.required else 0
             if points > size - held:
                 faults.append(Fault("points", f"{points} points were requested of {name}, which "

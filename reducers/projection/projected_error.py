@@ -24,7 +24,9 @@ GALERKIN_ERROR = "galerkin_error"
 def projection_note(
     error: StateError, name: str, atoms: int, least_squares: bool = False
 ) -> Note | None:
-    """Note on an inaccurate projection of a block."""
+    """Note on an inaccurate projection of a block, None for an accurate one. error: largest errors
+    at known states relative to their largest change, `solved` of the projected equations, `best` of
+    the orthogonal projection on the atoms; least_squares: as in `projected_error`."""
     if not error.inaccurate:
         return None
     method, advice = ("Least squares of the rows", "the norm of D^-1 (galerkin, or gnat with "
@@ -39,9 +41,12 @@ def projection_note(
 def projected_error(
     dictionary: Dictionary, D: Csr, states: FloatArray, least_squares: bool = False
 ) -> StateError | None:
-    """Errors of the projected solutions for states (n, M) with the step matrix D (n, n), symmetric
-    positive definite; least_squares: those of all rows, else Galerkin's. None for constant
-    states."""
+    """Errors of the projected solutions for states x (n, M), measured from the offset, with the
+    step matrix D (n, n), symmetric positive definite; relative to the largest change. None for
+    constant states. Atoms A (n, k):
+
+        x - A (A^T D A)^-1 A^T D x    Galerkin,    x - A (D A)^+ D x    least_squares, of all rows.
+    """
     A, x = dictionary.atoms, states - dictionary.offset[:, None]
     if not (change := largest_change(states)):
         return None

@@ -103,7 +103,9 @@ class WeightTraining:
 
     def weights(self, name: str, kind: str, G: WeightEquations) -> FloatArray:
         """Weights (E,) of the elements or facets of a block for the equations G w = G 1, cached for
-        all blocks with equal equations; adds their number and residual to the block's facts."""
+        all blocks with equal equations; adds their number and residual to the block's facts. kind:
+        name of their number there; content: the arrays that determine G; tau: tolerance of |G w -
+        G 1|."""
         def make() -> dict[str, Any]:
             found = train(G, self.tau, self.candidates)
             return {"weights": found.values, "residual": np.array(found.residual)}

@@ -77,7 +77,8 @@ def _entering(
 ) -> tuple[int, FloatArray, FloatArray] | None:
     """Column of largest gain that is linearly independent of the active ones and would get a
     positive weight, with the new column of Q and the new R; None when no column lowers the
-    residual. Writes to `gain`."""
+    residual. Writes to `gain` (n,), -inf for columns that are not to be tried. norms (n,): lengths
+    of the columns of A; Q (m, k), R (k, k): QR factors of the active ones."""
     while True:
         j = int(np.argmax(gain))
         if not gain[j] > 0.0:
@@ -107,7 +108,8 @@ def _feasible(
     Q: FloatArray, R: FloatArray, active: list[int], b: FloatArray, x: FloatArray
 ) -> tuple[FloatArray, FloatArray, list[int], FloatArray]:
     """Least squares on the active columns from feasible weights x (n,); columns whose weights
-    become nonpositive leave the active set. Returns Q, R, the active columns and the weights."""
+    become nonpositive leave the active set. Returns Q, R, the active columns and the weights (n,).
+    Q R: QR factors of the columns `active`, in their order."""
     w = x[active]
     while active:
         z = solve_triangular(R, Q.T @ b)

@@ -99,8 +99,9 @@ class Ecsw(ProjectionReducer):
         offline: OfflineProducts, h: float
     ) -> Approximation:
         """The model with element integrals replaced by ECSW-weighted sums, and facts of each
-        block's weights. inverses: block -> (k, k), by which its forces become rates of temperature
-        or displacements."""
+        block's weights. inverses: block -> (k, k), by which its projected forces become rates of
+        temperature (inverse of the capacity) or displacements (inverse of the stiffness); weights
+        are trained on these effects. A block without weighted elements is as in `galerkin`."""
         def left(name: str, K: Csr) -> FloatArray:
             """Inverse (k, k) of a matrix projected on the atoms of a block."""
             A = dictionaries[name].atoms
@@ -140,6 +141,7 @@ class Ecsw(ProjectionReducer):
         ops, name = body.operators, body.elastic
         if self.constant == "weighted" and ops is not None and ops.integrals is not None:
             g = ops.integrals()  # by elements
+            # training states of the temperatures, which load the displacements
             T = training.at(body.thermal) if body.thermal in training.dictionaries else None
             ops = _weigh_elastic(ops, g, training.weights(
                 name, "elements", elastic_equations(g, training.at(name), T, inverses[name])))

@@ -108,7 +108,7 @@ def elastic_equations(
     count, size = integrals.stiffness.count, float(np.linalg.norm(u.c))
     if size == 0.0:
         return WeightEquations(count, (), ())
-    left = u.dictionary.atoms @ flexibility.T / size
+    left = u.dictionary.atoms @ flexibility.T / size  # left^T f = flexibility (atoms^T f) / |c|
     prescribed = _values_at(integrals.amplitudes, u.t)
     # thermal forces: those of prescribed temperatures, and those of the unknown ones
     thermal, factors = [(integrals.given, np.eye(len(prescribed)))], [prescribed]
@@ -125,13 +125,14 @@ def heat_equations(integrals: HeatIntegrals, T: Trained, C_inverse: FloatArray) 
     """Training matrix G (m, E) of a thermal block: rates of temperature due to conduction and to
     stored heat of each element, each relative to its sum over all elements. T: training states;
     C_inverse (k, k): inverse of the projected capacity."""
-    left = T.dictionary.atoms @ C_inverse.T
+    left = T.dictionary.atoms @ C_inverse.T  # left^T q = C_inverse (atoms^T q)
     prescribed = _values_at(integrals.amplitudes, T.t)
     # what conduction and changes are differences of: below its round-off there is nothing to learn
     top = np.abs(T.with_offset) @ np.abs(T.homogeneous).max(axis=1)
     K = abs(integrals.conductivity.weighted(np.ones(integrals.conductivity.count)))
     flow = float(np.linalg.norm(np.abs(left).T @ (K @ top)))
     change = float(np.linalg.norm(np.abs(T.c).max(axis=1))) / float(np.abs(np.diff(T.t)).max())
+    # conductivity T - given [1; amplitudes(t)], given: effect of prescribed temperatures
     conduction = [(integrals.conductivity, T.with_offset),
                   (integrals.given, -np.eye(len(prescribed)))]
     return _equations(integrals.capacity.count, [
@@ -188,8 +189,9 @@ magnitude of the sums (`EquationRows.against`)."""
 
 
 def _equations(count: int, shares: Sequence[Shares]) -> WeightEquations:
-    """Training equations of `count` elements: of each share, left^T (element force) at all M
-    snapshots."""
+    """Training equations of `count` elements. Each share (left, pairs, factors, against) gives rows
+    left^T (element force) at all M snapshots, the force being the sum over `pairs` of integral @
+    matrix, side by side, times `factors` (z, M)."""
     parts, content = [], list[object]()
     for left, pairs, factors, against in shares:
         # r <= z combinations of snapshots, by R of a QR factorization, in place of M columns: the

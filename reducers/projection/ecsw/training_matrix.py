@@ -26,8 +26,9 @@ Part: TypeAlias = slice | IntArray
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EquationRows:
-    """Some rows of G. make(elements) returns their columns (count, E') for a slice or numbers of
-    elements.
+    """`count` rows of the training matrix G (m, E), whose column e holds the projected forces of
+    element e at the training states. make(elements) returns their columns (count, E') for a slice
+    or numbers of elements; they are to be multiplied by `scale`.
 
     against: None for rows with final scaling; otherwise the rows are to be divided by the norm of
     their sum over all elements, or dropped where that norm is round-off relative to `against`.
