@@ -22,8 +22,9 @@ def least(A: FloatArray | Csr, r: FloatArray) -> FloatArray:
 
 
 def sparse_least(A: Csr, r: FloatArray) -> FloatArray:
-    """The same for a sparse matrix A (n, n), by sparse LU where an estimate of its condition number
-    (Higham and Tisseur 2000, doi 10.1137/S0895479899356080) shows that A is regular."""
+    """Least-squares solution of least norm of A z = r (`least`) for a sparse matrix A (n, n), by
+    sparse LU where an estimate of its condition number (Higham and Tisseur 2000, doi
+    10.1137/S0895479899356080) shows that A is regular, else by a dense matrix."""
     size = np.sqrt(np.maximum(abs(A).max(axis=0).toarray().ravel(), 1e-300))
     S = csc_array(A)  # scaled below: entry (i, j) divided by size_i size_j
     scaled = csc_array(

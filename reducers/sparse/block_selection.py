@@ -49,8 +49,8 @@ zero within rounding of its terms."""
 
 class BlockRows(NamedTuple):
     """One block in the residual of all sampled rows: numbers `at` of its unknowns and `rows` of its
-    rows; columns: the operator B (j, k) on its coefficients in the first j rows, zero in the
-    others."""
+    rows; budget: largest number of active atoms; columns: the operator B (j, k) on its coefficients
+    in the first j rows, zero in the others."""
 
     name: str
     at: slice
@@ -115,9 +115,10 @@ class BlockSelection:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AtSolution:
-    """One block at the solution of a step. range_residual (j,): residual in the rows of B; z (k,):
-    coefficients of unit columns; remaining: squared residual of the other rows, on which no
-    coefficient acts; current: of all rows."""
+    """One block at the solution of a step on the active atoms `support` (k,). range_residual (j,):
+    residual r in the rows of B; z (k,): coefficients c times the lengths of B's columns, so that a
+    change d of z changes r by (unit columns) d; remaining: squared residual of the other rows, on
+    which no coefficient acts; current: of all rows."""
 
     block: BlockSelection
     range_residual: FloatArray

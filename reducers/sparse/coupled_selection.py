@@ -44,7 +44,8 @@ class JointSelection(AtomSelection):
 
     def solve(self, step: StepFormula, memory: SparseMemory) -> StepOutcome:
         """A step by the supports of the last one where they still hold, otherwise by atoms that are
-        selected again."""
+        selected again. polish: the step is solved again on the selected supports; without, the
+        solution of the sparse solver is that of the step."""
         if self.polish and self.carried and all(s.any() for s in memory.supports.values()):
             outcome = self.reselected(step, memory, memory.supports)
             if outcome is not None:
@@ -85,8 +86,10 @@ class JointSelection(AtomSelection):
 
     def _predicted(self, step: StepFormula, memory: SparseMemory) -> StepOutcome:
         """Solution of the sparse solver for the step predicted from past ones, whose supports
-        replace those in `memory`: heat first, then all elastic blocks with the border. A failure
-        where temperatures exceed their limits."""
+        replace those in `memory`: heat first, then all elastic blocks with the border, rigid
+        coordinates and joint forces. A failure where temperatures exceed their limits. x (n,): the
+        prediction, in which each solution replaces its unknowns; problem.groups: ranges of the
+        blocks in the problem, the border last, after problem.k coefficients."""
         base, iterations = self.steps.base, 0
         now = StepUnknowns(step, memory.past.guess(step))
         x = now.x
@@ -131,7 +134,7 @@ class JointSelection(AtomSelection):
         self, step: StepFormula, x: FloatArray, supports: SupportOf, memory: SparseMemory
     ) -> tuple[MechanicsProblem, SparseStart]:
         """Problem of all elastic blocks near the state x (n,), and its start on these supports; the
-        border has no zeros."""
+        border has no zeros. Its residual is that of all sampled rows of mechanics."""
         problem = MechanicsProblem(self.steps.mechanics.working(memory).rows.rows,
                                    list(self.steps.elastic.values()), step, x)
         c = problem.start()

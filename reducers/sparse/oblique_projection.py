@@ -90,6 +90,7 @@ def checked_rows(
         return None
     data = model.block_data(block.name, step=step)
     span = max(offline.recording.end, step.h)  # duration, s
+    # operator of slow changes: K, of heat K + C / span with the capacity C = `mass`
     slow = data.stiffness + data.mass / span if data.order == 1 else data.stiffness
     weight = np.zeros(0) if block.weight is None else block.weight
     return error_at_states(

@@ -53,7 +53,8 @@ class HeatProblem:
 
     @classmethod
     def at(cls, s: SampledHeat, r1: FloatArray, t: float) -> "HeatProblem":
-        """Problem of a block at the end t (s) of a step with T' = c1 T + r1, r1 (k,)."""
+        """Problem of a block at the end t (s) of a step with T' = c1 T + r1, r1 (k,): of C T' + K T
+        = loads(t) the rows J = c1 C + K, b = loads(t) - C r1."""
         T, J = s.compressed
         b = plus_loads(T.constant - T.capacity @ r1, T, t)
         size = float(np.linalg.norm(J, axis=0).max())
@@ -81,6 +82,8 @@ class MechanicsProblem:
         self, residual: Reduced, sampled: Sequence[SampledElastic], step: StepFormula,
         x: FloatArray,
     ) -> None:
+        """residual: equations of all sampled rows of mechanics; sampled: elastic blocks; x (n,):
+        prediction of a step, with its final temperatures."""
         self.rows, self.step, self.x = residual, step, x
         layout, border = residual.layout, residual.border
         groups, columns, rows, scales, k = [], list[IntArray](), list[IntArray](), [], 0

@@ -132,7 +132,10 @@ class SampledBlock(Generic[T]):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SampledElastic(SampledBlock[TestedElastic]):
-    """Sampled rows of an elastic block."""
+    """Sampled rows of an elastic block. block: its m rows, with the operator B (m, k) of a step on
+    its atoms, and its budget; compressed: operators and B in fewer rows where atoms are selected,
+    by an orthonormal `basis` (m, l) of the columns of all operators, None for the rows as they are;
+    columns: the first rows of the compressed B, in the others it is zero."""
 
     @classmethod
     def of(cls, block: Sampled, operators: TestedElastic) -> "SampledElastic":
@@ -161,7 +164,14 @@ class SampledElastic(SampledBlock[TestedElastic]):
 @dataclass(frozen=True, slots=True, eq=False)
 class SampledHeat(SampledBlock[TestedHeat]):
     """Sampled rows of a thermal block; range_rows: operators in the rows of `columns`; c1: factor
-    of rates in a step."""
+    of rates in a step.
+
+    block: its m sampled rows, with the operator B (m, k) of a step on its atoms. Where rows are
+    compressed, `basis` Z (m, l) is orthonormal, block.B = Z[:, :j] columns.B with columns.B (j, k),
+    and `compressed` are operators and B times Z^T; else Z is None, and these rows are the sampled
+    ones. on_all_rows turns combinations (s, m) of sampled rows, which include the preconditioner,
+    into combinations (s, n) of all rows of the block.
+    """
 
     range_rows: TestedHeat
     model: AssembledModel
@@ -172,7 +182,9 @@ class SampledHeat(SampledBlock[TestedHeat]):
     def of(
         cls, block: Sampled, operators: TestedHeat, model: AssembledModel, body: HeatBody, c1: float
     ) -> "SampledHeat":
-        """A sampled thermal block, its rows compressed where atoms are selected."""
+        """A sampled thermal block, its rows compressed where atoms are selected: to those of an
+        orthonormal basis whose first c.reach columns span the range of B (m, k). operators: in the
+        m sampled rows; c1: factor of rates in a step."""
         if not block.selects:
             return cls(block, operators, compressed=(operators, block.B),
                        columns=RangeColumns.of(block.name, block.B), basis=None,
@@ -235,8 +247,9 @@ def choose_rows(
         return sampled_rows(sampler, data, count, dictionary, rng, required)
 
     def make() -> dict[str, IntArray]:
-        """Sampled rows as they are cached; without a number of rows so many that they determine the
-        atoms well (`SPREAD`)."""
+        """Sampled rows as they are cached; without a number of rows so many of n that they
+        determine the k atoms well: doubled until sqrt(m/n) <= SPREAD sigma, at most MOST_TIMES
+        k."""
         if rows is not None:
             return {"rows": draw(rows)}
         k, n = dictionary.atoms.shape[1], data.size
@@ -369,7 +382,7 @@ def inverse_rows(
     """
     def make() -> Mapping[str, FloatArray]:
         """Rows of the inverse as they are cached, by solves of a chunk of right-hand sides at a
-        time."""
+        time: unit vectors for numbers of rows (m,), else the columns of `rows` (n, m)."""
         factor, n = model.factorize(name, operator, "rows of the inverse"), operator.shape[0]
         count = rows.shape[-1]
         inverse = np.empty((count, n))

@@ -21,8 +21,9 @@ T = TypeVar("T")
 
 @dataclass(eq=False, kw_only=True)
 class SparseMemory(Memory):
-    """State between steps with atom selection: adds the current step solver and the reduced
-    operators of recent supports. These are rebuilt after a restart."""
+    """State between steps with atom selection: adds the current step solver and, by set of rows,
+    block and support, the reduced operators (heat, elastic) and step solvers of recent supports.
+    These are rebuilt after a restart. step: number of steps so far."""
 
     step: int = 0
     heat: dict[Supports, CompressedHeat] = field(default_factory=dict)

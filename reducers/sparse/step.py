@@ -88,7 +88,7 @@ class SparseStep:
         self.model, self.thermal, self.elastic = model, thermal, elastic
         self.hysteresis = hysteresis
         self.layout = model.layout.resized({n: d.atoms.shape[1] for n, d in dictionaries.items()})
-        n = model.layout.size
+        n = model.layout.size  # all of them are offset + E z, with coefficients z (k,)
         self.E, self.offset = np.zeros((n, self.layout.size)), np.zeros(n)
         for b in model.layout:
             at, d = model.layout[b.name], dictionaries.get(b.name)

@@ -191,7 +191,8 @@ class Build:
         selecting: Container[str] = ()
     ) -> ProjectedModel:
         """All equations: under the least squares of each block's rows, with all atoms active; of
-        the blocks `selecting`, in which atoms are selected, their compressed rows instead."""
+        the blocks `selecting`, in which atoms are selected, their compressed rows instead (left
+        None). forces: test map of all other forces, in these rows."""
 
         def projected(s: SampledHeat | SampledElastic) -> ProjectedBlock[Any]:
             name = s.block.name

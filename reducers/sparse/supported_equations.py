@@ -62,8 +62,9 @@ class SampledRows:
     def on_nonzero(
         self, needed: BoolArray, *states: FloatArray
     ) -> tuple[Reduced, IntArray | slice]:
-        """The residual as a function of the unknowns (n,) that are needed or nonzero in one of the
-        states, and the numbers of these."""
+        """The residual as a function of the unknowns that are needed (n,) or nonzero in one of the
+        states (n,), and the numbers of these. wide: ranges of the blocks with so many atoms that it
+        pays to leave some out; unknowns of other blocks are always in."""
         if not self.wide:
             return self.rows, slice(None)
         use = self.every.copy()
@@ -121,8 +122,11 @@ class SupportedEquations(StepEquations):
         return own
 
     def take(self, support: "SupportedMechanics") -> None:
-        """Continues on another support: sets what depends on it, listed above, and the unknowns
-        `solved` for which the Jacobian is not the identity."""
+        """Continues on another support: sets the numbers `inactive` of unknowns that are zero, the
+        mask `needed` (n,) of those of mechanics that are not, of each elastic block its active
+        unknowns, rows and left inverse (`blocks`), of each body with prescribed motion norms (g, 2)
+        of its rotation matrices (`sizes`), and the unknowns `solved` for which the Jacobian is not
+        the identity."""
         if self.support is support:
             return
         layout, rows = self.layout, self.rows.rows
@@ -151,8 +155,8 @@ class SupportedEquations(StepEquations):
 
     def begin(self, step: StepFormula, d: FloatArray) -> None:
         """Begins a step: inactive coefficients go to zero; where few columns are nonzero, the
-        equations of these alone are used."""
-        d[self.inactive] = -step.free[self.inactive]
+        equations of these alone are used (`restricted`, of the unknowns numbered `in_use`)."""
+        d[self.inactive] = -step.free[self.inactive]  # x = free + d
         self.step = step
         self.restricted, self.in_use = self.rows.on_nonzero(self.needed, *step.at(d)[:2], d)
         if isinstance(self.in_use, slice):

@@ -79,7 +79,8 @@ class Functions(NamedTuple):
 
     @property
     def instead(self) -> dict[ArrayFunction, ArrayFunction]:
-        """Functions with what replaces them."""
+        """Function of the kernel -> what is compiled in its place: of parts that the model does not
+        have, functions that do nothing or report `LEFT`, and the function of its frames."""
         found: dict[ArrayFunction, ArrayFunction] = dict.fromkeys(
             self.unused, nothing)
         if self.frame is None:
@@ -207,7 +208,8 @@ def with_kept_code(compiled: Any, kept: MachineCode) -> Any:
         "caching", "serialize", "compiler"))  # optional
 
     class Cache(caching._Cache):  # type: ignore[misc, name-defined]
-        """Cache of one function for numba."""
+        """Cache of one function for numba: machine code in `kept`, by a key of its types, the
+        processor, its name and the digest of its byte code."""
 
         cache_path = str(kept.folder)
 

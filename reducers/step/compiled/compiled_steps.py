@@ -38,6 +38,8 @@ class CompiledSteps:
         self, solver: Stepper, rules: UpdateRules, h: float,
         code: Callable[[Functions], Callable[..., int]] = compiled_advance
     ) -> None:
+        """rules: of the integrator; h: step size, s; code: makes the compiled `kernel.advance` with
+        the model's functions of frames and laws. plan: arrays that do not depend on the steps."""
         self.solver, self.h, self.plan = solver, h, plan(solver, rules.factors[0])
         self.model = model_arrays(solver, self.plan, rules, h)
         m = self.model
@@ -60,6 +62,7 @@ class CompiledSteps:
         """Solves up to `count` steps; none where reference magnitudes are unknown, as at the start,
         and none that does not converge even with a Jacobian of the last state."""
         moves = self.plan.equations is not None or self.plan.prescribed
+        # full_newton_steps_left: number of next steps that need the exact Jacobian of all unknowns
         # kept.top: largest value of each block so far, to which changes are relative
         if memory.full_newton_steps_left or (moves and not memory.kept.top.any()):
             return StepBlock()
@@ -92,7 +95,7 @@ class CompiledSteps:
         for name, heat in zip(self.plan.heat_groups, self.plan.heat, strict=True):
             if heat.inverse.size and not heat.ready[0]:
                 memory.keep(name, None)
-        if done:
+        if done:  # run.at: newest row and number of filled ones; run.effort: least, debt, renew
             memory.past.ring.newest, memory.past.ring.filled = run.at[:2].tolist()
             memory.past.by_departure = run.by_departure
             memory.kept.least, memory.kept.debt = run.effort[:2].tolist()
@@ -137,7 +140,8 @@ class CompiledSteps:
 
     def _take_jacobians(self, state: State, memory: Memory) -> None:
         """Takes the kept Jacobians over from the memory, with factors that are computed again after
-        a restart."""
+        a restart: of mechanics as an inverse with the attitudes (unit quaternions) from which its
+        bodies turn; of thermal blocks in `heat.inverse`, with heat.ready[0] = 1 if there is one."""
         kept, equations = memory.kept, self.plan.equations
         if equations is not None:
             if kept.point is None or kept.point.c != self._c:

@@ -107,7 +107,7 @@ def plan(s: Stepper, c1: float = 1.0) -> Plan:
         terms.append(TermArrays(c in eq.known, c.rows, c.columns, local))
     bodies = [_body(b, f, eq.border, timed) for b, f in zip(eq.bodies, frames, strict=True)]
     for b in eq.bodies:
-        if (t := b.tested) is not None:
+        if (t := b.tested) is not None:  # rows are - base - loads, with `constant` on the left
             loads.append(Loads(_range(b.step.elastic), -t.constant, t.loads,
                                timed.amplitudes(t.amplitudes), t.tables))
     loads += [Loads(eq.border[[i]], np.zeros(1), np.ones((1, 1)), timed.amplitudes([f]), ())
@@ -251,7 +251,9 @@ def _prescribed(
 
 
 def model_arrays(s: Stepper, p: Plan, rules: UpdateRules, h: float) -> ModelArrays:
-    """Constants of the model of `s` for steps of h, s, by an integrator with these rules."""
+    """Constants of the model of `s` for steps of h, s, by an integrator with these rules: unknowns
+    with their rates and the integrator's memory, z (q, n), are old z + new d at the end of a step,
+    with the departure d (n,) from the free motion (old z)."""
     layout, eq, loop = s.layout, p.equations, Loop(s.layout, s.tolerances)
     n, q, first = layout.size, len(rules.second.new), layout.first
     c1, c2, c1_first = rules.factors

@@ -98,8 +98,9 @@ def advance(
 
 
 def predicted(m: ModelArrays, run: RunArrays, w: Work, base: FloatArray) -> None:
-    """Free motion and guessed departure of the next step, and its rows `base` (n,) that depend on
-    time alone, in w."""
+    """Free motion and guessed departure d of the next step, and its rows `base` (n,) that depend on
+    time alone, in w; w.guess (2 n,): extrapolated unknowns, then extrapolated departures, of which
+    run.by_departure selects one for each unknown."""
     n = len(w.d)
     free_motion(m, run.z, w.free, 0, n)
     predict(m, run, w.guess)
@@ -186,7 +187,9 @@ def solve_heat(
     h: HeatArrays, m: ModelArrays, w: Work, timed: FloatArray, base: FloatArray, last: FloatArray
 ) -> tuple[int, float]:
     """Solves a thermal block (thermal_block.py), in place; returns the number of iterations, or
-    LEFT, and the estimated error. last (n,): unknowns of the last step."""
+    LEFT, and the estimated error. last (n,): unknowns of the last step. Increments without local
+    terms are by_rate T' + by_value T - base, with the prediction T, T' and the rows `base` (n,)
+    that depend on time alone."""
     x, v, d, c1 = w.X[0], w.X[1], w.d, m.c1_first
     r = product(h.by_rate, v[h.at]) + product(h.by_value, x[h.at]) - base[h.at]
     count, error = 1, 0.0

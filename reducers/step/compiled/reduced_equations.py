@@ -64,7 +64,10 @@ def add_terms(
 def evaluate(
     b: BodyArrays, own: BodyWork, X: FloatArray, timed: FloatArray
 ) -> None:
-    """Evaluates the frames of all bodies at the unknowns with their rates X."""
+    """Evaluates the frames of all bodies at the unknowns with their rates X (3, n), into `own`
+    (arrays of `FrameWork`). Of body i: e first of k displacements u, g inertia matrices, n
+    contributions; y (3, b): border unknowns with their rates; s (3, p) = P^T (u, u', u''); forms
+    (3 g,) = u.Q_g u of all g, then with u', then with u''."""
     for i in range(len(b.k)):
         e, k, g, p, n = b.e[i], b.k[i], b.g[i], b.P.shape[2], b.items[i]
         y, s, back, forms = own.y[i], own.s[i], own.back[i], own.forms[i]
@@ -123,7 +126,8 @@ def residual(
 
 
 def add_bodies(m: ModelArrays, b: BodyArrays, w: Work, own: BodyWork) -> None:
-    """Rows of all bodies after `evaluate`, in w.r."""
+    """Rows of all bodies after `evaluate`, in w.r: base + d, rows of the frames, and their forces
+    on the displacements (e first of k displacements of a body, g inertia matrices G_g)."""
     for i in range(len(w.r)):
         w.r[i] = w.base[i]
     for i in range(m.atoms[0], m.atoms[1]):
@@ -152,7 +156,9 @@ def solve(
     run: RunArrays, timed: FloatArray
 ) -> int:
     """Solves for the departure w.d with the kept Jacobian; returns the number of iterations, or
-    LEFT."""
+    LEFT. Of blocks: w.relative, w.before: this change and the one before, relative to w.size;
+    w.absolute, w.earlier: the same in units of the unknowns. run.effort: least number of iterations
+    with this Jacobian, iterations beyond it, 1 if a new one is due."""
     begin(m, terms, w, timed)
     turns(m, w, run)
     least, last, stall = inf, inf, 0

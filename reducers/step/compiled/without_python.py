@@ -117,7 +117,9 @@ def differences(
 def differences_of_heat(
     h: HeatArrays, m: ModelArrays, w: Work, timed: FloatArray, last: FloatArray
 ) -> None:
-    """The inverse Jacobian of a thermal block with local terms at the guess of a step."""
+    """The inverse Jacobian of a thermal block with local terms at the guess of a step, in
+    h.inverse: of 1 + the derivative of the terms by T, with dT' = c1 dT and dT'' = c2 dT. last
+    (n,): unknowns of the last step."""
     x, v = w.X[0][h.at], w.X[1][h.at]
     k, top = len(x), 0.0
     bend = (2.0 / m.h**2) * ((last[h.at] - x) + m.h * v) if m.c2_first != 0.0 else np.zeros(k)
@@ -210,10 +212,10 @@ def outputs(
 ) -> None:
     """Values (o,) of outputs of the state z (q, n).
 
-    about (o, 7): kind, then by kind. 0: row and column of z. 1, temperature or displacement: first
+    about (o, 8): kind, then by kind. 0: row and column of z. 1, temperature or displacement: first
     unknown, their number k, first of k `weights`. 2, component c of a position: c, dimension d,
     first rigid coordinate or -1, their number, first unknown, number k of displacements, first of k
-    d weights. numbers (o, 11): 1: constant part; 2: coordinates (3,) of the point, and a fixed pose
+    d weights. numbers (o, 10): 1: constant part; 2: coordinates (3,) of the point, and a fixed pose
     (7,).
     """
     for o in range(len(about)):
