@@ -44,15 +44,19 @@ class SpaceForce(Item):
 
     def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
         """Adds minus the force f sum w, and minus its generalized force f . d (A z) / dq, z = sum w
-        (X + u), with derivatives: loads are subtracted on the left-hand side."""
+        (X + u), with derivatives: loads are subtracted on the left-hand side. q: attitude
+        coordinates, entries m.at of the rows. Functionals from j on: sum w u (3,); o, k: not used.
+        """
         f = self.amplitude(m.t) * self.force
         arm = self.arm + m.s[j : j + 3] if m.elastic else self.arm
         out.rows[:3] -= self.total * f
         out.rows[m.at] -= f.dot(m.turn.of_body(arm))
-        out.H[m.at, m.at] -= m.turn.bend(f, arm)
+        out.H[m.at, m.at] -= m.turn.bend(f, arm)  # second derivative of f . A z by q
         if m.elastic:
             at = slice(j, j + 3)
             self.push(m, j, out)
+            # sigma = -A^T f: factors of the functionals s in the elastic rows; sigma_y: their
+            # derivatives by y, tau: d rows / ds
             out.sigma_y[m.at, at] = out.tau[m.at, at] = -m.turn.of_space(f).T
 
     def push(self, m: Moved, j: int, out: Pushed) -> None:
@@ -61,9 +65,11 @@ class SpaceForce(Item):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BodyForce(Item):
-    """Nodal load that rotates with the body: total (d,) = sum f, N; arm (r,) = sum X x f, N m.
+    """Nodal load that rotates with the body: total (d,) = sum f, N; arm (r,) = sum X x f, N m; r =
+    1 in the plane, 3 in space.
 
-    Functionals: the load itself, and the r components of sum u x f.
+    Functionals of the displacements u, from number j on: f.u of the load itself, and the r
+    components of sum u x f. Loads are subtracted on the left-hand side, hence the minus signs.
     """
 
     total: FloatArray
@@ -91,16 +97,17 @@ class BodyForce(Item):
             spatial.body_force, (*self.total.tolist(), *self.arm.tolist()), self.amplitude),)
 
     def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
-        """Adds minus the force A sum f and the torque sum z x f in body axes, z = X + u."""
+        """Adds minus the force A sum f and minus the torque sum z x f in body axes, z = X + u."""
         g = self.amplitude(m.t)
         out.rows[:3] -= g * m.A.dot(self.total)
         out.H[:3, m.at] -= g * m.turn.of_body(self.total)
         out.torque -= g * (self.arm + m.s[j + 1 : j + 4] if m.elastic else self.arm)
         if m.elastic:
             self.push(m, j, out)
-            out.torque_s[:, j + 1 : j + 4] = -g * EYE
+            out.torque_s[:, j + 1 : j + 4] = -g * EYE  # derivative of the torque by sum u x f
 
     def push(self, m: Moved, j: int, out: Pushed) -> None:
+        # sigma: factors of the functionals in the elastic rows
         out.sigma[..., j : j + 1] = -m.factor(self.amplitude)
 
 
@@ -134,8 +141,13 @@ class Moment(Item):
             *self.moment.tolist(), float(self.turns), float(self.space)), self.amplitude),)
 
     def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
-        """Adds the moment, in body axes A^T M if it is given in space axes, with its derivatives by
-        the attitude."""
+        """Subtracts the moment, in body axes A^T M if it is given in space axes, with its
+        derivatives by the attitude. Functionals from j on: mean rotation (3,) of the set; o, k: not
+        used.
+
+        sigma (`push`): factors of the functionals s in the elastic rows; sigma_y: d sigma / dy,
+        tau: d rows / ds; torque, in body axes on the left-hand side, and torque_y: d torque / dy.
+        """
         M, acts = self.amplitude(m.t) * self.moment, self.turns and m.elastic
         out.torque -= m.in_body(M) if self.space else M
         if acts:
@@ -159,7 +171,9 @@ class Reaction(Item):
     mean rotation: table (T, d + r), space axes.
 
     For a frame with prescribed motion, whose rigid equations are not solved: it acts on
-    displacements alone.
+    displacements alone. Functionals from number j on: mean displacement and, with `turns`, mean
+    rotation, d each. The sign is that of multipliers, which stand on the left-hand side: sigma, the
+    factors of the functionals in the elastic rows, are plus the table's values in body axes.
     """
 
     forces_at: Table

@@ -21,8 +21,9 @@ Rates: TypeAlias = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 
 
 class Free:
-    """Attitude by a unit quaternion p (4,), with rotation matrix A (3, 3) from body to space axes.
-    """
+    """Attitude by a unit quaternion p (4,), with rotation matrix A = E G^T (3, 3) from body to
+    space axes; E(p), G(p) (3, 4) are linear in p, and the angular velocity in body axes is w = 2 G
+    p' (rotation.py). n = 4 attitude coordinates."""
 
     __slots__ = ("A", "E", "G", "p")
     size = 4
@@ -71,7 +72,12 @@ Z = np.array([[0.0], [0.0], [1.0]])
 
 
 class Spin:
-    """Attitude by an angle (1,), rad, about the common z axis of space and body."""
+    """Attitude by an angle (1,), rad, about the common z axis of space and body.
+
+    Methods as in `Free`, with n = 1: of_body = d (A b) / dq, of_space = d (A^T f) / dq, bend = d^2
+    (f . A b) / dq^2, turning = (w, alpha) in body axes, rates = these with their derivatives by q,
+    lever = generalized force per torque in body axes, of_lever = d (lever torque) / dq.
+    """
 
     __slots__ = ("A",)
     size = 1
@@ -124,10 +130,11 @@ class UnitQuaternion:
     __slots__ = ("A", "_down", "_lever", "_of_lever", "_size", "_unit", "by", "w", "w_by")
 
     def __init__(self, q: FloatArray, rate: FloatArray) -> None:
+        # |q| and q / |q| of a quaternion; an angle is left as it is: 1 and 0
         self._size = size = float(np.linalg.norm(q)) if len(q) == Free.size else 1.0
         self._unit = q / size if len(q) == Free.size else np.zeros(len(q))
         turn = attitude(q / size)
-        rates = turn.rates(rate / size, rate / size, 0.0, 0.0)
+        rates = turn.rates(rate / size, rate / size, 0.0, 0.0)  # w and dw/dq; accelerations unused
         # derivative of q / |q|; of an angle, which is not normalised, 1
         self._down = (np.eye(len(q)) - np.outer(self._unit, self._unit)) / size
         self._lever, self._of_lever = turn.lever() / size, turn.of_lever

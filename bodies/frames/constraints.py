@@ -30,7 +30,8 @@ GROUND = {2: np.zeros(3), 3: np.array([0.0, 0, 0, 1, 0, 0, 0])}
 @dataclass(frozen=True, slots=True, eq=False)
 class UnitLength(RigidItem):
     """Unit length of the Euler parameters p (4,), the attitude of a body in space: constraint
-    (p.p - 1)/2 = 0 with a multiplier, N m."""
+    (p.p - 1)/2 = 0 with a multiplier, N m. m.y: rigid coordinates and multipliers, with p at m.at;
+    others, forces: numbers of coordinates of another body and of multipliers."""
 
     others = 0
     forces = 1
@@ -39,7 +40,8 @@ class UnitLength(RigidItem):
         return (spatial.SpacePart(spatial.unit_length, ()),)
 
     def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
-        """Adds the constraint in row k, and its multiplier mu times its derivative p."""
+        """Adds the constraint in row k, and its multiplier mu times its derivative p; H: derivative
+        of the rows by y, `diagonal`: a view of its diagonal."""
         mu, p = m.y[k], m.y[m.at]
         out.rows[m.at] += mu * p
         out.rows[k] = 0.5 * (p.dot(p) - 1.0)
@@ -49,8 +51,8 @@ class UnitLength(RigidItem):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Facing(SpatialItem):
-    """Perpendicularity constraints g_k = (A d_k) . (A_o e_k): d (l, 3) in own axes, e (l, 3) in the
-    other body's.
+    """Perpendicularity constraints g_k = (A d_k) . (A_o e_k): `own` = d (l, 3) in own axes, `other`
+    = e (l, 3) in the other body's.
 
     others: number of the other body's rigid coordinates that are unknowns, 0 if it is at rest at
     `place` (7 or 4,). turns: d rotates with the mean rotation of a flexible set of nodes, (3,) rad,
@@ -86,8 +88,11 @@ class Facing(SpatialItem):
         return replace(self, turned=self.turned + s) if self.turns else self
 
     def in_space(self) -> tuple[spatial.SpacePart, ...]:
-        """One constraint (A d) . (A_o e) = 0 for each pair; directions of a body at rest are given
-        in space axes."""
+        """One constraint (A d) . (A_o e) = 0 for each pair d, e of `own`, `other`; e of a body at
+        rest (`others` 0), with the pose `place`, is given in space axes. The amplitude is the
+        angle, rad, by which e is rotated about `axis`; `turned`: initial mean rotation of d, with
+        `turns`.
+        """
         amplitude, axis = None, np.zeros(3)
         if self.turn is not None and self.axis is not None:
             amplitude, axis = self.turn, self.axis / np.linalg.norm(self.axis)
@@ -130,13 +135,17 @@ class Facing(SpatialItem):
         return Wrench(none, moment, none)
 
     def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
-        """Adds the constraints with their forces lambda_k d g_k/dq and second derivatives, row by
-        row: own attitude, other attitude, mean rotation theta of the own set."""
+        """Adds the constraints g_k = (A d_k) . (A_o e_k) with their forces lambda_k d g_k/dq and
+        second derivatives, row by row: own attitude, other attitude, mean rotation theta of the own
+        set. j, o, k: numbers of the functionals of theta, of the other body's first coordinate (3
+        of position, then attitude) and of the first multiplier in m.y.
+        """
         far = attitude((m.y[o : o + self.others] if self.others else self.place)[3:])
         deforms = self.turns and m.elastic
         theta, at = self.turned, slice(j, j + 3)
         if deforms:
             theta = theta + m.s[at]
+            # sigma: factors of theta in the elastic rows; sigma_y: d sigma / dy
             out.sigma[at] = 0.0
             out.sigma_y[:, at] = 0.0
         for i, (d0, e) in enumerate(zip(self.own, self.faces(m.t), strict=True)):
@@ -149,7 +158,7 @@ class Facing(SpatialItem):
                 self._other_rows(m, far, o + 3, k + i, lam, m.A.dot(d), e, D, D_o, out)
             if deforms:
                 self._mean_rotation(m, at, o, k + i, lam, rot.skew(d0), f, D_o, out)
-        if deforms:
+        if deforms:  # d rows / d theta: all follow from one potential
             out.tau[:, at] = out.sigma_y[:, at]
 
     @staticmethod
@@ -168,7 +177,8 @@ class Facing(SpatialItem):
         D: FloatArray, D_o: FloatArray, out: Sums,
     ) -> None:
         """Rows and derivatives of the other body's attitude coordinates, numbered from o, and mixed
-        derivatives."""
+        derivatives, of lam g with g = (A d) . (A_o e) in row k; D, D_o (3, n): derivatives of A d
+        and A_o e by the own and the other attitude; far: the other attitude, A_o."""
         H, g_o, mixed, at_o = out.H, Ad.dot(D_o), lam * D.T.dot(D_o), slice(o, o + far.size)
         out.rows[at_o] += lam * g_o
         H[k, at_o] = H[at_o, k] = g_o
@@ -181,7 +191,10 @@ class Facing(SpatialItem):
         D_o: FloatArray, out: Sums,
     ) -> None:
         """Contribution of the mean rotation theta of a flexible set, at its functionals `at`: dg =
-        (d0 x A^T f) . d theta, lever = d0~."""
+        (d0 x A^T f) . d theta, lever = d0~ (cross-product matrix); f = A_o e in space axes, D_o:
+        its derivative by the other attitude, whose coordinates follow 3 of position from o on.
+        sigma: factors of theta in the elastic rows; sigma_y: d sigma / dy, y with the multiplier at
+        k."""
         g_theta = lever.dot(m.A.T.dot(f))
         out.sigma[at] += lam * g_theta
         out.sigma_y[k, at] = g_theta
@@ -243,8 +256,9 @@ class Slide(SpatialItem):
         return Wrench(force, np.zeros((len(times), 2 * d - 3)), reach)
 
     def in_space(self) -> tuple[spatial.SpacePart, ...]:
-        """One constraint (R + A z - R_o) . A_o e = e . z_o for each line; of a body at rest e and
-        the right-hand side are given in space axes."""
+        """One constraint (R + A z - R_o) . A_o e = e . z_o for each line normal e, with z = `point`
+        and z_o = `base`; of a body at rest (`others` 0, pose `place`) e and the right-hand side are
+        given in space axes, where the latter is (A_o e) . (R_o + A_o z_o)."""
         A, place = np.eye(3), np.zeros(3)
         if not self.others:
             A, place = attitude(self.place[3:]).A, self.place[:3]
@@ -257,8 +271,12 @@ class Slide(SpatialItem):
         return tuple(parts)
 
     def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
-        """Adds the constraints n . (R + A z - R_o - A_o base) = 0 along the lines n = A_o e, fixed
-        in the other body, with their forces and second derivatives; D = d (A z) / dq."""
+        """Adds the constraints n . (R + A z - R_o - A_o base) = 0 along the line normals n = A_o e,
+        fixed in the other body, with their forces and second derivatives; D = d (A z) / dq.
+
+        j: first functional, the displacement of the point z; o: first coordinate of the other body
+        in m.y; k: first multiplier.
+        """
         y_o = m.y[o : o + self.others] if self.others else self.place
         far = attitude(y_o[3:])
         z = self.point + m.s[j : j + 3] if m.elastic else self.point
@@ -277,7 +295,7 @@ class Slide(SpatialItem):
         H[own, own] += m.turn.bend(f, z)
         if self.others:
             self._other_rows(m, far, o, k, lam, gap, n, D, out)
-        if m.elastic:
+        if m.elastic:  # sigma: factors in the elastic rows; sigma_y: d sigma / dy; tau: d rows / ds
             at = slice(j, j + 3)
             out.sigma[at] = m.A.T.dot(f)
             out.sigma_y[own, at] = m.turn.of_space(f).T
@@ -292,7 +310,8 @@ class Slide(SpatialItem):
         n: FloatArray, D: FloatArray, out: Sums,
     ) -> None:
         """Rows and derivatives of the other body's rigid coordinates, numbered from o: position,
-        then attitude."""
+        then attitude; k: first multiplier. Of the sum lam_i n_i . (gap - A_o z_o): gap = R + A z -
+        R_o; n (l, 3) = A_o e; D (3, n): derivative of A z by the own attitude."""
         H, f_o = out.H, lam.dot(self.lines)  # force on the own point, in the other's axes
         place, at_o = slice(o, o + 3), slice(o + 3, o + self.others)
         f_by = far.of_body(f_o)  # derivative of A_o f_o by the other's attitude
@@ -317,8 +336,8 @@ class Turned:
     second: FloatArray
 
     def __call__(self, y: FloatArray) -> Jet:
-        """The angle with its derivatives by the rigid coordinates y (n,), of which the position
-        does not matter."""
+        """The angle with its first (n,) and second (n, n) derivatives by the rigid coordinates
+        y (n,) of a body in space, of which the position y[:3] does not matter."""
         turn = attitude(y[3:])
         cosine, sine = (_cosine(turn, self.own, e) for e in (self.first, self.second))
         angle, by_attitude, bend = of_angle(cosine, sine)
@@ -335,14 +354,16 @@ def _cosine(turn: Attitude, d: FloatArray, e: FloatArray) -> Jet:
 @dataclass(frozen=True, slots=True, eq=False)
 class Shifted:
     """Distance (R + A z) . e - start, m, of a point of a body along a direction of space; point
-    (3,) = z, m, in body axes, along (3,) = e."""
+    (3,) = z, m, in body axes, along (3,) = e; start, m: its (R + A z) . e where the distance is
+    0."""
 
     point: FloatArray
     along: FloatArray
     start: float
 
     def __call__(self, y: FloatArray) -> Jet:
-        """The distance with its derivatives by the rigid coordinates y (n,)."""
+        """The distance with its first (n,) and second (n, n) derivatives by the rigid coordinates
+        y (n,) in space, position first."""
         turn = attitude(y[3:])
         second = np.zeros((len(y), len(y)))
         second[3:, 3:] = turn.bend(self.along, self.point)
@@ -373,8 +394,10 @@ class Transmission(SpatialItem):
         return 1
 
     def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
-        """Adds the constraint, its forces and derivatives; of a sum over pi the whole turns are
-        dropped."""
+        """Adds the constraint scale (n_1 q_1 + n_2 q_2) = 0 in row k, the forces of its multiplier
+        m.y[k] and derivatives; of a sum over pi the whole turns are dropped. `own`, `other`: q_1,
+        q_2 with first and second derivatives by the rigid coordinates of each body, the other's
+        from o on in m.y; j: not used."""
         own, other = slice(0, m.at.stop), slice(o, o + self.others)
         q1, q1_first, q1_second = self.own(m.y[own])
         q2, q2_first, q2_second = self.other(m.y[other])

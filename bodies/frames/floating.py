@@ -53,7 +53,9 @@ def write_frame(
     """Adds a body, its frame and the inertia of its rigid coordinates and displacements.
 
     mass: None for a massless frame; field: inertia of its displacements, if it has any;
-    elastic_integrals, heat_integrals, stress_stiffness, stiffened: as in `BodyRecord`.
+    elastic_integrals, heat_integrals, stress_stiffness, stiffened: as in `BodyRecord`. A frame at
+    rest without displacements needs no inertia. A body in space that turns freely has the
+    constraint |p| = 1 of its quaternion, with the factor C = 1 of its multiplier.
     """
     equations.body(
         partial(frame_of, body.flexible, len(body.pose)), body.pose, moves=body.moves,

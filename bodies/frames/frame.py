@@ -111,7 +111,13 @@ class SpatialFrame(ItemFrame[SpatialItem]):
         self, y: FloatArray, v: FloatArray, a: FloatArray, c1: float, c2: float,
         s: FloatArray, forms: FloatArray, t: float, work: FrameWork,
     ) -> None:
-        """The equations as the sum of what each item adds at the present motion."""
+        """The equations as the sum of what each item adds at the present motion.
+
+        y, v, a (b,): rigid coordinates and multipliers, their rates and second derivatives; c1, c2:
+        dv = c1 dy, da = c2 dy; s (3, p): functionals of the displacements u, u', u''; forms (3 g,):
+        u.M_g u, u.M_g u', u.M_g u''; t: s. j, o, k of an item: its first functional, coordinate of
+        another body and multiplier.
+        """
         out = work.views
         if not isinstance(out, Sums):  # first use of these arrays
             out = work.views = Sums(work, self.size)
@@ -208,9 +214,14 @@ class PlanarFrame(ItemFrame[PlanarItem]):
         self, y: FloatArray, v: FloatArray, a: FloatArray, c1: float, c2: float,
         s: FloatArray, forms: FloatArray, t: float, work: FrameWork,
     ) -> None:
-        """The equations as the sum of what each item adds, in complex numbers."""
+        """The equations as the sum of what each item adds, in complex numbers.
+
+        y, v, a (b,): rigid coordinates (x, y, angle) and multipliers, their rates and second
+        derivatives; c1, c2: dv = c1 dy, da = c2 dy; s (3, p): functionals of u, u', u'', two of
+        which are one complex number; forms (3 g,): u.M_g u, u.M_g u', u.M_g u''.
+        """
         out = work.views
-        if not isinstance(out, Views):
+        if not isinstance(out, Views):  # first use of these arrays
             out = work.views = views(work)
         yl, vl, al = y.tolist(), v.tolist(), a.tolist()
         e = exp(1j * yl[2])
@@ -226,7 +237,13 @@ class PlanarFrame(ItemFrame[PlanarItem]):
         write(total, work.fresh, out)
 
     def arrays(self) -> FrameArrays | None:
-        """Equations as a function on arrays, None where a part is not compiled (`FUNCTIONS`)."""
+        """Equations as a function on arrays, None where a part is not compiled (`FUNCTIONS`).
+
+        kinds: positions in `FUNCTIONS`; numbers: constants of each part, zeros behind them; starts:
+        first functional, coordinate of another body and multiplier of each item (one part each).
+        The last two arguments: all functions to be compiled, each after those it calls, and those
+        of parts among them.
+        """
         parts = [item.in_plane() for item in self.items]
         if any(part.function not in FUNCTIONS for part in parts):
             return None
@@ -253,7 +270,10 @@ class PlanarFrame(ItemFrame[PlanarItem]):
         self, v: FloatArray, a: FloatArray, c1: float, c2: float, work: FrameWork
     ) -> None:
         """Derivatives that are quadratic in the displacements u, all in the row of the angle or by
-        it."""
+        it (number 2 of y), by dv = c1 dy, da = c2 dy. M_1, M_2: the mass matrix and its product
+        with the quarter turn; kappa, mu: factors of M_g u and M_g u' in the elastic rows, with
+        derivatives kappa_y, mu_y (b, g) by y; quad (b, 3, g): factors of u.M_g u, u.M_g u', u.M_g
+        u'' in rows."""
         w, al = float(v[2]), float(a[2])
         if self.inertias:
             # kappa = (-w^2, al), mu = (0, 2 w); torque al u.M_1 u + 2 w u.M_1 u' - u.M_2 u''

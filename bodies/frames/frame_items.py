@@ -140,7 +140,9 @@ class RigidItem(Item):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Compliance(RigidItem):
-    """Compliance of a constraint, g = compliance * multiplier, m/N or rad/(N m)."""
+    """Compliance of a constraint, g = compliance * multiplier, m/N or rad/(N m): minus compliance
+    times the multiplier, in the row k of the multiplier, to which other items add g. H: derivative
+    of the rows by y = (rigid coordinates, multipliers)."""
 
     compliance: float
     others = 0
@@ -159,8 +161,10 @@ class Compliance(RigidItem):
 
 @dataclass(frozen=True, slots=True)
 class Nothing(SpatialItem):
-    """Item with zero contribution instead of another one with the same numbers of functionals,
-    coordinates and multipliers; inert: instead of the inertia; matrices: as many as that has."""
+    """Item with zero contribution instead of another one with the same numbers of functionals
+    (directions), coordinates of another body and multipliers (forces), so that other items keep
+    their places; inert: instead of the inertia; matrices: as many as that has. sigma, sigma_y and
+    tau are overwritten by items and not cleared before."""
 
     directions: int = 0
     others: int = 0
@@ -181,7 +185,9 @@ class Stiffening(Item):
     load on functional j of the frame, and H_j the geometric stiffness of a unit of this load.
 
     matrices: number of functionals of the frame, all of which have one; first: number of inertia
-    matrices M_g, which come before. It is the last item of its frame.
+    matrices M_g, which come before. It is the last item of its frame, so that sigma is complete:
+    coefficients are factors of all matrices, kappa_y their derivatives by y, sigma[:-1] of the work
+    arrays those of sigma.
     """
 
     first: int

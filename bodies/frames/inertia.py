@@ -72,8 +72,14 @@ class Inertia(Item):
             space_inertia, (self.mass, *self.moment.tolist(), *self.second.tolist())),)
 
     def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
-        """Adds inertia forces m (R'' + ...) and torques J al + w x J w + z x A^T R'', with the
-        first moment z and the inertia J of the deformed shape, and their derivatives."""
+        """Adds inertia forces m R'' + A swing, swing = (w~ w~ + al~) z + 2 w~ z1 + z2, and torques
+        J al + w x J w + K1 w + z x A^T R'' + those of u'', with first moments z, z1, z2 = sum m (X
+        + u, u', u'') and inertia J of the deformed shape, and their derivatives by rigid
+        coordinates.
+
+        m: w, al with derivatives dw, dal (3, n) by the attitude, acc = R'', _b: in body axes. out:
+        torque in body axes and torque_y = d torque / dy, H = d rows / dy. j: first functional.
+        """
         m.acc_b = m.A.T.dot(m.acc)
         m.dacc_b = m.turn.of_space(m.acc)
         wx, alx = rot.skew(m.w), rot.skew(m.al)
@@ -101,7 +107,8 @@ class Inertia(Item):
                FloatArray | float]:
         """Inertia data of the current shape, in body axes: sum m z; J; swing, sum m acc without
         R''; sum m u' and K1 (None for a rigid body); and the torque K1 w plus that of u''. spin =
-        w~ w~ + al~, wx = w~."""
+        w~ w~ + al~, wx = w~. N, N1, N2 (g,): second moments of z with z, u', u'', of which `tensor`
+        makes moments of inertia and `axial` sum z x m u''."""
         if not m.elastic:
             return self.moment, self.tensor, spin.dot(self.moment), None, 0.0
         first = slice(j, j + FIRST)
@@ -134,8 +141,9 @@ class Inertia(Item):
     def _on_displacements(
         self, m: Motion, j: int, spin: FloatArray, wx: FloatArray, out: Sums
     ) -> None:
-        """Adds what the inertia of the frame's motion does to displacements, and its
-        derivatives."""
+        """Adds the factors of the functionals m e_i (`first`) and M_g X (`second`) in the elastic
+        rows (`push`), and derivatives: sigma_y of these factors by y, tau of rows and torque_s of
+        the torque in body axes by the functionals, for u' = c1 u, u'' = c2 u."""
         c1, c2, k = m.c1, m.c2, self.moments
         first, second = slice(j, j + FIRST), slice(j + FIRST, j + FIRST + k.count)
         self.push(m, j, out)

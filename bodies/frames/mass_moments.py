@@ -51,11 +51,11 @@ class Moments:
     """Basis of g matrices B (g, d, d) for second moments, the identity first, and the tensors of
     the inertia in it.
 
-    M_g^T = signs_g M_g; N_g(z) changes by symmetric_g (M_g z).dz; names: description of the load
-    M_g X, "" for none. tensor (r, r, g): moments of inertia J = tensor N(z); levers (r, g, r): the
-    same tensor transposed; axial (r, g): sum z x m y = axial N(y). factors(w, al) (g,): sum_g
-    factor_g B_g = w~ w~ + al~ in body axes, (T, g) for rates (T, r); slopes(w) (g, r): their
-    derivative by w; turn (g, r): by al.
+    r = 1 in the plane and 3 in space. M_g^T = signs_g M_g; N_g(z) changes by symmetric_g (M_g
+    z).dz; names: description of the load M_g X, "" for none. tensor (r, r, g): moments of inertia J
+    = tensor N(z); levers (r, g, r): the same tensor transposed; axial (r, g): sum z x m y = axial
+    N(y). factors(w, al) (g,): sum_g factor_g B_g = w~ w~ + al~ in body axes, (T, g) for rates (T,
+    r); slopes(w) (g, r): their derivative by w; turn (g, r): by al.
     """
 
     B: FloatArray

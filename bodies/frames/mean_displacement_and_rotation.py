@@ -27,7 +27,8 @@ def with_torques(forces: FloatArray) -> FloatArray:
 
 
 def mean_rotation(weights: FloatArray, X: FloatArray) -> FloatArray:
-    """(d N, d) columns of the mean rotation (rad) of weighted points X (N, d), by least squares.
+    """(d N, d) columns P of the mean rotation P^T u (rad) of weighted points X (N, d), by least
+    squares; weights (N,), sum 1; u: displacements point by point.
 
     Minimises sum w |u - u_mean - theta x arm|^2. In the plane a zero column follows, because
     functionals come in pairs there. LinAlgError if the points lie on one line, in the plane at one
@@ -83,7 +84,8 @@ class MeanPoint(Item):
 
     def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
         """Adds the position R + A z, z = point + mean displacement, as constraint rows, and the
-        force f of the multipliers at it; D = d (A z) / dq."""
+        force f of the multipliers at it, in space axes; D = d (A z) / dq. j: first functional, the
+        mean displacement; k: first multiplier in m.y; m.at: attitude coordinates q in m.y."""
         multipliers = slice(k, k + 3)
         f = m.y[multipliers]
         z = self.point + m.s[j : j + 3] if m.elastic else self.point
@@ -95,7 +97,7 @@ class MeanPoint(Item):
         H[:3, multipliers] = H[multipliers, :3] = EYE
         H[multipliers, m.at], H[m.at, multipliers] = D, D.T
         H[m.at, m.at] += m.turn.bend(f, z)
-        if m.elastic:
+        if m.elastic:  # sigma: factors in the elastic rows; sigma_y: d sigma / dy; tau: d rows / ds
             at = slice(j, j + 3)
             out.sigma[at] = m.A.T.dot(f)
             out.sigma_y[m.at, at] = out.tau[m.at, at] = m.turn.of_space(f).T
@@ -104,8 +106,9 @@ class MeanPoint(Item):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rotation(Item):
-    """Rotation of a body in the plane or, with `turns`, mean rotation of a set of its points, rad;
-    its multiplier is the moment, N m.
+    """Rotation of a body in the plane or, with `turns`, of its frame plus the mean rotation of a
+    set of its points, rad; its multiplier is the moment, N m. Two functionals with `turns`: the
+    mean rotation of displacements, and 0.
 
     angle: mean rotation in the shape from which displacements are measured, rad.
     """

@@ -25,8 +25,9 @@ class Motion:
     """State of one body frame in space. y: rigid coordinates and multipliers, v: their rates; R
     (m): position; turn: attitude (attitude.py), whose coordinates are at `at` in y; A: its rotation
     matrix; w, al: angular velocity and acceleration in body axes with derivatives dw, dal (3, n) by
-    q; acc: R'' and acc_b = A^T R'' with dacc_b (3, n); s, s1, s2, forms: functionals of u (see
-    `BodyFrame.evaluate`)."""
+    q; acc: R'' and acc_b = A^T R'' with dacc_b (3, n); c1, c2: dv = c1 dy, da = c2 dy of the time
+    integration; t: s. elastic: True if the body deforms; then s, s1, s2 (p,): functionals of u, u',
+    u'', and forms (3 g,): u.M_g u, u.M_g u', u.M_g u'' (set by the frame)."""
 
     __slots__ = ("A", "R", "acc", "acc_b", "al", "at", "c1", "c2", "dacc_b", "dal", "dw",
                  "elastic", "forms", "s", "s1", "s2", "t", "turn", "v", "w", "y")
@@ -42,7 +43,9 @@ class Motion:
         self, size: int, y: FloatArray, v: FloatArray, a: FloatArray, c1: float, c2: float,
         t: float, derivatives: bool = True,
     ) -> None:
-        """derivatives: compute those by q; not needed for prescribed motion."""
+        """size: number of own rigid coordinates, the first in y, v, a (b,), position first; turn:
+        attitude with coordinates q = y[at]; derivatives: compute those of w, al by q; not needed
+        for prescribed motion."""
         self.y, self.v, self.c1, self.c2, self.t, self.elastic = y, v, c1, c2, t, False
         self.at = at = slice(3, size)
         self.R, self.acc, self.turn = y[:3], a[:3], attitude(y[at])
@@ -68,10 +71,11 @@ class Sums:
     """Views of a FrameWork's arrays, and torques in body axes, to which items add.
 
     rows (b,): residual of the b rigid coordinates and multipliers; H (b, b): its matrix with the
-    diagonal (b,); sigma (p,): factors of the p functionals in the elastic equations; sigma_y, tau
-    (b, p): derivatives. torque (3,), about the frame origin, is accumulated separately until
-    `finish` converts it to the attitude coordinates; torque_y (3, size) and torque_s (3, p) are its
-    derivatives.
+    diagonal (b,); sigma (p,): factors of the p functionals in the elastic equations; sigma_y (b,
+    p): derivatives of sigma by y, tau (b, p): of rows by the functionals; coefficients, kappa_y,
+    mu_y, quad: as in FrameWork. torque (3,), about the frame origin, is accumulated separately
+    until `finish` converts it to the attitude coordinates; torque_y (3, size) and torque_s (3, p)
+    are its derivatives.
     """
 
     __slots__ = ("H", "border", "coefficients", "diagonal", "kappa_y", "motion", "mu_y", "quad",

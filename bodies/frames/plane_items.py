@@ -108,7 +108,9 @@ def body_force(
 ) -> None:
     """Load that rotates with the body (`PlaneFunction`). numbers: sum f (2), N, sum X x f, N m.
 
-    Pair of functionals: the load itself (real part) and sum u x f (imaginary part).
+    Pair j of functionals: the load itself, sum u . f (real part), and sum u x f (imaginary part).
+    g: factor of the load at time t; o, k: not used. Loads are subtracted on the left-hand side:
+    sigma, factors of the pairs in the elastic rows, is -g, and tau gives d torque = -g Im ds.
     """
     f = m.e * complex(numbers[0], numbers[1]) * g
     arm = numbers[2] + (m.s[j].imag if m.elastic else 0.0)
@@ -124,7 +126,9 @@ def space_force(
     numbers: Numbers, g: float, m: PlaneMotion, j: int, o: int, k: int, total: Total, out: Views
 ) -> None:
     """Nodal weights times one force in space axes (`PlaneFunction`). numbers: sum w, sum w X (2),
-    force per unit weight (2), N."""
+    force per unit weight (2), N. g: factor of the force at time t; j: pair of functionals sum w u;
+    o, k: not used. Loads are subtracted; sigma: factors of the pairs in the elastic rows, sigma_y:
+    d sigma / dy, tau: d rows / ds (`Views`); m.fresh: derivatives are to be written."""
     f = g * complex(numbers[3], numbers[4])
     fb = m.ec * f  # in body axes
     arm = complex(numbers[1], numbers[2]) + (m.s[j] if m.elastic else 0j)
@@ -151,7 +155,12 @@ def attachment(
     numbers: Numbers, g: float, m: PlaneMotion, j: int, o: int, k: int, total: Total, out: Views
 ) -> None:
     """Position r + e z of the mean point z of a set as two constraint rows, and the force of their
-    multipliers on it (`PlaneFunction`). numbers: z = sum w X (2), m, with sum w = 1."""
+    multipliers on it (`PlaneFunction`). numbers: z = sum w X (2), m, with sum w = 1.
+
+    j: pair of functionals, the mean displacement; k: first of two multipliers; g, o: not used.
+    sigma: factors of pairs in the elastic rows, sigma_y: d sigma / dy; tau: d row = Re(conj(tau)
+    ds).
+    """
     ec, y = m.ec, m.y
     z = complex(numbers[0], numbers[1]) + (m.s[j] if m.elastic else 0j)
     f = complex(y[k], y[k + 1])
@@ -184,7 +193,8 @@ def rotation(
 
     numbers: 1 where the set turns, 0 for the body itself; mean rotation in the shape from which
     displacements are measured, rad. The mean rotation of displacements is the real part of the pair
-    of functionals, whose imaginary part is 0.
+    j of functionals, whose imaginary part is 0; k: the multiplier; g, o: not used. sigma: factors
+    of pairs in the elastic rows, sigma_y: d sigma / dy, tau: d rows / ds.
     """
     turns, start = numbers[0] > 0.0, numbers[1]
     theta, moment, deforms = m.y[2], m.y[k], turns and m.elastic
@@ -203,7 +213,11 @@ def slide(
     lambda n on the own point z (`PlaneFunction`).
 
     numbers: z (2), m; in the other body's axes unit normal `line` (2) and offset `base`, m, of the
-    line; 1 where the other body's coordinates are unknowns, else 0; its coordinates (3) at rest.
+    line; 1 where the other body's coordinates are unknowns, else 0; its coordinates (3) at rest. j:
+    pair of functionals, the displacement of z; o: first coordinate of the other body; k: the
+    multiplier lambda; g: not used. sigma: factors of pairs in the elastic rows, sigma_y: d sigma /
+    dy, tau: d row = Re(conj(tau) ds); all H = d rows / dy from the potential lambda times
+    constraint.
     """
     z, line, base = complex(numbers[0], numbers[1]), complex(numbers[2], numbers[3]), numbers[4]
     z, lam = z + (m.s[j] if m.elastic else 0j), m.y[k]
@@ -251,7 +265,9 @@ def compliance(
 @dataclass(frozen=True, slots=True, eq=False)
 class PlaneReaction:
     """Prescribed joint force (N) and, with `turns`, moment (N m) in space axes, table `forces_at`
-    (T, 3), on displacements alone: a `PlaneFunction` that is not compiled."""
+    (T, 3), on displacements alone: a `PlaneFunction` that is not compiled. Pairs of functionals: j
+    the mean displacement, j + 1 the mean rotation; sigma: their factors on the left-hand side of
+    the elastic rows, with the sign of multipliers; the other arguments are not used."""
 
     forces_at: Table
     turns: bool

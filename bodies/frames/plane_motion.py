@@ -33,8 +33,8 @@ class PlaneMotion(NamedTuple):
     y: rigid coordinates and multipliers, v: their rates; r (m), e = exp(i theta), ec its conjugate;
     w, al: angular velocity and acceleration (1/s, 1/s^2); acc: R'' (m/s^2); elastic: True if the
     body deforms, and then s, s1, s2: functionals of u, u' and u'', one complex number per pair, and
-    forms: quadratic forms of u (see `BodyFrame.evaluate`). fresh: False where derivatives need not
-    be written.
+    forms (3 g,): u.M_g u, u.M_g u', u.M_g u''. c1, c2: dv = c1 dy, da = c2 dy of the time
+    integration; t: s; fresh: False where derivatives need not be written.
     """
 
     y: Sequence[float] | FloatArray
@@ -57,11 +57,15 @@ class PlaneMotion(NamedTuple):
 
 
 class Views(NamedTuple):
-    """Complex views of a FrameWork's arrays, created once.
+    """Complex views (sigma, sigma_y, tau) and real ones of a FrameWork's arrays, created once.
 
-    sigma (pairs,), sigma_y and tau (b, pairs): a derivative row tau means d row = Re(conj(tau) ds),
-    so a complex equation d = a ds has tau = conj(a) in its real row and i conj(a) in its imaginary
-    one. H (b, b), rows (b,): matrix and residual of the b rigid coordinates and multipliers.
+    A pair is two functionals (P_1.u, P_2.u) of the displacements u as one complex number s; y (b,)
+    are rigid coordinates and multipliers. sigma (pairs,): factors of the pairs in the elastic rows,
+    which are Re(sigma) P_1 + Im(sigma) P_2; sigma_y (b, pairs): their derivatives by y; tau (b,
+    pairs): a derivative row tau means d row = Re(conj(tau) ds), so a complex equation d = a ds has
+    tau = conj(a) in its real row and i conj(a) in its imaginary one. H (b, b), rows (b,): matrix d
+    rows / dy and residual of the equations of y. coefficients (2 g + 1,) = kappa, mu, 1: factors of
+    M_g u and M_g u' in the elastic rows, for the g inertia matrices M_g.
     """
 
     sigma: ComplexArray
@@ -81,7 +85,8 @@ def views(work: FrameWork) -> Views:
 
 def write(total: Total, fresh: bool, out: Views) -> None:
     """Writes the sums over all items to the rows of (R_x, R_y, theta) and, if `fresh`, to their
-    derivatives."""
+    derivatives H by these. Of complex sums a real and an imaginary part are those of x and y, for
+    `total[TORQUE]` the torque and its derivative by theta."""
     rows, H, force, torque = out.rows, out.H, total[FORCE], total[TORQUE]
     rows[0], rows[1], rows[2] = force.real, force.imag, torque.real
     if not fresh:

@@ -79,7 +79,8 @@ def rotational_spring(
 ) -> None:
     """Moment stiffness phi + damping phi' + g that acts against the relative angle phi of two
     frames, rad. numbers: stiffness, N m/rad, damping, N m s/rad, 1 where the other body's
-    coordinates are unknowns, else 0, and the angle that counts as zero, rad."""
+    coordinates are unknowns, else 0, and the angle that counts as zero, rad. g: drive moment at
+    time t, N m; o: first coordinate of the other body; j, k: not used. m.c1: d phi' = c1 d phi."""
     stiffness, damping, moves = numbers[0], numbers[1], numbers[2] > 0.0
     phi, rate = m.y[2] - numbers[3], m.w
     if moves:
@@ -100,7 +101,8 @@ def relative_law(
 
     kind 0: a q + b q'. 1, a stop: with the depth s beyond a (below) or b (above) c s (1 + d s')
     against it, never less than zero (Hunt and Crossley 1975, doi 10.1115/1.3423596, with the
-    exponent 1). 2, friction: (a + b load) w (3 - w^2) / 2, w = q' / c in [-1, 1].
+    exponent 1). 2, friction: (a + b load) w (3 - w^2) / 2, w = q' / c in [-1, 1]. rate: q'; d: s/m
+    or s/rad in a stop; c: stiffness of a stop, rate at which friction is full.
     """
     if kind == 0.0:
         return a * q + b * rate, a, b, 0.0

@@ -52,7 +52,9 @@ def space_arrays(
     n: int, items: Sequence[Item], starts: Sequence[tuple[int, int, int]]
 ) -> FrameArrays | None:
     """Items of a frame with n attitude coordinates as arrays, None where one is not given so.
-    starts: first functional j, coordinate of another body o and multiplier k of each item."""
+    starts: first functional j, coordinate of another body o and multiplier k of each item. An item
+    can have several parts, each a row of numbers that begins with n; the last two arguments are all
+    functions that are called, and those of parts."""
     parts, at = list[SpacePart](), list[tuple[int, int, int]]()
     for item, (j, o, k) in zip(items, starts, strict=True):
         made = item.in_space()

@@ -79,7 +79,9 @@ def add_pull(
     m: SpaceMotion, g: float, f: Vector, z: Vector, kind: int, b: Vector, j: int, out: SpaceSums
 ) -> None:
     """Adds the derivatives of g f . A z by the attitude and by the displacements of z, which was b
-    (`kind`), to rows and sigma, and second derivatives to H, sigma_y and tau."""
+    (`kind`), to rows and sigma, and second derivatives to H, sigma_y and tau. f: in space axes; g:
+    a factor; j: first functional, the displacement or rotation of b; m.D[k]: derivative of A by
+    attitude coordinate k, of n; kind 0: z does not deform; c2 = 0: without derivatives."""
     for k in range(m.n):
         out.rows[3 + k] += g * dot(f, times(m.D[k], z))
     if m.elastic and kind > 0:
@@ -97,7 +99,8 @@ def add_pull(
 def unit_length(
     numbers: FloatArray, g: float, m: SpaceMotion, j: int, o: int, k: int, out: SpaceSums
 ) -> None:
-    """Constraint (p.p - 1) / 2 = 0 of a quaternion p (`SpaceFunction`). numbers: n."""
+    """Constraint (p.p - 1) / 2 = 0 of a quaternion p (`SpaceFunction`), coordinates 3 to 6 in y,
+    with the multiplier y[k]. numbers: n; g, j, o: not used; c2 = 0: without derivatives H."""
     out.rows[k] -= 0.5
     for i in range(3, 7):
         p = m.y[i]
@@ -123,8 +126,10 @@ def space_force(
 def body_force(
     numbers: FloatArray, g: float, m: SpaceMotion, j: int, o: int, k: int, out: SpaceSums
 ) -> None:
-    """Load that rotates with the body (`SpaceFunction`). numbers: n, sum f (3), N, sum X x f (3),
-    N m. Functionals: the load itself, then sum u x f (3)."""
+    """Load that rotates with the body (`SpaceFunction`). numbers: n, sum f (3), N, sum X x f (3), N
+    m. Functionals from j on: the load itself, then sum u x f (3). g: factor of the load at time t;
+    o, k: not used; m.D, m.lever: derivatives of A by, and generalized forces per torque on the n
+    attitude coordinates; sigma: factors in the elastic rows; tau: d rows / ds; loads have minus."""
     f, arm = vector(numbers, 1), vector(numbers, 4)
     add(out.rows, 0, -g, times(m.A, f))
     for c in range(m.n if m.c2 != 0.0 else 0):
@@ -143,7 +148,10 @@ def moment(
     numbers: FloatArray, g: float, m: SpaceMotion, j: int, o: int, k: int, out: SpaceSums
 ) -> None:
     """Moment on a body or on the mean rotation of a set (`SpaceFunction`). numbers: n, moment (3),
-    N m, 1 where a set turns, else 0, 1 for axes of space, 0 for those of the body."""
+    N m, 1 where a set turns, else 0, 1 for axes of space, 0 for those of the body. g: its factor at
+    time t; j: first functional, the mean rotation of the set; o, k: not used. m.D, m.lever:
+    derivatives of A by, and generalized forces per torque on the n attitude coordinates; sigma:
+    factors in the elastic rows, sigma_y: d sigma / dy; c2 = 0: without derivatives."""
     M, acts, in_space = vector(numbers, 1), m.elastic and numbers[4] > 0.0, numbers[5] > 0.0
     own = back(m.A, M) if in_space else M
     add_torque(m, (-g * own[0], -g * own[1], -g * own[2]), out)

@@ -52,8 +52,9 @@ class SpaceMotion(NamedTuple):
 
 
 class SpaceSums(NamedTuple):
-    """Arrays of a FrameWork to which parts add: sigma (p,), sigma_y and tau (b, p), H (b, b), rows
-    (b,), coefficients (2 g + 1,)."""
+    """Arrays of a FrameWork to which parts add: sigma (p,), factors of functionals s in the elastic
+    rows, sigma_y = d sigma / dy and tau = d rows / ds (b, p), H = d rows / dy (b, b), rows (b,),
+    coefficients (2 g + 1,) of M_g u, M_g u', and 1."""
 
     sigma: FloatArray
     sigma_y: FloatArray
@@ -194,8 +195,9 @@ def spin(lever: FloatArray, q1: FloatArray, i: int, n: int) -> Vector:
 
 
 def add_torque(m: SpaceMotion, torque: Vector, out: SpaceSums) -> None:
-    """Adds a torque in body axes to the rows of the attitude, with the derivatives of these at a
-    constant torque."""
+    """Adds a torque in body axes to the rows of the n attitude coordinates, numbers 3 on in y, with
+    the derivatives H of these at a constant torque, unless c2 = 0; lever = 2 G^T of the quaternion
+    p (rotation.py), linear in p."""
     for k in range(m.n):
         out.rows[3 + k] += dot(vector(m.lever[k], 0), torque)
     if m.n == 4 and m.c2 != 0.0:  # d (2 G^T torque) / dp

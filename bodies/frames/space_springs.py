@@ -110,8 +110,10 @@ def counted_angle(
     numbers: FloatArray, m: SpaceMotion, o: int, others: int, c: float, s: float, relaxed: float
 ) -> float:
     """Angle atan2(s, c), rad, of a rotational spring plus the whole turns since the start
-    (`springs.Angle.nearly` and `counted`); numbers: those of `space_rotational_spring`; relaxed:
-    its angle without deflection, rad."""
+    (`springs.Angle.nearly` and `counted`); numbers: those of `space_rotational_spring`, with the
+    axis n = e_1 x e_2, e_1 at 4 and e_2 at 7; o, others: first rigid coordinate and number of
+    attitude coordinates of the other body, 0 at rest; relaxed: its angle without deflection, rad.
+    Quaternions determine the angle but for 4 pi: it is the one nearest to `relaxed`."""
     raw, near = atan2(s, c), 0.0
     if m.n == 1 and others <= 1:  # angles about z; numbers[21]: their difference at the start
         about = cross(vector(numbers, 4), vector(numbers, 7))[2]

@@ -56,8 +56,14 @@ class SpringItem(Item, Protocol):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Coordinate:
-    """Relative coordinate of two frames. others: number of the other body's rigid coordinates that
-    are unknowns, 0 if it is at rest at `place`, its pose at the start."""
+    """Relative coordinate of two frames (a length, m, or an angle, rad). others: number of the
+    other body's rigid coordinates that are unknowns, 0 if it is at rest at `place`, its pose at the
+    start.
+
+    Angles in space are known up to two turns: of these it is the one nearest to `near`, rad. o:
+    first coordinate of the other body in y. `Along`: rigid coordinates (T, n) at T times, and their
+    rates.
+    """
 
     others: int
     place: FloatArray
@@ -66,8 +72,8 @@ class Coordinate:
     def relative(
         self, m: Motion, o: int, near: float
     ) -> tuple[IntArray, float, FloatArray, FloatArray]:
-        """In space: numbers of the rigid coordinates that it depends on (n,), its value, and its
-        first (n,) and second (n, n) derivative by them; near: nearly the value, of an angle."""
+        """In space: numbers in y of the rigid coordinates that it depends on (n,), its value, and
+        its first (n,) and second (n, n) derivative by them."""
 
     @abstractmethod
     def moved(
@@ -92,7 +98,9 @@ class Length(Coordinate):
     def relative(
         self, m: Motion, o: int, near: float
     ) -> tuple[IntArray, float, FloatArray, FloatArray]:
-        """Length of the gap between two points, with its derivatives."""
+        """Numbers of the rigid coordinates in y, |gap| with gap = R + A z - R_o - A_o z_o (z =
+        `point`, z_o = `base`), its gradient and second derivatives; the other body's coordinates
+        follow the own ones, if unknown. near: for angles alone."""
         y_o, size = self.far(m, o), m.at.stop
         far, D = attitude(y_o[3:]), m.turn.of_body(self.point)
         gap = m.R + m.A.dot(self.point) - y_o[:3] - far.A.dot(self.base)
@@ -112,8 +120,8 @@ class Length(Coordinate):
     def moved(
         self, own: Along, other: Along, near: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """The length, its rate, and as force per unit the direction n of the gap, without moment.
-        """
+        """The length, its rate (T,), and as wrench per unit of force (T, 3 d - 3) the direction n
+        of the gap, without moment. own, other: rigid coordinates (T, n) and their rates."""
         d = len(self.point)
         gap = _placed(own[0], self.point) - _placed(other[0], self.base)
         speed = (own[1][:, :d] + vector_rates(*own, self.point)
@@ -137,7 +145,9 @@ class Distance(Coordinate):
     def relative(
         self, m: Motion, o: int, near: float
     ) -> tuple[IntArray, float, FloatArray, FloatArray]:
-        """Component of the gap along an axis of the other side, with its derivatives."""
+        """Numbers of the rigid coordinates in y, the distance (R + A z - R_o - A_o z_o) . n, n =
+        A_o e, its gradient and second derivatives; the other body's coordinates, from o on, follow
+        the own ones, if unknown. near: for angles alone."""
         y_o, size = self.far(m, o), m.at.stop
         far = attitude(y_o[3:])
         n, D = far.A.dot(self.axis), m.turn.of_body(self.point)
@@ -178,7 +188,9 @@ def _placed(pose: FloatArray, z: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlaneAngle(Coordinate):
-    """In the plane: relative angle of two frames since the start, rad; start: at the start."""
+    """In the plane: relative angle of two frames since the start, rad: angle 2 of the own rigid
+    coordinates minus that of the other ones, minus `start`, this difference at the start. An angle
+    in the plane counts all turns, so `near` is not needed."""
 
     start: float
 
@@ -247,8 +259,9 @@ class Angle(Coordinate):
     def relative(
         self, m: Motion, o: int, near: float
     ) -> tuple[IntArray, float, FloatArray, FloatArray]:
-        """Angle between a direction of the own side and two of the other, with whole turns counted
-        near `near`."""
+        """Numbers in y of the attitude coordinates of both bodies, the angle, rad, between a
+        direction of the own side and two of the other, with whole turns counted near `near`, rad,
+        and its first and second derivatives by them. o: first coordinate of the other body."""
         y_o = self.far(m, o)
         far, at = attitude(y_o[3:]), np.arange(m.at.start, m.at.stop)
         if self.others:
@@ -271,8 +284,9 @@ class Angle(Coordinate):
     def moved(
         self, own: Along, other: Along, near: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """The angle, its rate, and the moment per unit, its derivative by a small rotation of the
-        own body: with c = d . f_1, s = d . f_2 it is d x (c f_2 - s f_1) / (c^2 + s^2)."""
+        """The angle (T,), its rate, and per unit of moment the force, 0, and moment (T, 6), its
+        derivative by a small rotation of the own body: with c = d . f_1, s = d . f_2, all in space
+        axes, it is d x (c f_2 - s f_1) / (c^2 + s^2). own, other: rigid coordinates and rates."""
         d, d_rate = vectors_in_space(own[0], self.own), vector_rates(*own, self.own)
         f, cosines, rates = [], [], []
         for e in (self.first, self.second):
@@ -325,8 +339,10 @@ class RelativeItem(SpringItem):
             amplitudes_along((self.relaxed,), times)[:, 0])
 
     def in_plane(self) -> plane.PlanePart:
-        """Its numbers in the orders of the functions of plane_springs.py, which have their legends.
-        """
+        """Its numbers in the orders of the functions of plane_springs.py, which have their legends;
+        `law`: its kind, then stiffness and damping for the kind `LINEAR`; place: pose of a body at
+        rest, whose coordinates are no unknowns; zero: value of the coordinate that counts as
+        zero."""
         c, drive, moves = self.coordinate, self.drive or Held(0.0), float(self.others > 0)
         place = c.place.tolist() if not self.others else [0.0] * 3
         stiffness_and_damping = self.law[1:3]  # of a law of the kind `LINEAR`, as of all lengths
@@ -347,7 +363,9 @@ class RelativeItem(SpringItem):
 
     def in_space(self) -> tuple[spatial.SpacePart, ...] | None:
         """Its numbers in the orders of the functions of space_springs.py, which have their legends;
-        points and directions of a body at rest are given in space axes."""
+        points and directions of a body at rest are given in space axes. None for what is not
+        compiled: distances along an axis, and angles with stops or friction. With a relaxed angle
+        there are two parts, spring and drive, as a part has one amplitude."""
         c, drive = self.coordinate, self.drive or Held(0.0)
         attitudes = float(max(self.others - 3, 0))  # unknown attitude coordinates of the other body
         A, place = np.eye(3), np.zeros(3)
@@ -377,8 +395,10 @@ class RelativeItem(SpringItem):
         return part(stiffness, damping, 1.0, self.relaxed), part(0.0, 0.0, 0.0, drive)
 
     def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
-        """Adds the force of the law on the relative coordinate q, along its gradient, with
-        derivatives."""
+        """Adds the force f(s q, s q', |joint forces|) of the law on the relative coordinate q,
+        along its gradient `first`, plus the drive, with derivatives H = d rows / dy; s: its sign, 1
+        or -1; at: numbers in y of the coordinates of q; o, k: first coordinate of the other body,
+        first of the joint forces that the law reads. j: not used, it has no functionals."""
         near, s = self.near if self.relaxed is None else self.relaxed(m.t), self.sign
         at, q, first, second = self.coordinate.relative(m, o, near)
         rates, multipliers = m.v[at], slice(k, k + self.forces)
