@@ -25,8 +25,9 @@ class Unknowns:
 
     @classmethod
     def of_labels(cls, X: FloatArray, node: IntArray, direction: IntArray) -> "Unknowns":
-        """Unknowns of nodes with directions 1 to 3, 4 to 6 as in FE codes; in the plane 1, 2 and
-        6. InputError for others, and for an unknown that is there twice."""
+        """Unknowns of nodes X (N, d), m: node (n,) row in X of each, `MODAL` for one without a
+        place; direction (n,): 1 to 3 displacements, 4 to 6 rotations as in FE codes, in the plane
+        1, 2 and 6. InputError for others, and for an unknown that is there twice."""
         d = X.shape[1]
         to = {0: MODAL, 1: 0, 2: 1, 6: 2} if d == 2 else {0: MODAL, **{i + 1: i for i in range(6)}}
         strange = np.setdiff1d(direction[node != MODAL], list(to))

@@ -40,7 +40,8 @@ def labelled(rows: IntArray, columns: IntArray, values: FloatArray) -> FileMatri
 
 def table(text: str, columns: int) -> FloatArray:
     """(k, columns) finite numbers of a text with one entry a line, between commas or blanks,
-    without remarks; InputError with the line of another."""
+    without remarks, with exponents E or D (Fortran); InputError with the number of the first line
+    that has others, or without any line."""
     lines = text.replace(",", " ").splitlines()
     kept = [line for line in lines if not remark(line)]
     try:
@@ -142,8 +143,9 @@ def unknowns_of(path: Path) -> Path:
 
 def read_calculix(path: Path, name: str) -> FileMatrix:
     """Matrices that CalculiX writes for `*FREQUENCY, SOLVER=MATRIXSTORAGE`: `.sti` (stiffness) and
-    `.mas` (mass) with row, column and value of the upper triangle, and next to them `.dof` with the
-    node and direction of each row, such as 12.3."""
+    `.mas` (mass) with row, column and value of the upper triangle, which the caller mirrors, and
+    next to them `.dof` with the node and direction of each row, such as 12.3. A file has one
+    matrix: `name` is not used."""
     beside = unknowns_of(path)
     if not beside.is_file():
         raise InputError(f"the file {beside.name}, which CalculiX writes with it, is missing")
@@ -153,6 +155,7 @@ def read_calculix(path: Path, name: str) -> FileMatrix:
     if len(labels) < found.shape[0]:
         raise InputError(f"{beside.name} names {len(labels)} unknowns, and the matrix has "
                          f"{found.shape[0]}")
+    # last rows without entries are not in the file: they become zero
     matrix = csr_array((found.data, found.indices, np.pad(
         found.indptr, (0, len(labels) - found.shape[0]), mode="edge")), shape=2 * (len(labels),))
     return FileMatrix(matrix, labels)
@@ -160,7 +163,8 @@ def read_calculix(path: Path, name: str) -> FileMatrix:
 
 def read_ansys(path: Path, name: str) -> FileMatrix:
     """Mass and stiffness matrices of ANSYS, `K` or `M`: `.full` files, read by ansys-mapdl-reader
-    (extra `ansys`). Constrained unknowns are left out, as their rows are."""
+    (extra `ansys`). Constrained unknowns are left out, as their rows are. name: `K` or `M`. The
+    matrix has one triangle, which the caller mirrors."""
     try:
         from ansys.mapdl.reader import read_binary
     except ImportError:
@@ -172,6 +176,7 @@ def read_ansys(path: Path, name: str) -> FileMatrix:
     matrix = matrices[which == "M"]
     if matrix is None:
         raise InputError(f"it has no matrix {which}")
+    # node, and direction from 0 there and from 1 here; file.const: those of constrained unknowns
     labels = np.asarray(found, dtype=np.int64) + np.array([0, 1])
     held = {(int(n), int(d) + 1) for n, d in (file.const if file.const is not None else ())}
     free = np.array([i for i, (n, d) in enumerate(labels.tolist()) if (n, d) not in held],
@@ -186,7 +191,9 @@ SQUARE, SYMMETRIC = 1, 6
 def read_nastran(path: Path, name: str) -> FileMatrix:
     """Matrices DMIG of Nastran and OptiStruct in punch files, such as those of `EXTSEOUT(DMIGPCH)`
     and `PARAM, EXTOUT, DMIGPCH` (MSC Nastran Quick Reference Guide, DMIG): the one called `name`,
-    or the only one. Scalar points are unknowns without a place."""
+    or the only one. Scalar points are unknowns without a place, of direction 0. The header has the
+    fields name, 0, form (square or symmetric) and type (1, 2: real); of a symmetric matrix a file
+    may have either triangle."""
     found: dict[str, list[Card]] = {}
     for card in cards(decoded(path.read_bytes())):
         if card.name == "DMIG":

@@ -18,7 +18,9 @@ class LoadVector(LoadPlugin):
     """Function of time that multiplies the load; 1 by default."""
 
     def build(self, name: str, parts: Mapping[str, Part]) -> LoadPart:
-        """The named load vector of a body from matrices."""
+        """The named load vector of a body from matrices, times `factor`; as it may act on all
+        nodes, hyper-reduction need not keep its rows (localized=False). vector: nodal forces,
+        moments and heat. InputError under `on`."""
         owner, _, which = self.on.partition(":")
         body = find_body(parts, owner, "on")
         if not isinstance(body, MatrixBody):

@@ -58,7 +58,7 @@ LARGEST = 30_000_000
 
 class NodeSet(PointSet):
     """Named set of nodes: by their numbers, or as in meshes by `box`, `where` or `nearest`; or the
-    centre of a set of the file."""
+    centre of a set of the file. `ways`: options of which a set has one."""
 
     nodes: list[int] | None = Field(default=None, min_length=1)
     """Numbers of the nodes in the file."""
@@ -166,7 +166,8 @@ class Matrices(BodyPlugin):
     @model_validator(mode="after")
     def _complete(self) -> "Matrices":
         """Checks that the matrices of all fields are given, and a reference condition where one is
-        needed."""
+        needed: for an elastic field whose matrices are those of a free body (not `_supported`), but
+        for `shapes`, which may exclude rigid motion themselves (checked in the build)."""
         missing = [key for field, keys in ((ELASTIC.name, ("stiffness", "mass")),
                                            (THERMAL.name, THERMAL_KEYS))
                    if field in self.selected_fields
@@ -346,7 +347,12 @@ class Matrices(BodyPlugin):
     def _labels(
         self, nodes: FileNodes, given: IntArray, read: Mapping[str, FileMatrix]
     ) -> tuple[IntArray, dict[str, Csr]]:
-        """(n, 2) node and direction of each unknown, and the matrices in their order."""
+        """(n, 2) node and direction of each unknown, and the matrices in their order.
+
+        given (n, 2), or (0, 2): labels of the file of unknowns, if any, which precede those of the
+        matrix files; read: option -> matrix of its file. A file without labels of its own is taken
+        as in this order already.
+        """
         named = {k: m for k, m in read.items() if len(m.labels)}
         labels = given
         if not len(given) and named:
@@ -363,9 +369,12 @@ class Matrices(BodyPlugin):
         return labels, found
 
     def _in_order(self, nodes: FileNodes, key: str, m: FileMatrix) -> IntArray:
-        """The same directions at all nodes, in their order, then `modes`."""
+        """Labels (n, 2) of the unknowns of a matrix m, given as `key`, whose file does not name
+        them: the same directions at all nodes, in their order, then `modes` with node and direction
+        0. InputError where their number does not fit, or the nodes are not in ascending order."""
         N, n = len(nodes.labels), m.matrix.shape[0] - self.modes
         d = nodes.X.shape[1]
+        # number of unknowns of the nodes -> directions at each of them
         each = {2 * N: (1, 2), d * N: tuple(range(1, d + 1)), 6 * N: (1, 2, 3, 4, 5, 6)}
         if d == 2:
             each[3 * N] = (1, 2, 6)
@@ -385,8 +394,8 @@ class Matrices(BodyPlugin):
         return np.concatenate([labels, np.zeros((self.modes, 2), np.int64)]).astype(np.int64)
 
     def _unknowns(self, nodes: FileNodes, labels: IntArray) -> tuple[Unknowns, tuple[Note, ...]]:
-        """Unknowns of the rows of the matrices, by labels (node, direction); in the plane where all
-        are in it."""
+        """Unknowns of the rows of the matrices, by labels (n, 2) of node number and direction (node
+        0: none); in the plane where all are in it. With notes on nodes without a position."""
         X, notes = nodes.X, []
         node = nodes.numbering.rows(labels[:, 0])
         away = np.setdiff1d(labels[node < 0, 0], [0])
@@ -408,8 +417,11 @@ class Matrices(BodyPlugin):
     # ------------------------------------------------------------------ parts of the body
 
     def _points(self, files: _Files) -> Mesh:
-        """Nodes and sets as a mesh without cells."""
+        """Nodes and sets as a mesh without cells: sets of the file, those by node numbers, and
+        those by geometry (`with_sets`)."""
         named = dict(files.nodes.sets)
+        # at.rows: row of a node number in unknowns.X, -1 for none; files.nodes has the rows of X,
+        # without nodes that were left out as they have no unknowns, of which `notes` tell
         gather, at = Gather(), files.nodes.numbering
         for name, one in self.sets.items():
             if one.nodes is not None:
@@ -445,8 +457,9 @@ class Matrices(BodyPlugin):
         return found
 
     def _loads(self, base: Path, written: str, files: _Files) -> NodalLoads:
-        """Nodal forces, moments and heat of a file in SI units: a table of node, direction and
-        size, or a matrix with a row for each node."""
+        """Nodal forces, moments and heat of a file `written` in SI units: a table of node,
+        direction and size (several entries of one are added), or a matrix with a row for each node.
+        The caller names the option of an InputError, hence the empty key."""
         N, d = files.unknowns.X.shape
         # columns: direction of the table (1 to 3 forces, 4 to 6 moments, 11 heat), 0 unused; in the
         # plane the one moment is 6; r: number of moments
@@ -475,8 +488,9 @@ class Matrices(BodyPlugin):
                           energy * values[:, 11])
 
     def _fixed(self, mesh: Mesh, u: Unknowns) -> IntArray | None:
-        """Numbers of the unknowns that the reference condition fixes at zero; None without an
-        elastic field."""
+        """Numbers of the unknowns u that the reference condition fixes at zero; None without an
+        elastic field. InputError where a rigid motion is left. A clamp fixes the rotations of its
+        nodes too; other conditions (numbers d * node + component) fix displacements."""
         if ELASTIC.name not in self.selected_fields:
             return None
         if self.reference is None:
@@ -486,6 +500,7 @@ class Matrices(BodyPlugin):
             fixed = np.flatnonzero(np.isin(u.node, nodes))
         else:
             fixed = u.numbers(self.reference.fixed(mesh), "reference")
+        # rigid motions (columns) that the fixed unknowns leave: those that are zero in their rows
         modes = u.rigid_modes / np.maximum(np.abs(u.rigid_modes).max(axis=0), 1e-300)
         free = modes.shape[1] - int(np.linalg.matrix_rank(modes[fixed], tol=1e-8))
         if free:
@@ -497,8 +512,9 @@ class Matrices(BodyPlugin):
         return fixed
 
     def _constrained_basis(self, T: FloatArray, fixed: IntArray, u: Unknowns) -> FloatArray:
-        """(k, j) basis of the coordinates of shapes T (n, k) that keep the unknowns `fixed` at
-        zero. InputError if none is left, or if they hold rigid motion."""
+        """(k, j) basis of the coordinates of shapes T (n, k) that keep the unknowns `fixed` of u at
+        zero, each of largest displacement 1. InputError if none is left, if they hold rigid motion,
+        or if the shapes depend on each other linearly."""
         size = np.linalg.norm(T, axis=0)
         if not size.all():
             raise InputError(f"'{self.shapes}': shape {int(np.argmin(size)) + 1} is zero", "shapes")
@@ -511,7 +527,7 @@ class Matrices(BodyPlugin):
                 matrix_checks.rigid_coordinates(T, u)[0]):
             raise InputError("missing: the shapes hold rigid motion; give a reference condition, "
                              "such as {clamp: left} or {chord: [a, b]}", "reference")
-        basis = basis / np.abs(T @ basis).max(axis=0)
+        basis = basis / np.abs(T @ basis).max(axis=0)  # largest unknown 1 in each
         Z = T @ basis
         rank = int(np.linalg.matrix_rank(Z / np.linalg.norm(Z, axis=0), tol=1e-9))
         if rank < basis.shape[1]:
@@ -522,8 +538,10 @@ class Matrices(BodyPlugin):
     def _elasticity(
         self, files: _Files, fixed: IntArray, own: FloatArray | None
     ) -> Elasticity:
-        """Elastic field from the matrices; own: basis of shapes without rigid motion, if the body
-        is given by shapes."""
+        """Elastic field from the matrices; fixed: unknowns of the reference condition; own: basis
+        of shapes without rigid motion, if the body is given by shapes or was condensed. Damping:
+        that of the options (Rayleigh C, modal) and of the file. Stress cannot be recovered without
+        a mesh."""
         found, u = files.mechanical, files.unknowns
         if own is not None and files.shapes is not None:
             return self._of_shapes(files, files.shapes, own)
@@ -540,7 +558,12 @@ class Matrices(BodyPlugin):
         self, files: _Files, fixed: IntArray, massive: IntArray
     ) -> tuple[_Files, FloatArray]:
         """Files with the free massless unknowns i condensed, u_i = -K_ii^-1 K_ib u_b, exactly as
-        inertia does not act on them, and the basis of the unknowns `massive` alone."""
+        inertia does not act on them, and the basis of the unknowns `massive` alone.
+
+        b: all others, fixed and massive ones; shapes (n, b): u by u_b; stiffness and damping are
+        then (b, b), the mass stays that of all unknowns. basis (b, massive): 1 for its own unknown.
+        InputError above `LARGEST` entries.
+        """
         K = files.mechanical["stiffness"]
         massless = np.setdiff1d(np.arange(K.shape[0]), np.union1d(fixed, massive))
         kept = np.setdiff1d(np.arange(K.shape[0]), massless)
@@ -558,8 +581,10 @@ class Matrices(BodyPlugin):
         return replace(files, shapes=shapes, mechanical=reduced), basis
 
     def _of_shapes(self, files: _Files, T: FloatArray, basis: FloatArray) -> Elasticity:
-        """Elastic field on shapes T (n, k): matrices reduced to the combinations `basis` of
-        these."""
+        """Elastic field on shapes T (n, k): matrices reduced to the combinations `basis` (k, j) of
+        these, which keep the reference condition. In `files` stiffness and damping are (k, k), the
+        mass (n, n). Modal damping: of the free body, if the shapes T hold all its rigid motion, the
+        frame floats and the option is not `held`, else of the combinations."""
         found, N, Z = files.mechanical, len(files.unknowns.X), T @ basis
         # coordinates of the basis: u = T basis c = Z c
         K, M = basis.T @ (found["stiffness"] @ basis), Z.T @ (found["mass"] @ Z)
@@ -588,7 +613,8 @@ class Matrices(BodyPlugin):
             "mass" in found) else None
 
     def _check(self, files: _Files, mesh: Mesh) -> None:
-        """Raises InputError with the faults of all matrices."""
+        """Raises InputError with the faults of all matrices. free: they are those of a body without
+        supports. With shapes all but the mass are those of generalized coordinates (reduced)."""
         gather, free = Gather(), not self._supported
         for key, matrix in files.mechanical.items():
             if files.shapes is None or key == "mass":

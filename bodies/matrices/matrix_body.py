@@ -62,8 +62,10 @@ class MatrixBody(FloatingBody):
             self.unknowns.displacements @ vectors)
 
     def _field_inertia(self) -> FieldInertia | None:
-        """Inertia of the free unknowns: M_g = (M B_g + B_g M) / 2, which is m (x) B_g for the mass
-        matrix m (x) I of solids, and M times the field B_g x."""
+        """Inertia of the free unknowns, or of generalized coordinates T (shapes): M_g = (M B_g +
+        B_g M) / 2, which is m (x) B_g for the mass matrix m (x) I of solids, M times translations
+        (`_first`) and M times the fields B_g x. B_g: constant matrices of the frame. None without
+        an elastic field or mass."""
         e, M, u, T = self.elasticity, self.mass, self.unknowns, self.shapes
         if e is None or M is None or self.inertia is None:
             return None
@@ -85,7 +87,9 @@ class MatrixBody(FloatingBody):
     def load_vector(
         self, equations: Equations, loads: NodalLoads, amplitude: Amplitude
     ) -> None:
-        """Adds nodal loads times an amplitude."""
+        """Adds nodal loads times an amplitude: heat, and forces and moments that turn with the
+        body, as resultants on its frame (force, torque about the frame origin) and vectors on its
+        elastic unknowns: the load, then sum u x f of the forces."""
         if loads.heat.any():
             self.heat_load(equations, loads.heat, amplitude)
         if self.immobile or not (loads.forces.any() or loads.moments.any()):
@@ -110,8 +114,9 @@ class MatrixBody(FloatingBody):
                     if self.shapes is None else (here @ np.abs(self.shapes)).any())
 
     def rotation_of(self, which: str, key: str) -> FloatArray | None:
-        """Mean rotation of the set: of its nodes where they have rotations, else by least squares.
-        """
+        """Mean rotation of the set as functionals (k, r) of the elastic unknowns: of its nodes
+        where all have their r rotations, else by least squares of displacements; None where the set
+        does not turn. even (N,): weights of the mean over the set; key: option of an InputError."""
         u, r = self.unknowns, 2 * self.d - 3
         if self.elasticity is None:
             return None
@@ -137,8 +142,10 @@ class MatrixBody(FloatingBody):
 
 
 def mass_properties(M: Csr, u: Unknowns, written: str, free: bool) -> MassProperties:
-    """Mass, first and second moments from the products of M (n, n) with the rigid-body modes.
-    free: M is that of a body without supports.
+    """Mass, first moment sum m X and second moment sum m X X^T from the products of M (n, n) with
+    the rigid-body modes: translations with rotations give the first moment, rotations with each
+    other the tensor J (in the plane a number, which determines the trace of the second moment
+    alone). free: M is that of a body without supports; written: its file, for errors.
 
     InputError where they are those of no body: the mass differs between directions, or moments of
     inertia are impossible, as when rows of M are missing.

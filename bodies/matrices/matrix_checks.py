@@ -49,6 +49,7 @@ def check_mechanical(key: str, written: str, A: Csr, u: Unknowns, free: bool) ->
                          f"holds {'modes' if nodes[0] == 0 else f'nodes {some(nodes)}'} (in the "
                          "order of the file)")
     placed = np.flatnonzero(u.node >= 0)
+    # (N, n) ones: unknowns of each node; nodes are connected where their unknowns are
     of = coo_array((np.ones(len(placed)), (u.node[placed], placed)),
                    shape=(len(u.X), u.size)).tocsr()
     count = connected_components(of @ abs(A) @ of.T, directed=False)[0]
@@ -98,8 +99,9 @@ def have_mass(M: Csr) -> BoolArray:
 
 
 def check_masses(written: str, M: Csr, free: IntArray) -> None:
-    """InputError for a mass matrix that is singular on the free unknowns: accelerations would not
-    follow from forces. Larger ones than `LARGE` are not factorized."""
+    """InputError for a mass matrix M (n, n) that is singular on the unknowns with the numbers
+    `free`: accelerations would not follow from forces. Larger ones than `LARGE` are not factorized,
+    and diagonals that are not positive are left to other checks."""
     A = M[free][:, free].tocsc()
     if not 0 < len(free) <= LARGE or (A.diagonal() <= 0.0).any():  # negative: reported before
         return
@@ -151,8 +153,8 @@ def moment_notes(name: str, u: Unknowns, M: Csr, mass: MassProperties) -> Iterat
     """Warning where nodes and modes do not represent displacements linear in the position, whose
     moments the centrifugal loads are.
 
-    Compares X.M X of the nodal positions X with the trace of the second moment, which M gives
-    exactly by its product with the rotations.
+    Compares X.M X of the nodal positions X, as a field x -> x of the unknowns, with the trace of
+    the second moment `mass.second`, which M gives exactly by its product with the rotations.
     """
     X = u.field(np.eye(u.d))
     exact, found = float(np.trace(mass.second)), float(X @ (M @ X))

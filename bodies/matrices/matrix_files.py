@@ -54,7 +54,8 @@ def files_of(base: Path, written: str) -> list[Path]:
 
 
 def read_matrix(base: Path, written: str, key: str) -> FileMatrix:
-    """Matrix of a file without stored zeros; InputError under `key`."""
+    """Matrix of a file, `written` as FILE or FILE:NAME in the folder `base`, without stored zeros;
+    InputError under the option `key`."""
     path, name = place_of(base, written)
     reader = FORMATS.get(path.suffix.lower())
     if reader is None:
@@ -68,8 +69,9 @@ def read_matrix(base: Path, written: str, key: str) -> FileMatrix:
 
 
 def symmetric(written: str, matrix: Csr, key: str) -> Csr:
-    """The matrix with both its triangles: files may have each entry or its mirror image alone.
-    InputError for a matrix that is not square or not symmetric to 1e-6."""
+    """The matrix with both its triangles: where no entry has a mirror image in the file, these are
+    added. InputError, with the file `written` under `key`, for a matrix that is not square or not
+    symmetric to 1e-6."""
     if matrix.shape[0] != matrix.shape[1]:
         raise InputError(f"'{written}' is not square: {matrix.shape[0]} x {matrix.shape[1]}", key)
     upper, lower = triu(matrix, 1, format="csr"), tril(matrix, -1, format="csr")
@@ -85,7 +87,8 @@ def symmetric(written: str, matrix: Csr, key: str) -> Csr:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FileNodes:
-    """Nodes of a file: numbers (N,), positions (N, 2 or 3) in its unit; sets: name -> rows."""
+    """Nodes of a file: labels (N,), their numbers there, and positions X (N, 2 or 3) in its unit;
+    sets: name -> rows in both; numbering: finds the row of a number."""
 
     labels: IntArray
     X: FloatArray

@@ -29,8 +29,13 @@ from sparsemor.core.protocols.load_tables import LoadTable
 
 
 def write_elasticity(body: HasFields, equations: Equations, e: Elasticity) -> None:
-    """Adds stiffness, damping and thermal forces of the free displacements: K u + D u' - K_T (T -
-    T_ref), with constant temperatures T0 for a body without the field (equations.md, section 1)."""
+    """Adds stiffness, damping and thermal forces of the free displacements: K u + D u' - K_fT (T -
+    T_ref), with constant temperatures T0 for a body without the field (equations.md, section 1).
+
+    e.free: numbers of the free displacements; e.coupling (d N, N) = K_fT; e.modal: damping L
+    diag(c) L^T; e.laws: stress beyond constant properties. Matrices add to the left-hand side,
+    vectors to the right. Prescribed temperatures: sums of shape * f(t) at some nodes.
+    """
     F, Kt = e.free, e.coupling[e.free]
     block, thermal = f"{body.name}.elastic", f"{body.name}.thermal"
     equations.matrix(block, block, A=e.stiffness[F][:, F], B=e.damping[F][:, F])
@@ -60,7 +65,8 @@ def write_elasticity(body: HasFields, equations: Equations, e: Elasticity) -> No
 def write_conduction(body: HasFields, equations: Equations, h: Heat) -> None:
     """Adds conduction and capacity of the free temperatures: C T' + K T, the pointwise laws of
     properties that depend on temperature, and as loads the effect of prescribed temperatures, sums
-    of shape * f(t) at some nodes."""
+    of shape * f(t) at some nodes: -K shape f and -C shape f' on the right-hand side. A law that
+    reads rates stores heat, and is lumped (evaluated at the nodes) where the capacity is."""
     block, free = f"{body.name}.thermal", h.free
     if not len(free):
         return
@@ -78,8 +84,9 @@ def write_film(
     body: str, equations: Equations, heat: Heat, vector: FloatArray, amplitude: Amplitude,
     film: Csr | None,
 ) -> None:
-    """Adds a nodal heat vector (N,), W, times an amplitude, and a convection matrix `film` (N, N),
-    W/K."""
+    """Adds a nodal heat vector (N,), W, times an amplitude to the right-hand side, and a convection
+    matrix `film` (N, N), W/K, times the temperatures to the left: of prescribed ones, shape * f(t)
+    at some nodes, as a load."""
     block, free = f"{body}.thermal", heat.free
     if not len(free):
         return
@@ -104,6 +111,7 @@ def _write_stress(
     for _, points in on_cells(body.mesh, law.degree, cells):
         term, (block,) = law_term(body, equations, law, points)
         # rows and columns of the term are numbers of the state, `first` that of the block's first
+        # its residual, for all unknowns 0, is on the left-hand side, a vector on the right
         n, first = equations.size(block), int(equations.numbers(block)[0])
         zero = np.zeros(len(term.columns))
         force = np.zeros(n)
@@ -170,7 +178,9 @@ def law_term(
 
 
 def _field(body: HasFields, quantity: Quantity, quadrature: Quadrature) -> NodalField:
-    """A field of the body at all its nodes; `column_of`: positions among its free unknowns."""
+    """A field of the body at all its N nodes; `column_of`: positions among its free unknowns, -1
+    where there is none. Values that are no unknowns: displacements 0; temperatures T0 for a body
+    without a thermal field, else the prescribed ones."""
     assert body.mesh is not None
     N, d = body.mesh.points.shape
     if quantity is Quantity.DISPLACEMENT:
@@ -199,7 +209,7 @@ def write_surface_loads(
     body: HasFields, equations: Equations, loads: SurfaceLoads, times: FloatArray
 ) -> None:
     """Adds forces on the elastic and heat on the thermal unknowns of the loaded nodes at times
-    (T,), s.
+    (T,), s: loads.force (T, j, d), N, in body axes, loads.heat (T, j), W, of loads.nodes (j,).
 
     A frame with prescribed motion needs no resultants: its rigid equations are not solved.
     """

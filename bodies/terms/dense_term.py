@@ -17,7 +17,9 @@ derivatives (m, n) by x and by v."""
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReducedDense(ReducedTerm):
-    """Projected dense term left @ law(offset + atoms xi), with reduced unknowns xi."""
+    """Projected dense term left @ law(offset + atoms xi), with k reduced unknowns xi (here x):
+    law(x, v, t) returns the residual (m,) and its derivatives (m, n) by x and by v; trial: atoms
+    (n, k), offset (n,); left (l, m). c1 (k,): dv = c1 dx."""
 
     law: Law
     trial: Trial
@@ -42,9 +44,10 @@ class ReducedDense(ReducedTerm):
 class DenseTerm(Term):
     """Term of a few unknowns: a spring, a damper, a contact of two points.
 
-    rows (m,), columns (n,): positions in the state vector; law: residual (left-hand side: minus the
-    force) and its derivatives, for all rows before any `restrict`. keep: numbers of the remaining
-    rows, None for all. source: name of the part of the scene, set in assembly.
+    rows (m,), columns (n,): positions in the state vector; law(x, v, t): residual (left-hand side:
+    minus the force) and its derivatives by x and v, for all rows before any `restrict`. keep:
+    numbers of the remaining rows, None for all. source: name of the part of the scene, set in
+    assembly.
     """
 
     rows: IntArray

@@ -33,8 +33,10 @@ Kept = MutableMapping[bytes, Csr]
 def load_stiffness(
     body: HasFields, directions: FloatArray, kept: Kept
 ) -> tuple[Csr, ...]:
-    """Matrices H_j (n, n) of the columns P_j of `directions` (n, p), zero for a zero column; kept:
-    those found before, to which new ones are added."""
+    """Geometric stiffness H_j = K_s(-K^-1 P_j) (n, n) for each column P_j of `directions` (n, p),
+    by which a load acts on the left-hand side of the free displacements with a factor, so that -P_j
+    is the force; zero for a zero column. kept: matrices by the bytes of P_j found before, to which
+    new ones are added."""
     columns = np.ascontiguousarray(directions.T)
     new = [j for j, P in enumerate(columns) if P.any() and P.tobytes() not in kept]
     if new:
@@ -97,8 +99,9 @@ def stress_stiffness(
 
 
 def geometric_stiffness(body: HasFields, u: FloatArray, rise: FloatArray | None) -> Csr:
-    """K_s of `stress_stiffness` alone; rise (N,): temperature above that without stress, K; None
-    for zero."""
+    """Geometric stiffness K_s (n, n), N/m, of the free displacements, v^T K_s w = integral of grad
+    w_i . sigma grad v_i, for the stress sigma of displacements u (N, d), m; rise (N,): temperature
+    above that without stress, K; None for zero."""
     e, mesh = body.elasticity, body.mesh
     assert e is not None and mesh is not None
     N, d = mesh.points.shape

@@ -23,7 +23,10 @@ def numbers_of(of: TemperatureProperty | float) -> FloatArray | None:
 
 
 def curve_at(numbers: FloatArray, first: int, T: float) -> tuple[float, float]:
-    """Value and slope at T, K, of the property whose numbers begin at `first`."""
+    """Value and slope at T, K, of the property whose numbers begin at `first`: a table (0, n, its n
+    temperatures, then of each of n + 1 segments the first temperature, the value there and the
+    slope, n + 1 each), or a polynomial (1, n, T_0, least and greatest temperature, n coefficients
+    of powers of T - T_0, the lowest first)."""
     n, at = int(numbers[first + 1]), first + 2
     if numbers[first] == TABLE:
         low, high = 0, n
@@ -49,7 +52,12 @@ def curve_at(numbers: FloatArray, first: int, T: float) -> tuple[float, float]:
 def integral_at(numbers: FloatArray, first: int, T: float) -> float:
     """Integral over temperature up to T, K, of the property whose numbers begin at `first`; those
     of a table are followed by the integrals up to its n temperatures (`with_integrals`), from the
-    first of them on; that of a polynomial is from its least temperature on."""
+    first of them on; that of a polynomial is from its least temperature on.
+
+    Numbers as in `curve_at`: a table (0, n, n temperatures, n + 1 first temperatures, values and
+    slopes of segments), or a polynomial (1, n, T_0, least and greatest temperature, n
+    coefficients).
+    """
     n, at = int(numbers[first + 1]), first + 2
     if numbers[first] == TABLE:
         low, high = 0, n
@@ -93,7 +101,9 @@ def conduction(
     numbers: FloatArray, gains: FloatArray, z: FloatArray, x: FloatArray, y: FloatArray,
     slopes: FloatArray
 ) -> None:
-    """Heat flux (k(T) - k_0) grad T; numbers: k_0, k."""
+    """Heat flux (k(T) - k_0) grad T, on the left-hand side, at N points; numbers: k_0, then those
+    of the property k. z (1 + d, N): T and grad T; y (d, N): flux; slopes (2 d, N): of component i
+    by T, then by its gradient, or without rows where none are wanted; gains, x: not used."""
     d = len(z) - 1
     for n in range(z.shape[1]):
         k, slope = curve_at(numbers, 1, z[0, n])
@@ -111,7 +121,11 @@ def stored_heat(
 ) -> None:
     """Heat storage rho e' by differences of heat content e (`material_laws.StoredHeat`); numbers:
     rho, c_0, number of earlier values, h, c; gain: 1 in the first step. z: T, T', T''; slopes: by
-    T, by T'."""
+    T, by T', no rows where none are wanted; x: not used.
+
+    T_0, T_1: temperatures one and two steps of h before. e' = (c - c_0) T' without earlier values,
+    (e - e_0) / h with one, (1.5 (e - e_0) - 0.5 (e_0 - e_1)) / h with two, in the first step with
+    e_0 - e_1 = (c(T_0) - c_0) (T_0 - T_1)."""
     rho, c_0, earlier, h = numbers[0], numbers[1], int(numbers[2]), numbers[3]
     for n in range(z.shape[1]):
         T, rate = z[0, n], z[1, n]
@@ -142,8 +156,9 @@ def softening(
     numbers: FloatArray, gains: FloatArray, z: FloatArray, x: FloatArray, y: FloatArray,
     slopes: FloatArray
 ) -> None:
-    """Stress (E(T)/E_0 - 1) C_0 : eps; numbers: d, E_0, lambda, mu, E. z: T, then grad u row by
-    row; slopes: in the order of `softening_pairs`."""
+    """Stress (E(T)/E_0 - 1) C_0 : eps, Pa, at N points; numbers: d, E_0, lambda, mu, E. z (1 + d d,
+    N): T, then grad u row by row; y (d d, N): stress; slopes: in the order of `softening_pairs`, of
+    each component by T, then by the gradients that it depends on; gains, x: not used."""
     d, E_0, lam, mu = int(numbers[0]), numbers[1], numbers[2], numbers[3]
     for n in range(z.shape[1]):
         value, slope = curve_at(numbers, 4, z[0, n])
@@ -188,8 +203,9 @@ def expansion(
     numbers: FloatArray, gains: FloatArray, z: FloatArray, x: FloatArray, y: FloatArray,
     slopes: FloatArray
 ) -> None:
-    """Thermal stress -(beta(T) - beta_0) (T - T_ref); numbers: factor of E alpha in beta, beta_0,
-    T_ref, first number of alpha, E, alpha."""
+    """Thermal stress -(beta(T) - beta_0) (T - T_ref), Pa, at N points; numbers: factor of E alpha
+    in beta, beta_0, T_ref, first number of alpha, E (from number 4 on), alpha. z (1, N): T; y (d,
+    N): the equal normal stresses; slopes (d, N): by T, no rows where none are wanted."""
     factor, beta_0, reference, first = numbers[0], numbers[1], numbers[2], int(numbers[3])
     for n in range(z.shape[1]):
         rise = z[0, n] - reference

@@ -58,8 +58,10 @@ _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(12)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Departure:
-    """A property less its value at the reference temperature, p(T) - p(T_ref). of: the property p;
-    reference: p(T_ref)."""
+    """A material property less its value at the reference temperature, p(T) - p(T_ref), of which
+    the pointwise laws consist: the rest has constant matrices. of: the property p; reference:
+    p(T_ref).
+    """
 
     of: TemperatureProperty
     reference: float
@@ -107,7 +109,12 @@ def _arrays(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Conduction(PointwiseLaw):
-    """Heat conduction (k(T) - k_0) grad T in d dimensions."""
+    """Heat conduction (k(T) - k_0) grad T in d dimensions, beyond that of the constant k_0.
+
+    k: k(T) - k_0 with its derivative (`at`). z: T and its d gradients; the response has the d
+    components of the flux and derivatives (component, variable). arrays: the same law for compiled
+    steps, `pairs` in the order in which law_functions.conduction writes derivatives.
+    """
 
     k: Departure
     d: int
@@ -184,7 +191,13 @@ class StoredHeat(PointwiseLaw):
 
     def __call__(self, z: Sequence[FloatArray], x: FloatArray, t: float) -> Response:
         """Heat stored per volume and time, W/m3, and its derivatives by T and T', for constant T_0
-        and T_1, the temperatures of earlier steps."""
+        and T_1, the temperatures of earlier steps, one and two steps of h before.
+
+        self.c: c(T) - c_0, with its integral e; earlier: how many of these temperatures the
+        integrator's formula has, 1 (BDF1) or 2 (BDF2; in the first step T_1 was none, and e_0 - e_1
+        = (c(T_0) - c_0) (T_0 - T_1)); step: the present one, which `begins` where BDF2 starts anew;
+        peak: c has one, as of latent heat.
+        """
         T, rate, bend = z  # second difference 2 (T_0 - T + h T')/h^2
         c, slope = self.c.at(T)
         stored, step = self.rho * c, present_step()
@@ -235,7 +248,9 @@ class Softening(StressLaw):
         return self.E.of.degree
 
     def __call__(self, z: Sequence[FloatArray], x: FloatArray, t: float) -> Response:
-        """Stress (d d), Pa, row by row, and its derivatives by T and grad u."""
+        """Stress (E(T) / E_0 - 1) (lam tr(eps) I + 2 mu eps) (d d), Pa, row by row, and its
+        derivatives by T and grad u; self.E: E(T) - E_0 with its derivative (`at`), reference
+        E_0."""
         d, (T, *g) = self.d, z  # g: grad u, row by row
         value, slope = self.E.at(T)
         e, by_T = value / self.E.reference, slope / self.E.reference
@@ -268,7 +283,9 @@ class Expansion(StressLaw):
     """Thermal stress -(beta(T) - beta_0) (T - T_ref) I in d dimensions, where beta = factor E(T)
     alpha(T).
 
-    E, alpha: functions of temperature or constants; beta_0, Pa/K; reference: T_ref, K.
+    E, Pa, alpha, 1/K: functions of temperature or constants; beta_0, Pa/K; reference: T_ref, K. It
+    is isotropic, so that it is tested by the d gradients du_i/dx_i alone, whose d stresses are
+    equal. arrays: the same law for compiled steps; its numbers: those of E begin after four others.
     """
 
     E: TemperatureProperty | float
@@ -320,8 +337,10 @@ def heat_laws(region: Region, d: int) -> list[PointwiseLaw]:
 def stress_laws(
     region: Region, model: Model, d: int, reference: float, nonlinear: bool, heated: bool
 ) -> list[StressLaw]:
-    """Elastic and thermal stress of a material beyond constant properties and linear strains;
-    reference: T_ref, K; heated: True if temperatures of the body differ from it."""
+    """Elastic and thermal stress of a material beyond constant properties and linear strains, whose
+    constants at T_ref have constant matrices; reference: T_ref, K; nonlinear: Green-Lagrange
+    strains, all stress in one law; heated: True if temperatures of the body differ from T_ref.
+    found: properties that are functions of temperature, by name."""
     found, constants = curves(region.material), region.constants
     at_reference, p = law(constants, model), region.material.properties()
     E, alpha = p.E, p.alpha

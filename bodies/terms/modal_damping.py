@@ -80,7 +80,9 @@ def _lowest(K: Csr, M: Csr, count: int) -> tuple[FloatArray, FloatArray]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ModalDamping(Term):
-    """Damping force U diag(c) V^T v on displacements with rates v: U (m, p), V (n, p), c (p,)."""
+    """Damping force U diag(c) V^T v on displacements with rates v, on the left-hand side: U (m, p),
+    V (n, p): M phi of p modes in its rows and columns, kg^(1/2), equal before any `restrict`; c
+    (p,) = 2 zeta omega, 1/s. rows (m,), columns (n,): positions in the state vector."""
 
     rows: IntArray
     columns: IntArray
@@ -110,7 +112,8 @@ class ModalDamping(Term):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReducedDamping(ReducedTerm):
-    """Projected damping force C v, C (l, k)."""
+    """Projected damping force C v, C (l, k), of k reduced unknowns with rates v; c1 (k,): dv = c1
+    dx."""
 
     C: FloatArray
     source: str = ""

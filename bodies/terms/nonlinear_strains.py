@@ -132,8 +132,8 @@ class NonlinearStrains(StressLaw):
         return GreenLagrange(self.law, self.d, self.reference if self.heated else None)
 
     def arrays(self) -> LawArrays | None:
-        """Numbers and pairs (stress, variable) of derivatives in the order of `nonlinear_stress`;
-        None where a property has no numbers."""
+        """The law for compiled steps: numbers and pairs (stress component, variable) of derivatives
+        in the order of `nonlinear_stress`; None where a property has no numbers."""
         E, alpha = numbers_of(self.E), numbers_of(self.alpha)
         if E is None or alpha is None:
             return None

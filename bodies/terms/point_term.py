@@ -86,7 +86,9 @@ class PointTerm(ReducedTerm):
         """Term from each variable on the trial basis and each test function under the left
         projection, (l, E, Q or 1); variables: those of `projections`, values without their rates.
 
-        One column for each prescribed function of time, with its effect on all variables.
+        Of a variable P (E, R, k) and offset (E, R), R = Q points, or 1 where it is constant in each
+        element; all are put below each other, and `spans` has the range of rows and R of each. One
+        column for each prescribed function of time, with its effect on all variables.
         """
         k = projections[0].P.shape[2]
         spans, first = [], 0
@@ -119,7 +121,9 @@ class PointTerm(ReducedTerm):
         return len(self.weights)
 
     def arrays(self) -> PointArrays | None:
-        """The term as arrays for compiled steps, None where its law has none."""
+        """The term as arrays for compiled steps, None where its law has none. parts: (column,
+        function) of prescribed temperatures; reads: of each variable of the law its first row in P,
+        number of values per element, and kind (0 value, 1 rate, 2 second difference)."""
         law = self.law.arrays()
         if law is None:
             return None
@@ -151,8 +155,11 @@ class PointTerm(ReducedTerm):
         return self._rows(response), self._slopes(response, c1)
 
     def _response(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> Response:
-        """The law at all points. kind 0, 1, 2: unknowns, their rates and second rates (of
-        temperatures: second differences over the step)."""
+        """The law at all points, for reduced unknowns x, v, a (k,). kind 0, 1, 2: unknowns, their
+        rates and second rates (of temperatures: second differences over the step), z = P times
+        these plus, for values, the offset, plus columns of `parts` times prescribed functions of
+        time. reads: of each variable of the law its index in `spans` (rows of P, values per
+        element) and kind."""
         by_kind = {}
         for kind, unknowns in enumerate((x, v, a)):
             if kind in self.kinds:
@@ -180,7 +187,10 @@ class PointTerm(ReducedTerm):
         return found
 
     def _slopes(self, response: Response, c1: FloatArray) -> FloatArray:
-        """(L dy/dz) P (l, k)."""
+        """(L dy/dz) P (l, k), rates by c1 (k,): dv = c1 dx. tests: L of each y, (l, E Q) with the
+        weights, or (l, E) without; reads: of each variable of the law its index in `spans` (rows of
+        P, values per element: Q or 1) and kind, 1 for a rate. Laws have no derivatives by second
+        differences."""
         E, Q = self.weights.shape
         rows = len(self.tests[0])
         # L dy/dz of the variables at all points, then of their rates

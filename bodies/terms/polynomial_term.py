@@ -70,7 +70,9 @@ class PolynomialTerm(ReducedTerm):
 
     def arrays(self) -> PointArrays:
         """The term as a law at one point, whose variables are the n unknowns and `more` functions
-        of time, each with the identity as P, or effect, and each row with a test of its own."""
+        of time, each with the identity as P, or effect, and each row with a test of its own.
+        factors (3, m): numbers in z = (1, unknowns, functions) of each of m monomials, by_monomial
+        (m, rows): its coefficients; pairs: (row, variable) of derivatives, row by row."""
         (m, rows), n, more = self.by_monomial.shape, self.size, len(self.functions)
         pairs = [(i, j) for i in range(rows) for j in range(n + more)]
         law = LawArrays(
@@ -97,8 +99,9 @@ def polynomial(
     slopes: FloatArray
 ) -> None:
     """`PolynomialTerm` at one point, which numba compiles (`LawFunction`); numbers: count m of
-    monomials, 3 factors of each, then coefficients of each in all rows. z holds the factors from
-    number 1 on; slopes: (row, variable), row by row."""
+    monomials, 3 factors of each, then coefficients of each in all rows. z (n, 1) holds the factors
+    from number 1 on, factor 0 is 1; y (rows, 1), slopes (rows n or 0, 1): (row, variable), row by
+    row, both zero at first; gains, x: not used."""
     m, rows, n = int(numbers[0]), y.shape[0], z.shape[0]
     coefficient = 1 + 3 * m
     for monomial in range(m):
@@ -189,7 +192,8 @@ def _collected(
     parts: Sequence[tuple[tuple[IntArray | int, ...], FloatArray]], size: int,
     functions: tuple[TimeFunction, ...], rows: int, source: str
 ) -> PolynomialTerm:
-    """Term of all products: their factors and coefficients (..., rows), by monomials.
+    """Term of all products: their factors and coefficients (..., rows), added up by monomials.
+    size: number of reduced unknowns, so that z = (1, unknowns, functions(t)) has `base` entries.
 
     parts: numbers in z of the three factors of each product, as arrays that broadcast to the shape
     (...), and its coefficients. Factors in ascending order are the digits of one code a monomial.

@@ -37,8 +37,9 @@ class NodalField:
     """A field at the nodes of the elements of a term.
 
     column_of (N, m): column of the term for each of m components at each node, -1 where the
-    component is no unknown. constant (N, m): its value there, K or m. prescribed: sums
-    of temperatures shape * f(t): nodes, f, shape.
+    component is no unknown. constant (N, m): its value there, K or m. prescribed: temperatures that
+    are sums of shape * f(t), instead of it: nodes, f, shape (values at these nodes). shape: shape
+    functions and node numbers of the elements.
     """
 
     shape: ShapeFunctions
@@ -47,8 +48,9 @@ class NodalField:
     prescribed: tuple[tuple[IntArray, TimeFunction, FloatArray], ...] = ()
 
     def nodal(self, x: FloatArray, t: float | None) -> FloatArray:
-        """Nodal values (N, m) for unknowns x (n,) at the columns; t None: without constants and
-        prescribed values."""
+        """Nodal values (N, m) for unknowns x (n,) at the columns (`column_of`, -1: none), at t, s;
+        t None: without constants and prescribed values. prescribed: (nodes, function f of time,
+        values) of which the temperature at a node is the sum; a node may be in several."""
         free = self.column_of >= 0
         found = self.constant.copy() if t is not None else np.zeros(self.column_of.shape)
         found[free] = x[self.column_of[free]]
@@ -153,7 +155,9 @@ class WeakTerm(Term):
         self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
     ) -> Csr:
         """Sparse Jacobian (m, n) from the element matrices of each pair of test function and
-        variable; c1 (n,): derivatives of the rates by the unknowns."""
+        variable; c1 (n,): derivatives of the rates by the unknowns. row_of, column_of: row and
+        column of each component at each node, -1 for none. Laws have no derivatives by second
+        differences."""
         data, i, j = [np.zeros(0)], [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
         for test, variable, local in self._local_matrices(self._response(x, v, a, t)):
             field = self.fields[variable.quantity]
@@ -170,7 +174,8 @@ class WeakTerm(Term):
 
     def _local_matrices(self, response: Response) -> Iterator[tuple[int, Variable, FloatArray]]:
         """Component of the test functions, variable, and element matrices (E, n, n') of each pair
-        for which some derivative is not zero."""
+        for which some derivative dy_i/dz_j is not zero: sums over the points of weight times test
+        function (`along`: or its derivative along an axis) dy_i/dz_j times shape function."""
         tests, reads, found = self.law.tests, self.law.reads, dict[tuple[int, Variable], Any]()
         for (i, j), derivative in response.derivatives.items():
             rows = self.tested.shape.along(tests[i].axis)
@@ -199,8 +204,9 @@ class WeakTerm(Term):
         return self._part(np.flatnonzero(acts.any(axis=(1, 2))), self.rows[keep], row_of)
 
     def _part(self, elements: IntArray, rows: IntArray, row_of: IntArray) -> WeakTerm:
-        """Term of some elements, with the columns that these read. row_of: rows of all nodes in
-        the new numbering."""
+        """Term of some elements (numbers), with the columns that these read. rows: positions in the
+        state vector of the new term's rows; row_of: numbers in them of all nodes and components, -1
+        for none."""
         fields, read = {}, {v.quantity for v in self.law.reads}
         used = [np.zeros(0, np.int64)]
         for quantity, field in self.fields.items():
@@ -232,8 +238,9 @@ class WeakTerm(Term):
         self, left: FloatArray, x: FloatArray, v: FloatArray, t: FloatArray,
         elements: IntArray | None = None,
     ) -> FloatArray:
-        """(F, l, M) contribution of each element, or of those with the given numbers, projected by
-        left (l, m), at states x and rates v (n, M) and times t (M,), s."""
+        """(F, l, M) contribution of each element, or of those with the given numbers, to the
+        residual, projected by left (l, m), at states x and rates v (n, M) and times t (M,), s; for
+        hyper-reduction by element weights. row_of: row of each component at each node, -1: none."""
         part = self if elements is None else self._part(elements, self.rows, self.row_of)
         part_columns = np.searchsorted(self.columns, part.columns)
         part_rows = part.row_of[part.tested.shape.nodes]
@@ -261,7 +268,8 @@ class WeakTerm(Term):
 
     def _projected(self, trial: Trial, left: FloatArray) -> PointTerm:
         """This term at its quadrature points as a function of the coefficients of a trial basis,
-        projected by left (l, m)."""
+        projected by left (l, m): each variable that the law reads as P c + offset + parts (values
+        of prescribed temperatures times functions of time), each test function under `left`."""
         # last row of atoms, last column of `left`: zeros, for nodes without an unknown (-1)
         padded = np.concatenate([trial.atoms, np.zeros((1, trial.atoms.shape[1]))])
         reads, projections = [], []
