@@ -21,8 +21,8 @@ Model: TypeAlias = Literal["plane_stress", "plane_strain", "solid"]
 
 @dataclass(frozen=True, slots=True)
 class Law:
-    """Constants of the thermoelastic law: lam, mu in Pa, beta in Pa/K, for the components in d
-    dimensions.
+    """Constants of the thermoelastic law sigma = lam tr(eps) I + 2 mu eps - beta dT I: lam, mu in
+    Pa, beta in Pa/K, for the components in d dimensions; with `anisotropy` they are nan.
 
     The stress normal to the plane is lam_out tr(eps) - beta_out dT; both constants are 0 in plane
     stress.
@@ -53,7 +53,8 @@ class Anisotropy:
     @classmethod
     def of(cls, material: DirectionalProperties, model: Model) -> "Anisotropy":
         """Stiffness and thermal stress in the plane or in space, with the constants of the stress
-        across the plane."""
+        across the plane (6, 6), (6,), and of the strain across it (4,), for plane stress only: the
+        46 numbers of `recovery`. Components xx, yy, zz, yz, zx, xy; plane: those in the plane."""
         assert material.stiffness is not None
         C, alpha, plane = material.stiffness, material.expansion, [0, 1, 5]
         beta, across = C @ alpha, np.zeros(4)
@@ -74,7 +75,10 @@ class Anisotropy:
 
 
 def general(law: Law) -> FloatArray:
-    """Numbers (46,) of a law as `Anisotropy.recovery`, of an isotropic one too."""
+    """Numbers (46,) of a law as `Anisotropy.recovery`, of an isotropic one too: stiffness (6, 6)
+    and thermal stress (6,) with components xx, yy, zz, yz, zx, xy, and strain across the plane by
+    the strains xx, yy, xy and dT (4,), which plane stress alone has: of it lam_out, beta_out are
+    0."""
     if law.anisotropy is not None:
         return law.anisotropy.recovery
     C, beta, across = np.zeros((6, 6)), np.zeros(6), np.zeros(4)
@@ -100,7 +104,8 @@ def expansion_factor(nu: float, model: Model) -> float:
 
 
 def law(material: Constants, model: Model) -> Law:
-    """Constants of the thermoelastic law of a material; InputError when E or nu is missing."""
+    """Constants of the thermoelastic law of a material: lam, mu, beta, and lam, beta of the stress
+    across the plane. InputError when a property is missing."""
     if (directional := material.directional()) is not None:
         require(material, ("E", "nu"), "elastic")
         none = float("nan")  # no such constants

@@ -15,7 +15,12 @@ from sparsemor.core.protocols.separable import ElasticIntegrals, HeatIntegrals, 
 def elastic_integrals(body: HasFields) -> ElasticIntegrals:
     """Element integrals of the internal forces, N, on the free displacements: stiffness, thermal
     coupling, and vectors of given temperatures (first the constant one, here of the reference
-    temperatures, then one per amplitude). Their sum is that of `body_terms.write_elasticity`."""
+    temperatures, then one per amplitude). Their sum is that of `body_terms.write_elasticity`.
+
+    Internal force: stiffness u - coupling T - given [1; amplitudes(t)]. K, Kt: element matrices (E,
+    q d, q d) and (E, q d, q); rows, nodes: number among the free unknowns of each of their rows and
+    columns, -1 for none. Without temperature unknowns the constant vector is that of T0 - T_ref.
+    """
     from sparsemor.bodies.fem import element_matrices
 
     e, mesh, t = body.elasticity, body.mesh, body.thickness
@@ -49,7 +54,10 @@ def elastic_integrals(body: HasFields) -> ElasticIntegrals:
 
 def heat_integrals(body: HasFields) -> HeatIntegrals:
     """Element integrals of the heat balance, W, of the free temperatures: capacity, conductivity,
-    and vectors of prescribed temperatures. Their sum is that of `body_terms.write_conduction`."""
+    and vectors of prescribed temperatures. Their sum is that of `body_terms.write_conduction`:
+    capacity T' + conductivity T - given [1; amplitudes(t)]. h.regions: cells of each material with
+    the weights rho c thickness and k thickness; nodes: number of each node of the cells among the
+    free temperatures, -1 for none."""
     from sparsemor.bodies.fem import element_matrices
 
     h, mesh = body.heat, body.mesh

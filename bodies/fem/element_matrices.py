@@ -40,7 +40,8 @@ STRAIGHT = 1e-13
 
 class ElementWedge2(ElementH1):  # type: ignore[misc]
     """Wedge of second order with 18 nodes: products of quadratic functions of the triangle and of
-    the height, which scikit-fem does not have."""
+    the height, which scikit-fem does not have. lbasis (scikit-fem's interface): function i and its
+    gradient at points X (3, Q) of the reference cell; maxdeg: its degree; doflocs: its nodes."""
 
     maxdeg: ClassVar[int] = 4
     refdom = RefWedge
@@ -169,7 +170,7 @@ def _curved(mesh: Mesh, kind: CellKind, nodes: IntArray) -> BoolArray:
 
 def _parts(mesh: Mesh, cells: IntArray | None) -> Iterator[tuple[IntArray, IntArray]]:
     """Positions in `cells` (numbers, all if None) of the cells of each kind, and their nodes (n, q)
-    in the order of the mesh."""
+    in the order of the mesh; one pair for each kind. mesh.parts: the same for all cells."""
     for here, nodes in mesh.parts:
         if cells is None:
             yield here, nodes
@@ -205,7 +206,7 @@ def cell_quadratures(
     degree: of the integrand with linear triangles or tetrahedra, for which it is exact with
     straight edges of either order. at_nodes: the points are the nodes of the cell, with the
     integrals of their shape functions as weights; positive: all weights are, by a higher degree
-    where they would not be.
+    where they would not be. Of a body of revolution (`revolved`) weights have the factor 2 pi x.
     """
     found = []
     degree += mesh.revolved
@@ -274,8 +275,9 @@ def facet_quadratures(
 def _on_facet(
     mesh: Mesh, space: Space, nodes: IntArray, facet: tuple[int, ...], degree: int, gradients: bool
 ) -> tuple[Quadrature, FloatArray]:
-    """Quadrature and outward unit normals (d, n, Q) on the facet with these local corners of cells
-    with the nodes (n, q)."""
+    """Quadrature and outward unit normals (d, n, Q) on the facet with these local corners, numbers
+    0 to p - 1, of cells of `space` with the nodes (n, q); degree: of the integrand with linear
+    triangles; gradients: those of the cell's shape functions too, with all its nodes."""
     d, corners = mesh.dimension, np.array([space.kind.places[i] for i in facet])
     refdom: Any = {2: RefLine, 3: RefTri, 4: RefQuad}[len(facet)]
     flat = space._replace(kind=KINDS[2, 3] if len(facet) < 4 else KINDS[2, 4])  # for its degree
@@ -323,7 +325,9 @@ def conduction(at: Quadrature, weight: float | FloatArray) -> FloatArray:
 
 def stiffness(at: Quadrature, lam: float, mu: float) -> FloatArray:
     """Element matrices (E, n d, n d) of an isotropic law, by H_iajb = integral of d_a phi_i d_b
-    phi_j: K_iajb = lam H_iajb + mu H_ibja + mu delta_ab sum_c H_icjc."""
+    phi_j: K_iajb = lam H_iajb + mu H_ibja + mu delta_ab sum_c H_icjc. lam, mu: times the thickness;
+    G (E, n, d, Q): gradients, w (E, Q): weights, Q = 1 where gradients are constant in each
+    cell."""
     G, w = _gradients(at)
     E, n, d, Q = G.shape
     flat = G.reshape(E, n * d, Q)
@@ -336,8 +340,10 @@ def stiffness(at: Quadrature, lam: float, mu: float) -> FloatArray:
 
 
 def anisotropic(at: Quadrature, C: FloatArray) -> FloatArray:
-    """Element matrices (E, n d, n d) B^T C B of a material whose stiffness C (s, s) depends on the
-    direction; B: strains with components as in `DirectionalProperties`, shear as angles."""
+    """Element matrices (E, n d, n d), integrals of B^T C B, of a material whose stiffness C (s, s),
+    times the thickness, depends on the direction; B: strains xx, yy, zz, yz, zx, xy (in the plane
+    xx, yy, xy) by nodal displacements, shear as angles, twice the tensor's components. G (E, n, d,
+    Q): gradients, w (E, Q): weights."""
     G, w = _gradients(at)
     E, n, d, Q = G.shape
     pairs = [(0, 0), (1, 1), (0, 1)] if d == 2 else [
@@ -372,7 +378,8 @@ def expansion(at: Quadrature, weight: float | FloatArray) -> FloatArray:
 
 def hoop_stiffness(at: Quadrature, lam: Any, mu: Any) -> FloatArray:
     """Element matrices (E, n d, n d) of the stiffness of a body of revolution, with the hoop strain
-    u_x / x: in the trace of the strain, and 2 mu times its square."""
+    u_x / x: in the trace of the strain, and 2 mu times its square. at: quadrature of its section,
+    weights with 2 pi x; phi: shape functions over x, those of the hoop strain."""
     G, phi, w = at.shape.gradients, at.shape.values / at.coordinates[0][:, None], at.weights
     assert G is not None
     E, n, d, _ = G.shape
@@ -411,8 +418,10 @@ def matrix(
     """Matrix of a bilinear form on all cells, or on those with the given numbers; order: degree of
     the integrand with linear triangles, for which it is exact; so it is with others.
 
-    rows, columns: the test or trial function is a vector: d N unknowns instead of N. Entries that
-    cancel to round-off are dropped, so that a symmetric form has a symmetric pattern.
+    form: element matrices from a quadrature and its `weights` (thickness times constants); rows,
+    columns: the test or trial function is a vector: d N unknowns, number d * node + component,
+    instead of N. Entries that cancel to round-off are dropped, so that a symmetric form has a
+    symmetric pattern.
     """
     d, n = mesh.dimension, len(mesh.points)
     shape = (d * n if rows else n, d * n if columns else n)
@@ -432,9 +441,9 @@ def elements(
     form: Form, mesh: Mesh, order: int, *, rows: bool = False, columns: bool = False,
     cells: IntArray | None = None, **weights: float | FloatArray,
 ) -> FloatArray:
-    """(E, p, q) element matrices of a bilinear form on all cells, or on those with the given
-    numbers; unknown number is d * node + component for vectors, with the nodes of a cell in the
-    order of `mesh.nodes`, and zeros for repeated ones of mixed meshes."""
+    """(E, p, q) element matrices of a bilinear form (arguments as in `matrix`) on all cells, or on
+    those with the given numbers; unknown number is d * node + component for vectors, with the nodes
+    of a cell in the order of `mesh.nodes`, and zeros for repeated ones of mixed meshes."""
     d, nodes = mesh.dimension, mesh.nodes.shape[1]
     p, q = (nodes * d if vector else nodes for vector in (rows, columns))
     found = np.zeros((len(mesh.cells) if cells is None else len(cells), p, q))
@@ -479,7 +488,9 @@ def _chunks(
     weights: Mapping[str, float | FloatArray],
 ) -> Iterator[tuple[IntArray, Space, Quadrature, FloatArray]]:
     """Positions in `cells`, space, quadrature and element matrices, in scikit-fem's order of nodes,
-    of some cells of one kind at a time."""
+    of some cells of one kind at a time, to limit memory. order: degree of the integrand with linear
+    triangles; a body of revolution has the factor x in its weights, one degree more, and the forms
+    of its hoop strain."""
     hooped = form in (stiffness, expansion) and mesh.revolved
     made = form if not hooped else hoop_stiffness if form is stiffness else hoop_expansion
     order = 2 if hooped else order + mesh.revolved

@@ -28,13 +28,13 @@ class Elasticity:
     """Constant matrices of an elastic body over all d N displacements; `free` (n,): numbers of the
     unknown ones.
 
-    coupling (d N, N): thermal forces K_fT; damping: Rayleigh, a mass + b stiffness; modal:
-    modal damping. regions: cells
-    of each material, with the constants of their element matrices. laws: stress beyond that of
-    constant properties and linear strains, and its cells: of properties that depend on temperature
-    and of nonlinear strains. nonlinear: True for Green-Lagrange strains; prestressed: for the
-    geometric stiffness of its loads. recoverable: True if stress follows from strain and
-    temperature with constant properties. two_way: True if strain rates heat the body.
+    coupling (d N, N): thermal forces K_fT; damping: Rayleigh, a mass + b stiffness; modal: modal
+    damping. regions: cells of each material, with the constants of their element matrices. laws:
+    stress beyond that of constant properties and linear strains, and its cells: of properties that
+    depend on temperature and of nonlinear strains. nonlinear: True for Green-Lagrange strains;
+    prestressed: True if the geometric stiffness of its loads is part of the equations. recoverable:
+    True if stress follows from strain and temperature with constant properties. two_way: True if
+    strain rates heat the body.
     """
 
     free: IntArray
@@ -50,7 +50,10 @@ class Elasticity:
     two_way: bool = False
 
     def stress_constants(self, mesh: Mesh, free: FloatArray) -> StressConstants:
-        """Constants of the stress in all cells; free (N,): stress-free temperature, K."""
+        """Constants of the stress in all cells, one row for each material and the number of the row
+        for each cell; free (N,): stress-free temperature, K. A row has lam, mu, beta, and lam, beta
+        of the stress across the plane, or, where some material depends on the direction, the 46
+        numbers of `general`; and a 1 at the end for a body of revolution."""
         cells = len(mesh.cells)
         region = np.zeros(cells, np.int64)
         for number, (here, _) in enumerate(self.regions):
@@ -70,10 +73,10 @@ class Heat:
     unknown ones.
 
     prescribed: temperatures that are no unknowns, sums of shape * f(t), K: nodes, f, shape (n,).
-    regions: cells of each material, with rho c thickness, J/(m2 K), and k thickness, W/K, of their
-    element matrices. lumped: True
-    for a diagonal capacity matrix (row sums). laws: heat flux and stored heat beyond those of
-    constant properties, where they depend on temperature, and their cells.
+    regions: cells of each material, with rho c thickness, J/(m2 K), and k thickness, W/K (in space
+    rho c and k), of their element matrices. lumped: True for a diagonal capacity matrix (row sums).
+    laws: heat flux and stored heat beyond those of constant properties, where they depend on
+    temperature, and their cells.
     """
 
     free: IntArray
@@ -93,8 +96,9 @@ def numbered(free: IntArray, size: int) -> IntArray:
 
 
 class HasFields(Protocol):
-    """Interface of a body with a mesh and fields: T0, T_ref (N,): initial and stress-free
-    temperature, K; thickness, m."""
+    """Interface of a body with a mesh and fields: elasticity, heat: matrices of the fields, None
+    without one; T0, T_ref (N,): initial and stress-free temperature, K, None for a body without
+    fields; thickness, m, 1 in space."""
 
     @property
     def name(self) -> str: ...

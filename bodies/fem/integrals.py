@@ -85,7 +85,9 @@ def set_facets(mesh: Mesh, nodes: IntArray, name: str = "") -> IntArray:
     """(F, w) boundary facets of a set, ordered for outward normals, possibly none.
 
     Those that the mesh tags with the name; else those of the cells that it tags, and of any cell
-    where it tags none, with all points in `nodes`.
+    where it tags none, with all points in `nodes`. A boundary facet belongs to one cell only.
+    number, count: number of each facet of each cell among the different ones, and how many cells
+    have it.
     """
     facets, owner = cell_facets(mesh.cells, mesh.dimension)
     number, count = facet_numbers(facets)

@@ -23,7 +23,8 @@ def with_midpoints(
     straight. A further node belongs to a set if all corners between which it lies do, and they are
     part of a boundary facet or a cell that is in the set as a whole: an edge that crosses the body
     from one piece of the set to another has its node outside. Those of a set that consists of
-    facets or cells tagged by the mesh are theirs.
+    facets or cells tagged by the mesh are theirs. Further nodes follow the corners in `points`;
+    kind.further: corners between which each further node of a cell lies.
     """
     d, n = mesh.dimension, len(mesh.points)
     kinds = [(here, own, KINDS[d, own.shape[1]]) for here, own in by_kind(mesh.cells, d)]
@@ -62,8 +63,9 @@ def with_midpoints(
 
 
 def without_midpoints(mesh: Mesh) -> Mesh:
-    """Mesh of first order with the corners of one of second order, and a note where that
-    straightens edges."""
+    """Mesh of first order with the corners of one of second order, the first of its points, and a
+    note where that straightens edges. away: largest distance of a further node (`midpoints`,
+    numbers of points, by cell) from the mean of the corners between which it lies, m."""
     n, away = len(mesh.corners), 0.0
     for here, own in by_kind(mesh.cells, mesh.dimension):
         for i, corners in enumerate(KINDS[mesh.dimension, own.shape[1]].further):
@@ -79,8 +81,13 @@ def without_midpoints(mesh: Mesh) -> Mesh:
 
 
 def with_further(mesh: Mesh, members: IntArray, name: str = "") -> IntArray:
-    """Sorted members of a set of corners with the further nodes that belong to it; name: of the
-    set, whose facets or cells the mesh may tag."""
+    """Sorted members of a set of corners with the further nodes of a mesh of second order that
+    belong to it; name: of the set, whose facets or cells the mesh may tag.
+
+    Those on the tagged facets, or of the tagged cells, where these have all the members; else those
+    between members (`between`) that lie on the boundary or in a cell whose corners all are members
+    (`near`). midpoints: numbers of the further nodes of each cell.
+    """
     if mesh.order == 1:
         return members
     n = len(mesh.corners)

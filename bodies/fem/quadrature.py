@@ -58,7 +58,10 @@ class Quadrature:
 
     @classmethod
     def joined(cls, parts: Sequence[Quadrature], order: IntArray) -> Quadrature:
-        """Quadrature of the elements of all parts, in the given order (E,)."""
+        """Quadrature of the elements of all parts, which have as many nodes and points, in the
+        given order (E,): element i is number order[i] of the parts one after the other. Shape
+        functions are kept once if all are equal; constant gradients (one point) are repeated next
+        to others."""
         values = [q.shape.values for q in parts]
         same = all(len(v) == 1 and np.abs(v - values[0]).max() <= EQUAL for v in values)
         steep = [q.shape.gradients for q in parts if q.shape.gradients is not None]
@@ -77,7 +80,8 @@ class Quadrature:
 
 def from_basis(basis: Any, gradients: bool = True) -> Quadrature:
     """Quadrature of a scikit-fem `Basis` of any scalar element; gradients: False for laws without
-    gradients."""
+    gradients. Equal shape functions of all cells are kept once (1, n, Q), gradients that are
+    constant in each cell at one point (E, n, d, 1)."""
     nodes = basis.element_dofs.T.astype(np.int64)
     values = np.stack([np.asarray(b[0]) for b in basis.basis], axis=1)  # (E, n, Q)
     slopes = np.stack([np.asarray(b[0].grad) for b in basis.basis], axis=1) if gradients else None

@@ -95,7 +95,9 @@ class _Comparison:
     def share(self) -> float:
         """Largest share of the work f.u of test loads that linear elements miss, 1 - f.u_1 / f.u_2:
         u_2 of K_2 u_2 = f by conjugate gradients from the linear solution u_1 on, all loads side by
-        side, preconditioned by linear elements and the midpoints' diagonal."""
+        side, preconditioned by linear elements and the midpoints' diagonal. coarse: K_1^-1 P^T,
+        prolonged: P, stiffness: K_2 times fields (d n, j); free (d n,): False in rows that the
+        reference condition fixes; r: residual, p: search directions, work: f.u, which grows."""
         f = self.loads()
         f[~self.free] = 0.0
         u = self.prolonged(self.coarse(f))
@@ -122,8 +124,9 @@ class _Comparison:
     # ------------------------------------------------------------------ loads
 
     def loads(self) -> FloatArray:
-        """(n, j) loads of the lowest modes on the nodes of the quadratic elements: of subspace
-        iteration with the linear ones, from quadratic polynomials."""
+        """(d n, j) loads rho phi of the lowest modes phi on the nodes of the quadratic elements: of
+        subspace iteration V <- K_1^-1 M V with the linear ones, from quadratic polynomials in the
+        coordinates. load: M times linear fields on all n nodes, coarse: K_1^-1 P^T of it."""
         X = self.fine.points - self.fine.points.mean(axis=0)
         X = X / np.abs(X).max()
         i, j = np.triu_indices(self.d)
@@ -177,8 +180,9 @@ class _Comparison:
         return found
 
     def stiffness(self, u: FloatArray) -> FloatArray:
-        """(d n, j) forces K_2 u, N: integrals of grad phi . stress, with the stress
-        lam tr(grad u) I + mu (grad u + grad u^T) at the quadrature points."""
+        """(d n, j) forces K_2 u, N, of fields u (d n, j), m: integrals of grad phi . stress, with
+        the stress lam tr(grad u) I + mu (grad u + grad u^T) at the quadrature points. shapes, laws:
+        of the cells of each kind their quadrature, and lam, mu times the thickness in each cell."""
         j, found = u.shape[1], []
         for (_, at), (lam, mu) in zip(self.shapes, self.laws, strict=True):
             G = at.shape.gradients
@@ -194,7 +198,9 @@ class _Comparison:
         return self._gathered(found, j)
 
     def midpoint_diagonal(self) -> FloatArray:
-        """(d n, 1) inverse diagonal of K_2 at the free midpoints, zero at the corners."""
+        """(d n, 1) inverse diagonal of K_2 at the free midpoints, zero at the corners, which come
+        first, and in fixed rows: by an entry infinity before the inversion. K_2 has the diagonal
+        integral of (lam + mu) (d_a phi)^2 + mu |grad phi|^2. shapes, laws: as in `stiffness`."""
         found = []
         for (_, at), (lam, mu) in zip(self.shapes, self.laws, strict=True):
             assert at.shape.gradients is not None
@@ -217,7 +223,8 @@ class _Comparison:
 
 
 def _interpolation(fine: Mesh, corners: int, n: int) -> Any:
-    """(n, corners) values of linear fields at all nodes: the means of the corners around them."""
+    """(n, corners) values of linear fields at all n nodes of a mesh of second order, whose first
+    points are the corners: the means of the corners between which a further node lies."""
     rows, columns = [np.arange(corners)], [np.arange(corners)]
     for here, own in by_kind(fine.cells, fine.dimension):
         for i, between in enumerate(KINDS[fine.dimension, own.shape[1]].further):

@@ -42,8 +42,9 @@ class CellStress:
 
     @cached_property
     def _slopes(self) -> tuple[FloatArray, FloatArray]:
-        """(E, q, q, d) derivatives of the q shape functions of each cell at each of its q nodes
-        (second axis), 1/m; (E,) volumes, m^d."""
+        """(E, q, q, d) derivatives of the q shape functions of each cell (third axis) at each of
+        its q nodes (second axis), 1/m; (E,) volumes, m^d. Cells of fewer nodes repeat their last
+        one."""
         from sparsemor.bodies.fem import element_matrices
 
         E, q = self.cells.shape
@@ -87,7 +88,10 @@ class CellStress:
         return _of_deviators(self.strain(u, heating), 2.0 / 3.0)
 
     def stress_in_cells(self, u: FloatArray, heating: FloatArray) -> FloatArray:
-        """(E, q, 3, 3) Cauchy stress, Pa, at the nodes of each cell."""
+        """(E, q, 3, 3) Cauchy stress, Pa, at the nodes of each cell, for displacements u (N, d), m,
+        and temperatures above the stress-free ones (N,), K. constants (E, 5 or more): lam, mu,
+        beta, and lam, beta across the plane, or numbers of a general law; nonlinear: Green-Lagrange
+        strains, whose stress S becomes F S F^T / det F."""
         gradient, d = self._gradient(u), self.points.shape[1]
         eps = self._strain(gradient)
         self._add_hoop(eps, u)
@@ -111,7 +115,9 @@ class CellStress:
     def functional(self, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Derivatives (d N, 6) and (N, 6) of the weighted sum of the stress at nodes, weights (N,),
         by displacements and temperatures, for linear strains; components xx, yy, zz, xy, yz, xz. At
-        a node of several materials it is that of the first of them."""
+        a node of several materials it is that of the first of them. The stress at a node is the
+        mean over its cells by their volumes; share (E, q): weight of the node times the cell's part
+        in this mean. own == cells where a value belongs to the first material of its node."""
         slopes, volumes = self._slopes
         N, d = self.points.shape
         # nodes in cells of their first material, without repeated ones of mixed meshes
@@ -169,7 +175,10 @@ class CellStress:
                 off, u[self.cells][..., 0] / np.where(off, x, 1.0), eps[..., 0, 0])
 
     def _across(self, eps: FloatArray, heating: FloatArray) -> FloatArray:
-        """(E, q) strain across the plane that makes no stress there, of plane stress; else zero."""
+        """(E, q) strain across the plane that makes no stress there, of plane stress; else zero.
+        eps (E, q, 3, 3): strains; heating (N,): temperatures above the stress-free ones, K.
+        constants: of a general law the last four, factors of xx, yy, 2 xy and the temperature; else
+        lam, mu, beta, with lam and beta across the plane, which are 0 in plane stress."""
         if self.points.shape[1] == 3 or self.revolved:
             return np.zeros(self.cells.shape)
         if self.general:

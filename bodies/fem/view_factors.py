@@ -30,8 +30,9 @@ ITERATIONS, BALANCED = 500, 1e-13
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Facets:
-    """Straight facets: corners (n, d, d), m, segments in the plane and triangles in space; normals
-    (n, d) of unit length towards where they radiate; areas (n,), m or m2."""
+    """Straight facets: corners (n, d, d), m, d corners each, segments in the plane and triangles in
+    space; normals (n, d) of unit length towards where they radiate; areas (n,), m or m2. size:
+    extent of all facets, m."""
 
     corners: FloatArray
     normals: FloatArray
@@ -62,7 +63,8 @@ class Facets:
 
 def exchange_areas(facets: Facets, patch: IntArray, seed: int) -> FloatArray:
     """A_i F_ij (P, P), m or m2, between patches; patch (n,): number of the patch of each facet;
-    seed: of the rays for shadows."""
+    seed: of the rays for shadows. S (n, n): between facets without shadows, which are evaluated
+    where each has some corner above the plane of the other; sums: of S by patches."""
     heights = facets.heights()
     above = (heights > 0).any(axis=2)
     facing: BoolArray = np.logical_and(above, above.T)
@@ -77,8 +79,9 @@ def exchange_areas(facets: Facets, patch: IntArray, seed: int) -> FloatArray:
 
 def _strings(facets: Facets, heights: FloatArray, facing: BoolArray) -> FloatArray:
     """A_i F_ij (n, n), m, of segments a = (a0, a1), b = (b0, b1), by crossed strings on the parts
-    above each other's horizon: |(|a0 b0| + |a1 b1|) - (|a0 b1| + |a1 b0|)| / 2. facing (n, n): True
-    for pairs to be evaluated."""
+    above each other's horizon: |(|a0 b0| + |a1 b1|) - (|a0 b1| + |a1 b0|)| / 2. heights (n, n, 2):
+    of the corners of facet j over the line of facet i; facing (n, n): True for pairs to be
+    evaluated."""
     i, j = np.nonzero(facing)
     a, b = facets.corners[i], facets.corners[j]
     b = _above(b, heights[i, j])
@@ -102,8 +105,10 @@ def _above(segments: FloatArray, heights: FloatArray) -> FloatArray:
 
 
 def _polygons(facets: Facets, heights: FloatArray, facing: BoolArray) -> FloatArray:
-    """A_i F_ij (n, n) of triangles, by points of one and the whole of the other; the mean of both
-    directions."""
+    """A_i F_ij (n, n), m2, of triangles, by points of one and the whole of the other; the mean of
+    both directions. Of near pairs the one is divided for more points. facing (n, n): True for pairs
+    to be evaluated; heights: not used, as points below the other's plane (not `up`) count zero and
+    a triangle is cut at the horizon of each point."""
     middles = facets.corners.mean(axis=1)
     radius = np.linalg.norm(facets.corners - middles[:, None], axis=2).max(axis=1)
     away = np.linalg.norm(middles[:, None] - middles[None], axis=2)
@@ -208,8 +213,9 @@ def _visible(
 def _stopped(
     facets: Facets, start: FloatArray, end: FloatArray, i: IntArray, j: IntArray
 ) -> BoolArray:
-    """(r,) True for rays from start to end (r, d), on facets i and j, that another facet stops:
-    they meet its plane inside of it."""
+    """(r,) True for rays from start to end (r, d), on facets i and j (r,), that another facet
+    stops: they meet its plane inside of it, at start + s ray with 0 < s < 1, less `ENDS` at both
+    ends."""
     ray = end - start
     across = np.einsum("rd,nd->rn", ray, facets.normals)
     gap = np.einsum("rnd,nd->rn", facets.corners[None, :, 0] - start[:, None], facets.normals)
