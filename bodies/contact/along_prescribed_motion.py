@@ -28,7 +28,9 @@ class Path:
     """Motion of one body frame at T times.
 
     R, R1 (T, d): origin, m, and its velocity, m/s; A (T, d, d): rotation matrix; w (T, 1 or 3):
-    angular velocity in body axes, rad/s. A body at rest has one row for all times.
+    angular velocity in body axes, rad/s. A body at rest has one row for all times. motion: body ->
+    prescribed motion, with poses and their rates (T, n), position first; without one the body rests
+    in its initial pose.
     """
 
     def __init__(self, surface: Surface, motion: Motion) -> None:
@@ -51,8 +53,12 @@ class Path:
 def relative_motion(
     first: Path, second: Path, X: FloatArray, now: slice
 ) -> tuple[FloatArray, FloatArray]:
-    """Positions and relative velocities (T, n, d) of the first body's points X (n, d), in the
-    second body's axes; T = 1 if neither body moves."""
+    """Positions z (m) and relative velocities (m/s), (T, n, d), of the first body's points X (n,
+    d), in the second body's axes, at the times `now`; T = 1 if neither body moves.
+
+    z = B^T (R - S + A X), rate = B^T (R' - S') + C (w x X) - v x z, with origin, rotation matrix
+    and angular velocity in body axes R, A, w of the first and S, B, v of the second body.
+    """
     R, R1, A, w = first.at(now)
     S, S1, B, v = second.at(now)
     C = B.transpose(0, 2, 1) @ A  # first to second body's axes
@@ -64,10 +70,12 @@ def relative_motion(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Window:
-    """Contact at the consecutive times from number `begin` up to (not including) `stop`.
+    """Contact at the consecutive times of a motion from number `begin` up to (not including)
+    `stop`, which are evaluated together.
 
-    time (P,): time of each overlap, counted from `begin`; nodes (P, 2 d): its corners, d node
-    positions in each surface.
+    time (P,): time of each overlap of two facets, counted from `begin`; nodes (P, 2 d): corners of
+    these facets, d positions in the `nodes` of each surface; pieces: parts of the overlaps on which
+    the tractions are smooth.
     """
 
     begin: int
@@ -86,8 +94,9 @@ class Window:
 def windows(
     first: Surface, second: Surface, near: BroadPhase, face: Interface, motion: Motion
 ) -> Iterator[Window]:
-    """Overlaps and pieces in contact at all times of the motion, in consecutive windows of times.
-    """
+    """Overlaps and pieces in contact at all times of the motion, in consecutive windows of times,
+    of as many times as make about `AT_ONCE` pairs of facets. Vectors are in the second body's axes.
+    near: search for close facets; face: laws of pressure and friction."""
     one, other, all_times = Path(first, motion), Path(second, motion), steps(motion)
     i, j, planes, cells = first.facets, second.facets, second.planes, second.cells
     begin, together = 0, 1

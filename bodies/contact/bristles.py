@@ -81,10 +81,12 @@ class Bristles:
     def sliding(
         self, o: Overlaps, pieces: Pieces, face: Interface, corners: IntArray, z: FloatArray
     ) -> Sliding:
-        """Slip of the bristles at deflections z (k, d), m, for overlaps without them: V, and the
-        rate (|z| - z_0)+ / tau z / |z| that is lost, with its derivative by z (module docstring).
+        """Slip of the k bristles at deflections z (k, d), m, for overlaps without them, from which
+        their rates z' = V - lost follow: the mean slip V = int phi p w dA / int phi p dA, and the
+        rate lost = (|z| - z_0)+ / tau z / |z| by which they slip through, with its derivative by z.
 
-        corners (P, d): nodes of the first facets.
+        corners (P, d): nodes of the first facets; z_0: `give`, the deflection from which bristles
+        slip, 0 without pressure; tau: `DELAY`; N: normal force on each patch, N.
         """
         _, N, moved = _integrals(o, pieces, face)
         at = self.patch[corners].ravel()
@@ -104,10 +106,11 @@ class Bristles:
         deforms: bool,
     ) -> tuple[FloatArray, FloatArray]:
         """Derivatives (P, d^2, D) of V in the rows of the corners' patches, by positions and by
-        velocities of the facets' corners; deforms: as in `Tangent.of`.
+        velocities of the facets' corners; deforms: as in `Tangent.of`, the traction may jump at
+        every border of a cell; now: N and V of the bristles.
 
         V = M / N with M = int phi p w dA = N n - F, F the nodal forces of the traction p (n - w):
-        dV = (dM - V dN) / N.
+        dV = (dM - V dN) / N; n: normal of the second facet, which moves if it deforms (vb).
         """
         P, d, at = len(corners), o.d, self.patch[corners]
         o = replace(o, at=o.at[:, :, : o.eta_columns.stop])  # without bristles
@@ -136,8 +139,9 @@ class Bristles:
         self, o: Overlaps, pieces: Pieces, face: Interface, c1: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Derivatives of the nodal forces (P, D, d^2) and heats (P, 2 d, d^2) of each overlap by
-        the deflections at the first facet's corners, of which c1 (P, d^2) are those of their rates;
-        overlaps as of `on`.
+        the deflections z at the first facet's corners; c1 (P, d^2): dz' = c1 dz; overlaps with
+        deflections (`on`). D: coordinates of the first facet's corners, if it moves also the
+        second's. W: quadrature weights times mu p / z_0, s, eta: shape functions of both facets.
 
         The force is -p mu Z, with the rigid arm of tractions.py on the second facet, the heat p mu
         Z . (w - z'); Z is linear in the deflections.
@@ -190,8 +194,8 @@ def _integrals(
 
 
 def patches(X: FloatArray, most: int) -> IntArray:
-    """(n,) patch of each point of X (n, d), of at most `most`: the widest one is halved, across its
-    longest side, until there are enough."""
+    """(n,) number of the patch of each point of X (n, d), m, of at most `most` patches: the widest
+    one is halved by number of points, across its longest side, until there are enough."""
     groups = [np.arange(len(X))]
     while len(groups) < min(most, len(X)):
         widths = [np.ptp(X[g], axis=0) if len(g) > 1 else -np.ones(X.shape[1]) for g in groups]

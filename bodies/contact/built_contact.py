@@ -102,7 +102,8 @@ class ContactPart(Contact):
 
     def imported(self, motion: Motion) -> Mapping[str, SurfaceLoads]:
         """Body name -> nodal contact forces in its own axes (N) and nodal friction heat (W) at each
-        time of the motion.
+        time of the motion. `_loads` has them window by window of times, as forces (M, 2 d, d), in
+        the second body's axes, and heats (M, 2 d) on the corners of both facets.
 
         In space, where surfaces have many nodes, only nodes that are in contact at some time are
         included (all nodes, if none is). InputError with bristles, which have a history.
@@ -170,7 +171,8 @@ class ContactPart(Contact):
         return chatter_warning(self.name, history["normal"])
 
     def passage(self, motion: Motion) -> str:
-        """Warning if a point lies under the shorter surface for too few steps; "" otherwise.
+        """Warning if a point lies under the shorter surface for fewer than `PASSAGE` steps; ""
+        otherwise. at: node positions of both surfaces at a time.
 
         Number of steps of a passage: extent of that surface along the relative motion of one step,
         divided by that motion; the minimum over 50 of the times.
@@ -215,7 +217,9 @@ def _passage(
     """Number of steps of a passage: extent of the shorter surface along the tangential relative
     motion of one step, divided by that motion; infinite without tangential motion.
 
-    before, after: node positions of both surfaces, m, at the start and end of the step.
+    before, after: node positions of both surfaces, m, at the start and end of the step, in the axes
+    of one body. The motion is the median over the nodes of the shorter surface, relative to the
+    nearest node of the other one.
     """
     short, other = sorted((0, 1), key=lambda i: float(np.ptp(before[i], axis=0).max()))
     near = cKDTree(before[other]).query(before[short])[1]
@@ -231,7 +235,8 @@ def _passage(
 
 class _Sums:
     """Loads on the nodes of a surface, collected over successive windows of times; each window has
-    only the nodes in contact in it."""
+    only the nodes in contact in it. touched: these nodes, for each window; values (times, nodes, d
+    + 1): force and heat on them. In the plane, or without contact, `loads` has all n nodes."""
 
     def __init__(self, surface: Surface) -> None:
         self.n, self.d = len(surface.nodes), surface.d
@@ -241,8 +246,10 @@ class _Sums:
     def add(
         self, times: int, time: IntArray, nodes: IntArray, force: FloatArray, heat: FloatArray
     ) -> None:
-        """Adds the loads of the next `times` times: time (M,), nodes (M, d), force (M, d, d), N,
-        heat (M, d), W."""
+        """Adds the loads of the next `times` times, a window: time (M,), counted from its first
+        one, nodes (M, d), force (M, d, d), N, heat (M, d), W, of M pieces on the corners of their
+        facets.
+        """
         touched, at = np.unique(nodes, return_inverse=True)
         at = (time[:, None] * len(touched) + at.reshape(nodes.shape)).ravel()  # (time, node)
         columns = [*force.reshape(-1, self.d).T, heat.ravel()]

@@ -39,7 +39,8 @@ class Parts:
 
     @classmethod
     def within(cls, bounds: FloatArray, tags: IntArray) -> "Parts":
-        """Parts of P facets on which B linear functions are nonnegative.
+        """Parts of P facets on which B linear functions are nonnegative; empty ones have the count
+        0.
 
         bounds (P, d, B): values of the functions at the facets' corners; tags (B,): tags of the
         edges that they cut.
@@ -71,7 +72,8 @@ class Parts:
         return np.where(after >= self.count[:, None], 0, after)
 
     def cut(self, values: FloatArray, tag: int, share: FloatArray | None = None) -> "Parts":
-        """Clips each part to nonnegative function values.
+        """Clips each part to nonnegative values of a function that changes its sign at most once on
+        an edge. corners (P, V, d) of parts, barycentric, of which `count` are used; 0: empty part.
 
         values (P, V): function at the corners; tag: of the new edges; share (P, V): position of the
         zero on each edge, from 0 to 1; by default that of a linear function.
@@ -94,7 +96,7 @@ class Parts:
 
     def split(self, cuts: Sequence[tuple[FloatArray, float]]) -> tuple[IntArray, "Parts"]:
         """Splits the parts along level lines of linear functions; returns the number of the
-        original part of each new part, and the new parts.
+        original part of each new part, sorted, and the new parts, none empty where there are cuts.
 
         cuts: pairs of function values (P, d) at the facets' corners, and the level.
         """
@@ -114,7 +116,8 @@ class Parts:
 
     def simplices(self) -> tuple[IntArray, FloatArray, FloatArray]:
         """Triangulation of the parts into segments or triangles: number of the part (N,),
-        barycentric corners (N, d, d), and size (N,) relative to the facet."""
+        barycentric corners (N, d, d), and size (N,) relative to the facet. Polygons, with `count`
+        of their V corners in use, are divided into triangles at their first corner."""
         if self.corners.shape[2] == 2:
             of = np.flatnonzero(self.count > 0)
             corners = self.corners[of]
@@ -219,8 +222,9 @@ def _two(first: Any, second: Any) -> Any:
 
 
 def _interval(bounds: FloatArray, tags: IntArray) -> Parts:
-    """`Parts.within` for segments: from the last of the points where a function becomes positive to
-    the first where one becomes negative."""
+    """Parts of P segments on which B linear functions are nonnegative: from the last of the points
+    where a function becomes positive to the first where one becomes negative. bounds (P, 2, B):
+    values at both ends; tags (B,): of the ends that they cut, `NONE` at the segment's own."""
     f0, f1 = bounds[:, 0], bounds[:, 1]
     drop = f0 - f1
     root = f0 / np.where(drop == 0, 1.0, drop)
@@ -247,7 +251,8 @@ def _cut_interval(at: Parts, c: FloatArray, tag: int, share: FloatArray | None) 
 def _split_intervals(
     p: Parts, cuts: Sequence[tuple[FloatArray, float]]
 ) -> tuple[IntArray, Parts]:
-    """`Parts.split` for segments."""
+    """`Parts.split` for segments: at the coordinates from 0 to 1 where each function, values (P, 2)
+    at the ends, has its level, if that is inside a part."""
     low, high = p.corners[:, 0, 1], p.corners[:, 1, 1]
     inner = [np.clip(_crossing(values, level), low, high) for values, level in cuts]
     ends = np.sort(np.stack([low, *inner, high], axis=1), axis=1)

@@ -23,7 +23,8 @@ class ClosestPoints:
 
 
 def nearest(points: FloatArray, corners: FloatArray) -> ClosestPoints:
-    """Closest point on a surface for each of points (n, d), d = 2 or 3.
+    """Closest point on a surface for each of points (n, d), m, d = 2 or 3; of facets at the same
+    distance the one of lowest number.
 
     corners (F, d, d): corners of the facets, ordered for outward normals.
 
@@ -66,8 +67,9 @@ def _on_segment(points: FloatArray, a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def _on_triangle(points: FloatArray, corners: FloatArray) -> FloatArray:
-    """(n, 3) barycentric coordinates of the closest point of each triangle: the foot of the normal
-    where it is inside, else the closest point of the three edges."""
+    """(n, 3) barycentric coordinates of the point of triangle i, corners (n, 3, 3), that is closest
+    to points[i] (n, 3): the foot of the normal where it is inside, else the closest point of the
+    three edges."""
     a, b, c = corners.transpose(1, 0, 2)
     p, q, r = b - a, c - a, points - a
     pp, qq, pq = (p * p).sum(axis=1), (q * q).sum(axis=1), (p * q).sum(axis=1)
@@ -94,8 +96,8 @@ AT_ONCE = 2_000_000
 
 
 def check_start(first: Surface, second: Surface) -> None:
-    """Raises InputError (key `between`) if a node of either surface is inside the other body by
-    more than `OVERLAP` times the smallest facet."""
+    """Raises InputError (key `between`) if a node of either surface is inside the other body, in
+    their initial poses, by more than `OVERLAP` times the shortest edge of all facets (`sizes`)."""
     size = float(min(first.sizes.min(), second.sizes.min()))
     for one, other in ((first, second), (second, first)):
         found = _deepest(one, other, OVERLAP * size)
@@ -110,8 +112,8 @@ def check_start(first: Surface, second: Surface) -> None:
 
 
 def _deepest(one: Surface, other: Surface, allowed: float) -> tuple[FloatArray, float] | None:
-    """The node (d,) of `one` that is deepest inside the other body, m, and its depth, m; None if no
-    depth exceeds `allowed`."""
+    """Position in space (d,) of the node of `one` that is deepest inside the other body, m, and its
+    distance from the other surface, m; None if none exceeds `allowed`, m."""
     z = placed(one.body, one.X)
     z = z[_in_box(other.body, z)]
     if not len(z):
@@ -153,8 +155,9 @@ def _view(rays: FloatArray) -> FloatArray:
     """(n, F) signed fraction of the full angle that each facet subtends, from the vectors `rays`
     (n, F, d, d) to its corners.
 
-    Angle over 2 pi in the plane, solid angle over 4 pi in space (Van Oosterom and Strackee,
-    10.1109/TBME.1983.325207).
+    Angle over 2 pi in the plane, solid angle over 4 pi in space, which is 2 arctan2(...) (Van
+    Oosterom and Strackee, 10.1109/TBME.1983.325207). Positive where the point is behind the facet;
+    the sum over a closed surface is 1 inside and 0 outside.
     """
     if rays.shape[3] == 2:
         a, b = rays[:, :, 0], rays[:, :, 1]

@@ -14,7 +14,8 @@ class Coulomb(FrictionLaw):
     """Regularised Coulomb friction: traction mu p q (3 - q^2) / 2 with q = v / v_c in [-1, 1].
 
     There is no static friction: below v_c a loaded body creeps at the speed where the traction
-    balances the load.
+    balances the load. ratio: traction over pressure, and its derivative by the slip speed v, m/s;
+    breaks: speeds at which it is not smooth.
     """
 
     coefficient: float = Field(ge=0)
@@ -38,7 +39,8 @@ class ElasticFoundation(NormalLaw):
     s(r) = 3 r^2 - 2 r^3 rises from 0 to 1.
 
     All constants are per area: a thin layer of modulus E and height b has K = E / b, in N/m3. The
-    increase of the damping with depth makes the pressure continuous at first contact.
+    increase of the damping with depth makes the pressure continuous at first contact. breaks:
+    penetrations between which a quadrature rule of the pressure converges fast.
     """
 
     stiffness: float = Field(gt=0)
@@ -64,8 +66,8 @@ class ElasticFoundation(NormalLaw):
     def pressure(
         self, depth: FloatArray, rate: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Pressure, Pa, and its derivatives by penetration and rate: K d + ramp d', ramp = D s(d /
-        d0); the caller cuts off tension."""
+        """Pressure, Pa, and its derivatives by penetration d, m, and rate d', m/s: K d + ramp d',
+        ramp = D s(d / d0), s(r) = 3 r^2 - 2 r^3; the caller cuts off tension."""
         K, D = self.stiffness, self.damping
         if D == 0.0 or self.damping_depth is None:
             return K * depth, np.full_like(depth, K), np.zeros_like(depth)
@@ -80,7 +82,8 @@ class Stick(FrictionLaw):
 
     Below the limit of friction the surfaces are tied by springs in proportion to pressure: they
     stand still, displaced by at most `displacement`. They slip with the traction mu(v) p,
-    mu(v) = mu + (mu_0 - mu) exp(-|v| / v_0).
+    mu(v) = mu + (mu_0 - mu) exp(-|v| / v_0). ratio: mu(v) with the sign of v, and its derivative;
+    bristles: displacement at which surfaces slip, m, and largest number of patches.
     """
 
     coefficient: float = Field(gt=0)

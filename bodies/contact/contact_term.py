@@ -28,9 +28,11 @@ from sparsemor.core.model.compressed_local import CompressedLocal
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Evaluation:
-    """Contact at one state. nodes (P, 2 d): corners of both facets of each overlap, the second
-    surface's nodes numbered after the first's; T (P, 2 d): temperatures there, K, for conduction;
-    sliding, rate (k, d): of the bristles."""
+    """Contact of two surfaces at one state, in the second body's axes. P overlaps of a facet of
+    each; nodes (P, 2 d): corners of both facets, the second surface's nodes numbered after the
+    first's; pieces: parts of overlaps with smooth tractions; loads: forces and heats of these; T
+    (P, 2 d): temperatures at the nodes, K, None without conduction; sliding, rate (k, d), m/s: slip
+    of the k bristles, and rates of their deflections."""
 
     kinematics: Kinematics
     nodes: IntArray
@@ -70,7 +72,10 @@ class ContactTerm(Term):
         cls, sides: tuple[ContactSide, ContactSide], face: Interface, near: BroadPhase,
         deforms: bool, reach: float, bristles: Bristles | None, deflections: IntArray,
     ) -> Self:
-        """Term with all unknowns of both sides and the deflections of bristles."""
+        """Term with all unknowns of both sides and the deflections of bristles (their numbers in
+        the state vector, as all here, -1 for prescribed ones). near: search for close facets;
+        deforms: surfaces move with displacements; reach: largest admissible penetration, m. reads,
+        writes: position in `columns` and `rows` of each local unknown, in this order."""
         one, two = sides
         numbers = np.concatenate([one.frame, two.frame, one.u, two.u, one.T, two.T, deflections])
         columns = np.unique(numbers[numbers >= 0])
@@ -103,7 +108,9 @@ class ContactTerm(Term):
 
     def _evaluate(self, x: FloatArray, v: FloatArray, t: float) -> _Evaluation | None:
         """Overlaps of the surfaces at a state, with nodal forces and heats; None if it is not
-        finite."""
+        finite. x, v: unknowns at the term's columns, and rates. here: node positions a, b (m) and
+        velocities va, vb of both surfaces in the second body's axes; bristles are evaluated by the
+        overlaps without them, and then added as their deflections z."""
         here = self._kinematics(x, v, t)
         if here is None:
             return None
@@ -132,7 +139,10 @@ class ContactTerm(Term):
         return picked(x, self.reads[n.all :]).reshape(-1, n.d)
 
     def _pairs(self, here: Kinematics, planes: Planes) -> tuple[IntArray, IntArray]:
-        """Numbers of the facets of the first and of the second surface in each evaluated pair."""
+        """Numbers of the facets of the first and of the second surface in each evaluated pair:
+        close facets of which one is active and, in space, where the first one's ball may meet the
+        second one's cell (the undeformed one). here.a, here.b: node positions; planes: of second
+        facets."""
         first, second = (s.surface for s in self.sides)
         corners = here.a[first.facets]
         middles = corners.mean(axis=1)
@@ -156,7 +166,8 @@ class ContactTerm(Term):
 
     def residual(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray:
         """Forces and heats at the nodes of both surfaces and on their frames, with minus sign; nan
-        for a state that is not finite."""
+        for a state that is not finite. Bristles with the deflection z: z' - (V - lost) = 0. writes:
+        row of each local unknown (frames, displacements, temperatures, bristles), -1 for none."""
         if not self.elements:
             return np.zeros(len(self.rows))
         now = self._evaluate(x, v, t)
@@ -184,8 +195,9 @@ class ContactTerm(Term):
     def jacobian(
         self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
     ) -> Csr:
-        """Derivatives of the residual, as the sum of a dense block for each pair of facets, and of
-        the bristles."""
+        """Derivatives of the residual (minus the forces and heats), as the sum of a dense block for
+        each pair of facets, and of the bristles; c1 (n,): dv = c1 dx. at (P, m): local unknowns of
+        each pair, which are at `reads` in the columns and `writes` in the rows, -1 for none."""
         shape = len(self.rows), len(self.columns)
         if not self.elements:
             return csr_array(shape)
@@ -212,7 +224,11 @@ class ContactTerm(Term):
     def _of_bristles(
         self, now: Sliding | None, c1: FloatArray
     ) -> tuple[FloatArray, tuple[IntArray, IntArray]]:
-        """Derivatives of the bristles' rows by their own deflections: values, rows and columns."""
+        """Derivatives of the bristles' rows z' - V + lost(z) by their own deflections z: values,
+        rows and columns of d x d blocks, d(lost)/dz + c1; c1 (n,): dv = c1 dx, at the columns.
+        reads, writes: columns and rows of the local unknowns, those of bristles from `start` on;
+        -1: none.
+        """
         start = Sizes.of(*self.sides).all
         at = self.reads[start:]
         if now is None:
@@ -263,8 +279,8 @@ class ContactTerm(Term):
         return made
 
     def check_step(self, x: FloatArray, v: FloatArray, t: float, h: float) -> str:
-        """Error if a step of about h (s) has moved a point through the other surface; "" otherwise.
-        """
+        """Error if a step of about h (s) that ends at t has moved a point through the other
+        surface; "" otherwise. reach: largest admissible penetration, half the smallest facet, m."""
         first, second = (s.surface for s in self.sides)
         here = self._kinematics(x, v, t)
         depth = 0.0 if here is None else too_deep(first, second, here, h, self.reach, self.near)
@@ -304,8 +320,9 @@ class ContactTerm(Term):
         return FollowedContact.of(local) if self.deforms and local.elements else local
 
     def restrict(self, keep: IntArray) -> Self:
-        """Term with the rows `keep` only, the facets that contribute to them and the columns they
-        need."""
+        """Term with the rows `keep` (positions in `rows`) only, the facets that contribute to them
+        (active) and the columns they need. reads, writes: column and row of each local unknown, -1
+        for none; hot: nodes of each surface with a kept row."""
         writes = renumbered(self.writes, keep, len(self.rows))
         n = Sizes.of(*self.sides)
         active = self.active
@@ -320,8 +337,10 @@ class ContactTerm(Term):
                        reads=renumbered(self.reads, used, len(self.columns)), active=active)
 
     def _read(self, active: tuple[BoolArray, BoolArray]) -> BoolArray:
-        """True for each local unknown, temperature and deflection on which the active facets
-        depend."""
+        """True for each local unknown, temperature and deflection on which the active facets (masks
+        of both surfaces; a pair is evaluated if one of its facets is active) depend: all of them,
+        but of a surface's temperatures, from n.whole on, only those of its active facets, if no
+        facet of the other surface is active."""
         n = Sizes.of(*self.sides)
         if not (active[0].any() or active[1].any()):
             return np.zeros(len(self.reads), bool)
@@ -357,8 +376,10 @@ class ContactTerm(Term):
         return None if here is None else (here.a, here.b)
 
     def among(self, first: IntArray, second: IntArray) -> tuple[Self, IntArray, IntArray]:
-        """The contact between the facets `first` and `second` of the two surfaces alone, and the
-        positions of its columns and rows in this term."""
+        """The contact between the facets `first` and `second` (numbers) of the two surfaces alone,
+        and the positions of its columns and rows in this term. used1, used2: their nodes; mine:
+        their local unknowns, and all bristles; reads, writes: columns and rows of these, -1 for
+        none."""
         n = Sizes.of(*self.sides)
         (one, used1), (two, used2) = (s.some(chosen) for s, chosen in zip(
             self.sides, (first, second), strict=True))

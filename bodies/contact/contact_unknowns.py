@@ -58,7 +58,8 @@ def picked(x: FloatArray, at: IntArray) -> FloatArray:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PrescribedTemperatures:
-    """Prescribed temperatures of a surface, sums of shape * f(t), K: node positions, f, shape."""
+    """Prescribed temperatures of a surface, sums of shape * f(t), K: positions of nodes among its
+    nodes, f, shape (values at these nodes)."""
 
     prescribed: Sequence[tuple[IntArray, Amplitude, FloatArray]] = ()
 
@@ -116,7 +117,8 @@ class ContactSide:
         motion: FrameHistory | None = None,
     ) -> Self:
         """Side of a surface; `moves`, `deforms`, `conducts`: include the rigid coordinates, the
-        displacements, the temperatures as unknowns."""
+        displacements, the temperatures as unknowns (global numbers, -1 for prescribed ones).
+        Temperatures have a number for every node in any case, -1 if they are not included."""
         body, nodes = surface.body, surface.nodes
         none = np.zeros(0, np.int64)
         frame = body.position(layout, "rigid") if moves else none
@@ -137,8 +139,9 @@ class ContactSide:
     def pose(
         self, frame: FloatArray, rate: FloatArray, t: float
     ) -> tuple[FloatArray, FloatArray]:
-        """Rigid coordinates of the body at time t (s), and their rates: from the prescribed motion,
-        from the unknowns `frame` and `rate`, or at rest in the initial pose."""
+        """Rigid coordinates of the body at time t (s), position first, and their rates: from the
+        prescribed motion, from the present values `frame` and `rate` of the unknowns, if the body
+        has some (self.frame: their numbers), or at rest in the initial pose."""
         if self.motion is not None:
             pose, velocity, _ = self.motion.at(t)
             return pose, velocity

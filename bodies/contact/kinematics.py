@@ -30,7 +30,8 @@ class Angle:
     """Attitude of a body in the plane, with the interface of `UnitQuaternion`.
 
     A (2, 2): rotation matrix; w (1,): angular velocity, rad/s; by (1, 1): derivative of the
-    rotation by the angle.
+    rotation by the angle, w_by: that of w. rows: generalized force of a torque (1,), N m, the same;
+    rows_by: its derivative by the angle.
     """
 
     __slots__ = ("A", "w")
@@ -123,8 +124,11 @@ class Kinematics:
 
     @cached_property
     def by_frames(self) -> FloatArray:
-        """(n1, d, frames) derivative of the first surface's positions by the rigid coordinates of
-        both bodies."""
+        """(n1, d, frames) derivative of the first surface's positions a = B^T (R1 - R2 + A y) by
+        the rigid coordinates of both bodies, position and attitude of each: da = B^T (dR1 - dR2) +
+        C (dphi1 x y) - dphi2 x a. one.by, two.by: of the rotations phi, in body axes, by the
+        attitude coordinates; arms(y) @ phi = phi x y; f1, f2: numbers of rigid coordinates, 0 for
+        none."""
         n = self.sizes
         made = np.zeros((n.n1, n.d, n.frames))
         if n.f1:
@@ -136,8 +140,10 @@ class Kinematics:
         return made
 
     def _rates_by_frames(self, c: FloatArray) -> FloatArray:
-        """(n1, d, frames) derivative of the first surface's velocities by the rigid coordinates; c
-        (frames,): derivative of their rates by the coordinates, as in `by_rates`."""
+        """(n1, d, frames) derivative of the first surface's velocities va by the rigid coordinates;
+        c (frames,): derivative of their rates by the coordinates, as in `by_rates`. k = w_1 x y +
+        u', drift = B^T (R1' - R2'), rate = drift + C k; by, w_by: derivatives of the rotations, in
+        body axes, and of w by the attitude coordinates; arms(y) @ phi = phi x y."""
         n, d = self.sizes, self.sizes.d
         one, two = self.one, self.two
         # va = drift + C k - w_2 x a; columns: position and attitude of the first, then the second
@@ -156,8 +162,10 @@ class Kinematics:
         """(P, k, m) derivatives of k quantities by the unknowns of each of P pairs: rigid
         coordinates of both bodies, then displacements of the corners.
 
-        z (P, k, D): derivatives by the positions of the corners of the first facet, i (P, d), and
-        then of the second facet.
+        z (P, k, D): derivatives by the positions, in the second body's axes, of the corners of the
+        first facet, i (P, d), and then of the second facet. by_frames: of these positions by rigid
+        coordinates; C: by displacements of the first surface, in its body's axes; those of the
+        second are its positions.
         """
         n, D = self.sizes, i.shape[1] ** 2
         first = z[:, :, :D]
@@ -175,8 +183,9 @@ class Kinematics:
         P pairs.
 
         z (P, k, D): derivatives by the velocities of the corners i (P, d) of the first and j (P, d)
-        of the second facet; c1 (local,): derivative of the rate of each unknown by the unknown
-        (time integration formula).
+        of the second facet, in the second body's axes; c1 (local,): derivative of the rate of each
+        unknown by the unknown (time integration formula). spin: of the first facet's velocities by
+        its displacements, at constant rates of these.
         """
         n, D = self.sizes, i.shape[1] ** 2
         first = z[:, :, :D]
@@ -198,7 +207,10 @@ class Kinematics:
 
     def rows(self, f: FloatArray) -> FloatArray:
         """(local,) generalized forces of nodal forces f (n1 + n2, d), N, given in the second body's
-        axes."""
+        axes: force and moment on both frames, which are equal and opposite, then nodal forces in
+        body axes. y, a: positions of the first surface in the first and second body's axes; forces
+        on the second surface do not act on its frame again: their resultant is minus the
+        first's."""
         n, first = self.sizes, f[: self.sizes.n1]
         # resultant in space axes, and nodal forces in the first body's axes
         whole, own = self.B @ first.sum(axis=0), first @ self.C
@@ -219,7 +231,9 @@ class Kinematics:
 
         Returns those of the rigid coordinates' rows (frames, frames), summed, and of the corner
         displacements' rows (P, d^2, frames). The derivative of the rigid coordinates' rows by the
-        displacements is the transpose of the latter.
+        displacements is the transpose of the latter. f: in the second body's axes, N; arms(g) @ phi
+        = phi x g; one.by: of the rotation phi by the attitude coordinates, one.rows_by: of the
+        generalized force of a constant torque.
         """
         n, d = self.sizes, self.sizes.d
         one, two, at = self.one, self.two, i.ravel()
@@ -258,7 +272,8 @@ def too_deep(
     and did not one step of h (s) before; else 0.
 
     Before a step in which it crosses a facet, a node is no farther from the facet than the distance
-    that both move in the step.
+    that both move in the step. now.a, va, b, vb: positions and velocities of both surfaces' nodes
+    in the second body's axes; near.most: largest number of facets near any point.
     """
     before, before_b = now.a - h * now.va, now.b - h * now.vb  # one step earlier, to first order
     deforms = now.sizes.u2 > 0
@@ -284,7 +299,9 @@ def _depth(
     """(m,) depth, m, of points z (m, d) below the facets `facet` (m,); -inf outside the facet's
     cell.
 
-    points: current node positions of the surface, None if it does not deform.
+    points: current node positions of the surface, None if it does not deform. z, points: in the
+    axes of the surface's body. A cell is where the border functions of a facet are nonnegative;
+    eta: barycentric coordinates of the projection, by their gradients g from corner 0.
     """
     if points is None:
         planes, cells = surface.planes.some(facet), surface.cells.some(facet)

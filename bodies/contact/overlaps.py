@@ -36,7 +36,8 @@ class Pairs:
     """P pairs of facets in the second body's axes.
 
     a, va (P, d, d): corners of the first facet, m, and their velocities, m/s; planes, cells: of the
-    second facet; vb (P, d, d): velocities of its corners, None if at rest.
+    second facet, with corner 0, unit normal n (outwards) and gradients g of its barycentric
+    coordinates; vb (P, d, d): velocities of its corners, None if at rest.
     """
 
     a: FloatArray
@@ -81,7 +82,9 @@ class Overlaps:
 
     @classmethod
     def of(cls, pairs: Pairs) -> tuple[Self, IntArray]:
-        """The nonempty overlaps of facet pairs, and the numbers of their pairs."""
+        """The nonempty overlaps of facet pairs, and the numbers of their pairs. depth, eta: of the
+        first facet's corners below the second facet, m, and projected on it; borders: functions
+        that are positive in its cell; w: relative velocity, sink = -n . w the penetration rate."""
         depth, eta = pairs.projected()
         borders, measure = pairs.cells.values(eta, depth), pairs.measure()
         # surfaces that look the same way are the far sides of the bodies
@@ -153,8 +156,8 @@ class Pieces:
     """Parts of overlaps on which the tractions are smooth, and their triangulation.
 
     of (N,): number of the overlap of each part, sorted; piece (M,), corners (M, d, d), size (M,):
-    part number, barycentric corners and relative size of each segment or triangle
-    (`Parts.simplices`).
+    part number, barycentric corners in the first facet, and size relative to it, of each segment or
+    triangle (`Parts.simplices`).
     """
 
     of: IntArray
@@ -195,7 +198,7 @@ def pressure(o: Overlaps, of: IntArray, s: FloatArray, normal: NormalLaw) -> Flo
 def _signed(
     o: Overlaps, of: IntArray, parts: Parts, normal: NormalLaw
 ) -> tuple[IntArray, Parts]:
-    """Splits parts where the pressure changes its sign.
+    """Splits parts where the pressure changes its sign; of: overlap of each part.
 
     The zero line between its roots on two edges is straight, or nearly so in the layer over which
     the damping increases. Returns the overlap of each part, sorted, and the parts.
@@ -216,8 +219,9 @@ def _signed(
 def _roots(
     o: Overlaps, of: IntArray, parts: Parts, p: FloatArray, normal: NormalLaw
 ) -> FloatArray:
-    """(N, V) position of the zero of the pressure on each edge, from 0 to 1, by bisection to
-    round-off."""
+    """(N, V) position of the zero of the pressure on the edge from each corner of the parts to the
+    next, from 0 to 1, by bisection to round-off; any where it has no zero. of (N,): overlap of each
+    part; p (N, V): pressure at the corners, Pa."""
     ends = np.take_along_axis(parts.corners, parts.following()[:, :, None], axis=1)
     low, high = np.zeros(p.shape), np.ones(p.shape)
     start: BoolArray = p >= 0

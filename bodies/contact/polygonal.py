@@ -75,7 +75,11 @@ class Polygonal(ContactPlugin):
 
     def build(self, name: str, parts: Mapping[str, Part]) -> ContactPart:
         """The contact of two surfaces that do not overlap at the start. Raises InputError for
-        surfaces without facets and for options that the bodies do not support."""
+        surfaces without facets and for options that the bodies do not support.
+
+        bristles: of a law of static friction, whose integrals are of the slip (`Slip`), which
+        determines the number of quadrature points; reach: largest admissible penetration, m.
+        """
         bodies = self._bodies(parts)
         (one, _), (other, _) = bodies
         if one.name == other.name:
@@ -108,7 +112,8 @@ class Polygonal(ContactPlugin):
     def _bodies(
         self, parts: Mapping[str, Part]
     ) -> tuple[tuple[FloatingBody, IntArray], tuple[FloatingBody, IntArray]]:
-        """Both bodies, each with the facets of its contact surface."""
+        """Both bodies, each with the facets (F, d), node numbers, of its contact surface.
+        InputError with the faults of both."""
         def find(text: str, key: str) -> tuple[FloatingBody, IntArray]:
             """Body of a surface and its facets, straight segments or triangles."""
             target = find_target(parts, text, key)
@@ -130,7 +135,8 @@ class Polygonal(ContactPlugin):
 
     def _check_motion(self, first: FloatingBody, second: FloatingBody) -> None:
         """Raises InputError where options ask for deformation or heat of bodies without such a
-        field."""
+        field: deformation needs an elastic one on one side; the effusivity of both, and conduction,
+        a thermal one on both, unless neither has one, as in a rigid-body pre-simulation."""
         bodies = (first, second)
         if self.surfaces == "deformed" and all(b.elasticity is None for b in bodies):
             raise InputError("neither body has an elastic field, so no surface deforms: take "

@@ -20,8 +20,8 @@ PRESCRIBED = 8
 
 
 def rule(d: int, n: int) -> tuple[FloatArray, FloatArray]:
-    """Gauss rule on a facet: barycentric points (n^(d - 1), d) and weights with sum 1 / (d - 1)!;
-    exact to degree 2 n - 1.
+    """Gauss rule with n points along a side of a facet in d dimensions: barycentric points (n^(d -
+    1), d) and weights with sum 1 / (d - 1)!; exact to degree 2 n - 1.
 
     On triangles Gauss-Legendre along lines through a corner, Gauss-Jacobi across them (Stroud's
     product rule).
@@ -71,7 +71,8 @@ def _trials(
     d: int, normal: NormalLaw, friction: FrictionLaw | None
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Test states of `enough_points`: penetration (n, d), m, at the corners, penetration rate (n,
-    1), m/s, and slip (n, d, d - 1), m/s, at the corners.
+    1), m/s, and slip (n, d, d - 1), m/s, at the corners: all combinations of layers of penetration
+    (ramps), two rates, and slips. breaks: where a law is not smooth, at which facets are cut.
 
     Order of the return values: penetration, rate, slip.
     """
@@ -109,7 +110,8 @@ def _resultants(
     friction: FrictionLaw | None, n: int,
 ) -> FloatArray:
     """(k, trials) normal force, its moment, friction force (in space), its moment and power of each
-    test state, by the rule with n points along a side."""
+    test state, by the rule with n points along a side; depth, rate, slip: as of `_trials`; moments:
+    with the barycentric coordinate x of corner 1 as the arm."""
     d = depth.shape[1]
     points, weights = rule(d, n)
     delta, v = depth @ points.T, np.einsum("qi,tik->tqk", points, slip)

@@ -34,8 +34,8 @@ def area_slopes(a: FloatArray, n: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Planes:
-    """Planes of F facets: a corner (F, d), m; outward unit normal n (F, d); gradients g (F, d, d),
-    1/m, of the barycentric coordinates, tangential to the facet."""
+    """Planes of F facets: corner 0 (F, d), m; outward unit normal n (F, d); gradients g (F, d, d),
+    1/m, of the d barycentric coordinates (second index), tangential to the facet."""
 
     corner: FloatArray
     n: FloatArray
@@ -43,7 +43,9 @@ class Planes:
 
     @classmethod
     def of(cls, b: FloatArray) -> Self:
-        """Planes of facets with corners b (F, d, d), m."""
+        """Planes of facets with corners b (F, d, d), m, ordered for outward normals. N: normals of
+        (d - 1)! times the measure; the gradients have the sum 0 (`inner`: those of corners 1
+        on)."""
         N = area_vectors(b)
         size = (N * N).sum(axis=1, keepdims=True)
         side = b[:, 1:] - b[:, :1]
@@ -93,7 +95,8 @@ def balls_in_cells(
     """Numbers of the balls that may intersect the cell of their facet.
 
     middles (P, d), radius (P,): balls, m; facet (P,): number of the facet of each. A ball farther
-    above the facet's plane than its radius is excluded.
+    above the facet's plane than its radius is excluded, and one that is farther outside one of the
+    facet's own d borders, border function over the norm of its gradient (`_slopes`).
     """
     rel = middles - planes.corner[facet]
     depth = -np.einsum("pk,pk->p", rel, planes.n[facet])
@@ -112,7 +115,12 @@ def _slopes(planes: Planes, cells: FacetCells) -> FloatArray:
 
 
 def cells_of(X: FloatArray, facets: IntArray, planes: Planes) -> FacetCells:
-    """Cells of facets (F, d), node numbers of points X (n, d), m."""
+    """Cells of facets (F, d), node numbers of points X (n, d), m: the prism over each facet, whose
+    sides incline by `turns` = tan(alpha / 2) at edges where the surface turns by alpha. other (F,
+    d): neighbour at the edge opposite each corner, -1 for none. Own borders: barycentric coordinate
+    eta_i minus inclination times depth >= 0; in space also those of edges that a corner touches
+    (`_shared`).
+    """
     other, (F, d) = neighbours(facets), facets.shape
     turns = _turns(X, facets, planes, other)
     own = np.broadcast_to(np.eye(d), (F, d, d)), turns * np.linalg.norm(planes.g, axis=2)
@@ -136,7 +144,8 @@ def cells_of(X: FloatArray, facets: IntArray, planes: Planes) -> FacetCells:
 
 def neighbours(facets: IntArray) -> IntArray:
     """(F, d) number of the facet that shares the edge (in the plane: the end) opposite each corner;
-    -1 if there is none."""
+    -1 if there is none. Facets (F, d), node numbers, are ordered for outward normals: neighbours
+    run along a shared edge in opposite directions."""
     n = int(facets.max()) + 1
     if facets.shape[1] == 2:
         starts, stops = np.full((2, n), -1)
@@ -169,7 +178,9 @@ def _shared(
     """Additional borders for triangles that touch a turned edge with one corner only, are coplanar
     with the triangle of that edge and lie on its inner side.
 
-    Returns facet (s,), sorted, border (s, 3), m, and inclination (s,), as in `FacetCells`.
+    Returns facet (s,), sorted, border (s, 3), m, and inclination (s,), as in `FacetCells`. other
+    (F, 3): neighbour at the edge opposite each corner, -1 for none; turns (F, 3): inclination
+    there, 0 where both are coplanar.
     """
     F = len(facets)
     facet, edge = np.nonzero((other >= 0) & (turns == 0))
@@ -236,7 +247,8 @@ class Surface:
         """Cells of the facets `chosen` in a deformed state, where `planes` are the facets' planes.
 
         In the plane the borders between cells keep their angle when a segment is stretched; in
-        space they keep their slope in barycentric coordinates.
+        space they keep their slope in barycentric coordinates. stretch: undeformed length of each
+        segment over its present one, by the gradients g of barycentric coordinates, 1/m.
         """
         cells = self.cells.some(chosen)
         if self.d == 3:
@@ -294,8 +306,8 @@ class BroadPhase:
     """Search for facet pairs whose bounding circles or spheres, enlarged by a length `reach` (m),
     intersect.
 
-    radius: search radius between centroids, m; most: largest number of facets of the second surface
-    within the radius of any point.
+    radius: search radius between centroids, m; most: largest number of centroids of the undeformed
+    second surface within the radius of any point (an upper bound).
     """
 
     radius: float

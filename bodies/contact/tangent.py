@@ -35,11 +35,12 @@ from sparsemor.core import FloatArray, IntArray
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tangent:
-    """Derivatives of the nodal forces and heats of each of P overlaps.
+    """Derivatives of the nodal forces and heats of each of P overlaps of two facets.
 
-    z, rate (P, D + 2 d, D): derivatives by the positions and by the velocities of the corners;
-    rows: forces on the corners (D = d^2 where only the first surface moves, else 2 d^2), then heats
-    (2 d). T (P, 2 d, 2 d): derivative of the heats by the corner temperatures.
+    z, rate (P, D + 2 d, D): derivatives by the positions and by the velocities of the corners, in
+    the second body's axes; rows: forces on the corners (D = d^2 where only the first surface moves,
+    else 2 d^2), then heats (2 d). T (P, 2 d, 2 d): derivative of the heats by the corner
+    temperatures, W/K.
     """
 
     z: FloatArray
@@ -55,7 +56,9 @@ class Tangent:
         K.
 
         deforms: the traction may jump at every border of a cell; warms: compute the rows of the
-        heats, which are zero otherwise.
+        heats, which are zero otherwise. q: samples at the quadrature points of M pieces, W their
+        weights; responses: derivatives of tractions and heats there. Besides these the area changes
+        (`_measure`), and edges of overlaps move (`moving_edges`).
         """
         q = Samples.at(o, pieces.overlap, pieces.samples(face.points), face)
         W = weights_of(o, pieces, face)
@@ -183,7 +186,9 @@ def _first_moves(
     o: Overlaps, q: Samples, W: FloatArray, of: Responses
 ) -> tuple[FloatArray, FloatArray]:
     """Derivatives (M, d^2, d^2) of the nodal forces by positions and by velocities of the first
-    facet's corners."""
+    facet's corners, for M pieces with k points of weights W (M, k). The relative displacement y,
+    and its rate w, are sums of those of the corners with the shape functions s; force_y, force_w:
+    derivatives of the traction by these."""
     (M, k), d, D = W.shape, o.d, o.d**2
     # y = sum s da: the force on corner i by corner j is sum over points of W s_i s_j dF/dy
     shapes = (q.s[..., :, None] * q.s[..., None, :]).reshape(M, k, D) * W[..., None]
@@ -197,8 +202,10 @@ def _first_moves(
 def _warm_first(
     o: Overlaps, q: Samples, W: FloatArray, of: Responses, face: Interface
 ) -> tuple[FloatArray, FloatArray]:
-    """Derivatives (M, 2 d, d^2) of the nodal heats by positions and by velocities of the first
-    facet's corners."""
+    """Derivatives (M, 2 d, d^2) of the nodal heats of both facets by positions and by velocities of
+    the first facet's corners. y, w: relative displacement and velocity of a point, sums over these
+    corners with the shape functions s; heat_y, heat_w, flow_y: derivatives of friction heat and
+    conducted heat by these; face.share: fraction of friction heat into the first body."""
     (M, k), d = W.shape, o.d
 
     def columns(by: FloatArray) -> FloatArray:
@@ -252,7 +259,8 @@ def _both_move(
     o: Overlaps, q: Samples, W: FloatArray, of: Responses
 ) -> tuple[FloatArray, FloatArray]:
     """Derivatives (M, 2 d^2, 2 d^2) of the nodal forces by positions and by velocities of both
-    facets' corners."""
+    facets' corners: of the traction by relative displacement y, normal n and velocity w, dw = ... -
+    delta dh, times the derivatives y_by, n_by and h_by (delta dh) of these; W (M, k): weights."""
     y_by, n_by, h_by = _moves(o, q)
     (M, k), d, D = W.shape, o.d, y_by.shape[3]
     by_z = of.force_y @ y_by + of.force_n @ n_by - of.force_w @ h_by
@@ -266,7 +274,9 @@ def _warm_both(
     o: Overlaps, q: Samples, W: FloatArray, of: Responses, face: Interface
 ) -> tuple[FloatArray, FloatArray]:
     """Derivatives (M, 2 d, 2 d^2) of the nodal heats by positions and by velocities of both facets'
-    corners."""
+    corners: of friction heat (heat_) and conducted heat (flow_) by relative displacement y, normal
+    n and velocity w, dw = ... - delta dh, times the derivatives y_by, n_by and h_by (delta dh) of
+    these; W (M, k): weights."""
     y_by, n_by, h_by = _moves(o, q)
 
     def columns(by: FloatArray, variable_by: FloatArray) -> FloatArray:
@@ -289,8 +299,10 @@ def _moves(o: Overlaps, q: Samples) -> tuple[FloatArray, FloatArray, FloatArray]
 
 
 def tilts(o: Overlaps) -> tuple[FloatArray, FloatArray]:
-    """Derivatives (P, d, 2 d^2) of the normal, dn = -sum g (n . db), and of h = sum g (n . b') by
-    the corners of both facets."""
+    """Derivatives (P, d, 2 d^2) of the second facet's normal, dn = -sum g (n . db), and of h = sum
+    g (n . b') = L^T n, L = sum b' g^T, by the corners a, b of both facets, of which the first d^2
+    (a) have no effect; b' (vb): velocities of b, held constant; g: gradients of its barycentric
+    coordinates."""
     n, g, vb = o.pairs.planes.n, o.pairs.planes.g, o.pairs.vb
     assert vb is not None
     P, d, D = len(n), o.d, o.d**2
@@ -307,9 +319,10 @@ def _bent(
     o: Overlaps, q: Samples, W: FloatArray, of: Responses, B: FloatArray, tilt: FloatArray
 ) -> FloatArray:
     """(M, 2 d^2, 2 d^2) derivative of the nodal forces for a constant traction F, which are -(eta F
-    + delta (g . F) n) at the second facet's corners.
+    + delta (g . F) n) at the second facet's corners; rows of the first facet are zero (s F).
 
-    B, tilt: derivatives of y and n (`_moves`).
+    B, tilt: derivatives of the relative displacement y and of n by the corners (`_moves`): d eta =
+    g . y, d delta = -n . y; W (M, q): weights; q.depth = delta, of.force = F.
     """
     n, g = o.pairs.planes.n[q.of], o.pairs.planes.g[q.of]
     F = W[..., None] * of.force
@@ -352,7 +365,8 @@ def moving_edges(
 
     Yields overlap numbers (E,) and derivatives (E, rows, columns). Edges: borders of cells where
     the traction may jump (all borders if `deforms`) and, with conduction, the line of lift-off. T
-    (P, 2 d): temperatures at the corners, K.
+    (P, 2 d): temperatures at the corners, K. tag: of an edge, the number of the cell's border on
+    which it lies, `EDGE` for lift-off, `NONE` for the facet's own edge or one between pieces.
     """
     conducts = T is not None and face.conductance > 0
     tags = np.where(pieces.parts.used, pieces.parts.edges, NONE)
@@ -376,7 +390,8 @@ def _rule(
     parts: Parts, piece: IntArray, k: IntArray, n: int
 ) -> tuple[FloatArray, FloatArray]:
     """Quadrature points (E, q, d), barycentric, and weights (E, q) on edges k (E,) of parts `piece`
-    (E,): n Gauss points on each edge, in the plane the end point itself."""
+    (E,): n Gauss points on the edge from corner k to the next, in the plane the end point itself.
+    Weights have the sum of the edge's length in the first two barycentric coordinates."""
     start = parts.corners[piece, k]
     if start.shape[1] == 2:
         return start[:, None], np.ones((len(k), 1))
@@ -392,7 +407,12 @@ def _integrand(
 ) -> FloatArray:
     """(E, q, D + 2 d) nodal forces per area, Pa, on the corners of the first facet (of both facets
     if `both`), and heats per area, W/m2, in the order of the rows of `Tangent.z`; T (P, 2 d):
-    temperatures at the corners, K."""
+    temperatures at the corners, K.
+
+    A traction F = p n + drag gives s F on the first facet, -(eta F + delta (g . F) n) on the
+    second. Heat: share and 1 - share of the friction power, and conduction from the first to the
+    second.
+    """
     n, g = o.pairs.planes.n[q.of], o.pairs.planes.g[q.of]
     F = q.p[..., None] * n[:, None] + q.drag()
     shape = (*q.p.shape, o.d**2)

@@ -24,9 +24,10 @@ AT_REST = 1e-30
 class Interface:
     """Constitutive laws and quadrature rule of the contact between two surfaces.
 
-    width: thickness (m) in the plane, 1 in space; share: fraction of the friction heat that enters
-    the first body; conductance, W/(m2 K); points (q, d), weights (q,): Gauss rule in barycentric
-    coordinates (quadrature.py).
+    normal: pressure by penetration and its rate; friction: traction by pressure and slip, None for
+    none; width: thickness (m) in the plane, 1 in space; share: fraction of the friction heat that
+    enters the first body; conductance, W/(m2 K); points (q, d), weights (q,): Gauss rule in
+    barycentric coordinates (quadrature.py).
     """
 
     normal: NormalLaw
@@ -75,8 +76,12 @@ class Samples:
 
     @classmethod
     def at(cls, o: Overlaps, of: IntArray, s: FloatArray, face: Interface) -> "Samples":
-        """Pressure, slip and friction at points s (N, q, d) of the overlaps `of` (N,). A law that
-        gives tension is cut off at 0."""
+        """Pressure, slip and friction at points s (N, q, d), barycentric in the first facet, of the
+        overlaps `of` (N,). A law that gives tension is cut off at 0.
+
+        o.at: values at the first facet's corners, in columns penetration, its rate, slip (d), eta
+        (d) and, with bristles, deflection over its limit (d) and its rate (d).
+        """
         at, d, bristles = s @ o.at[of], o.d, o.eta_columns.stop
         depth, sink = np.maximum(at[:, :, DEPTH], 0.0), at[:, :, SINK]
         slip, eta = at[:, :, o.slip_columns], at[:, :, o.eta_columns]
@@ -117,7 +122,8 @@ class Samples:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Loads:
-    """Nodal forces and heats of M simplices, and their resultants.
+    """Nodal forces and heats of M simplices (segments or triangles of overlaps of two facets), and
+    their resultants, in the second body's axes.
 
     force (M, 2 d, d), N, and heat (M, 2 d), W: on the corners of the first and then of the second
     facet; push, drag (M, d), N: pressure and friction force on the first body; power (M,): friction
@@ -143,7 +149,9 @@ def nodal(o: Overlaps, pieces: Pieces, face: Interface, T: FloatArray | None) ->
     """Nodal forces and heats of all pieces.
 
     T (P, 2 d): temperatures at the corners of the overlaps' facets, K, for conduction; None
-    without.
+    without. W: area of each quadrature point, m2; a traction F = p n + drag acts on the first
+    body's corners with weights s, on the second's as -(eta F + delta (g . F) n), delta the
+    penetration.
     """
     q = Samples.at(o, pieces.overlap, pieces.samples(face.points), face)
     W = weights_of(o, pieces, face)
@@ -191,8 +199,9 @@ def names_of(d: int) -> tuple[str, ...]:
 def resultants(
     times: int, time: IntArray, o: Overlaps, pieces: Pieces, loads: Loads, face: Interface
 ) -> Mapping[str, FloatArray]:
-    """Resultants (times,) by the names of `names_of`; time (P,): number of the time of each
-    overlap."""
+    """Resultants (times,) by the names of `names_of`: magnitudes of the pressure's and friction's
+    forces, N, friction power, W, length, m, or area, m2, and largest pressure at corners of parts,
+    Pa; time (P,): number of the time of each overlap."""
     at = time[pieces.overlap]
     normal, friction = (
         np.linalg.norm([np.bincount(at, x, times) for x in vectors.T], axis=0)

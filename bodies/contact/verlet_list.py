@@ -158,7 +158,9 @@ class FollowedContact(DelegatingTerm):
         return first.bound(change, x, beyond) + second.bound(change, x, beyond)
 
     def near(self, x: FloatArray) -> "LocalContact":
-        """Contact of the facets in a new Verlet list, built at the reduced state x (k,)."""
+        """Contact of the facets in a new Verlet list, built at the reduced state x (k,): those of
+        each surface with a centroid of the other within the search radius plus the margin. w: the
+        projected term of all facets, left @ term(offset + atoms x)."""
         w = self.term
         contact: Any = w.term
         points = contact.points(w.offset + w.atoms @ x, 0.0)
@@ -223,7 +225,8 @@ class LocalContact(LocalCopy):
 
         It also uses the nodes' positions one step of h (s) earlier, so the list must be valid
         there; otherwise all facets are checked. In rotating axes a node's velocity includes that of
-        the axes at a distance from the surface.
+        the axes at a distance from the surface (beyond). moved: upper bound of the distance, or for
+        rates v the speed, of nodes; at: state at which the list was built; some: its term.
         """
         whole = self.of
         beyond = whole.margin + whole.near_radius
