@@ -14,8 +14,7 @@ class Coulomb(FrictionLaw):
     """Regularised Coulomb friction: traction mu p q (3 - q^2) / 2 with q = v / v_c in [-1, 1].
 
     There is no static friction: below v_c a loaded body creeps at the speed where the traction
-    balances the load. ratio: traction over pressure, and its derivative by the slip speed v, m/s;
-    breaks: speeds at which it is not smooth.
+    balances the load.
     """
 
     coefficient: float = Field(ge=0)
@@ -25,9 +24,10 @@ class Coulomb(FrictionLaw):
 
     @property
     def breaks(self) -> tuple[float, ...]:
-        return (-self.critical_velocity, self.critical_velocity)
+        return (-self.critical_velocity, self.critical_velocity)  # where `ratio` is not smooth
 
     def ratio(self, slip: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Traction over pressure, with the sign of the slip speed v, m/s, and its derivative."""
         q = np.clip(slip / self.critical_velocity, -1.0, 1.0)
         mu = self.coefficient
         return mu * q * (1.5 - 0.5 * q * q), 1.5 * mu / self.critical_velocity * (1.0 - q * q)
@@ -39,8 +39,7 @@ class ElasticFoundation(NormalLaw):
     s(r) = 3 r^2 - 2 r^3 rises from 0 to 1.
 
     All constants are per area: a thin layer of modulus E and height b has K = E / b, in N/m3. The
-    increase of the damping with depth makes the pressure continuous at first contact. breaks:
-    penetrations between which a quadrature rule of the pressure converges fast.
+    increase of the damping with depth makes the pressure continuous at first contact.
     """
 
     stiffness: float = Field(gt=0)
@@ -60,7 +59,7 @@ class ElasticFoundation(NormalLaw):
 
     @property
     def breaks(self) -> tuple[float, ...]:
-        d0 = self.damping_depth
+        d0 = self.damping_depth  # facets are cut at these depths, so that few points are enough
         return (0.5 * d0, d0) if self.damping > 0 and d0 is not None else ()
 
     def pressure(
@@ -82,8 +81,7 @@ class Stick(FrictionLaw):
 
     Below the limit of friction the surfaces are tied by springs in proportion to pressure: they
     stand still, displaced by at most `displacement`. They slip with the traction mu(v) p,
-    mu(v) = mu + (mu_0 - mu) exp(-|v| / v_0). ratio: mu(v) with the sign of v, and its derivative;
-    bristles: displacement at which surfaces slip, m, and largest number of patches.
+    mu(v) = mu + (mu_0 - mu) exp(-|v| / v_0).
     """
 
     coefficient: float = Field(gt=0)
@@ -107,9 +105,11 @@ class Stick(FrictionLaw):
 
     @property
     def bristles(self) -> tuple[float, int]:
-        return self.displacement, self.patches
+        return self.displacement, self.patches  # deflection at the limit, m; patches at most
 
     def ratio(self, slip: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Traction of slipping surfaces over pressure, with the sign of the slip speed v, m/s, and
+        its derivative."""
         sign, mu = np.sign(slip), self.coefficient
         if self.static is None or self.decay_velocity is None:
             return mu * sign, np.zeros_like(slip)

@@ -86,7 +86,12 @@ class JointPart(Joint):
 
     def contribute(self, equations: Equations) -> None:
         """Adds the constraint equations of the conditions, with compliance where they are
-        redundant; in a flexible run of two stages the prescribed reactions instead."""
+        redundant; in a flexible run of two stages the prescribed reactions instead.
+
+        Of a condition C (l, forces) times the rows of its item adds to the l constraints, and C^T
+        multipliers are its forces; vectors: functionals of displacements that it uses; other: body
+        whose rigid coordinates it reads. inert: all bodies are fixed, and there are no unknowns.
+        """
         if self.exchange is not None:
             self.exchange.contribute(equations)
         if self.inert:
@@ -137,7 +142,9 @@ def write_reactions(
     equations: Equations, sides: Sequence[Side], reactions: Table, turns: bool
 ) -> None:
     """Adds prescribed forces on sides and, with `turns`, moments to their elastic rows; nothing for
-    a side without displacements. reactions: `wrench.size` columns for each side."""
+    a side without displacements. reactions: for each side `size` columns, force (d), N, and moment
+    (1 or 3), N m, in space axes, with the sign of multipliers (left-hand side). displacement,
+    turning (n, d): functionals of the mean displacement and rotation, None for none."""
     for number, side in enumerate(sides):
         if not side.flexible or side.body is None:
             continue
@@ -160,8 +167,10 @@ def wrenches(
     """(T, sum of sizes) force (N) on each side and moment (N m) about its mean point, in space
     axes, with the sign of the left-hand sides of the equations.
 
-    multipliers (T, l); poses: rigid coordinates (T, n) of bodies that move; welded: an intermediate
-    massless frame is welded to the first side.
+    multipliers (T, l), of which those of an item are C^T times them; poses: rigid coordinates (T,
+    n) of bodies that move; welded: an intermediate massless frame is welded to the first side, so
+    that the conditions of both sides are listed. A wrench has the force at the body's own point
+    and, if it acts on the other body too, the point `reach` where.
     """
     bodies = [side.body for side in sides if side.body is not None]
     motion = {b.name: poses.get(b.name, b.pose[None]) for b in bodies}

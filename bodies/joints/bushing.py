@@ -49,7 +49,8 @@ class Bushing(ForceElement):
 
     def items(self, own: Side, other: Side, first: bool) -> tuple[RelativeItem, ...]:
         """Springs and dampers along the axes, then about them, without those that do nothing but
-        for the first."""
+        for the first, which is recorded. first: True if `own` is the first side of the scene. law:
+        kind, stiffness, damping, .. of each."""
         d, axes = own.d, self._axes(own.d)
         found = []
         for key, count, motion in (("", d, "slide"), ("turning_", 2 * d - 3, "turn")):

@@ -104,7 +104,8 @@ class Conditions:
         """Constraints: sum of C_i (mean position of side i, m, space axes) = targets.
 
         shares: pairs (side, C_i), with C_i (l, d), in the plane also (l, 3), whose last column
-        multiplies the angle of the side, rad; targets: l functions of time.
+        multiplies the angle of the side, rad; targets: l functions of time. All conditions are
+        added (`_add`) to the same l equations, which `_close` ends.
         """
         for side, C in shares:
             assert side.body is not None
@@ -124,7 +125,9 @@ class Conditions:
         all).
 
         For a joint with the ground the components are constant, or follow the functions of time
-        `targets`, m. InputError for points that are apart at the start.
+        `targets`, m. InputError for points that are apart at the start. Two bodies: position of the
+        first minus that of the second is zero (signs 1 and -1), so that multipliers are forces on
+        the first.
         """
         first, second = self.ends
         if first.body is not None and second.body is not None:
@@ -175,8 +178,10 @@ class Conditions:
         self, own: Sequence[FloatArray], other: Sequence[FloatArray], C: FloatArray,
         turn: Amplitude | None = None, axis: FloatArray | None = None,
     ) -> None:
-        """Constraints C (l, n) @ (A own_k . A_o other_k) = 0 for n pairs of directions, in space
-        axes at the start; turn, axis: as in `no_relative_rotation`.
+        """Constraints C (l, n) @ (A own_k . A_o other_k) = 0 for n pairs of directions, fixed in
+        the own and the other side, in space axes at the start; turn, axis: those of the other side
+        are rotated about `axis` by turn(t), rad. axes: rotation of a side at the start, so that d @
+        axes is d in its axes; far.reads: name of the other body, if its coordinates are unknowns.
 
         InputError where sides that rotate about z alone cannot satisfy them.
         """
@@ -199,7 +204,8 @@ class Conditions:
 
     def slide(self, lines: Sequence[FloatArray]) -> None:
         """Zero distance of the two points along directions `lines` (space axes at the start) fixed
-        in the other body; the ground's point is the initial position of the body's point."""
+        in the other body; the ground's point is the initial position of the body's point. base: the
+        other point in its body's axes. InputError for points that are apart along them."""
         side, far = self.own, self.other
         assert side.body is not None
         place = side.place() if far.body is None else far.place()
@@ -239,7 +245,9 @@ class Conditions:
         self._close(others.count, others.targets)
 
     def joint(self) -> JointPart:
-        """The joint with all constraints collected so far."""
+        """The joint with all constraints collected so far, then those of the weld of an
+        intermediate frame. made: pairs of the number of the first equation of a condition, and the
+        condition, whose C (rows, forces) is extended to all `count` equations."""
         frame: dict[str, Body] = {}
         if self.weld is not None and self.first.body is not None:
             frame[self.first.body.name] = self.first.body
@@ -281,7 +289,8 @@ def conditions_between(
     """A joint of two sides, without constraints yet.
 
     dimensions: dimensions in which the joint exists; relative: dimensions in which it constrains
-    directions or lines, for which two flexible sides need an intermediate massless frame.
+    directions or lines, for which two flexible sides need an intermediate massless frame: it is
+    welded to the first one and then takes its place. InputError as in `sides_of`.
     """
     first, second = sides_of(parts, between, dimensions)
     if first.d not in relative or not (first.flexible and second.flexible):
@@ -304,7 +313,8 @@ def conditions_on(
 
 def massless_frame(name: str, side: Side, turns: bool = True) -> Side:
     """Massless frame at the mean point of a side, with the initial motion of that side's body and,
-    with `turns`, its axes; else with an angle that is zero at the start."""
+    with `turns`, its axes; else with an angle that is zero at the start (in space about z), which
+    d + 1 rigid coordinates have. pose, velocity: rigid coordinates and rates, position first."""
     body, d = side.body, side.d
     assert body is not None
     pose, rate = body.initial().get(f"{body.name}.rigid", (body.pose, 0.0 * body.pose))
@@ -321,8 +331,9 @@ def massless_frame(name: str, side: Side, turns: bool = True) -> Side:
 def _about_z(
     own: Sequence[FloatArray], other: Sequence[FloatArray], C: FloatArray
 ) -> tuple[list[FloatArray], list[FloatArray], FloatArray]:
-    """Pairs of directions without those that two sides rotating about z alone satisfy identically,
-    and C (l, n) without their columns and without rows that are then zero.
+    """Pairs of directions, in space axes, without those that two sides rotating about z alone
+    satisfy identically, and C (l, n), the constraints on their products, without the columns of
+    these pairs and without rows that are then zero.
 
     InputError for a pair that is neither satisfied identically nor in the x-y plane.
     """

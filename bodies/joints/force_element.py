@@ -48,7 +48,8 @@ from sparsemor.core.protocols.poses import FREE_POSE
 class Drive:
     """Prescribed part of the force of a spring: factor load(t) - k s(t) - c s'(t), N or N m, with
     its length or angle at rest s = offset + sign rest(t), s' = sign speed(t), stiffness k and
-    damping c; rest, speed, load: None for zero."""
+    damping c: what k (q - s) + c (q' - s') + factor load has beyond k q + c q'; rest, speed, load:
+    None for zero."""
 
     stiffness: float
     damping: float
@@ -79,7 +80,8 @@ class Drive:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ItemForce:
-    """Recorded force of an item, N or N m: sign times its force along the motion of its sides."""
+    """Recorded force of an item, N or N m: sign times its force at times (T,), s, along the motion
+    of its sides, pairs of rigid coordinates (T, n) and their rates."""
 
     item: SpringItem
     sign: float
@@ -92,8 +94,10 @@ class ItemForce:
     def bounded_angle(
         self, times: FloatArray, own: FloatArray, other: FloatArray
     ) -> FloatArray | None:
-        """Angle (T,), rad, of a linear rotational spring less that of its rest, between -pi and pi;
-        None for other forces, and where whole turns are counted."""
+        """Angle (T,), rad, of a linear rotational spring less that of its rest, between -2 pi and 2
+        pi, as attitudes in space determine it no further; None for other forces, and where whole
+        turns are counted. own, other (T, n): rigid coordinates of both sides, attitude from 3
+        on."""
         item = self.item
         if not isinstance(item, RelativeItem) or not isinstance(item.coordinate, Angle) or (
                 item.law[0] != LINEAR or not item.law[1]):
@@ -139,8 +143,9 @@ class ForceElementPart(Joint):
         return () if self.held is None else self.held.blocks()
 
     def contribute(self, equations: Equations) -> None:
-        """Adds the items to the frame's equations, with constraints of massless frames on flexible
-        sides; where all motion is prescribed, the known force."""
+        """Adds the items to the equations of the own side's frame, with constraints of massless
+        frames on flexible sides (held); where all motion is prescribed, the known force. reads:
+        name of a side's body, if its rigid coordinates are unknowns, else ""."""
         if self.prescribed:
             write_reactions(equations, self.sides, self._reactions(equations), self.turns)
             return
@@ -185,7 +190,9 @@ class ForceElement(JointPlugin):
 
     def build(self, name: str, parts: Mapping[str, Part]) -> ForceElementPart:
         """The force element on two sides; a flexible side gets a massless frame that follows its
-        set. Its item belongs to the first side whose coordinates are unknowns."""
+        set. Its item belongs to the first side whose coordinates are unknowns (`reads`), the own
+        one. guide: prescribed motion of a body: where no side's motion is unknown, the force is a
+        load. held: constraints of the frames, in one joint."""
         ends = sides_of(parts, self.between, self.dimensions)
         bodies = [s.body for s in ends if s.body is not None]
         if any(b.guide is not None for b in bodies) and not any(b.moves for b in bodies):
@@ -237,8 +244,9 @@ class ForceElement(JointPlugin):
         return (self.item(own, other, first),)
 
     def _held(self, name: str, end: Side, frame: Side) -> Conditions:
-        """Constraints of a massless frame to a flexible side; its rotation is that of the set, or
-        zero."""
+        """Constraints of a massless frame to a flexible side `end`: same point; its rotation is
+        that of the set, or, where the element acts on points only, zero: in the plane its angle, in
+        space the angle about z, the only one that such a frame has."""
         made = Conditions(name, end, frame)
         made.meet()
         if self.acts_on_rotations:
@@ -305,7 +313,8 @@ def relative_item(
     distance along it, in space axes at the start.
 
     The coordinate of the law is that of the first side relative to the second, so that its sign
-    changes if `own` is the second; first: True if it is the first. near: as in `RelativeItem`, rad.
+    changes if `own` is the second; first: True if it is the first. law: its kind and four numbers;
+    near: angle, rad, to which that in space is nearest among those that differ by two turns.
     """
     sign = 1.0 if first else -1.0
     if motion == "turn":

@@ -37,8 +37,9 @@ class Gear(JointPlugin):
     bevel gears."""
 
     def build(self, name: str, parts: Mapping[str, Part]) -> JointPart:
-        """The gear: in the plane a linear constraint of both angles, in space one of angles about
-        the axes."""
+        """The gear: in the plane a linear constraint of both angles, angle_1 + n2 / n1 angle_2, in
+        space (n1 angle_1 + n2 angle_2) / n1 = 0 of angles about the axes since the start; n2 is
+        negative for internal teeth."""
         if min(self.teeth) < 1:
             raise InputError(f"give numbers of teeth of 1 or more (got {list(self.teeth)})",
                              "teeth")
@@ -96,7 +97,9 @@ class Rack(JointPlugin):
     """In space: axis of the pinion (space axes)."""
 
     def build(self, name: str, parts: Mapping[str, Part]) -> JointPart:
-        """The rack: the way of the rack is the angle of the pinion times its radius."""
+        """The rack: the way of the rack is the angle of the pinion times its radius, a constraint
+        way - radius angle = 0 (in the plane with the values at the start on the right-hand side),
+        so that its multiplier is a force on the rack."""
         sides = conditions_between(name, self.between, parts)
         pinion, rack = sides.first, sides.second
         if pinion.body is None or rack.body is None:

@@ -41,7 +41,9 @@ class FrictionPart(ForceElementPart):
 
     def contribute(self, equations: Equations) -> None:
         """Adds the friction force and its heat; of the friction of a joint it is a part of the
-        equation of its multipliers, whose size presses the sides together."""
+        equation of its multipliers, whose size presses the sides together. The item reads the first
+        `count` of these (C: their unit columns); held: constraints of massless frames on flexible
+        sides; prescribed: the motion of the sides is, and the joint has no multipliers."""
         if not self.joint:
             ForceElementPart.contribute(self, equations)
             self._warm(equations, 0)

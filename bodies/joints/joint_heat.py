@@ -44,7 +44,9 @@ class HeatExchange:
 
     def contribute(self, equations: Equations) -> None:
         """Adds the heat flow G w_own (w_own . T_own - w_far . T_far) to the temperatures of both
-        bodies; prescribed temperatures in a mean are loads."""
+        bodies, on the left-hand side; w: weights of unknown temperatures in the mean. Prescribed
+        ones in a mean, `given` as weight and function of time, are loads, on the right-hand
+        side."""
         one, two = map(self._mean, self.sides)
         for (own, T), (far, T_far) in ((one, two), (two, one)):
             block, column = f"{own}.thermal", csr_array(T.weights[:, None])
@@ -113,7 +115,9 @@ class FrictionPower:
     guides: tuple[FrameHistory, FrameHistory]
 
     def rates(self, x: FloatArray, v: FloatArray, t: float) -> FloatArray:
-        """Rates q' (T,) at T states x, v (T, n), all at time t, s."""
+        """Rates q' (T,) of the relative coordinate at T states x, v (T, n), all at time t, s: of
+        both sides' rigid coordinates, `sizes` of them in x and v, or 0 of one along its
+        `guides`."""
         first, ends = 0, []
         for size, guide in zip(self.sizes, self.guides, strict=True):
             at = slice(first, first + size)
@@ -133,8 +137,9 @@ class FrictionPower:
         return float(force * rate)
 
     def slopes(self, x: FloatArray, v: FloatArray, t: float) -> tuple[FloatArray, FloatArray]:
-        """Derivatives (n,) of the power by x and by v. Those of the rate q' by the m rigid
-        coordinates are central differences, by their rates exact ones, as q' is linear in them."""
+        """Derivatives (n,) of the power f(q', L) q' by x and by v, L = |F| of the joint forces F =
+        x[m:]. Those of the rate q' by the m rigid coordinates are central differences, by their
+        rates exact ones, as q' is linear in them."""
         n, m = len(x), sum(self.sizes)
         rate = float(self.rates(x[None], v[None], t)[0])
         load = float(np.linalg.norm(x[m:]))
@@ -153,7 +158,9 @@ class FrictionPower:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrictionHeat(Term):
-    """Heat -weights (m,) times the power of friction in the rows of temperatures."""
+    """Heat -weights (m,) times the power of friction, W, in the rows of temperatures, on the
+    left-hand side; weights: share of each row. columns (n,): positions of the unknowns of `power`
+    in the state vector; c1 (n,): dv = c1 dx."""
 
     rows: IntArray
     columns: IntArray
@@ -179,7 +186,9 @@ class FrictionHeat(Term):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReducedFrictionHeat(ReducedTerm):
-    """Projected heat of friction, weights (l,)."""
+    """Projected heat of friction -weights (l,) times the power, at the unknowns offset + atoms x of
+    k reduced ones; c1 (k,): dv = c1 dx. slopes: derivatives of the power by the unknowns and by
+    their rates."""
 
     weights: FloatArray
     power: FrictionPower
@@ -223,8 +232,9 @@ class HeatOfFriction:
     def contribute(
         self, equations: Equations, item: RelativeItem, sides: tuple[Side, Side], block: str
     ) -> None:
-        """Adds the heat for an item that acts on rigid coordinates of `sides`; block: of the
-        multipliers that its law reads, "" for none."""
+        """Adds the heat for an item that acts on rigid coordinates of `sides`, as a term of these
+        and of the item's first multipliers; block: of the multipliers that its law reads, "" for
+        none. weights: of each heated temperature block, share of the power in each row."""
         item = equations.over_steps(item)
         frames = [f"{s.reads}.rigid" if s.reads else "" for s in sides]
         none = np.zeros(0, np.int64)
@@ -241,7 +251,9 @@ class HeatOfFriction:
     def contribute_along(
         self, equations: Equations, item: RelativeItem, sides: tuple[Side, Side]
     ) -> None:
-        """Adds the heat along a prescribed motion of both sides."""
+        """Adds the heat along a prescribed motion of both sides, as a table over its times:
+        friction that reads joint forces is refused there, so that the power has no unknowns. A side
+        at rest has one time."""
         motion = [s.motion for s in sides]
         times = max((m.times for m in motion), key=len)
         power = FrictionPower(item, (0, 0), (motion[0], motion[1]))

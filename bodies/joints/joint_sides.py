@@ -20,8 +20,8 @@ WHERE = {2: "plane", 3: "in space"}
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Condition:
-    """Contribution of one body to a joint's constraints: C (l, forces) times the equations of a
-    frame item.
+    """Contribution of one body to a joint's l constraints: C (l, forces) times the equations of a
+    frame item; the forces of the item are C^T times the joint's multipliers.
 
     vectors: functionals of the displacements that the item uses, as columns; other: name of the
     body whose rigid coordinates it reads, "" for none.

@@ -57,7 +57,7 @@ class Fixed(Between):
     about axes that coincide with the space axes at the start and rotate with the bodies.
     """
 
-    relative = (3,)
+    relative = (3,)  # in space it constrains directions (`Between`)
 
     def constrain(self, sides: Conditions) -> None:
         sides.meet()
@@ -72,7 +72,7 @@ class Spherical(Between):
     Three multipliers: the force on the first side, N (space axes).
     """
 
-    dimensions = (3,)
+    dimensions = (3,)  # it exists in space alone
 
     def constrain(self, sides: Conditions) -> None:
         sides.meet()
@@ -87,7 +87,7 @@ class Revolute(Between):
     the axis, N m.
     """
 
-    relative = (3,)
+    relative = (3,)  # in space it constrains directions (`Between`)
 
     axis: tuple[float, float, float] | None = None
     """In space: direction of the axis at the start (space axes)."""
@@ -97,7 +97,7 @@ class Revolute(Between):
             raise InputError("plane bodies turn about the normal of the plane: drop it", "axis")
         axis = None if sides.d == 2 else unit(self.axis, 3)
         sides.meet()
-        if axis is not None:
+        if axis is not None:  # the axis of the own side stays normal to two directions of the other
             sides.face([axis, axis], across(axis))
 
 
@@ -115,7 +115,7 @@ class Cylindrical(Between):
 
     def constrain(self, sides: Conditions) -> None:
         axis = unit(self.axis, 3)
-        sides.slide(across(axis))
+        sides.slide(across(axis))  # across: two unit vectors normal to the axis
         sides.face([axis, axis], across(axis))
 
 
@@ -129,7 +129,7 @@ class Prismatic(Between):
     plane), N, and the moments (three in space, one in the plane), N m.
     """
 
-    relative = (2, 3)
+    relative = (2, 3)  # in both dimensions it constrains lines (`Between`)
 
     axis: Vector
     """Direction of the axis at the start (space axes): two numbers in the plane, three in space."""
@@ -162,5 +162,6 @@ class Universal(Between):
             raise InputError("the two axes of the cross are perpendicular at the start (their "
                              f"cosine is {one @ two:.3g})", "second_axis")
         sides.meet()
+        # a pair of directions: of the side that evaluates it (`own`), then of the other one
         own, other = (one, two) if sides.own is sides.first else (two, one)
         sides.face([own], [other])

@@ -36,7 +36,8 @@ class PrescribedMotion(JointPlugin):
 
     def build(self, name: str, parts: Mapping[str, Part]) -> JointPart:
         """Constraints of the prescribed components, as displacements from the start, and of the
-        angle."""
+        angle. driven: number of the axis -> displacement as a function of time; Prescribed:
+        function of time plus the value at the start."""
         conditions = conditions_on(name, self.of, parts)
         d, side = conditions.d, conditions.first
         for key in ("z", "axis") if d == 2 else ():

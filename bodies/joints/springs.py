@@ -44,7 +44,8 @@ class SpringDamper(ForceElement):
 
     def item(self, own: Side, other: Side, first: bool) -> RelativeItem:
         """The spring between the two points; which side is the first does not matter. InputError
-        for points that coincide at the start."""
+        for points that coincide at the start. Force stiffness l + damping l' + drive(t), with drive
+        = force - stiffness length - damping length', on the left-hand side of the equations."""
         base, place = self._base(other), self._place(other)
         start = float(np.linalg.norm(own.place() - place))
         if not start > 1e-12 * size_of(own, other):
@@ -106,7 +107,9 @@ class RotationalSpring(ForceElement):
 
     def item(self, own: Side, other: Side, first: bool) -> RelativeItem:
         """The spring about the axis. A prescribed rest angle is part of the drive in the plane; in
-        space the angle is measured from it."""
+        space the angle is measured from it (`relaxed`), as it is known but for two turns. first:
+        True if `own` is the first side of the scene; moments are on the left-hand side of the
+        equations, hence the minus sign of the torque."""
         # item: acts against the angle of `own`, that of the first side times `sign`
         sign, law = 1.0 if first else -1.0, linear(self.stiffness, self.damping)
         drive = Drive.of(

@@ -36,6 +36,7 @@ class Gravity(LoadPlugin):
         heavy = {b.name: self._g(b) for b in chosen if b.moves or b.flexible}
 
         def write(equations: Equations) -> None:
+            # looked up again: a later load may have replaced a body (`adjusted`)
             for b, g in heavy.items():
                 find_body(parts, b, "bodies").gravity(equations, g, f)
 
@@ -58,7 +59,8 @@ class Centrifugal(LoadPlugin):
     default."""
 
     def build(self, name: str, parts: Mapping[str, Part]) -> LoadPart:
-        """Radial nodal forces spin^2 M x of a body of revolution."""
+        """Radial nodal forces spin^2 M x of a body of revolution; M: mass matrix of the full turn,
+        x (coordinate 0): distance from the axis."""
         body = find_body(parts, self.body, "body")
         if not isinstance(body, FloatingBody) or body.mesh is None or not body.mesh.revolved:
             raise InputError(f"body {self.body!r} is not axisymmetric: others spin by their frame, "

@@ -84,7 +84,8 @@ class Exchange:
 
 
 class Radiating(ResidualTerm):
-    """Heat lost by radiation, of all unknowns or of reduced ones."""
+    """Heat lost by radiation, W, on the left-hand side, of all unknowns or of reduced ones;
+    elements: number of patches, of which one evaluation needs all."""
 
     __slots__ = ()
     exchange: Exchange
@@ -99,7 +100,9 @@ class Radiating(ResidualTerm):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CavityTerm(Radiating, Term):
-    """Heat lost by radiation in the rows of temperatures."""
+    """Heat lost by radiation in the rows (m,) of temperatures, of temperatures in the columns (n,):
+    shares (G T^4 + g T_a^4), with the mean temperatures T = offset + W x + given of the patches, W
+    (patches, n), shares (m, patches)."""
 
     rows: IntArray
     columns: IntArray
@@ -162,8 +165,8 @@ class CavityRadiation(LoadPlugin):
     """Seed of the rays that find shadows."""
 
     def build(self, name: str, parts: Mapping[str, Part]) -> LoadPart:
-        """The exchange between patches of the surfaces, with view factors at the initial
-        position."""
+        """The exchange between patches of the surfaces, with view factors at the initial position.
+        S: A_i F_ij; eps, areas (m or m2): of the patches; G, g: of q = G T^4 + g T_a^4."""
         surfaces = find_surfaces(parts, self.on, "thermal")
         unknown = sorted(set(self.emissivities) - set(self.on))
         if unknown:
@@ -287,7 +290,9 @@ def nodal_areas(
     nodes: Sequence[IntArray], facets: Facets, patch: IntArray, of: IntArray,
 ) -> FloatArray:
     """(N, P) area of each patch at each node of a body, m or m2: equal shares of the corners of its
-    straight facets."""
+    straight facets. surfaces: body, mesh and facets of each; nodes: corners (f, d) of the straight
+    facets of each surface, `facets` one surface after the other; patch, of (n,): patch and surface
+    of each facet."""
     found = np.zeros((len(body.X), int(patch.max()) + 1))
     for i, (owner, _, _) in enumerate(surfaces):
         if owner.name == body.name:

@@ -74,7 +74,8 @@ class HeatSource(LoadPlugin):
 
 
 def _volume(parts: Mapping[str, Part], text: str, key: str) -> tuple[FloatingBody, FloatArray]:
-    """The body, and the volume (N,), m^3, that belongs to each of its nodes."""
+    """The body of `body` or `body:set`, and the volume (N,), m^3, that belongs to each of its nodes
+    in all cells or in those of the set: row sums of the mass matrix of density 1."""
     name, _, which = text.partition(":")
     body = find_body(parts, name, key)
     if not isinstance(body, FloatingBody) or body.mesh is None:

@@ -118,7 +118,8 @@ class JouleHeat(LoadPlugin):
             f"loads.{name}: {heat.sum():.4g} W at factor 1; {flows}", "joule_heat"),))
 
     def _electrodes(self, parts: Mapping[str, Part]) -> list[IntArray]:
-        """Nodes of each electrode."""
+        """Nodes of each electrode. InputError for electrodes that touch, or without any
+        potential."""
         found: list[IntArray] = []
         for which in self.electrodes:
             key = f"electrodes.{which}"

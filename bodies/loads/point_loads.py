@@ -53,7 +53,9 @@ def write_point_force(
     equations: Equations, place: Place, force: FloatArray, factor: Amplitude, axes: Axes = "space"
 ) -> None:
     """Adds a force (d,), N, times a function of time at the centre of a set, with axes of space or
-    of the body."""
+    of the body. displacement (n, d): of the centre by the unknown displacements, None on a rigid
+    body. In axes of the body the torque about its frame origin is constant, and the functionals are
+    force . u and u x force."""
     moved = place.displacement
     if axes == "space":
         item: FrameItem = SpaceForce(1.0, place.point, force, factor)
@@ -81,7 +83,8 @@ class Torque(LoadPlugin):
     """Function of time that multiplies the load; 1 by default."""
 
     def build(self, name: str, parts: Mapping[str, Part]) -> LoadPart:
-        """The moment on a rigid body, or on the mean rotation of a set of a flexible one."""
+        """The moment on a rigid body, or on the mean rotation of a set of a flexible one; turning:
+        derivatives of that rotation by the unknown displacements, None for none."""
         place = find_place(parts, self.on, "on")
         body = place.body
         need_motion(body, "on")

@@ -61,7 +61,10 @@ class PrescribedTemperature(JointPlugin):
         return self
 
     def build(self, name: str, parts: Mapping[str, Part]) -> HeldTemperature:
-        """Bodies without the unknowns of these nodes, whose temperature is given."""
+        """Bodies without the unknowns of these nodes, whose temperature is given: copies with less
+        `free` temperatures and more `prescribed` ones (nodes, function of time, values at the
+        nodes), which replace those of the scene. Several sets of a body: each starts from the copy
+        before."""
         bodies: dict[str, FloatingBody] = {}
         notes: list[Note] = []
         for i, text in enumerate(self.on):
@@ -99,7 +102,8 @@ class PrescribedTemperature(JointPlugin):
     def _given(
         self, name: str, body: FloatingBody, nodes: IntArray, notes: list[Note]
     ) -> list[tuple[TimeFunction, FloatArray]]:
-        """Functions of time and their shapes (n,) at the nodes."""
+        """Functions of time and their shapes (n,) at the n nodes, whose products add up to the
+        temperatures there; adds a note on the distance from the points of a file to `notes`."""
         if self.temperature is not None:
             return [(self.temperature, np.ones(len(nodes)))]
         assert self.field is not None

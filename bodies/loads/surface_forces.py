@@ -32,7 +32,8 @@ class Traction(LoadPlugin):
     """Function of time that multiplies the load; 1 by default."""
 
     def build(self, name: str, parts: Mapping[str, Part]) -> LoadPart:
-        """Nodal forces of the traction, in axes of space or of the body."""
+        """Nodal forces of the traction, in axes of space or of the body: areas of the nodes, m2,
+        times the traction."""
         f = amplitude(self.factor)
         loads = [(body, surface_load(mesh, facets, body.thickness),
                   components(body, self.traction, "traction"))

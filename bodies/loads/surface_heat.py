@@ -27,7 +27,10 @@ LARGEST = 1e77
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GreyBody(PointwiseLaw):
-    """Radiation law q = eps sigma (T^4 - T_inf(t)^4), W/m2, of a grey surface."""
+    """Radiation law q = eps sigma (T^4 - T_inf(t)^4), W/m2, of a grey surface: heat that leaves the
+    body, for the surface temperature z[0], K, with its derivative. degree 5: of the fourth power
+    times a test function. Beyond `LARGEST` the fourth power would raise an error: it is infinite.
+    arrays: the same law for compiled steps, the function `grey_body`."""
 
     emissivity: float
     surroundings: Amplitude
@@ -51,7 +54,9 @@ def grey_body(
     numbers: FloatArray, gains: FloatArray, z: FloatArray, x: FloatArray, y: FloatArray,
     slopes: FloatArray
 ) -> None:
-    """`GreyBody` at N points (`LawFunction`); numbers: eps sigma, largest temperature."""
+    """Radiation eps sigma (T^4 - T_inf^4), W/m2, at N points (`GreyBody`), a `LawFunction`;
+    numbers: eps sigma, largest temperature, K; gains: T_inf, K; z (1, N): T, K; y (1, N): heat
+    flux; slopes: its derivative, no rows where it is not wanted; x: not used."""
     factor, T_inf = numbers[0], gains[0]
     fourth = T_inf**4 if abs(T_inf) < numbers[1] else np.inf
     for n in range(z.shape[1]):
@@ -92,8 +97,10 @@ class Radiation(LoadPlugin):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Film(PointwiseLaw):
-    """Heat flux (h(T) - h_0) (T - T_fluid(t)), W/m2, of a film coefficient that depends on the
-    temperature of the surface, beyond its constant part h_0."""
+    """Heat flux (h(T) - h_0) (T - T_fluid(t)), W/m2, that leaves the body, of a film coefficient
+    that depends on the temperature z[0] of the surface, K, beyond its constant part h_0, W/(m2 K),
+    which has a constant matrix; with its derivative by T. arrays: the same law for compiled
+    steps."""
 
     h: TemperatureCurve
     h_0: float
@@ -142,8 +149,9 @@ class Convection(LoadPlugin):
     """Temperature of the fluid, K, a number or a function of time."""
 
     def build(self, name: str, parts: Mapping[str, Part]) -> LoadPart:
-        """Linear exchange with the constant coefficient, and the law of what of it depends on
-        temperature."""
+        """Linear exchange with the constant coefficient h_0, that at the reference temperature, and
+        the law of what of it depends on temperature. S (N, N), w (N,): convection matrix, W/K, and
+        its product with temperatures 1."""
         loads = []
         for body, mesh, facets in find_surfaces(parts, self.on, "thermal"):
             h_0 = self._constant(body)

@@ -58,7 +58,7 @@ LARGEST = 30_000_000
 
 class NodeSet(PointSet):
     """Named set of nodes: by their numbers, or as in meshes by `box`, `where` or `nearest`; or the
-    centre of a set of the file. `ways`: options of which a set has one."""
+    centre of a set of the file."""
 
     nodes: list[int] | None = Field(default=None, min_length=1)
     """Numbers of the nodes in the file."""
@@ -66,6 +66,7 @@ class NodeSet(PointSet):
     """Weights of `nodes` in the mean displacement of the set, such as those of a distributing
     coupling (RBE3); equal by default."""
 
+    # options of which a set has one
     ways: ClassVar[tuple[str, ...]] = ("nodes", *PointSet.ways)
 
     @model_validator(mode="after")
