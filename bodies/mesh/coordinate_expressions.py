@@ -45,7 +45,9 @@ ConditionText: TypeAlias = Annotated[str, AfterValidator(_check(_condition))]
 
 
 def _values(expression: Expression, points: FloatArray) -> Any:
-    """Values (N,) of an expression. Raises InputError where a number is not finite."""
+    """Values (N,) of an expression in the coordinates x, y, z at points (N, d), m. Raises
+    InputError for a coordinate that the mesh does not have, or where a number is not finite
+    (`finite`, a check for the evaluation)."""
     count, d = points.shape
     for name in expression.names:
         if name in COORDINATES[d:]:

@@ -133,7 +133,9 @@ class GmshMesh(MeshPlugin):
                                  f"{error.faults[0].message}", "geometry") from None
 
     def _check_size(self, gmsh: Any, d: int, scale: float) -> None:
-        """InputError for more cells than `LARGEST`, of regular triangles or tetrahedra."""
+        """InputError for more cells than `LARGEST`, of regular triangles or tetrahedra of the edge
+        length `size`, m, some 2.3 or 8.5 in a square or cube of this edge; scale: metres per unit
+        of the geometry, d: its dimension."""
         whole = 0.0
         for entity in gmsh.model.getEntities(d):
             try:
@@ -148,7 +150,8 @@ class GmshMesh(MeshPlugin):
                              "script or BREP file in mm takes `scale: 1.0e-3`", "size")
 
     def _name(self, faces: "_Faces") -> None:
-        """Adds a physical group for each rule."""
+        """Adds a physical group of faces (dimension 2) for each rule, which becomes a set of the
+        mesh. InputError under its name."""
         model = faces.gmsh.model
         named = {model.getPhysicalName(*group) for group in model.getPhysicalGroups()}
         for name, rule in self.faces.items():
@@ -204,7 +207,9 @@ class _Faces:
         self.round.append((radius, centre, axis, [tag]))
 
     def found(self, rule: FaceRule) -> list[int]:
-        """Tags of the faces of a rule; InputError where there are none, or several cylinders."""
+        """Tags of the faces of a rule; InputError where there are none, or several cylinders.
+        round: radius, in units of the geometry, axis and faces of each cylinder, by falling radius;
+        groups: faces that belong together, of each cylinder, and single ones."""
         groups = [one[3] for one in self.round]
         radii = [one[0] * self.scale for one in self.round]
         known_radii = ", ".join(f"{r:.6g}" for r in radii) or "none"

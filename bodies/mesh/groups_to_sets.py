@@ -27,7 +27,8 @@ def sets_of(content: Content, d: int, chosen: Sequence[int], new: IntArray) -> S
 
     Where a group has points, edges or faces besides cells, its points are theirs: a name that is
     given to a surface and to a volume is a surface for joints and loads, and a region for
-    materials. Where it has none, its points are those of its cells.
+    materials. Where it has none, its points are those of its cells. A group of the file has points,
+    facets, and cells as numbers of a block and rows in it.
     """
     starts = dict(zip(chosen, np.cumsum([0, *(len(content.blocks[b].nodes) for b in chosen)]),
                       strict=False))

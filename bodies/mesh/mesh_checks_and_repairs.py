@@ -201,7 +201,9 @@ def _bent(mesh: Mesh) -> list[str]:
 
 
 def _connections(mesh: Mesh) -> list[str]:
-    """Faults of connections: points in no cell, facets of more than two cells, pieces."""
+    """Faults of connections: points in no cell, facets of more than two cells, triangles on
+    quadrilaterals, pieces. number, count: of each facet of each cell its number among the different
+    ones, and how many cells have it; owner: its cell."""
     faults = []
     unused = np.setdiff1d(np.arange(len(mesh.corners)), mesh.cells)
     if unused.size:
@@ -223,8 +225,9 @@ def _connections(mesh: Mesh) -> list[str]:
 
 
 def _unequal(mesh: Mesh, facets: IntArray, outer: BoolArray) -> list[str]:
-    """Triangles of tetrahedra or wedges on quadrilaterals of other cells, whose displacements do
-    not fit together."""
+    """Fault of triangles of tetrahedra or wedges on quadrilaterals of other cells, whose
+    displacements do not fit together. facets (F, w): of all cells, of triangles the last corner
+    repeated; outer (F,): True for those of one cell. facet_keys: rows with sorted corners."""
     if facets.shape[1] < 4:
         return []
     own = facet_keys(facets[outer])
@@ -237,7 +240,8 @@ def _unequal(mesh: Mesh, facets: IntArray, outer: BoolArray) -> list[str]:
 
 
 def _pieces(mesh: Mesh, owner: IntArray, facet: IntArray, name: str) -> list[str]:
-    """Fault of a mesh whose cells are not all connected by facets (`name`: edge or face)."""
+    """Fault of a mesh whose cells are not all connected by facets (`name`: edge or face); owner,
+    facet (F,): cell and number of each facet of each cell, as edges of a graph of both."""
     cells, facets = len(mesh.cells), int(facet.max()) + 1
     joined = coo_array(
         (np.ones(len(owner)), (owner, cells + facet)), shape=(cells + facets, cells + facets)
@@ -261,7 +265,8 @@ TURNED: Mapping[tuple[int, int], list[int]] = {
 
 def oriented(points: FloatArray, cells: IntArray) -> IntArray:
     """Cells in positive orientation: mesh generators write each surface in its own. InputError
-    where cells lie on one side of a facet that they share, so that they overlap."""
+    where cells lie on one side of a facet that they share, so that they overlap: both run through
+    it in the same direction, seen from its corner of least number (ahead, one sign for each)."""
     inverted = np.asarray((corner_measures(points, cells) < 0).all(axis=1))
     d, kinds = points.shape[1], by_kind(cells, points.shape[1])
     turned = np.asarray(padded(

@@ -87,8 +87,9 @@ class MeshFile(MeshPlugin):
 
 
 def _read(full: Path, written: str) -> Content:
-    """Content of the file, compared with a plain count of its lines. Readers may print, or run out
-    of memory on damaged files: both are caught."""
+    """Content of the file `full`, in messages as `written` in the scene, compared with a plain
+    count of its lines. Readers may print, or run out of memory on damaged files: both are
+    caught."""
     kind = FORMATS.get(full.suffix.lower())
     if kind is None:
         endings = ", ".join(FORMATS)
@@ -127,7 +128,8 @@ def _reason(error: BaseException, full: Path, written: str) -> str:
 
 def _clean(content: Content, scale: float, name: str) -> Mesh:
     """Mesh of the cells of the highest dimension, scaled, with cells turned the right way round,
-    sets of its groups, and notes."""
+    sets of its groups, and notes. new: number in the mesh of each point of the file, -1 for unused
+    ones; cells of second order are made from those of first order and their bent edges."""
     d = max((block.dimension for block in content.blocks), default=0)
     chosen = [i for i, block in enumerate(content.blocks) if block.dimension == d]
     cells = _corners(content, d, [content.blocks[i] for i in chosen])
@@ -180,7 +182,9 @@ def _notes(mesh: Mesh, sets: Sets, name: str) -> list[Note]:
 
 
 def _corners(content: Content, d: int, blocks: Sequence[CellBlock]) -> IntArray:
-    """(E, p) corners of the cells of all blocks."""
+    """(E, p) corners of the cells of all blocks, which have the highest dimension d, one block
+    after the other; shorter rows repeat their last corner. InputError for cells of other kinds, or
+    with points that do not exist."""
     wrong = [b for b in blocks if d < 2 or b.kind not in CELLS]
     if wrong or not blocks:
         found = ", ".join(sorted({b.kind for b in blocks})) or "no cells"
@@ -243,7 +247,9 @@ def _bent(
     points: FloatArray, new: IntArray, ends: IntArray, middles: IntArray
 ) -> tuple[IntArray, FloatArray]:
     """Ends (m, 2), numbers in the body, and positions (m, d), m, of the nodes of edges that are not
-    straight; InputError where cells have different ones on the same edge."""
+    straight; InputError where cells have different ones on the same edge. points (n, d), m, of the
+    file, new (n,): their numbers in the body; ends (k, 2), middles (k,): of the edges of all cells,
+    in numbers of the file."""
     number, first, _ = group_equal_rows(np.sort(ends, axis=1))
     own, at = ends[first], points[middles[first]]
     size = np.linalg.norm(points[own[:, 1]] - points[own[:, 0]], axis=1)
@@ -260,7 +266,8 @@ def _bent(
 def _unfolded(linear: Mesh, edges: IntArray, places: FloatArray, name: str) -> Mesh:
     """Mesh of second order with nodes at places (m, d) on edges (m, 2) with these ends. Where they
     fold a cell over, as mesh generators do at the bores of coarse meshes, all edges of the cell are
-    bent half as much, until they do not; a note says so."""
+    bent half as much, until they do not; a note says so. bend (m,): factor of the distance of a
+    node from the middle of its edge, 0 below a hundredth; name: of the file."""
     from sparsemor.bodies.fem import element_matrices
 
     made = mesh = with_midpoints(linear, edges, places)
@@ -290,7 +297,8 @@ def _unfolded(linear: Mesh, edges: IntArray, places: FloatArray, name: str) -> M
 
 
 def _coordinates(points: FloatArray, cells: IntArray, d: int) -> FloatArray:
-    """(n, d) coordinates of the points; those of a plane mesh may have a third, constant one."""
+    """(n, d) coordinates of the points; those of a plane mesh may have a third, constant one.
+    InputError for solids in the plane, or plane cells that do not lie in a plane z = constant."""
     if points.shape[1] < d:
         raise InputError(f"its points have {points.shape[1]} coordinates, and solids take 3")
     across = points[np.unique(cells), d:]

@@ -59,8 +59,8 @@ class PointSet(Plugin):
         return self
 
     def members(self, mesh: Mesh) -> IntArray:
-        """Sorted numbers of the corners; InputError when there are none, or for another dimension.
-        """
+        """Sorted numbers of the corners of a mesh that are in the set; InputError when there are
+        none, or for another dimension."""
         if self.nearest is not None:
             found = self._nearest(mesh)
         else:
@@ -94,7 +94,9 @@ class PointSet(Plugin):
 
 
 def with_sets(mesh: Mesh, sets: Mapping[str, PointSet]) -> Mesh:
-    """Copy of the mesh with the given sets added; InputError with keys `<name>` or `<name>.box`."""
+    """Copy of the mesh with the given sets added, with the nodes between their corners; one that
+    gives a centre alone is a set that the mesh must have. InputError, with all faults, with keys
+    `<name>` or `<name>.box`."""
     found: dict[str, IntArray] = {}
     faults: list[Fault] = []
     for name, declared in sets.items():
@@ -165,7 +167,8 @@ def cut_measures(mesh: Mesh, declared: PointSet, facets: IntArray) -> tuple[floa
     its `box` or `where` describes there.
 
     Facets next to them on the same side of the body, with some corners in the set and some not, are
-    the cut ones: the share of each that is in the patch is found by sampling.
+    the cut ones: the share of each that is in the patch is found by sampling. Same side: the normal
+    is near to that of the set at a common corner (`SAME_SIDE`).
     """
     outer, facets = triangulated(outer_facets(mesh)), triangulated(facets)
     inside = np.isin(outer, facets)

@@ -49,9 +49,10 @@ FAR = 1e2
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Centre:
-    """Centre of a set. weights (N,): of the mesh's nodes, their weighted mean position is `point`
-    (d,), m; even (N,): those of the mean over the facets, at `mean` (d,), m; how: what the centre
-    is, in words."""
+    """Centre of a set. weights (N,): of the mesh's nodes, sum 1, 0 outside of the set; their
+    weighted mean position is `point` (d,), m, and that of displacements is its displacement; even
+    (N,): those of the mean over the facets, at `mean` (d,), m; how: what the centre is, in
+    words."""
 
     weights: FloatArray
     point: FloatArray
@@ -159,7 +160,8 @@ def _sums(mesh: Mesh, parts: Sequence[tuple[IntArray, Quadrature]]) -> FloatArra
 
 
 def _edges(mesh: Mesh, near: IntArray, inside: BoolArray) -> IntArray:
-    """(n, 2 or 3) nodes of the edges of the cells `near` with both ends inside."""
+    """(n, 2 or 3) nodes of the edges, each once, of the cells `near` (numbers) with both ends
+    inside, a mask (N,): the ends, then with cells of second order the node between them."""
     rows = []
     for here, own in by_kind(mesh.cells[near], mesh.dimension):
         edges = np.array(KINDS[mesh.dimension, own.shape[1]].edges)
@@ -208,8 +210,9 @@ def _moved(even: FloatArray, X: FloatArray, point: FloatArray) -> FloatArray:
 def _of_revolution(
     X: FloatArray, facets: IntArray, mean: FloatArray
 ) -> tuple[FloatArray | None, str]:
-    """Centre (d,) of a closed circle or cylinder, or of a surface between coaxial circles, and what
-    it is in words; None for facets of another shape."""
+    """Centre (d,), m, of a closed circle or cylinder, or of a surface between coaxial circles, and
+    what it is in words; None for facets of another shape. X (N, d); facets: segments or triangles
+    (n, d); mean (d,): of the set, whose height along the axis counts in the last case."""
     if X.shape[1] == 2:
         found = _circle(X[np.unique(facets)]) if _closed(facets) else None
         if found is None:
@@ -297,8 +300,9 @@ def _cylinder(X: FloatArray, facets: IntArray) -> tuple[FloatArray, float] | Non
 
 
 def _axis_of_outline(X: FloatArray, facets: IntArray) -> tuple[FloatArray, FloatArray] | None:
-    """Point (3,) and direction (3,) of the common axis of the circles that bound triangles (n, 3);
-    None if they are bounded by other curves or by none."""
+    """Point (3,), m, and direction (3,) of the common axis of the circles that bound triangles (n,
+    3), edges of one triangle alone; None if they are bounded by other curves, by circles with other
+    axes or by none."""
     sides = np.sort(facets[:, [(0, 1), (1, 2), (0, 2)]].reshape(-1, 2), axis=1)
     edges, count = np.unique(sides, axis=0, return_counts=True)
     rim = edges[count == 1]
@@ -324,8 +328,9 @@ def _axis_of_outline(X: FloatArray, facets: IntArray) -> tuple[FloatArray, Float
 
 
 def _rims(X: FloatArray, rim: IntArray) -> Iterator[tuple[FloatArray, FloatArray, float] | None]:
-    """Centre, normal and radius of each closed curve of edges (n, 2); None for one that is no
-    circle."""
+    """Centre, normal and radius of each closed curve of edges (n, 2), point numbers of X (N, 3);
+    None for one that is no circle. A curve is a connected part of the edges, fitted in its plane,
+    that of the two largest singular values of its points."""
     numbers, ends = np.unique(rim, return_inverse=True)
     ends = ends.reshape(-1, 2)
     graph = coo_array((np.ones(len(rim)), (ends[:, 0], ends[:, 1])), shape=(len(numbers),) * 2)

@@ -82,8 +82,9 @@ def read(data: bytes, name: str) -> Content:
 
 
 def nodes(lines: Sequence[str]) -> tuple[IntArray, FloatArray, dict[str, IntArray]]:
-    """Labels (n,) and positions (n, 3) of the nodes of an input file without parts, and the rows of
-    each set of nodes; all but *NODE and *NSET is passed over."""
+    """Labels (n,) and positions (n, 3), in the unit of the file, of the nodes of an input file
+    without parts, and the rows of each set of nodes; all but *NODE and *NSET is passed over.
+    BadLine for what would change these nodes."""
     reader = _Reader("")
     for line, keyword, options, body in statements(lines):
         word = f"*{keyword}"
@@ -140,8 +141,9 @@ class _Reader:
     def statement(
         self, line: int, keyword: str, options: dict[str, str], body: list[tuple[int, str]]
     ) -> None:
-        """Reads a statement that defines the mesh; counts others, and refuses those that would
-        change it."""
+        """Reads a statement that defines the mesh; counts others (ignored), and refuses those that
+        would change it. keyword: in capitals without blanks and without *; body: numbers and texts
+        of its data lines."""
         word = "*" + keyword
         if keyword in REFUSED and (body or keyword != "SYSTEM"):
             raise BadLine(line, word, REFUSED[keyword])
@@ -175,7 +177,8 @@ class _Reader:
     def _instance(self, line: int, word: str, options: dict[str, str],
                   body: list[tuple[int, str]]) -> None:
         """*INSTANCE: opens an instance of a part, or one with its own nodes and elements, at its
-        placement."""
+        placement, a rotation and translation by its data lines. spelled: name -> its spellings;
+        here: mesh to which the data that follow belong."""
         name = key_of(needed(options, "NAME", line, word))
         if name in self.instances or self.placement is not None:
             raise BadLine(line, word, f"{name!r} is there already, or the one before has no "
@@ -196,7 +199,8 @@ class _Reader:
         self.here = scope if part is None else Scope(name, line)
 
     def _end_instance(self, line: int, word: str, *_: object) -> None:
-        """*END INSTANCE: closes it; data in an instance of a part are refused."""
+        """*END INSTANCE: closes the last one; data in an instance of a part, whose mesh (scope) is
+        not the open one (here), are refused."""
         if self.placement is None:
             raise BadLine(line, word, "no *INSTANCE is open")
         name, (scope, rotation, move) = list(self.instances.items())[-1]
@@ -212,7 +216,8 @@ class _Reader:
 
     def _nodes(self, line: int, word: str, options: dict[str, str],
                body: list[tuple[int, str]]) -> None:
-        """*NODE: labels and coordinates, rectangular or cylindrical."""
+        """*NODE: labels and coordinates, rectangular or cylindrical (r, angle in degrees, z), added
+        to the open mesh (here); starts: number of nodes before each *NODE, and its line."""
         system = options.get("SYSTEM", "R").upper()
         if system not in ("R", "C"):
             raise BadLine(line, word, f"SYSTEM={system} is not supported: write rectangular "
@@ -236,8 +241,9 @@ class _Reader:
 
     def _elements(self, line: int, word: str, options: dict[str, str],
                   body: list[tuple[int, str]]) -> None:
-        """*ELEMENT: labels and nodes of elements of one type, which may go on over several
-        lines."""
+        """*ELEMENT: labels and nodes of elements of one type, which may go on over several lines: a
+        line that ends with a comma, while nodes are missing (more). Adds a block to the open mesh
+        (here), and, with ELSET, its number to an element set."""
         name = needed(options, "TYPE", line, word).upper()
         kind = next((k for k, pattern in _CELLS if pattern.fullmatch(name)), None)
         if kind is None or set(options) - {"TYPE", "ELSET", "OFFSET", "SOLIDELEMENTNUMBERING"}:
@@ -276,7 +282,9 @@ class _Reader:
 
     def _set(self, kind: str, line: int, word: str, options: dict[str, str],
              body: list[tuple[int, str]]) -> None:
-        """*NSET or *ELSET: a list, or ranges (GENERATE)."""
+        """*NSET or *ELSET (kind): a list of labels and names of sets, or ranges (GENERATE); of
+        *NSET also, with ELSET, the nodes of an element set. Stored as it is written, and evaluated
+        at the end of the file."""
         name = needed(options, kind, line, word)
         sets = self.here.nsets if kind == "NSET" else self.here.elsets
         known = {kind, "GENERATE", "INSTANCE", "INTERNAL", "UNSORTED", *(
@@ -294,7 +302,8 @@ class _Reader:
 
     def _surface(self, line: int, word: str, options: dict[str, str],
                  body: list[tuple[int, str]]) -> None:
-        """*SURFACE: faces of elements, or nodes."""
+        """*SURFACE: faces of elements, or nodes; stored as it is written, and evaluated at the end
+        of the file."""
         name = needed(options, "NAME", line, word)
         how = options.get("TYPE", "ELEMENT").upper()
         if how not in ("ELEMENT", "NODE") or set(options) - {
@@ -313,7 +322,8 @@ class _Reader:
     # mesh
 
     def _content(self) -> Content:
-        """Points, cells and groups of all instances, each placed, in one numbering."""
+        """Points, cells and groups of all instances, each placed, x -> rotation x + move, in one
+        numbering. BadLine for an element or node that is twice there, or a node that is missing."""
         points: list[FloatArray] = [np.zeros((0, 3))]
         blocks: list[CellBlock] = []
         total, count = 0, 0
@@ -409,7 +419,9 @@ def _placement(
 
 
 def _once(scope: Scope) -> tuple[IntArray, FloatArray]:
-    """Labels (n,) and positions (n, 3), m, of the nodes; one that is given twice, once."""
+    """Labels (n,) and positions (n, 3), in the unit of the file, of the nodes; one that is given
+    twice at one position, once. BadLine for one at two positions; starts: number of nodes before
+    each *NODE, and its line."""
     labels = np.array(scope.labels, dtype=np.int64)
     X = np.array(scope.coordinates, dtype=np.float64).reshape(-1, 3)
     numbering = Numbering(labels)

@@ -31,8 +31,9 @@ MODEL = ""
 
 @dataclass(slots=True, eq=False)
 class Scope:
-    """Nodes, elements and sets of a part, of an instance, of the assembly, or of a file without
-    parts; line: where it starts."""
+    """Nodes (labels, coordinates in the unit of the file), elements (blocks) and sets of a part, of
+    an instance, of the assembly, or of a file without parts, as the file writes them; line: where
+    it starts. Sets (nodes, elements, surfaces): name -> definitions, whose union it is."""
 
     name: str
     line: int
@@ -85,7 +86,9 @@ class AbaqusSets:
         self.top = max((b.dimension for b in blocks), default=0)
 
     def groups(self) -> dict[str, MeshGroup]:
-        """Groups by every spelling of their names; a set of an instance also as `instance.set`."""
+        """Groups by every spelling of their names; a set of an instance as `instance.set`, and as
+        `set` too, unless the model outside of parts has one of this name; all elements of an
+        instance as `instance`. placed: scope -> its mesh in the numbering of the model."""
         found: dict[str, MeshGroup] = {}
         outer = self.placed[MODEL].scope
         taken = {*outer.nsets, *outer.elsets, *outer.surfaces}
@@ -125,7 +128,9 @@ class AbaqusSets:
             group.cells.append((int(b), elements[block_of == b] - self.starts[b]))
 
     def numbers(self, what: str, scope: str, key: str) -> IntArray:
-        """Sorted numbers of the nodes or elements (what) of a set."""
+        """Sorted numbers, in the model, of the nodes or elements (what) of the set `key` of a
+        scope. known: results; active: sets that are being evaluated, to find one that contains
+        itself."""
         at = (what, scope, key)
         if at not in self.known:
             sets = self.placed[scope].scope
@@ -140,7 +145,10 @@ class AbaqusSets:
         return self.known[at]
 
     def _entry(self, what: str, scope: str, entry: SetDefinition) -> list[IntArray]:
-        """Numbers of the nodes or elements (`what`) of one definition of a set."""
+        """Numbers of the nodes or elements (`what`) of one definition of a set: how `block`: all
+        elements of the blocks with these numbers in its scope; `elements`: the nodes of an element
+        set; `range`: first, last, step; else a list of labels and names of sets, whose labels are
+        those of the scope `where`."""
         where = self._scope(entry.instance or scope, entry)
         placed = self.placed[where]
         if entry.how == "block":
@@ -169,7 +177,8 @@ class AbaqusSets:
 
     def _labelled(self, what: str, scope: str, words: Sequence[str], lines: int | Sequence[int],
                   entry: SetDefinition) -> IntArray:
-        """Nodes or elements by their labels, in the given line or lines."""
+        """Numbers, in the model, of nodes or elements (what) of a scope by their labels, which are
+        in the given line or lines. BadLine for one that does not exist."""
         placed = self.placed[scope]
         lines = [lines] * len(words) if isinstance(lines, int) else lines
         numbers = np.array([integer(w, at, entry.keyword)
@@ -183,8 +192,8 @@ class AbaqusSets:
     def _range(
         self, what: str, placed: Placed, words: Sequence[str], line: int, entry: SetDefinition
     ) -> IntArray:
-        """Numbers of the nodes or elements of a range of labels (GENERATE); those that do not exist
-        are noted."""
+        """Numbers, in the model, of the nodes or elements (what) of a range of labels: first, last,
+        step (GENERATE); those that do not exist are noted (missing)."""
         numbers = [integer(w, line, entry.keyword) for w in words]
         first, last, step = [*numbers, 1][:3] if len(numbers) in (2, 3) else (0, 0, 0)
         if step < 1 or last < first:
@@ -201,7 +210,9 @@ class AbaqusSets:
 
     def _named(self, what: str, scope: str, where: str, word: str, line: int, entry: SetDefinition
                ) -> IntArray:
-        """Nodes or elements of `set`, `instance.set` or `instance.label`."""
+        """Numbers of the nodes or elements (what) of `set`, in the scope `where` of the definition
+        or in that in which it is written (scope), `instance.set` or `instance.label`. A name may
+        have a dot itself, so that each is tried. BadLine for none."""
         sets = "nsets" if what == "node" else "elsets"
         for at, key in ((where, key_of(word)), (scope, key_of(word))):
             if key in getattr(self.placed[at].scope, sets):
@@ -223,7 +234,9 @@ class AbaqusSets:
             self.blocks[b].nodes[rows].ravel() for b, rows in group.cells)])
 
     def _surface(self, group: MeshGroup, scope: str, entry: SetDefinition) -> None:
-        """Adds a surface to the group: faces of single elements or of sets, or nodes."""
+        """Adds a surface to the group: faces of single elements or of sets, or nodes (entry.how
+        NODE). Words of a line: label or set, then the face, such as S2; single: face -> lines and
+        labels of single elements, which are read together."""
         where = self._scope(entry.instance or scope, entry)
         what = "node" if entry.how == "NODE" else "element"
         single: dict[str, tuple[list[int], list[str]]] = {}
@@ -255,8 +268,9 @@ class AbaqusSets:
     def _faces(
         self, group: MeshGroup, b: int, rows: IntArray, face: str, line: int, entry: SetDefinition
     ) -> None:
-        """Adds a face of some elements of block b to the group; without a name the free faces, of
-        elements that are facets themselves."""
+        """Adds the face `face` of some elements (rows) of block b to the group: elements that are
+        facets themselves (one dimension below `top`, the highest) as they are, on either side;
+        without a name all free faces of the others. BadLine for others."""
         block, d = self.blocks[b], self.blocks[b].dimension
         if d == self.top - 1 and face in ("", "SPOS", "SNEG"):
             group.cells.append((b, rows))

@@ -11,8 +11,9 @@ _REAL = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(E[+-]?\d+)?", re.ASCII)
 def statements(
     lines: Sequence[str]
 ) -> Iterator[tuple[int, str, dict[str, str], list[tuple[int, str]]]]:
-    """Line, keyword (capitals, no blanks), options and data lines of each statement, comments and
-    blank lines dropped."""
+    """Line, keyword (capitals, no blanks, without *), options and data lines (numbers and texts) of
+    each statement, comments (**) and blank lines dropped. A head that ends with a comma goes on in
+    the next line (open_head)."""
     start, head = 0, ""
     body: list[tuple[int, str]] = []
     open_head = False

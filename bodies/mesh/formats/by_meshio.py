@@ -81,7 +81,12 @@ def content_of(raw: Any) -> Content:
 def _tagged(
     raw: Any, new: dict[int, int], blocks: list[CellBlock]
 ) -> Iterator[tuple[str, int, int, Any]]:
-    """Name or "", tag, block and rows of the cells of each tag but 0, which is that of no group."""
+    """Name or "", tag, block and rows of the cells of each tag but 0, which is that of no group.
+
+    raw: meshio's mesh; new: number of its block -> number in `blocks`, without empty ones. Names
+    are in `field_data`, by dimension and tag; files of Salome have families of cells with names
+    instead.
+    """
     names = {(int(d), int(tag)): str(name) for name, (tag, d) in raw.field_data.items()}
     for per_block in (raw.cell_data[key] for key in TAGS if key in raw.cell_data):
         for number, block in new.items():

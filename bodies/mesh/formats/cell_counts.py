@@ -36,7 +36,9 @@ def difference(kind: str, data: bytes, read: dict[str, int]) -> str:
     """Sentence about a type or a set whose number of cells is another in the lines of a text file
     than among those that were read; "" where there is none, and for binary files.
 
-    read: `triangle` or `triangle in 'copper'` -> number of cells.
+    read: `triangle` or `triangle in 'copper'` -> number of cells; plain: the same by the lines,
+    None where these do not tell; kind: of the file. Sets that the count does not know are not
+    compared.
     """
     try:
         plain = _COUNTS[kind](data) if kind in _COUNTS else None
@@ -182,7 +184,9 @@ def _grouped(names: dict[tuple[int, int], str], kind: str, dimension: int, tags:
 
 
 def _entities(lines: list[list[str]]) -> dict[tuple[int, int], set[int]]:
-    """Dimension and number of an entity -> its physical tags without their signs."""
+    """Dimension and number of an entity -> its physical tags without their signs, from the lines of
+    $Entities: numbers of entities of each dimension; then of each its number, 3 coordinates
+    (points) or 6 of its box, count of tags, tags, .."""
     tags: dict[tuple[int, int], set[int]] = {}
     at = 1
     for dimension, count in enumerate(map(int, lines[0] if lines else ())):
@@ -196,7 +200,9 @@ def _entities(lines: list[list[str]]) -> dict[tuple[int, int], set[int]]:
 
 
 def _nastran(data: bytes) -> dict[str, int]:
-    """Lines that start with the name of a card, and the property in their second field."""
+    """Number of lines that start with the name of a card, by type of cells, and by the property in
+    their second field, between commas or in columns of 8 or, with *, 16 letters; from BEGIN BULK,
+    if there is one, to ENDDATA."""
     found: Counter[str] = Counter()
     begun = not re.search(rb"(?im)^\s*BEGIN\b", data)
     for text in _lines(data):

@@ -72,8 +72,9 @@ class _Section:
         return BadLine(line, self.name, message)
 
     def _take(self, count: int, kind: str) -> NDArray[Any]:
-        """The next numbers of the section, of NumPy's type `kind`. Raises BadLine where there are
-        fewer, or others."""
+        """The next numbers of the section, of NumPy's type `kind`, as 64-bit ones. Raises BadLine
+        where there are fewer, or others. at: position of the next one, a byte of `data` in a binary
+        section, else a word of `words`."""
         if count < 0:
             raise self.fail(f"a count of {count}")
         if self.binary:
@@ -207,7 +208,9 @@ class _Reader:
         return notes
 
     def _sections(self) -> list[tuple[str, int, int, int]]:
-        """Name, first and last byte and first line of each section."""
+        """Name, first and last byte and first line of the content of each section, $Name to
+        $EndName. BadLine for what is outside of sections, or for one that is not closed or not
+        supported."""
         found = []
         at, line = 0, 1
         while True:
@@ -294,7 +297,9 @@ class _Reader:
     # format 4.1
 
     def _entities(self, section: _Section) -> None:
-        """$Entities (4.1): entity of the geometry -> tags of its groups."""
+        """$Entities (4.1): entity of the geometry -> tags of its groups. Counts of points, curves,
+        surfaces and volumes; then of each its number, position or bounding box, tags, and, but for
+        points, the entities that bound it. The sign of a tag is an orientation."""
         for d, count in enumerate(section.sizes(4)):
             for _ in range(count):
                 number = int(section.ints(1)[0])
@@ -308,7 +313,9 @@ class _Reader:
         section.done()
 
     def _nodes(self, section: _Section) -> None:
-        """$Nodes (4.1): blocks of labels and coordinates."""
+        """$Nodes (4.1): blocks of labels and coordinates. Head: number of blocks, of nodes, least
+        and greatest label; of a block: dimension and number of its entity, 1 if its coordinates are
+        followed by d parameters, number of nodes."""
         blocks, total = (int(n) for n in section.sizes(4)[:2])
         read = 0
         for _ in range(blocks):
@@ -325,7 +332,9 @@ class _Reader:
         section.done()
 
     def _elements(self, section: _Section) -> None:
-        """$Elements (4.1): blocks of elements of one type on one entity."""
+        """$Elements (4.1): blocks of elements of one type on one entity. Head: number of blocks, of
+        elements, least and greatest label; of a block: dimension and number of its entity, type,
+        number of elements; of an element: its label, node labels."""
         blocks, total = (int(n) for n in section.sizes(4)[:2])
         read = 0
         for _ in range(blocks):
@@ -360,7 +369,8 @@ class _Reader:
     # format 2.2
 
     def _nodes_22(self, section: _Section) -> None:
-        """$Nodes (2.2): label and coordinates of each node."""
+        """$Nodes (2.2): label and coordinates of each node; in a binary file 4 + 3 x 8 bytes
+        each."""
         count = self._count(section)
         if section.binary:
             raw = section.data[section.at:]
@@ -409,7 +419,8 @@ class _Reader:
         section.done()
 
     def _binary_22(self, section: _Section, count: int) -> dict[tuple[int, int], IntArray]:
-        """(type, number of tags) -> tags and nodes of each element, a row each."""
+        """(type, number of tags) -> tags and nodes of each element, a row each. A block has the
+        head type, number of elements, number of tags; an element its label, tags, nodes."""
         gathered: dict[tuple[int, int], list[IntArray]] = {}
         read = 0
         while read < count:
@@ -425,7 +436,9 @@ class _Reader:
         return {key: np.concatenate(parts) for key, parts in gathered.items()}
 
     def _text_22(self, section: _Section, count: int) -> dict[tuple[int, int], IntArray]:
-        """(type, number of tags) -> tags and nodes of each element, a row each."""
+        """(type, number of tags) -> tags and nodes of each element, a row each. An element: label,
+        type, number of tags, tags, nodes. starts: position of the elements of each key among the
+        numbers."""
         first = section.at
         values = section.ints(len(section.words) - first)
         numbers, at, starts = values.tolist(), 0, dict[tuple[int, int], list[int]]()
@@ -461,8 +474,8 @@ class _Reader:
 def _once(
     nodes: IntArray, tags: list[tuple[int, IntArray]]
 ) -> tuple[IntArray, list[tuple[int, IntArray]]]:
-    """Elements without those that are written again, and the tags of each: format 2.2 writes an
-    element once for each of its groups."""
+    """Elements (n, q) of one type, node numbers, without those that are written again, and the rows
+    of each tag among the others: format 2.2 writes an element once for each of its groups."""
     _, first, of = np.unique(
         np.sort(nodes, axis=1), axis=0, return_index=True, return_inverse=True)
     if len(first) == len(nodes):

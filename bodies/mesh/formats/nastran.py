@@ -56,7 +56,8 @@ _NUMBER = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+))(?:[ED]?([+-]\d+)|[ED](\d+))?",
 
 @dataclass(frozen=True, slots=True)
 class Card:
-    """Card of the bulk data: name, line and data fields (those of all its lines)."""
+    """Card of the bulk data: name, line and data fields (those of all its lines); `at`: index of a
+    field, 0 for that after the name, which is number 2 in messages."""
 
     name: str
     line: int
@@ -195,7 +196,9 @@ class _Reader:
             self.systems[number] = card, at
 
     def _element(self, card: Card) -> None:
-        """Adds an element, whose kind follows from the number of its grids."""
+        """Adds an element, whose kind follows from the number of its grids. Fields: label, property
+        (but for cards of `_WITHOUT_PROPERTY`; the label when not given), grids, and of some cards
+        others. cells: kind and card -> cards, property and grids."""
         label = card.integer(0)
         if label in self.seen:
             raise card.fail(f"there is an element {label} already ({self.seen[label]})")
@@ -236,7 +239,11 @@ class _Reader:
         return origin + _rectangular(x, kind) @ axes
 
     def _frame(self, number: int, card: Card) -> tuple[FloatArray, FloatArray, str]:
-        """Origin (3,), axes (3, 3), a row each, and type R, C or S of a system."""
+        """Origin (3,), axes (3, 3), a row each, and type R, C or S (rectangular, cylindrical,
+        spherical) of a system: by its origin A, a point B on z and C in the x-z plane, as
+        coordinates in another system (CORD2) or as grids (CORD1). systems: number -> card and index
+        of its first field; active: those being evaluated. card: the one that names it, for
+        errors."""
         if number in self.frames:
             return self.frames[number]
         if number not in self.systems:
@@ -279,7 +286,9 @@ def _rectangular(x: FloatArray, kind: str) -> FloatArray:
 
 
 def cards(lines: Sequence[str]) -> Iterator[Card]:
-    """Cards between BEGIN BULK and ENDDATA; of all the file where there is no BEGIN BULK."""
+    """Cards between BEGIN BULK and ENDDATA; of all the file where there is no BEGIN BULK. A line
+    without a name continues the card before; if both have a mark (ahead, behind), it is the
+    same."""
     card: Card | None = None
     mark = ""
     for line, text in _bulk(lines):
@@ -301,7 +310,9 @@ def cards(lines: Sequence[str]) -> Iterator[Card]:
 
 
 def _bulk(lines: Sequence[str]) -> Iterator[tuple[int, str]]:
-    """Lines of the bulk data with their numbers, without comments and blank lines."""
+    """Lines of the bulk data with their numbers, without comments ($ to the end of a line) and
+    blank lines: after BEGIN BULK, or where there is none after CEND or from the first line, to
+    ENDDATA."""
     begins = [n for n, t in enumerate(lines, 1) if t.lstrip()[:6].upper().rstrip() == "BEGIN"]
     if len(begins) > 1:
         raise BadLine(begins[1], "BEGIN", "a second part of bulk data is not supported")
@@ -319,7 +330,9 @@ def _bulk(lines: Sequence[str]) -> Iterator[tuple[int, str]]:
 
 
 def _fields(line: int, text: str) -> tuple[str, list[str], str, str]:
-    """Name (capitals, "" on a continuation), data fields, and the marks ahead and behind."""
+    """Name (capitals, "" on a continuation), data fields, and the marks ahead and behind, by which
+    a continuation belongs to its card. Free form: fields between commas; else columns of 8 letters,
+    or with * after the name four of 16 (wide)."""
     if "," in text[:10] or (text.count(",") >= 2 and "," in text):
         words = [w.strip() for w in text.split(",")]
         head, data = words[0], words[1:]

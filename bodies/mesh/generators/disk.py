@@ -84,7 +84,9 @@ class Disk(MeshPlugin):
         return np.concatenate([np.zeros((1, 2)), *(r * turns for r in self.probes)])
 
     def _sets(self, points: FloatArray, rim: int, n: int) -> dict[str, IntArray]:
-        """Sets of nodes: the faces, rim, hub, axis and probes."""
+        """Sets of nodes: the faces, rim, hub, axis and probes. rim: number of points on it, the
+        first of the n points of a layer; then follow the axis and the four points of each
+        circle."""
         top = len(points) - n
         base = np.arange(0, len(points), n)[:, None]
         near = np.hypot(points[:, 0], points[:, 1]) <= self.hub * (1 + 1e-9)

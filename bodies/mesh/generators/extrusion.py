@@ -36,7 +36,8 @@ def plan_mesh(
 
     outline (B, 2): a closed polygon without crossings, counter-clockwise, its points at about equal
     distances; fixed (f, 2): interior points that must be nodes. Order of the points: outline,
-    fixed, others. InputError when the outline is too coarse.
+    fixed, others, which are moved to the centroids of their triangles `rounds` times. InputError
+    when the outline is too coarse.
     """
     B = len(outline)
     held = np.zeros((0, 2)) if fixed is None else np.asarray(fixed, dtype=np.float64)
@@ -70,7 +71,8 @@ def polygon_area(outline: FloatArray) -> float:
 
 
 def _lattice(outline: FloatArray, count: int) -> FloatArray:
-    """(count, 2) points of a triangular lattice inside the outline, with a distance to it."""
+    """(count, 2) points of a triangular lattice inside the outline (B, 2), at least 0.6 times its
+    spacing away from it; the widest lattice that has so many, in steps of half a percent."""
     if count == 0:
         return np.zeros((0, 2))
     sides = np.roll(outline, -1, axis=0) - outline
@@ -122,8 +124,8 @@ def _centred(points: FloatArray, cells: IntArray) -> FloatArray:
 
 
 def _triangulate(points: FloatArray, outline: FloatArray) -> IntArray:
-    """Delaunay triangles inside the outline, counter-clockwise; all sides of the outline are edges.
-    """
+    """(T, 3) Delaunay triangles inside the outline, the first of the points, counter-clockwise; all
+    sides of the outline are edges. InputError for points on one line."""
     try:
         cells = Delaunay(points).simplices.astype(np.int64)
     except QhullError as error:  # all points on one line

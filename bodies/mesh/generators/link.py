@@ -68,7 +68,9 @@ class Link(MeshPlugin):
         return MeshSize(rings + middle, 2 * (8 * around * radial + around * along), 2)
 
     def build(self, base: Path) -> Mesh:
-        """The mesh; `base` is not used."""
+        """The mesh; `base` is not used. around, radial, along: numbers of quads per quarter of a
+        bore's edge, across its ring, along the middle; a, b, block: numbers of the points of both
+        rings (rows from the bore outwards) and of the block between them."""
         around, radial, along = self._quads()
         ring = _ring(self.bore / 2, self.height / 2, around, radial)
         x = np.linspace(self.height / 2, self.length - self.height / 2, along + 1)[1:-1]
@@ -95,7 +97,8 @@ class Link(MeshPlugin):
         return AROUND * r, RADIAL * r, ALONG * r
 
     def _sets(self, points: FloatArray, a: IntArray, b: IntArray) -> dict[str, IntArray]:
-        """Sets of nodes: the edges, the bores and the two ends of the chord."""
+        """Sets of nodes: the edges, the bores and the two ends of the chord. a, b (radial + 1, 4
+        around): point numbers of the rings, row 0 on the bore, from -45 degrees on."""
         x, y = points.T
         half, near = self.height / 2, 1e-9 * self.length
         half_side = a.shape[1] // 8

@@ -53,7 +53,8 @@ class Pad(MeshPlugin):
         return extruded(*self.counts())
 
     def build(self, base: Path) -> Mesh:
-        """The mesh; `base` is not used."""
+        """The mesh; `base` is not used. The outline has the first `count` of the n points of each
+        layer, those of the top come last; corners: name -> number on the outline."""
         count, triangles, layers = self.counts()
         outline, corners = pad_outline(count)
         plan, cells = plan_mesh(outline, triangles)

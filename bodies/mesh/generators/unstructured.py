@@ -90,7 +90,9 @@ class Unstructured(MeshPlugin):
         return float(np.sqrt(4.0 * np.prod(self.size) / (np.sqrt(3.0) * self.elements)))
 
     def _best(self) -> tuple[FloatArray, IntArray]:
-        """Triangulation with the best worst quality of all smoothing iterations."""
+        """Triangulation with the best worst quality of all smoothing iterations: from `STARTS`
+        random positions of the interior points at most, `SWEEPS` times each, until one is good
+        enough. Empty arrays if none has the wanted number of triangles."""
         outline = _outline(self.size, self.divisions)
         inside = (self.elements + 2 + len(outline)) // 2 - len(outline)
         margin = 0.15 * self._side  # a point nearer to a side would make it a flat triangle
@@ -184,7 +186,8 @@ def _triangulate(points: FloatArray, flat: float) -> IntArray:
 
 
 def _smoothed(points: FloatArray, cells: IntArray) -> FloatArray:
-    """Each point at the area-weighted mean of the circumcentres of its triangles."""
+    """(N, 2) each point moved to the area-weighted mean of the circumcentres of its triangles (E,
+    3)."""
     a = points[cells[:, 0]]
     first, second = points[cells[:, 1]] - a, points[cells[:, 2]] - a
     area = signed_measures(points, cells)
