@@ -41,7 +41,8 @@ from sparsemor.core.scene.sections import Probe
 
 @dataclass(slots=True)
 class BodyCache:
-    """Cache of built bodies, keyed by name, options and folder, and of assembled models.
+    """Cache of built bodies, keyed by name, options and folder, and of assembled models, keyed by
+    the digest of their scene. _bodies: name and folder -> options and body of each that was built.
 
     Meshing and element integrals dominate the cost of assembly and do not depend on a prescribed
     motion. A rigid copy of a body, as the rigid-body pre-simulation uses, is made from the cached
@@ -100,6 +101,7 @@ def assemble(
         model = _model(scene, prescribed, bodies, connected, probes)
         # joints with redundant constraints are made compliant, and the model is assembled again
         joints = {n: j for n, j in connected["joints"].items() if isinstance(j, Joint)}
+        # softer: compliance of each constraint, and a note
         softened = {n: made for n, softer in redundant_joints(model, scene.time.step).items()
                    if (made := joints[n].compliant(*softer)) is not None}
         if softened:
@@ -172,7 +174,7 @@ def _build(
 ) -> tuple[dict[str, Body], dict[str, dict[str, Connector]], tuple[ProbePlace, ...]]:
     """All bodies; joints, contacts and loads by group; probes. Joints, contacts and loads on a body
     that failed to build are skipped, since their faults would only repeat those of the body."""
-    gather = Gather()
+    gather = Gather()  # gather(key, f, ..): f(..), or None, with its InputErrors kept under the key
     base = scene.file_folder or Path()
     bodies: dict[str, Body] = {}
     for name, plugin in scene.bodies.items():

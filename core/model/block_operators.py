@@ -95,6 +95,7 @@ class _BlockOperators:
     def other(self) -> Iterable[Term]:
         """Terms that belong to no single block and are no conduction between two bodies."""
         layout, r = self.layout, self.records
+        # blocks with operators of their own, which take their vectors and tables
         fields = {b.name for b in layout if self.field(b.name)}
         for m in r.matrices:
             if not self._has_slot(m) and not self._couples_heat(m):
@@ -143,7 +144,7 @@ class _BlockOperators:
         (block,), allowed = rows, set(rows)
         if self.field(block) is Quantity.DISPLACEMENT:
             allowed.add(self.layout.name_of(self.layout.block(block).owner, Quantity.TEMPERATURE))
-            if local.together:
+            if local.together:  # it needs all unknowns of the model to be solved for at once
                 return None
         return block if allowed.issuperset(local.blocks) else None
 
@@ -186,8 +187,9 @@ class _BlockOperators:
 
     def mechanics(self, body: BodyRecord) -> MovingBody | None:
         """Mechanical equations of one body: constant matrices, and a kernel for its floating frame
-        of reference; None if the body neither moves nor deforms. Raises InputError for a force or
-        joint that cannot act on a body with prescribed motion."""
+        of reference, which `body.kernel` makes of all contributions to it; None if the body neither
+        moves nor deforms. Raises InputError for a force or joint that cannot act on a body with
+        prescribed motion (`body.guide`)."""
         frames = [f for f in self.records.frames if f.body == body.name and acts(self.layout, f)]
         if not frames:
             return None

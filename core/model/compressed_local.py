@@ -41,6 +41,7 @@ class CompressedLocal(DelegatingTerm):
         k1, k2 = self._spread(c1), self._spread(c2)
         if k1 is not None and k2 is not None:
             return self._seen(self.term.jacobian(*full, k1, k2))
+        # derivatives K, K + C and K + M, with K, C, M those by x, v and a
         zero, one = np.zeros(len(self.offset)), np.ones(len(self.offset))
         fixed, of_v, of_a = (self._seen(self.term.jacobian(*full, i, j))
                              for i, j in ((zero, zero), (one, zero), (zero, one)))

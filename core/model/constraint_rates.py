@@ -76,7 +76,7 @@ class Constraints:
         """Time derivative g' (l,) of the constraints, and the magnitude (l,) to compare it with:
         sum |G_j v_j| + |dg/dt|, plus the change of dg/dt in one step and the round-off of G x over
         one step."""
-        v = self._second(v)
+        v = self._second(v)  # g depends on second-order unknowns only
         found, size = self._zero(), self._zero()
         for term in self.terms:
             J, j = self._jacobian(term, x, t), term.columns

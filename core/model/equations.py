@@ -70,7 +70,9 @@ def rate_factors(
 
 
 class AssembledEquations(Protocol):
-    """m equations in n unknowns without loops over elements. linear: True for constant matrices."""
+    """m equations r = 0 in n unknowns x without loops over elements; rates v, second derivatives a
+    (n,); Jacobian dr/dx (m, n) with dv = c1 dx, da = c2 dx, factors (n,). linear: True for constant
+    matrices."""
 
     linear: ClassVar[bool]
 

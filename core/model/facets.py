@@ -29,7 +29,8 @@ def linear_facets(nodes: IntArray, d: int) -> tuple[IntArray, IntArray]:
     for _, cells in by_kind(nodes, d):
         kind = KINDS[d, corners_of(d, cells.shape[1])]
         p, facet_count = len(kind.places), len(kind.facets)
-        # local number of the node of an edge or quadrilateral, by its corners
+        # kind.facets: corners of each facet; kind.further: corners between which each further node
+        # lies. Local number of the node of an edge or quadrilateral, by its corners:
         number_of = {frozenset(c): p + i for i, c in enumerate(kind.further)}
         for k, f in enumerate(kind.facets):
             second = cells.shape[1] > p

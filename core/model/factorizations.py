@@ -13,7 +13,8 @@ from sparsemor.core.status import SolveFailed
 @dataclass(slots=True)
 class Factored:
     """Report on the factorizations for one block of unknowns and one purpose ("steps", "start").
-    count: number of factorizations; seconds: their total time; memory: bytes of the largest one."""
+    solver: plugin that made them, note: its reason; count: number of factorizations; seconds: their
+    total time; memory: bytes of the largest one."""
 
     block: str
     purpose: str

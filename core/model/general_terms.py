@@ -69,7 +69,7 @@ def touched(layout: Layout, records: Records) -> Touched:
             found.setdefault(origin.part, {}).setdefault(block, []).append(rows)
 
     for f in records.frames:
-        at = frame_rows(layout, f)[1]
+        at = frame_rows(layout, f)[1]  # of rigid, elastic and multiplier unknowns the elastic ones
         if len(at):
             block = layout.name_of(f.body, Quantity.DISPLACEMENT)
             add(f.origin, block, at - layout[block].start)

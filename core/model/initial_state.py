@@ -264,7 +264,7 @@ def open_joints(model: AssembledModel, t: float = 0.0) -> dict[str, float]:
     rows, found = model.layout.algebraic, {}
     if rows.start == rows.stop:
         return {}
-    values, sizes = _constraints(model).values(model.x0, t)
+    values, sizes = _constraints(model).values(model.x0, t)  # sizes: magnitudes of their terms
     limit = OPEN * float(sizes.max(initial=0.0))
     for b in model.layout:
         if b.kind.order == 0:

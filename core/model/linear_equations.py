@@ -83,8 +83,8 @@ class LinearEquations(ReducedTerm):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TabledRows(ReducedTerm):
-    """Projected time-tabulated load: residual r = -table(t), values (T, l), for k reduced
-    unknowns."""
+    """Projected time-tabulated load: residual r = -table(t) of l equations in k reduced unknowns,
+    none of which enters; table: values (T, l) at T times."""
 
     table: Table
     k: int
@@ -115,7 +115,7 @@ class TabledEquations:
         return np.zeros((self.load.columns.shape[0], 0))
 
     def time_derivative(self, order: int, t: float, h: float) -> LinearEquations:
-        f = derivative_from_right(self.load.at, order, t, h)
+        f = derivative_from_right(self.load.at, order, t, h)  # of the load; `of_time` has r = -f
         return LinearEquations.of_time(f, np.zeros((len(f), 0)), ())
 
     def restricted(self, keep: IntArray) -> TabledEquations:

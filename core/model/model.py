@@ -219,7 +219,7 @@ def _loads(
     groups: list[tuple[FloatArray, Columns]]
 ) -> tuple[FloatArray, tuple[str, ...], IntArray]:
     """Nonzero load columns (n, j) of all groups side by side, their distinct names, and the numbers
-    of the columns that are joint forces."""
+    of the columns that are joint forces. Columns without a name are no loads and are left out."""
     matrices, kept = [], list[LoadColumn]()
     for matrix, columns in groups:
         nonzero = [i for i, c in enumerate(columns) if c.name and matrix[:, i].any()]

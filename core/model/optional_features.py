@@ -19,8 +19,8 @@ T = TypeVar("T")
 class Feature:
     """An optional feature of a simulation and one method that it requires of plugins.
 
-    option: input key that switches the feature on. kind: plugins that need the method. need: the
-    required capability in words, as an infinitive. method: its name and arguments.
+    name: of the feature. option: input key that switches it on. kind: plugins that need the method.
+    need: the required capability in words, as an infinitive. method: its name and arguments.
     """
 
     name: str

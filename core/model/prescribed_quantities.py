@@ -80,6 +80,7 @@ class Followed(PrescribedQuantities):
         return self.stage.frames[name] if name in self.stage.moves else None
 
     def reactions(self, name: str, joint: Joint) -> Table | None:
+        # multipliers where the joint does not pass on others; (T, columns)
         forces = self.stage.reactions_passed_on.get(name, self.stage.reactions.get(name))
         return None if forces is None else Table(self.stage.times, forces)
 

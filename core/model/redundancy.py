@@ -80,11 +80,11 @@ UNDETERMINED = "undetermined_forces"
 
 
 def redundant_joints(model: Model, h: float) -> Mapping[str, tuple[FloatArray, Note | None]]:
-    """Joint -> compliance of each of its constraints (l,), and a note, for the joints whose
-    constraints depend on each other at the start. h: time step, s."""
+    """Joint -> compliance of each of its constraints (l,), and a note with the first joint of each
+    group, for the joints whose constraints depend on each other at the start. h: time step, s."""
     found = dict[str, tuple[FloatArray, Note | None]]()
     K = _constraint_rows(model)
-    groups = {} if K is None else dependent_joints(
+    groups = {} if K is None else dependent_joints(  # without the columns of multipliers
         model.layout, K[:, : model.layout.algebraic.start])
     if not groups:
         return found

@@ -81,8 +81,8 @@ class BlockData:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Dictionary:
-    """Trial basis of one block, x = offset + atoms @ c. atoms (n, k) have unit columns; provenance:
-    the origin of each column in words.
+    """Trial basis of one block, x = offset + atoms @ c, offset (n,), coefficients c (k,). atoms
+    (n, k) have unit columns; provenance: the origin of each column in words.
 
     info: numbers and strings that the basis reports.
     """

@@ -65,7 +65,8 @@ class MatrixRecord:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class VectorRecord:
-    """Load w f(t) on the right-hand side of one block; amplitude None: constant in time."""
+    """Load w f(t) on the right-hand side of the block `rows`, w (n,); amplitude: f, None: constant
+    in time. kind: "load", or "prescribed" for the effect of prescribed temperatures."""
 
     origin: Origin
     rows: str
@@ -95,7 +96,8 @@ class TableRecord:
 class FrameRecord:
     """One contribution to a body's floating frame: inertia, a force, or an attachment of a joint.
 
-    directions (n, p): vectors by which it acts on the body's elastic displacements. multipliers:
+    body: name of the body. item: equations of the contribution. directions (n, p): vectors by which
+    it acts on the body's elastic displacements u, of which it reads directions^T u. multipliers:
     name of a joint's multipliers (l,); C (l, forces): forces = C^T multipliers, and C times the
     attachment positions enter the constraint rows. reads: rigid coordinates of another body that it
     depends on. generators: g matrices (n, n) of an inertia, the first is the mass.

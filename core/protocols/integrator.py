@@ -52,8 +52,8 @@ class UpdateRule:
 
 @dataclass(frozen=True, eq=False)
 class UpdateRules:
-    """Update rules of an integrator for steps of one size. Algebraic unknowns have no rates, and
-    zeros in their memory."""
+    """Update rules of an integrator for steps of one size: of unknowns of second and of first order
+    in time. Algebraic unknowns have no rates, and zeros in their memory."""
 
     second: UpdateRule
     first: UpdateRule
@@ -182,6 +182,7 @@ def differences(integrator: "Integrator") -> int:
     (x - x0)/h, 2 for (3 x - 4 x0 + x_)/(2 h), 0 for another formula."""
     rule, z, past = integrator.rules(1.0).first, None, [0.0, 0.0, 0.0]
     fits = {1, 2}
+    # arbitrary values x at steps of size 1; q: the rate that the rule has for them
     for n, x in enumerate((0.0, 0.3, -1.1, 0.7, 2.0, -0.4)):
         past = [x, *past[:2]]
         z = np.zeros(len(rule.new)) if z is None else z
@@ -197,6 +198,7 @@ def step_formula(
     rules: UpdateRules, layout: Layout, state: State, h: float, end: float | None = None
 ) -> StepFormula:
     """Formula of the step of size h (s) from a state. end: its end time, s, if not h later."""
+    # [z, q] of `UpdateRule` with the highest rate q = 0; rows 0 and 1 of a rule are x and v
     parts: list[FloatArray | None] = [state.x, state.v, state.a, *state.memory.T, None]
     free, rate = np.zeros(len(state.x)), np.zeros(len(state.x))
     for at, rule in ((layout.second, rules.second), (layout.first, rules.first)):
@@ -216,6 +218,7 @@ def new_state(
     unit quaternions are made consistent with their length. linear: True for small changes of
     states, whose quaternions have no length of 1."""
     memory = np.zeros((len(x), state.memory.shape[1]))
+    # z of `UpdateRule`; row 2 of a rule is a, from row 3 on come the columns of the memory
     old = state.x, state.v, state.a, *state.memory.T
     if layout.first.stop > layout.first.start:
         a = a.copy()
@@ -278,6 +281,7 @@ def with_history(
     second[layout.second], first[layout.first] = slope[layout.second], slope[layout.first]
 
     def at(t: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """x, v, a at the time t, s, from now, with x''' = slope (x'' of first-order unknowns)."""
         a = state.a + t * second
         v = state.v + t * (a - 0.5 * t * second) + t * first
         x = state.x + t * (v - 0.5 * t * first) - t * t * (0.5 * a - t * second / 6.0)

@@ -83,7 +83,7 @@ def ordered(kinds: Iterable[FieldKind]) -> tuple[FieldKind, ...]:
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """Block of unknowns: one field of one owner (a body or a joint)."""
+    """Block of `size` unknowns: one field of one owner (a body or a joint)."""
 
     owner: str
     kind: FieldKind
@@ -142,6 +142,7 @@ class Layout:
             self._slices[name].stop - QUATERNION for name, b in self._named.items()
             if b.kind.quantity is Quantity.POSE and b.size == FREE_POSE)
         """First unknown of each unit quaternion, the last four coordinates of a free frame."""
+        # they come first: `ordered` has irreducible kinds before others of the same order
         self.frames = slice(0, sum(
             b.size for b in self.blocks if b.kind.order == 2 and not b.kind.reducible))
 

@@ -29,7 +29,7 @@ def without_booleans(schema: CoreSchema) -> CoreSchema:
     """The same pydantic schema, in which no number accepts true or false as 1 or 0, at any depth
     except in references to other models, which have their own schema."""
     root: list[Any] = [schema]
-    waiting: list[tuple[Any, Any]] = [(root, 0)]
+    waiting: list[tuple[Any, Any]] = [(root, 0)]  # container and key of parts to be copied
     choices: list[tuple[Any, Any]] = []  # of a union with their labels: tuples
     while waiting:
         holder, key = waiting.pop()

@@ -112,7 +112,7 @@ def steered(d: FloatArray, free: FloatArray) -> None:
     the unit quaternion in this direction if it is far from it: from a guess near the opposite one
     the iteration would end there, and the body turn backwards."""
     size = sqrt(free[0] ** 2 + free[1] ** 2 + free[2] ** 2 + free[3] ** 2)
-    scale = 1.0 / size - 1.0 if size > 0.0 else 0.0
+    scale = 1.0 / size - 1.0 if size > 0.0 else 0.0  # free / |free| - free = scale free
     square = 0.0
     for i in range(4):
         square += (d[i] - scale * free[i]) ** 2

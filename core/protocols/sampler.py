@@ -28,7 +28,8 @@ class Sampler(Plugin):
         self, block: BlockData, m: int, dictionary: Dictionary, rng: np.random.Generator,
         required: IntArray,
     ) -> IntArray:
-        """Row numbers, sorted and distinct: all rows `required`, and m more."""
+        """Row numbers of `block`, sorted and distinct: all rows `required`, and m more. dictionary:
+        trial basis of the block."""
 
 
 class Preconditioner(Plugin):

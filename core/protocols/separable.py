@@ -201,7 +201,8 @@ class MovingBody:
     to_border (b, N): map from all N rigid coordinates and multipliers of the model to the b inputs
     of the body's frame, its rigid coordinates and attachment forces. origin (b,): added to them;
     the pose of a fixed frame, else zero. guide: prescribed motion of the frame, which is added too.
-    elastic, thermal: names of its blocks of unknowns, "" if it has none.
+    elastic, thermal: names of its blocks of unknowns, "" if it has none. operators: those of its
+    displacements, None for a rigid body.
     """
 
     name: str
@@ -219,9 +220,10 @@ class HeatBody:
     """Heat equation of one temperature block: capacity T' + conductivity T - constant - loads @
     amplitudes(t) - tables + local terms = 0.
 
-    columns (j,): description of each column of `loads` (n, j). integrals: capacity and conductivity
-    by elements, if the body offers them. tables: heat loads that move over the body. local: terms
-    evaluated element by element.
+    name: of the body, thermal: of the block; capacity, conductivity (n, n), constant (n,): W with
+    T in K. columns (j,): description of each column of `loads` (n, j). integrals: capacity and
+    conductivity by elements, if the body offers them. tables: heat loads that move over the body.
+    local: terms evaluated element by element.
     """
 
     name: str

@@ -30,8 +30,8 @@ class Group:
 
 
 class SparseProblem(Protocol):
-    """Sparse least-squares problem: coefficients c with few nonzero entries per group that minimise
-    the 2-norm of residual(c).
+    """Sparse least-squares problem: coefficients c (k,) with few nonzero entries per group that
+    minimise the 2-norm of residual(c) (m,), whose Jacobian is (m, k).
 
     Rows are scaled so that they are comparable. needs: names from `PROBLEM_FEATURES`. jacobian: the
     same array object for two c only if the Jacobian is the same, because solvers then keep its
@@ -174,7 +174,9 @@ class _LinearProblem:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _SolvedRecovery:
-    """Recovery by the nonlinear solve of a sparse solver, for constant columns J (m, k)."""
+    """Recovery by the nonlinear solve of a sparse solver, for constant columns J (m, k). budget:
+    largest number of active columns. With the residual r (m,) at the coefficients c (k,), that at
+    others c' is J c' - (J c - r)."""
 
     solver: SparseSolver
     J: FloatArray

@@ -118,7 +118,7 @@ class Stepping:
     def over(self, amplitude: T) -> T | Amplitude:
         """Amplitude of a load over these steps: of the values of a function of time, and of those
         inside of an object such as a law or an item of a frame; anything else as it is."""
-        if isinstance(amplitude, MethodType):
+        if isinstance(amplitude, MethodType):  # amplitudes are the methods `value` of functions
             f, name = amplitude.__self__, amplitude.__name__
             return StepAmplitude(f, self.h, self.theta) if (
                 name == "value" and isinstance(f, TimeFunction)) else amplitude
@@ -139,9 +139,9 @@ class Stepping:
 
 @dataclass(frozen=True, slots=True)
 class StepAmplitude:
-    """Amplitude of a load in the step that ends at a time: g of the function above where that
-    declares jumps, and its value at the end otherwise. h: step, s; theta: delay of the
-    integrator."""
+    """Amplitude of a load in the step n that ends at a time: g_n = (1 + theta) m_n - theta m_(n-1),
+    with the means m of the function over steps, where that declares jumps, and its value at the end
+    otherwise. h: step, s; theta: delay of the integrator."""
 
     function: TimeFunction
     h: float
@@ -149,7 +149,11 @@ class StepAmplitude:
 
     def __call__(self, t: float) -> float:
         """Mean of the function over the step, where it jumps in it; with the delay theta corrected
-        by the mean of the step before: (1 + theta) mean - theta past."""
+        by the mean of the step before: (1 + theta) mean - theta past. The step is the one that is
+        being solved (`substep`), else of size h; its `after`: time, s, after its end at which the
+        loads are wanted, from the right; `begins`: the mean before it is that of a straight line
+        with the slope after its start.
+        """
         f, near, own = self.function, same_time(t), _SUBSTEP.get()
         if own is not None and own.after is not None:
             return after(f, t + own.after)
@@ -189,8 +193,9 @@ class StepFunction(TimeFunction):
         return self.function.value(t)
 
     def rate(self, t: float) -> float:
-        """(f - f_0)/h or (3 f - 4 f_0 + f_1)/(2 h), with f_1 = f_0 - h f_0' where the formula
-        begins; f' at the start of a run and of another formula."""
+        """(f - f_0)/h or (3 f - 4 f_0 + f_1)/(2 h), f_0 and f_1 one and two steps before, with f_1
+        = f_0 - h f_0' where the formula begins; f' at the start of a run and of another formula.
+        The step is the one that is being solved (`substep`), else of size h."""
         f, own = self.function, _SUBSTEP.get()
         h, begins = (self.h, False) if own is None else (own.h, own.begins)
         if own is not None and own.after is not None:

@@ -177,8 +177,8 @@ class StepSolver(ABC, Generic[M]):
 class MachineRequest(Generic[M]):
     """What steps in machine code are made for: an integrator and its steps of size h, s; the state
     and memory at the start; inputs, functions of time that are set from outside; times (T,), s, at
-    which the others are tabulated; outputs of the state, (o, 8), (o, 10) and (w,) (`outputs` in
-    reducers/step/compiled/without_python.py)."""
+    which the others are tabulated; about (o, 8), numbers (o, 10), weights (w,): o outputs of the
+    state (`outputs` in reducers/step/compiled/without_python.py)."""
 
     integrator: Integrator
     h: float

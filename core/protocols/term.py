@@ -177,6 +177,7 @@ class ReducedTerm(ResidualTerm):
         return False
 
     def near(self, x: FloatArray) -> "LocalCopy":
+        """That copy for reduced states near x (k,)."""
         raise NotImplementedError
 
 
@@ -245,8 +246,8 @@ class PointArrays:
     weights (E, Q); coordinates (d, E Q), m; P (p, k), offset (p,): variables one after the other;
     effects (p, f): columns times functions of time `values`, with derivatives `rates` and second
     differences `bends` (`StepFormula`), that add to o. reads (c, 3): of each variable of the law
-    its first row in P, its number of values per element, Q, or 1 if constant there, and 1 for its
-    rate or 2 for its second difference. tests: L (l, E Q) for each y, with the
+    its first row in P, its number of values per element, Q, or 1 if constant there, and 0 for its
+    value, 1 for its rate or 2 for its second difference. tests: L (l, E Q) for each y, with the
     weights, or (l, E) without.
     """
 

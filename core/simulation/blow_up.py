@@ -36,8 +36,11 @@ SPINNING = 0.5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Large:
-    """Displacements of a block that are too large: their size and the body's diagonal, m; or its
-    temperatures, K, where hot."""
+    """Displacements of a block, or where `hot` its temperatures, that are too large.
+
+    size: largest displacement component, m, or temperature, K; diagonal: of the body's bounding
+    box, m (of no use where hot).
+    """
 
     block: str
     size: float
@@ -54,9 +57,13 @@ class Large:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Extent:
-    """One block of displacements or temperatures of `Extents`: its place in the unknowns, the
-    body's diagonal and smallest extent, and all rows of the atoms or a few of them; row: largest
-    norm of any row."""
+    """One block of displacements, or where `hot` of temperatures, whose size is watched in a run.
+
+    at: its unknowns c in the state vector; diagonal, extent: diagonal and smallest side of the
+    body's bounding box, m, where hot the largest permitted temperature, K, over `BEYOND`, and that
+    temperature itself. atoms (n, k), offset (n,): x = offset + atoms c, all rows or a few of them;
+    None for a block that is not reduced. row: largest norm of a row of the atoms.
+    """
 
     name: str
     at: slice
@@ -68,8 +75,9 @@ class Extent:
     hot: bool = False
 
     def size(self, x: FloatArray) -> float:
-        """Largest displacement component, m, or temperature, K; or an upper bound of one that is
-        small enough."""
+        """Largest displacement component, m, or temperature, K, at unknowns x (n,) of the solver;
+        or, where at most 0.1 extent, the cheaper bound row |c| of what the atoms add to the
+        offset."""
         c = x[self.at]
         if self.atoms is None or self.offset is None:
             return float(np.abs(c).max(initial=0.0))
@@ -107,6 +115,7 @@ class Extents:
                 found.append(_temperatures(model, layout, b.name, dictionaries.get(b.name)))
             if b.kind.quantity is not Quantity.DISPLACEMENT or b.name not in model.geometry:
                 continue
+            # points (n, d): node of each full-order unknown; a solver without mesh has other atoms
             points, d = model.geometry[b.name][0], dictionaries.get(b.name)
             diagonal = float(np.linalg.norm(np.ptp(points, axis=0))) if len(points) else 0.0
             if diagonal == 0.0 or (d is not None and len(d.atoms) != len(points)):
@@ -149,7 +158,7 @@ def _temperatures(model: Model, layout: Layout, name: str, d: Dictionary | None)
 
 class Growth:
     """Displacements of the last steps of a run, for sudden growth beyond a body's smallest
-    extent."""
+    extent. last: `Extents.sizes` after up to `WITHIN` steps, the earliest first."""
 
     def __init__(self, extents: Extents) -> None:
         self.blocks = extents.blocks
@@ -157,7 +166,7 @@ class Growth:
 
     def sudden(self, sizes: Sequence[float]) -> Large | None:
         """The first block whose displacements exceed the body's smallest extent and `SUDDEN` times
-        the largest of `WITHIN` steps before. sizes: those of `Extents.sizes`."""
+        their size `WITHIN` steps before. sizes: those of `Extents.sizes` after this step."""
         before = self.last[0] if len(self.last) == WITHIN else None
         self.last = [*self.last[1 - WITHIN :], sizes]
         if before is None:
@@ -190,7 +199,8 @@ def diverged(
 ) -> SolveFailed:
     """The failure of a run whose displacements or temperatures are too large at the state `now`
     (full-order or reduced), with advice by what is found: a trial with half the step from the
-    full-order state `start`, and the spin against the lowest natural frequency."""
+    full-order state `start`, and the spin against the lowest natural frequency. large: what is too
+    large; phase: name of the run in messages."""
     h = scene.time.step
     if _smaller(scene, model, offline, start, 0.5 * h, round(2.0 * now.t / h)):
         advice = _too_long(h)
@@ -209,8 +219,9 @@ def _smaller(
     scene: Scene, model: Model, offline: OfflineProducts, start: State, h: float, count: int,
     most: float = inf
 ) -> bool:
-    """True if displacements stay within the bodies, and below `most`, m, in so many steps of h,
-    s."""
+    """True if displacements stay within the bodies, and below `most`, m, in `count` steps of h, s,
+    from the full-order state `start`. False, without a trial, for more than `TRIALS` steps or
+    steps of controlled error."""
     if count > TRIALS or scene.time.control is not None:
         return False
     try:
@@ -236,6 +247,7 @@ def _spinning(model: Model, now: State, block: str) -> str:
         pose = model.layout.of(m.name, Quantity.POSE)
         if pose is None:
             return ""
+        # rigid coordinates come first in full and reduced states; |w| = 2 |q'|, q: quaternion
         rate = now.v[: model.layout.frames.stop][model.layout[pose.name]]
         w = abs(float(rate[-1])) if pose.size != FREE_POSE else 2.0 * float(
             np.linalg.norm(rate[3:]))

@@ -129,6 +129,7 @@ class Cache:
         """Entries of the cache, and the number of folders that cannot be read."""
         found: list[CacheEntry] = []
         unreadable = 0
+        # unread: True for a folder that cannot be read; files None: of no entry of this program
         for kind, unread in _folders(self.root):
             if TEMPORARY.fullmatch(kind.name):
                 continue
@@ -152,7 +153,7 @@ class Cache:
 
     def reduce(self, most: int, kind: str | None = None) -> Removal:
         """Removes the entries, or those of one kind, that were not used for the longest time until
-        the others have at most this size, bytes."""
+        the others have at most `most` bytes; all of them if that is 0."""
         remove_left(self.root)
         entries = [e for e in self.entries() if kind in (None, e.kind)]
         size = sum(e.size for e in entries)
@@ -211,13 +212,15 @@ def _folders(folder: Path) -> Iterator[tuple[Path, bool]]:
 
 
 def _files(place: Path) -> list[str] | None:
-    """Files of an entry, the mark last, relative to its folder; None if it does not carry this
-    program's mark. Raises OSError if it cannot be read."""
+    """Files of an entry, relative to its folder, the one by which it is known as ours last (the
+    manifest, or the header of a reference run); None if it is not ours. Raises OSError if it cannot
+    be read."""
     if place.parent.name == MACHINE_CODE:
         names_of_code = sorted(f.name for f in place.iterdir() if _MACHINE_CODE.fullmatch(f.name))
         return names_of_code or None
     if (place / STORE).is_dir():
-        own_result = own_files(place, checked=False)  # a reference run: known by its metadata
+        # a reference run: known by its header, which `own_files` names before its arrays
+        own_result = own_files(place, checked=False)
         return list(reversed(own_result.files)) if own_result.results else None
     try:
         names = sorted({file for file, _ in _table(place).values()})
@@ -254,11 +257,12 @@ def _save(root: Path, entry: Path, arrays: Arrays) -> None:
         fresh.mkdir()
         files = {name: f"{i:03d}.npy" for i, name in enumerate(arrays)}
         for name, file in files.items():
-            written = _scratch_file(arrays[name])
+            written = _scratch_file(arrays[name])  # moved rather than copied
             if written is None:
                 np.save(fresh / file, arrays[name], allow_pickle=False)
             else:
                 shutil.move(written, fresh / file)
+        # name -> its file, and the file's CRC-32
         table = {name: [file, written_in(fresh / file)[1]] for name, file in files.items()}
         (fresh / _MANIFEST).write_text(
             json.dumps({"program": "sparsemor", "checksum": _checksum(table), "files": table}),

@@ -50,11 +50,12 @@ def start_notes(
 ) -> tuple[Note, ...]:
     """Warnings about rates at the start that break a joint. Raises InputError for values that do,
     as for poses of a scene that do not fit its joints."""
+    # (l, 2), in the order of the multipliers: value and rate of each constraint; their magnitudes
     found, sizes = solver.constraint_errors(start)
     key = f"initial.{next(iter(initial))}" if len(initial) == 1 else "initial"
     faults, most = [], float(sizes[:, 0].max(initial=0.0))
     for b in layout:
-        if b.kind.order > 0:
+        if b.kind.order > 0:  # not the multipliers of a joint, or of a quaternion's unit length
             continue
         first, at = layout.algebraic.start, layout[b.name]
         gap = float(np.abs(found[at.start - first : at.stop - first, 0]).max(initial=0.0))

@@ -52,7 +52,12 @@ class Stepper:
         self, model: Any, run: PreparedRun, inputs: Mapping[str, Input], outputs: Sequence[str],
     ) -> None:
         """run: prepared with the inputs in the place of functions of time; outputs: names, all if
-        empty. Raises InputError for outputs that the model does not have."""
+        empty. Raises InputError for outputs that the model does not have.
+
+        _values: input -> its present value; _many: solver of several steps in one call, or None;
+        _begin: state and step memory at the start; _controlled: controller -> what it remembers;
+        _step: one step, before which controllers set their values.
+        """
         from threadpoolctl import ThreadpoolController
 
         self._model, self._run, self._threads = model, run, ThreadpoolController()
@@ -100,8 +105,8 @@ class Stepper:
     def machine_steps(
         self, about: IntArray, numbers: FloatArray, weights: FloatArray
     ) -> MachineSteps:
-        """Its steps from the start as machine code with these outputs (`MachineRequest`). Raises
-        InputError where there is none."""
+        """Its steps from the start as machine code. about (o, 8), numbers (o, 10), weights (w,):
+        its outputs, as in `MachineRequest`. Raises InputError where there is none."""
         if self._controllers.found:
             raise InputError("controllers have no machine code: name them as inputs", "inputs")
         (state, memory), scene, run = self._begin, self._run.scene, self._run
@@ -156,8 +161,8 @@ class Stepper:
     @np.errstate(all="ignore")
     def step(self, count: int = 1) -> float:
         """Takes `count` steps and returns the time after them, s. Raises InputError unless `count`
-        is a whole number, 0 or more, and SolveFailed for a step that fails; the state is the one
-        before it."""
+        is a whole number, 0 or more, and SolveFailed for a step that fails, with the state before
+        it, or that a check (`_on_step`) refuses, with the state after it."""
         if not (isinstance(count, int | np.integer) and count >= 0):
             raise InputError(f"a whole number of steps, 0 or more (got {count!r})", "count")
         run, solver = self._run, self._run.solver
@@ -207,6 +212,7 @@ class Stepper:
             found = Saved.load(saved).into(self._kept(state, memory.copy()), "stepper")
         except SavedError as error:
             raise InputError(f"this is no state of this model ({error})", "state") from None
+        # in the order of `_kept`; past: history of the integrator
         t, x, v, a, past, self._memory, self._done, values, controlled = found
         self._state = State(t, x, v, a, past)
         self._controlled.update(controlled)

@@ -27,7 +27,8 @@ def controllers_of(scene: Scene) -> dict[str, Controller]:
 
 
 class Controllers:
-    """Controllers of a run of a step solver. held: present values of their functions."""
+    """Controllers of a run of a step solver. found: key in the scene -> controller; outputs: name
+    -> quantity that they may read; held: present values of their functions; h: time step, s."""
 
     def __init__(
         self, scene: Scene, outputs: Mapping[str, Output], without: Sequence[str] = ()
@@ -44,7 +45,8 @@ class Controllers:
         return {key: tuple(f.begin()) for key, f in self.found.items()}
 
     def around(self, step: Step, memory: Memory) -> Step:
-        """The step with values that are computed before it; it changes `memory`."""
+        """The step with values that are computed before it. memory: key -> what the controller
+        remembers, which each step changes."""
         def controlled(state: State, inner: Any) -> tuple[Any, State, Any]:
             for key, f in self.found.items():
                 sensed = read([self.outputs[n] for n in f.sensors], state)

@@ -36,7 +36,7 @@ def started_from_result(scene: Scene, model: Model) -> Model:
             continue
         at = model.layout[b.name]
         x[at] = result.block(b.name, np.array([step]))[0]
-        if b.kind.order == 2 and rates.moves:
+        if b.kind.order == 2 and rates.moves:  # rates of temperatures follow from the equations
             v[at] = rates.of(b.name)
     if faults:
         raise InputError(faults)
@@ -78,7 +78,7 @@ def initial_notes(
 class _Rates:
     """Rates of the blocks at a stored step of a result: those of the checkpoint at its last step;
     elsewhere differences to the stored step before, which are the rates of BDF1 if every step is
-    stored."""
+    stored. step: index among the stored steps; _saved: the checkpoint at this step, or None."""
 
     def __init__(self, result: RunResult, step: int) -> None:
         self.result, self.step = result, step

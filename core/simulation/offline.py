@@ -55,7 +55,10 @@ class Offline:
         manager: Manager | None = None, recording: Recording | None = None,
         reducer: Sequence[object] = (), parallel: Callable[[Sequence[str]], None] | None = None,
     ) -> None:
-        """_dictionaries: block -> its dictionary and largest coefficient, with the digest of basis
+        """training: makes the list of training runs; manager: of observers, to which events are
+        reported; others: as in the class.
+
+        _dictionaries: block -> its dictionary and largest coefficient, with the digest of basis
         and step for which it was made in `_requested`; _inherited: those of another model that are
         taken as they are; _read_only: what is not computed yet raises LookupError."""
         self._model, self._training, self._parallel = model, training, parallel
@@ -116,7 +119,7 @@ class Offline:
         """Snapshots (M, n) of all blocks: of training runs that are read from the cache, or made.
         Raises SolveFailed if one stops early."""
         if self._snapshots is None:
-            in_parallel = self._train_in_parallel()
+            in_parallel = self._train_in_parallel()  # number of runs that other processes made
             found = []
             for key, train in self._runs:
                 found.append(self.products.remember("training", self._place(key), train))
@@ -218,7 +221,7 @@ class Offline:
         absolute coefficient of its snapshots (0 without snapshots). step: step factors of the runs
         that use it."""
         self.trained = self.trained or basis.needs_snapshots
-        if name in self._inherited:
+        if name in self._inherited:  # from another model, taken as it is
             return self._inherited[name]
         requested = digest(basis, step)
         if self._requested.get(name) != requested:

@@ -34,7 +34,9 @@ class OfflineCost:
     """Computing times of offline products, s by product, each counted once. The cache entry of a
     product stores also the times of the products that it was computed from.
 
-    waited: wall time that this process spent computing or reading products, s.
+    waited: wall time that this process spent computing or reading products, s; _costs: product ->
+    times of itself and of those that it was computed from; _open: products that are being computed,
+    each for the one before it.
     """
 
     def __init__(self) -> None:
@@ -61,7 +63,8 @@ class OfflineCost:
 
     @contextmanager
     def product(self, name: str, place: Path | None) -> Iterator[OfflineProduct]:
-        """Context around computing or reading a product; the caller sets `hit`."""
+        """Context around computing or reading a product; the caller sets `hit`. place: directory
+        of its cache entry. A product may be computed for another one, the last of `_open`."""
         one = OfflineProduct(name, place)
         self._open.append(one)
         start = time.perf_counter()

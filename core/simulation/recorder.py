@@ -235,7 +235,7 @@ class Recorder:
             raise InputError(
                 f"{self._out} cannot be resumed: its checkpoint does not fit ({error}); start "
                 "again, with --force or into another directory", "resume") from None
-        stats.offline += offline
+        stats.offline += offline  # preparation of both processes
         return State(t, *(arrays[name] for name in own)), memory, stats
 
     def _carried(self, memory: StepMemory, stats: StepStatistics) -> dict[str, object]:
@@ -251,8 +251,8 @@ class Recorder:
         self, state: State, stats: StepStatistics, supports: Mapping[str, BoolArray],
         memory: StepMemory,
     ) -> bool:
-        """Buffers an accepted step if it is to be stored; True if it is time to commit and save a
-        checkpoint."""
+        """Buffers an accepted step if it is to be stored, each `_every`-th and the last; True if it
+        is time to commit and save a checkpoint."""
         if self.errors is not None:
             self.errors.take(state, stats.done)
         if stats.done % self._every and stats.done != self.steps:
@@ -277,8 +277,9 @@ class Recorder:
         self, state: State, stats: StepStatistics, supports: Mapping[str, BoolArray],
         memory: StepMemory,
     ) -> None:
-        """Adds a state with its counts, supports and resultants to the buffers of the next
-        chunk."""
+        """Adds a state with its counts, supports and resultants to the buffers of the next chunk.
+        _rates: first column -> columns of rigid coordinates whose rates force elements need;
+        _reports: step solver whose contact resultants are recorded, or None."""
         self._rows.append((
             state.t, state.x, stats.last_iterations, stats.last_remaining, stats.last_seconds,
             [state.v[at].copy() for at in self._rates.values()]))

@@ -119,8 +119,9 @@ def staged(scene: Scene, products: Products, manager: Manager, body_cache: BodyC
 
 
 class _Imported(Followed):
-    """Prescribed motion, with surface loads of contacts computed through the cache. histories:
-    contact -> recorded contact quantities by name."""
+    """Prescribed motion, with surface loads of contacts computed through the cache. key: digest of
+    the pre-simulation, bodies and contacts; histories: contact -> recorded contact quantities by
+    name."""
 
     def __init__(self, stage: Stage, products: Products, key: str, scene: Scene) -> None:
         super().__init__(stage)
@@ -131,7 +132,8 @@ class _Imported(Followed):
         self, name: str, contact: Contact, motion: Mapping[str, FrameHistory]
     ) -> Mapping[str, SurfaceLoads]:
         """Contact loads on the surfaces of each body along the motion of the rigid stage, kept in
-        the cache."""
+        the cache as arrays `nodes.BODY`, `force.BODY` and `heat.BODY` (`SurfaceLoads`); with them
+        `history.QUANTITY`, its values at all times."""
         def make() -> Arrays:
             pressed = loads_along(contact, motion)
             made: dict[str, FloatArray | IntArray] = {

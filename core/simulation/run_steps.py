@@ -107,7 +107,12 @@ class RunSteps:
         earlier: int = 0,
     ) -> None:
         """stats: of the steps taken so far; collector: of training snapshots, if the run makes
-        some. Of a resumed run, state, memory and statistics are those of its checkpoint."""
+        some. Of a resumed run, state, memory and statistics are those of its checkpoint.
+
+        due: True when it is time for a checkpoint; seen_changes, seen_draws: numbers of changes of
+        the active atoms, and of samplings, that observers were told of; growth: watches for sudden
+        displacements, None after its one trial run.
+        """
         scene = run.scene
         self.run, self.scene, self.solver = run, scene, run.solver
         self.recorder, self.manager, self.stats, self.steps = recorder, manager, stats, run.steps
@@ -150,6 +155,7 @@ class RunSteps:
                 if recorder.checkpoint is None:  # from here on a killed run can be resumed
                     recorder.start(self.state, self.solver.supports(self.memory), self.memory)
                     recorder.save(self.state, self.memory, self.stats)
+                # as if the steps of an earlier process had been taken in this one
                 self._begun = time.perf_counter() - self.stats.online
                 if self.collector is not None:
                     self.collector.take(self.stats.done, self.state)

@@ -29,7 +29,8 @@ def outputs_of(
     probes: Iterable[ProbeReader], forces: Iterable[ForceReader],
 ) -> Mapping[str, Output]:
     """Name -> quantity of all that a run records and of its rigid coordinates: `tip.u_y` of probe
-    tip, `crank.rigid.angle` and `crank.rigid.angle_rate` of a body, `hinge.force_x` of a joint."""
+    tip, `crank.rigid.angle` and `crank.rigid.angle_rate` of a body, `hinge.force_x` of a joint.
+    multipliers: block of multipliers -> name and unit of each."""
     found = dict[str, Output]()
     for p in probes:
         head = p.header()
@@ -63,6 +64,7 @@ def read(outputs: Sequence[Output], s: State) -> FloatArray:
             values.append(float((s.v if output.rate else s.x)[output.at]))
             continue
         if id(output.reader) not in by_reader:
+            # readers take rows of states, a force element also the rates of its columns of x
             t, x = np.array([s.t]), s.x[None]
             by_reader[id(output.reader)] = np.atleast_1d(np.squeeze(
                 output.reader(t, x) if isinstance(output.reader, ProbeReader) else output.reader(

@@ -62,8 +62,8 @@ def prepared_again(
     kept: tuple[PreparedRun, Offline], atoms: int | None = None, estimated: bool = False,
 ) -> PreparedRun:
     """A run of the scene of a prepared run with other values of its parameters: its trial bases (or
-    their first `atoms` atoms) and findings are used again. estimated: as for `reduced`. Raises
-    as `prepared_run`."""
+    their first `atoms` atoms) and findings are used again. kept: that run, and its offline data;
+    estimated: as for `reduced`. Raises as `prepared_run`."""
     products = Products(cache)
     model = checked_model(scene, body_cache) if scene.rigid_stage is None else _after_stage(
         scene, products, manager, body_cache)
@@ -77,8 +77,8 @@ def prepared_again(
 def explicit(
     scene: Scene, cache: Cache, manager: Manager, body_cache: BodyCache | None = None
 ) -> Scene:
-    """The scene with all that is chosen for it. Raises InputError and SolveFailed as trial runs
-    do."""
+    """The scene with all that is chosen for it, by each function of the kind `CHOICE` in turn.
+    Raises InputError and SolveFailed as trial runs do."""
     registry = scene.source.registry
     for plugin in registry.names(CHOICE):
         choose = registry.load(CHOICE, registry.spelling(plugin))
@@ -182,6 +182,7 @@ def _determined(
 ) -> tuple[Model, tuple[Note, ...]]:
     """The model with joint forces of least norm where its trial spaces determine none, and notes on
     joints that have none of least norm."""
+    # joint -> the joint with compliant constraints, None if it has no such form, and a note
     found = {} if scene.reducer.keeps_joint_rows else undetermined_forces(
         model, scene.time.step, {
             n: offline.dictionary(n, basis, _factors(scene))[0]

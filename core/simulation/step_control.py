@@ -97,11 +97,17 @@ class ControlMemory(StepMemory):
     restart: True where the history that the state has is of no use, as after a jump; slope (n,): of
     the highest rates, from which another one is made; parts: size
     (s) -> solver for substeps of parts of an output step.
+
+    For the summary: substeps, solved: numbers of accepted substeps, and of all that were solved;
+    rejected: number of rejected solutions; smallest, largest: sizes of accepted substeps, s; error:
+    largest estimate over its share of the tolerance.
     """
 
     def __init__(
         self, base: StepMemory, origin: FloatArray, solver: StepSolver, initial: State
     ) -> None:
+        """base: memory of `solver`, that of whole output steps; origin (n,): its initial unknowns;
+        initial: full-order initial state."""
         self.levels: dict[int, StepMemory] = {0: base}
         self.solvers, self.initial = {0: solver}, initial
         self.level, self.fine, self.live = 0, 0, frozenset({0})
@@ -252,7 +258,7 @@ class ControlledSteps(AroundSteps[StepSolver]):
         """Parts of the output step that begins at t, s, between the jumps of the loads."""
         end = next_time(t, self.h)
         close = same_time(end)
-        found: dict[float, bool] = {}
+        found: dict[float, bool] = {}  # time, s -> True for a jump of the value, False for a kink
         for f in self.functions:
             for s in f.jumps(t + 2.0 * close, end + close) or ():
                 # jumps of several loads at one time are one cut, also at the end of the step
@@ -278,7 +284,7 @@ class ControlledSteps(AroundSteps[StepSolver]):
         coarse = self._march(part, level, state, memory)
         while True:
             fine = self._march(part, level + 1, state, memory)
-            error, block = self._error(coarse, fine, state, memory)
+            error, block = self._error(coarse, fine, state, memory)  # over its share
             if error <= 1.0:
                 return self._accepted(part, fine, memory, level, error)
             memory.rejected += 1
@@ -289,7 +295,8 @@ class ControlledSteps(AroundSteps[StepSolver]):
     def _accepted(
         self, part: _Part, fine: "_Try", memory: ControlMemory, level: int, error: float
     ) -> tuple[StepOutcome, State]:
-        """Takes the finer solution, and chooses the level of the next step."""
+        """Takes the finer solution, of level + 1, and chooses the level of the next step. error:
+        its estimate over its share of the tolerance, at most 1."""
         memory.substeps += 2 ** (level + 1)
         size = fine.h
         memory.smallest, memory.largest = min(memory.smallest, size), max(memory.largest, size)
@@ -348,7 +355,8 @@ class ControlledSteps(AroundSteps[StepSolver]):
 
     def _march(self, part: _Part, level: int, state: State, memory: ControlMemory) -> "_Try":
         """Solution of a part with 2^level substeps from `state`; updates `memory.levels[level]` for
-        whole output steps."""
+        whole output steps. In `memory`, fine: level with the integrator history of `state`; live:
+        levels whose solver ended at `state`, to which others are moved."""
         h, layout = part.size / 2**level, self.layout
         restart = memory.restart or not part.whole or level != memory.fine
         if part.whole:

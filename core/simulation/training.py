@@ -57,8 +57,10 @@ class SnapshotCollector:
         self, scene: Scene, steps: int, layout: Layout, blocks: tuple[str, ...],
         folder: Callable[[], Path], whole: int = 0,
     ) -> None:
-        """blocks: those of which snapshots are kept; folder: makes the folder for snapshots that do
-        not fit in memory. share: of the steps of the run that belong to the training run."""
+        """steps: number of those of the training run, the first of `whole` (0: all); blocks: those
+        of which snapshots are kept; folder: makes the folder for snapshots that do not fit in
+        memory. share: of the steps of the run that belong to the training run; _first: x + h^2 a of
+        the initial state, None for integrators of order 1; _due: steps with a whole state."""
         self.steps, self.share = steps, steps / (whole or steps)
         self.every, self._h, self._layout = scene.training.every, scene.time.step, layout
         extra = int(scene.integrator.order > 1)
@@ -101,6 +103,7 @@ def offline_of(
     """Offline data of a scene. The cache key of a training run contains its physics, its identity
     (code, plugins, files) and every mesh. body_cache: bodies of the model, for the training runs.
     """
+    # box: points of the box of parameters, one for each of several training runs; None for one run
     mesh, box = mesh_content(model), scene.training.parameters
 
     def run(own: Mapping[str, Any]) -> TrainingRun:

@@ -96,8 +96,8 @@ def fitting(scene: Scene, model: Model, offline: Offline) -> Estimate:
 
 
 def estimate(scene: Scene, model: Model, offline: Offline, exact: bool) -> Estimate:
-    """Estimated memory of a run in each of its phases, bytes. exact: the model is assembled, so
-    that sizes of its matrices are known."""
+    """Estimated memory of a run in each of its phases, bytes. exact: entries of the matrix factors
+    are counted, which takes longer than the bound that is used otherwise."""
     blocks = block_sizes(model)
     trained, own = trains(scene, blocks, model), scene.reducer.full_order
     snapshots = snapshot_count(scene) if trained else 0
@@ -206,7 +206,8 @@ def bases(scene: Scene, snapshots: int, blocks: Mapping[str, int]) -> list[Memor
     for name, basis in chosen_bases(scene, blocks).items():
         n, k = blocks[name], most_atoms(basis, blocks[name])
         whole = 8 * n * snapshots
-        # a reducer that wants forces has them as a whole, however large
+        # more than HELD bytes stay on disk and are read in chunks, but for a reducer that wants
+        # forces and has them as a whole, however large
         held = copies * whole if whole <= HELD or copies > COPIES else HELD / 2
         one = [MemoryItem(f"snapshots of {name}", held, "a larger training.every"),
                MemoryItem(f"{k} atoms of {name}", 8 * 6 * n * k, "fewer atoms (count)")]
@@ -351,7 +352,7 @@ def room_for_snapshots(scene: Scene, model: Model, offline: Offline) -> None:
         return
     M = snapshot_count(scene)
     sizes = [8 * n * M for n in blocks.values()]
-    wanted = sum(size for size in sizes if size > HELD)
+    wanted = sum(size for size in sizes if size > HELD)  # smaller ones stay in memory
     place = _existing(cache.root)
     free = shutil.disk_usage(place).free
     if wanted > free:

@@ -93,6 +93,7 @@ def _groups() -> list[tuple[int, int]]:
     limit."""
     found = []
     for folder in _folders():
+        # names of version 2, then of version 1, where no limit is a number of 2**60 or more
         for limit, used in (("memory.max", "memory.current"),
                             ("memory.limit_in_bytes", "memory.usage_in_bytes")):
             most, now = _number(folder / limit), _number(folder / used)

@@ -72,7 +72,7 @@ class LocalPool:
             worker.job = ""
             message = json.loads(line)
             return EndedJob(message["name"], message["answer"])
-        self._alive.remove(worker)
+        self._alive.remove(worker)  # "" marks the end of its output: it has died
         code = worker.process.wait()
         self.lost += 1
         return EndedJob(worker.job, None, _cause(code), deaths=1) if worker.job else None
