@@ -60,6 +60,7 @@ def folded(notes: Mapping[str, Iterable[str]], owners: Iterable[str]) -> list[st
     about: dict[str, dict[str, list[str]]] = {}
     for run, texts in notes.items():
         for text in texts:
+            # form: the sentence with # for names and 0 for numbers, a list of these as one of them
             masked = _NUMBER.sub("0", option.sub("#", subject.sub("#", text)))
             form = _LIST.sub(r"\1", masked)
             first.setdefault(form, text)

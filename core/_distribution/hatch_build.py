@@ -15,7 +15,12 @@ FOLDERS = ("core", "plugins", "bodies", "integrators", "reducers")
 
 
 class LinkTree(BuildHookInterface):
+    """Build hook of hatch: adds the files of a wheel that lie elsewhere in the repository, or makes
+    the tree of links of an editable install."""
+
     def initialize(self, version, build_data):
+        """Called before a build. version: "standard" or "editable"; build_data: settings of the
+        build, of which `force_include` maps files to their place in a wheel."""
         if version != "editable":
             build_data["force_include"]["core/_distribution/root.py"] = "sparsemor/__init__.py"
             build_data["force_include"]["core/_distribution/main.py"] = "sparsemor/__main__.py"

@@ -152,6 +152,7 @@ def _run_all(
     teacher = next((n for n, s in scenes.items() if training_steps(s)), "")
     for name in scenes:
         add_part(directory, name, COMPARISON)
+    # results of an earlier command, which stay
     old = {name for name in scenes if OutputDirectory(directory / name).is_result()}
     for name, scene in scenes.items():
         with located_in(scene), progress(quiet) as observers:
@@ -205,7 +206,8 @@ def _report(
     as_json: bool, quiet: bool, charts: bool, error_limit: float, owners: Sequence[str],
 ) -> None:
     """Writes the tables and charts of a comparison and prints it; ends the command with the code of
-    a failed run if one has failed."""
+    a failed run if one has failed. The first result is the reference; owners: names of bodies and
+    joints, for notes that are alike but for these."""
     from sparsemor.core.analysis.compare import compare as compared
 
     reference, *others = results

@@ -91,6 +91,7 @@ class ColumnSubsets:
         if not s:
             return Factors(columns, np.zeros((m, 0)), np.zeros(0))
         packed, tau = lapack.dgeqrf(A)[:2]
+        # reciprocal condition number of R, which is that of A
         if not float(lapack.dtrcon(packed[:s])[0]) > self.rank_rtol:
             return None
         return Factors(columns, packed, tau)

@@ -33,6 +33,7 @@ def dissect(A: Csr, places: DofLocations) -> Dissection:
     minimum degree fills.
     """
     node = node_numbers(places)
+    # first unknown of each node; edges between nodes as numbers, node * count + other node
     first = np.flatnonzero(np.diff(node, prepend=-1))
     pattern = A.tocoo()
     i, j = node[pattern.row], node[pattern.col]
@@ -79,6 +80,7 @@ class _Cuts:
         factor."""
         n = len(self.X)
         part = np.zeros(n, dtype=np.int64)  # number of a node's part, -1 once it has a place
+        # base: first of the places of each part
         place, base, entries = np.zeros(n, dtype=np.int64), np.zeros(1, dtype=np.int64), 0.0
         while (part >= 0).any():
             parts = len(base)

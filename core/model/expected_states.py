@@ -191,6 +191,7 @@ def _frame_forces(
     frame = body.frame
     rigid = model.layout.frames
     y = body.origin + body.to_border[:, rigid] @ model.x0[rigid]
+    # at rest and without displacements: rates, functionals s and quadratic forms are zero
     zero, s, forms = np.zeros(frame.border), np.zeros((3, frame.p)), np.zeros(3 * frame.generators)
     work, total = FrameWork(frame.p, frame.border, frame.generators), np.zeros(frame.p)
     for t in _samples(before, after):

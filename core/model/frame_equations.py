@@ -179,6 +179,7 @@ def frame_term(
     at = np.sort(np.concatenate([rigid, other, el, lam]))
     # positions among these unknowns: of the body's pose, another body's, displacements, multipliers
     own, read, mine, forces = (np.searchsorted(at, n) for n in (rigid, other, el, lam))
+    # inputs of the frame y = Y x + y0: own pose, coordinates of the other body, attachment forces
     Y, y0 = np.zeros((frame.border, len(at))), np.zeros(frame.border)
     Y[np.arange(len(own)), own] = 1.0
     Y[pose + np.arange(len(read)), read] = 1.0

@@ -95,7 +95,7 @@ class HeldFunction(TimeFunction):
 
     def value(self, t: float) -> float:
         held = _HELD.get()
-        held.reads += 1
+        held.reads += 1  # what is made of the value serves this step only (`held_reads`)
         return held.values.get(self.identity, self.start)
 
     def rate(self, t: float) -> float:

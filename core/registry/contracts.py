@@ -145,7 +145,8 @@ def _own(cls: type, contract: type) -> dict[str, Any]:
 
 
 def _misfit(name: str, has: Any, wanted: Any) -> str:
-    """The form of a member that differs from that in the contract, in words, "" if none does."""
+    """The form of a member that differs from that in the contract, in words, "" if none does. has:
+    the member of the class, wanted: that of the contract."""
     mine, theirs = _call(has), _call(wanted)
     if theirs is None:
         if mine is not None:
@@ -163,6 +164,7 @@ def _misfit(name: str, has: Any, wanted: Any) -> str:
         else:
             rest[argument.name] = None
     try:
+        # calls without what has a default, with all by position, and with the rest by name
         for arguments, named in ((always, {}), ([*always, *rest], {}), (always, rest)):
             mine.bind(*arguments, **named)
     except TypeError as error:

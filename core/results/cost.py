@@ -123,6 +123,7 @@ def gains(facts: Mapping[str, RunFacts], base: str) -> dict[str, Gain]:
     """Run -> gain over the run `base`, for runs that both reached the same end."""
     full, found = facts[base], {}
     for name, own in facts.items():
+        # of the base, then of the run, its offline time with an empty cache
         times = (full.offline_seconds, full.online_seconds, own.offline_whole_seconds,
                  own.online_seconds)
         if name == base or None in times or not (full.status.ok and own.status.ok):

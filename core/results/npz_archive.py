@@ -33,7 +33,8 @@ class ArchiveError(ValueError):
 
 
 def write_archive(path: Path, arrays: Mapping[str, NDArray[Any]], run: str) -> None:
-    """Replaces the file `path` by an archive of arrays, not compressed, in the order of C."""
+    """Replaces the file `path` by an archive of arrays, not compressed, in the order of C. run:
+    identifier of the run in the mark at its end, before the CRC-32 of all bytes before."""
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w") as archive:
         archive.comment = _mark(run) + b"0" * _DIGITS

@@ -176,7 +176,8 @@ class OutputDirectory:
     # ------------------------------------------------------------------ the earlier result
 
     def _recover(self) -> None:
-        """Moves the earlier result back if the new run stored nothing."""
+        """Moves the earlier result back if the new run stored nothing. It is in the folder `KEPT`,
+        and in `MOVING` while it is moved there or back."""
         out = self.path
         renamed = False
         if _folder(out / KEPT) and not os.path.lexists(out / MOVING) and (

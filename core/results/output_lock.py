@@ -116,8 +116,8 @@ def lost(folder: Path) -> bool:
 
 
 def _locked(real_path: Path, folder: Path, created: list[Path]) -> int:
-    """File descriptor of the locked file of the folder `place`; created folders are appended to
-    `made`.
+    """File descriptor of the locked file of the folder `real_path`; folders that are made for it
+    are appended to `created`.
 
     folder: the path as the user wrote it, for messages. Raises InputError when the folder is locked
     by another run or not writable.

@@ -36,12 +36,15 @@ class AffineOutput:
     def of(
         cls, name: str, weights: FloatArray, layout: Layout, maps: Mapping[str, Dictionary]
     ) -> "AffineOutput":
+        """Output of weights (n, j) on the full-order unknowns of block `name`. maps: dictionaries
+        of the reduced blocks."""
         if name not in maps:
             return cls(layout[name], weights, np.zeros(weights.shape[1]))
         d = maps[name]
         return cls(layout[name], d.atoms.T @ weights, d.offset @ weights)
 
     def __call__(self, x: FloatArray) -> FloatArray:
+        """Values (T, j) at the rows of solver states x (T, n)."""
         # row by row, which is what a stack of columns is: one product for all rows rounds
         # differently for other numbers of rows, and a resumed run commits its rows in other batches
         return np.asarray(self.base + np.matmul(self.weights.T, x[:, self.at, None])[..., 0])
@@ -85,7 +88,8 @@ class ProbeReader:
         return self.place.name
 
     def header(self) -> ProbeHeader:
-        """Name, place, components and units of what the probe records."""
+        """Name, place, components and units of what the probe records, in the order of its
+        values (`__call__`)."""
         axes = ["x", "y", "z"][: len(self.place.point)]
         names, units = axes[:], ["m"] * len(axes)
         if self.displacement is not None:
@@ -136,7 +140,8 @@ class ProbeReader:
 
     def described(self, row: FloatArray) -> dict[str, Any]:
         """Position (m), displacement (m), temperature (K) and stress (Pa), as far as they are
-        recorded, of one row by name."""
+        recorded, of one row by name; the columns are in this order, with the von Mises stress
+        behind."""
         values = [float(v) for v in row]
         d = len(self.place.point)
         found: dict[str, Any] = {"position": values[:d]}

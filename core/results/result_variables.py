@@ -209,6 +209,7 @@ def read_stage(names: Mapping[str, Any], data: ResultArrays) -> Stage:
         return data.read(f"stage.{name}")
 
     times = read("time")
+    # (T, 3, n): pose, rate and acceleration
     frames = {n: FrameHistory(times, *read(f"{n}.frame").transpose(1, 0, 2))
               for n in names["frames"]}
     contacts = {n: {what: read(f"{n}.{what}") for what in histories}

@@ -174,7 +174,7 @@ class ResultWriter:
 
     def _append(self, columns: Mapping[str, NDArray[Any]]) -> None:
         """Writes steps, name -> values over time, to the files of the chunks to which they belong;
-        the last one, which is not full, is written again."""
+        the last one, whose steps are `_tail` and which is not full, is written again."""
         times = columns[TIME]
         for name, values in columns.items():
             check_column(name, self._arrays[name], values, len(times))
@@ -312,12 +312,12 @@ def converted(
     for name in arrays:
         values = known.over_time(name, steps)
         block, _, what = name.rpartition(".")
-        if values is None:
+        if values is None:  # unknowns of a block that was reduced before
             values = known.block(name, steps)
         elif block in maps and what == "coefficients":
             values = values @ maps[block].T
         elif block in maps and what == "active":
-            values = values @ (maps[block].T != 0.0)
+            values = values @ (maps[block].T != 0.0)  # new atoms to which an active one contributes
         columns[name] = values
     return columns
 

@@ -123,7 +123,8 @@ def _version(file: Path) -> str:
 
 
 class ResultArrays(Protocol):
-    """Arrays of one result by name, on disk or in memory, and its attributes."""
+    """Arrays of one result by name, on disk or in memory, and its attributes. check: raises Damaged
+    where something is missing; read: copy of the entries `rows` along the first axis."""
 
     @property
     def attributes(self) -> dict[str, Any]: ...
@@ -247,7 +248,7 @@ def dataset(stored: ResultArrays) -> "xr.Dataset":
     from xarray.core import indexing
 
     class Lazy(BackendArray):
-        """Lazily loaded array: data are read when it is indexed."""
+        """Lazily loaded array of the result `stored`: data are read when it is indexed."""
 
         def __init__(self, name: str) -> None:
             self.name, self.shape = name, stored.shape(name)

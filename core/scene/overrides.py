@@ -100,10 +100,11 @@ def apply(
                       for _ in not_finite(value)[:1])
         try:
             path, value = find(changed, key), copied(value)
-            if path in NAMES and isinstance(value, str):
+            if path in NAMES and isinstance(value, str):  # the name of a reducer alone
                 notes += _name_notes(changed, value, registry)
                 path, value = REDUCER, _with_name(changed, value, registry)
             elif path[:1] == REDUCER and len(path) > 1 and not new_reducer:
+                # an option that the reducer may lack: another reducer that has it, and notes
                 found = _sampling(changed, str(path[1]), registry)
                 if found is not None:
                     changed["reducer"], more = found

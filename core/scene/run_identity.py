@@ -80,6 +80,7 @@ class Identity:
             found.append("the code of sparsemor has changed")
         found += _changed("", kept["libraries"], self.libraries)
         for name in sorted({*kept["plugins"], *self.plugins}):
+            # distribution and version, digest of the sources
             then, now = kept["plugins"].get(name), self.plugins.get(name)
             if then is None or now is None or then[0] != now[0]:
                 found += _changed("plugin ", {name: then and then[0]}, {name: now and now[0]})

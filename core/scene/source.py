@@ -129,6 +129,7 @@ class Source:
         origin = self._origin(path)
         if origin is not None:
             label, option = origin
+            # of changes that the file itself has, such as `training.overrides`
             written: KeyPath = (*label.split("."), option)
             if written not in self.document.positions:
                 return _changed(label, option, fault.key, fault.message)

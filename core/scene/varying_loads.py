@@ -61,6 +61,7 @@ class Varying:
         while t < 1.0:
             later = min(1.0, t + 0.02 * 25.0 ** rng.random())
             kind, goal = rng.integers(3), self._random(rng)
+            # from here to `later`: a ramp to the goal, a step to it, or a pause at the base
             start, value = {0: (value, goal), 1: (goal, goal), 2: (self.base, self.base)}[int(kind)]
             points += [(t, start), (later, value)]
             t = later

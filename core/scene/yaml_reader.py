@@ -126,7 +126,8 @@ _Finding = tuple[Place, str, str]
 
 
 class _BoundedComposer(Composer):
-    """YAML composer that refuses documents that are nested too deep or have too many nodes."""
+    """YAML composer that refuses documents that are nested too deep or have too many nodes. _open:
+    present depth; _values, _keys: numbers of values and of keys so far."""
 
     def __init__(self, loader: Any = None) -> None:
         super().__init__(loader)

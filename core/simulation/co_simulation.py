@@ -110,6 +110,7 @@ class Stepper:
         if self._controllers.found:
             raise InputError("controllers have no machine code: name them as inputs", "inputs")
         (state, memory), scene, run = self._begin, self._run.scene, self._run
+        # ends of all steps, s
         times = np.array([*accumulate([self.step_size] * run.steps, next_time, initial=0.0)][1:])
         return run.solver.machine_steps(MachineRequest(
             scene.integrator, self.step_size, state, memory, tuple(self._inputs.values()), times,

@@ -227,6 +227,7 @@ class Recorder:
                 if arrays[name].shape != array.shape or arrays[name].dtype != array.dtype:
                     raise SavedError(f"{name} has shape {arrays[name].shape}, and {array.shape} "
                                      "in this program")
+            # what is stored, filled into the given objects
             found = self.checkpoint.memory.into(self._carried(memory, stats), "state")
             t, memory, stats = float(arrays["t"]), found["memory"], found["stats"]
             if self.errors is not None:

@@ -296,7 +296,8 @@ class ControlledSteps(AroundSteps[StepSolver]):
         self, part: _Part, fine: "_Try", memory: ControlMemory, level: int, error: float
     ) -> tuple[StepOutcome, State]:
         """Takes the finer solution, of level + 1, and chooses the level of the next step. error:
-        its estimate over its share of the tolerance, at most 1."""
+        its estimate over its share of the tolerance, at most 1. In `memory`, fine: level with the
+        integrator history of the state; live: levels whose solvers ended at it."""
         memory.substeps += 2 ** (level + 1)
         size = fine.h
         memory.smallest, memory.largest = min(memory.smallest, size), max(memory.largest, size)
@@ -405,7 +406,8 @@ class ControlledSteps(AroundSteps[StepSolver]):
     ) -> tuple[float, str]:
         """Largest ratio of estimated error to its share of the tolerance, and the block where it
         occurs; infinite where a solution failed. The error of the finer solution of order p is
-        |x_fine - x_coarse| / (2^p - 1), relative to the largest change of the block."""
+        |x_fine - x_coarse| / (2^p - 1), relative to the largest change of the block since the
+        start, or to its reference size where that is larger."""
         if not (coarse.outcome.status.ok and fine.outcome.status.ok):
             return inf, fine.outcome.block or coarse.outcome.block
         richardson, worst = 2.0**self.integrator.order - 1.0, (0.0, "")

@@ -37,6 +37,7 @@ def check_friction_law(friction: FrictionLaw, seed: int = 0, trials: int = 20) -
     sticks; the derivative is that of the friction ratio away from the breaks (kinks); equal values
     for equal arguments. Slip rates are drawn around the breaks."""
     rng, breaks = np.random.default_rng(seed), _breaks(friction.breaks)
+    # sticks: deflection, m, and number of bristles of a law with static friction, else None
     unit, sticks = max(map(abs, breaks), default=1.0), friction.bristles
     none, least, most = np.abs(friction.ratio(unit * np.array([0.0, 1e-9, 1.0]))[0])
     law(none == 0.0 and (sticks or least <= 1e-3 * most), "friction without slip")

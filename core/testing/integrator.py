@@ -61,7 +61,7 @@ def check_integrator(integrator: Integrator, seed: int = 0) -> None:
 def integrate(integrator: Integrator, steps: int, end: float = 2.0) -> RunEnd:
     """Solves the test equations above from t = 0 to `end` (s) in `steps` steps."""
     def solve(f: StepFormula) -> StepOutcome:
-        new = np.zeros(5)
+        new = np.zeros(5)  # two x, two T, multiplier; with v = c1 x + r1, a = c2 x + r2
         left = f.c2 + DAMPING * f.c1 + STIFFNESS
         new[:2] = -(f.r2[:2] + DAMPING * f.r1[:2]) / left
         new[2:4] = -f.r1[2:4] / (f.c1_first + DECAY)

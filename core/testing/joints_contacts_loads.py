@@ -65,6 +65,7 @@ def _check_term_in_layout(
     inside = all(0 <= i.min(initial=0) and i.max(initial=0) < n for i in (term.rows, term.columns))
     law(inside, f"{name}: rows or columns outside the layout")
     first = layout.first
+    # a term of temperatures alone is tried 1 K around the start, another one 1e-3 (m, rad) around
     warm = bool(np.all((term.columns >= first.start) & (term.columns < first.stop)))
     one_order = bool(np.all(term.columns < layout.second.stop)) or warm
     try:

@@ -59,6 +59,7 @@ def random_lattice(rng: np.random.Generator) -> tuple[Csr, DofLocations]:
     gaps = np.linalg.norm(X[:, None] - X[None], axis=2)
     i, j = np.nonzero(np.triu(gaps < 1.9, 1))
     along = (X[j] - X[i]) / gaps[i, j][:, None]
+    # a row of B: elongation of a spring by the displacements, times the root of its stiffness
     B = np.zeros((len(i), len(X), d))
     B[np.arange(len(i)), i], B[np.arange(len(i)), j] = -along, along
     B = B.reshape(len(i), -1) * np.sqrt(10.0 ** rng.uniform(0.0, 1.0, len(i)))[:, None]

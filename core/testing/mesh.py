@@ -49,6 +49,7 @@ def _points_and_cells(mesh: Mesh) -> None:
         "a cell names a point that does not exist, or a point is in no cell")
     bad = 0
     for _, own in by_kind(mesh.cells, d):
+        # each corner with its neighbours, the edges to which have a positive determinant
         a = mesh.points[own[:, np.array(KINDS[d, own.shape[1]].turns)]]
         bad += int((np.linalg.det(a[:, :, 1:] - a[:, :, :1]) <= 0).any(axis=1).sum())
     law(bad == 0, f"{bad} cells are inverted or flat")

@@ -173,8 +173,10 @@ def _by_arrays(
 ) -> tuple[FloatArray, FloatArray]:
     """Residual and Jacobian of a projected term from its arrays."""
     (E, Q), weights = a.weights.shape, a.weights.ravel()
+    # z, w, u: values, rates and second differences of all variables
     z = a.P @ x + a.offset + a.effects @ np.array([f(t) for f in a.values])
     w = a.P @ v + a.effects @ np.array([f(t) for f in a.rates])
+    # rows of z that each variable of the law reads at the E Q points
     at = [start + (np.arange(E * Q) if width == Q else np.repeat(np.arange(E), Q))
           for start, width, _ in a.reads.tolist()]
     u = a.effects @ np.array([f(t) for f in a.bends])

@@ -81,7 +81,8 @@ class _Search:
         return OwnFiles(self.files, tuple(self.changed))
 
     def result(self, prefix: str) -> None:
-        """Adds the files of the result in the folder root/prefix."""
+        """Adds the files of the result in the folder root/prefix: by `_judge` those that are as
+        they were written to our files, and to `changed` those with something else at their path."""
         here = self.root / prefix
         listing = read_listing(here)
         if listing is not None:
@@ -99,7 +100,8 @@ class _Search:
                 self.result(f"{prefix}{part}/")
 
     def store(self, prefix: str) -> bool:
-        """Adds the files of the store root/prefix; returns True if it is one of ours."""
+        """Adds the files of the store root/prefix; returns True if it is one of ours. Its header
+        has the identifier `run`, with which all archives of the store end."""
         store = self.root / prefix
         header = store / HEADER
         if not is_kind(store, stat.S_ISDIR) or not os.path.lexists(header):
@@ -181,6 +183,7 @@ def move(own: OwnFiles, source: Path, target: Path, *, back: bool = False) -> No
     whole = _whole(own.files, source)
     done: set[str] = set()
     for path in reversed(own.files) if back else own.files:
+        # the outermost folder with our files alone, else the file itself
         unit = next((f for f in _above(path) if f in whole), path)
         if unit in done:
             continue

@@ -178,7 +178,8 @@ def in_the_way(folder: Path, names: Sequence[str]) -> InputError:
 
 def is_as_listed(folder: Path, name: str, written: Sequence[Written]) -> bool:
     """True if a file, which no symbolic link leads to, is as it was written at some time, or as it
-    is where the end of the process, or a full disk, cut what was being appended to it."""
+    is where the end of the process, or a full disk, cut what was being appended to it. written:
+    its size and CRC-32 each time that it was written, in that order."""
     file, parent = folder / name, PurePosixPath(name).parent.as_posix()
     if not is_kind(file, stat.S_ISREG) or parent != "." and not real_folder(folder, parent):
         return False

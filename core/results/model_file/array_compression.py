@@ -32,8 +32,10 @@ def compact(arrays: Sequence[NDArray[Any]]) -> tuple[list[Head], list[bytes]]:
 
 
 def restored(heads: Sequence[Head], take: Callable[[int], bytearray]) -> tuple[NDArray[Any], ...]:
-    """Inverse of `compact`. take: the next bytes of the data, so many. Raises ValueError, TypeError
-    or LookupError for heads of no arrays."""
+    """Inverse of `compact`. heads: of each array its data type, shape, order ("C" or "F"), and None
+    or, of a product (`_times`), the numbers of matrix and vector, and True if it is transposed.
+    take: the next bytes of the data, so many. Raises ValueError, TypeError or LookupError for heads
+    of no arrays."""
     stored = {i: _restored(take(_bytes_of(kind, shape)), kind, shape, layout)
               for i, (kind, shape, layout, product) in enumerate(heads) if product is None}
     made = []
@@ -89,7 +91,7 @@ def _products(arrays: Sequence[NDArray[Any]]) -> dict[int, tuple[int, int, bool]
     """Number of a large matrix -> numbers of the matrix and the vector whose product, `_times`, it
     is to the last digit."""
     found: dict[int, tuple[int, int, bool]] = {}
-    kept = set[int]()
+    kept = set[int]()  # matrices of products: they are stored themselves
     large = [i for i, a in enumerate(arrays) if _is_large(a)]
     for i, j in permutations(large, 2):
         if i in found or i in kept or j in found:

@@ -110,7 +110,7 @@ class Packed:
             version = data[: len(MAGIC) - 2] == MAGIC[:-2]
             raise PackedError("it is of another version of the format" if version else
                               "it is no reduced model")
-        start = line + 65
+        start = line + 65  # after the 64 digits of the digest and the end of their line
         payload = memoryview(data)[start:]
         if data[line:start] != hashlib.sha256(payload).hexdigest().encode() + b"\n":
             raise PackedError("its digest does not match: the file is damaged")
@@ -131,7 +131,8 @@ def _most(payload: bytes | memoryview) -> int:
 
 
 class _Stream:
-    """Compressed data that is read piece by piece: no more memory is taken than is asked for."""
+    """Compressed data that is read piece by piece: no more memory is taken than is asked for.
+    _at: position of the next piece in the payload; _rest: what of the last one is to be read."""
 
     def __init__(self, payload: memoryview) -> None:
         self.payload, self._rest = payload, b""
@@ -276,7 +277,9 @@ class _Packer:
         return label
 
     def _object(self, value: Any, name: str) -> Any:
-        """JSON of an object of which there may be one alone in several places."""
+        """JSON of an object of which there may be one alone in several places: each after the first
+        refers to it by `again` and its number. _known: id -> number and object; _open: ids of the
+        objects that are being written."""
         if id(value) in self._known:
             return {"again": self._known[id(value)][0]}
         if id(value) in self._open:
