@@ -147,12 +147,13 @@ def _model(
                 part.contribute(equations)
             elif isinstance(part, Contact):
                 _along(equations, bodies, name, part, prescribed, motion)
-    for local in records.local:
+    for local in records.local:  # whose values are checked, as they may be of plugins
         guard(Term, type(local.term))
     terms = general_terms(layout, records)
     for name, term in stiffness_terms(layout, records).items():
         terms.setdefault(name, []).append(term)
     x0, v0 = _start(layout, bodies)
+    # block -> joint or localized load -> rows that it acts on; `required`: those of all of them
     loaded = _loaded(layout, connectors, touched(layout, records))
     return Model(
         layout=layout, parts=parts, by_part={n: tuple(terms.get(n, ())) for n in parts},

@@ -350,7 +350,7 @@ def resolved_start(model: Model, integrator: Integrator, h: float) -> ResolvedSt
     if integrator.order < 2:
         return ResolvedStart(start, dropped=0.0)
     still = replace(start, a=np.zeros_like(start.a))
-    if model.stage is not None and model.stage.dropped:
+    if model.stage is not None and model.stage.dropped:  # as the pre-simulation did that it follows
         return ResolvedStart(still, dropped=model.stage.dropped)
     if _passes(model, start, h) and not _passes(model, still, h):
         return ResolvedStart(still, float(np.abs(start.a[model.layout.second]).max()))

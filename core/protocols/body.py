@@ -289,7 +289,8 @@ class BodyPlugin(Plugin):
         nonlinear: bool,
     ) -> StressRecovery | None:
         """Strain and stress of a stored body: points (N, d), cells, and the constants and regions
-        of its `StressConstants`; None for bodies without stresses."""
+        of its `StressConstants`; nonlinear: True for Green-Lagrange strains; None for bodies
+        without stresses."""
         return None
 
     def expected(self) -> BodySize | None:

@@ -262,8 +262,10 @@ class Equations:
         multipliers: str = "", C: FloatArray | None = None, reads: str = "",
         generators: Sequence[Csr] = (),
     ) -> None:
-        """Adds inertia, a force or an attachment to a body's floating frame; arguments as the
-        fields of `FrameRecord`. directions None: it does not act on displacements."""
+        """Adds inertia, a force or an attachment to a body's floating frame. item: its equations;
+        directions (n, p): vectors by which it acts on the n displacements, None: on none; C:
+        forces = C^T multipliers of the block `multipliers`; reads: block of another body's rigid
+        coordinates; generators: matrices of an inertia (`FrameRecord`)."""
         block = self.layout.of(body, Quantity.DISPLACEMENT)
         n = 0 if block is None else block.size
         P = np.zeros((n, 0)) if directions is None else directions

@@ -20,7 +20,8 @@ class Sampler(Plugin):
 
     @property
     def keeps(self) -> RowsKept:
-        """Rows that a sample contains in addition to the m drawn ones."""
+        """Rows that a sample contains in addition to the m drawn ones: none of them, the required
+        ones, or these and the ring, all rows of elements along the path of moving loads."""
         return "required"
 
     @abstractmethod

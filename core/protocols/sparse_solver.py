@@ -175,8 +175,8 @@ class _LinearProblem:
 @dataclass(frozen=True, slots=True, eq=False)
 class _SolvedRecovery:
     """Recovery by the nonlinear solve of a sparse solver, for constant columns J (m, k). budget:
-    largest number of active columns. With the residual r (m,) at the coefficients c (k,), that at
-    others c' is J c' - (J c - r)."""
+    largest number of active columns. From the residual r (m,) at coefficients c (k,), it solves
+    min |J c' - (J c - r)|."""
 
     solver: SparseSolver
     J: FloatArray

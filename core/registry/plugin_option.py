@@ -58,7 +58,7 @@ class Slot:
 
     def _fill(self, value: object, source: Any, context: dict[str, Any]) -> object:
         """Plugin of an option's value: a name, a mapping with the key `use`, or an instance that
-        has what the protocol asks."""
+        has what the protocol asks. source: the annotated type of the option, a contract."""
         if isinstance(value, str):
             return self._build(value, {}, context)
         if isinstance(value, Mapping):

@@ -142,7 +142,7 @@ class OutputDirectory:
         and folders with results that the command will write, of which none may be somebody else's.
         """
         with owned(self.path):
-            self._recover()
+            self._recover()  # what a killed run has set aside
             if not resume and self.entries():
                 self.require_replaceable(
                     force, f"use {'' if resume is None else '--resume to continue, '}--force to "
@@ -163,7 +163,7 @@ class OutputDirectory:
                         self._drop()
                 raise
             if not lost(self.path):
-                self._drop()
+                self._drop()  # the earlier result
 
     def remove_result(self) -> None:
         """Removes the files of the result in the directory, and the directory if it is then

@@ -81,8 +81,8 @@ class _Definitions:
             return []
 
     def _linked(self, schema: Any, prefix: str) -> Any:
-        """The schema with each slot replaced by a reference to the plugins of its kind, and its own
-        references moved under `prefix`."""
+        """The schema with each slot replaced by a reference to the plugins of its kind, which is
+        noted in `_wanted` for later, and its own references moved under `prefix`."""
         if isinstance(schema, list):
             return [self._linked(item, prefix) for item in schema]
         if not isinstance(schema, dict):

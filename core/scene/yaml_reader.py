@@ -138,7 +138,7 @@ class _BoundedComposer(Composer):
         """The node, refused beyond limits of depth and number, which files with aliases in
         themselves exceed."""
         self._open += 1
-        if index is None and isinstance(parent, MappingNode):
+        if index is None and isinstance(parent, MappingNode):  # a key; a value has it as index
             self._keys += 1
         else:
             self._values += 1

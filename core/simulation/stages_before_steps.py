@@ -182,7 +182,8 @@ def _determined(
 ) -> tuple[Model, tuple[Note, ...]]:
     """The model with joint forces of least norm where its trial spaces determine none, and notes on
     joints that have none of least norm."""
-    # joint -> the joint with compliant constraints, None if it has no such form, and a note
+    # joint -> the joint with compliant constraints, None if it has no such form, and a note; none
+    # where full-order rows at the joints determine their forces
     found = {} if scene.reducer.keeps_joint_rows else undetermined_forces(
         model, scene.time.step, {
             n: offline.dictionary(n, basis, _factors(scene))[0]

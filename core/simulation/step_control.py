@@ -284,7 +284,8 @@ class ControlledSteps(AroundSteps[StepSolver]):
         coarse = self._march(part, level, state, memory)
         while True:
             fine = self._march(part, level + 1, state, memory)
-            error, block = self._error(coarse, fine, state, memory)  # over its share
+            # largest estimated error over its share of the tolerance
+            error, block = self._error(coarse, fine, state, memory)
             if error <= 1.0:
                 return self._accepted(part, fine, memory, level, error)
             memory.rejected += 1
