@@ -31,8 +31,11 @@ takes longer to make than so small products take."""
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrameEquations(ReducedTerm):
-    """Residual r of the module's equation with m rows and n unknowns; b inputs y, p directions, g
-    generators (constant matrices whose factors depend on the rigid motion).
+    """Residual r with m rows and n unknowns x; b inputs y = Y x + y0 (rigid coordinates, attachment
+    forces), p functionals s = D x of directions, g generators (constant matrices whose factors
+    kappa, mu depend on the rigid motion):
+
+        r = L rows(y, s, ...) + W sigma + sum_g (kappa_g V_g x + mu_g V_g v) + V_m a
 
     Y (b, n), D (p, n), Q: g matrices (n, n) of the quadratic forms, L (m, b), W (m, p), V: g
     matrices (m, n), the first is the mass if `inert`; y0 (b,): constant part of y. guide: a

@@ -83,6 +83,9 @@ class Frame(Protocol):
 
     Inputs: rigid coordinates, then the forces on each attachment; equations: rigid equations of
     motion, then the positions of the attachments. They are exact for a rigid body.
+
+    rigid_size: number of rigid coordinates; border: b, of all inputs; p: of directions; generators:
+    g, of generators (`FrameWork`).
     """
 
     @property

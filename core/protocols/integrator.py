@@ -289,6 +289,7 @@ def with_history(
         x[fixed], v[fixed] = state.x[fixed], state.v[fixed]
         return x, v, a
 
+    # SETTLED steps of this motion that end at the state
     past = integrator.start(layout, State(state.t, *at(-SETTLED * h), state.memory))
     for n in range(1 - SETTLED, 1):
         past = new_state(rules, layout, past, state.t, *at(n * h), linear=True)

@@ -141,7 +141,7 @@ class OfflineProducts(Protocol):
         self, name: str, basis: Basis, step: StepFactors | None = None
     ) -> tuple[Dictionary, float]:
         """Trial basis of a block, and the largest coefficient of its snapshots in this basis (0
-        without snapshots)."""
+        without snapshots). step: of the reduced run, for bases that depend on it."""
         ...
 
     def remember(

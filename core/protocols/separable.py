@@ -176,6 +176,7 @@ class ElasticOperators:
         for part in self.local:
             at, zero = part.columns, np.zeros(len(part.columns))
             x = np.zeros(len(at))
+            # columns that are hot are those of temperatures
             x[part.hot], x[~part.hot] = T[at[part.hot]], u[at[~part.hot]]
             J = part.term.jacobian(x, zero, zero, 0.0, zero, zero).tocoo()
             own = ~part.hot[J.col]

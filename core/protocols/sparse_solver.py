@@ -31,7 +31,8 @@ class Group:
 
 class SparseProblem(Protocol):
     """Sparse least-squares problem: coefficients c (k,) with few nonzero entries per group that
-    minimise the 2-norm of residual(c) (m,), whose Jacobian is (m, k).
+    minimise the 2-norm of residual(c) (m,), whose Jacobian is (m, k). A group is a range of
+    coefficients with its own largest number of nonzero ones.
 
     Rows are scaled so that they are comparable. needs: names from `PROBLEM_FEATURES`. jacobian: the
     same array object for two c only if the Jacobian is the same, because solvers then keep its

@@ -226,9 +226,10 @@ class LawArrays:
     """A pointwise law as a function of numbers.
 
     numbers (j,): constants; amplitudes: functions of time that it depends on; pairs (q, 2): numbers
-    (i, j) of the derivatives dy_i/dz_j in the order of `slopes`; function: uses numbers and arrays
-    only, so that numba can compile it; calls: the functions that it calls, each after those that it
-    calls itself; step: size of the steps over which it reads second differences, s, 0 if none.
+    (i, j) of the derivatives dy_i/dz_j of its values y by its variables z, in the order in which
+    `function` writes them (`LawFunction`), which uses numbers and arrays only, so that numba can
+    compile it; calls: the functions that it calls, each after those that it calls itself; step:
+    size of the steps over which it reads second differences, s, 0 if none.
     """
 
     numbers: FloatArray
@@ -241,7 +242,8 @@ class LawArrays:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PointArrays:
-    """Projected term L y(P xi + o(t)) of a law at E elements of Q points.
+    """Projected term L y(P xi + o(t)) of a law y at E elements of Q points, xi (k,): reduced
+    unknowns.
 
     weights (E, Q); coordinates (d, E Q), m; P (p, k), offset (p,): variables one after the other;
     effects (p, f): columns times functions of time `values`, with derivatives `rates` and second

@@ -45,7 +45,10 @@ class ArraysInMemory:
 
 
 class MemoryWriter:
-    """Writer of a result that stays in memory; fixed: arrays that do not depend on time."""
+    """Writer of a result that stays in memory; fixed: arrays that do not depend on time.
+
+    Arrays over time are kept in parts, one of each `append`, until the result is asked for.
+    """
 
     def __init__(self, header: RunHeader, fixed: Fixed) -> None:
         self._layout, self._fixed = header.layout, fixed

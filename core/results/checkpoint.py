@@ -145,7 +145,11 @@ class Saved:
 
     def _sequence(self, kind: str, content: Any, like: Any, name: str) -> Any:
         """List, tuple or set of stored content; its entries become objects like those of `like`,
-        the present value."""
+        the present value.
+
+        Entries beyond those of `like` are restored into copies of its first entry (`more`), made
+        before the first entry is itself restored.
+        """
         if like is not None and not isinstance(like, _SEQUENCES[kind]):
             raise SavedError(f"{name} is a {kind}, and {_kind(like)} in this program")
         if kind == "set":
@@ -158,7 +162,11 @@ class Saved:
         return values if kind == "list" else tuple(values)
 
     def _object(self, kind: str, content: Any, like: Any, name: str) -> Any:
-        """The present object `like` with the stored fields or state."""
+        """The present object `like`, filled with its stored content.
+
+        kind: "state", what `__getstate__` returned, for an object with `__setstate__`; else the
+        content is attributes by name.
+        """
         if like is None or isinstance(
                 like, Mapping | list | tuple | np.ndarray | str | int | float):
             raise SavedError(f"{name} is an object with fields, and "
@@ -185,7 +193,11 @@ class _Packer:
     open: list[int] = field(default_factory=list)
 
     def node(self, value: Any, name: str) -> Any:
-        """JSON representation of a value; a compound value is a mapping with one key, its type."""
+        """JSON representation of a value; a compound value is a mapping with one key, its type.
+
+        name: path of the value in error messages. Arrays are appended to `arrays`; `open` holds the
+        ids of the compound values around this one, so that a cycle is found.
+        """
         if isinstance(value, _NO_STATE):
             raise TypeError(f"{name}: a {type(value).__name__} is no state that can be saved")
         if isinstance(value, np.ndarray | np.generic):
@@ -299,6 +311,7 @@ def save_checkpoint(store: Path, checkpoint: Checkpoint) -> None:
 def load_checkpoint(store: Path) -> Checkpoint | None:
     """Checkpoint of a store, None if there is none; nothing in the file is executed.
 
+    The first `own` arrays of the file belong to the head, the others to the solver's memory.
     Raises SavedError for a file that is damaged or of another format.
     """
     file = checkpoint_file(store)

@@ -211,7 +211,7 @@ class OutputDirectory:
             raise in_the_way(out, foreign)
         stores = {(out / p).parent for p in earlier.files if Path(p).name == HEADER}
         for part in {out / p for p in listed_parts} | {s.parent for s in stores if s.name == STORE}:
-            with owned(part):
+            with owned(part):  # raises InputError while another process writes there
                 pass
         if os.path.lexists(out / KEPT):
             replaced = own_files(out / KEPT) if _folder(out / KEPT) else OwnFiles({}, ())

@@ -427,7 +427,7 @@ class RunResult(Drawn):
             for name, of_unit in stage.components.items():
                 kept = Table(stage.times, stage.reactions[name]).along(self.times)
                 found[name] = dict(zip(of_unit, kept.T, strict=True))
-        for b in self.layout:
+        for b in self.layout:  # multipliers are unknowns of order 0, with names of components
             given = self._data.arrays[b.name]["attributes"] if b.kind.order == 0 else {}
             if "components" in given:
                 of_unit = tuple(zip(given["components"], given["units"].split(", "), strict=True))

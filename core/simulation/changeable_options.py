@@ -18,8 +18,8 @@ def load_functions(scene: Scene) -> Mapping[str, TimeFunction]:
 
 
 def kept_options(scene: Scene, parameters: bool = False) -> Mapping[str, object]:
-    """Options of a scene as plain data, without those that a run of its model may change.
-    parameters: without the values of its parameters too, with which its equations are projected
+    """Options of a scene as plain data, with None for those that a run of its model may change.
+    parameters: also for the values of its parameters, with which its equations are projected
     again."""
     tree = scene.dump()
     declared = [k for p in scene.parameters.values() for k in p.keys] if parameters else []

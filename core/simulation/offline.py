@@ -127,6 +127,7 @@ class Offline:
                 self.products.used["training"] = "miss" if in_parallel == len(found) else "mixed"
             self._snapshots = found[0] if len(found) == 1 else {
                 n: np.concatenate([each[n] for each in found]) for n in found[0]}
+        # their computing times are part of those of the product that is computed from them
         self.products.spent.use(f"training/{self._place(key)}" for key, _ in self._runs)
         return self._snapshots
 

@@ -154,7 +154,8 @@ class Products:
     def remember(
         self, kind: str, key: str, make: Callable[[], Arrays]
     ) -> Arrays:
-        """Arrays of one product: read from the cache, or computed by `make` and stored."""
+        """Arrays of one product: read from the cache, or computed by `make` and stored. Notes in
+        `used` whether all products of its kind were in the cache, and in `seconds` the time, s."""
         start = time.perf_counter()
         if self.cache is None:
             arrays, hit = make(), False

@@ -153,7 +153,7 @@ class Recorder:
         self.notes: tuple[Note, ...] = ()  # of a result that is resumed
         self.memory: MemoryUse | None = None
         self.folder: TemporaryFolder | None = None  # which is removed with the result
-        self.errors: ErrorRecord | None = None
+        self.errors: ErrorRecord | None = None  # set by a run that estimates its error
         self._every, self._saved = run.scene.output.every, time.perf_counter()
         self._on_disk = isinstance(writer, ResultWriter)
         self.set_run(run)

@@ -32,6 +32,7 @@ def outputs_of(
     tip, `crank.rigid.angle` and `crank.rigid.angle_rate` of a body, `hinge.force_x` of a joint.
     multipliers: block of multipliers -> name and unit of each."""
     found = dict[str, Output]()
+    # unit, then column of what the reader gives, or without a reader of the unknowns (rate: rates)
     for p in probes:
         head = p.header()
         found |= {output_name(p.name, c): Output(unit, i, p)

@@ -217,6 +217,7 @@ def header_of(
     estimator: ErrorEstimator | None = None,
 ) -> RunHeader:
     """Header of the result of a run of `steps` steps. estimator: of its error."""
+    # contacts: names of their resultants, of which those along a rigid stage are in the stage
     return replace(
         full_order_header(scene, model, steps), layout=solver.layout,
         dictionaries=solver.dictionaries, rows=solver.rows,

@@ -152,6 +152,7 @@ def iterate(
             for i, (n, error) in enumerate(zip(block.iterations, block.remaining, strict=True), 1):
                 state = block.state(i - 1)
                 outcome = StepOutcome(state.x, Status.DONE, n, remaining=error)
+                # the memory is that after the last step of the block
                 yield TimeStep(outcome, state, memory, each, i == done)
             count -= done
             continue

@@ -99,6 +99,7 @@ def estimate(scene: Scene, model: Model, offline: Offline, exact: bool) -> Estim
     """Estimated memory of a run in each of its phases, bytes. exact: entries of the matrix factors
     are counted, which takes longer than the bound that is used otherwise."""
     blocks = block_sizes(model)
+    # trained: a basis needs a training run; own: the run itself is of full order
     trained, own = trains(scene, blocks, model), scene.reducer.full_order
     snapshots = snapshot_count(scene) if trained else 0
     start = _start(model)
@@ -209,6 +210,7 @@ def bases(scene: Scene, snapshots: int, blocks: Mapping[str, int]) -> list[Memor
         # more than HELD bytes stay on disk and are read in chunks, but for a reducer that wants
         # forces and has them as a whole, however large
         held = copies * whole if whole <= HELD or copies > COPIES else HELD / 2
+        # of the atoms six arrays of their size
         one = [MemoryItem(f"snapshots of {name}", held, "a larger training.every"),
                MemoryItem(f"{k} atoms of {name}", 8 * 6 * n * k, "fewer atoms (count)")]
         if sum(i.size for i in one) > sum(i.size for i in largest):
