@@ -192,6 +192,7 @@ class Search:
             return {}
         offline, share = self.problem.offline, self.auto.learning
         self.largest(self.problem)
+        # numbers of atoms that bases of the whole training run need
         whole = {n: self._needed(n) for n in self.sources if self._learns(n)}
         # left: number of first parts that may still be tried after this one
         for left in reversed(range(PARTS if self.ref.runs == 1 else 1)):
@@ -329,6 +330,7 @@ class Search:
         reducer = Ecsw(**{k: v for k, v in options.items() if k != "use"})
         if not part:
             return reducer.project(problem)
+        # states: number of those from which weights are trained; learned: share of the first part
         states = max(2, round(self.ref.learned * reducer.states))
         reducer = reducer.model_copy(update={"states": states})
         leading = whole.leading(counts)

@@ -62,6 +62,7 @@ class TrainingReference:
             if changes.max() <= CONSTANT_CHANGE * size:
                 constant.add(name)
                 changes = np.full(runs, size or 1.0)
+            # infinite where one run changes nothing, so that no error of it counts
             scales[name] = np.where(changes > LEAST * changes.max(), changes, np.inf)
         every = 1 if taken is None else taken.every
         return cls(

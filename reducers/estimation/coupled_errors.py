@@ -159,6 +159,7 @@ class CoupledErrors:
         with substep(Substep(self.h / self.every)):  # laws of steps, such as heat that is stored
             start = copy._advanced([next(projected) for _ in first_states], dict(memory))
             norms = [copy._advanced([next(projected) for _ in path], memory) for path in chosen]
+        # the first estimate: the largest error of the first steps and at its own end
         norms[0] = {n: np.append(start[n], values[-1]).max(keepdims=True)
                     for n, values in norms[0].items()}
         return {n: np.array([values[n][-1] for values in norms]) for n in self.blocks}

@@ -191,8 +191,8 @@ class ErrorModel:
         return [(blocks[n], at) for n, at in found.items()]
 
     def _projected(self, run: Trajectory) -> tuple[Trajectory, FloatArray]:
-        """Reduced states in the coordinates of the residuals, and the parts (3, j, m) of x, v and a
-        outside of the error spaces."""
+        """Reduced states in the coordinates of the residuals (layout `coordinates`, from that of
+        the `reduced` model), and the parts (3, j, m) of x, v and a outside of the error spaces."""
         maps = {b.name: b for b in (*self.heat, *self.elastic)}
         count = len(run.times)
         if not self._outside:

@@ -26,8 +26,8 @@ class Trajectory(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HeatResidual:
-    """Residual of a thermal block: C T' + K T - loads(t) on q modes. at: its unknowns; operators
-    (2 k, q): transposes of [K | C]."""
+    """Residual of a thermal block: C T' + K T - loads(t) on q modes, with the constant part among
+    the loads. at: its unknowns; operators (2 k, q): transposes of [K | C]."""
 
     at: slice
     operators: FloatArray

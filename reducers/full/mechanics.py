@@ -272,13 +272,15 @@ class FullMechanics(StepEquations):
             one.known = self._operator_solution(b, one.h, d[at], one)
             return one
         self.needs_iteration = True
-        if b.coarse is not None:
+        if b.coarse is not None:  # least: lower bound of the ratio of two changes of the iteration
             self.least = max(self.least, b.coarse.contraction * float(np.abs(one.weights).sum()))
         return one
 
     def residual(self, d: FloatArray, slope: bool = False) -> FloatArray:
         """Residual of the border rows, and of displacements already multiplied by the inverse of
-        their constant operators: r = d + D^-1 (...)."""
+        their constant operators: r = d + D^-1 (...). displaced: terms of each body that stay during
+        the step (`_constant_part`); maps: of each body the numbers `at` of the border unknowns that
+        it uses, and their map to its border."""
         r, X = d.copy(), self.X0 + self.R * d
         r[self.layout.first] = 0.0  # temperatures are known
         r[self.border] = 0.0

@@ -123,8 +123,9 @@ class MechanicsProblem:
         return np.asarray(self.scale * r[self.numbers])
 
     def jacobian(self, c: FloatArray) -> FloatArray:
-        """Jacobian (m + border, k + border); the same array for all c where the motion of all
-        frames is prescribed."""
+        """Jacobian (m + border, k + border), of the rows `numbers` of the model times `scale`, by
+        its unknowns `columns`; the same array for all c where the motion of all frames is
+        prescribed."""
         if self._constant is not None:
             return self._constant
         step = self.step

@@ -35,7 +35,8 @@ def branched(streams: Streams) -> dict[str, np.random.Generator]:
 @dataclass(eq=False)
 class ResampledMemory(StepMemory):
     """State between steps of a run with resampling. inner: state of the current step solver;
-    streams: random streams of further draws; turn: number of changes of rows; rows, current: for
+    streams: random streams of further draws; step: number of steps so far; turn: number of changes
+    of rows; rows, current: for
     newly drawn rows, the rows in use and their step solver, which is rebuilt after a restart."""
 
     inner: RunMemory

@@ -163,6 +163,7 @@ class Build:
             elastic[n] = SampledElastic.of(block, te.through(TestMap(left=block.weight)))
         sampled = [*(h.block for h in heat.values()), *(e.block for e in elastic.values())]
         selecting = {block.name for block in sampled if block.selects}
+        # terms between blocks: all unknowns together, where no atoms can be selected
         if self.model.separated.other or selecting & unselectable_blocks(self.model):
             return self._coupled(rows, maps, heat, elastic, facts, notes)
         return self._stepper(rows, maps, heat, elastic, facts, row_set, notes)

@@ -186,7 +186,8 @@ class SupportedEquations(StepEquations):
         self, step: StepFormula, solved: StepOutcome, operators: Mapping[str, FloatArray]
     ) -> dict[str, FloatArray]:
         """Rows of each elastic block at the solution of the step that was solved last; operators:
-        of the first rows on their atoms, (j, k), which the equations of the step leave out."""
+        of the first rows on their atoms, (j, k), which the equations of the step leave out. d (n,):
+        departure; needed (n,): True for unknowns that are not zero."""
         d = solved.x - step.free if solved.rates is None else step.departure(
             solved.x, *solved.rates)
         own, found = d if isinstance(self.in_use, slice) else d[self.in_use], {}
@@ -259,6 +260,7 @@ class SupportedMechanics(LoopMechanics):
         self, step: StepFormula, now: StepUnknowns, memory: Memory
     ) -> tuple[Status, int, str, str]:
         self.working(memory).take(self)
+        # linearised_on: active unknowns of the kept Jacobian
         if memory.linearised_on is None or not np.array_equal(memory.linearised_on, self.active):
             memory.kept.forget()
             memory.linearised_on = self.active

@@ -549,7 +549,7 @@ class _StepIteration:
         self, d: FloatArray, status: Status, detail: str = "", at: _Iterate | None = None
     ) -> Ended:
         """Failed end of the iteration with this status and message; at: the iterate that shows in
-        which block values are not finite or changes are too large."""
+        which block values are not finite or changes, relative to `size`, are too large."""
         if status is Status.NOT_FINITE and self.eq.failed is not None:
             block, status, detail = self.eq.failed  # of an iterative linear solver
             return Ended(d, status, self.iterations, inf, block, detail)

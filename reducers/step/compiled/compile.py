@@ -125,6 +125,7 @@ def linked(
         return compiled(copy)
 
     laws = link(local_terms.no_law)
+    # a chain: the copy for law i calls it, or the copy for law i + 1 for a higher number
     for i, law in reversed([*enumerate(functions.laws)]):
         laws = copied(
             local_terms.evaluate_law, f"_{i}", {"first_law": link(law), "other_laws": laws})

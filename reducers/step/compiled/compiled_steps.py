@@ -121,8 +121,8 @@ class CompiledSteps:
         memory.factorizations += 1
 
     def _functions_of_time(self, t: float, count: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Times of the next steps, functions of time, and rows that depend on time alone; known
-        ones are not evaluated again."""
+        """Times of the next steps (T,), functions of time (T, q), and rows (T, n) that depend on
+        time alone; those tabulated before (`_table`, the same three) are not evaluated again."""
         first = int(np.searchsorted(self._table[0], next_time(t, self.h)))
         if not (self._table[0][first : first + 1] == next_time(t, self.h)).any():
             longest = LONGEST if self._tabulated else 1

@@ -139,8 +139,8 @@ def _heat(
     s: Stepper, where: slice | IntArray, name: str, timed: Timed, laws: list[ArrayFunction],
     loads: list[Loads]
 ) -> HeatArrays:
-    """Arrays of a thermal block; its laws, amplitudes and loads are added to those of the model.
-    Raises NotCompiled."""
+    """Arrays of the thermal block `name` with the unknowns `where`; its laws, amplitudes and loads
+    are added to those of the model. Raises NotCompiled."""
     block, at = s.heat[name], _range(where) if isinstance(where, slice) else where
     if not isinstance(block, CompressedHeat) or block.active is not None:
         raise NotCompiled(f"{name} is of full order, or its atoms are selected during the run")
@@ -153,7 +153,9 @@ def _heat(
 
 
 def _body(b: ReducedBody, f: FrameArrays, border: IntArray, timed: Timed) -> BodyArrays:
-    """Arrays of a body, without the index of the body."""
+    """Arrays of a body (`BodyArrays`), without the index of the body, from its projected operators
+    (b.tested) and its frame f as arrays. border: positions of rigid coordinates and joint forces in
+    the model; timed: functions of time, to which those of the body are added."""
     step, t, k, g, p = b.step, b.tested, 0, 0, b.step.frame.p
     rows, columns = np.nonzero(step.to_border)
     P, E, Q, G = np.zeros((0, p)), np.zeros((p, 0)), np.zeros((0, 0)), np.zeros((0, 0))
@@ -217,7 +219,9 @@ def body_work(b: BodyArrays) -> BodyWork:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _PrescribedRows:
-    """Functions of time of one body: kappa, mu, the bound of the contraction factor, and loads."""
+    """Functions of time of one body, (T, 2 g + 1 + k): kappa, mu, the bound of the contraction
+    factor, and loads, which are minus the base of its rows. weights (T, g): |kappa + c1 mu|; sizes
+    (g, 2): norms of each matrix G_g in the leading modes, and of the rest."""
 
     body: PrescribedBody
     c1: float

@@ -117,7 +117,8 @@ def heat_ahead(
     base: FloatArray, x: FloatArray, d: FloatArray
 ) -> bool:
     """Temperatures x and their departures d from the free motion (T, n) in all steps from the state
-    z, as they depend on no other unknowns; False where there are local terms."""
+    z, as they depend on no other unknowns; False where there are local terms. w.past (q, n): state
+    after each step, free + new d."""
     first, last = m.first[0], m.first[1]
     for h in heat:
         if len(h.local.terms):
@@ -129,7 +130,7 @@ def heat_ahead(
         free_motion(m, w.past, w.free, first, last)
         w.d[:] = 0.0
         motion(m, w)
-        for h in heat:
+        for h in heat:  # the last argument, temperatures before, is for local terms alone
             solve_heat(h, m, w, timed[i], base[i], w.d)
         for j in range(first, last):
             d[i, j], x[i, j] = w.d[j], w.X[0, j]
@@ -160,7 +161,9 @@ def predict(m: ModelArrays, run: RunArrays, guess: FloatArray) -> None:
 
 
 def accept(m: ModelArrays, run: RunArrays, w: Work) -> None:
-    """Stores a solved step: past states for the predictor, reference magnitudes, and the state."""
+    """Stores a solved step: past states for the predictor, reference magnitudes, and the state.
+    w.guess (2 n,): what unknowns and departures were extrapolated to; of each block, that which was
+    closer is taken in the next step (run.by_departure)."""
     n, points = len(w.d), len(run.ring)
     for k in range(len(m.starts) - 1):
         by_value, by_departure = 0.0, 0.0

@@ -22,7 +22,8 @@ class TermArrays(NamedTuple):
 class HeatArrays(NamedTuple):
     """Constants of a reduced thermal block (thermal_block.py) with unknowns `at` (k,).
 
-    by_rate, by_value: (k, k), or (1, k) for a diagonal. local: terms that depend on temperature,
+    by_rate, by_value: (k, k), or (1, k) for a diagonal; increments without local terms are by_rate
+    T' + by_value T + loads, from the prediction T, T'. local: terms that depend on temperature,
     iterated at most `iterations` times until the relative change is `rtol`, with the `inverse` (k,
     k) of the kept Jacobian where ready (1,) is not 0; 2: a new one is due after this step.
     """
@@ -46,8 +47,10 @@ class BodyArrays(NamedTuple):
     (`FrameArrays`); gains (i,): numbers of their amplitudes, -1 for none. entries: number of rows,
     columns, values: entries of the map from the model's unknowns to border unknowns; origin (b,).
     guide: number of the first value of its prescribed motion, -1 for none; rigid: number of rigid
-    coordinates. e: first of k displacements; g: number of matrices of the inertia; P (k, p), E (p,
-    k); Q (k, g k), G (g k, k), filled up to a multiple of 4 rows.
+    coordinates. e: first of k displacements u; g: number of matrices of the inertia; P (k, p):
+    functionals P^T u that the frame reads; E (p, k): directions of its forces on u; Q (k, g k):
+    quadratic forms of the inertia, G (g k, k): its matrices, transposed, both filled up to a
+    multiple of 4 rows.
     """
 
     items: IntArray
@@ -98,7 +101,9 @@ class PrescribedArrays(NamedTuple):
 
     block: number of its block; u, k: first and number of its displacements; T, kt: of its
     temperatures; inertia, stiffness, damping: (k, k), or (1, k) for a diagonal, damping (0, k) for
-    none; coupling (kt, k): transposed; G (g, k, k), leading (g r, r). table, width: number of the
+    none, all with the sign of the right-hand side, as coupling (kt, k), transposed; G (g, k, k):
+    matrices of the rotation, transposed; leading (g r, r): these in the r leading modes, not
+    transposed, one below the other. table, width: number of the
     first value and of all values of its functions of time: kappa, mu (g,), the bound of the
     contraction factor, and k loads. of_temperature, local: terms that depend on temperatures alone,
     and on displacements.

@@ -93,6 +93,7 @@ def machine_steps(solver: Stepper, of: MachineRequest[Memory]) -> MachineSteps:
     q, by_input, values = _in_time(steps, of, n)
     varying = np.flatnonzero(np.ptp(values, axis=0))
     k = steps.model.solved.size if steps.plan.equations is not None else 0
+    # working arrays of `take`: ahead, states, effort, J
     more = np.zeros((3, 1, n)), np.zeros((1, len(steps.model.new), n)), np.zeros((1, 2)), np.zeros(
         (k, k))
     expressions = {
@@ -177,6 +178,7 @@ def _object(source: str, functions: dict[str, Any]) -> bytes:
     for name, given in (("step", (f, i, b, f, f)), ("read", (f, i, b, f))):
         made = numba.cfunc(types.int64(*given))(names[name])
         text = str(made._library._final_module).replace(made._wrapper_name, f"sparsemor_{name}")
+        # functions that raise errors of Python, which are never called, get an empty body
         text = _DATA.sub(r"\1 = internal global \2 zeroinitializer", _ERRORS.sub(
             r"define internal \1 { unreachable }", text))
         module = llvm.parse_assembly(text)

@@ -25,7 +25,8 @@ def solve_prescribed(
     timed: FloatArray, forces: FloatArray
 ) -> int:
     """Solves the mechanical equations of all bodies and adds their increments to w.d; returns the
-    largest number of iterations, or LEFT."""
+    largest number of iterations, or LEFT. timed (q,): functions of time in this step; forces (n,):
+    loads by temperatures."""
     most = 1
     w.size[:], run.remaining[0] = 0.0, 0.0
     reference_sizes(m, w, run)

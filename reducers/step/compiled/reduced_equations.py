@@ -251,8 +251,10 @@ def relative_changes(m: ModelArrays, w: Work, run: RunArrays) -> float:
 
 
 def reference_sizes(m: ModelArrays, w: Work, run: RunArrays) -> None:
-    """Magnitudes w.size to which changes are relative; zero in a new step, otherwise those of
-    blocks that were zero so far grow with the present unknowns w.X."""
+    """Magnitudes w.size (blocks,) to which changes are relative; zero in a new step, otherwise
+    those of blocks that were zero so far grow with the present unknowns w.X. run.top, run.rate:
+    largest value of each block so far, and of its highest rates; infinite sizes: multipliers, which
+    need not converge."""
     for k in range(len(m.judged)):
         top, rate = run.top[k], run.rate[k]
         if w.size[k] > 0.0 and top == 0.0:
