@@ -192,7 +192,8 @@ class Search:
             return {}
         offline, share = self.problem.offline, self.auto.learning
         self.largest(self.problem)
-        # numbers of atoms that bases of the whole training run need
+        # numbers of atoms that bases of the whole training run need, by the projection errors that
+        # `largest` has set
         whole = {n: self._needed(n) for n in self.sources if self._learns(n)}
         # left: number of first parts that may still be tried after this one
         for left in reversed(range(PARTS if self.ref.runs == 1 else 1)):

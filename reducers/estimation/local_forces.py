@@ -36,9 +36,10 @@ class ElementForces:
         return np.hstack([x, known[:, chosen]])
 
     def of_heat(self, b: HeatBody, d: Dictionary) -> FloatArray:
-        """Forces (n, 2 M) of the local terms of a thermal block with atoms d at its M states, and
-        what rates add to them: as rates serve the changes from state to state, as directions, and
-        the first atom. No columns without local terms. Time in them is 0."""
+        """Forces (n, 2 M) of the local terms of a thermal block with atoms d: at its M states
+        without rates, then what rates add to them there. Rates are the change to the next state, as
+        a direction, and at the last state the first atom. No columns without local terms. Time in
+        them is 0."""
         if not b.local:
             return np.zeros((len(d.offset), 0))
         T, start = self._states(b.thermal), self.model.layout[b.thermal].start

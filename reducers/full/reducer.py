@@ -45,7 +45,7 @@ class Full(StepOptions):
         couple blocks), for rigid bodies alone, or block by block with factorized operators."""
         model, integrator, h = problem.model, problem.integrator, problem.step
         tol = self.tolerances
-        if self.method == "newton":
+        if self.method == "newton":  # 0: a new Jacobian in each iteration
             return self._whole(model, 0, "method: newton solves for all unknowns together")
         if not model.reducible():  # rigid bodies only: a few unknowns
             rigid = ProjectedModel(model)

@@ -24,7 +24,8 @@ class Galerkin(ProjectionReducer):
     """
 
     def maps(self, block: Reducible) -> Maps:
-        """Test map atoms^T (k, n) for operators and forces."""
+        """Test map atoms^T (k, n) for operators and forces. norm: that in which the residual is
+        least, with the operator D of a step; to be reported."""
         return Maps(TestMap(left=block.dictionary.atoms.T), facts={"norm": "D^-1"})
 
     def in_modes(

@@ -157,7 +157,7 @@ def _linear(
     p), and sigma (b + 1, p), whose last row are the factors of the p directions in the elastic
     equations and whose others are their derivatives by the border unknowns."""
     origin, rate, _ = body.border_motion(state.t)
-    prescribed_forces = body.to_border @ forces
+    prescribed_forces = body.to_border @ forces  # (b,): on this body, in the entries from d on
     y, v = _border(mechanics, body, state.x, origin), _border(mechanics, body, state.v, rate)
     c2 = 1.0 / mechanics.h**2  # large enough that masses are not lost against centrifugal terms
     w0, w1 = (_evaluate(body, ops, y + prescribed_forces, v, c, state) for c in (0.0, c2))

@@ -93,7 +93,7 @@ class CompiledSteps:
         done = self._advance(*self._arrays, run, timed, base,
                              np.zeros((3, *base.shape)), states, effort)
         for name, heat in zip(self.plan.heat_groups, self.plan.heat, strict=True):
-            if heat.inverse.size and not heat.ready[0]:
+            if heat.inverse.size and not heat.ready[0]:  # it contracts too slowly
                 memory.keep(name, None)
         if done:  # run.at: newest row and number of filled ones; run.effort: least, debt, renew
             memory.past.ring.newest, memory.past.ring.filled = run.at[:2].tolist()

@@ -64,8 +64,9 @@ class Plan:
     equations: Reduced | None
 
     def base_along(self, times: FloatArray, timed: FloatArray, n: int) -> FloatArray:
-        """Rows (T, n) that depend on time alone at times (T,), s; timed (T, q): functions of time.
-        The sums of a time are the same whichever the others are."""
+        """Rows (T, n) that depend on time alone at times (T,), s, with their sign on the left-hand
+        side: minus base, loads times amplitudes, and tables of each part; timed (T, q): functions
+        of time. The sums of a time are the same whichever the others are."""
         found = np.zeros((len(times), n))
         for part in self.loads:
             rows = np.zeros((len(times), len(part.at))) + part.base
@@ -262,6 +263,7 @@ def model_arrays(s: Stepper, p: Plan, rules: UpdateRules, h: float) -> ModelArra
     n, q, first = layout.size, len(rules.second.new), layout.first
     c1, c2, c1_first = rules.factors
     old, new = np.zeros((q, q, n)), np.zeros((q, n))
+    # x = free + d, v = free_rate + c1 d, a = c2 d, and memory by the highest rate, rates[-1] d
     for at, rule, rates in ((layout.second, rules.second, (1.0, c1, c2)),
                             (first, rules.first, (1.0, c1_first))):
         old[:, :, at] = rule.old[:, :, None]
@@ -278,7 +280,7 @@ def model_arrays(s: Stepper, p: Plan, rules: UpdateRules, h: float) -> ModelArra
             rows, columns = (slice(at.start - atoms.start, at.stop - atoms.start)
                              for at in (c.rows, c.columns))
             whole[of, rows, columns] += c.A
-    some = whole != 0.0
+    some = whole != 0.0  # ends: first and last column of each row that are not zero
     some_at_all = some.any(axis=2)
     ends = np.stack((np.where(some_at_all, some.argmax(axis=2), 0), np.where(
         some_at_all, some.shape[2] - some[:, :, ::-1].argmax(axis=2), 0)), axis=2) if (

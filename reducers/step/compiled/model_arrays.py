@@ -75,8 +75,11 @@ class BodyArrays(NamedTuple):
 
 
 class BodyWork(NamedTuple):
-    """Working arrays of all bodies; first index: number of the body. sigma (b + 1, p), tau (b, p),
-    H (b, b + 1), coefficients (2 g + 1,): as in `FrameWork`; s (3, p), forms (3 g,): functionals of
+    """Working arrays of all bodies; first index: number of the body. As in `FrameWork`, sigma (b +
+    1, p): factors of the directions in the last row, their derivatives by border unknowns in the
+    others; tau (b, p), H (b, b + 1): derivatives of the frame's rows by the functionals s, and by
+    border unknowns, with the rows in the last column; coefficients (2 g + 1,) = kappa, mu, 1:
+    factors of the inertia matrices times u and u'. s (3, p), forms (3 g,): functionals of
     u, u', u''; y (3, b): border unknowns with their rates; gains (i,); back (g k,): products of u
     with Q; turned (g k,): factors of G. nothing (3, 0): functionals of a rigid body; sums: as in
     `FrameFunction`."""
@@ -142,7 +145,8 @@ class ModelArrays(NamedTuple):
     number of temperatures, and of all coefficients; of_motion (3, a, a), ends (3, a, 2): constant
     operators of the free motion, its rate, and final temperatures, with the first and last column
     that is not zero in each row. starts (blocks + 1,): first unknown of each block; judged, second
-    (blocks,): as in `Loop`; solved: unknowns of the mechanical equations. weights (points + 1,
+    (blocks,): True for blocks whose change must converge (not multipliers), and for those of second
+    order; solved: unknowns of the mechanical equations. weights (points + 1,
     points): extrapolation by that many states, newest first; sanity (n,): inverse of the largest
     permitted value of each unknown; quaternions (k,): first unknown of each unit quaternion.
     """

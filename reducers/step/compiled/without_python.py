@@ -38,8 +38,9 @@ def take(
     J: FloatArray
 ) -> int:
     """Takes one step; returns 1, or 0 where it does not converge. J (s, s): working array; others:
-    as in `kernel.advance`. h.ready[0]: 1 where a thermal block has a Jacobian; run.effort[2]: 1
-    where the mechanics need a new one."""
+    as in `kernel.advance`, with the functions of time (1, q) and the rows (1, n) that depend on
+    these alone in `timed` and `base`. h.ready[0]: 1 where a thermal block has a Jacobian;
+    run.effort[2]: 1 where the mechanics need a new one; run.ring[run.at[0]]: the last state."""
     for attempt in range(2):
         if attempt:  # from the last state, in case that the extrapolation led astray
             run.at[1] = min(run.at[1], 1)
