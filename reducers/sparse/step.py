@@ -58,6 +58,8 @@ class SampledRows:
         sampler: Sampler, preconditioner: Preconditioner | None, solver: SparseSolver,
         rows: int | None, budget: int, inverted: bool, rng: np.random.Generator,
     ) -> None:
+        """The sample S of R or D^-1 R (step 1 of the module), its preconditioner P (2), and B =
+        P S D A (3), with the operator D of a step and the atoms A; budget: most active atoms."""
         D = model.block_data(name, step=step).operator.toarray()
         if rows is None:  # 1. all of D^-1 R
             S = np.linalg.qr(dictionary.atoms)[0].T @ np.linalg.inv(D)

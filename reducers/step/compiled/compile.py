@@ -167,7 +167,8 @@ def compiled(
     outer = {f.__code__ for f in wanted if isinstance(f, FunctionType)}
 
     def made(f: FunctionType) -> Any:
-        # sums may be reordered, which makes products several times faster
+        # sums may be reordered, which makes products several times faster; _nrt: references to
+        # arrays are counted, where some are created
         options = {"error_model": "numpy", "boundscheck": checked, "_nrt": f.__code__ in counted,
                    "fastmath": {"contract", "reassoc"}}
         return with_kept_code(njit(**options)(f), kept) if f.__code__ in outer else inlined(

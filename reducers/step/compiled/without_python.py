@@ -232,6 +232,7 @@ def outputs(
             values[o] = total
             continue
         c, d, rigid, size, first, k, at = a[1], a[2], a[3], a[4], a[5], a[6], a[7]
+        # pose: position, then an angle or a unit quaternion, by which the point (x, y, u) is turned
         p = numbers[o, 3:10] if rigid < 0 else z[0, rigid : rigid + size]
         x, y, u = numbers[o, 0], numbers[o, 1], numbers[o, 2]
         for j in range(k):
