@@ -83,7 +83,7 @@ class MechanicsProblem:
         x: FloatArray,
     ) -> None:
         """residual: equations of all sampled rows of mechanics; sampled: elastic blocks; x (n,):
-        prediction of a step, with its final temperatures."""
+        first guess of the unknowns of a step, with its final temperatures."""
         self.rows, self.step, self.x = residual, step, x
         layout, border = residual.layout, residual.border
         groups, columns, rows, scales, k = [], list[IntArray](), list[IntArray](), [], 0

@@ -135,8 +135,8 @@ class Stepper(StepSolver[Memory]):
 
     def reduced(self, state: State) -> State:
         """A full-order state in the unknowns of this model, with rates of temperature,
-        accelerations and multipliers that satisfy its own equations. At full order (no
-        dictionaries) as it is: the model's start is consistent already."""
+        accelerations and multipliers that satisfy its own equations. Without dictionaries (full
+        order, rigid bodies) as it is: the model's start is consistent already."""
         reduced = self.projection(state)
         reduced = replace(reduced, v=reduced.v.copy())  # without mesh it is the caller's state
         for name, at in self.heat_groups:

@@ -80,7 +80,8 @@ class Functions(NamedTuple):
     @property
     def instead(self) -> dict[ArrayFunction, ArrayFunction]:
         """Function of the kernel -> what is compiled in its place: of parts that the model does not
-        have, functions that do nothing or report `LEFT`, and the function of its frames."""
+        have, functions that compute nothing (some return `LEFT`, others False or no rows), and the
+        function of its frames."""
         found: dict[ArrayFunction, ArrayFunction] = dict.fromkeys(
             self.unused, nothing)
         if self.frame is None:
