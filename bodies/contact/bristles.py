@@ -22,7 +22,7 @@ import numpy as np
 from sparsemor.bodies.contact.contact_unknowns import dofs
 from sparsemor.bodies.contact.overlaps import Overlaps, Pieces
 from sparsemor.bodies.contact.tangent import Tangent, summed, tilts
-from sparsemor.bodies.contact.tractions import Interface, Samples, nodal, weights_of
+from sparsemor.bodies.contact.tractions import ContactSamples, Interface, nodal, weights_of
 from sparsemor.core import FieldKind, FloatArray, FrictionLaw, IntArray
 
 BRISTLES = FieldKind("bristles", order=1, unit="m", title="deflection of bristles",
@@ -146,7 +146,8 @@ class Bristles:
         The force is -p mu Z, with the rigid arm of tractions.py on the second facet, the heat p mu
         Z . (w - z'); Z is linear in the deflections.
         """
-        q, P, d = Samples.at(o, pieces.overlap, pieces.samples(face.points), face), len(o.at), o.d
+        q = ContactSamples.at(o, pieces.overlap, pieces.samples(face.points), face)
+        P, d = len(o.at), o.d
         W = weights_of(o, pieces, face) * q.p * q.mu / self.give
         n, g = o.pairs.planes.n[q.of], o.pairs.planes.g[q.of]
         across = np.eye(d) - n[:, :, None] * n[:, None]

@@ -23,7 +23,7 @@ from sparsemor.bodies.contact.contact_unknowns import ContactSide
 from sparsemor.bodies.contact.overlaps import pressure
 from sparsemor.bodies.contact.quadrature import PRESCRIBED, points_along, rule
 from sparsemor.bodies.contact.surface import BroadPhase, Surface
-from sparsemor.bodies.contact.tractions import Interface, Loads, names_of, nodal, resultants
+from sparsemor.bodies.contact.tractions import ContactLoads, Interface, names_of, nodal, resultants
 from sparsemor.core import (
     Block,
     Contact,
@@ -148,7 +148,7 @@ class ContactPart(Contact):
                 found[name][w.begin : w.stop] = values
         return found
 
-    def _loads(self, motion: Motion, face: Interface) -> Iterator[tuple[Window, Loads]]:
+    def _loads(self, motion: Motion, face: Interface) -> Iterator[tuple[Window, ContactLoads]]:
         """Contact in each window of times, with nodal forces and friction heat."""
         for w in windows(self.first, self.second, self.near, face, motion):
             yield w, nodal(w.overlaps, w.pieces, face, T=None)

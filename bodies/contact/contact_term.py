@@ -20,7 +20,7 @@ from sparsemor.bodies.contact.kinematics import Kinematics, too_deep
 from sparsemor.bodies.contact.overlaps import Overlaps, Pairs, Pieces
 from sparsemor.bodies.contact.surface import BroadPhase, Planes, balls_in_cells, radii_of, tree_of
 from sparsemor.bodies.contact.tangent import Tangent, summed
-from sparsemor.bodies.contact.tractions import Interface, Loads, names_of, nodal, resultants
+from sparsemor.bodies.contact.tractions import ContactLoads, Interface, names_of, nodal, resultants
 from sparsemor.bodies.contact.verlet_list import FollowedContact, Mover
 from sparsemor.core import BoolArray, Csr, FloatArray, IntArray, Term, Trial
 from sparsemor.core.model.compressed_local import CompressedLocal
@@ -38,7 +38,7 @@ class _Evaluation:
     nodes: IntArray
     overlaps: Overlaps
     pieces: Pieces
-    loads: Loads
+    loads: ContactLoads
     T: FloatArray | None
     sliding: Sliding | None
     rate: FloatArray

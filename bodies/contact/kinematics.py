@@ -26,7 +26,7 @@ QUARTER = np.array([[0.0, -1.0], [1.0, 0.0]])
 ONE, ZERO = np.ones((1, 1)), np.zeros((1, 1))
 
 
-class Angle:
+class PlanarAttitude:
     """Attitude of a body in the plane, with the interface of `UnitQuaternion`.
 
     A (2, 2): rotation matrix; w (1,): angular velocity, rad/s; by (1, 1): derivative of the
@@ -48,13 +48,15 @@ class Angle:
         return ZERO
 
 
-Attitude: TypeAlias = UnitQuaternion | Angle
+Attitude: TypeAlias = UnitQuaternion | PlanarAttitude
 
 
 def attitude_of(pose: FloatArray, rate: FloatArray) -> Attitude:
     """Attitude of a body with rigid coordinates `pose`, position first: (x, y, angle), or in space
     position and quaternion or angle."""
-    return Angle(float(pose[2]), rate[2:]) if len(pose) == 3 else UnitQuaternion.of(pose, rate)
+    if len(pose) == 3:
+        return PlanarAttitude(float(pose[2]), rate[2:])
+    return UnitQuaternion.of(pose, rate)
 
 
 def arms(r: FloatArray) -> FloatArray:

@@ -28,7 +28,13 @@ from sparsemor.bodies.contact.clipping import NONE, Parts
 from sparsemor.bodies.contact.overlaps import DEPTH, EDGE, Overlaps, Pieces
 from sparsemor.bodies.contact.quadrature import points_along
 from sparsemor.bodies.contact.surface import area_slopes
-from sparsemor.bodies.contact.tractions import Interface, Loads, Samples, drop, weights_of
+from sparsemor.bodies.contact.tractions import (
+    ContactLoads,
+    ContactSamples,
+    Interface,
+    drop,
+    weights_of,
+)
 from sparsemor.bodies.fem.integrals import area_vectors
 from sparsemor.core import FloatArray, IntArray
 
@@ -49,8 +55,8 @@ class Tangent:
 
     @classmethod
     def of(
-        cls, o: Overlaps, pieces: Pieces, face: Interface, loads: Loads, T: FloatArray | None,
-        deforms: bool, warms: bool,
+        cls, o: Overlaps, pieces: Pieces, face: Interface, loads: ContactLoads,
+        T: FloatArray | None, deforms: bool, warms: bool,
     ) -> "Tangent":
         """Derivatives for given overlaps, pieces and nodal loads; T (P, 2 d): corner temperatures,
         K.
@@ -60,7 +66,7 @@ class Tangent:
         weights; responses: derivatives of tractions and heats there. Besides these the area changes
         (`_measure`), and edges of overlaps move (`moving_edges`).
         """
-        q = Samples.at(o, pieces.overlap, pieces.samples(face.points), face)
+        q = ContactSamples.at(o, pieces.overlap, pieces.samples(face.points), face)
         W = weights_of(o, pieces, face)
         responses = Responses.of(o, q, face, T)
         first_only = o.pairs.vb is None  # the second surface does not deform
@@ -110,13 +116,15 @@ class Responses:
     flow: FloatArray
 
     @classmethod
-    def of(cls, o: Overlaps, q: Samples, face: Interface, T: FloatArray | None) -> "Responses":
+    def of(
+        cls, o: Overlaps, q: ContactSamples, face: Interface, T: FloatArray | None
+    ) -> "Responses":
         """Responses at quadrature points with traction p u, u = n - phi v - pull; v slip velocity,
         phi friction coefficient over speed, pull that of bristles; w relative velocity. T (P, 2 d):
         temperatures at the corners, K.
 
         dp = -p_depth n . dy - p_sink (n . dw + w . dn), v = w - (n . w) n, and the friction heat is
-        p (ratio speed + pull . free) with the names of `Samples`.
+        p (ratio speed + pull . free) with the names of `ContactSamples`.
         """
         planes, vb = o.pairs.planes, o.pairs.vb
         n, v = planes.n[q.of][:, None], q.slip
@@ -183,7 +191,7 @@ def _measure(o: Overlaps) -> FloatArray:
 
 
 def _first_moves(
-    o: Overlaps, q: Samples, W: FloatArray, of: Responses
+    o: Overlaps, q: ContactSamples, W: FloatArray, of: Responses
 ) -> tuple[FloatArray, FloatArray]:
     """Derivatives (M, d^2, d^2) of the nodal forces by positions and by velocities of the first
     facet's corners, for M pieces with k points of weights W (M, k). The relative displacement y,
@@ -200,7 +208,7 @@ def _first_moves(
 
 
 def _warm_first(
-    o: Overlaps, q: Samples, W: FloatArray, of: Responses, face: Interface
+    o: Overlaps, q: ContactSamples, W: FloatArray, of: Responses, face: Interface
 ) -> tuple[FloatArray, FloatArray]:
     """Derivatives (M, 2 d, d^2) of the nodal heats of both facets by positions and by velocities of
     the first facet's corners. y, w: relative displacement and velocity of a point, sums over these
@@ -219,7 +227,7 @@ def _warm_first(
     return by_z, _heats(q, columns(of.heat_w), face.share)
 
 
-def _heats(q: Samples, columns: FloatArray, share: float) -> FloatArray:
+def _heats(q: ContactSamples, columns: FloatArray, share: float) -> FloatArray:
     """(M, 2 d, D) derivative of the nodal friction heats, from the derivative of the friction heat
     at quadrature points, columns (M, q, D), weighted.
 
@@ -229,21 +237,21 @@ def _heats(q: Samples, columns: FloatArray, share: float) -> FloatArray:
                            (1.0 - share) * (q.eta.transpose(0, 2, 1) @ columns)], axis=1)
 
 
-def _conducted(q: Samples, columns: FloatArray) -> FloatArray:
+def _conducted(q: ContactSamples, columns: FloatArray) -> FloatArray:
     """(M, 2 d, D) derivative of the nodal conducted heats, which leave the first facet and enter
     the second, from that at quadrature points, columns (M, q, D), weighted."""
     return np.concatenate([-(q.s.transpose(0, 2, 1) @ columns),
                            q.eta.transpose(0, 2, 1) @ columns], axis=1)
 
 
-def _carried(o: Overlaps, q: Samples, of: Responses, share: float) -> FloatArray:
+def _carried(o: Overlaps, q: ContactSamples, of: Responses, share: float) -> FloatArray:
     """(M, q, d, d) derivative by y of the heat at the second facet's corners through its shape
     functions eta: d eta = g . y."""
     into = (1.0 - share) * of.heat + of.flow
     return np.asarray(into[..., None, None] * o.pairs.planes.g[q.of][:, None])
 
 
-def _displacement(o: Overlaps, q: Samples) -> FloatArray:
+def _displacement(o: Overlaps, q: ContactSamples) -> FloatArray:
     """(M, q, d, 2 d^2) derivative of y by the corners of both facets, dy = sum s da - sum eta db -
     delta sum g (n . db)."""
     n, g = o.pairs.planes.n[q.of], o.pairs.planes.g[q.of]
@@ -256,7 +264,7 @@ def _displacement(o: Overlaps, q: Samples) -> FloatArray:
 
 
 def _both_move(
-    o: Overlaps, q: Samples, W: FloatArray, of: Responses
+    o: Overlaps, q: ContactSamples, W: FloatArray, of: Responses
 ) -> tuple[FloatArray, FloatArray]:
     """Derivatives (M, 2 d^2, 2 d^2) of the nodal forces by positions and by velocities of both
     facets' corners: of the traction by relative displacement y, normal n and velocity w, dw = ... -
@@ -271,7 +279,7 @@ def _both_move(
 
 
 def _warm_both(
-    o: Overlaps, q: Samples, W: FloatArray, of: Responses, face: Interface
+    o: Overlaps, q: ContactSamples, W: FloatArray, of: Responses, face: Interface
 ) -> tuple[FloatArray, FloatArray]:
     """Derivatives (M, 2 d, 2 d^2) of the nodal heats by positions and by velocities of both facets'
     corners: of friction heat (heat_) and conducted heat (flow_) by relative displacement y, normal
@@ -291,7 +299,7 @@ def _warm_both(
     return by_z, _heats(q, columns(of.heat_w, y_by), face.share)
 
 
-def _moves(o: Overlaps, q: Samples) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _moves(o: Overlaps, q: ContactSamples) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Derivatives of y (M, q, d, D), of n (M, 1, d, D) and delta times that of h (M, q, d, D), by
     both facets' corners."""
     tilt, swing = (x[q.of][:, None] for x in tilts(o))
@@ -316,7 +324,7 @@ def tilts(o: Overlaps) -> tuple[FloatArray, FloatArray]:
 
 
 def _bent(
-    o: Overlaps, q: Samples, W: FloatArray, of: Responses, B: FloatArray, tilt: FloatArray
+    o: Overlaps, q: ContactSamples, W: FloatArray, of: Responses, B: FloatArray, tilt: FloatArray
 ) -> FloatArray:
     """(M, 2 d^2, 2 d^2) derivative of the nodal forces for a constant traction F, which are -(eta F
     + delta (g . F) n) at the second facet's corners; rows of the first facet are zero (s F).
@@ -348,7 +356,7 @@ def _bent(
     return found
 
 
-def _conduction(o: Overlaps, q: Samples, W: FloatArray, face: Interface) -> FloatArray:
+def _conduction(o: Overlaps, q: ContactSamples, W: FloatArray, face: Interface) -> FloatArray:
     """(P, 2 d, 2 d) derivative of the nodal conducted heats by the corner temperatures, W/K."""
     if face.conductance == 0.0:
         return np.zeros((len(o.at), 2 * o.d, 2 * o.d))
@@ -379,7 +387,7 @@ def moving_edges(
     if not len(of):
         return
     s, weights = _rule(pieces.parts, piece, k, points_along(o.d, face.points) + 1)
-    q = Samples.at(o, of, s, face)
+    q = ContactSamples.at(o, of, s, face)
     W = (face.width * o.measure[of])[:, None] * weights
     both = o.pairs.vb is not None
     loads, speeds = _integrand(o, q, face, T, both), _velocity(o, q, tag, both)
@@ -403,7 +411,7 @@ def _rule(
 
 
 def _integrand(
-    o: Overlaps, q: Samples, face: Interface, T: FloatArray | None, both: bool
+    o: Overlaps, q: ContactSamples, face: Interface, T: FloatArray | None, both: bool
 ) -> FloatArray:
     """(E, q, D + 2 d) nodal forces per area, Pa, on the corners of the first facet (of both facets
     if `both`), and heats per area, W/m2, in the order of the rows of `Tangent.z`; T (P, 2 d):
@@ -429,7 +437,7 @@ def _integrand(
     return np.concatenate(parts, axis=2)
 
 
-def _velocity(o: Overlaps, q: Samples, tag: IntArray, both: bool) -> FloatArray:
+def _velocity(o: Overlaps, q: ContactSamples, tag: IntArray, both: bool) -> FloatArray:
     """(E, q, D) outward normal velocity of the edge in barycentric coordinates, per velocity of
     each corner coordinate: of the first facet's corners, then, if `both`, of the second's.
 

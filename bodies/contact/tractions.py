@@ -40,7 +40,7 @@ class Interface:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Samples:
+class ContactSamples:
     """Contact variables at q points of each of N simplices.
 
     of (N,): number of the overlap; s (N, q, d): points, barycentric in the first facet; depth:
@@ -75,7 +75,7 @@ class Samples:
     free: FloatArray
 
     @classmethod
-    def at(cls, o: Overlaps, of: IntArray, s: FloatArray, face: Interface) -> "Samples":
+    def at(cls, o: Overlaps, of: IntArray, s: FloatArray, face: Interface) -> "ContactSamples":
         """Pressure, slip and friction at points s (N, q, d), barycentric in the first facet, of the
         overlaps `of` (N,). A law that gives tension is cut off at 0.
 
@@ -121,7 +121,7 @@ class Samples:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Loads:
+class ContactLoads:
     """Nodal forces and heats of M simplices (segments or triangles of overlaps of two facets), and
     their resultants, in the second body's axes.
 
@@ -145,7 +145,7 @@ def weights_of(o: Overlaps, pieces: Pieces, face: Interface) -> FloatArray:
     return np.asarray(area[:, None] * face.weights)
 
 
-def nodal(o: Overlaps, pieces: Pieces, face: Interface, T: FloatArray | None) -> Loads:
+def nodal(o: Overlaps, pieces: Pieces, face: Interface, T: FloatArray | None) -> ContactLoads:
     """Nodal forces and heats of all pieces.
 
     T (P, 2 d): temperatures at the corners of the overlaps' facets, K, for conduction; None
@@ -153,7 +153,7 @@ def nodal(o: Overlaps, pieces: Pieces, face: Interface, T: FloatArray | None) ->
     body's corners with weights s, on the second's as -(eta F + delta (g . F) n), delta the
     penetration.
     """
-    q = Samples.at(o, pieces.overlap, pieces.samples(face.points), face)
+    q = ContactSamples.at(o, pieces.overlap, pieces.samples(face.points), face)
     W = weights_of(o, pieces, face)
     n, g = o.pairs.planes.n[q.of], o.pairs.planes.g[q.of]
     push, drag = W * q.p, W[:, :, None] * q.drag()
@@ -169,11 +169,12 @@ def nodal(o: Overlaps, pieces: Pieces, face: Interface, T: FloatArray | None) ->
         flow = W * face.conductance * drop(q, T)
         heat = [heat[0] - _summed(flow, q.s), heat[1] + _summed(flow, q.eta)]
     whole = push.sum(axis=1)
-    return Loads(np.concatenate(ends, axis=1), np.concatenate(heat, axis=1), whole[:, None] * n,
-                 drag.sum(axis=1), power.sum(axis=1), np.where(whole > 0, W.sum(axis=1), 0.0))
+    return ContactLoads(
+        np.concatenate(ends, axis=1), np.concatenate(heat, axis=1), whole[:, None] * n,
+        drag.sum(axis=1), power.sum(axis=1), np.where(whole > 0, W.sum(axis=1), 0.0))
 
 
-def drop(q: Samples, T: FloatArray) -> FloatArray:
+def drop(q: ContactSamples, T: FloatArray) -> FloatArray:
     """(N, q) temperature of the first surface minus that of the second one, K; T (P, 2 d): corner
     temperatures."""
     at, d = T[q.of], q.s.shape[2]
@@ -197,7 +198,7 @@ def names_of(d: int) -> tuple[str, ...]:
 
 
 def resultants(
-    times: int, time: IntArray, o: Overlaps, pieces: Pieces, loads: Loads, face: Interface
+    times: int, time: IntArray, o: Overlaps, pieces: Pieces, loads: ContactLoads, face: Interface
 ) -> Mapping[str, FloatArray]:
     """Resultants (times,) by the names of `names_of`: magnitudes of the pressure's and friction's
     forces, N, friction power, W, length, m, or area, m2, and largest pressure at corners of parts,

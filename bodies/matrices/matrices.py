@@ -77,7 +77,7 @@ class NodeSet(PointSet):
         return self
 
 
-class Units(Plugin):
+class FileUnits(Plugin):
     """Units of the matrices and nodes in SI units; seconds and kelvins in any case."""
 
     length: float = Field(default=1.0, gt=0)
@@ -142,7 +142,7 @@ class Matrices(BodyPlugin):
     nodes: of constraint modes and fixed-interface modes, or of eigenmodes. `stiffness` and
     `damping_matrix` are then those of the coordinates, or of all unknowns; `mass` is that of all
     unknowns, or the masses of the nodes (N, 1)."""
-    units: Units = Units()
+    units: FileUnits = FileUnits()
     """Units of the files."""
     sets: dict[str, NodeSet] = {}
     """Additional named sets of nodes."""

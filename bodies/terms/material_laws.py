@@ -144,7 +144,7 @@ class Conduction(PointwiseLaw):
 
 
 @dataclass(frozen=True, slots=True)
-class Start:
+class FirstStep:
     """1 in the first step of a run, of h, s, and 0 later."""
 
     h: float
@@ -213,7 +213,8 @@ class StoredHeat(PointwiseLaw):
                             {(0, 0): self.rho / h * (c + c_0), (0, 1): -self.rho * c_0})
         if self.earlier == 2:
             T_1 = 2.0 * T_0 - T + h * h * bend
-            gone = self.c.at(T_0)[0] * (T_0 - T_1) if Start(h)(t) else past - self.c.integral(T_1)
+            first = FirstStep(h)(t)
+            gone = self.c.at(T_0)[0] * (T_0 - T_1) if first else past - self.c.integral(T_1)
             change, gain = 1.5 * change - 0.5 * gone, 1.5
         return Response([self.rho / h * change], {(0, 0): gain / h * stored})
 
@@ -221,7 +222,7 @@ class StoredHeat(PointwiseLaw):
         made = _arrays(stored_heat, [(0, 0), (0, 1)], [
             self.rho, self.c.reference, float(self.earlier), self.step], self.c.of)
         return None if made is None else replace(
-            made, amplitudes=(Start(self.step),), calls=(curve_at, integral_at), step=self.step,
+            made, amplitudes=(FirstStep(self.step),), calls=(curve_at, integral_at), step=self.step,
             numbers=np.concatenate([made.numbers[:4], with_integrals(made.numbers[4:])]))
 
 

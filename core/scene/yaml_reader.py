@@ -75,7 +75,7 @@ def parse(text: str, name: str, kind: str = "scene") -> Document:
         raise _syntax(error, name) from None
     if root is None:
         raise _at(name, [((1, 1), "", f"the file is empty: a {kind} is a mapping of `key: value`")])
-    builder = _Builder(reader)
+    builder = _Converter(reader)
     tree = builder.build(root, ())
     if not isinstance(tree, dict):
         builder.faults.append((_place(root), "", f"a {kind} is a mapping of `key: value`"))
@@ -94,7 +94,7 @@ def parse_value(text: str, key: str) -> Any:
         raise InputError(f"{_reason(error)} (got {_short(text)})", key) from None
     if root is None:
         return None
-    builder = _Builder(reader)
+    builder = _Converter(reader)
     value = builder.build(root, ())
     if builder.faults:
         raise InputError([Fault(key, message) for _, _, message in builder.faults])
@@ -159,7 +159,7 @@ def _reader() -> YAML:
     return reader
 
 
-class _Builder:
+class _Converter:
     """Converter of YAML nodes to plain values, which records their positions and faults."""
 
     def __init__(self, reader: YAML) -> None:

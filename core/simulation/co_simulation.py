@@ -26,7 +26,7 @@ from sparsemor.core.results.checkpoint import Saved, SavedError
 from sparsemor.core.simulation.checks import Checks
 from sparsemor.core.simulation.controllers import Controllers
 from sparsemor.core.simulation.prepared_run import PreparedRun
-from sparsemor.core.simulation.sensors_and_outputs import Output, outputs_of, read
+from sparsemor.core.simulation.sensors_and_outputs import StepperOutput, outputs_of, read
 from sparsemor.core.simulation.step_control import step_of
 from sparsemor.core.simulation.time_stepping import iterate, many_steps, started
 from sparsemor.core.status import SolveFailed, Status
@@ -39,7 +39,7 @@ class Input(HeldFunction):
     start: float
 
 
-class Stepper:
+class ModelStepper:
     """Steps of a reduced model, one after the other, from its start.
 
     t: time, s; inputs: key of a function of time in the scene -> its present value; outputs:
@@ -98,7 +98,7 @@ class Stepper:
         return {name: output.unit for name, output in self._outputs.items()}
 
     @property
-    def described(self) -> Mapping[str, Output]:
+    def described(self) -> Mapping[str, StepperOutput]:
         """Name -> where its outputs come from."""
         return dict(self._outputs)
 
@@ -239,7 +239,7 @@ class Stepper:
 
 def _restored(
     model: Any, inputs: Sequence[str], outputs: Sequence[str], saved: bytes
-) -> Stepper:
-    made: Stepper = model.stepper(inputs, outputs)
+) -> ModelStepper:
+    made: ModelStepper = model.stepper(inputs, outputs)
     made.restore(saved)
     return made

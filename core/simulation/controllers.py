@@ -14,7 +14,7 @@ from sparsemor.core.registry.registry import suggestions
 from sparsemor.core.registry.returned_values import controller_step
 from sparsemor.core.results.probes import ForceReader, ProbeReader
 from sparsemor.core.scene.scene import Scene
-from sparsemor.core.simulation.sensors_and_outputs import Output, outputs_of, read
+from sparsemor.core.simulation.sensors_and_outputs import StepperOutput, outputs_of, read
 from sparsemor.core.simulation.time_stepping import Step
 
 Memory = dict[str, tuple[float, ...]]
@@ -31,7 +31,7 @@ class Controllers:
     -> quantity that they may read; held: present values of their functions; h: time step, s."""
 
     def __init__(
-        self, scene: Scene, outputs: Mapping[str, Output], without: Sequence[str] = ()
+        self, scene: Scene, outputs: Mapping[str, StepperOutput], without: Sequence[str] = ()
     ) -> None:
         """without: keys of functions that something else sets."""
         # those that give targets to others first
@@ -59,7 +59,9 @@ class Controllers:
         return controlled if self.found else step
 
 
-def sensors(model: Model, layout: Layout, maps: Mapping[str, Dictionary]) -> Mapping[str, Output]:
+def sensors(
+    model: Model, layout: Layout, maps: Mapping[str, Dictionary]
+) -> Mapping[str, StepperOutput]:
     """What controllers may read of a step solver's unknowns, by name. maps: those of its blocks."""
     return outputs_of(
         layout, model.multiplier_components,

@@ -51,7 +51,7 @@ from sparsemor.core.simulation.changed_start import (
     started_from,
 )
 from sparsemor.core.simulation.checks import KIND, Checks
-from sparsemor.core.simulation.co_simulation import Input, Stepper
+from sparsemor.core.simulation.co_simulation import Input, ModelStepper
 from sparsemor.core.simulation.offline import step_count
 from sparsemor.core.simulation.prepared_run import PreparedRun
 from sparsemor.core.simulation.progress import progress_bar
@@ -315,7 +315,7 @@ class ReducedModel:
 
     def stepper(
         self, inputs: Sequence[str] = (), outputs: Sequence[str] = ()
-    ) -> Stepper:
+    ) -> ModelStepper:
         """Steps from outside: inputs set and outputs read between them.
 
         inputs: keys of functions of time of loads and joints (`loads.push.factor`,
@@ -338,7 +338,7 @@ class ReducedModel:
                 made, forces = self._packed.made(*by), self._pack(run.forces).made(*by)
                 run = replace(run, solver=run.solver.stepping_alike(made), start=self._meshless[1],
                               offline=None, forces=forces)
-        return Stepper(self, replace(run, extents=self._extents), set_by, outputs)
+        return ModelStepper(self, replace(run, extents=self._extents), set_by, outputs)
 
     @property
     def possible_inputs(self) -> tuple[str, ...]:

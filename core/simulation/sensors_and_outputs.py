@@ -14,7 +14,7 @@ from sparsemor.core.results.probes import ForceReader, ProbeReader, rate_columns
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Output:
+class StepperOutput:
     """Quantity that a stepper gives: its unit, and the column `at` of what a probe or a force
     element gives, or of the unknowns x (rate: of their rates)."""
 
@@ -27,28 +27,28 @@ class Output:
 def outputs_of(
     layout: Layout, multipliers: Mapping[str, Sequence[tuple[str, str]]],
     probes: Iterable[ProbeReader], forces: Iterable[ForceReader],
-) -> Mapping[str, Output]:
+) -> Mapping[str, StepperOutput]:
     """Name -> quantity of all that a run records and of its rigid coordinates: `tip.u_y` of probe
     tip, `crank.rigid.angle` and `crank.rigid.angle_rate` of a body, `hinge.force_x` of a joint.
     multipliers: block of multipliers -> name and unit of each."""
-    found = dict[str, Output]()
+    found = dict[str, StepperOutput]()
     # unit, then column of what the reader gives, or without a reader of the unknowns (rate: rates)
     for p in probes:
         head = p.header()
-        found |= {output_name(p.name, c): Output(unit, i, p)
+        found |= {output_name(p.name, c): StepperOutput(unit, i, p)
                   for i, (c, unit) in enumerate(zip(head.components, head.units, strict=True))}
     for f in forces:
-        found[output_name(f.name, f.component[0])] = Output(f.component[1], 0, f)
+        found[output_name(f.name, f.component[0])] = StepperOutput(f.component[1], 0, f)
     for b in layout:
         first = layout[b.name].start
         if b.name in multipliers:
-            found |= {output_name(b.owner, name): Output(unit, first + i)
+            found |= {output_name(b.owner, name): StepperOutput(unit, first + i)
                       for i, (name, unit) in enumerate(multipliers[b.name])}
         elif b.kind.quantity is Quantity.POSE:
             for i, name in enumerate(COORDINATES.get(b.size, ())):
                 unit = COORDINATE_UNITS[name]
-                found[f"{b.name}.{name}"] = Output(unit, first + i)
-                found[f"{b.name}.{name}_rate"] = Output(f"{unit}/s", first + i, rate=True)
+                found[f"{b.name}.{name}"] = StepperOutput(unit, first + i)
+                found[f"{b.name}.{name}_rate"] = StepperOutput(f"{unit}/s", first + i, rate=True)
     return found
 
 
@@ -57,7 +57,7 @@ def output_name(part: str, component: str) -> str:
     return f"{part}.{component.replace(' ', '_')}"
 
 
-def read(outputs: Sequence[Output], s: State) -> FloatArray:
+def read(outputs: Sequence[StepperOutput], s: State) -> FloatArray:
     """Present values of outputs in a state of the step solver."""
     by_reader, values = dict[int, FloatArray](), list[float]()
     for output in outputs:

@@ -53,7 +53,7 @@ def stiffness_to_mass(K: Csr, M: Csr) -> float:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Projected(Term):
+class ProjectedTerm(Term):
     """Galerkin projection of a term as a term of the reduced unknowns: rows (l,), columns (k,);
     test (l, m): left factor of its m rows. whole: the term of the model; trial: its unknowns as an
     affine function of the reduced ones; term: the product of all three."""
@@ -68,7 +68,7 @@ class Projected(Term):
     @classmethod
     def of(
         cls, term: Term, full: Layout, small: Layout, bases: Mapping[str, Dictionary]
-    ) -> "Projected":
+    ) -> "ProjectedTerm":
         """A term of the model, projected on the trial bases of its blocks."""
         rows, test, _ = _trial(term.rows, full, small, bases)
         columns, atoms, offset = _trial(term.columns, full, small, bases)
@@ -83,9 +83,9 @@ class Projected(Term):
     ) -> Csr:
         return csr_array(self.term.jacobian(x, v, a, t, c1, c2))
 
-    def restrict(self, keep: IntArray) -> "Projected":
+    def restrict(self, keep: IntArray) -> "ProjectedTerm":
         test = self.test[keep]
-        return Projected(self.rows[keep], self.columns, self.whole, self.trial, test,
+        return ProjectedTerm(self.rows[keep], self.columns, self.whole, self.trial, test,
                          self.whole.compress(self.trial, test))
 
     def compress(self, trial: Trial, left: FloatArray) -> ReducedTerm:
@@ -114,7 +114,7 @@ class System:
         if not bases:
             return cls(model, bases, layout, model.terms)
         return cls(model, bases, layout, tuple(
-            Projected.of(t, model.layout, layout, bases) for t in model.terms))
+            ProjectedTerm.of(t, model.layout, layout, bases) for t in model.terms))
 
     def residual(self, s: State) -> FloatArray:
         """Residual (n,) in a state of its unknowns."""

@@ -21,7 +21,7 @@ from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.controllers import controllers_of
 from sparsemor.core.simulation.stages_before_steps import build_bases, explicit, prepared, train
 from sparsemor.plugins.analyses.analysed_equations import System
-from sparsemor.plugins.analyses.equilibrium import Solved, flow, free_motions, newton
+from sparsemor.plugins.analyses.equilibrium import SolvedState, flow, free_motions, newton
 from sparsemor.plugins.analyses.steady_motion import assembled, spinning
 
 
@@ -89,7 +89,7 @@ def rates(p: Prepared, spin: bool) -> Callable[[State], State]:
     return moving
 
 
-def equilibrium(p: Prepared, t: float, spin: bool) -> Solved:
+def equilibrium(p: Prepared, t: float, spin: bool) -> SolvedState:
     """Equilibrium of all bodies and joints under the loads at the time t (s), with temperatures of
     the start; spin: in steady rotation. Raises SolveFailed where there is none."""
     system = p.system
@@ -108,7 +108,7 @@ SINK = 1e-11
 nothing leaves."""
 
 
-def steady_heat(p: Prepared, *, at: float | None = None) -> Solved:
+def steady_heat(p: Prepared, *, at: float | None = None) -> SolvedState:
     """Steady temperatures under the heat loads at a time, s. Raises InputError for bodies that no
     heat can leave, SolveFailed where the iteration does not converge."""
     system = p.system

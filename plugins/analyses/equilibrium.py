@@ -45,7 +45,7 @@ FLOOR = 1e-12
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Solved:
+class SolvedState:
     """A state that satisfies the equations, and the number of steps that it took."""
 
     state: State
@@ -79,7 +79,7 @@ class Solver:
 
 def newton(
     system: System, start: State, at: IntArray, moving: Callable[[State], State] | None = None
-) -> Solved:
+) -> SolvedState:
     """State with r = 0 in the equations `at`, by changes of the unknowns `at` of the start.
 
     Where Newton's method does not converge from the start x0, the loads are applied in steps: r(x)
@@ -105,7 +105,7 @@ def newton(
                 raise
             continue
         s, done, step, count = found.state, ahead, 1.5 * step, count + found.iterations
-    return Solved(s, count)
+    return SolvedState(s, count)
 
 
 def _at_rest(system: System, s: State) -> tuple[Csr, FloatArray]:
@@ -117,7 +117,7 @@ def _newton(
     system: System, s: State, at: IntArray, moving: Callable[[State], State],
     tangent: Callable[[State], tuple[Csr, FloatArray]], wanted: FloatArray,
     tolerance: float = TOLERANCE,
-) -> Solved:
+) -> SolvedState:
     """State with the residual `wanted` (m,) in the equations `at`, from the state s, by Newton
     iterations whose steps are halved until the natural monotonicity test is met (see the module).
 
@@ -141,7 +141,7 @@ def _newton(
             ahead = float(np.abs(solve(r_new) / weight).max(initial=0.0)) if np.isfinite(
                 r_new).all() else np.inf
             if f == 1.0 and (np.abs(r_new) <= exact).all():
-                return Solved(new, k)
+                return SolvedState(new, k)
             if ahead <= (1.0 - 0.5 * f) * length or length <= tolerance:
                 break
             f *= 0.5
@@ -150,7 +150,7 @@ def _newton(
                                   "static equilibrium", advice=ADVICE)
         s, r = new, r_new
         if f == 1.0 and (length <= tolerance or ahead <= 0.1 * tolerance):
-            return Solved(s, k)
+            return SolvedState(s, k)
     raise SolveFailed(Status.NOT_CONVERGED, s.t, _worst(system, at, dx / weight),
                       "static equilibrium", advice=ADVICE)
 
@@ -159,7 +159,7 @@ ADVICE = ("Newton's method found no equilibrium: take smaller loads or an earlie
           "or check that something carries every load")
 
 
-def flow(system: System, start: State, at: IntArray) -> Solved:
+def flow(system: System, start: State, at: IntArray) -> SolvedState:
     """Stable equilibrium of a system with free rigid motions, by pseudo-transient continuation.
     Free motions without force and stiffness stay as they are. Raises SolveFailed for forces on a
     free motion that nothing balances.
@@ -187,7 +187,7 @@ def flow(system: System, start: State, at: IntArray) -> Solved:
         new = _moved(s, at, dx)
         r_new = system.residual(new)[at]
         if length <= TOLERANCE and sigma <= 1e3 * floor:
-            return Solved(new, k)
+            return SolvedState(new, k)
         # sigma follows |r| from step to step (switched evolution relaxation)
         before, after = (_force(x, mass, has_mass) for x in (r, r_new))
         change = after / before if before > 0.0 and length > TOLERANCE else 0.0

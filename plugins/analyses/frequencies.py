@@ -17,7 +17,7 @@ from sparsemor.plugins.analyses.analysed_model import (
     steady_heat,
     time_of,
 )
-from sparsemor.plugins.analyses.modes import ComplexArray, Constrained, Modes, modes_of
+from sparsemor.plugins.analyses.modes import ComplexArray, ComplexModes, Constrained, modes_of
 from sparsemor.plugins.analyses.steady_motion import body_axes, in_body_axes, kept_rows
 
 LATER, VARIES = 0.37, 1e-6
@@ -26,7 +26,7 @@ the relative difference up to which they are constant."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Linearised:
+class LinearisedSystem:
     """Equations about a state in the axes of its bodies. z: tangents of all unknowns there; axes:
     T, T' and T'' (n, m), changes of the system's unknowns by z; second, held: numbers among z of
     unknowns with inertia and of multipliers."""
@@ -38,7 +38,7 @@ class Linearised:
     held: IntArray
 
 
-def linearised(p: Prepared, at: float | None, spin: bool, about: str) -> Linearised:
+def linearised(p: Prepared, at: float | None, spin: bool, about: str) -> LinearisedSystem:
     """Equations about the equilibrium under the loads at a time, or about the initial state (about:
     `equilibrium` or `start`). Raises InputError for a rotation that is not steady."""
     t = time_of(p.scene, at)
@@ -67,7 +67,7 @@ def _with_joint_forces(p: Prepared, s: State) -> State:
     return replace(s, x=x)
 
 
-def about_state(p: Prepared, state: State) -> Linearised:
+def about_state(p: Prepared, state: State) -> LinearisedSystem:
     """Equations about a state in the axes of its bodies. Raises InputError where those of a moving
     state differ from those after a steady rotation by `LATER`."""
     layout = p.system.layout
@@ -89,7 +89,7 @@ def about_state(p: Prepared, state: State) -> Linearised:
                 raise InputError("the equations vary as the bodies rotate, so that there are no "
                                  "modes: turn all coupled bodies at one constant rate, about the "
                                  "axis of what stands still, or leave out spin", "spin")
-    return Linearised(state, z, axes, second, held)
+    return LinearisedSystem(state, z, axes, second, held)
 
 
 def _later(p: Prepared, s: State, dt: float) -> FloatArray:
@@ -122,7 +122,7 @@ class Found:
     """Modes about a state: changes (N, k) of the model's unknowns."""
 
     state: State
-    modes: Modes
+    modes: ComplexModes
     changes: ComplexArray
     notes: tuple[Note, ...]
 
@@ -144,7 +144,7 @@ def frequencies(
     return Found(p.system.state(lin.state), modes, changes, tuple(_notes(modes)))
 
 
-def _notes(modes: Modes) -> list[Note]:
+def _notes(modes: ComplexModes) -> list[Note]:
     """Notes on modes of rigid motion and on a state that is unstable."""
     found = []
     if modes.rigid.any():

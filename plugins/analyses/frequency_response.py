@@ -24,10 +24,10 @@ from sparsemor.core.scene.option_tree import functions_of_time
 from sparsemor.core.scene.overrides import split
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.controllers import sensors
-from sparsemor.core.simulation.sensors_and_outputs import Output, read
+from sparsemor.core.simulation.sensors_and_outputs import StepperOutput, read
 from sparsemor.plugins.analyses.analysed_model import Prepared
 from sparsemor.plugins.analyses.equilibrium import Solver
-from sparsemor.plugins.analyses.frequencies import Linearised, linearised
+from sparsemor.plugins.analyses.frequencies import LinearisedSystem, linearised
 from sparsemor.plugins.analyses.modes import ComplexArray
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ DRAWN = 6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Response:
+class FrequencyResponse:
     """Amplitudes (f, o), complex, of outputs at frequencies (f,), Hz. units: name -> unit."""
 
     frequencies: FloatArray
@@ -93,7 +93,7 @@ class Response:
 def frequency_response(
     p: Prepared, source: str, frequencies: FloatArray, outputs: Sequence[str] | None,
     at: float | None, spin: bool, about: str,
-) -> Response:
+) -> FrequencyResponse:
     """Response of outputs to one unit of the function of time at the key `source` of the scene: at
     each frequency w, rad/s, the amplitude z of (K + i w D - w^2 M) z = T^T F in the unknowns of
     `linearised`, and the outputs' amplitudes for it. frequencies (f,): Hz. Raises InputError at the
@@ -112,7 +112,7 @@ def frequency_response(
                              "this frequency", "frequencies")
         values.append(_amplitudes_of(p, lin, [known[n] for n in names],
                                      np.asarray(y, np.complex128), w))
-    return Response(frequencies, {n: known[n].unit for n in names}, np.array(values))
+    return FrequencyResponse(frequencies, {n: known[n].unit for n in names}, np.array(values))
 
 
 def _chosen(
@@ -156,7 +156,7 @@ def force(p: Prepared, source: str, s: State) -> FloatArray:
 
 
 def _amplitudes_of(
-    p: Prepared, lin: Linearised, outputs: Sequence[Output], z: ComplexArray, w: float
+    p: Prepared, lin: LinearisedSystem, outputs: Sequence[StepperOutput], z: ComplexArray, w: float
 ) -> ComplexArray:
     """Complex amplitudes (o,) of outputs for an amplitude z (m,) of the unknowns at the angular
     frequency w, rad/s: their derivatives along the changes of positions and rates, real and
@@ -178,7 +178,7 @@ def _amplitudes_of(
 
 def kept_response(
     model: "ReducedModel", source: str, frequencies: FloatArray, outputs: Sequence[str] | None
-) -> Response:
+) -> FrequencyResponse:
     """The same of a linear kept model, by its state space: C (i omega - A)^-1 B."""
     from sparsemor.plugins.export.matrices import state_space
 
@@ -195,4 +195,4 @@ def kept_response(
         raise InputError("a mode without damping has one of these frequencies",
                          "frequencies") from None
     units = model.stepper([source], s.outputs).outputs
-    return Response(frequencies, dict(units), values)
+    return FrequencyResponse(frequencies, dict(units), values)

@@ -76,7 +76,7 @@ class Constrained:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Modes:
+class ComplexModes:
     """Eigenvalues lambda (k,), 1/s, and shapes phi (n, k), of unit phi^H M phi, by increasing
     magnitude; of each conjugate pair the one with positive imaginary part. rigid (k,): True for
     motion without stiffness, whose lambda is 0 but for rounding."""
@@ -98,7 +98,7 @@ class Modes:
                         0.0 - self.values.real / np.where(size > 0.0, size, 1.0))
 
 
-def modes_of(c: Constrained, count: int) -> Modes:
+def modes_of(c: Constrained, count: int) -> ComplexModes:
     """The `count` modes of smallest magnitude, or all. Raises InputError where they do not
     converge."""
     # each constraint without compliance takes one mode
@@ -112,7 +112,7 @@ def modes_of(c: Constrained, count: int) -> Modes:
     return _damped(c, count, first) if damped or not symmetric else first
 
 
-def _undamped(c: Constrained, count: int) -> Modes:
+def _undamped(c: Constrained, count: int) -> ComplexModes:
     """Modes of K x = w^2 M x on the constraints, by the inverse of K shifted below 0,
 
         S M x = x / (w^2 - shift),    S = inverse of K - shift M under the constraints
@@ -144,7 +144,7 @@ def _undamped(c: Constrained, count: int) -> Modes:
     values, shapes = values[order], shapes[:, order]
     rigid = _rigid(K, shapes) | (np.abs(values) <= -SLOW * shift)
     values = np.where(rigid, 0.0, values)
-    return Modes(np.where(values >= 0.0, 1j, 1.0) * np.sqrt(np.abs(values)),
+    return ComplexModes(np.where(values >= 0.0, 1j, 1.0) * np.sqrt(np.abs(values)),
                  shapes.astype(complex), rigid)
 
 
@@ -159,7 +159,7 @@ def _rigid(K: Csr, shapes: FloatArray) -> NDArray[np.bool_]:
     return np.asarray(energy <= RIGID * (np.abs(shapes) * (abs(K) @ np.abs(shapes))).sum(axis=0))
 
 
-def _damped(c: Constrained, count: int, first: Modes) -> Modes:
+def _damped(c: Constrained, count: int, first: ComplexModes) -> ComplexModes:
     """Modes with damping: of the linear problem in z = (phi, lambda phi), about a real shift s,
 
         (K + s D + s^2 M) y = -D r1 - M (s r1 + r2),    z = (y, r1 + s y)
@@ -203,4 +203,4 @@ def _damped(c: Constrained, count: int, first: Modes) -> Modes:
     order = order[(values[order].imag >= 0.0)]
     still = order[rigid[order]][: int(first.rigid.sum())]  # each twice, with a drift in time
     order = np.concatenate([still, order[~rigid[order]]])[:count]
-    return Modes(values[order], shapes[:, order], rigid[order])
+    return ComplexModes(values[order], shapes[:, order], rigid[order])

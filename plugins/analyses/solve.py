@@ -24,10 +24,10 @@ from sparsemor.plugins.analyses.analysed_model import (
     time_of,
 )
 from sparsemor.plugins.analyses.buckling import buckling
-from sparsemor.plugins.analyses.equilibrium import Solved, free_motions, neutral
+from sparsemor.plugins.analyses.equilibrium import SolvedState, free_motions, neutral
 from sparsemor.plugins.analyses.frequencies import frequencies
 from sparsemor.plugins.analyses.frequency_response import (
-    Response,
+    FrequencyResponse,
     frequency_response,
     kept_response,
 )
@@ -100,7 +100,7 @@ def _steady_heat(p: Prepared, *, out: Path | None, at: float | None = None) -> S
 
 
 def _of_state(
-    p: Prepared, analysis: str, solved: Solved, shown: Quantity, notes: Sequence[Note],
+    p: Prepared, analysis: str, solved: SolvedState, shown: Quantity, notes: Sequence[Note],
     out: Path | None,
 ) -> Solution:
     """Solution of an analysis whose result is one state; shown: quantity of the chart."""
@@ -231,7 +231,8 @@ def _harmonic(
 
 
 def _of_response(
-    found: Response, source: str, scene: Scene, facts: Mapping[str, Any], notes: Sequence[Note]
+    found: FrequencyResponse, source: str, scene: Scene, facts: Mapping[str, Any],
+    notes: Sequence[Note],
 ) -> Solution:
     """Solution of a frequency response: rows and a chart, without states."""
     return Solution("frequency_response", scene.name, scene.reducer_name, found.rows(),

@@ -25,7 +25,7 @@ which it is not added."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Modes:
+class Eigenmodes:
     """Eigenvalues (k,), increasing (rad^2/s^2 for displacements, 1/s for temperatures), and
     eigenvectors `shapes` (n, k) with shapes^T M shapes = I."""
 
@@ -33,7 +33,7 @@ class Modes:
     shapes: FloatArray
 
 
-def lowest_modes(data: BlockData, count: int, held: FloatArray | None = None) -> Modes:
+def lowest_modes(data: BlockData, count: int, held: FloatArray | None = None) -> Eigenmodes:
     """Lowest eigenmodes, at most `count`; with independent columns P (n, p) in `held`, under P^T x
     = 0.
 
@@ -45,7 +45,7 @@ def lowest_modes(data: BlockData, count: int, held: FloatArray | None = None) ->
     p = 0 if held is None else held.shape[1]
     count = min(count, n - p)
     if count == 0:
-        return Modes(np.zeros(0), np.zeros((n, 0)))
+        return Eigenmodes(np.zeros(0), np.zeros((n, 0)))
     if n <= _DENSE or 3 * count >= n:
         return _dense(K, M, count, held)
     # about the lowest rate of conduction; far below what would spoil the lowest vibrations
@@ -62,7 +62,7 @@ def lowest_modes(data: BlockData, count: int, held: FloatArray | None = None) ->
             f"{len(error.eigenvalues)} of {count} eigenmodes of {data.name} converged: ask for "
             "fewer modes") from None
     order = np.argsort(values)
-    return Modes(values[order], shapes[:, order])
+    return Eigenmodes(values[order], shapes[:, order])
 
 
 def _held_inverse(
@@ -83,13 +83,13 @@ def _held_inverse(
     return solve
 
 
-def _dense(K: Csr, M: Csr, count: int, held: FloatArray | None) -> Modes:
+def _dense(K: Csr, M: Csr, count: int, held: FloatArray | None) -> Eigenmodes:
     if held is None:
         values, shapes = linalg.eigh(K.toarray(), M.toarray(), subset_by_index=(0, count - 1))
-        return Modes(values, shapes)
+        return Eigenmodes(values, shapes)
     Z = linalg.null_space(held.T)
     values, c = linalg.eigh(Z.T @ (K @ Z), Z.T @ (M @ Z), subset_by_index=(0, count - 1))
-    return Modes(values, Z @ c)
+    return Eigenmodes(values, Z @ c)
 
 
 class Modal(Basis):
@@ -157,7 +157,7 @@ class Modal(Basis):
         return np.concatenate(columns, axis=1), names
 
 
-def mode_info(data: BlockData, modes: Modes) -> dict[str, float | int | str]:
+def mode_info(data: BlockData, modes: Eigenmodes) -> dict[str, float | int | str]:
     """Reported values of the modes: frequencies, Hz, of displacements; decay rates, 1/s, of
     temperatures."""
     if not len(modes.values):

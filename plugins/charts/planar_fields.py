@@ -30,7 +30,7 @@ from sparsemor.plugins.charts.style import (
     PAGE,
     SMALL,
     TRACE,
-    Unit,
+    AxisUnit,
     new_figure,
     plain,
     tidy,
@@ -112,7 +112,7 @@ class _Look:
     label: str
     limits: tuple[float, float]
     box: tuple[float, float, float, float]
-    metre: Unit
+    metre: AxisUnit
 
 
 def _draw(axes: Any, run: RunResult, bodies: Sequence[str], step: int, look: _Look) -> Any:
@@ -155,7 +155,7 @@ def _panels(runs: int, count: int, slope: float) -> "tuple[Figure, list[Any]]":
     return figure, list(panels.ravel())
 
 
-def _length_unit(box: tuple[float, float, float, float]) -> Unit:
+def _length_unit(box: tuple[float, float, float, float]) -> AxisUnit:
     return unit(max(box[1] - box[0], box[3] - box[2]), "m")
 
 
@@ -170,7 +170,7 @@ def _bounds(
             float(low[1] - margin), float(high[1] + margin))
 
 
-def _trace(axes: Any, run: RunResult, body: str, metre: Unit) -> None:
+def _trace(axes: Any, run: RunResult, body: str, metre: AxisUnit) -> None:
     """Draws the path of the origin of the body's frame, which is located at a joint in most
     scenes."""
     path = _path(run, body)

@@ -96,7 +96,7 @@ def new_figure(width: float, height: float) -> "Figure":
     return figure
 
 
-class Unit(NamedTuple):
+class AxisUnit(NamedTuple):
     """Unit `name` for the label of an axis: a value in SI units times `factor` is the value in this
     unit."""
 
@@ -110,14 +110,14 @@ _ONLY_SMALL = ("s", "m", "rad")
 """Units without prefixes for large values: no kiloseconds or megametres."""
 
 
-def unit(largest: float, si: str) -> Unit:
+def unit(largest: float, si: str) -> AxisUnit:
     """Unit with the prefix for which `largest` (SI unit `si`, either sign) is between 0.5 and
     500."""
     sizes = _SMALL if si in _ONLY_SMALL else _SMALL + _LARGE
     if largest == 0.0:
-        return Unit(1.0, si)
+        return AxisUnit(1.0, si)
     factor, prefix = next((s for s in sizes if abs(largest) * s[0] < 500.0), sizes[-1])
-    return Unit(factor, prefix + si)
+    return AxisUnit(factor, prefix + si)
 
 
 def tidy(axes: "Axes", xlabel: str = "", ylabel: str = "", title: str = "") -> None:
@@ -137,7 +137,7 @@ def tidy(axes: "Axes", xlabel: str = "", ylabel: str = "", title: str = "") -> N
 
 def time_panels(
     labels: Sequence[tuple[str, str]], end: float, height: float, above: float = 0.55
-) -> "tuple[Figure, list[Axes], Unit]":
+) -> "tuple[Figure, list[Axes], AxisUnit]":
     """Panels above each other with a common time axis up to `end` (s): figure, panels, unit of
     time.
 

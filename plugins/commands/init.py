@@ -79,7 +79,7 @@ def init(
             raise InputError(f"{file} exists: choose another file", "out")
         if not file.absolute().parent.is_dir():
             raise InputError(f"there is no folder {file.parent}", "out")
-        begun = Start.of(mesh, scale)
+        begun = MeshWithSets.of(mesh, scale)
         asked = sys.stdin.isatty() and not (as_json or quiet)
         if asked and begun.sets:
             typer.echo(begun.listed)
@@ -98,7 +98,7 @@ def init(
         typer.echo(f"wrote {file}: {begun.size} m, {begun.listed}\nnext: sparsemor run {file}")
 
 
-def _answer(begun: "Start", use: str, default: str | None) -> str | None:
+def _answer(begun: "MeshWithSets", use: str, default: str | None) -> str | None:
     """Name of a set, asked for until it is one; None for none."""
     while True:
         name = typer.prompt(f"Which set is {use}?", default=default or begun.smallest)
@@ -110,7 +110,7 @@ def _answer(begun: "Start", use: str, default: str | None) -> str | None:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Start:
+class MeshWithSets:
     """A mesh file, the metres of its unit, its sets and their numbers of points."""
 
     path: Path
@@ -119,7 +119,7 @@ class Start:
     sets: dict[str, int]
 
     @classmethod
-    def of(cls, path: Path, scale: float | None) -> "Start":
+    def of(cls, path: Path, scale: float | None) -> "MeshWithSets":
         """Reads the file. Raises InputError where it cannot be used."""
         plugin: Any = Registry().get("mesh", "file")
         try:

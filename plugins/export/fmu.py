@@ -23,9 +23,9 @@ from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.results.atomic_files import replace_file
 from sparsemor.core.results.probes import ProbeReader
-from sparsemor.core.simulation.co_simulation import Stepper
+from sparsemor.core.simulation.co_simulation import ModelStepper
 from sparsemor.core.simulation.reduced_model import ReducedModel
-from sparsemor.core.simulation.sensors_and_outputs import Output
+from sparsemor.core.simulation.sensors_and_outputs import StepperOutput
 from sparsemor.plugins.export.export_plan import make_folder
 
 PLATFORMS = {("linux", True): "linux64", ("win32", True): "win64", ("darwin", True): "darwin64"}
@@ -40,7 +40,7 @@ SOURCES = ("model.h", "model.c", "example.c")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Unit:
+class ExportedModel:
     """A written FMU, or folder of a model in C: inputs, outputs and outputs of the model that it
     does not have, by name."""
 
@@ -53,7 +53,7 @@ class Unit:
 def export_fmu(
     model: ReducedModel, file: str | Path, inputs: Sequence[str] | None = None,
     outputs: Sequence[str] | None = None,
-) -> Unit:
+) -> ExportedModel:
     """Writes a model as an FMU with its steps in machine code of this kind of computer.
 
     inputs: keys of functions of time of loads and joints, by default all; outputs: names as of
@@ -81,7 +81,7 @@ def export_fmu(
 def export_c(
     model: ReducedModel, folder: str | Path, inputs: Sequence[str] | None = None,
     outputs: Sequence[str] | None = None,
-) -> Unit:
+) -> ExportedModel:
     """Writes a model as a library in C into a new folder: its interface model.h, and an object file
     of its steps for this kind of computer; example.c says how to build it. Arguments and errors as
     of `export_fmu`; no compiler is needed."""
@@ -127,8 +127,8 @@ class _Made:
         (folder / "sizes.h").write_text("".join(f"#define {k} {v}\n" for k, v in sizes.items())
                                         + f"static const double FIRST[] = {{{first}}};\n")
 
-    def unit(self, file: Path) -> Unit:
-        return Unit(file, tuple(self.keys), tuple(self.names), self.left_out)
+    def unit(self, file: Path) -> ExportedModel:
+        return ExportedModel(file, tuple(self.keys), tuple(self.names), self.left_out)
 
 
 def _write(unit: zipfile.ZipFile, name: str, data: bytes) -> None:
@@ -146,7 +146,7 @@ class _Outputs:
         self.numbers: list[list[float]] = []
         self.weights: list[float] = []
 
-    def add(self, name: str, of: Output) -> bool:
+    def add(self, name: str, of: StepperOutput) -> bool:
         """Adds an output; False for one that is no function of the state alone. Each has 8 whole
         numbers, of which the first is its kind, and 10 real ones. Those of an entry of the state
         (`STATE`) are its row (0: unknowns, 1: rates) and column."""
@@ -239,7 +239,7 @@ def _build(work: Path, library: Path) -> None:
 
 
 def _description(
-    model: ReducedModel, stepper: Stepper, name: str, guid: str, inputs: Sequence[str],
+    model: ReducedModel, stepper: ModelStepper, name: str, guid: str, inputs: Sequence[str],
     outputs: Sequence[str],
 ) -> bytes:
     """The file modelDescription.xml."""

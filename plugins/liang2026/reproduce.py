@@ -17,7 +17,7 @@ from sparsemor.plugins.liang2026 import PAPER
 from sparsemor.plugins.liang2026.item_functions import Results
 from sparsemor.plugins.liang2026.page import write_pages
 from sparsemor.plugins.liang2026.paper import BROKEN, PaperFile, PaperItem
-from sparsemor.plugins.liang2026.runs import Work, commands_of
+from sparsemor.plugins.liang2026.runs import PaperRuns, commands_of
 from sparsemor.plugins.liang2026.verdicts import Verdict, judged
 
 ABOUT, PICTURES = "reproduction.json", "pictures"
@@ -68,7 +68,7 @@ def reproduce(
             kind="reproductions only, and this is none",
             writes=(ABOUT, *TABLES, "index.html", *(f"{s}.html" for s in file.scenes))):
         _begin(folder, file, quick, force)
-        work = Work(file, chosen, folder, quick, on_progress)
+        work = PaperRuns(file, chosen, folder, quick, on_progress)
         work.execute(workers or os.cpu_count() or 1)
         results, verdicts = Results(folder, work.failed), []
         for item in chosen:

@@ -31,7 +31,7 @@ RUNS, STUDIES = "runs", "studies"
 
 
 @dataclass(slots=True)
-class Work:
+class PaperRuns:
     """The runs and studies that some items of a paper need, and the runs that those wait for.
 
     failed: name -> reason why one could not be made; on_progress: called with a line when one has

@@ -147,7 +147,7 @@ class StudyPlan:
         plugins = registry or Registry()
         read = Study.read(study, plugins, _named_scene(scene, overrides, plugins))
         points = points_of(read)
-        maker = _Maker(read, _scene_of(read, plugins))
+        maker = _RunBuilder(read, _scene_of(read, plugins))
         runs = [maker.run(number, point) for number, point in enumerate(points, 1)]
         if not read.derived:
             read.check(maker.never_valid(points))
@@ -182,7 +182,7 @@ class StudyPlan:
 
 
 @dataclass(slots=True)
-class _Maker:
+class _RunBuilder:
     """Builder of the runs of a study: collects the faults with their positions and builds each
     reference once."""
 

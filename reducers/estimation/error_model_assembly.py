@@ -64,7 +64,7 @@ def error_model(
     Raises SolveFailed where an operator of a block cannot be factorized.
     """
     whole = is_whole(problem.model)
-    build = _Builder(problem, solver, every, whole, active, at_few_steps)
+    build = _ErrorSystems(problem, solver, every, whole, active, at_few_steps)
     return build.coupled() if whole else build.by_blocks()
 
 
@@ -75,7 +75,7 @@ def is_whole(model: AssembledModel) -> bool:
     return bool(s.elastic_local or any(b.local for b in s.heat) or s.border_size or s.between)
 
 
-class _Builder:
+class _ErrorSystems:
     """Error spaces and equations of all blocks, one after the other: those of heat first, whose
     errors act on displacements. h: step of the error equation, s, over `every` steps of the run;
     step: its factors; turn, margin: see `CoupledErrors`."""
@@ -221,7 +221,7 @@ class _Coordinates:
     do not span them; layout: of these coordinates; states: block -> map of its coefficients to
     them."""
 
-    def __init__(self, build: _Builder, spaces: Mapping[str, ErrorSpace]) -> None:
+    def __init__(self, build: _ErrorSystems, spaces: Mapping[str, ErrorSpace]) -> None:
         self.build, self.spaces = build, spaces
         self.states: dict[str, StateMap] = {}
         self.bases: dict[str, Dictionary] = {}

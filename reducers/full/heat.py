@@ -34,7 +34,7 @@ from sparsemor.core.model.factorizations import unconverged_note
 from sparsemor.core.protocols.integrator import second_difference
 from sparsemor.core.protocols.load_tables import LoadTable
 from sparsemor.core.protocols.separable import HeatBody
-from sparsemor.reducers.step.jacobian_factors import Factor, Identity, superlu
+from sparsemor.reducers.step.jacobian_factors import Factor, IdentityFactor, superlu
 from sparsemor.reducers.step.newton_loop import Linearisation, StepEquations
 from sparsemor.reducers.step.thermal_groups import couplings_of, group_name, starts_of
 from sparsemor.reducers.step.time_tables import plus_loads
@@ -152,7 +152,7 @@ class FullHeat(StepEquations):
 
     def factorize(self, J: Csr | None) -> Factor:
         if J is None:
-            return Identity()
+            return IdentityFactor()
         made: Factor = superlu(J)
         return made
 

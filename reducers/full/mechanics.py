@@ -38,7 +38,13 @@ from sparsemor.core.protocols.separable import ElasticLocal, ElasticOperators
 from sparsemor.reducers.linalg.coarse_correction import CoarseCorrection
 from sparsemor.reducers.step.convergence_test import LEAST, rounding
 from sparsemor.reducers.step.frame_step import BodyStep, buffers
-from sparsemor.reducers.step.jacobian_factors import Factor, Identity, Matrix, factorized, summed
+from sparsemor.reducers.step.jacobian_factors import (
+    Factor,
+    IdentityFactor,
+    Matrix,
+    factorized,
+    summed,
+)
 from sparsemor.reducers.step.newton_loop import Linearisation, StepEquations
 from sparsemor.reducers.step.time_tables import TimeTable, plus_loads
 
@@ -403,7 +409,7 @@ class FullMechanics(StepEquations):
         return inf if self.needs_iteration else 0.0
 
     def factorize(self, J: Bordered | None) -> Factor:
-        return Identity() if J is None else BorderedFactor(self, J)
+        return IdentityFactor() if J is None else BorderedFactor(self, J)
 
     def rounding(self, J: Bordered | None, at: Linearisation) -> FloatArray:
         """Round-off of each unknown: of the border by the magnitudes in its Schur complement, of

@@ -41,7 +41,7 @@ class ActiveRows(NamedTuple):
     left: FloatArray | None = None
 
 
-class SampledRows:
+class SampledResidual:
     """Residual of the sampled rows of all blocks, as a function of the unknowns that are not zero.
 
     A block of many atoms, of which few are active, is evaluated for those that are active or have
@@ -55,9 +55,9 @@ class SampledRows:
         self._kept: OrderedDict[bytes, Reduced] = OrderedDict()
         self._last: tuple[StepOutcome, FloatArray] | None = None
 
-    def working(self) -> "SampledRows":
+    def working(self) -> "SampledResidual":
         """The same with working arrays of its own."""
-        return SampledRows(self.rows.working())
+        return SampledResidual(self.rows.working())
 
     def on_nonzero(
         self, needed: BoolArray, *states: FloatArray
@@ -111,7 +111,7 @@ class SupportedEquations(StepEquations):
     solved: IntArray
 
     def __init__(self, residual: Reduced) -> None:
-        self.all_rows, self.rows = SampledRows(residual), SampledRows(residual.after_heat())
+        self.all_rows, self.rows = SampledResidual(residual), SampledResidual(residual.after_heat())
         self.layout, self.support = residual.layout, None
 
     support: "SupportedMechanics | None"

@@ -52,7 +52,7 @@ def factorized(J: Matrix) -> Factor:
     return SparseLu(sparse) if sparse.nnz <= FILLED * J.size else Lu(J)
 
 
-class Identity:
+class IdentityFactor:
     """Factorization of the identity."""
 
     def solve(self, r: FloatArray) -> FloatArray:

@@ -17,8 +17,8 @@ import pytest
 from small_scenes import everything
 from sparsemor import InputError, ReducedModel, Scene, load, load_model, reduce, simulate
 from sparsemor.core.scene.option_tree import functions_of_time
-from sparsemor.core.simulation.co_simulation import Stepper
-from sparsemor.plugins.export.fmu import Unit, export_c, export_fmu
+from sparsemor.core.simulation.co_simulation import ModelStepper
+from sparsemor.plugins.export.fmu import ExportedModel, export_c, export_fmu
 
 GALERKIN = {"use": "galerkin", "basis": {"use": "pod", "count": 5}}
 EXAMPLES = Path(__file__).parents[2] / "docs/examples"
@@ -27,7 +27,7 @@ compiled = pytest.mark.skipif(
 
 
 @cache
-def made(name: str) -> tuple[ReducedModel, Unit]:
+def made(name: str) -> tuple[ReducedModel, ExportedModel]:
     folder = Path(mkdtemp(prefix="sparsemor-fmu-"))
     scene = everything() if name == "everything" else load(EXAMPLES / f"{name}.yaml")
     model = reduce(scene.using({"reducer": GALERKIN, "time.end": 40 * scene.time.step}))
@@ -35,7 +35,7 @@ def made(name: str) -> tuple[ReducedModel, Unit]:
     return model, export_fmu(load_model(folder / "model"), folder / f"{name}.fmu")
 
 
-def driven(slave: Any, step: int, model: ReducedModel, stepper: Stepper) -> None:
+def driven(slave: Any, step: int, model: ReducedModel, stepper: ModelStepper) -> None:
     """One step of both, with inputs that differ from the scene's."""
     h = stepper.step_size
     own = dict(functions_of_time({"loads": model.scene.loads, "joints": model.scene.joints}))
@@ -48,12 +48,12 @@ def driven(slave: Any, step: int, model: ReducedModel, stepper: Stepper) -> None
     stepper.step()
 
 
-def outputs(slave: Any, unit: Unit) -> list[float]:
+def outputs(slave: Any, unit: ExportedModel) -> list[float]:
     first = len(unit.inputs)
     return list(slave.getReal(list(range(first, first + len(unit.outputs)))))
 
 
-def slave_of(unit: Unit) -> SimpleNamespace:
+def slave_of(unit: ExportedModel) -> SimpleNamespace:
     """A slave of the unit, loaded by FMPy."""
     fmpy = pytest.importorskip("fmpy")
     from fmpy.fmi2 import FMU2Slave

@@ -78,14 +78,14 @@ _NODES = {"vertex": 1, "line": 2, "line3": 3, "triangle": 3, "triangle6": 6, "qu
           "hexahedron20": 20, "quad9": 9, "hexahedron27": 27}
 def read(data: bytes, name: str) -> Content:
     """Content of an input file; InputError with the line and the keyword of what cannot be read."""
-    return _Reader(name).read(decoded(data))
+    return _AbaqusReader(name).read(decoded(data))
 
 
 def nodes(lines: Sequence[str]) -> tuple[IntArray, FloatArray, dict[str, IntArray]]:
     """Labels (n,) and positions (n, 3), in the unit of the file, of the nodes of an input file
     without parts, and the rows of each set of nodes; all but *NODE and *NSET is passed over.
     BadLine for what would change these nodes."""
-    reader = _Reader("")
+    reader = _AbaqusReader("")
     for line, keyword, options, body in statements(lines):
         word = f"*{keyword}"
         if keyword == "SYSTEM" and body or (
@@ -106,7 +106,7 @@ def nodes(lines: Sequence[str]) -> tuple[IntArray, FloatArray, dict[str, IntArra
                        for name, group in sets.items()}
 
 
-class _Reader:
+class _AbaqusReader:
     """Reader of one file: statements one after the other, sets at the end."""
 
     def __init__(self, name: str) -> None:

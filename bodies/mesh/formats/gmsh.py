@@ -49,7 +49,7 @@ _READ = {"$MeshFormat", "$PhysicalNames", "$Entities", "$Nodes", "$ParametricNod
 def read(data: bytes, name: str) -> Content:
     """Content of a Gmsh file; InputError with the line (text) and section of what cannot be read.
     """
-    return _Reader(data, name).content()
+    return _GmshReader(data, name).content()
 
 
 class _Section:
@@ -135,7 +135,7 @@ class _Elements:
     count: int = 0
 
 
-class _Reader:
+class _GmshReader:
     """Reader of one file: its sections in their order."""
 
     def __init__(self, data: bytes, name: str) -> None:

@@ -93,13 +93,13 @@ class Card:
 
 def read(data: bytes, name: str) -> Content:
     """Content of a bulk data file; InputError with the line and the card that cannot be read."""
-    return _Reader(name).read(decoded(data))
+    return _NastranReader(name).read(decoded(data))
 
 
 def grids(data: bytes, name: str) -> tuple[IntArray, FloatArray]:
     """Numbers (n,) and positions (n, 3) of the grids of a bulk data file; InputError for grids
     whose displacements have other axes."""
-    reader = _Reader(name)
+    reader = _NastranReader(name)
     points = reader.read(decoded(data)).points
     for card in reader.grids.values():
         system = card.integer(5, reader.default_axes)
@@ -108,7 +108,7 @@ def grids(data: bytes, name: str) -> tuple[IntArray, FloatArray]:
     return np.array(list(reader.grids), dtype=np.int64), points
 
 
-class _Reader:
+class _NastranReader:
     """Reader of one file: cards one after the other, coordinate systems at the end."""
 
     def __init__(self, name: str) -> None:

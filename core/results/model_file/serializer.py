@@ -77,13 +77,13 @@ class Packed:
     def of(cls, value: object, table: Table, plugins: Mapping[str, object]) -> "Packed":
         """Data of an object. plugins: key -> plugin of the scene. Raises PackedError, with its
         path, for an object of a class that is not in the table."""
-        packer = _Packer(table, plugins)
+        packer = _Encoder(table, plugins)
         return cls(packer.node(value, "model"), tuple(packer.arrays), frozenset(packer.used))
 
     def made(self, table: Table, plugins: Mapping[str, object]) -> Any:
         """The object, with the given plugins. Raises PackedError for data that no object fits."""
         try:
-            return _Maker(table, plugins, self.arrays).value(self.tree)
+            return _Decoder(table, plugins, self.arrays).value(self.tree)
         except PackedError:
             raise
         except (AttributeError, TypeError, ValueError, IndexError, KeyError, RecursionError,
@@ -207,7 +207,7 @@ def _identity(a: NDArray[Any]) -> tuple[object, ...]:
 
 
 @dataclass(slots=True)
-class _Packer:
+class _Encoder:
     table: Table
     plugins: Mapping[str, object]
     arrays: list[NDArray[Any]] = field(default_factory=list)
@@ -308,7 +308,7 @@ class _Packer:
 
 
 @dataclass(slots=True)
-class _Maker:
+class _Decoder:
     table: Table
     plugins: Mapping[str, object]
     arrays: tuple[NDArray[Any], ...]
@@ -317,7 +317,7 @@ class _Maker:
     _copied: int = 0
 
     def value(self, node: Any) -> Any:
-        """Value of a node as `_Packer.node` makes it: itself, or a mapping {type: content}."""
+        """Value of a node as `_Encoder.node` makes it: itself, or a mapping {type: content}."""
         if node is None or isinstance(node, bool | int | str):
             return node
         (kind, content), = node.items()
@@ -389,10 +389,10 @@ class _Maker:
         return made
 
 
-_LEAVES: Mapping[str, Callable[[_Maker, Any], Any]] = {
+_LEAVES: Mapping[str, Callable[[_Decoder, Any], Any]] = {
     "float": lambda m, c: float.fromhex(c),
     "array": lambda m, c: m.arrays[c],
-    "swapped": _Maker.swapped,
+    "swapped": _Decoder.swapped,
     "scalar": lambda m, c: m.arrays[c][()],
     "slice": lambda m, c: slice(*c),
     "enum": lambda m, c: m.named(c[0])[c[1]],
@@ -405,7 +405,7 @@ _LEAVES: Mapping[str, Callable[[_Maker, Any], Any]] = {
     "set": lambda m, c: frozenset(m.value(v) for v in c),
     "again": lambda m, c: m._known[c],
 }
-_KEPT: Mapping[str, Callable[[_Maker, Any], Any]] = {
+_KEPT: Mapping[str, Callable[[_Decoder, Any], Any]] = {
     "map": lambda m, c: {m.value(k): m.value(v) for k, v in c},
-    "csr": _Maker.csr, "parts": _Maker.parts, "fields": _Maker.fields,
+    "csr": _Decoder.csr, "parts": _Decoder.parts, "fields": _Decoder.fields,
 }

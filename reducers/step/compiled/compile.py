@@ -210,7 +210,7 @@ def with_kept_code(compiled: Any, kept: MachineCode) -> Any:
     caching, serialize, compiler = (import_module(f"numba.core.{m}") for m in (
         "caching", "serialize", "compiler"))  # optional
 
-    class Cache(caching._Cache):  # type: ignore[misc, name-defined]
+    class NumbaCache(caching._Cache):  # type: ignore[misc, name-defined]
         """Cache of one function for numba: machine code in `kept`, by a key of its types, the
         processor, its name and the digest of its byte code."""
 
@@ -234,7 +234,7 @@ def with_kept_code(compiled: Any, kept: MachineCode) -> Any:
         def disable(self) -> None: ...
         def flush(self) -> None: ...
 
-    compiled._cache = Cache()
+    compiled._cache = NumbaCache()
     return compiled
 
 

@@ -19,8 +19,8 @@ from sparsemor.reducers.step.compiled.model_arrays import (
     HeatArrays,
     ModelArrays,
     PrescribedArrays,
+    StepArrays,
     TermArrays,
-    Work,
 )
 from sparsemor.reducers.step.compiled.time_functions import NotCompiled, Timed
 from sparsemor.reducers.step.frame_step import BodyStep
@@ -35,7 +35,7 @@ LARGEST = 800
 """Largest number of unknowns of mechanics in compiled steps, which use an explicit inverse."""
 
 
-class Loads(NamedTuple):
+class LoadRows(NamedTuple):
     """Rows `at` of a residual that depend on time alone: - base - loads amplitudes - tables;
     amplitude: number of the first amplitude."""
 
@@ -60,7 +60,7 @@ class Plan:
     prescribed: tuple[PrescribedArrays, ...]
     functions: Functions
     timed: Timed
-    loads: tuple[Loads, ...]
+    loads: tuple[LoadRows, ...]
     equations: Reduced | None
 
     def base_along(self, times: FloatArray, timed: FloatArray, n: int) -> FloatArray:
@@ -81,7 +81,7 @@ class Plan:
 def plan(s: Stepper, c1: float = 1.0) -> Plan:
     """Arrays for the steps of `s` with this factor of rates. Raises NotCompiled, with the reason,
     where its model contains what compiled steps do not."""
-    mechanics, timed, laws, loads = s.mechanics, Timed(), list[ArrayFunction](), list[Loads]()
+    mechanics, timed, laws, loads = s.mechanics, Timed(), list[ArrayFunction](), list[LoadRows]()
     if s.full_heat:
         raise NotCompiled("the model has blocks at full order")
     heat_groups = tuple(name for name, _ in s.heat_groups)
@@ -109,9 +109,9 @@ def plan(s: Stepper, c1: float = 1.0) -> Plan:
     bodies = [_body(b, f, eq.border, timed) for b, f in zip(eq.bodies, frames, strict=True)]
     for b in eq.bodies:
         if (t := b.tested) is not None:  # rows are - base - loads, with `constant` on the left
-            loads.append(Loads(_range(b.step.elastic), -t.constant, t.loads,
+            loads.append(LoadRows(_range(b.step.elastic), -t.constant, t.loads,
                                timed.amplitudes(t.amplitudes), t.tables))
-    loads += [Loads(eq.border[[i]], np.zeros(1), np.ones((1, 1)), timed.amplitudes([f]), ())
+    loads += [LoadRows(eq.border[[i]], np.zeros(1), np.ones((1, 1)), timed.amplitudes([f]), ())
               for i, f in eq.targets]
     used = np.unique(np.concatenate([f.kinds for f in frames])).tolist()
     unused = tuple(f for i, f in enumerate(frames[0].parts) if i not in used)
@@ -138,14 +138,14 @@ def _frame(b: BodyStep) -> FrameArrays:
 
 def _heat(
     s: Stepper, where: slice | IntArray, name: str, timed: Timed, laws: list[ArrayFunction],
-    loads: list[Loads]
+    loads: list[LoadRows]
 ) -> HeatArrays:
     """Arrays of the thermal block `name` with the unknowns `where`; its laws, amplitudes and loads
     are added to those of the model. Raises NotCompiled."""
     block, at = s.heat[name], _range(where) if isinstance(where, slice) else where
     if not isinstance(block, CompressedHeat) or block.active is not None:
         raise NotCompiled(f"{name} is of full order, or its atoms are selected during the run")
-    loads.append(Loads(at, block.loads.base, block.loads.loads,
+    loads.append(LoadRows(at, block.loads.base, block.loads.loads,
                        timed.amplitudes(block.loads.amplitudes), block.loads.tables))
     local = local_arrays(block.local, name, laws, timed)
     k = len(at) if block.local else 0
@@ -298,9 +298,9 @@ def model_arrays(s: Stepper, p: Plan, rules: UpdateRules, h: float) -> ModelArra
         np.array(layout.quaternions, dtype=np.int64))
 
 
-def work_of(m: ModelArrays) -> Work:
+def work_of(m: ModelArrays) -> StepArrays:
     """Working arrays of a step."""
     (q, n), blocks = m.new.shape, len(m.judged)
     sizes = ((q, n), (q, n), (3, n + 4), *(5 * [n]), 2 * n, *(5 * [blocks]),
              (len(m.quaternions), 4, 4))
-    return Work(*(np.zeros(size) for size in sizes))
+    return StepArrays(*(np.zeros(size) for size in sizes))

@@ -21,8 +21,8 @@ from sparsemor.reducers.step.compiled.model_arrays import (
     ModelArrays,
     PrescribedArrays,
     RunArrays,
+    StepArrays,
     TermArrays,
-    Work,
 )
 from sparsemor.reducers.step.compiled.prescribed_body import add_forces, solve_prescribed
 from sparsemor.reducers.step.compiled.reduced_equations import LEFT, motion, remember, solve
@@ -37,7 +37,7 @@ PRICE = 100
 
 def advance(
     m: ModelArrays, heat: tuple[HeatArrays, ...], bodies: BodyArrays, terms: tuple[TermArrays, ...],
-    prescribed: tuple[PrescribedArrays, ...], w: Work, own: BodyWork, run: RunArrays,
+    prescribed: tuple[PrescribedArrays, ...], w: StepArrays, own: BodyWork, run: RunArrays,
     timed: FloatArray, base: FloatArray, ahead: FloatArray, states: FloatArray, effort: FloatArray,
 ) -> int:
     """Takes up to len(timed) steps and returns how many were solved; `run` is then at the last of
@@ -97,7 +97,7 @@ def advance(
     return len(timed)
 
 
-def predicted(m: ModelArrays, run: RunArrays, w: Work, base: FloatArray) -> None:
+def predicted(m: ModelArrays, run: RunArrays, w: StepArrays, base: FloatArray) -> None:
     """Free motion and guessed departure d of the next step, and its rows `base` (n,) that depend on
     time alone, in w; w.guess (2 n,): extrapolated unknowns, then extrapolated departures, of which
     run.by_departure selects one for each unknown."""
@@ -113,7 +113,7 @@ def predicted(m: ModelArrays, run: RunArrays, w: Work, base: FloatArray) -> None
 
 
 def heat_ahead(
-    m: ModelArrays, heat: tuple[HeatArrays, ...], w: Work, z: FloatArray, timed: FloatArray,
+    m: ModelArrays, heat: tuple[HeatArrays, ...], w: StepArrays, z: FloatArray, timed: FloatArray,
     base: FloatArray, x: FloatArray, d: FloatArray
 ) -> bool:
     """Temperatures x and their departures d from the free motion (T, n) in all steps from the state
@@ -160,7 +160,7 @@ def predict(m: ModelArrays, run: RunArrays, guess: FloatArray) -> None:
             guess[i] += weight * row[i]
 
 
-def accept(m: ModelArrays, run: RunArrays, w: Work) -> None:
+def accept(m: ModelArrays, run: RunArrays, w: StepArrays) -> None:
     """Stores a solved step: past states for the predictor, reference magnitudes, and the state.
     w.guess (2 n,): what unknowns and departures were extrapolated to; of each block, that which was
     closer is taken in the next step (run.by_departure)."""
@@ -187,7 +187,8 @@ def accept(m: ModelArrays, run: RunArrays, w: Work) -> None:
 
 
 def solve_heat(
-    h: HeatArrays, m: ModelArrays, w: Work, timed: FloatArray, base: FloatArray, last: FloatArray
+    h: HeatArrays, m: ModelArrays, w: StepArrays, timed: FloatArray, base: FloatArray,
+    last: FloatArray,
 ) -> tuple[int, float]:
     """Solves a thermal block (thermal_block.py), in place; returns the number of iterations, or
     LEFT, and the estimated error. last (n,): unknowns of the last step. Increments without local

@@ -173,7 +173,7 @@ class ModelArrays(NamedTuple):
     quaternions: IntArray
 
 
-class Work(NamedTuple):
+class StepArrays(NamedTuple):
     """Working arrays of a step: free, past (q, n), X (3, n + 4): free motion, a state, and unknowns
     with their rates; d, base, r, own, dx (n,): departure, constants, residual, its part in the
     unknowns `solved`, change; guess (2 n,): extrapolated unknowns and departures; size, absolute,

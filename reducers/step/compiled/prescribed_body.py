@@ -13,7 +13,7 @@ from sparsemor.reducers.step.compiled.model_arrays import (
     ModelArrays,
     PrescribedArrays,
     RunArrays,
-    Work,
+    StepArrays,
 )
 from sparsemor.reducers.step.compiled.reduced_equations import LEFT, reference_sizes
 from sparsemor.reducers.step.convergence_test import LEAST, TRUSTED, estimated_error
@@ -21,7 +21,7 @@ from sparsemor.reducers.step.newton_loop import SLOW
 
 
 def solve_prescribed(
-    m: ModelArrays, bodies: tuple[PrescribedArrays, ...], run: RunArrays, w: Work,
+    m: ModelArrays, bodies: tuple[PrescribedArrays, ...], run: RunArrays, w: StepArrays,
     timed: FloatArray, forces: FloatArray
 ) -> int:
     """Solves the mechanical equations of all bodies and adds their increments to w.d; returns the
@@ -40,7 +40,7 @@ def solve_prescribed(
 
 def solve_body(
     m: ModelArrays, b: PrescribedArrays, run: RunArrays, timed: FloatArray, forces: FloatArray,
-    w: Work
+    w: StepArrays
 ) -> int:
     """Solves for the displacements of one body with these thermal forces (k,); returns the number
     of iterations, or LEFT."""

@@ -12,8 +12,8 @@ from sparsemor.reducers.step.compiled.model_arrays import (
     BodyWork,
     ModelArrays,
     RunArrays,
+    StepArrays,
     TermArrays,
-    Work,
 )
 from sparsemor.reducers.step.convergence_test import (
     ACCELERATION_ERROR,
@@ -28,7 +28,7 @@ LEFT = -1
 """Instead of a number of iterations: the step is left to the uncompiled solver."""
 
 
-def motion(m: ModelArrays, w: Work) -> None:
+def motion(m: ModelArrays, w: StepArrays) -> None:
     """Unknowns with their rates at the departure w.d, in w.X."""
     for r in range(3):
         X, free, new = w.X[r], w.free[r], m.new[r]
@@ -36,7 +36,7 @@ def motion(m: ModelArrays, w: Work) -> None:
             X[i] = free[i] + new[i] * w.d[i]
 
 
-def begin(m: ModelArrays, terms: tuple[TermArrays, ...], w: Work, timed: FloatArray) -> None:
+def begin(m: ModelArrays, terms: tuple[TermArrays, ...], w: StepArrays, timed: FloatArray) -> None:
     """Adds to w.base what the free motion and the final temperatures contribute."""
     first = m.atoms[0]
     for of in range(3):
@@ -50,7 +50,7 @@ def begin(m: ModelArrays, terms: tuple[TermArrays, ...], w: Work, timed: FloatAr
 
 
 def add_terms(
-    terms: tuple[TermArrays, ...], w: Work, timed: FloatArray, known: bool, r: FloatArray
+    terms: tuple[TermArrays, ...], w: StepArrays, timed: FloatArray, known: bool, r: FloatArray
 ) -> None:
     """Adds to r the terms that depend on temperatures alone (`known`), or the others."""
     for t in terms:
@@ -115,7 +115,7 @@ def evaluate_frame(
 
 
 def residual(
-    m: ModelArrays, b: BodyArrays, terms: tuple[TermArrays, ...], w: Work, own: BodyWork,
+    m: ModelArrays, b: BodyArrays, terms: tuple[TermArrays, ...], w: StepArrays, own: BodyWork,
     timed: FloatArray
 ) -> None:
     """Residual at the departure w.d, in w.r."""
@@ -125,7 +125,7 @@ def residual(
     add_terms(terms, w, timed, False, w.r)
 
 
-def add_bodies(m: ModelArrays, b: BodyArrays, w: Work, own: BodyWork) -> None:
+def add_bodies(m: ModelArrays, b: BodyArrays, w: StepArrays, own: BodyWork) -> None:
     """Rows of all bodies after `evaluate`, in w.r: base + d, rows of the frames, and their forces
     on the displacements (e first of k displacements of a body, g inertia matrices G_g)."""
     for i in range(len(w.r)):
@@ -152,7 +152,7 @@ def add_bodies(m: ModelArrays, b: BodyArrays, w: Work, own: BodyWork) -> None:
 
 
 def solve(
-    m: ModelArrays, b: BodyArrays, terms: tuple[TermArrays, ...], w: Work, own: BodyWork,
+    m: ModelArrays, b: BodyArrays, terms: tuple[TermArrays, ...], w: StepArrays, own: BodyWork,
     run: RunArrays, timed: FloatArray
 ) -> int:
     """Solves for the departure w.d with the kept Jacobian; returns the number of iterations, or
@@ -195,7 +195,7 @@ def solve(
     return LEFT
 
 
-def turns(m: ModelArrays, w: Work, run: RunArrays) -> None:
+def turns(m: ModelArrays, w: StepArrays, run: RunArrays) -> None:
     """Matrices w.L by which attitudes have turned since the kept Jacobian."""
     for k in range(len(m.quaternions)):
         for i in range(4):
@@ -206,7 +206,7 @@ def turns(m: ModelArrays, w: Work, run: RunArrays) -> None:
                     w.L[k, i, j] += p * run.attitudes[k, c, i, j]
 
 
-def turned(m: ModelArrays, w: Work, x: FloatArray, back: bool) -> None:
+def turned(m: ModelArrays, w: StepArrays, x: FloatArray, back: bool) -> None:
     """The quaternions of x (n,) become L x, or L^T x to turn them `back`."""
     for k in range(len(m.quaternions)):
         q, L = x[m.quaternions[k] : m.quaternions[k] + 4], w.L[k]
@@ -217,7 +217,7 @@ def turned(m: ModelArrays, w: Work, x: FloatArray, back: bool) -> None:
                 q[i] += (L[j, i] if back else L[i, j]) * before[j]
 
 
-def solution(m: ModelArrays, w: Work, run: RunArrays) -> float:
+def solution(m: ModelArrays, w: StepArrays, run: RunArrays) -> float:
     """Change L J^-1 L^T w.r of the unknowns `solved`, in w.dx, which is subtracted from w.d;
     returns the sum of its magnitudes."""
     size = 0.0
@@ -236,7 +236,7 @@ def solution(m: ModelArrays, w: Work, run: RunArrays) -> float:
     return size
 
 
-def relative_changes(m: ModelArrays, w: Work, run: RunArrays) -> float:
+def relative_changes(m: ModelArrays, w: StepArrays, run: RunArrays) -> float:
     """Size of the change w.dx, in w.absolute, and relative to that of each block, in w.relative;
     returns the largest of these."""
     change = 0.0
@@ -250,7 +250,7 @@ def relative_changes(m: ModelArrays, w: Work, run: RunArrays) -> float:
     return change
 
 
-def reference_sizes(m: ModelArrays, w: Work, run: RunArrays) -> None:
+def reference_sizes(m: ModelArrays, w: StepArrays, run: RunArrays) -> None:
     """Magnitudes w.size (blocks,) to which changes are relative; zero in a new step, otherwise
     those of blocks that were zero so far grow with the present unknowns w.X. run.top, run.rate:
     largest value of each block so far, and of its highest rates; infinite sizes: multipliers, which
@@ -266,7 +266,7 @@ def reference_sizes(m: ModelArrays, w: Work, run: RunArrays) -> None:
         w.size[k] = max(w.size[k], size, 1e-300) if m.judged[k] else inf
 
 
-def remember(m: ModelArrays, w: Work, run: RunArrays) -> None:
+def remember(m: ModelArrays, w: StepArrays, run: RunArrays) -> None:
     """Takes the magnitudes of an accepted step into account."""
     for k in range(len(m.judged)):
         top, departure = 0.0, 0.0

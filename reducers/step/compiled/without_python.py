@@ -20,8 +20,8 @@ from sparsemor.reducers.step.compiled.model_arrays import (
     ModelArrays,
     PrescribedArrays,
     RunArrays,
+    StepArrays,
     TermArrays,
-    Work,
 )
 from sparsemor.reducers.step.compiled.reduced_equations import begin, motion, residual
 from sparsemor.reducers.step.convergence_test import EPS
@@ -33,7 +33,7 @@ SMALL = 1e-6
 
 def take(
     m: ModelArrays, heat: tuple[HeatArrays, ...], bodies: BodyArrays, terms: tuple[TermArrays, ...],
-    prescribed: tuple[PrescribedArrays, ...], w: Work, own: BodyWork, run: RunArrays,
+    prescribed: tuple[PrescribedArrays, ...], w: StepArrays, own: BodyWork, run: RunArrays,
     timed: FloatArray, base: FloatArray, ahead: FloatArray, states: FloatArray, effort: FloatArray,
     J: FloatArray
 ) -> int:
@@ -66,7 +66,7 @@ def take(
 
 
 def differences(
-    m: ModelArrays, b: BodyArrays, terms: tuple[TermArrays, ...], w: Work, own: BodyWork,
+    m: ModelArrays, b: BodyArrays, terms: tuple[TermArrays, ...], w: StepArrays, own: BodyWork,
     run: RunArrays, timed: FloatArray, J: FloatArray
 ) -> None:
     """The inverse Jacobian of the mechanical equations at the guess of a step, with what rounding
@@ -117,7 +117,7 @@ def differences(
 
 
 def differences_of_heat(
-    h: HeatArrays, m: ModelArrays, w: Work, timed: FloatArray, last: FloatArray
+    h: HeatArrays, m: ModelArrays, w: StepArrays, timed: FloatArray, last: FloatArray
 ) -> None:
     """The inverse Jacobian of a thermal block with local terms at the guess of a step, in
     h.inverse: of 1 + the derivative of the terms by T, with dT' = c1 dT and dT'' = c2 dT. last

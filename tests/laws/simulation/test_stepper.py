@@ -12,7 +12,7 @@ import pytest
 from small_scenes import tiny
 from sparsemor import InputError, ReducedModel, SolveFailed, load, load_model, reduce
 from sparsemor.core.scene.option_tree import functions_of_time
-from sparsemor.core.simulation.co_simulation import Stepper
+from sparsemor.core.simulation.co_simulation import ModelStepper
 from sparsemor.reducers.step.compiled import compiled_stepper as compiled
 from sparsemor.reducers.step.compiled.compile import linked
 from sparsemor.reducers.step.compiled.compiled_steps import CompiledSteps
@@ -29,7 +29,7 @@ def model(reducer: str = "galerkin") -> ReducedModel:
         "probes": {"end": {"body": "bar", "at": "end_b"}}}))
 
 
-def follow(stepper: Stepper, made: ReducedModel, until: float) -> None:
+def follow(stepper: ModelStepper, made: ReducedModel, until: float) -> None:
     """Steps with the values that the functions of the scene have at the end of each step."""
     own = dict(functions_of_time({"loads": made.scene.loads, "joints": made.scene.joints}))
     while stepper.t < until - 1e-9:
@@ -38,7 +38,7 @@ def follow(stepper: Stepper, made: ReducedModel, until: float) -> None:
         stepper.step()
 
 
-def assert_at_end(stepper: Stepper, made: ReducedModel, near: float) -> None:
+def assert_at_end(stepper: ModelStepper, made: ReducedModel, near: float) -> None:
     run = made.run()
     assert stepper.t == run.times[-1]
     for probe in run.probes:
