@@ -21,6 +21,7 @@ def end_of_training(reference: RunResult, runs: Iterable[RunResult]) -> float:
 def training_lines(reference: RunResult, runs: Mapping[str, RunResult]) -> list[str]:
     """Sentences on the runs that were trained, by the end of their training: on the run that is
     compared, its beginning, or another run."""
+    # end of training, and True if it was another run -> names
     groups: dict[tuple[float, bool], list[str]] = {}
     for name, run in runs.items():
         end = trained_to(run)

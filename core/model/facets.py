@@ -38,6 +38,7 @@ def linear_facets(nodes: IntArray, d: int) -> tuple[IntArray, IntArray]:
             local = [*f, *(number_of[frozenset(e)] for e in ends if second)]
             if second and len(f) == 4:
                 local.append(number_of[frozenset(f)])
+            # SIMPLICES: by positions in the list of the facet's nodes; now by nodes of the cell
             simplices = np.array(local)[np.array(SIMPLICES[len(f), second])]
             rows.append(cells[:, simplices].reshape(-1, d))
             facets = start + facet_count * np.arange(len(cells)) + k

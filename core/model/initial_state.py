@@ -363,7 +363,7 @@ def resolved_start(model: Model, integrator: Integrator, h: float) -> ResolvedSt
 def _farthest(model: Model, start: State, h: float) -> tuple[str, float]:
     """Body that h^2 a / 2 displaces by more than `FAR` of its size, the farthest, and that
     displacement, m; "", 0 if there is none."""
-    found, name, most = 0.0, "", FAR
+    found, name, most = 0.0, "", FAR  # most: largest displacement so far, over the size
     for b in model.layout:
         if b.kind.quantity is Quantity.DISPLACEMENT and b.name in model.geometry:
             points = model.geometry[b.name][0]

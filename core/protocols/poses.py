@@ -21,7 +21,9 @@ COORDINATE_UNITS = dict.fromkeys("xyz", "m") | {"angle": "rad"} | {f"q{i}": "1" 
 
 
 def points_in_space(pose: FloatArray, z: FloatArray) -> FloatArray:
-    """Positions R + A z (j, d), m, of body points z (j, d) under poses (j, 3), (j, 4) or (j, 7)."""
+    """Positions R + A z (j, d), m, of body points z (j, d) under poses (j, n): origin R and angle
+    in the plane (n = 3); in space R and angle about the z axis (4) or R and quaternion p0, e (7).
+    """
     if pose.shape[1] in BY_ANGLE:
         cos, sin = np.cos(pose[:, -1]), np.sin(pose[:, -1])
         across = [pose[:, 0] + cos * z[:, 0] - sin * z[:, 1],

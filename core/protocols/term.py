@@ -177,7 +177,7 @@ class ReducedTerm(ResidualTerm):
         return False
 
     def near(self, x: FloatArray) -> "LocalCopy":
-        """That copy for reduced states near x (k,)."""
+        """Copy of the term for reduced states near x (k,), of a term that `relocates`."""
         raise NotImplementedError
 
 

@@ -352,7 +352,8 @@ def _write_empty(path: Path, header: RunHeader) -> None:
 
 
 def _truncate(store: Path, document: Mapping[str, Any], steps: int) -> None:
-    """Removes all stored steps but so many. Whatever a killed process leaves of them has no gap."""
+    """Removes all stored steps but the first `steps`: files after them, the last one first, so that
+    what a killed process leaves has no gap; then the file in which they end is written again."""
     kept, run = StoredArrays(store), document["attributes"]["run"]
     number, rest = divmod(steps, kept.per_file)
     beyond = [p for n, p in steps_files(store).items() if n >= number + bool(rest)]

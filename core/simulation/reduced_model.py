@@ -138,8 +138,9 @@ def usable(file: str) -> Iterator[None]:
 
 
 def _unpacked(data: bytes, registry: Registry | None, file: str = "") -> "ReducedModel":
-    """The model from the bytes of its file. Raises PackedError for what is no model that fits
-    itself."""
+    """The model from the bytes of its file: `about` has the name and the data of its scene, the
+    objects are the other fields of a PreparedRun, by name. file: path of a file, for messages.
+    Raises PackedError for what is no model that fits itself."""
     packed = Packed.load(data)
     scene = build(Source.of_tree(packed.about["scene"], registry, packed.about["name"]))
     parts = packed.made(_table(scene), _functions(scene))
@@ -226,6 +227,7 @@ class ReducedModel:
 
     @cached_property
     def _extents(self) -> Extents:
+        """Sizes of the bodies' displacements and temperatures in the unknowns of the steps."""
         run = self._run
         return run.extents if run.model is None else Extents.of(
             run.model, run.solver.layout, run.solver.dictionaries)
@@ -351,7 +353,8 @@ class ReducedModel:
 
     def _dump(self, fields: bool) -> bytes:
         """Bytes of the model file. fields: with meshes and dictionaries, so that runs of it have
-        fields."""
+        fields. Their parts are the fields of the prepared run, without those that are made again
+        from the scene or need the mesh."""
         run = self._run
         if self.estimates_errors or run.error_limit.at_few_steps != "off":
             run = _without_estimate(run, NO_MESH)
@@ -409,6 +412,7 @@ class ReducedModel:
 
     @cached_property
     def _packed(self) -> Packed:
+        """The step solver without mesh as data; `used`: keys of the functions of time in it."""
         return self._pack(self._meshless[0])
 
     def _why_fixed(self, key: str) -> str:

@@ -167,7 +167,7 @@ def _head(stream: _Stream) -> tuple[dict[str, Any], Any, list[str], list[Any]]:
     if size > most:
         raise ValueError(f"its head of {size} bytes is too large for it")
     text = stream.take(size)
-    values = sum(map(text.count, b"[{,"))
+    values = sum(map(text.count, b"[{,"))  # about their number, before the text is read
     if values > SMALL // 32 + len(stream.payload):
         raise ValueError(f"its head of {values} values is too large for it")
     about, tree, used, heads = found = json.loads(text.decode())
