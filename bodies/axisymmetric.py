@@ -19,7 +19,9 @@ ON_AXIS = 1e-12
 def option_faults(
     plane: bool, materials: dict[str, Material], **options: object
 ) -> Sequence[Fault]:
-    """Faults of options that a body of revolution does not have; options: their values."""
+    """Faults of options that a body of revolution does not have; options: their values; materials:
+    by input key; plane: False for a mesh in space. allowed: option -> its only value, None for one
+    that must not be given."""
     if not plane:
         return [Fault("axisymmetric", "the mesh is 3-D and has its own shape: drop it")]
     allowed = {"frame": ("fixed",), "thickness": (None,), "model": (None,),

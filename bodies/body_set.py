@@ -29,7 +29,8 @@ CUT = 0.01
 
 @dataclass(frozen=True, eq=False)
 class Place:
-    """A named set of points of one body, of whatever class, where joints and forces act.
+    """A named set of points of one body, of whatever class, where joints and forces act: which,
+    name of the set; text, `body:set` as in the scene.
 
     point (d,): reference position of its centre, m (body frame); displacement (n, d): derivatives
     of the displacement of the centre by the unknown displacements, None on a rigid body.
@@ -61,7 +62,8 @@ class Place:
 
 @dataclass(frozen=True, eq=False)
 class Target:
-    """A named set of nodes of a body with a mesh or points, for loads on its fields and surface."""
+    """A named set of nodes (numbers) of a body with a mesh or points, for loads on its fields and
+    surface; text: `body:set` as in the scene; key: input key of an InputError."""
 
     body: FloatingBody
     nodes: IntArray
@@ -127,8 +129,9 @@ def _split(parts: Mapping[str, Part], text: str, key: str) -> tuple[Body, str]:
 def find_surfaces(
     parts: Mapping[str, Part], texts: Sequence[str], field: str
 ) -> list[tuple[FloatingBody, Mesh, IntArray]]:
-    """Body, mesh and boundary facets (F, d) of each surface in a load's option `on`; field: the one
-    on which the load acts.
+    """Body, mesh and boundary facets (F, w), corner numbers, of each surface `body:set` (texts) in
+    a load's option `on`; field: that on which the load acts, `mechanical` or `thermal`, which the
+    body must have.
 
     InputError with every fault, under `on.0`, `on.1`, ...
     """

@@ -70,6 +70,7 @@ class CarbonSteel(Material):
                    self.modulus * np.array(list(REDUCTION.values())))
         at = np.array([*range(40, 760, 40), 750, 780, 820, 860, 950, HOTTEST], dtype=np.float64)
         mean = elongation(at) / (at - 20.0)
+        # mean coefficient at 20 degrees Celsius, 0 / 0 there: extrapolated from the next two
         first = mean[0] + (mean[1] - mean[0]) * (20.0 - at[0]) / (at[1] - at[0])
         alpha = _curve(np.concatenate([[20.0], at]), np.concatenate([[first], mean]))
         k = _curve(np.array([20.0, 801.8018018018018, HOTTEST]),

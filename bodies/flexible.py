@@ -102,7 +102,8 @@ class Damping(Plugin):
     ) -> tuple[Csr, ModalFactors | None]:
         """Rayleigh damping matrix, and factors of modal damping, of a body in d dimensions with
         stiffness K and mass M (n, n), of which its reference conditions fix the unknowns `fixed`.
-        InputError under `damping`."""
+        InputError under `damping`. The modes are those of the free body, after its rigid ones, or
+        those with the fixed unknowns at zero (held); floating: of the body's frame."""
         held = self.modes_of == "held" or (self.modes_of is None and not floating)
         gather = Gather()
         modal = None if self.ratio is None else gather(
@@ -217,7 +218,11 @@ class Flexible(BodyPlugin):
 
     def build(self, name: str, base: Path) -> FloatingBody:
         """The body with its mesh, sets, fields and initial state; faults of all options are
-        reported together."""
+        reported together: gather(key, function, ..) collects those of a call and then returns None.
+
+        fixed: numbers of the displacements of the reference condition, None without an elastic
+        field; regions: cells of each material; m (N, N): scalar mass matrix, kg.
+        """
         gather = Gather()
         self._check_options(gather)
         mesh = gather("", self._mesh, base)
@@ -372,7 +377,9 @@ class Flexible(BodyPlugin):
         self, mesh: Mesh, m: Any, fixed: IntArray, regions: Sequence[Region], T0: FloatArray
     ) -> Elasticity:
         """Matrices of the elastic field and, for properties that depend on temperature and for
-        nonlinear strains, their laws."""
+        nonlinear strains, their laws. m (N, N): scalar mass matrix, kg; fixed: numbers d node +
+        component of displacements; regions: cells of each material; T0 (N,): initial temperature,
+        K, by which a body without a thermal field may be heated too; K, M (d N, d N)."""
         heated = THERMAL.name in self.fields or bool((T0 != self.reference_temperature).any())
         nonlinear = self.strains == "nonlinear"
         d, thickness, model = mesh.dimension, self._thickness(mesh), self._model(mesh)
@@ -393,7 +400,8 @@ class Flexible(BodyPlugin):
                 curves(r.material).keys().isdisjoint({"E", "alpha"}) for r in regions))
 
     def _heat(self, mesh: Mesh, regions: Sequence[Region]) -> Heat:
-        """Matrices of the thermal field, and laws for properties that depend on temperature."""
+        """Matrices of the thermal field, and laws for properties that depend on temperature; those
+        of a region by conductivity and specific heat (`_thermal`) at the reference temperature."""
         thickness, is_lumped = self._thickness(mesh), self.capacity == "lumped"
         d = mesh.dimension
         C = summed(regions, lambda r: capacity(

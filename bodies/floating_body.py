@@ -191,8 +191,10 @@ class FloatingBody(Body):
             self._contribute(equations)
 
     def _contribute(self, equations: Equations) -> None:
-        """Adds the equations of the frame and of the fields, whose integrals per element are
-        computed when a reducer asks."""
+        """Adds the equations of the frame and of the fields. Functions for reducers and checks,
+        which are called if they are needed: integrals per element; stress_stiffness: stiffness by
+        the stress, with flags whether the equations have it; stiffened: that by the loads of a body
+        with prestressed strains."""
         mesh = self.mesh is not None
         write_frame(
             equations, self, self.inertia, self._field_inertia(),
@@ -338,7 +340,9 @@ class FloatingBody(Body):
             self.centre_of(which, self.points[which]).weights, self.d))
 
     def rotation_of(self, which: str, key: str) -> FloatArray | None:
-        """Mean rotation of the set, by least squares."""
+        """Mean rotation of the set, by least squares, as functionals (n, r) of its n free
+        displacements, r = 1 in the plane, 3 in space; None for a rigid body or a set of fixed
+        points. InputError under `key` where it is undefined."""
         if self.elasticity is None:
             return None
         nodes = self.points[which]
@@ -384,7 +388,8 @@ class FloatingBody(Body):
 
     def probe(self, name: str, at: str | Sequence[float]) -> ProbePlace:
         """Probe at a material point: the centre of a named set, or the node nearest to body
-        coordinates (d,), m."""
+        coordinates (d,), m. Displacement and temperature are weighted sums of nodal ones, of which
+        prescribed temperatures are pairs of a factor and a function of time."""
         weights, point = self._probed(at)
         temperature: FloatArray | None = None
         prescribed: tuple[tuple[float, TimeFunction], ...] = ()
@@ -397,7 +402,9 @@ class FloatingBody(Body):
 
     def stress_at(self, at: str | Sequence[float]) -> ProbeStress | None:
         """Stress at a point as a linear functional of displacements and temperatures; None where
-        the law of the stress is not linear with constant isotropic properties."""
+        the law of the stress is not linear with constant isotropic properties. by_u (d N, 6), by_T
+        (N, 6): derivatives by all nodal values; the constant part is that of T - T_ref without the
+        unknown T, and prescribed ones are pairs of a stress and a function of time."""
         e, h, mesh = self.elasticity, self.heat, self.mesh
         if e is None or mesh is None or e.nonlinear or not e.recoverable or mesh.revolved:
             return None

@@ -81,7 +81,9 @@ _MEANING = {
 
 @dataclass(frozen=True, slots=True)
 class Constants:
-    """Properties of a material at one temperature."""
+    """Properties of a material at one temperature: rho, kg/m3, E, Pa, nu, alpha, 1/K, k, W/(m K),
+    c, J/(kg K), None for one that is not given; by_direction: those that depend on the direction,
+    in the place of E, nu, alpha, k, None for an isotropic material."""
 
     rho: float
     E: float | None

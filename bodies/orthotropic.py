@@ -60,8 +60,9 @@ class Orthotropic(Material):
         return MaterialProperties(self.rho, c=self.c)
 
     def directional(self) -> DirectionalProperties:
-        """Stiffness (6, 6), expansion and conductivity in body axes, rotated from those of the
-        material."""
+        """Stiffness (6, 6), Pa, expansion (6,), 1/K, and conductivity (3, 3), W/(m K), in body
+        axes, rotated from those of the material. Components in the order of `PAIRS`, shear strains
+        twice the tensor's; A: axes of the material as columns."""
         A = self._axes
         T = np.zeros((6, 6))  # strains in material axes from those in body axes
         for m, (i, j) in enumerate(PAIRS):

@@ -78,8 +78,9 @@ class Reference(Plugin):
 
     @staticmethod
     def _chord(mesh: Mesh, chord: Sequence[str]) -> IntArray:
-        """Displacements that hold the points of a chord on the x axis, in space three points in a
-        plane."""
+        """Displacements that hold the ends of a chord on its line, the first one at its place, in
+        space three points in their plane, to the nearest components in body axes (`chord_holds`).
+        InputError for sets of several points, or points that do not determine them."""
         d = mesh.dimension
         if len(chord) != d:
             raise InputError(f"a chord is {d} one-point sets in {d}-D (got {len(chord)})",

@@ -114,7 +114,9 @@ class TemperatureCurve(Plugin, TemperatureProperty):
         return float(np.min(self.at(np.array(at))[0]))
 
     def at(self, T: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Values and derivatives by temperature at temperatures T, K."""
+        """Values and derivatives by temperature at temperatures T, K, of any shape. Of a table
+        those of segment i, above i of its nodes: values[i] + slopes[i] (T - start[i]); of a
+        polynomial (_powers, in T - origin), constant outside of its limits."""
         if self.polynomial is None:
             nodes, start, values, slopes = self._segments
             i = nodes.searchsorted(T)
@@ -128,7 +130,9 @@ class TemperatureCurve(Plugin, TemperatureProperty):
 
     def integral(self, T: FloatArray) -> FloatArray:
         """Integral over temperature from the lower limit to T, K: of a specific heat the heat
-        content, J/kg."""
+        content, J/kg. Of a table: _sums, up to the start of each segment, and the part in it; of a
+        polynomial that within its limits, and beyond them a constant value times T less the
+        limit."""
         if self.polynomial is None:
             nodes, start, values, slopes = self._segments
             i = nodes.searchsorted(T)
@@ -149,8 +153,8 @@ class TemperatureCurve(Plugin, TemperatureProperty):
 
     @cached_property
     def _segments(self) -> Segments:
-        """Linear segments of the table, constant outside; of an enthalpy its slopes, constant in
-        each."""
+        """Linear segments of the table, n - 1 between its n temperatures and a constant one at
+        either end; of an enthalpy its slopes, constant in each."""
         T = np.array(self.temperatures)
         if self.enthalpy is not None:
             c = np.diff(self.enthalpy) / np.diff(T)

@@ -102,7 +102,11 @@ class TemperatureFile(Plugin):
         return own, *listed
 
     def at(self, base: Path, X: FloatArray, size: float) -> NodalTemperatures:
-        """Temperatures at nodes X (n, d), m, of a body of this size, m; InputError under `path`."""
+        """Temperatures at nodes X (n, d), m, of a body of this size, m; InputError under `path`.
+
+        A reader returns points (P, 2 or 3) in the unit of the file, times (t,), s, and temperatures
+        T (t, P). W (n, k): weights of the k points nearest to each node; away: largest distance, m.
+        """
         full = base / self.path
         readers = {".npz": self._npz, ".csv": _csv, ".vtu": self._vtu, ".pvd": self._pvd}
         if full.suffix not in readers:
