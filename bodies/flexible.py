@@ -274,7 +274,8 @@ class Flexible(BodyPlugin):
         return replace(mesh, revolved=True) if self.axisymmetric else mesh
 
     def _check_options(self, gather: Gather) -> None:
-        """Checks that need no mesh."""
+        """Adds the faults of options that need no mesh to `gather`: a missing reference condition,
+        combinations of strains, coupling and materials, and missing properties."""
         if "elastic" in self.fields:
             if self.reference is None:
                 gather.faults.append(Fault(
@@ -326,7 +327,8 @@ class Flexible(BodyPlugin):
                 for name, curve in curves(material).items() if name in used}
 
     def _check_dimension(self, mesh: Mesh, gather: Gather) -> None:
-        """Checks that depend on the dimension and order of the mesh."""
+        """Adds the faults of options that depend on the dimension and order of the mesh to
+        `gather`: capacity, thickness, model, frame and pose."""
         plane = mesh.dimension == 2
         if mesh.order == 2 and THERMAL.name in self.fields and self.capacity == "lumped":
             gather.faults.append(Fault(
@@ -360,8 +362,9 @@ class Flexible(BodyPlugin):
         return self.model or ("plane_stress" if mesh.dimension == 2 else "solid")
 
     def _fixed(self, mesh: Mesh) -> IntArray | None:
-        """Numbers of the displacements that the reference condition fixes at zero; None without an
-        elastic field."""
+        """Numbers d node + component of the displacements that the reference condition fixes at
+        zero, of a body of revolution also across the axis (`held`); None without an elastic
+        field."""
         if "elastic" not in self.fields or self.reference is None:
             return None
         fixed = self.reference.fixed(mesh)

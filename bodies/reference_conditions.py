@@ -59,8 +59,9 @@ class Reference(Plugin):
 
     @staticmethod
     def _components(mesh: Mesh, hold: Mapping[str, str]) -> IntArray:
-        """Displacements of some components of sets. Raises InputError with the number of rigid
-        motions that remain."""
+        """Numbers d node + component of the displacements of some components of sets (set ->
+        letters of axes). Raises InputError with the number of rigid motions that remain; those of a
+        body of revolution are checked elsewhere."""
         d, found = mesh.dimension, [np.zeros(0, np.int64)]
         for name, components in hold.items():
             key = f"reference.hold.{name}"

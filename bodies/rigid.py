@@ -47,7 +47,8 @@ class Rigid(BodyPlugin):
         return CLASSES
 
     def build(self, name: str, base: Path) -> FloatingBody:
-        """The body, planar for one moment of inertia, in space for a tensor."""
+        """The body, planar for one moment of inertia, in space for a tensor or three principal
+        moments. J: about the centre of mass, kg m2; its points are its only nodes, a set each."""
         J = np.array(self.inertia, dtype=np.float64)
         d, spins = (3 if J.ndim else 2), self.frame == "spinning"
         if d == 2 and spins:

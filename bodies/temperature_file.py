@@ -35,7 +35,8 @@ CELSIUS = 273.15
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Samples(TimeFunction):
-    """Piecewise linear function of time with values (T,) at times (T,), s; constant outside."""
+    """Piecewise linear function of time with values (T,) at times (T,), s; constant outside. rate:
+    slope, from the right at one of the times; jumps: times at which it may have a kink."""
 
     times: FloatArray
     values: FloatArray

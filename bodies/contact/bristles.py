@@ -140,8 +140,8 @@ class Bristles:
     ) -> tuple[FloatArray, FloatArray]:
         """Derivatives of the nodal forces (P, D, d^2) and heats (P, 2 d, d^2) of each overlap by
         the deflections z at the first facet's corners; c1 (P, d^2): dz' = c1 dz; overlaps with
-        deflections (`on`). D: coordinates of the first facet's corners, if it moves also the
-        second's. W: quadrature weights times mu p / z_0, s, eta: shape functions of both facets.
+        deflections (`on`). D: coordinates of the first facet's corners, and of the second's if that
+        deforms. W: quadrature weights times mu p / z_0, s, eta: shape functions of both facets.
 
         The force is -p mu Z, with the rigid arm of tractions.py on the second facet, the heat p mu
         Z . (w - z'); Z is linear in the deflections.

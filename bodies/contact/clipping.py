@@ -252,7 +252,8 @@ def _split_intervals(
     p: Parts, cuts: Sequence[tuple[FloatArray, float]]
 ) -> tuple[IntArray, Parts]:
     """`Parts.split` for segments: at the coordinates from 0 to 1 where each function, values (P, 2)
-    at the ends, has its level, if that is inside a part."""
+    at the ends, has its level, if that is inside a part. of: part of each new one; edges: tags of
+    its two ends, `NONE` at a cut."""
     low, high = p.corners[:, 0, 1], p.corners[:, 1, 1]
     inner = [np.clip(_crossing(values, level), low, high) for values, level in cuts]
     ends = np.sort(np.stack([low, *inner, high], axis=1), axis=1)

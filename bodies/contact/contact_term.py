@@ -197,7 +197,10 @@ class ContactTerm(Term):
     ) -> Csr:
         """Derivatives of the residual (minus the forces and heats), as the sum of a dense block for
         each pair of facets, and of the bristles; c1 (n,): dv = c1 dx. at (P, m): local unknowns of
-        each pair, which are at `reads` in the columns and `writes` in the rows, -1 for none."""
+        each pair, which are at `reads` in the columns and `writes` in the rows, -1 for none; the
+        first n.frames of them are the rigid coordinates of both bodies. own: bristles by
+        themselves.
+        """
         shape = len(self.rows), len(self.columns)
         if not self.elements:
             return csr_array(shape)

@@ -101,6 +101,13 @@ class Kinematics:
     def __init__(
         self, sides: tuple[ContactSide, ContactSide], x: FloatArray, v: FloatArray, t: float
     ) -> None:
+        """x, v: local unknowns of both sides (rigid coordinates, displacements), and rates; t: s.
+
+        With origins R1, R2, rotation matrices A, B and angular velocities w_1, w_2 in body axes, C
+        = B^T A and y = X + u: a = B^T (R1 - R2) + C y, k = w_1 x y + u', rate = B^T (R1' - R2') + C
+        k, and va = rate - w_2 x a; of the second surface b = X + u and vb = u'. pose, rate: rigid
+        coordinates of a body, position first, and their rates.
+        """
         self.sizes = n = Sizes.of(*sides)
         (q1, q2, u1, u2), (p1, p2, du1, self.vb) = n.split(x), n.split(v)
         pose1, rate1 = sides[0].pose(q1, p1, t)

@@ -275,7 +275,8 @@ class Slide(SpatialItem):
         fixed in the other body, with their forces and second derivatives; D = d (A z) / dq.
 
         j: first functional, the displacement of the point z; o: first coordinate of the other body
-        in m.y; k: first multiplier.
+        in m.y; k: first multiplier. H: d rows / dy; bend(f, z): second derivative of f . A z by the
+        attitude q, of_space(f): derivative of A^T f.
         """
         y_o = m.y[o : o + self.others] if self.others else self.place
         far = attitude(y_o[3:])

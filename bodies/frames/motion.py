@@ -113,8 +113,10 @@ class Sums:
 
 
 class MotionAtTimes:
-    """Motion of a frame at T times: A (T, 3, 3), body axes to space axes; w, al (T, 3), angular
-    velocity and acceleration in body axes; acc (T, 3) = R'', m/s^2."""
+    """Prescribed motion of a frame in space at T times, with the interface of `Motion`: A (T, 3,
+    3), body axes to space axes; w, al (T, 3), angular velocity and acceleration in body axes; acc
+    (T, 3) = R'', m/s^2. Its attitude is a quaternion (`_freely`) or an angle about z
+    (`_about_z`)."""
 
     __slots__ = ("A", "acc", "al", "c1", "times", "w")
 

@@ -89,8 +89,9 @@ class Coordinate:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Length(Coordinate):
-    """Distance of two points, m: own point and base (d,), m, that of the other body, in their axes.
-    """
+    """Distance |R + A z - R_o - A_o z_o| of two points, m: own point (d,) = z and base (d,) = z_o
+    of the other body, m, each in the axes of its body. relative: by the present motion in space,
+    moved: along given motion; near: not used, as a length is not ambiguous."""
 
     point: FloatArray
     base: FloatArray

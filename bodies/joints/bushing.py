@@ -74,7 +74,8 @@ class Bushing(ForceElement):
         return given
 
     def _axes(self, d: int) -> FloatArray:
-        """Axes (d, d) as rows, from the options `axis` and `second_axis`."""
+        """Axes (d, d) as rows, unit vectors in space axes at the start, from the options `axis` and
+        `second_axis`; the third one completes them to a right-handed system."""
         e = np.eye(d)[0] if self.axis is None else unit(self.axis, d)
         if d == 2:
             if self.second_axis is not None:

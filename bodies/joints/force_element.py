@@ -374,10 +374,10 @@ class Stop(Relative):
 
     def law(self) -> Numbers:
         lower, upper = (f if x is None else x for x, f in ((self.lower, -NONE), (self.upper, NONE)))
-        return STOP, lower, upper, self.stiffness, self.damping
+        return STOP, lower, upper, self.stiffness, self.damping  # kind and numbers, `relative_law`
 
     @property
     def centre(self) -> float:
-        """Between the limits, or the one limit."""
+        """Between the limits, or the one limit: the angle to which that in space is nearest."""
         given = [x for x in (self.lower, self.upper) if x is not None]
         return sum(given) / len(given)

@@ -75,7 +75,8 @@ def heat_exchange(
     """Heat exchange of a joint, None without a conductance; a note if it insulates two bodies with
     temperatures and its conductance is not given.
 
-    InputError for a conductance above 0 of a joint whose sides do not both have temperatures.
+    InputError for a conductance above 0 of a joint whose sides do not both have temperatures; not
+    for rigid copies of bodies with fields, in a rigid-body pre-simulation (without_fields).
     """
     heats = [side.target is not None and (
         side.target.body.temperature_of(side.target.which) is not None) for side in ends]
@@ -234,7 +235,8 @@ class HeatOfFriction:
     ) -> None:
         """Adds the heat for an item that acts on rigid coordinates of `sides`, as a term of these
         and of the item's first multipliers; block: of the multipliers that its law reads, "" for
-        none. weights: of each heated temperature block, share of the power in each row."""
+        none. weights: of each heated temperature block, share of the power in each row; over_steps:
+        mean values of its functions of time in the steps of the run."""
         item = equations.over_steps(item)
         frames = [f"{s.reads}.rigid" if s.reads else "" for s in sides]
         none = np.zeros(0, np.int64)

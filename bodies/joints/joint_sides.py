@@ -154,8 +154,8 @@ def _check_dimension(body: Body, dimensions: Sequence[int], key: str) -> None:
 
 
 def unit(axis: Sequence[float] | None, d: int, key: str = "axis") -> FloatArray:
-    """(d,) unit vector along an axis; InputError when it is missing, zero or of another dimension.
-    """
+    """(d,) unit vector along the axis of a joint's option `key`; InputError when it is missing,
+    zero or of another dimension than d."""
     if axis is None:
         raise InputError("missing: in space give the axis, such as [0, 0, 1] (space axes, at the "
                          "start)", key)

@@ -221,7 +221,9 @@ class CavityRadiation(LoadPlugin):
     def _view_factors(
         self, name: str, facets: Facets, patch: IntArray, areas: FloatArray
     ) -> tuple[FloatArray, tuple[Note, ...]]:
-        """A_i F_ij (P, P) after correction, and a note that gives it."""
+        """A_i F_ij (P, P), m2 or m, after correction, and a note that gives it. patch (n,): number
+        of the patch of each facet, areas (P,): of the patches. Row sums of F_ij are 1 in a closed
+        cavity (`closed`), with surroundings at most 1 (`bounded`): the rest reaches these."""
         S = exchange_areas(facets, patch, self.seed)
         sums = S.sum(axis=1) / areas
         if self.surroundings is None and sums.min() < 1.0 - OPEN:

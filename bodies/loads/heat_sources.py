@@ -55,7 +55,8 @@ class HeatSource(LoadPlugin):
     """In place of `density`: total heat, W, spread evenly over the volume of all that is named."""
 
     def build(self, name: str, parts: Mapping[str, Part]) -> LoadPart:
-        """Nodal heat of a density, or of a total power shared by volume."""
+        """Nodal heat of a density, W/m3, or of a total power, W, shared by volume: volumes of the
+        nodes, m3, times the density, or times the power over the whole volume."""
         source = self.density or self.power
         if source is None or self.density is not None and self.power is not None:
             raise InputError("give either a density, W/m^3, or the total power, W",

@@ -135,8 +135,8 @@ class JouleHeat(LoadPlugin):
     def _conductivities(
         self, parts: Mapping[str, Part], body: FloatingBody
     ) -> list[tuple[float, IntArray]]:
-        """Conductivities, S/m, and their cells; of two sets with a cell in common the later one
-        has it."""
+        """Conductivities, S/m, and their cells (numbers), the general one first; of two sets with a
+        cell in common the later one has it. which (E,): number of the conductivity of each cell."""
         assert body.mesh is not None
         which = np.zeros(len(body.mesh.cells), np.int64)
         for i, name in enumerate(self.conductivities, 1):

@@ -80,7 +80,8 @@ class Radiation(LoadPlugin):
     """Temperature of the surroundings, K, a number or a function of time."""
 
     def build(self, name: str, parts: Mapping[str, Part]) -> LoadPart:
-        """The law of a grey body on the facets of the surfaces."""
+        """The law of a grey body on the facets of the surfaces, for each body once (joined), with
+        warnings about temperatures that look like degrees Celsius."""
         surfaces = find_surfaces(parts, self.on, "thermal")
         law = GreyBody(self.emissivity, self.surroundings.value)
 

@@ -80,7 +80,8 @@ def check_reduced(written: str, A: Csr, T: FloatArray, u: Unknowns, free: bool) 
 
 
 def _check_definite(written: str, A: Csr) -> None:
-    """InputError for a negative diagonal entry, or A_ij^2 > A_ii A_jj."""
+    """InputError for a matrix that cannot be positive semidefinite: a negative diagonal entry, or
+    A_ij^2 > A_ii A_jj, beyond round-off; written: its file."""
     diagonal, entries = A.diagonal(), A.tocoo()
     size = float(np.abs(diagonal).max(initial=0.0))
     bad = np.flatnonzero(diagonal < -ROUND_OFF * size)
@@ -116,7 +117,9 @@ def check_masses(written: str, M: Csr, free: IntArray) -> None:
 
 
 def check_thermal(key: str, written: str, A: Csr) -> None:
-    """InputError for a conductivity or capacity matrix of no insulated body."""
+    """InputError for a conductivity or capacity matrix (key) A (N, N) of no insulated body: one
+    that is not definite, a conductivity that conducts at a uniform temperature (`motion_error`:
+    largest |A 1| of |A| |1|), or a capacity that is not positive; written: its file."""
     _check_definite(written, A)
     error = motion_error(A, np.ones((A.shape[0], 1)))
     if key == "conductivity" and error > ROUND_OFF:

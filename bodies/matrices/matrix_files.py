@@ -161,8 +161,9 @@ def read_unknowns(base: Path, written: str, key: str) -> IntArray:
 
 
 def _read(path: Path, written: str, key: str, read: Callable[[], T]) -> T:
-    """What `read` returns of a file; whatever fails in it becomes an InputError that names the
-    file."""
+    """What `read` returns of a file; whatever fails in it becomes an InputError under `key` that
+    names the file as `written` in the scene, with the line where a reader tells it (`:line:
+    message`)."""
     if not path.is_file():
         raise InputError(
             f"there is no file '{written}'; paths start at the folder of the scene", key)

@@ -163,7 +163,9 @@ def _broken(mesh: Mesh) -> list[str]:
 
 
 def _cells(mesh: Mesh) -> list[str]:
-    """Faults of cells: inverted, degenerate, folded over, twice."""
+    """Faults of cells: inverted, degenerate, folded over, twice. measure (E, j): of the simplex of
+    the edges that meet at each corner, m2 or m3, positive for a sound cell; least (E,): that of a
+    flat one; kind, first: number of each cell among different ones, and the first cell of each."""
     measure = corner_measures(mesh.points, mesh.cells)
     least = FLAT * longest_edges(mesh.points, mesh.cells) ** mesh.dimension
     flat = (np.abs(measure) <= least[:, None]).any(axis=1)

@@ -149,8 +149,9 @@ def _clean(content: Content, scale: float, name: str) -> Mesh:
 
 
 def _others(content: Content, d: int, name: str) -> Iterator[Note]:
-    """Note on elements of lower dimension in files whose elements are parts of a structure; in
-    others, such as Gmsh's, they are there to name something."""
+    """Note on elements of lower dimension than d in files whose elements are parts of a structure;
+    in others, such as Gmsh's (sections with $), they are there to name something. place: line and
+    keyword of a block of elements, such as `:67: *ELEMENT`; name: of the file."""
     count: dict[str, int] = {}
     for block in content.blocks:
         if block.dimension < d and block.place and "$" not in block.place:
@@ -163,7 +164,8 @@ def _others(content: Content, d: int, name: str) -> Iterator[Note]:
 
 
 def _notes(mesh: Mesh, sets: Sets, name: str) -> list[Note]:
-    """Notes about groups of which the body has nothing, or not all facets."""
+    """Notes about groups of the file of which the body has nothing (sets.empty), or not all facets
+    that the file lists; name: of the file."""
     notes = []
     if sets.empty:
         notes.append(information(
@@ -207,7 +209,7 @@ def _corners(content: Content, d: int, blocks: Sequence[CellBlock]) -> IntArray:
 def _whole(block: CellBlock) -> IntArray:
     """(n, p) corners of the cells of a block; quadrilaterals and hexahedra of first order that
     repeat corners of an edge or of two, as triangles and wedges. InputError for others that do."""
-    _, p, q = CELLS[block.kind]
+    _, p, q = CELLS[block.kind]  # numbers of corners and nodes
     cells = block.nodes[:, :p].copy()
     repeats = np.flatnonzero((np.diff(np.sort(cells, axis=1), axis=1) == 0).any(axis=1))
     if not repeats.size or p == block.dimension + 1:
@@ -223,6 +225,7 @@ def _whole(block: CellBlock) -> IntArray:
         if fit is None:
             bad.append(row)
         else:
+            # shorter rows repeat their last corner: of a wedge 3 corners below, 3 above, 2 repeats
             cells[row] = fit if p == 4 else [*fit[:3], *fit[4:7], fit[6], fit[6]]
     if bad:
         raise InputError(f"{len(bad)} cells of type {block.kind} name a corner twice: "

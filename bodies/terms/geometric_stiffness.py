@@ -55,8 +55,9 @@ def thermal_stiffness(body: HasFields, force: FloatArray) -> Csr:
 
 
 def static_response(body: HasFields, forces: FloatArray) -> FloatArray:
-    """K^-1 f of the free displacements (n, j) under forces (n, j). InputError where the reference
-    condition leaves rigid motion."""
+    """K^-1 f of the n free displacements, m, (n, j), under j columns of forces (n, j), N; K is
+    factorized in an order that keeps it sparse. InputError where the reference condition leaves
+    rigid motion."""
     e, mesh = body.elasticity, body.mesh
     assert e is not None and mesh is not None
     K, d = csr_array(e.stiffness[e.free][:, e.free]), mesh.dimension

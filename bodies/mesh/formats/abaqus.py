@@ -371,8 +371,9 @@ class _AbaqusReader:
         return found + [(n, s, *here) for n, s in self.parts.items()]
 
     def _notes(self, missing: Sequence[str]) -> list[Note]:
-        """Notes on statements that are not read, parts without an instance, and members of sets
-        that do not exist."""
+        """Notes on statements that are not read (ignored: keyword -> number), parts without an
+        instance, and members of sets that do not exist (missing: texts with their lines).
+        instances: name -> mesh, rotation and translation."""
         notes = []
         if self.ignored:
             words = ", ".join(w if n == 1 else f"{w} ({n})" for w, n in self.ignored.items())

@@ -38,7 +38,8 @@ def statements(
 
 
 def _keyword(text: str, line: int) -> tuple[str, dict[str, str]]:
-    """Keyword and options of a line `*KEYWORD, NAME=value`, in upper case without spaces."""
+    """Keyword, without *, and options of a line `*KEYWORD, NAME=value`: names in upper case without
+    spaces, values as they are, "" for an option without one. line: its number, for errors."""
     words = _words(text)
     keyword = re.sub(r"\s", "", words[0][1:]).upper()
     options: dict[str, str] = {}

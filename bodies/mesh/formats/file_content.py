@@ -103,7 +103,8 @@ COMPLETE = " (Gmsh: set Mesh.SecondOrderIncomplete = 1 for this format)"
 
 
 class Numbering:
-    """Positions of labels: label -> its row among labels (n,), which are distinct."""
+    """Positions of labels, such as the numbers of nodes in a file: label -> its row among labels
+    (n,), which are distinct (`repeated` tells one that is not). order: rows by ascending labels."""
 
     def __init__(self, labels: IntArray) -> None:
         self.order = np.argsort(labels, kind="stable")

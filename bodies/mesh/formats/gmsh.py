@@ -239,7 +239,8 @@ class _GmshReader:
         return found
 
     def _section(self, name: str, data: bytes, line: int) -> None:
-        """Reads a section, in the form of the file's version."""
+        """Reads the content `data` of the section `name` that begins at this line, in the form of
+        the file's version (2.2 or 4.1); sections that no mesh needs are noted (skipped)."""
         if name == "$MeshFormat":
             self._format(data, line)
             return
@@ -261,7 +262,8 @@ class _GmshReader:
             (self._elements if self.version == "4.1" else self._elements_22)(section)
 
     def _format(self, data: bytes, line: int) -> None:
-        """$MeshFormat: version, text or binary."""
+        """$MeshFormat: version, text (0) or binary (1), size of reals; in a binary file then a 1,
+        by which the order of bytes is checked. BadLine for what is not supported."""
         words = data.split(b"\n", 1)[0].split()
         if len(words) != 3 or self.version:
             raise BadLine(line, "$MeshFormat", "takes version, file type and data size, once")
@@ -276,7 +278,8 @@ class _GmshReader:
             raise BadLine(line, "$MeshFormat", "binary numbers are not little-endian")
 
     def _physical_names(self, data: bytes, line: int) -> None:
-        """$PhysicalNames: (dimension, tag) -> name of a group."""
+        """$PhysicalNames: (dimension, tag) -> name of a group, from a count and lines `dimension
+        tag "name"`; the sign of a tag is an orientation. line: number of the first line."""
         try:
             text = data.decode("utf-8")
         except UnicodeDecodeError:
@@ -403,7 +406,8 @@ class _GmshReader:
         return int(first)
 
     def _parametric_22(self, section: _Section) -> None:
-        """$ParametricNodes (2.2): as $Nodes, with parameters on the geometry, which are dropped."""
+        """$ParametricNodes (2.2): as $Nodes, with the dimension d and number of an entity of the
+        geometry and, on curves and surfaces, d parameters on it, which are dropped."""
         count = self._count(section)
         labels, points = [], []
         for _ in range(count):

@@ -161,8 +161,9 @@ class _NastranReader:
         return Content(points, tuple(blocks), groups, notes)
 
     def _card(self, card: Card) -> None:
-        """Reads a card that defines the mesh; counts others, and refuses those that would change
-        it."""
+        """Reads a card that defines the mesh; counts others (ignored), and refuses those that would
+        change it. Fields of GRID after its name: label, coordinate system, position (3), axes of
+        displacements; GRDSET has defaults of both systems."""
         name = card.name
         if name in REFUSED:
             raise card.fail(REFUSED[name])

@@ -48,7 +48,8 @@ class Unstructured(MeshPlugin):
 
     @model_validator(mode="after")
     def _countable(self) -> "Unstructured":
-        """Checks that so many triangles fit the points of the outline."""
+        """Checks that so many triangles fit the B points of the outline: 2 N - 2 - B of them with N
+        points in all, so at least B - 2, and, as B is even, an even number."""
         edge = self._outline_points
         if self.elements < edge - 2:
             raise InputError(
