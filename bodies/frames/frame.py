@@ -115,8 +115,8 @@ class SpatialFrame(ItemFrame[SpatialItem]):
 
         y, v, a (b,): rigid coordinates and multipliers, their rates and second derivatives; c1, c2:
         dv = c1 dy, da = c2 dy; s (3, p): functionals of the displacements u, u', u''; forms (3 g,):
-        u.M_g u, u.M_g u', u.M_g u''; t: s. j, o, k of an item: its first functional, coordinate of
-        another body and multiplier.
+        u.M_g u, u.M_g u', u.M_g u''; t: s; work: arrays for the results, of which `Sums` are views.
+        j, o, k of an item: its first functional, coordinate of another body and multiplier.
         """
         out = work.views
         if not isinstance(out, Sums):  # first use of these arrays

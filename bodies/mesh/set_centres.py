@@ -301,8 +301,8 @@ def _cylinder(X: FloatArray, facets: IntArray) -> tuple[FloatArray, float] | Non
 
 def _axis_of_outline(X: FloatArray, facets: IntArray) -> tuple[FloatArray, FloatArray] | None:
     """Point (3,), m, and direction (3,) of the common axis of the circles that bound triangles (n,
-    3), edges of one triangle alone; None if they are bounded by other curves, by circles with other
-    axes or by none."""
+    3), whose edges belong to one triangle alone; None if they are bounded by other curves, by
+    circles with other axes or by none."""
     sides = np.sort(facets[:, [(0, 1), (1, 2), (0, 2)]].reshape(-1, 2), axis=1)
     edges, count = np.unique(sides, axis=0, return_counts=True)
     rim = edges[count == 1]

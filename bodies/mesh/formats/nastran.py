@@ -85,6 +85,7 @@ class Card:
         found = _NUMBER.fullmatch(word)
         if found is None:
             raise self.fail(f"field {at + 2} is {self.text(at)[:40]!r}, and no number")
+        # an exponent may have no letter: 1.5-3 is 1.5E-3
         return float(f"{found.group(1)}E{found.group(2) or found.group(3) or 0}")
 
     def reals(self, at: int, count: int) -> FloatArray:

@@ -52,8 +52,8 @@ class BlockMesh(MeshPlugin):
 
 
 def _kuhn(numbers: IntArray, mirrored: bool) -> IntArray:
-    """(6 cells, 4) tetrahedra of all cells, cell by cell; numbers: of the points of a grid of
-    blocks, (nx + 1, ny + 1, nz + 1); mirrored: cells with odd numbers along an axis are.
+    """(6 cells, 4) tetrahedra of all cells, cell by cell; numbers (nx + 1, ny + 1, nz + 1): of the
+    points of a grid; mirrored: cells with an odd number along an axis are mirrored along it.
 
     Each follows a path of edges from one corner of the cell to the opposite one, along the axes in
     some order. A mirrored cell starts at another corner, so that shared faces have the same
