@@ -78,7 +78,7 @@ class Moments:
         return np.asarray(np.tensordot(self.B, T, 2))
 
     def parts(self) -> tuple[int]:
-        """Number of rigid coordinates, which determines the rest."""
+        """What a stored model keeps: the number of rigid coordinates, which determines the rest."""
         return next((size,) for size, known in _MOMENTS.items() if known is self)
 
     @classmethod

@@ -85,7 +85,8 @@ class MeanPoint(Item):
     def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
         """Adds the position R + A z, z = point + mean displacement, as constraint rows, and the
         force f of the multipliers at it, in space axes; D = d (A z) / dq. j: first functional, the
-        mean displacement; k: first multiplier in m.y; m.at: attitude coordinates q in m.y."""
+        mean displacement; k: first multiplier in m.y; m.at: attitude coordinates q in m.y. bend(f,
+        z): second derivative of f . A z by q; of_space(f): d (A^T f) / dq."""
         multipliers = slice(k, k + 3)
         f = m.y[multipliers]
         z = self.point + m.s[j : j + 3] if m.elastic else self.point

@@ -72,10 +72,11 @@ class Sums:
 
     rows (b,): residual of the b rigid coordinates and multipliers; H (b, b): its matrix with the
     diagonal (b,); sigma (p,): factors of the p functionals in the elastic equations; sigma_y (b,
-    p): derivatives of sigma by y, tau (b, p): of rows by the functionals; coefficients, kappa_y,
-    mu_y, quad: as in FrameWork. torque (3,), about the frame origin, is accumulated separately
-    until `finish` converts it to the attitude coordinates; torque_y (3, size) and torque_s (3, p)
-    are its derivatives.
+    p): derivatives of sigma by y, tau (b, p): of rows by the functionals; coefficients (2 g + 1,):
+    factors kappa of M_g u, mu of M_g u', and 1; kappa_y, mu_y (b, g): derivatives of kappa, mu by
+    y; quad (b, 3, g): of rows by u.M_g u, u.M_g u', u.M_g u''. torque (3,), about the frame origin,
+    is accumulated separately until `finish` converts it to the attitude coordinates; torque_y (3,
+    size) and torque_s (3, p) are its derivatives.
     """
 
     __slots__ = ("H", "border", "coefficients", "diagonal", "kappa_y", "motion", "mu_y", "quad",

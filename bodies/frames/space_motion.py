@@ -17,13 +17,15 @@ NONE: Vector = (0.0, 0.0, 0.0)
 
 
 class SpaceMotion(NamedTuple):
-    """State of one body in space, as in `motion.Motion`.
+    """State of one body in space, as a tuple, also for compiled code.
 
     n: number of attitude coordinates; y: rigid coordinates and multipliers, v: their rates; R, acc:
     position and its second derivative; A (3, 3), D (n, 3, 3): rotation matrix and its derivatives;
     w, al: angular velocity and acceleration in body axes, with derivatives dw, dal (n, 3); lever
-    (n, 3): generalized force per torque in body axes; elastic, s, s1, s2, forms: as there. rest
-    (5, 3, 3), far (5, 3, 3), pairs (14, 2, 3), square (8, 8): working arrays.
+    (n, 3): generalized force per torque in body axes; c1, c2: dv = c1 dy, da = c2 dy of the time
+    integration. elastic: True if the body deforms; then s, s1, s2 (p,): functionals of the
+    displacements u, u', u'', and forms (3 g,): u.M_g u, u.M_g u', u.M_g u''. rest (5, 3, 3), far
+    (5, 3, 3), pairs (14, 2, 3), square (8, 8): working arrays.
     """
 
     n: int
