@@ -80,7 +80,9 @@ class ContactSamples:
         overlaps `of` (N,). A law that gives tension is cut off at 0.
 
         o.at: values at the first facet's corners, in columns penetration, its rate, slip (d), eta
-        (d) and, with bristles, deflection over its limit (d) and its rate (d).
+        (d) and, with bristles, deflection over its limit (d) and rate of the deflection (d), m/s.
+        With bristles: bent, that over its limit, pull = mu bent projected on the facet, fall = d ln
+        mu / d slip, free = slip less the rate.
         """
         at, d, bristles = s @ o.at[of], o.d, o.eta_columns.stop
         depth, sink = np.maximum(at[:, :, DEPTH], 0.0), at[:, :, SINK]

@@ -38,8 +38,8 @@ class Gear(JointPlugin):
 
     def build(self, name: str, parts: Mapping[str, Part]) -> JointPart:
         """The gear: in the plane a linear constraint of both angles, angle_1 + n2 / n1 angle_2, in
-        space (n1 angle_1 + n2 angle_2) / n1 = 0 of angles about the axes since the start; n2 is
-        negative for internal teeth."""
+        space (n1 angle_1 + n2 angle_2) / n1 = 0 of angles about the axes since the start
+        (`turned`), of two rigid bodies (`rigid_pair`); n2 is negative for internal teeth."""
         if min(self.teeth) < 1:
             raise InputError(f"give numbers of teeth of 1 or more (got {list(self.teeth)})",
                              "teeth")

@@ -135,7 +135,7 @@ class Prismatic(Between):
     """Direction of the axis at the start (space axes): two numbers in the plane, three in space."""
 
     def constrain(self, sides: Conditions) -> None:
-        sides.slide(across(unit(self.axis, sides.d)))
+        sides.slide(across(unit(self.axis, sides.d)))  # across: unit vectors normal to the axis
         sides.no_turn()
 
 

@@ -64,8 +64,8 @@ class MatrixBody(FloatingBody):
     def _field_inertia(self) -> FieldInertia | None:
         """Inertia of the free unknowns, or of generalized coordinates T (shapes): M_g = (M B_g +
         B_g M) / 2, which is m (x) B_g for the mass matrix m (x) I of solids, M times translations
-        (`_first`) and M times the fields B_g x. B_g: constant matrices of the frame. None without
-        an elastic field or mass."""
+        (`_first`) and M times the fields B_g x. B_g: constant matrices of the frame. `_own`: rows
+        of the free unknowns, or T^T times vectors. None without an elastic field or mass."""
         e, M, u, T = self.elasticity, self.mass, self.unknowns, self.shapes
         if e is None or M is None or self.inertia is None:
             return None

@@ -184,7 +184,8 @@ class _Faces:
 
         From its middle point x with normal n, the larger principal curvature 1/r and the direction
         of the other, its axis: the axis goes through x + r n or x - r n, that which is at the
-        distance r from another point of the face as well.
+        distance r from another point of the face as well. round: radius, point of the axis, axis
+        and faces of each cylinder.
         """
         model = self.gmsh.model
         low, high = model.getParametrizationBounds(2, tag)

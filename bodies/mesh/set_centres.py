@@ -66,8 +66,8 @@ class Centre:
         given: FloatArray | None = None,
     ) -> "Centre":
         """Mean of single points, number `nodes` of X (N, d), with weights (len(nodes),), equal ones
-        if None; given (d,): position of the centre, m, instead. InputError as in `centre_of_set`.
-        """
+        if None; given (d,): position of the centre, m, instead. InputError for one off the line or
+        plane on which all points lie."""
         even = np.zeros(len(X))
         even[nodes] = 1.0 / len(nodes) if weights is None else weights / weights.sum()
         mean = even @ X
