@@ -106,6 +106,12 @@ class Basis(Plugin):
         """True if `build` reads `data.snapshots`, so that a training run is required."""
         return True
 
+    @property
+    def has_offset(self) -> bool:
+        """True if states are counted from an offset of the dictionary, such as the mean of the
+        snapshots."""
+        return False
+
     @abstractmethod
     def build(self, data: BlockData) -> Dictionary:
         """Dictionary of a block. Raises InputError for a block that it does not suit."""

@@ -24,6 +24,11 @@ class Sampler(Plugin):
         ones, or these and the ring, all rows of elements along the path of moving loads."""
         return "required"
 
+    @property
+    def whole_nodes(self) -> bool:
+        """True if the rows of a node are drawn together."""
+        return False
+
     @abstractmethod
     def sample(
         self, block: BlockData, m: int, dictionary: Dictionary, rng: np.random.Generator,

@@ -45,7 +45,7 @@ def check_sampler(sampler: Sampler, seed: int = 0, trials: int = 30) -> None:
             law(missing.size == 0, f"required rows {missing[:5]} are missing {where}")
         wanted = m + (required.size if forces else 0)
         law(rows.size == wanted, f"{rows.size} rows instead of {wanted} {where}")
-        if getattr(sampler, "unit", "dof") == "node":
+        if sampler.whole_nodes:
             _whole_nodes(block, rows, required if forces else required[:0], where)
     _refuses_too_many(sampler, random_block(np.random.default_rng(seed)))
 

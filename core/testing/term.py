@@ -156,7 +156,7 @@ def _compressed(
     made = reduced.arrays()
     if made is not None:
         # arrays are those of steps of the size that the law was made for
-        h = float(getattr(getattr(reduced, "law", None), "step", 0.0))
+        h = made.law.step
         if h:
             with substep(Substep(h)):
                 got = reduced.residual(xi, xi1, 0.0 * xi1, t)

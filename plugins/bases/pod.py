@@ -50,6 +50,10 @@ class Pod(Basis):
     def needs_snapshots(self) -> bool:
         return True
 
+    @property
+    def has_offset(self) -> bool:
+        return self.centred
+
     def most_atoms(self, size: int) -> int | None:
         """Upper bound on the number of atoms for `size` unknowns; None: no bound is known."""
         return None if self.count is None else min(self.count, size)

@@ -155,6 +155,10 @@ class RowSampler(Sampler):
         (`required`), also of elements along the path of moving loads (`ring`), or `none`."""
         return "ring" if self.required == "ring" else "required" if self.required else "none"
 
+    @property
+    def whole_nodes(self) -> bool:
+        return self.unit == "node"
+
     def sample(
         self,
         block: BlockData,

@@ -65,7 +65,7 @@ class Interpolating(ProjectionReducer):
                   *unmatched_patterns(layout, "force_bases", self.force_bases)]
         for name in model.reducible():
             basis = matched_option(name, self.force_bases, self.force_basis)
-            if getattr(basis, "centred", False):
+            if basis.has_offset:
                 faults.append(Fault("force_basis", f"forces of {name}: {FROM_ZERO}"))
             points, size = matched_option(name, self.points, 0), block_size(model, name)
             modes = basis.most_atoms(size) or 0  # 0 where the options set no number
