@@ -232,7 +232,7 @@ def block_wise(
             b.local) else []
         assert p.left is not None
         heat[n] = CompressedHeat.of(
-            p.tested, p.left, support=None, c1=c1_first, local=local)  # all atoms
+            p.tested, p.left, None, c1_first, tolerances, local)  # all atoms
     force_maps = {c.rows: projected.force_map(c.rows) for c in model.separated.couplings}
     made = stepper(
         model, projected.layout, projected.dictionaries, projected.rows,

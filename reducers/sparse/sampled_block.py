@@ -30,6 +30,7 @@ from sparsemor.reducers.block_counts import compresses, required_rows
 from sparsemor.reducers.linalg.left_inverse import SAMPLED_RTOL, left_inverse, squares
 from sparsemor.reducers.sparse.row_compression import compact, elastic_columns, heat_columns
 from sparsemor.reducers.sparse.supported_equations import ActiveRows
+from sparsemor.reducers.step.convergence_test import Tolerances
 from sparsemor.reducers.step.projected_operators import TestedElastic, TestedHeat, TestMap
 from sparsemor.reducers.step.thermal_block import CompressedHeat
 from sparsemor.reducers.trial_bases import DEPENDENT, local_terms
@@ -177,10 +178,12 @@ class SampledHeat(SampledBlock[TestedHeat]):
     model: AssembledModel
     body: HeatBody
     c1: float
+    tolerances: Tolerances
 
     @classmethod
     def of(
-        cls, block: Sampled, operators: TestedHeat, model: AssembledModel, body: HeatBody, c1: float
+        cls, block: Sampled, operators: TestedHeat, model: AssembledModel, body: HeatBody,
+        c1: float, tolerances: Tolerances,
     ) -> "SampledHeat":
         """A sampled thermal block, its rows compressed where atoms are selected: to those of an
         orthonormal basis whose first c.reach columns span the range of B (m, k). operators: in the
@@ -188,7 +191,7 @@ class SampledHeat(SampledBlock[TestedHeat]):
         if not block.selects:
             return cls(block, operators, compressed=(operators, block.B),
                        columns=RangeColumns.of(block.name, block.B), basis=None,
-                       range_rows=operators, model=model, body=body, c1=c1)
+                       range_rows=operators, model=model, body=body, c1=c1, tolerances=tolerances)
         # the span of local terms is not known: as many compressed rows as sampled ones
         c = compact(operators, block.B, (
             np.eye(len(block.B)),) if body.local else heat_columns(operators))
@@ -196,7 +199,8 @@ class SampledHeat(SampledBlock[TestedHeat]):
         return cls(
             block, operators, compressed=(c.operators, c.B),
             columns=RangeColumns.of(block.name, c.B[in_range]), basis=c.basis,
-            range_rows=c.operators.through(TestMap(in_range)), model=model, body=body, c1=c1)
+            range_rows=c.operators.through(TestMap(in_range)), model=model, body=body, c1=c1,
+            tolerances=tolerances)
 
     @property
     def forces(self) -> TestMap | None:
@@ -211,7 +215,8 @@ class SampledHeat(SampledBlock[TestedHeat]):
         rows = inverse if self.basis is None else inverse @ self.basis[:, : inverse.shape[1]].T
         local = local_terms(self.model, self.body, self.block.dictionary, self.block.on_all_rows(
             rows)) if self.body.local else []
-        return CompressedHeat.of(self.range_rows, inverse, support, self.c1, local)
+        return CompressedHeat.of(
+            self.range_rows, inverse, support, self.c1, self.tolerances, local)
 
 
 SPREAD = 2.0

@@ -147,7 +147,8 @@ class Build:
                 th = TestedHeat.of(b, self.dictionaries[n], maps[n])
             block, facts[n] = self._block(n, th.block(c1_first), maps[n], rows.get(n), notes)
             th = th.through(TestMap(left=block.weight))
-            heat[n] = SampledHeat.of(block, th, self.model, b, c1_first)
+            heat[n] = SampledHeat.of(
+                block, th, self.model, b, c1_first, self.options.tolerances)
         for m in self.model.separated.moving:
             if m.operators is None:
                 continue

@@ -17,7 +17,7 @@ from scipy.linalg.lapack import dgetrf, dgetrs
 from sparsemor.core import FloatArray, IntArray, ReducedTerm, Status
 from sparsemor.reducers.linalg.active_columns import ActiveColumns, are_few
 from sparsemor.reducers.linalg.modal_coordinates import carried, dense, times
-from sparsemor.reducers.step.convergence_test import estimated_error
+from sparsemor.reducers.step.convergence_test import Tolerances, estimated_error
 from sparsemor.reducers.step.projected_operators import TestedHeat
 from sparsemor.reducers.step.time_tables import LoadsInTime, TimeTable, tabulated
 
@@ -116,8 +116,7 @@ class CompressedHeat:
     local: tuple[ReducedTerm, ...]
     c1: float
     loads: LoadsInTime
-    rtol: float = 1e-13
-    max_iterations: int = 50
+    tolerances: Tolerances
     identity: FloatArray = field(init=False)
     by_active_columns: tuple[ActiveColumns, ActiveColumns] | None = field(init=False)
 
@@ -134,7 +133,7 @@ class CompressedHeat:
     @classmethod
     def of(
         cls, b: TestedHeat, left: FloatArray, support: IntArray | None, c1: float,
-        local: Sequence[ReducedTerm] = (),
+        tolerances: Tolerances, local: Sequence[ReducedTerm] = (),
     ) -> "CompressedHeat":
         """Reduced block from the tested operators b (m rows); left (s, m): left inverse of the
         tested B = c1 C + K on the active atoms `support` (None: all), left @ B_S = 1; local terms
@@ -146,7 +145,7 @@ class CompressedHeat:
         times = b.tables[0].times if b.tables and support is None else np.zeros(0)
         return cls(
             carried(-left @ b.capacity), carried(-left @ b.conductivity),
-            loads.table(times), support, tuple(local), c1, loads)
+            loads.table(times), support, tuple(local), c1, loads, tolerances)
 
     def start_rates(self, x: FloatArray, v: FloatArray, t: float) -> FloatArray:
         """Rates (k,) that satisfy the equations at the unknowns x, by Newton's method from the
@@ -240,7 +239,7 @@ class CompressedHeat:
         first: ratio of the first two changes."""
         n, d = len(T), np.zeros(len(base))
         full, before, first = np.zeros(n), np.inf, 0.0
-        for i in range(1, self.max_iterations + 1):
+        for i in range(1, self.tolerances.max_iterations + 1):
             full = d if self.active is None else full
             if self.active is not None:
                 full[self.active] = d
@@ -266,11 +265,11 @@ class CompressedHeat:
             d = d - step
             error = estimated_error(change, before)
             first = change / before if i == 2 else first
-            if error <= self.rtol * size:
+            if error <= self.tolerances.remaining * size:
                 return HeatOutcome(d, Status.DONE, i, remaining=error / max(size, TINY),
                                    jacobian=jacobian if first <= RENEWED else None)
             if change > SLOW * before:  # a new Jacobian, whose changes say nothing with old ones
                 jacobian, before = None, np.inf
             else:
                 before = change
-        return HeatOutcome(d, Status.NOT_CONVERGED, self.max_iterations)
+        return HeatOutcome(d, Status.NOT_CONVERGED, self.tolerances.max_iterations)

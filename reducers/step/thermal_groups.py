@@ -131,7 +131,7 @@ def compressed_group(
     return CompressedHeat(
         by_rate=carried(inverse @ (by_rate - B)), by_value=carried(inverse @ (by_value - A)),
         prescribed=loads.table(times), active=None, local=local, c1=c1, loads=loads,
-        rtol=blocks[0].rtol, max_iterations=blocks[0].max_iterations)
+        tolerances=blocks[0].tolerances)
 
 
 def heat_groups(

@@ -150,7 +150,8 @@ def _heat(
     local = local_arrays(block.local, name, laws, timed)
     k = len(at) if block.local else 0
     return HeatArrays(at.astype(np.int64), _array(block.by_rate), _array(block.by_value), local,
-                      block.rtol, block.max_iterations, np.zeros((k, k)), np.zeros(1, np.int64))
+                      block.tolerances.remaining, block.tolerances.max_iterations,
+                      np.zeros((k, k)), np.zeros(1, np.int64))
 
 
 def _body(b: ReducedBody, f: FrameArrays, border: IntArray, timed: Timed) -> BodyArrays:

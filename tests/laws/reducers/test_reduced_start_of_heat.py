@@ -1,4 +1,4 @@
-"""Initial rates of temperature of reduced models satisfy the reduced equations.
+"""Initial rates of temperature of reduced models satisfy the reduced equations; tolerances of heat.
 
 Heat that enters through a surface at t = 0 changes the temperatures of its nodes alone at first.
 Those rates are outside the span of the snapshots; their projection gave errors of 6e-4 with
@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from reduced_runs import decoded, learnt
+from sparsemor.core import SolveFailed, Status
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.testing.in_memory_run import March, march, scene_of
 from tiers import quick
@@ -53,3 +54,21 @@ def test_reduced_models_follow_full_order_from_the_start(
                 snapshots=learnt(reference))
     T = reference.block("plate.thermal")
     assert np.abs(decoded(run, "plate.thermal") - T).max() < 2e-7 * np.abs(T - T[0]).max()
+
+
+@pytest.mark.parametrize("reducer", quick(REDUCERS, "galerkin", "sparse"))
+def test_temperatures_are_iterated_as_the_reducer_says(reducer: str) -> None:
+    """`remaining` and `max_iterations` hold for blocks of heat as for mechanics."""
+    options = {"use": reducer, "basis": {"use": "pod", "count": 14}, **REDUCERS[reducer]}
+    snapshots = learnt(full("bdf2", True))
+
+    def run(**more: float) -> March:
+        return march(plate("bdf2", nonlinear=True, reducer={**options, **more}),
+                     snapshots=snapshots)
+
+    exact, near = run(), run(remaining=1e-6)
+    assert sum(near.iterations) < sum(exact.iterations)
+    T, off = (decoded(r, "plate.thermal") for r in (exact, near))
+    assert 0.0 < np.abs(T - off).max() < 1e-4 * np.abs(T - T[0]).max()
+    with pytest.raises(SolveFailed, match=Status.NOT_CONVERGED.value):
+        run(max_iterations=1)
