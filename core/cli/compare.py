@@ -140,9 +140,9 @@ def _run_all(
     """Runs all scenes: results by reducer name, also of runs that stopped early, and the errors
     that stopped them.
 
-    A full-order run that begins with the training run of the reduced ones leaves the snapshots in
-    the cache.
-    If a later run finds bad input, the results that this call wrote are removed.
+    A full-order run that begins with the training run of the reduced ones (`teacher`) leaves the
+    snapshots in the cache. If a later run finds bad input, the results that this call wrote are
+    removed.
     """
     from sparsemor.core.results.run_result import RunResult
     from sparsemor.core.simulation.training import training_steps

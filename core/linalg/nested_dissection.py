@@ -98,7 +98,7 @@ class _Cuts:
 
     def _cut(self, part: IntArray, parts: int) -> tuple[BoolArray, BoolArray]:
         """Masks (N,) of the nodes in the upper half of their subdomain, and of the nodes of
-        separators.
+        separators. part (N,): number of each node's subdomain, -1 for none; parts: how many.
 
         Each subdomain is bisected along the axis, and with the separator on the side, that gives
         the fewest separating unknowns; subdomains of at most `LEAF` nodes become separators as a
@@ -109,6 +109,7 @@ class _Cuts:
         side, cut = np.zeros((2, len(part)), dtype=np.bool_)
         for axis in range(self.X.shape[1]):
             upper = self._upper(part, parts, axis)
+            # edges between nodes i and j of one subdomain that the cut divides
             across = (part[self.i] >= 0) & (part[self.i] == part[self.j]) & (
                 upper[self.i] != upper[self.j])
             touching = np.zeros(len(part), dtype=np.bool_)

@@ -282,6 +282,7 @@ class _BlockOperators:
         own = [m for m in self.records.matrices if m.rows == m.columns == block]
         constant, loads, timed = self._loads(block)
         columns = tuple(LoadColumn(r.name, prescribed=r.kind == "prescribed") for r in timed)
+        # A x + B x': B is the capacity, A the conductivity
         return HeatBody(
             of.owner, block, _sum([m.B for m in own], (n, n)), _sum([m.A for m in own], (n, n)),
             constant, loads, _amplitudes(timed), self._local(block), columns, integrals,

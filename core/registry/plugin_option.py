@@ -44,6 +44,8 @@ class Slot:
     def __get_pydantic_core_schema__(
         self, source: Any, handler: GetCoreSchemaHandler
     ) -> CoreSchema:
+        """Schema by which pydantic fills an option of the annotated type `source` with a plugin,
+        describes it in JSON schemas, and writes it."""
         def fill(value: object, info: ValidationInfo) -> object:
             return self._fill(value, source, dict(info.context or {}))
 
@@ -58,7 +60,8 @@ class Slot:
 
     def _fill(self, value: object, source: Any, context: dict[str, Any]) -> object:
         """Plugin of an option's value: a name, a mapping with the key `use`, or an instance that
-        has what the protocol asks. source: the annotated type of the option, a contract."""
+        has what the protocol asks. source: the annotated type of the option, a contract; context:
+        that of pydantic, with the "registry" and the list "notes", if they are given."""
         if isinstance(value, str):
             return self._build(value, {}, context)
         if isinstance(value, Mapping):

@@ -83,7 +83,7 @@ def _options_at(annotation: Any, path: Path) -> list[str] | None:
 def faults_of(error: ValidationError, tree: object) -> list[Fault]:
     """Errors by dotted input key, one per key. tree: the validated input; names of union branches,
     which pydantic adds to keys, are removed."""
-    tagged: dict[str, bool] = {}
+    tagged: dict[str, bool] = {}  # True if only branches of unions have faults at the key
     messages: dict[str, list[str]] = {}
     for e in error.errors(include_url=False):
         path, was_tagged = _own_keys(e["loc"], tree, e["type"])
@@ -101,7 +101,8 @@ def faults_of(error: ValidationError, tree: object) -> list[Fault]:
 
 def _own_keys(loc: Path, tree: object, kind: str) -> tuple[Path, bool]:
     """Path of a fault in the data of the user: pydantic's path `loc` without the parts that name a
-    branch of a union; True if such parts were left out."""
+    branch of a union; True if such parts were left out. tree: those data; kind: pydantic's type of
+    the fault."""
     path: list[str | int] = []
     node, tagged = tree, False
     for depth, part in enumerate(loc):
@@ -114,7 +115,7 @@ def _own_keys(loc: Path, tree: object, kind: str) -> tuple[Path, bool]:
             tagged = True
             continue
         else:
-            node = _DEFAULT
+            node = _DEFAULT  # a value that the user left out
         path.append(part)
     return tuple(path), tagged
 

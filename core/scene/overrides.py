@@ -90,8 +90,9 @@ def apply(
     options next to it. A reducer's name keeps shared options.
     """
     changed = copied(tree)
-    origins: dict[KeyPath, str] = {}
+    origins: dict[KeyPath, str] = {}  # changed path -> key of the override
     notes: tuple[Note, ...] = ()
+    # True if an override names a reducer, or an option for which another one is taken
     new_reducer = any(split(key) in NAMES for key in overrides)
     faults: list[Fault] = []
     for key in sorted(overrides, key=_outer_first):

@@ -171,8 +171,8 @@ def _modules(cls: type) -> set[str]:
 
 
 def _origin(root: str) -> tuple[str, str]:
-    """Pair of "name version" of the distribution that offers plugins from this package, and digest
-    of its sources."""
+    """Pair of "name version" of the distribution that offers plugins from the package (or module)
+    `root`, and digest of its sources."""
     try:
         spec = find_spec(root)
     except ValueError:  # a module that was made by hand
@@ -198,7 +198,8 @@ def sources(folder: Path) -> list[Path]:
 
 def _digest_of(files: Sequence[Path], root: Path | None) -> str:
     """SHA-256 digest of the names and contents of files, each read once as long as its time, size
-    and inode stay the same; one that cannot be read has its name alone."""
+    and inode stay the same; one that cannot be read has its name alone. root: folder from which
+    the names are paths; None: names without folders."""
     state = hashlib.sha256()
     for file in files:
         digest = b""

@@ -53,6 +53,7 @@ class Varying:
     def alone(self, end: float) -> dict[str, Any]:
         """Signal up to `end`, s, while the other loads have their base."""
         of = {1: self.far, 0: self.base, -1: self.near}
+        # ALONE: share of the time, and which end or base the value is before and after it
         return table(end, [(t, of[v]) for t, a, b in ALONE for v in (a, b)])
 
     def together(self, end: float, rng: np.random.Generator) -> dict[str, Any]:

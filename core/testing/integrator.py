@@ -59,7 +59,8 @@ def check_integrator(integrator: Integrator, seed: int = 0) -> None:
 
 
 def integrate(integrator: Integrator, steps: int, end: float = 2.0) -> RunEnd:
-    """Solves the test equations above from t = 0 to `end` (s) in `steps` steps."""
+    """Solves the test equations from t = 0 to `end` (s) in `steps` steps: two oscillators x'' +
+    DAMPING x' + STIFFNESS x = 0, two decays T' + DECAY T = 0, a multiplier equal to the first x."""
     def solve(f: StepFormula) -> StepOutcome:
         new = np.zeros(5)  # two x, two T, multiplier; with v = c1 x + r1, a = c2 x + r2
         left = f.c2 + DAMPING * f.c1 + STIFFNESS
@@ -81,7 +82,8 @@ def integrate(integrator: Integrator, steps: int, end: float = 2.0) -> RunEnd:
 
 
 def exact(t: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Exact x, v, a (5,) of the test equations at time t (s), from x = 1 at rest and T = 1."""
+    """Exact x, v, a (5,) of the test equations at time t (s), from x = 1 at rest and T = 1: two
+    damped oscillators, two decays T, a multiplier equal to the first x."""
     half = DAMPING / 2.0
     w = np.sqrt(STIFFNESS - half**2)
     fade = np.exp(-half * t)

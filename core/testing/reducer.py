@@ -85,6 +85,8 @@ class Turns:
     A thread lets the other one run at every `EVERY`-th function call, so that data that both write
     are overwritten between writing and reading, at the same places in each run. The threads must
     compute different numbers: equal ones overwrite each other without effect.
+
+    turn: number of the thread that may run; running: those that have not ended.
     """
 
     def __init__(self) -> None:
