@@ -60,6 +60,8 @@ _HELD: ContextVar[HeldValues] = ContextVar("held", default=_NONE)
 
 def held_values() -> HeldValues:
     """Present values of held functions, a copy."""
+    if not _HELD.get().values:
+        return _NONE
     found = HeldValues()
     found.values = dict(_HELD.get().values)
     return found

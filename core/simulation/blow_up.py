@@ -1,8 +1,9 @@
 """Displacements far beyond their body, and temperatures beyond those of any material: the run is
 stopped as `diverged`, with the likely cause."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from math import inf
 
 import numpy as np
@@ -30,6 +31,8 @@ TRIALS = 4000
 SUDDEN, WITHIN = 100.0, 10
 """Growth of displacements within so many steps from which those beyond the smallest extent of a
 body are suspected, and compared with a trial run."""
+ENTRIES = 2**20
+"""Number of displacements or temperatures that are computed from atoms together."""
 SPINNING = 0.5
 """Share of the lowest natural frequency from which a spin is the likely cause."""
 
@@ -74,17 +77,17 @@ class Extent:
     row: float
     hot: bool = False
 
-    def size(self, x: FloatArray) -> float:
-        """Largest displacement component, m, or temperature, K, at unknowns x (n,) of the solver;
-        or, where at most 0.1 extent, the cheaper bound row |c| of what the atoms add to the
-        offset."""
-        c = x[self.at]
+    def exact(self, x: FloatArray) -> FloatArray:
+        """Largest displacement component, m, or temperature, K, of each of j states with the
+        unknowns x (j, n) of the solver."""
+        c = x[:, self.at]
         if self.atoms is None or self.offset is None:
-            return float(np.abs(c).max(initial=0.0))
-        bound = self.row * float(np.sqrt(c.dot(c)))
-        if bound <= 0.1 * self.extent:
-            return bound
-        return float(np.abs(self.offset + self.atoms @ c).max(initial=0.0))
+            largest: FloatArray = np.abs(c).max(axis=1, initial=0.0)
+            return largest
+        together = max(1, ENTRIES // max(1, len(self.atoms)))
+        return np.concatenate([
+            np.abs(self.offset + c[i : i + together] @ self.atoms.T).max(axis=1, initial=0.0)
+            for i in range(0, len(c), together)])
 
     def with_few_rows(self) -> "Extent":
         """The same of as many rows as atoms, by pivoting: what a file without mesh holds. The
@@ -95,7 +98,7 @@ class Extent:
         return replace(self, atoms=self.atoms[rows], offset=self.offset[rows])
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Extents:
     """Blocks of displacements with the diagonals of their bodies, and blocks of temperatures, whose
     `diagonal` is the largest permitted one over `BEYOND`."""
@@ -130,14 +133,37 @@ class Extents:
         """The same with few rows of the atoms (`Extent.with_few_rows`)."""
         return Extents(tuple(b.with_few_rows() for b in self.blocks))
 
-    def sizes(self, x: FloatArray) -> list[float]:
-        """Largest displacement or temperature of each block of the unknowns x (n,)."""
-        return [b.size(x) for b in self.blocks]
+    @cached_property
+    def _bounds(self) -> tuple[FloatArray, FloatArray]:
+        """Weights (n, blocks) of squared unknowns in the squared bounds of all blocks, n up to the
+        last unknown of one with atoms; and the largest of these bounds (blocks,) for which nothing
+        is computed from atoms. 0 and -1 for blocks without atoms."""
+        of_atoms = [b.atoms is not None and b.offset is not None for b in self.blocks]
+        n = max((b.at.stop for b, yes in zip(self.blocks, of_atoms, strict=True) if yes), default=0)
+        weights = np.zeros((n, len(self.blocks)))
+        for i, b in enumerate(self.blocks):
+            if of_atoms[i]:
+                weights[b.at, i] = b.row**2
+        return weights, np.array([0.1 * b.extent if yes else -1.0 for b, yes in zip(
+            self.blocks, of_atoms, strict=True)])
 
-    def exceeded(self, sizes: Sequence[float]) -> Large | None:
-        """The first block with displacements beyond its body or temperatures beyond any
-        material."""
-        for b, size in zip(self.blocks, sizes, strict=True):
+    def sizes(self, x: FloatArray) -> FloatArray:
+        """Largest displacement component, m, or temperature, K, of each block (j, blocks) of j
+        states with the unknowns x (j, n); or an upper bound of one that is small enough."""
+        weights, small = self._bounds
+        part = x[:, : len(weights)]
+        found: FloatArray = np.sqrt((part * part) @ weights)
+        within = found <= small
+        if not within.all():
+            for k in np.flatnonzero(~within.all(axis=0)).tolist():
+                large = ~within[:, k]
+                found[large, k] = self.blocks[k].exact(x[large])
+        return found
+
+    def exceeded(self, sizes: FloatArray) -> Large | None:
+        """The first block with displacements beyond its body or temperatures beyond any material,
+        in a state of these sizes (blocks,)."""
+        for b, size in zip(self.blocks, sizes.tolist(), strict=True):
             if size > BEYOND * b.diagonal:
                 return Large(b.name, size, b.diagonal, b.hot)
         return None
@@ -156,22 +182,43 @@ def _temperatures(model: Model, layout: Layout, name: str, d: Dictionary | None)
                   None if d is None else d.offset, _row(d), hot=True)
 
 
-class Growth:
-    """Displacements of the last steps of a run, for sudden growth beyond a body's smallest
-    extent. last: `Extents.sizes` after up to `WITHIN` steps, the earliest first."""
+class Limits:
+    """Sizes of the displacements and temperatures of the steps of a run, for those that are too
+    large, and for sudden growth beyond a body's smallest extent. extents: of its blocks."""
 
     def __init__(self, extents: Extents) -> None:
-        self.blocks = extents.blocks
-        self.last = list[Sequence[float]]()
+        """_before: sizes (blocks,) in up to `WITHIN` last steps."""
+        self.extents, self._before = extents, list[FloatArray]()
+        # from which on a size may be too large, or suspected
+        self._suspected = np.array([
+            BEYOND * b.diagonal if b.hot else min(BEYOND * b.diagonal, b.extent)
+            for b in extents.blocks])
 
-    def sudden(self, sizes: Sequence[float]) -> Large | None:
+    def of(self, extents: Extents) -> "Limits":
+        """Limits of the same run in other unknowns of its step solver."""
+        made = Limits(extents)
+        if [b.name for b in extents.blocks] == [b.name for b in self.extents.blocks]:
+            made._before = self._before
+        return made
+
+    def found(self, x: FloatArray) -> Mapping[int, tuple[Large | None, Large | None]]:
+        """Number of each step among the next ones, with the unknowns x (j, n), that may not be as
+        it is -> what is too large in it, and what has grown suddenly."""
+        sizes, before = self.extents.sizes(x), self._before
+        self._before = [*before, *sizes[-WITHIN:]][-WITHIN:]
+        if (sizes <= self._suspected).all():
+            return {}
+        rows = [*before, *sizes]
+        first = len(before) - WITHIN  # row that is `WITHIN` steps before the first one
+        return {i: (self.extents.exceeded(sizes[i]),
+                    self._sudden(sizes[i], rows[first + i]) if first + i >= 0 else None)
+                for i in np.flatnonzero(~(sizes <= self._suspected).all(axis=1)).tolist()}
+
+    def _sudden(self, sizes: FloatArray, before: FloatArray) -> Large | None:
         """The first block whose displacements exceed the body's smallest extent and `SUDDEN` times
-        their size `WITHIN` steps before. sizes: those of `Extents.sizes` after this step."""
-        before = self.last[0] if len(self.last) == WITHIN else None
-        self.last = [*self.last[1 - WITHIN :], sizes]
-        if before is None:
-            return None
-        for b, size, small in zip(self.blocks, sizes, before, strict=True):
+        those of `WITHIN` steps before. sizes, before: (blocks,)."""
+        for b, size, small in zip(
+                self.extents.blocks, sizes.tolist(), before.tolist(), strict=True):
             if 0.0 < small and size > max(b.extent, SUDDEN * small) and not b.hot:
                 return Large(b.name, size, b.diagonal)
         return None
@@ -229,7 +276,7 @@ def _smaller(
         state, memory = started(solver, scene.integrator, start)
         extents = Extents.of(model, solver.layout, solver.dictionaries)
         for taken in iterate(FixedStep.of(scene.integrator, solver, h), state, memory, count):
-            sizes = extents.sizes(taken.state.x)
+            sizes = extents.sizes(taken.state.x[None])[0]
             if not taken.outcome.status.ok or extents.exceeded(sizes) or any(
                     size > most for b, size in zip(extents.blocks, sizes, strict=True)
                     if not b.hot):

@@ -64,7 +64,8 @@ class Findings:
 class Check(Plugin):
     """A look at runs: a plugin of the kind `check` derives from it and overrides what it needs.
 
-    Each run has its own object, which may keep what it sees in private attributes. order: place
+    Each run has its own object, which may keep what it sees in private attributes. A run of a kept
+    model that repeats an earlier one has what was found in that. order: place
     among all checks, in which notes are told; renewed: kinds of its notes of `on_model` on options
     that a run of a kept model may change, for which it is asked again; stored_classes: classes of
     what it keeps (`Findings.kept`), as a model file may contain them.

@@ -177,7 +177,7 @@ class ModelStepper:
                     raise SolveFailed(taken.outcome.status, self.t + self.step_size,
                                       taken.outcome.block, taken.outcome.detail,
                                       sampled=bool(solver.rows))
-                if large := run.extents.exceeded(run.extents.sizes(taken.state.x)):
+                if large := run.extents.exceeded(run.extents.sizes(taken.state.x[None])[0]):
                     raise SolveFailed(Status.DIVERGED, taken.state.t, large.block, large.detail)
                 before, self._state, self._memory = self._state, taken.state, taken.memory
                 self._done += 1

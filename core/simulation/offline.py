@@ -318,7 +318,7 @@ def full_run(
                 status=outcome.status, t=state.t + h, block=outcome.block, detail=where)
             manager.hook.on_finish(summary={"phase": name, "steps": n - 1})
             raise SolveFailed(outcome.status, state.t + h, outcome.block, where, phase=phase)
-        if large := extents.exceeded(extents.sizes(state.x)):
+        if large := extents.exceeded(extents.sizes(state.x[None])[0]):
             manager.hook.on_finish(summary={"phase": name, "steps": n - 1})
             raise diverged(scene, model, offline, first, state, large, phase)
         yield state

@@ -50,7 +50,7 @@ from sparsemor.core.simulation.changed_start import (
     start_notes,
     started_from,
 )
-from sparsemor.core.simulation.checks import KIND, Checks
+from sparsemor.core.simulation.checks import KIND, Checks, Findings
 from sparsemor.core.simulation.co_simulation import Input, ModelStepper
 from sparsemor.core.simulation.offline import step_count
 from sparsemor.core.simulation.prepared_run import PreparedRun
@@ -58,14 +58,20 @@ from sparsemor.core.simulation.progress import progress_bar
 from sparsemor.core.simulation.recorder import Recorder, StepStatistics, kept
 from sparsemor.core.simulation.run_steps import RunSteps
 from sparsemor.core.simulation.stages_before_steps import explicit, prepared_again, prepared_run
+from sparsemor.core.simulation.step_control import step_of
 from sparsemor.core.simulation.stored_classes import CLASSES
-from sparsemor.core.simulation.time_stepping import full_state, started
+from sparsemor.core.simulation.time_stepping import full_state, in_blocks, many_steps, started
 from sparsemor.core.simulation.validation import ESTIMATE, endless, time_faults
 from sparsemor.core.status import SolveFailed
 
 Again = Callable[[Scene, int | None], PreparedRun]
 """Preparation of a scene with other values of parameters on the same trial bases, or on so many of
 their first atoms."""
+RUNS = 50
+"""Number of runs for which a kept model is made: its steps are compiled where so many have the
+steps that this takes."""
+FIRST_STEPS = 3
+"""Number of steps of which the last ones are compiled: the first one is never."""
 NO_MESH = "a model from a file is without the mesh that an estimate needs"
 
 
@@ -197,6 +203,8 @@ class ReducedModel:
         self._file_name = file
         self._run, self._again, self._fixed = run, again, fixed_arrays(run.header)
         self._earlier = 0  # number of steps of its runs so far
+        # number of steps and `output.every` -> what checks found in such a run with its own loads
+        self._found = dict[tuple[int, int], Findings]()
         self.offline_seconds = offline_seconds
         """Time of its preparation with an empty cache, s; 0 for a model from a file."""
 
@@ -262,26 +270,54 @@ class ReducedModel:
         manager = new_manager(observers)
         stats, begin = StepStatistics(offline=time.perf_counter() - begun), None
         if run.solver is self._run.solver:
+            run = replace(run, extents=self._extents)
             with usable(self._file_name):
                 state, memory = self._begin
             begin = state, memory.copy()
         own = None if run.offline is self._run.offline else run.offline  # if projected again
         products = None if own is None else own.products
         earlier, self._earlier = self._earlier, self._earlier + run.steps
+        repeated, key = begin is not None, (run.steps, run.scene.output.every)
+
+        def taken(recorder: Recorder) -> RunResult:
+            steps = RunSteps(
+                run, recorder, manager, stats, begin=begin, earlier=earlier,
+                found=self._found.get(key) if repeated else None)
+            result = steps.finish(steps.take())
+            if repeated and steps.found is not None and steps.control is None:
+                self._found[key] = steps.found
+            return result
+
         if out is None:
             with usable(self._file_name):
                 writer = MemoryWriter(
                     run.header, self._fixed if own is None else fixed_arrays(run.header))
-                recorder = Recorder(run, writer, None, products)
-                steps = RunSteps(
-                    run, recorder, manager, stats, begin=begin, earlier=earlier)
-                return steps.finish(steps.take())
+                return taken(Recorder(run, writer, None, products))
         with owned(Path(out)):
             recorder = Recorder.open(run, Path(out), False, products)
             with kept(recorder.writer, new=True), usable(self._file_name):
-                steps = RunSteps(
-                    run, recorder, manager, stats, begin=begin, earlier=earlier)
-                return steps.finish(steps.take())
+                return taken(recorder)
+
+    @naming_plugins()
+    @fixed_threads()
+    def compile_steps(self, runs: int = RUNS) -> float:
+        """Compiles the steps of the model, unless `reducer.compiled` leaves it out for so many runs
+        of it; returns the wall time, s, 0 where nothing is compiled. The machine code is kept, and
+        later runs of all models of the same kind take it (a model from a file has one of its own,
+        which checks every index)."""
+        check_count(runs, "runs")
+        run, begun = self._run, time.perf_counter()
+        h, integrator = run.scene.time.step, run.scene.integrator
+        with usable(self._file_name), np.errstate(all="ignore"):
+            many = many_steps(run.solver, integrator, h, runs * run.steps)
+            if many is None:
+                return 0.0
+            state, memory = self._begin
+            for _ in in_blocks(step_of(run.solver, integrator, h), state, memory.copy(),
+                               FIRST_STEPS, many=many):
+                pass
+        self._earlier = max(self._earlier, runs * run.steps)  # its runs take it from now on
+        return time.perf_counter() - begun
 
     def at(self, parameters: Mapping[str, float], atoms: int | None = None) -> "ReducedModel":
         """The model with other values of its scene's parameters: the equations projected again on
@@ -489,8 +525,9 @@ class ReducedModel:
             return start
         a, h = solver.start(start)[0].a, self.scene.time.step
         # as in `resolved_start`: displacements that a would make in a step, beyond the body
+        sizes = self._extents.sizes(0.5 * h * h * a[None])[0]
         far = (size > FAR * b.diagonal for b, size in zip(
-            self._extents.blocks, self._extents.sizes(0.5 * h * h * a), strict=True) if not b.hot)
+            self._extents.blocks, sizes, strict=True) if not b.hot)
         return start if any(far) else replace(start, a=a)
 
     def _scene_with(self, overrides: Mapping[str, Any] | Scene) -> Scene:

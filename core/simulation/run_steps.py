@@ -5,9 +5,10 @@ import signal
 import threading
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
+from itertools import chain
 from types import FrameType, TracebackType
 from typing import Any
 
@@ -21,7 +22,7 @@ from sparsemor.core.registry.boundary import naming_plugins
 from sparsemor.core.registry.hooks import Manager, RunStart
 from sparsemor.core.registry.returned_values import complete
 from sparsemor.core.results.run_result import RunResult
-from sparsemor.core.simulation.blow_up import Extents, Growth, Large, diverged, too_long
+from sparsemor.core.simulation.blow_up import Extents, Large, Limits, diverged, too_long
 from sparsemor.core.simulation.checks import Checks, Findings
 from sparsemor.core.simulation.controllers import Controllers
 from sparsemor.core.simulation.error_record import ErrorRecord
@@ -29,7 +30,7 @@ from sparsemor.core.simulation.prepared_run import PreparedRun
 from sparsemor.core.simulation.recorder import Recorder, RecordMark, StepStatistics, in_summary
 from sparsemor.core.simulation.sensors_and_outputs import outputs_of
 from sparsemor.core.simulation.step_control import ControlledSteps, ControlMemory, step_of
-from sparsemor.core.simulation.time_stepping import iterate, many_steps, started
+from sparsemor.core.simulation.time_stepping import TimeStep, in_blocks, many_steps, started
 from sparsemor.core.simulation.training import SnapshotCollector
 from sparsemor.core.status import SolveFailed, Status
 
@@ -97,14 +98,16 @@ class RunSteps:
 
     begin: the state and memory with which they begin (`started`), if they are known. earlier:
     number of steps that this process has taken with the same model, for which machine code pays,
-    too. held: True while a control decides on what is written.
+    too. found: what checks found in an earlier run of the same steps, which they do not look at
+    again; then that of this run, None until it has ended. held: True while a control decides on
+    what is written.
     """
 
     @np.errstate(all="ignore")  # overflow ends in a status, not in a warning
     def __init__(
         self, run: PreparedRun, recorder: Recorder, manager: Manager, stats: StepStatistics,
         collector: SnapshotCollector | None = None, begin: tuple[State, StepMemory] | None = None,
-        earlier: int = 0,
+        earlier: int = 0, found: Findings | None = None,
     ) -> None:
         """stats: of the steps taken so far; collector: of training snapshots, if the run makes
         some. Of a resumed run, state, memory and statistics are those of its checkpoint.
@@ -125,7 +128,7 @@ class RunSteps:
             recorder.errors = ErrorRecord(
                 run.estimator, run.full_start or run.start, self.state, run.changes)
         self.stats.controllers = self._controllers().begin()
-        self.checks = Checks.of(scene)
+        self.found, self.checks = found, Checks.of(scene) if found is None else Checks(())
         self.control = self.checks.control(run)
         if self.control is not None:
             assert isinstance(self.control, StepControl)
@@ -137,7 +140,7 @@ class RunSteps:
         for block, rows in sampled.items():
             manager.hook.on_resample(block=block, rows=rows)
         self.seen_changes, self.seen_draws = -1, self._resamplings()
-        self.growth: Growth | None = Growth(Extents(()))  # blocks follow in `_taken`
+        self.limits, self.trial = Limits(Extents(())), True  # blocks follow in `_taken`
         # what checks see of steps is not in checkpoints
         self.on_step = self.checks.on_start(
             self.run, self.state,
@@ -185,7 +188,7 @@ class RunSteps:
         if failure is not None:
             summary["message"] = str(failure)
         else:
-            found = self._found_after()
+            found = self.found = self.found or self._found_after()
             failure, entries = found.failure, in_summary(found.notes)
             summary = {**found.summary, **summary} | {
                 key: [*summary[key], *texts] for key, texts in entries.items()}
@@ -283,29 +286,28 @@ class RunSteps:
         step = controllers.around(
             step_of(solver, self.scene.integrator, h), self.stats.controllers)
         watched, stats, end = self.manager.has_observers, self.stats, self.stats.done + count
-        extents = self.run.extents if self.run.extents.blocks else Extents.of(
-            self.run.model, solver.layout, solver.dictionaries)
-        if self.growth is not None and not self.growth.last:
-            self.growth = Growth(extents)
+        self.limits = self.limits.of(
+            self.run.extents if self.run.extents.blocks else Extents.of(
+                self.run.model, solver.layout, solver.dictionaries))
         many = None if controllers.found else self.many
-        for taken in iterate(step, self.state, self.memory, count, stop, many):
-            outcome, before = taken.outcome, self.state
-            _, self.state, self.memory, seconds, whole = taken
+        for taken in chain.from_iterable(map(self._judged, in_blocks(
+                step, self.state, self.memory, count, stop, many))):
+            (outcome, state, memory, seconds, whole), (too_large, sudden) = taken
+            before, self.state, self.memory = self.state, state, memory
             if not outcome.status.ok:
                 return SolveFailed(
                     outcome.status, self.state.t + h, outcome.block, outcome.detail,
                     sampled=bool(solver.rows))
             stats.add(seconds, outcome)
             supports = solver.supports(self.memory)
-            sizes = extents.sizes(self.state.x)
-            if large := extents.exceeded(sizes):
-                return self._diverged(large)
+            if too_large:
+                return self._diverged(too_large)
             for look in self.on_step:
                 if (found := look(stats.done, before, self.state, supports)) is not None:
                     return found
-            if self.growth is not None and (large := self.growth.sudden(sizes)):
-                self.growth = None  # a trial run looks for the cause, once
-                if (found := self._too_long(large)) is not None:
+            if sudden and self.trial:
+                self.trial = False  # a trial run looks for the cause, once
+                if (found := self._too_long(sudden)) is not None:
                     return found
             if self.run.header.fall_back:
                 stats.full_steps, stats.full_seconds = (
@@ -325,6 +327,14 @@ class RunSteps:
                 self.seen_changes = self._report_changes(
                     self.seen_changes, self.memory, self.state.t)
         return SolveFailed(Status.INTERRUPTED, self.state.t) if stats.done < end else None
+
+    def _judged(
+        self, block: Sequence[TimeStep]
+    ) -> Iterator[tuple[TimeStep, tuple[Large | None, Large | None]]]:
+        """Steps with what is too large in each, and what has grown suddenly."""
+        found = self.limits.found(
+            block[0].state.x[None] if len(block) == 1 else np.stack([s.state.x for s in block]))
+        return ((step, found.get(i, (None, None))) for i, step in enumerate(block))
 
     def _too_long(self, large: Large) -> SolveFailed | None:
         """Failure of a run with displacements that half the step does not have."""

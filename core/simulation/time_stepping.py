@@ -2,7 +2,7 @@
 the state. Runs record them (run_steps.py)."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Generic, NamedTuple, TypeAlias
 
@@ -142,6 +142,15 @@ def iterate(
 ) -> Iterator[TimeStep[M]]:
     """Up to `count` successive time steps, in blocks by `many` where it can. Ends after the first
     one that fails, which is included, or before a step or block if `interrupted()` is true."""
+    for block in in_blocks(step, state, memory, count, interrupted, many):
+        yield from block
+
+
+def in_blocks(
+    step: Step[M], state: State, memory: M, count: int,
+    interrupted: Callable[[], bool] = lambda: False, many: ManySteps[M] | None = None,
+) -> Iterator[Sequence[TimeStep[M]]]:
+    """The time steps of `iterate`, those of one call of `many` together."""
     while count > 0:
         if interrupted():
             return
@@ -149,15 +158,16 @@ def iterate(
         block = None if many is None else many.advance(state, memory, count)
         if block is not None and (done := len(block)):
             each = (time.perf_counter() - begun) / done
-            for i, (n, error) in enumerate(zip(block.iterations, block.remaining, strict=True), 1):
-                state = block.state(i - 1)
-                outcome = StepOutcome(state.x, Status.DONE, n, remaining=error)
-                # the memory is that after the last step of the block
-                yield TimeStep(outcome, state, memory, each, i == done)
+            states = [block.state(i) for i in range(done)]
+            # the memory is that after the last step of the block
+            yield [TimeStep(StepOutcome(s.x, Status.DONE, n, remaining=error), s, memory, each,
+                            i == done) for i, (s, n, error) in enumerate(zip(
+                                states, block.iterations, block.remaining, strict=True), 1)]
+            state = states[-1]
             count -= done
             continue
         outcome, state, memory = step(state, memory)
-        yield TimeStep(outcome, state, memory, time.perf_counter() - begun)
+        yield [TimeStep(outcome, state, memory, time.perf_counter() - begun)]
         if not outcome.status.ok:
             return
         count -= 1

@@ -162,8 +162,10 @@ def compiled(
     njit: Any = numba.njit  # its types lack `_nrt`
     kept = MachineCode(name_of(functions, checked))
     if not kept:
-        _log.warning("compiling the time step once, up to a minute; machine code: %s",
-                     kept.folder or "not kept, since no folder is this user's alone")
+        _log.warning(
+            "compiling the time step, once for all models of this kind, up to a minute "
+            "(reducer.compiled: off leaves it out); machine code: %s",
+            kept.folder or "not kept, since no folder is this user's alone")
     counted = {f.__code__ for f in (*COUNTED, no_rows, creating) if isinstance(f, FunctionType)}
     outer = {f.__code__ for f in wanted if isinstance(f, FunctionType)}
 

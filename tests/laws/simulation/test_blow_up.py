@@ -8,7 +8,7 @@ import pytest
 
 from sparsemor import SolveFailed, load_model, reduce, simulate
 from sparsemor.core.model.assembly import assemble
-from sparsemor.core.simulation.blow_up import WITHIN, Extents, Growth
+from sparsemor.core.simulation.blow_up import WITHIN, Extents, Limits
 from sparsemor.core.testing.in_memory_run import scene_of
 
 BAR: dict[str, Any] = {
@@ -49,15 +49,17 @@ def test_sudden_growth_beyond_the_body_is_suspected_and_slow_growth_is_not() -> 
         x[at] = size
         return x
 
-    assert extents.exceeded(extents.sizes(shape(0.69))) is None
-    large = extents.exceeded(extents.sizes(shape(0.7)))
+    assert extents.exceeded(extents.sizes(shape(0.69)[None])[0]) is None
+    large = extents.exceeded(extents.sizes(shape(0.7)[None])[0])
     assert large is not None  # twice the diagonal of the free nodes
     assert large.diagonal == pytest.approx(np.hypot(0.4 * 5 / 6, 0.1))
     for sizes, suspected in (([1e-5] * WITHIN + [0.11], True), ([2e-3] * WITHIN + [0.11], False),
                              ([1e-5] * WITHIN + [0.09], False), ([0.0] * WITHIN + [0.11], False)):
-        growth = Growth(extents)
-        found = [growth.sudden(extents.sizes(shape(s))) for s in sizes]
-        assert not any(found[:-1]) and (found[-1] is not None) == suspected
+        x = np.stack([shape(s) for s in sizes])
+        one_by_one, at_once = Limits(extents), Limits(extents).found(x)
+        found = [one_by_one.found(row[None]).get(0, (None, None)) for row in x]
+        for of in (found, [at_once.get(i, (None, None)) for i in range(len(x))]):
+            assert [sudden is not None for _, sudden in of] == [*[False] * WITHIN, suspected]
 
 
 def heated(power: float) -> Any:

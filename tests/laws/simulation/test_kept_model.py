@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -17,12 +18,13 @@ import pytest
 from joint_runs import driven
 from small_scenes import everything, tiny
 from sparsemor import InputError, ReducedModel, load, load_model, reduce, simulate
-from sparsemor.core import AssembledModel
+from sparsemor.core import AssembledModel, Findings, Note, PreparedRun
 from sparsemor.core.results.model_file.array_compression import compact, restored
 from sparsemor.core.results.model_file.first_line import MAGIC
 from sparsemor.core.results.model_file.serializer import Packed, PackedError
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.scene.scene import Scene
+from sparsemor.core.simulation.checks import Checks
 from tiers import full
 
 FLUX, LOW = "loads.heating.flux", 2.0e5
@@ -72,6 +74,29 @@ def test_runs_share_what_the_checks_make_of_the_model(monkeypatch: pytest.Monkey
     assert len(made) == known and [f.count for f in of_model.solvers.log] == before
     assert_equal(reduce(long).run(), runs[0])
     assert_equal(reduce(long).run(other), runs[1])
+
+
+def test_a_run_alike_has_what_the_checks_found_in_the_first(
+    monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Other ends, other stored steps and other loads are looked at on their own."""
+    looked, own = list[int](), Checks.after_run
+
+    def after_run(checks: Checks, run: PreparedRun, result: RunResult) -> Findings:
+        looked.append(run.steps)
+        found = own(checks, run, result)
+        return replace(found, notes=(*found.notes, Note(f"{len(looked)}. look", "looked")))
+
+    monkeypatch.setattr(Checks, "after_run", after_run)
+    made, h = reduce(scene()), scene().time.step
+    first, again = made.run(), made.run({"title": "again"})
+    assert again.summary["notes"] == first.summary["notes"]
+    assert first.summary["notes"][-1] == "1. look"
+    for key in ("information", "time_error", "energy_lost", "heat_balance"):
+        assert again.summary[key] == first.summary[key]
+    for change in ({"time.end": 5 * h}, {"output.every": 2}, {FLUX: LOW}, {FLUX: LOW}):
+        made.run(change)
+    assert looked[1:] == [5, looked[0], looked[0], looked[0]]
 
 
 @pytest.fixture

@@ -114,6 +114,27 @@ def test_runs_of_a_kept_model_are_compiled_when_that_pays(
     assert seen == [100, 200, 300]
 
 
+def test_steps_are_compiled_for_the_runs_of_a_model_to_come(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Once, for so many runs as together have the steps that pay; then every run takes the code."""
+    model, off = (reduce(heated(how)) for how in ("auto", "off"))
+    assert off.compile_steps() == 0.0 == model.compile_steps(1)
+    assert model.compile_steps(200) > 0.0
+    caplog.clear()
+    taken, own = list[int](), CompiledSteps.advance
+
+    def counted(steps: CompiledSteps, *given: Any) -> Any:
+        block = own(steps, *given)
+        taken.append(len(block))
+        return block
+
+    monkeypatch.setattr(CompiledSteps, "advance", counted)
+    model.run()
+    assert sum(taken) > 250  # of 300
+    assert not [r for r in caplog.records if "compiling" in r.message]
+
+
 class StopsAt:
     """Asks for the end of the run, as Ctrl-C does, after a step."""
 
