@@ -98,6 +98,7 @@ class Advice:
                                       ("held out", "whole")), "elements", "ms/step"]]
         rows.append(["full order", "-", *(["-"] * 2 * len(fields)), "-", f"{self.full_ms:.3g}"])
         for t in self.choice.trials:
+            # errors in the part of the training run that trial bases did not use, and in all of it
             cells = [self._worst(e, f) for f in fields for e in (t.holdout, t.errors)]
             rows.append([t.method, "/".join(map(str, t.atoms.values())), *cells, str(t.elements),
                          "-" if t.ms is None else f"{t.ms:.3g}"])
@@ -200,6 +201,8 @@ def _asked(
         def unstable(
             reducer: Mapping[str, object], solver: StepSolver, states: Sequence[State]
         ) -> str:
+            """Warning of the stability check for a reducer and states of its trial run; "" if it is
+            stable."""
             tried = training.using({
                 "reducer": reducer, "check_stability": scene.check_stability}, label=CHOSEN)
             if tried.check_stability == "refuse":  # here it rejects a candidate
@@ -210,6 +213,7 @@ def _asked(
 
         return chooser.choose(problem_of(training, model, offline), unstable)
 
+    # what does not change in training does not in the run, if training is all of it
     covered = not scene.training.overrides and scene.training_end >= scene.time.end
     gone = chooser.left_out(problem) if covered else ()
     if gone:

@@ -106,7 +106,7 @@ def trial_scene(scene: Scene, points: Sequence[Point]) -> Scene:
     """Scene of the reduced model that is trained at `points`, with error estimates. Raises
     InputError for a reducer that has none."""
     every: Any = scene.dump()["reducer"].get("error_estimate")
-    if every in ("auto", "on", "off", 0, None):
+    if every in ("auto", "on", "off", 0, None):  # no number of steps between two estimates
         every = min(EVERY, step_count(scene))
     try:
         return scene.using({

@@ -169,7 +169,8 @@ def of_shapes(
     notes: Sequence[Note], out: Path | None,
 ) -> Solution:
     """Solution with a state and its changes (N, k) by modes, stored as states number 0, 1, ..., k
-    at times of these numbers."""
+    at times of these numbers. The other arguments are the fields of `Solution`; names: of the
+    states."""
     if not changes.shape[1]:
         changes = np.zeros((len(state.x), 0), complex)
     # phases of each mode such that its largest change is real

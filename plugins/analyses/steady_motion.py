@@ -171,7 +171,9 @@ def in_body_axes(t: Tangents, axes: tuple[Csr, Csr, Csr]) -> Tangents:
 
 
 def kept_rows(layout: Layout) -> tuple[IntArray, IntArray]:
-    """Numbers among z of displacements with rigid changes, and of the multipliers of joints."""
+    """Numbers among z, the changes in axes of the bodies (`body_axes`), of displacements with rigid
+    changes, and of the multipliers of joints. z has 6 changes for the 7 rigid coordinates of a free
+    body in space, and no multipliers of quaternions."""
     held, start = set(joints_with_forces(layout)), 0
     second, algebraic = list[IntArray](), list[IntArray]()
     for b in layout:

@@ -120,6 +120,7 @@ def stored(
     forces = [ForceReader.of(n, j.force, layout) for n, j in p.model.joints.items()
               if j.force is not None]
     zero = np.zeros(len(t))
+    # a force element needs the rates of its two poses too, by their first unknown
     writer.append(ChunkOfSteps(
         np.array(times, float), X, np.zeros(len(t), np.int64), zero, zero,
         probes={r.name: r(t, X) for r in probes},

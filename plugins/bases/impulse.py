@@ -135,6 +135,7 @@ class Impulse(Basis):
         if not names:
             raise refuse_nowhere(data, "impulse")
         known_step(data, "impulse")
+        # kept beside all responses: uniform temperature and initial values
         first, first_names = _lasting(data)
         delays = np.array(self.delays or _doubling(data))
         responses = list(_responses(data, forces, delays, self.substeps))

@@ -216,7 +216,7 @@ def _iterated(
         if every or captured - before <= STAGNATION * rest or passes >= limit:
             return LeadingVectors(U, s, False, passes)
         before, passes = captured, passes + 1
-        Q = np.linalg.qr(snapshots.images(W))[0]
+        Q = np.linalg.qr(snapshots.images(W))[0]  # of A W
 
 
 def _kept(s: FloatArray, total: float, count: int | None, energy: float | None) -> int:

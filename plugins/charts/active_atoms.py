@@ -20,6 +20,7 @@ def active_atoms_figure(run: RunResult, name: str) -> "Figure | None":
     None for runs without row sampling or selection of basis vectors. Of long runs every m-th stored
     step is drawn, as the title states.
     """
+    # of blocks with coefficients: those with sampled rows or a selection of atoms
     blocks = [b for b in run.layout if b.name in run.solver_layout and run.reduced(b.name)]
     blocks = [b for b in blocks if run.rows(b.name).size or not run.support(b.name).all()]
     if not blocks or len(run.times) == 0:

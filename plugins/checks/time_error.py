@@ -164,6 +164,9 @@ class Windows:
 
         A window begins at the start of the run, and in each later part at the step in which the
         frames' accelerations (`moving`) change most; of its steps every second state is kept.
+        older: accelerations two steps before; jerks, largest: their changes in each step, and the
+        largest in each part; part: its number of steps; free: last step at which a window of
+        `length` steps can begin; found: steps before each window, and the window.
         """
         d = state.a[self.moving] - self.older  # over two steps: what alternates is no course
         self.older = before.a[self.moving]

@@ -89,7 +89,7 @@ class ErrorControl(StepControl):
             excess = self.monitor.exceeded(steps.state, errors.present()) if (
                 failure is None) else Exceeded.failed(failure)
             if excess is None:
-                if steps.due:
+                if steps.due:  # to be saved
                     steps.save()
             elif self.limit.action == "stop":
                 return failure or SolveFailed(

@@ -95,6 +95,7 @@ def at_full_order(run: PreparedRun, why: Exceeded) -> PreparedRun:
     SolveFailed where an operator cannot be factorized."""
     model, scene = run.model, run.scene
     assert model is not None
+    # probes, and what checks keep of the reduced model (`kept`), are replaced below
     full = scene.using({"reducer": FULL_ORDER, "probes": {}})
     offline = Offline.of(model, {})
     solver: StepSolver = full.reducer.prepare(problem_of(full, model, offline))

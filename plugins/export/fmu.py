@@ -100,9 +100,12 @@ class _Made:
     def __init__(
         self, model: ReducedModel, inputs: Sequence[str] | None, outputs: Sequence[str] | None
     ) -> None:
+        """inputs, outputs: their names, all by default. Raises InputError for an output that is no
+        function of the state alone, and for a model without compiled steps."""
         self.keys = model.possible_inputs if inputs is None else tuple(inputs)
         self.stepper, about = model.stepper(self.keys, outputs or ()), _Outputs()
         described = self.stepper.described
+        # about: tables by which the code evaluates the outputs that it can
         self.left_out = tuple(n for n, out in described.items() if not about.add(n, out))
         if outputs and self.left_out:
             raise InputError(f"{', '.join(self.left_out)}: not a function of the state alone, as "

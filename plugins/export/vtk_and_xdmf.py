@@ -116,6 +116,7 @@ class XdmfSeries:
     fields per step."""
 
     def __init__(self, folder: Path, body: str, cells: IntArray, d: int) -> None:
+        """cells (E, q): nodes of the cells, which are written once; d: dimension of the body."""
         self.file = folder / f"{body}.xdmf"
         self._body = body
         (folder / body).mkdir()

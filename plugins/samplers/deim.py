@@ -49,7 +49,7 @@ def pivots(U: FloatArray, rows: GreedyRows) -> None:
     unspanned, found = W.shape[1], 0
     Q = np.zeros((unspanned, unspanned))
     while rows.left and found < unspanned:
-        for i in rows.take(left):
+        for i in rows.take(left):  # the row with the largest part left, and others of its node
             new = W[i]
             for _ in range(2):
                 new = new - (Q[:found] @ new) @ Q[:found]

@@ -64,7 +64,8 @@ class BasisPursuit(LinearRecovery):
     def recover(self, problem: Penalised) -> Recovered:
         """Coefficients x (k,), zero where the solution is at or below `cut` times its largest one.
 
-        Solved for a right-hand side b of unit norm; x is scaled back.
+        Solved for a right-hand side b of unit norm; x is scaled back. weights (k,): 1 / budget of
+        each column's group.
         """
         cp = _cvxpy()
         order = 2 if self.norm == "two" else np.inf

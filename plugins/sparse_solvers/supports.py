@@ -58,8 +58,8 @@ class Linearised:
 class Fit:
     """Least-squares solution on the `active` columns (k,): z (k,), zero elsewhere; residual (m,).
 
-    z are coefficients of unit columns, as in `Linearised`; rcond is the reciprocal condition number
-    of the active ones.
+    z are coefficients of unit columns, and residual is r + J (z - its z), as in `Linearised`; rcond
+    is the reciprocal condition number of the active columns.
     """
 
     active: BoolArray

@@ -96,8 +96,8 @@ class StepMap:
 
     solver: step solver that was linearised; supports: active atoms of the blocks that select them;
     layout: the n active unknowns; matrix (N, N); response (n, 2 n): dx' from changes [dr1; dr2] of
-    the step formula; formula: that of the linearised step; integrator: its affine parts; scale
-    (n,): size of each unknown.
+    the step formula; formula: that of the linearised step; integrator: its parts R, P, Q of
+    [dr1; dr2] = R dz, dz' = P dz + Q dx'; scale (n,): size of each unknown.
     """
 
     solver: StepSolver

@@ -25,7 +25,9 @@ SEEDS = [1, 2, 3]
 
 def methods(subject: Subject) -> Mapping[str, Any]:
     """Study of the reducers that have bases over their number of atoms (`ladder`: of the largest
-    block; the others in proportion), each with the options that the scene gives it."""
+    block; the others in proportion), each with the options that the scene gives it. Contents of a
+    study file, in which `method` and `budget` name the columns that distinguish the lines of the
+    chart, and the one along them."""
     # `auto` is left out: it would be replaced by one of the others
     names = [name for name, cls in subject.installed("reducer")
              if {"basis", "bases"} <= {*cls.model_fields} and not cls().chooses]
@@ -39,7 +41,8 @@ def methods(subject: Subject) -> Mapping[str, Any]:
 
 def samplers(subject: Subject) -> Mapping[str, Any]:
     """Study of the samplers over their number of rows, with and without those of joints and loads
-    (`required`), three seeds each; all atoms of the sparse method are active."""
+    (`required`), three seeds each; all atoms of the sparse method are active. Contents of a study
+    file: a line of its chart for each sampler, along which the number of rows varies."""
     drawn: dict[str, Any] = {}
     for name, cls in subject.installed("sampler"):
         if "required" in cls.model_fields:
@@ -55,7 +58,9 @@ def samplers(subject: Subject) -> Mapping[str, Any]:
 
 
 def preconditioners(subject: Subject) -> Mapping[str, Any]:
-    """Preconditioners of the sampled rows over their number."""
+    """Study of the preconditioners of the sampled rows over their number, three seeds each; all
+    atoms of the sparse method are active. Contents of a study file: a line of its chart for each
+    preconditioner, along which the number of rows varies."""
     return {
         "title": "Preconditioners of the sampled rows, over the number of rows for an atom",
         **_sparse_with_complete_bases(subject, {"residual": "plain", "preconditioned": ["*"]}),
@@ -68,7 +73,8 @@ def preconditioners(subject: Subject) -> Mapping[str, Any]:
 
 def solvers(subject: Subject) -> Mapping[str, Any]:
     """Study of the sparse solvers over the number of atoms that they choose in each step. Bases and
-    numbers of rows are those of the scene in all runs."""
+    numbers of rows are those of the scene in all runs. Contents of a study file: a line of its
+    chart for each solver, along which the number of active atoms varies."""
     all_atoms = subject.atoms
 
     def active(atoms: int) -> dict[str, Any]:
@@ -88,7 +94,8 @@ def solvers(subject: Subject) -> Mapping[str, Any]:
 
 def bases(subject: Subject) -> Mapping[str, Any]:
     """Study of the bases over their number of atoms, by Galerkin projection; a basis without the
-    option `count` is one run with all of its atoms."""
+    option `count` is one run with all of its atoms. Contents of a study file: a line of its chart
+    for each basis, along which the number of atoms of all blocks varies."""
     runs = []
     for name, cls in subject.installed("basis"):
         own = {"use": name}
@@ -103,14 +110,15 @@ def bases(subject: Subject) -> Mapping[str, Any]:
 
 def integrators(subject: Subject) -> Mapping[str, Any]:
     """Study of the time integrators over their step, at full order and with the scene's reducer,
-    against one reference with a finer step."""
+    against one reference with a finer step. Contents of a study file: a line of its chart for each
+    integrator and reducer, along which the step varies."""
     time, own = subject.scene.time, subject.reducer["use"]
     steps = [float(f"{f * time.step:.12g}") for f in STEPS]
     # steps of which the run has a whole number
     whole = [h for h in steps if abs(time.end / h - round(time.end / h)) < 1e-9 and h <= time.end]
     reducers: dict[str, Any] = {"full": {"reducer": {"use": "full"}}}
     if own != "full":
-        reducers[own] = {}
+        reducers[own] = {}  # no change: that of the scene
     best = dict(subject.scene.dump()["integrator"])
     if best["use"] == "bdf1":  # of first order: its own fine steps would not be fine enough
         best = {"use": "bdf2"}

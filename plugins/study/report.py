@@ -161,7 +161,7 @@ def figures_of(
     """Name of a chart -> function that draws it, None without data."""
     from sparsemor.plugins.charts import error_over_time_figure, work_precision_figure
 
-    by_step = any(_step(row) is not None for row in rows)
+    by_step = any(_step(row) is not None for row in rows)  # the time step is an axis
     found: dict[str, Callable[[], Figure | None]] = {CHART: lambda: work_precision_figure(
         work_points(drawing, rows), _reference(drawing, rows, by_step), drawing.fields,
         notes=chart_notes(drawing, rows), unit="s per simulated s" if by_step else "ms/step")}
