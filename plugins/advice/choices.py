@@ -23,6 +23,7 @@ def training_points(scene: Scene, cache: Cache, manager: Manager, body_cache: Bo
         return scene
     trial = scene.reducer.trial_bases()
     own = () if trial is None else (trial.shared, *trial.others.values())
+    # only a basis that learns from training runs depends on their points
     if not any(b.needs_snapshots for b in (*own, *scene.reducer.force_bases_used())):
         return scene
     from sparsemor.plugins.advice.greedy_training_points import with_points

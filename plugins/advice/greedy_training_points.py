@@ -78,6 +78,7 @@ def greedy_points(
     names, count = list(scene.parameters), box.runs(scene.parameters)
 
     def make() -> Mapping[str, Any]:
+        # the points that training begins with, and those from which others are taken
         chosen, candidates = box.chosen(scene.parameters), box.others(scene.parameters)
         errors = [inf]
         while len(chosen) < count:

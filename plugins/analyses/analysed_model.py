@@ -52,6 +52,7 @@ def prepare(scene: Scene, observers: Sequence[object] = (), cache: Cache | None 
     manager = new_manager(observers)
     scene = explicit(scene, cache, manager, bodies)
     model, offline = prepared(scene, cache, manager, bodies)
+    # friction with a memory adds unknowns of first order
     sticks = [b.owner for b in model.layout if b.kind.order == 1
               and b.kind.quantity is not Quantity.TEMPERATURE]
     if sticks:
@@ -122,7 +123,8 @@ def steady_heat(p: Prepared, *, at: float | None = None) -> SolvedState:
 
 def _check_sinks(system: System, t: float) -> None:
     """Raises InputError with the bodies whose heat can go nowhere: rows of their tangent sum to
-    zero."""
+    zero. leaves: W/K, sum of all entries of the bodies that exchange heat; between: that of their
+    magnitudes."""
     layout, rows = system.layout, system.thermal
     K = csr_array(system.jacobian(system.start(t))[rows][:, rows])
     count, label = csgraph.connected_components(K, directed=False)

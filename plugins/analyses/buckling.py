@@ -146,7 +146,7 @@ def _stress_stiffness(model: Model, system: System, x: FloatArray, t: float) -> 
 
 def _factors(c: Constrained, K_g: Csr, count: int) -> tuple[FloatArray, FloatArray]:
     """Lowest positive lambda (k,) and shapes (n, k), by the largest nu = 1 / lambda of -K_g phi =
-    nu K phi."""
+    nu K phi. c: stiffness K and constraints; K_g: geometric stiffness (n, n)."""
     n = c.size
     inverse, K = c.inverse(c.K), csc_array(0.5 * (c.K + c.K.T))
     if n <= DENSE or 3 * count >= n:

@@ -59,6 +59,7 @@ class Solver:
 
     def __init__(self, A: Csr, t: float = 0.0, what: str = "") -> None:
         A = csc_array(A)
+        # S_ij = A_ij / (s_i s_j), s = `size`: s_i^2 is the largest entry of row and column i
         biggest = np.maximum(*(np.asarray(abs(A).max(axis=i).toarray()).ravel() for i in (0, 1)))
         self.size = np.sqrt(np.where(biggest > 0.0, biggest, 1.0))
         S = A.copy()
@@ -205,7 +206,8 @@ FREE = ("a mechanism moves freely under its loads, so that it has no equilibrium
 
 
 def free_motions(system: System, at: State) -> FloatArray:
-    """Rigid motions (f, k) that all joints leave free, of the f rigid coordinates, orthonormal."""
+    """Rigid motions (f, k) that all joints leave free, of the f rigid coordinates: null space of
+    the constraints' Jacobian G, orthonormal relative to large motions (`System.sizes`)."""
     frames, rows = system.layout.frames, system.layout.algebraic
     if frames.stop == frames.start:
         return np.zeros((0, 0))
@@ -222,7 +224,8 @@ def free_motions(system: System, at: State) -> FloatArray:
 
 def neutral(system: System, at: State, free: FloatArray) -> FloatArray:
     """Free motions (n, k) that no force holds: directions with zero stiffness, of the combined
-    inertia and stiffness of all unknowns that follow them."""
+    inertia and stiffness of the n mechanical unknowns that follow them. free (f, k): of
+    `free_motions`; the f rigid coordinates are the first unknowns."""
     # y = (K + sigma M)^-1 M N: a free motion without stiffness is multiplied by 1 / sigma
     t = system.tangents(at)
     numbers = system.mechanical

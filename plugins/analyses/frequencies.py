@@ -40,7 +40,8 @@ class LinearisedSystem:
 
 def linearised(p: Prepared, at: float | None, spin: bool, about: str) -> LinearisedSystem:
     """Equations about the equilibrium under the loads at a time, or about the initial state (about:
-    `equilibrium` or `start`). Raises InputError for a rotation that is not steady."""
+    `equilibrium` or `start`). at: s, by default the end of the scene; spin: with the rates of
+    steady rotation. Raises InputError for a rotation that is not steady."""
     t = time_of(p.scene, at)
     moving = rates(p, spin)
     if about not in ("equilibrium", "start"):

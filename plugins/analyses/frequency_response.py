@@ -50,7 +50,8 @@ class FrequencyResponse:
     values: ComplexArray
 
     def rows(self) -> list[dict[str, Any]]:
-        """Frequency, and amplitude and phase (degrees, behind the input) of each output."""
+        """Frequency, and amplitude and phase of each output: the angle of its complex amplitude,
+        degrees, below 0 where it lags behind the input."""
         found = []
         for f, row in zip(self.frequencies.tolist(), self.values, strict=True):
             line: dict[str, Any] = {"frequency_hz": f}
@@ -179,7 +180,8 @@ def _amplitudes_of(
 def kept_response(
     model: "ReducedModel", source: str, frequencies: FloatArray, outputs: Sequence[str] | None
 ) -> FrequencyResponse:
-    """The same of a linear kept model, by its state space: C (i omega - A)^-1 B."""
+    """Response of a linear kept model to one unit of its input `source`, by its state space: C (i
+    omega - A)^-1 B. frequencies (f,): Hz."""
     from sparsemor.plugins.export.matrices import state_space
 
     known = model.possible_inputs

@@ -58,7 +58,8 @@ class Constrained:
         return int(self.K.shape[0])
 
     def inverse(self, A: Csr) -> Callable[[FloatArray], FloatArray]:
-        """Inverse of A under the constraints: solution y of A y + G^T mu = b, G y = 0."""
+        """Inverse of A under the constraints: solution y of A y + G^T mu = b, G y + C mu = 0 with
+        the compliance C of joints, 0 for most."""
         solve = Solver(block_array([[A, self.G.T], [self.G, self.C]], format="csc"),
                        what="the bordered stiffness matrix")
 

@@ -53,7 +53,8 @@ def spinning(system: System, at: State, h: float) -> tuple[FloatArray, FloatArra
                 # rate of the quaternion for the same angular velocity in body axes
                 p, q = at.x[own][3:], model.x0[own][3:]
                 v[own][3:] = turns(p[None], q[None])[0] @ v[own][3:]
-    # first positions alone are changed, then what is left is taken from all rigid coordinates
+    # first positions alone are changed, then what is left is taken from all rigid coordinates, so
+    # that the first and second time derivatives of the constraints are zero
     for changed in (positions, np.ones_like(positions)):
         _correct(v[frames], G, changed, constraints.rate(at.x, v, at.t)[0])
     for changed in (positions, np.ones_like(positions)):
@@ -86,8 +87,9 @@ def assembled(system: System, at: State) -> State:
 
 
 def body_axes(layout: Layout, at: State) -> tuple[Csr, Csr, Csr]:
-    """T, T' and T'' (n, m) in a state: changes of all unknowns but the multipliers of quaternions
-    by z, which has the other unknowns unchanged."""
+    """T, T' and T'' (n, m) in a state: changes T z of all unknowns but the multipliers of
+    quaternions, with the rates T' and T'' of T along the motion. z: translations and rotations of
+    each body in its own axes, and all other unknowns as they are."""
     parts_of_each: list[list[Csr]] = [[], [], []]
     joints = set(joints_with_forces(layout))
     for b in layout:
@@ -107,7 +109,9 @@ def body_axes(layout: Layout, at: State) -> tuple[Csr, Csr, Csr]:
 
 
 def _of_pose(b: Block, q: FloatArray, v: FloatArray, a: FloatArray) -> Iterator[FloatArray]:
-    """T, T' and T'' of one body's rigid coordinates, by differences along the motion."""
+    """T, T' and T'' (b, m) of one body's rigid coordinates q (b,) with rates v and a, by
+    differences along the motion: T gives their changes by translations and rotations in body axes
+    (`_at`)."""
     angular = v[2:] if b.size == PLANAR_POSE else v[3:]
     rate = float(np.abs(angular).max(initial=0.0))
     if rate == 0.0:

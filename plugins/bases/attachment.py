@@ -111,7 +111,7 @@ class Attachment(Basis):
         self, data: BlockData, found: FloatArray, said: list[str]
     ) -> Dictionary:
         """Dictionary of the columns of `found` (n, q) that are linearly independent of earlier
-        ones."""
+        ones; said: their names."""
         if not np.isfinite(found).all():
             raise InputError(f"attachment: the responses of {data.name} are not finite: its "
                              "stiffness is nearly singular")
@@ -122,7 +122,7 @@ class Attachment(Basis):
 
     def _forces(self, data: BlockData) -> list[tuple[FloatArray, list[str]]]:
         """Right-hand sides (n, q) and names of their responses: mechanical loads, then thermal
-        loads."""
+        loads K_fT T = data.coupling @ T for temperatures T of a basis."""
         forces, names = moving_loads(data, self.patches, self.tabled)
         found = [(forces, [f"attachment {name}" for name in names])]
         if self.thermal is None or data.heat is None or data.coupling is None:

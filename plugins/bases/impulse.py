@@ -35,6 +35,7 @@ def tabled_responses(data: BlockData) -> FloatArray:
     for load in data.moving:
         times = load.table.times[0] + h * np.arange(1, X.shape[1] + 1)
         X += load.columns @ load.table.along(times).T
+    # factors of x_(n-1) and x_(n-2)
     if is_thermal(data):
         last, before = data.mass / h, None
     else:
@@ -158,7 +159,8 @@ class Impulse(Basis):
             "responses": len(names) * len(delays), "kept": atoms.shape[1]})
 
     def _superposed(self, data: BlockData) -> Dictionary:
-        """Orthonormal atoms of the response to the load tables, its leading directions."""
+        """Orthonormal atoms of the response to the load tables, its leading directions but for
+        the share `REST` of it."""
         if not self._acts(data):
             raise refuse_nowhere(data, "impulse")
         known_step(data, "impulse")
@@ -207,7 +209,7 @@ def _responses(
     for p in delays.tolist():
         steps = p - last if substeps is None else min(p - last, substeps)
         factor, passed = first, carried
-        if 0 < steps < p - last:  # each of them as long as several
+        if 0 < steps < p - last:  # each of them as long as several, so that c1 C is smaller
             passed = carried * (steps / (p - last))
             factor = factorize(data.stiffness + passed, data)
         for _ in range(steps):

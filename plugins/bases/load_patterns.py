@@ -150,8 +150,8 @@ def largest_directions(
     """Leading left singular vectors (n, k), at most `count`, of A (n, j) orthogonal to `first` (n,
     p).
 
-    `first` has orthonormal columns; singular values must exceed `rtol` times the largest. rest: see
-    `left_singular`.
+    `first` has orthonormal columns; singular values must exceed `rtol` times the largest. rest:
+    norm of a part of A, relative to the largest singular value, that may be left out.
     """
     for _ in range(2):  # once leaves what cancellation brings back
         A = A - first @ (first.T @ A)

@@ -38,8 +38,9 @@ def lowest_modes(data: BlockData, count: int, held: FloatArray | None = None) ->
     = 0.
 
     Shift-invert Lanczos with a small negative shift, so that the singular K of an insulated body is
-    no special case. With P, the inverse is that of the bordered matrix: A^-1 less its part along
-    A^-1 P. It is symmetric and its range satisfies P^T x = 0, so all Lanczos vectors do.
+    no special case. With P, the inverse of A = K - shift M is that of the bordered matrix: A^-1
+    less its part along A^-1 P. It is symmetric and its range satisfies P^T x = 0, so all Lanczos
+    vectors do.
     """
     n, K, M = data.size, data.stiffness, data.mass
     p = 0 if held is None else held.shape[1]

@@ -182,6 +182,7 @@ def leading_vectors(
     size, passes = min(wanted, n, M), 0
     Q: FloatArray = np.zeros((n, 0))
     while True:
+        # images(X) = A X
         Q = _extended(Q, snapshots.images(rng.standard_normal((M, size - Q.shape[1]))))
         found = _iterated(snapshots, Q, count, energy, passes + 1)
         passes = found.passes

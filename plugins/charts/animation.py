@@ -63,7 +63,7 @@ def _write(
     run: RunResult, file: Path, field: str, frames: int, at: Sequence[float] | None,
     magnify: float | None, report: Report | None,
 ) -> None:
-    """Draws the frames and writes them to the file."""
+    """Draws the frames and writes them to the file; arguments as of `animate`."""
     if field not in FIELDS:
         raise InputError(f"no field is called {field!r}: give one of {', '.join(FIELDS)}", "field")
     if frames < 2:

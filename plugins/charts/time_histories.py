@@ -163,7 +163,9 @@ def positions_figure(moving: Poses) -> "Figure | None":
 
 
 def _moved(moving: Poses, what: str) -> dict[str, FloatArray]:
-    """Body -> (j,) displacement (m) or rotation (rad) since the start; empty if nothing moves."""
+    """Body -> (j,) displacement (m) or rotation (rad) since the start; empty if nothing moves.
+    Columns of a pose are positions, then the angle or, in more than `SPINNING_POSE`, a
+    quaternion."""
     found = {}
     for body, (_, pose) in moving.items():
         if what == "turned":

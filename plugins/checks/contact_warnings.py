@@ -20,7 +20,8 @@ from sparsemor.plugins.checks import place
 
 
 class Contacts(Check):
-    """Contacts that never close, chatter, or let surfaces pass each other."""
+    """Contacts that never close, chatter, or let surfaces pass each other. Those of a rigid-body
+    pre-simulation (`Model.stage`) are looked at before the steps."""
 
     order = place("contacts")
 
@@ -57,7 +58,8 @@ def _warnings(
     contacts: Mapping[str, Mapping[str, FloatArray]] | None,
 ) -> tuple[Note, ...]:
     """Warnings about contacts along a motion of all bodies; contacts: histories of their resultants
-    (`RunResult.contacts`), None where not every step is stored."""
+    (`RunResult.contacts`), None where not every step is stored. A contact without a finding has
+    an empty text."""
     parts = model.contacts
     texts = [part.missed(motion) for part in parts.values()]
     if contacts is not None:

@@ -45,10 +45,10 @@ functions of time above which there is no balance."""
 
 @dataclass(frozen=True, slots=True)
 class Balance:
-    """Heat of one block, J: stored H(T_N) - H(T_0) by its free nodes, those with prescribed
-    temperatures as at the end, brought in by all that acts
-    on it (flows to nodes with prescribed temperatures included), and the rest that the integrator's
-    formula does not explain. size: of what came, went or was stored; capacity: J/K."""
+    """Heat of one block, J. stored: H(T_N) - H(T_0) of its free nodes, with prescribed temperatures
+    as at the end in both; brought_in: by all that acts on it, flows to nodes with prescribed
+    temperatures included; rest: the part of their difference that the integrator's formula does not
+    explain; size: of what came, went or was stored; capacity: J/K."""
 
     stored: float
     brought_in: float
@@ -184,7 +184,9 @@ class HeatSums:
     def take(
         self, done: int, before: State, state: State, active: Mapping[str, BoolArray]
     ) -> None:
-        """Looks at the step that ended at `state` after `done` steps, from the state `before`."""
+        """Looks at the step that ended at `state` after `done` steps, from the state `before`: adds
+        its temperatures, unknowns `at`, to `sum`, and in the steps `looked` keeps both states of a
+        reduced run, or adds the residual of the equations between them."""
         self.sum += state.x[self.at]
         self.before, self.end = before, state
         if done % self.every == 0:
@@ -219,6 +221,7 @@ class HeatSums:
         v, a = 0.0 * new.x, 0.0 * new.x
         v[at] = gain * (new.x - old.x)[at] / h
         a[at] = (gain - 1.0) * 2.0 * (new.x - old.x)[at] / h**2
+        # storage: residual with the rates of temperatures, less that without
         return sum((self._powers(t, new.x, v, a, self.end.t, 1.0)
                     - self._powers(t, new.x, v, a, self.end.t, 0.0)
                     for t in self.terms), np.zeros(len(self.names))) * h / gain

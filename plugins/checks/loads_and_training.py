@@ -84,7 +84,7 @@ def _never_acts(key: str, function: TimeFunction, count: int, h: float) -> Note 
     end = count * h
     between = [h * (i + f) for i in range(min(count, 100)) for f in (0.29, 0.5, 0.71)]
     later = list(end * np.geomspace(1.0, 1e3, 30))
-    times = [*_numbers_in(function), *between, *later]
+    times = [*_numbers_in(function), *between, *later]  # where it may differ from 0
     values = np.abs([function.value(float(t)) for t in times])
     peak = float(values.max())
     small = 1e-9 * peak
@@ -98,7 +98,9 @@ def _never_acts(key: str, function: TimeFunction, count: int, h: float) -> Note 
 
 
 def _too_fast(key: str, function: TimeFunction, count: int, h: float) -> Note | None:
-    """Warning about a function with fewer than 4 steps of h (s) per period."""
+    """Warning about a function with fewer than 4 steps of h (s) per period, in which it changes
+    direction twice. count: number of steps of the run; if they are many, some windows of them are
+    looked at."""
     # samples in each step at multiples of the golden ratio, which keep step with no period
     spread = np.sort(np.mod(0.5 + 0.6180339887498949 * np.arange(SAMPLES), 1.0))
     extremes, steps = 0, 0

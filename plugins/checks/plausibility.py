@@ -66,6 +66,7 @@ def after_run(model: Model, result: RunResult) -> tuple[Note, ...]:
         if heated is not None:
             T = result.block(heated.name, checked_steps(result, heated.name))
             absolute = bool((np.abs(model.x0[model.layout[heated.name]]) > COLDEST).any())
+            # temperatures that begin at 0 are changes and may fall below it
             found += temperature_notes(f"temperatures of {name}", T, 0.0 if absolute else 1.0)
             found += property_notes(model.bodies[name], T)
         if moved is not None:

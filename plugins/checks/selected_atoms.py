@@ -109,7 +109,8 @@ class Selected:
     def note(self) -> Note | None:
         """A warning where the residual causes an error above the limit, otherwise information;
         None where all atoms would leave about as much. All atoms of a complete dictionary leave
-        nothing, so that its ratio says nothing."""
+        nothing, so that its ratio, infinite, says nothing. ratio: of the residual to that of all
+        atoms; error: caused by it, relative to the largest change of the field."""
         if self.active == self.atoms:
             return self._of_rows()
         wrong, complete = self.error > LIMIT, not self.ratio < np.inf

@@ -223,8 +223,9 @@ def _ratio(size: float, other: float) -> float:
 
 
 def extreme_eigenvalue(A: Csr, K: Csr, factor: Factorized, name: str) -> float:
-    """Eigenvalue mu of largest magnitude of A phi = mu K phi, to a hundredth. Raises SolveFailed
-    where the factor does not solve, ArpackError where the iteration fails."""
+    """Eigenvalue mu of largest magnitude of A phi = mu K phi, to a hundredth. factor: of K; name:
+    of the block. Raises SolveFailed where the factor does not solve, ArpackError where the
+    iteration fails."""
     n = K.shape[0]
     if n <= DENSE:
         try:

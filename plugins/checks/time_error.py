@@ -125,7 +125,8 @@ class Windows:
         part of the run after the start; jerks, largest: change of the frames' accelerations in each
         step, and the largest in each part so far; found: window of each part and the number of
         steps before it, the first at the start of the run; frames, fading: blocks of poses and of
-        temperatures; changes, rates: largest change and rate of each block in the run.
+        temperatures; changes, rates: largest change and rate of each block in the run, from every
+        `every`-th state, which wait in `next_states`; moving: rigid coordinates.
         """
         self.run, self.origin, self.steps = run, origin, run.steps
         windows = WINDOWS - (self.steps < 2 * FEWEST)

@@ -96,7 +96,9 @@ class TrialSpace:
     superposed: bool = False
 
     def note(self) -> Note | None:
-        """Warning about the projection error of the atoms, None if it is below the limit."""
+        """Warning about the projection error of the atoms, None if it is below the limit: that of
+        the training snapshots (`error`), of states that the loads of the run make expect
+        (`run_error`), or of the response to one load (`response_error`)."""
         who = f"the {self.atoms} atoms of {self.name}"
         if self.error > LIMIT:
             what = f"{who} cannot represent the training run: projection error " \
@@ -146,7 +148,7 @@ class TrialSpaces(Check):
                             changes=again.changes)
         if scene.check_trial_space == "off" or run.model is None or run.offline is None:
             return Findings()
-        new = run.offline.trained and not run.in_training
+        new = run.offline.trained and not run.in_training  # the run is not that of training
         spaces = trial_spaces(
             run.model, run.offline, bases, scene.time.step, scene.time.end, run.physics,
             partial(run.first_states, FIRST) if new else None, run.constant_change)
@@ -282,8 +284,8 @@ def _projected(
 ) -> tuple[float, float, FloatArray]:
     """Largest projection error of states (n, M), the first of which is the initial state, relative
     to their largest change; that change, 0 for a constant field (a relative change of at most
-    `least`); and the coordinates y = Q^T (x - offset), (r, M). counted (M,): columns that are
-    meant, all by default."""
+    `least`); and the coordinates y = Q^T (x - offset), (r, M). counted (M,): True for columns that
+    count, all by default."""
     n, r = Q.shape
     error = change = size = 0.0
     start, found = states[:, :1], [np.zeros((r, 0))]

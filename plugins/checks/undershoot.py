@@ -100,7 +100,7 @@ def _floor(model: Model, times: FloatArray) -> float:
         if part.surroundings is not None:
             found.append(float(amplitudes_along((part.surroundings,), times).min()))
     for shape in model.shapes().values():
-        if shape.given:
+        if shape.given:  # shapes over the nodes times functions of time
             held = shape.given_shapes[shape.given_shapes.any(axis=1)]
             found.append(float((shape.given_at(times) @ held.T).min()))
     return min(found)

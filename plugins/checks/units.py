@@ -123,7 +123,7 @@ def _temperatures(model: Model) -> Iterator[tuple[str, float]]:
     for name, shape in model.shapes().items():
         if shape.stress is not None:
             yield f"the reference temperature of {name}", float(shape.stress.free.min())
-            if shape.eliminated_temperature is not None:
+            if shape.eliminated_temperature is not None:  # constant, and no unknown
                 yield (f"the initial temperature of {name}",
                        float(shape.eliminated_temperature.min()))
     for name, part in model.connectors.items():

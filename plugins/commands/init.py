@@ -184,7 +184,8 @@ class MeshWithSets:
         out: Path, force: float, frequency: float | None,
     ) -> str:
         """Text of the scene file, with numbers that suit the size and the first frequency of the
-        body."""
+        body. hold, load, heat: names of sets, None if there is none to hold, to push or to heat;
+        force: N; frequency: Hz, None if it is not known."""
         d = self.mesh.dimension
         at = "tip" if not self.sets else load or hold
         step = STEP if not frequency else _round(1.0 / (PER_PERIOD * frequency))

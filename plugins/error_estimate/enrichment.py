@@ -112,7 +112,8 @@ def coefficient_maps(
 
 
 def in_atoms(state: State, layout: Layout, full: Layout, bases: Mapping[str, Dictionary]) -> State:
-    """Full-order state in the unknowns of a reduced model, by least squares."""
+    """Full-order state, with the layout `full`, in the unknowns `layout` of a reduced model with
+    `bases`, by least squares."""
     x, v, a = (np.zeros(layout.size) for _ in range(3))
     for b in layout:
         columns = np.stack([z[full[b.name]] for z in (state.x, state.v, state.a)], axis=1)

@@ -39,6 +39,8 @@ class ErrorAction(Check):
     order = place("error_action")
 
     def control(self, run: PreparedRun) -> object | None:
+        """Control of the steps, for actions other than `warn`. Raises InputError in runs without
+        an estimate or without their assembled model."""
         limit = run.scene.reducer.error_limit
         if limit.action == "warn":
             return None

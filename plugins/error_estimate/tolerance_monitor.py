@@ -49,8 +49,10 @@ class Exceeded:
 
 
 class ErrorMonitor:
-    """Comparison of the estimated errors of a run with their tolerance. changes:
-    `ErrorRecord.changes`, which it brings up to date."""
+    """Comparison of the estimated errors of a run with their tolerance, relative to the largest
+    change of each block (2-norm over its full-order unknowns). changes: `ErrorRecord.changes`,
+    block -> largest change, which it brings up to date; every: steps from one estimate to the next.
+    """
 
     def __init__(
         self, limit: ErrorLimit, run: PreparedRun, start: State, changes: dict[str, float]
@@ -67,7 +69,7 @@ class ErrorMonitor:
         """The block with the largest relative error, if that is above the tolerance. state: of the
         step solver; errors: block -> norm of its estimated error over its full-order unknowns."""
         worst, block = 0.0, ""
-        for name, R in self._lengths.items():
+        for name, R in self._lengths.items():  # |R c| = |atoms c|
             at = self._layout[name]
             change = state.x[at] - self._start[at]
             used = np.flatnonzero(change)  # few of many atoms
@@ -110,7 +112,8 @@ def at_full_order(run: PreparedRun, why: Exceeded) -> PreparedRun:
 def expanded(
     state: State, layout: Layout, dictionaries: Mapping[str, Dictionary], full: Layout
 ) -> State:
-    """State of a reduced model in the unknowns of the full one: x = offset + atoms c."""
+    """State of a reduced model, with the layout `layout`, in the unknowns `full` of the full-order
+    one: x = offset + atoms c."""
     x, v, a = (np.zeros(full.size) for _ in range(3))
     for b in layout:
         here, there, d = layout[b.name], full[b.name], dictionaries.get(b.name)

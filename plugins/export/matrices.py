@@ -28,7 +28,8 @@ class StateSpace:
     their rates, and of temperatures.
 
     A (m, m), B (m, i), f (m,), C (o, m), y0 (o,), start (m,): z at the start. mass, damping,
-    stiffness (n, n), force (n, i), constant (n,): the equations in x and T from which it comes.
+    stiffness (n, n), force (n, i), constant (n,): the equations in q = [x; T] from which it comes,
+    mass q'' + damping q' + stiffness q = force u + constant, with zeros in mass for T.
     inputs, outputs, unknowns: names of u, y and z.
     """
 

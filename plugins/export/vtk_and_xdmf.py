@@ -81,6 +81,7 @@ class VtuSeries:
     """Writer of `body.pvd` and `body/body_STEP.vtu` (compressed float64 data)."""
 
     def __init__(self, folder: Path, body: str, cells: IntArray, d: int) -> None:
+        """cells (E, q): nodes of the cells; d: dimension of the body."""
         self.file = folder / f"{body}.pvd"
         self._folder = folder / body
         self._folder.mkdir()

@@ -60,8 +60,9 @@ def write_split(folder: Path, scene: Scene, steps: int, matrix: Sequence[str]) -
 
 
 class Counted:
-    """Processor time of samples by kind, s; matrix: functions `file.py:Class.name` that are matrix
-    operations."""
+    """Processor time of samples by kind, s: `matrix` and `update`, of the time loop alone. matrix,
+    at the start: functions `file.py:Class.name` that are matrix operations, with those that they
+    call."""
 
     def __init__(self, matrix: Sequence[str]) -> None:
         self.places = [(file, name) for file, _, name in (text.partition(":") for text in matrix)]

@@ -111,7 +111,8 @@ class PaperPart(Plugin):
 
 
 def part_of(function: Callable[..., Any], key: str) -> type[PaperPart]:
-    """Class of the options of a function; key: option that holds its name."""
+    """Class of the options of a function; key: option that holds its name. A parameter that is
+    opened (a run, the table of a study) is written by name in the option."""
     hints = get_type_hints(function, include_extras=True)
     options: dict[str, Any] = {key: (Literal[function.__name__], ...)}
     for name, parameter in signature(function).parameters.items():

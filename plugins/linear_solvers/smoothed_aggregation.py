@@ -119,7 +119,7 @@ def _whole_nodes(A: Csr, places: DofLocations | None) -> tuple[Any, IntArray, Fl
     new[1:] = (np.diff(component) <= 0) | np.any(np.diff(X, axis=0) != 0.0, axis=1)
     at = d * (np.cumsum(new) - 1) + component
     size = d * int(np.sum(new))
-    extra = np.setdiff1d(np.arange(size), at)
+    extra = np.setdiff1d(np.arange(size), at)  # fixed displacements
     entries = A.tocoo()
     values = np.concatenate([entries.data, np.full(len(extra), float(A.diagonal().mean()))])
     rows, columns = (np.concatenate([at[i], extra]) for i in (entries.row, entries.col))

@@ -26,8 +26,8 @@ class Parseval(Preconditioner):
         )
 
     def build(self, A: FloatArray) -> FloatArray:
-        """Preconditioner P (m, m) for A (m, k), k >= m. Raises InputError when k < m or A lacks row
-        rank."""
+        """Preconditioner P = (A A^T)^(-1/2), (m, m), for A (m, k), k >= m. Raises InputError when
+        k < m or A lacks row rank."""
         m, k = A.shape
         reason = self.check(m, k)
         if reason:

@@ -167,8 +167,8 @@ class RowSampler(Sampler):
         rng: np.random.Generator,
         required: IntArray,
     ) -> IntArray:
-        """Sorted distinct rows: those always kept and m more. Raises InputError when there are
-        fewer."""
+        """Sorted distinct rows: those always kept and m more. required: rows on which joints and
+        localized loads act. Raises InputError when there are fewer."""
         return self.rows_beside(kept_rows(self.required, block, required), block, m, dictionary,
                                 rng)
 

@@ -47,7 +47,8 @@ def one_column_a_row(U: FloatArray, rows: GreedyRows) -> None:
 
 
 def all_columns(U: FloatArray, rows: GreedyRows) -> None:
-    """Adds further rows by det(A^T A + u^T u) = det(A^T A) (1 + u (A^T A)^-1 u^T) for a row u.
+    """Adds further rows by det(A^T A + u^T u) = det(A^T A) (1 + u (A^T A)^-1 u^T) for a row u: the
+    one of largest det A^T A / prod |a_j|^2 over the columns a_j of the sample A, with it added.
 
     q (n,), u (A^T A)^-1 u^T of all candidates, is updated after each row by rank-one updates, and
     computed again where these have lost digits.

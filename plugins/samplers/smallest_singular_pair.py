@@ -101,8 +101,9 @@ class Smallest:
             self.first = inverse[-1]
 
     def _updated(self, M: FloatArray, rows: FloatArray) -> bool:
-        """Updates M and its eigenvectors by rows (q, k); False if these did not converge or M has
-        lost digits."""
+        """Updates M = (A^T A - shift)^-1 and its leading eigenvectors `held` by rows (q, k); False
+        if these did not converge or M has lost digits: its largest eigenvalue has fallen far below
+        the `first` one."""
         new = []
         for u in rows:
             b = M @ u

@@ -42,7 +42,8 @@ class Penalised:
 
     @classmethod
     def of(cls, linear: Linearised, groups: Sequence[Group]) -> "Penalised":
-        """Penalised part of a linearised problem, whose unpenalised columns must be independent."""
+        """Penalised part of a linearised problem r + J (z_new - z), with unit columns J, residual r
+        and scaled coefficients z; its unpenalised columns must be independent."""
         free = always_active(groups, linear.z.size)
         columns = np.flatnonzero(~free)
         target = linear.J @ linear.z - linear.r  # right-hand side for coefficients, not for a step
@@ -133,7 +134,8 @@ def _best_fit(A: FloatArray) -> tuple[FloatArray, FloatArray]:
 @dataclass(frozen=True, slots=True, eq=False)
 class PreparedColumns:
     """Constant columns J (m, k) of one group, of unit length or zero, reduced once to as many rows
-    as they have independent columns; turn (m, r) or None: basis Q of these rows."""
+    as they have independent columns. turn: orthonormal basis Q (m, r) of their space, by which J
+    and b become Q^T J and Q^T b; None where m <= k and all rows are kept."""
 
     problem: Penalised
     turn: FloatArray | None

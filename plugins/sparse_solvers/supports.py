@@ -126,7 +126,7 @@ def widened(
 
 def independent(J: FloatArray, base: BoolArray, wide: BoolArray, rtol: float) -> BoolArray:
     """Mask `wide` without those new columns of J (m, k) that depend on the columns of `base` or, by
-    pivoted QR, on each other."""
+    pivoted QR, on each other: whose part outside their space is at most 100 rtol."""
     added: IntArray = np.flatnonzero(wide & ~base)
     Q = np.linalg.qr(J[:, base])[0]
     new = J[:, added]

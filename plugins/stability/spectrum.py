@@ -180,6 +180,7 @@ def own_values(step: StepMap) -> dict[str, ComplexArray]:
     heat by r1 alone, -D^-1 C with D = K + c1 C. In the code `mass`, `damping` and `stiffness` are
     D^-1 M (or D^-1 C), D^-1 D_m and D^-1 K.
     """
+    # alone: elastic block -> dx' (k, 2 k) from dr1 and dr2 in a fixed frame
     alone, f, found = step.solver.alone(), step.formula, {}
     for b in step.layout:
         if b.kind.reducible and b.kind.order == 1:

@@ -155,7 +155,7 @@ def step_map(
         {b.name: int(active[solver.layout[b.name]].sum()) for b in solver.layout})
     scale = _sizes(solver.layout, x)
     S = _exact(solver, formula, x)
-    if S is None:
+    if S is None:  # by differences
         S = _response_by_some_change(solver, formula, memory, np.flatnonzero(active), scale)
     inner = State(state.t, state.x[active], state.v[active], state.a[active],
                   state.memory[active])

@@ -99,7 +99,8 @@ class VariantStability:
         return sorted(f.judgement.radius for f in self.findings)
 
     def as_dict(self) -> dict[str, Any]:
-        """Settings, and medians and maxima over the seeds."""
+        """Settings, and medians and maxima over the seeds; missed: number of seeds with a load or
+        joint that acts on no sampled row."""
         gates = [f.judgement.gate for f in self.findings]
         numbers = {"median_radius": median(self.radii), "worst_radius": max(self.radii),
                    "median_gate": median(gates), "worst_gate": max(gates)}
@@ -143,6 +144,9 @@ class Survey:
         return found
 
     def __str__(self) -> str:
+        """Table of the variants, a line each, and the smallest stable numbers of sampled rows.
+        gate: excess growth exponent of the run; departure: eigenvalue error by the sampled rows;
+        imaginary: |Im| / |eigenvalue|; missed: seeds with a load or joint on no sampled row."""
         head = ["sampler", "required", "rows", "atoms", "integrator", "step", "stable",
                 "median radius", "worst radius", "worst gate", "departure", "imaginary", "missed"]
         table = [head]

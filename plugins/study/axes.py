@@ -37,7 +37,9 @@ class AxisValue:
 
 @dataclass(frozen=True, slots=True)
 class Point:
-    """One combination of axis values, which defines a run."""
+    """One combination of axis values, which defines a run. settings: column of the table -> value;
+    changes, owners: key of the scene -> value, and its position in the study file; places:
+    positions of the axis values."""
 
     choices: tuple[AxisValue, ...]
 
@@ -62,7 +64,8 @@ Axis = Sequence[AxisValue]
 
 
 def points_of(study: Study) -> list[Point]:
-    """All runs of a study in order; the last axis varies fastest. Raises `LocatedError`."""
+    """All runs of a study in order; the last axis varies fastest. Raises `LocatedError` with all
+    faults of the axes (`Study.check`)."""
     file = study.file
     axes, findings = _axes(file)
     if file.seeds:

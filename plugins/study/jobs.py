@@ -105,7 +105,7 @@ def _products(job: Mapping[str, Any], scene: Scene, registry: Registry | None) -
     Raises SolveFailed only if the training run fails; other failures are reported by each run
     itself.
     """
-    scene = explicit(scene, Cache(), new_manager())
+    scene = explicit(scene, Cache(), new_manager())  # with what trial runs choose for it
     model, offline = prepared(scene, Cache(), new_manager())
     with np.errstate(all="ignore"):
         try:

@@ -55,6 +55,8 @@ class ParameterTest:
         return max(1, ceil(self.offline_seconds / (full - reduced))) if reduced < full else None
 
     def __str__(self) -> str:
+        """Table of the largest errors over the runs, a line for each number of unknowns; mean times
+        of the largest model, and the break-even number of runs."""
         table = [["unknowns", "runs", "failed", *(m.replace("_", " ") for m in self.measures)]]
         for size in dict.fromkeys(r["unknowns"] for r in self.rows):
             mine = [r for r in self.rows if r["unknowns"] == size]

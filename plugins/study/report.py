@@ -39,6 +39,7 @@ def in_words(plan: StudyPlan, rows: Sequence[Mapping[str, Any]]) -> str:
     counts = [n for n in (plan.study.file.budget,) if n in OF_CHARTS]
     names = ["run", *axes, *counts, "status", "ms_per_step",
              *(["speed_up"] if plan.study.file.compared else []), *own,
+             # the first one, of all unknowns together, is in the files alone
              *(n for n in [*errors][1:] if any(row.get(n) is not None for row in rows))]
     head = [errors.get(n, n).replace("_", " ") for n in names]
     shown = [[_text(n, row, errors.get(n), ".6g" if n in own else "") for n in names]

@@ -127,7 +127,8 @@ def run_plan(
 def worker_pool(
     workers: int, folder: Path, cluster: Pool | None = None, registry: Registry | None = None
 ) -> Iterator[tuple[Pool, str | None]]:
-    """Context manager: pool of workers, and a folder that they share (None for a cluster)."""
+    """Context manager: pool of workers, and a folder that they share (None for a cluster). workers:
+    number of processes, 0 for jobs in this one; cluster: pool that is used instead."""
     if cluster is not None:
         yield cluster, None
         return

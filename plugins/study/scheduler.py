@@ -93,6 +93,7 @@ class Schedule:
         self._order = {name: i for i, name in enumerate(self._jobs)}
         self._graph = TopologicalSorter({name: job.after for name, job in self._jobs.items()})
         self._graph.prepare()
+        # jobs that wait for no other one, by their place in the order
         self._ready: list[tuple[int, str]] = []
         self._push(self._graph.get_ready())
         # by name of a job: results; numbers of workers that died of it; submitted jobs
@@ -122,8 +123,10 @@ class Schedule:
         self, commit: Callable[[Row], None],
         on_progress: Callable[[StudyProgress, Row | None], None],
     ) -> None:
-        """Executes jobs until every run has its row. `commit`: called with each row; `on_progress`:
-        called with the progress after each row, and repeatedly while jobs run."""
+        """Executes jobs until every run has its row: those that wait for no other one (`_ready`)
+        are submitted while the pool takes more (`_flying`: submitted). `commit`: called with each
+        row; `on_progress`: called with the progress after each row, and repeatedly while jobs run.
+        """
         self._commit, self._on_progress = commit, on_progress
         while self._ready or self._flying:
             while self._ready and len(self._flying) < self._pool.slots:

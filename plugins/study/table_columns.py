@@ -58,7 +58,8 @@ def columns_of(
     quantities: Iterable[str] = (), compared: bool = True, keep: bool = False,
 ) -> list[str]:
     """Names of all columns in the order of the table; settings: columns of the changed options;
-    compared: False for runs without references."""
+    late: with errors from a given time on; over_time: with errors over time; compared: False for
+    runs without references; keep: with the folder of each result."""
     first = ["run", *settings]
     own = [*OUTCOME, *((RESULT,) if keep else ()), "seed", *quantities,
            *(error_columns(fields, late) if compared else ()),
