@@ -117,14 +117,14 @@ class WeakTerm(Term):
         return self.elements * int(sum(widths))
 
     @property
-    def tested(self) -> NodalField:
+    def test_field(self) -> NodalField:
         """Field whose test functions multiply the law."""
         return self.fields[self.law.tests[0].quantity]
 
     # ------------------------------------------------------------------ evaluation
 
     def residual(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray:
-        loads, at = self._loads(x, v, a, t), self.row_of[self.tested.shape.nodes]
+        loads, at = self._loads(x, v, a, t), self.row_of[self.test_field.shape.nodes]
         kept = at >= 0
         return np.bincount(at[kept], loads[kept], minlength=len(self.rows)).astype(np.float64)
 
@@ -144,11 +144,11 @@ class WeakTerm(Term):
 
     def _loads(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray:
         """(E, n, components) contribution of each element to its nodes."""
-        shape = self.tested.shape
+        shape = self.test_field.shape
         loads = np.zeros((*shape.nodes.shape, self.row_of.shape[1]))
         response = self._response(x, v, a, t)
         for test, y in zip(self.law.tests, response.y, strict=True):
-            loads[:, :, test.component] += tested(shape, y, self.weights, test.axis)
+            loads[:, :, test.component] += element_loads(shape, y, self.weights, test.axis)
         return loads
 
     def jacobian(
@@ -161,7 +161,7 @@ class WeakTerm(Term):
         data, i, j = [np.zeros(0)], [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
         for test, variable, local in self._local_matrices(self._response(x, v, a, t)):
             field = self.fields[variable.quantity]
-            rows = self.row_of[self.tested.shape.nodes, test][:, :, None]
+            rows = self.row_of[self.test_field.shape.nodes, test][:, :, None]
             columns = field.column_of[field.shape.nodes, variable.component][:, None, :]
             kept = (rows >= 0) & (columns >= 0)
             to = np.broadcast_to(columns, kept.shape)[kept]
@@ -178,7 +178,7 @@ class WeakTerm(Term):
         function (`along`: or its derivative along an axis) dy_i/dz_j times shape function."""
         tests, reads, found = self.law.tests, self.law.reads, dict[tuple[int, Variable], Any]()
         for (i, j), derivative in response.derivatives.items():
-            rows = self.tested.shape.along(tests[i].axis)
+            rows = self.test_field.shape.along(tests[i].axis)
             columns = self.fields[reads[j].quantity].shape.along(reads[j].axis)
             factors = np.broadcast_to(derivative, self.weights.shape) * self.weights
             if rows.shape[2] == columns.shape[2] == 1:  # both constant in each element
@@ -200,7 +200,7 @@ class WeakTerm(Term):
         new[-1] = -1
         row_of = new[self.row_of]
         used = np.unique([test.component for test in self.law.tests])
-        acts = row_of[:, used][self.tested.shape.nodes] >= 0
+        acts = row_of[:, used][self.test_field.shape.nodes] >= 0
         return self._part(np.flatnonzero(acts.any(axis=(1, 2))), self.rows[keep], row_of)
 
     def _part(self, elements: IntArray, rows: IntArray, row_of: IntArray) -> WeakTerm:
@@ -211,7 +211,7 @@ class WeakTerm(Term):
         used = [np.zeros(0, np.int64)]
         for quantity, field in self.fields.items():
             fields[quantity], nodes = field.part(elements)
-            if field is self.tested:
+            if field is self.test_field:
                 row_of = row_of[nodes]
             if quantity in read:
                 at = fields[quantity].column_of
@@ -231,7 +231,7 @@ class WeakTerm(Term):
         remaining element, are dropped."""
         some = replace(self, weights=self.weights * weights[:, None])
         some = some._part(np.flatnonzero(weights), self.rows, self.row_of)
-        rows = np.unique(some.row_of[some.tested.shape.nodes])
+        rows = np.unique(some.row_of[some.test_field.shape.nodes])
         return some.restrict(rows[rows >= 0])
 
     def contributions(
@@ -243,7 +243,7 @@ class WeakTerm(Term):
         hyper-reduction by element weights. row_of: row of each component at each node, -1: none."""
         part = self if elements is None else self._part(elements, self.rows, self.row_of)
         part_columns = np.searchsorted(self.columns, part.columns)
-        part_rows = part.row_of[part.tested.shape.nodes]
+        part_rows = part.row_of[part.test_field.shape.nodes]
         weights = np.where(part_rows >= 0, left[:, part_rows], 0.0)
         weights = weights.reshape(*weights.shape[:2], prod(weights.shape[2:]))
         contributed = np.zeros((len(part_rows), len(left), len(t)))
@@ -290,7 +290,7 @@ class WeakTerm(Term):
                               *nodes.shape, field.shape.along(axis).shape[2])), optimize=True)
             reads.append(variable)
             projections.append(ProjectedVariable(P, interpolated(field.shape, offset, axis), parts))
-        shape = self.tested.shape
+        shape = self.test_field.shape
         left_padded = np.concatenate([left, np.zeros((len(left), 1))], axis=1)
         tests = []
         for test in self.law.tests:
@@ -311,7 +311,7 @@ def interpolated(shape: ShapeFunctions, nodal: FloatArray, axis: int | None) -> 
     return np.asarray((u[:, None, :] @ functions)[:, 0])
 
 
-def tested(
+def element_loads(
     shape: ShapeFunctions, y: FloatArray, weights: FloatArray, axis: int | None
 ) -> FloatArray:
     """(E, n) sums over the points of weights (E, Q) y times each test function or derivative."""

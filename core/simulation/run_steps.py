@@ -99,8 +99,8 @@ class RunSteps:
     begin: the state and memory with which they begin (`started`), if they are known. earlier:
     number of steps that this process has taken with the same model, for which machine code pays,
     too. found: what checks found in an earlier run of the same steps, which they do not look at
-    again; then that of this run, None until it has ended. held: True while a control decides on
-    what is written.
+    again; then that of this run, None until it has ended. undecided: True while a control decides
+    on what is written.
     """
 
     @np.errstate(all="ignore")  # overflow ends in a status, not in a warning
@@ -119,7 +119,7 @@ class RunSteps:
         scene = run.scene
         self.run, self.scene, self.solver = run, scene, run.solver
         self.recorder, self.manager, self.stats, self.steps = recorder, manager, stats, run.steps
-        self.collector, self.due, self.held = collector, False, False
+        self.collector, self.due, self.undecided = collector, False, False
         self.state, self.memory = begin or started(self.solver, scene.integrator, run.start)
         complete(self.memory, StepMemory, scene.reducer, "start", "reducer")
         self.many = many_steps(
@@ -144,7 +144,7 @@ class RunSteps:
         # what checks see of steps is not in checkpoints
         self.on_step = self.checks.on_start(
             self.run, self.state,
-            self.stats.done == 0 and not self.held and not recorder.fall_back)
+            self.stats.done == 0 and not self.undecided and not recorder.fall_back)
 
     def take(self) -> SolveFailed | None:
         """Takes and records the steps; returns None, or the error of a failed step or an
@@ -318,7 +318,7 @@ class RunSteps:
                 stats.count_atoms(supports)
             self.due = self.recorder.take(self.state, stats, supports, self.memory) or self.due
             # in a block of steps the memory is that of its last one
-            if self.due and whole and not self.held:
+            if self.due and whole and not self.undecided:
                 self.save()
             if watched:
                 self.seen_draws = self._report_rows(self.seen_draws)

@@ -30,7 +30,7 @@ from sparsemor.core.simulation.stages_before_steps import (
     reduced,
     train,
 )
-from sparsemor.core.simulation.training import snapshot_keeper
+from sparsemor.core.simulation.training import snapshot_collector
 
 
 @naming_plugins()
@@ -74,7 +74,9 @@ def simulate(
         recorder = Recorder.open(run, folder, resume, offline.products)
         recorder.folder, recorder.memory = temporary, MemoryUse(offline.expected, peak())
         # snapshots are those of a whole run: not of the rest of an interrupted one
-        snapshots = snapshot_keeper(scene, model, offline) if keep_training and not resume else None
+        snapshots = None
+        if keep_training and not resume:
+            snapshots = snapshot_collector(scene, model, offline)
         with kept(recorder.writer, new=recorder.checkpoint is None):
             steps = RunSteps(run, recorder, manager, stats, snapshots)
             failure = steps.take()

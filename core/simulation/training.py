@@ -146,7 +146,7 @@ def _under_loads(make: Callable[[], Mapping[str, FloatArray]]) -> Mapping[str, F
             "run can have, such as {push: [0.5, 1]}, or name fewer loads") from None
 
 
-def snapshot_keeper(scene: Scene, model: Model, offline: Offline) -> SnapshotCollector | None:
+def snapshot_collector(scene: Scene, model: Model, offline: Offline) -> SnapshotCollector | None:
     """Recorder of training snapshots, if this run begins with a training run whose snapshots are
     not in the cache; else None."""
     if not model.reducible() or not (count := training_steps(scene)) or offline.has_training():

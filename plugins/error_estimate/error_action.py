@@ -73,7 +73,7 @@ class ErrorControl(StepControl):
 
     def monitor_by(self, steps: RunSteps, monitor: ErrorMonitor | None) -> None:
         """Compares the errors of the steps that follow, None: accepts them."""
-        self.monitor, steps.held = monitor, monitor is not None
+        self.monitor, steps.undecided = monitor, monitor is not None
 
     def take(self, steps: RunSteps, stop_requested: Callable[[], bool]) -> SolveFailed | None:
         """Takes the steps between two estimates at a time; where an estimate exceeds the tolerance,

@@ -61,7 +61,7 @@ class BorderedModes:
         for made in equations.border_blocks(x, v, a, t, c1, c2):
             body, at = made.body, np.ix_(number[made.at], number[made.at])
             S[at] += made.corner
-            if (b := body.tested) is None:
+            if (b := body.operators) is None:
                 continue
             space = spaces[body.step.elastic_name]
             # K + c1 C + c2 M and the diagonal of the rotation sum_g (kappa_g + c1 mu_g) G_g
@@ -75,7 +75,7 @@ class BorderedModes:
         if not len(border):  # all frames are prescribed
             none = np.zeros(0, dtype=np.int64)
             for body in equations.bodies:
-                if (b := body.tested) is not None:
+                if (b := body.operators) is not None:
                     space = spaces[body.step.elastic_name]
                     diagonal = space.stiffness + c1 * space.damping + c2 * space.mass
                     bodies.append(BodyModes(

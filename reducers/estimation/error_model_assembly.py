@@ -37,7 +37,7 @@ from sparsemor.reducers.estimation.reduced_states import (
 from sparsemor.reducers.estimation.residuals import ElasticResidual, HeatResidual
 from sparsemor.reducers.step.coupled_reduced import ProjectedBlock, ProjectedModel, dense_equations
 from sparsemor.reducers.step.frame_step import BodyStep
-from sparsemor.reducers.step.projected_operators import TestedElastic, TestedHeat, TestMap
+from sparsemor.reducers.step.projected_operators import ProjectedElastic, ProjectedHeat, TestMap
 
 ESTIMATE_STEPS, TOO_SMALL = "estimate_steps", 18
 """Kind of the note on estimates by long steps, and the largest ratio of an error to its estimate
@@ -129,7 +129,7 @@ class _ErrorSystems:
         for b in self.model.separated.heat:
             test = add(b.thermal, self._heat_space(b))
             heat[b.thermal] = ProjectedBlock(
-                tested=TestedHeat.of(b, dictionaries[b.thermal], test),
+                operators=ProjectedHeat.of(b, dictionaries[b.thermal], test),
                 left=np.eye(spaces[b.thermal].size), forces=test)  # rows as they are
         for m in self.model.separated.moving:
             if m.operators is None:
@@ -146,11 +146,11 @@ class _ErrorSystems:
                     ESTIMATE_STEPS))
             test = add(m.elastic, self._elastic_space(
                 m, np.zeros((0, 0)) if warm is None else warm.modes))
-            tested = TestedElastic.of(
+            operators = ProjectedElastic.of(
                 replace(m.operators, local=()), m.frame, dictionaries[m.elastic],
                 dictionaries.get(m.thermal), test)
             elastic[m.elastic] = ProjectedBlock(
-                tested=tested, left=np.eye(spaces[m.elastic].size), forces=test)
+                operators=operators, left=np.eye(spaces[m.elastic].size), forces=test)
         projected = ProjectedModel(
             self.model, dictionaries, rows={}, heat=heat, elastic=elastic)
         blocks = []
@@ -235,8 +235,8 @@ class _Coordinates:
     def heat(self, b: HeatBody) -> BlockErrors:
         """Error equation of temperatures."""
         name = b.thermal
-        tested = TestedHeat.of(b, self.bases[name], TestMap(left=self.spaces[name].modes.T))
-        return self._block(name, HeatResidual.of(self.layout[name], tested))
+        operators = ProjectedHeat.of(b, self.bases[name], TestMap(left=self.spaces[name].modes.T))
+        return self._block(name, HeatResidual.of(self.layout[name], operators))
 
     def elastic(self, m: MovingBody) -> BlockErrors:
         """Error equation of displacements, loaded by the errors of the body's temperatures."""
@@ -244,10 +244,10 @@ class _Coordinates:
         name, o, layout = m.elastic, m.operators, self.layout
         space, warm = self.spaces[name], self.spaces.get(m.thermal)
         test = TestMap(left=space.modes.T)
-        tested = TestedElastic.of(
+        operators = ProjectedElastic.of(
             o, m.frame, self.bases[name], self.bases.get(m.thermal), test, rigid=False)
         step = BodyStep(
-            m.name, tested.frame, m.to_border, m.origin, elastic=layout[name],
+            m.name, operators.frame, m.to_border, m.origin, elastic=layout[name],
             thermal=layout[m.thermal] if m.thermal in layout else slice(0, 0), elastic_name=name,
             guide=m.guide)
         warmth = None  # loads of the modes by errors of temperatures, (qT, q)
@@ -257,7 +257,7 @@ class _Coordinates:
             self.build.notes.append(information(
                 f"the damping of {name} couples its eigenmodes, by {space.coupled:.1e} of its "
                 "size, which the estimate of its error leaves out", "estimate_damping"))
-        return self._block(name, ElasticResidual.of(step, tested), m.thermal, warmth)
+        return self._block(name, ElasticResidual.of(step, operators), m.thermal, warmth)
 
     def _block(
         self, name: str, residual: HeatResidual | ElasticResidual, heat: str = "",

@@ -11,7 +11,7 @@ import numpy as np
 
 from sparsemor.core import FloatArray
 from sparsemor.reducers.step.frame_step import BodyStep, PrescribedFactors
-from sparsemor.reducers.step.projected_operators import TestedElastic, TestedHeat
+from sparsemor.reducers.step.projected_operators import ProjectedElastic, ProjectedHeat
 from sparsemor.reducers.step.time_tables import LoadsInTime
 
 
@@ -34,7 +34,7 @@ class HeatResidual:
     loads: LoadsInTime
 
     @classmethod
-    def of(cls, at: slice, b: TestedHeat) -> "HeatResidual":
+    def of(cls, at: slice, b: ProjectedHeat) -> "HeatResidual":
         return cls(at, np.ascontiguousarray(np.hstack([b.conductivity, b.capacity]).T),
                    LoadsInTime(b.constant, b.loads, tuple(b.amplitudes), tuple(b.tables)))
 
@@ -54,14 +54,14 @@ class ElasticResidual:
     """
 
     step: BodyStep
-    tested: TestedElastic
+    tested: ProjectedElastic
     operators: FloatArray
     loads: LoadsInTime
 
     @classmethod
-    def of(cls, step: BodyStep, b: TestedElastic) -> "ElasticResidual":
+    def of(cls, step: BodyStep, b: ProjectedElastic) -> "ElasticResidual":
         columns = [b.stiffness, b.damping, b.mass, *b.generators, b.directions, -b.coupling]
-        # to be subtracted; `constant` is on the left-hand side (`TestedElastic`)
+        # to be subtracted; `constant` is on the left-hand side (`ProjectedElastic`)
         loads = LoadsInTime(-b.constant, b.loads, tuple(b.amplitudes), tuple(b.tables))
         return cls(step, b, np.ascontiguousarray(np.hstack(columns).T), loads)
 

@@ -63,7 +63,7 @@ class FullBody:
     """A body at full order. ops, factor: its operators and the factorized D, None for a rigid body;
     G (g n, n): its matrices M_g, one below the other; E (n, p) = D^-1 P; noise (3, n): errors due
     to rounding K u, C u' and M u'' where these unknowns are 1. Of a body whose frame has no
-    unknowns, `drive`: kappa, mu and sigma as functions of time, and a coarse space for its
+    unknowns, `frame_factors`: kappa, mu and sigma as functions of time, and a coarse space for its
     rotation."""
 
     step: BodyStep
@@ -72,13 +72,13 @@ class FullBody:
     G: Csr | None = None
     E: FloatArray | None = None
     noise: FloatArray | None = None
-    drive: TimeTable | None = None
+    frame_factors: TimeTable | None = None
     coarse: CoarseCorrection | None = None
 
     @classmethod
     def of(
         cls, step: BodyStep, ops: ElasticOperators, factor: Factorized,
-        drive: TimeTable | None = None
+        frame_factors: TimeTable | None = None
     ) -> "FullBody":
         """Body with D^-1 P, and the effect of rounding: D^-1 of unit round-off with random signs
         times the row sums of |K|, |C| and |M|. Raises SolveFailed, naming the block, where a linear
@@ -88,8 +88,8 @@ class FullBody:
             ops.stiffness, ops.damping, ops.mass)], axis=1)
         noise = np.ascontiguousarray(solve_or_fail(factor, terms, name).T)
         G, P = vstack(ops.generators).tocsr() if ops.generators else None, ops.directions
-        if drive is not None:
-            return cls(step, ops, factor, G, E=None, noise=noise, drive=drive,
+        if frame_factors is not None:
+            return cls(step, ops, factor, G, E=None, noise=noise, frame_factors=frame_factors,
                        coarse=CoarseCorrection.of(ops, factor, name))
         E = solve_or_fail(factor, P, name) if P.size else P
         return cls(step, ops, factor, G, E, noise)
@@ -261,11 +261,11 @@ class FullMechanics(StepEquations):
         if o.local or o.damps:
             rate = step.free_rate[b.step.thermal] + step.c1_first * d[b.step.thermal]
             one.local = LocalForces((*o.local, *o.damps), step, one.u, one.v, T, rate)
-        if b.drive is None:
+        if b.frame_factors is None:
             one.products = b.inertia_products(np.stack([one.u, one.v], axis=1))
             return one
         # prescribed frame: table = [kappa, mu, sigma]
-        g, table = len(o.generators), b.drive.at(step.t)
+        g, table = len(o.generators), b.frame_factors.at(step.t)
         work.coefficients[: 2 * g], work.sigma[-1] = table[: 2 * g], table[2 * g :]
         kappa, mu = table[:g], table[g : 2 * g]
         one.weights = kappa + step.c1 * mu
@@ -297,7 +297,7 @@ class FullMechanics(StepEquations):
         for b, w, one, (_, at, to_border) in zip(
                 self.bodies, self.work, self.displaced, self.maps, strict=True):
             own = d[b.step.elastic]
-            if b.drive is None:  # border rows, and factors at this iterate
+            if b.frame_factors is None:  # border rows, and factors at this iterate
                 products = self._evaluate(b, one, own, X, self.step.t, w, at, to_border, rates)
                 r[at] += w.border[:, -1] @ to_border
             if b.ops is None:
@@ -307,7 +307,7 @@ class FullMechanics(StepEquations):
                 continue
             # right: h + sum_g (kappa_g M_g u + mu_g M_g u') + P sigma + local terms
             right = one.h if one.local is None else one.h + one.local.rows(own)
-            if b.drive is None:
+            if b.frame_factors is None:
                 right = right + w.coefficients[:-1] @ products
                 if w.sigma.shape[1]:
                     right += b.ops.directions @ w.sigma[-1]
@@ -390,7 +390,7 @@ class FullMechanics(StepEquations):
         known = np.array_equal(at.x, self.frames_at)  # evaluated with the residual
         for i, (b, w, (used, columns, to_border)) in enumerate(zip(
                 self.bodies, self.work, self.maps, strict=True)):
-            if b.drive is not None:
+            if b.frame_factors is not None:
                 continue
             if not known:
                 self._evaluate(b, one=None, d=_NONE, X=X, t=at.t, work=w, at=columns,

@@ -82,7 +82,7 @@ def diagonal(A: FloatArray) -> FloatArray:
     return np.diag(np.diagonal(A))
 
 
-def carried(A: FloatArray) -> FloatArray:
+def compact(A: FloatArray) -> FloatArray:
     """A (s, k) in the form that is multiplied in each step: a diagonal matrix as its diagonal
     (k,)."""
     d = np.diagonal(A)
@@ -91,10 +91,10 @@ def carried(A: FloatArray) -> FloatArray:
 
 
 def times(A: FloatArray, x: FloatArray) -> FloatArray:
-    """Product A x for a matrix A (s, k) or the diagonal (k,) of one, as returned by `carried`."""
+    """Product A x for a matrix A (s, k) or the diagonal (k,) of one, as returned by `compact`."""
     return A * x if A.ndim == 1 else A.dot(x)
 
 
 def dense(A: FloatArray) -> FloatArray:
-    """Matrix of an array returned by `carried`, which may be the diagonal of one."""
+    """Matrix of an array returned by `compact`, which may be the diagonal of one."""
     return np.diag(A) if A.ndim == 1 else A

@@ -161,18 +161,18 @@ def choose_points(
 ) -> IntArray:
     """m points chosen by the sampler for the modes, and with `required` the rows of joints and
     loads in addition; cached."""
-    held = block.model.required[block.name] if required else np.zeros(0, dtype=np.int64)
+    fixed = block.model.required[block.name] if required else np.zeros(0, dtype=np.int64)
     f = modes.atoms.shape[1]
-    drawn = max(min(m, block.size - len(held)), 0)
+    drawn = max(min(m, block.size - len(fixed)), 0)
 
     def make() -> Mapping[str, IntArray]:
         """Points drawn by the sampler in addition to those that are always kept."""
         data = equation_data(block, np.zeros((block.size, 0)))
-        return {"rows": sampled_rows(sampler, data, drawn, modes, block.rng, held)}
+        return {"rows": sampled_rows(sampler, data, drawn, modes, block.rng, fixed)}
 
     if not f:
-        return held
-    depends = (block.name, drawn, sampler, modes.atoms, held, repr(block.rng.bit_generator.state))
+        return fixed
+    depends = (block.name, drawn, sampler, modes.atoms, fixed, repr(block.rng.bit_generator.state))
     points: IntArray = np.asarray(block.offline.remember("rows", depends, make)["rows"])
     if len(points) < f:
         raise InputError(

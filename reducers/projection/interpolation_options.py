@@ -70,12 +70,12 @@ class Interpolating(ProjectionReducer):
             points, size = matched_option(name, self.points, 0), block_size(model, name)
             modes = basis.most_atoms(size) or 0  # 0 where the options set no number
             # rows of joints and localized loads, which are points in addition
-            held = len(model.required[name]) if self.required else 0
-            if points > size - held:
+            fixed = len(model.required[name]) if self.required else 0
+            if points > size - fixed:
                 faults.append(Fault("points", f"{points} points were requested of {name}, which "
-                                    f"has {size - held} unknowns to choose from"))
-            elif points and points + held < min(modes, size):
-                faults.append(Fault("points", f"{name}: {points + held} points cannot determine "
+                                    f"has {size - fixed} unknowns to choose from"))
+            elif points and points + fixed < min(modes, size):
+                faults.append(Fault("points", f"{name}: {points + fixed} points cannot determine "
                                     f"{modes} modes: take more points or fewer modes"))
         return faults
 

@@ -39,7 +39,7 @@ from sparsemor.reducers.projection.operators_and_test_maps import (
 )
 from sparsemor.reducers.reducer_notes import shadowed_basis
 from sparsemor.reducers.reducer_options import BASES, ReducedStepOptions
-from sparsemor.reducers.step.blockwise_solver import Facts, Stepper, stepper
+from sparsemor.reducers.step.blockwise_solver import BlockwiseSolver, Facts, stepper
 from sparsemor.reducers.step.compiled.compiled_stepper import compilable
 from sparsemor.reducers.step.convergence_test import Tolerances
 from sparsemor.reducers.step.coupled_reduced import (
@@ -48,7 +48,7 @@ from sparsemor.reducers.step.coupled_reduced import (
     ReducedGeneral,
     reduced_general,
 )
-from sparsemor.reducers.step.projected_operators import TestedElastic, TestedHeat
+from sparsemor.reducers.step.projected_operators import ProjectedElastic, ProjectedHeat
 from sparsemor.reducers.step.thermal_block import CompressedHeat
 from sparsemor.reducers.step.thermal_groups import heat_groups
 from sparsemor.reducers.trial_bases import local_terms, spanned, trial_bases
@@ -120,7 +120,7 @@ class ProjectionReducer(ReducedStepOptions, ABC):
             approximation=self.approximation(model, bases, offline, h),
             generators=dict(zip(bases, problem.rng.spawn(len(bases)), strict=True)), notes=notes)
 
-    def prepare(self, problem: ReducedProblem) -> Stepper | ReducedGeneral:
+    def prepare(self, problem: ReducedProblem) -> BlockwiseSolver | ReducedGeneral:
         """Step solver of the reduced model. Raises InputError where the reducer does not apply to
         the scene, SolveFailed for linearly dependent atoms."""
         projection = self.project(problem)
@@ -161,7 +161,7 @@ class Projection:
         return replace(self, dictionaries={
             n: d.leading(wanted[n]) if n in wanted else d for n, d in self.dictionaries.items()})
 
-    def solver(self) -> Stepper | ReducedGeneral:
+    def solver(self) -> BlockwiseSolver | ReducedGeneral:
         """Step solver: the operators of each block on its trial basis and under its test maps,
         times the left inverse of the block's own operator. Raises InputError where test maps do not
         exist, SolveFailed for linearly dependent atoms."""
@@ -185,20 +185,20 @@ class Projection:
 
         for b in model.separated.heat:
             m = mapped(b.thermal, b)
-            th = TestedHeat.of(b, dictionaries[b.thermal], m.test, m.force)
+            th = ProjectedHeat.of(b, dictionaries[b.thermal], m.test, m.force)
             th = th.in_modes() if b.thermal in modes else th
             left = left_inverse(b.thermal, th.block(c1_first))
-            heat[b.thermal] = ProjectedBlock(tested=th, left=left, forces=m.forces)
+            heat[b.thermal] = ProjectedBlock(operators=th, left=left, forces=m.forces)
         for body in model.separated.moving:
             if body.operators is None:
                 continue
             n, m = body.elastic, mapped(body.elastic, body)
-            te = TestedElastic.of(
+            te = ProjectedElastic.of(
                 body.operators, body.frame, dictionaries[n], dictionaries.get(body.thermal),
                 m.test, m.force, rigid=model.separated.rigid_equations)
             te = te.in_modes() if n in modes else te
             left = left_inverse(n, te.block(c1, c2))
-            elastic[n] = ProjectedBlock(tested=te, left=left, forces=m.forces)
+            elastic[n] = ProjectedBlock(operators=te, left=left, forces=m.forces)
         rows = {n: m.rows for n, m in maps.items() if m.rows is not None}
         notes = (*self.notes, *shadowed_basis(reducer, model, reducer.bases),
                  *(note for m in maps.values() for note in m.notes), *self.approximation.notes)
@@ -209,7 +209,7 @@ class Projection:
             model, dictionaries, rows=rows, heat=heat, elastic=elastic)
         made = reduced_general if model.separated.other else partial(block_wise, (c1, c2, c1_first))
         solver = made(projected, reducer.tolerances, reducer.predictor, limits, notes, facts)
-        if isinstance(solver, Stepper):
+        if isinstance(solver, BlockwiseSolver):
             solver = compilable(solver, reducer.compiled)
         touched = solver.elements_touched
         return replace(solver, elements_touched={
@@ -219,7 +219,7 @@ class Projection:
 def block_wise(
     rates: tuple[float, float, float], projected: ProjectedModel, tolerances: Tolerances,
     points: int, limits: Mapping[str, float], notes: tuple[Note, ...], facts: Facts,
-) -> Stepper:
+) -> BlockwiseSolver:
     """Step solver of a model whose blocks are solved one after the other: heat, then mechanics.
 
     projected: its blocks; limits: largest permitted |coefficient| of each block; facts: to report.
@@ -232,13 +232,13 @@ def block_wise(
             b.local) else []
         assert p.left is not None
         heat[n] = CompressedHeat.of(
-            p.tested, p.left, None, c1_first, tolerances, local)  # all atoms
+            p.operators, p.left, None, c1_first, tolerances, local)  # all atoms
     force_maps = {c.rows: projected.force_map(c.rows) for c in model.separated.couplings}
     made = stepper(
         model, projected.layout, projected.dictionaries, projected.rows,
         heat=heat_groups(model, heat, projected.dictionaries, force_maps, c1_first),
         tol=tolerances, points=points, factorizations=len(heat) + len(projected.elastic),
         limits=limits, notes=notes,
-        tested={n: p.tested for n, p in projected.elastic.items()}, facts=facts,
+        operators={n: p.operators for n, p in projected.elastic.items()}, facts=facts,
         visited={n: block.elements for n, block in heat.items()})
     return made.with_equations(reduced_general(projected, tolerances, points).equations)

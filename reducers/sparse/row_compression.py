@@ -16,13 +16,13 @@ import numpy as np
 from scipy import linalg
 
 from sparsemor.core import FloatArray
-from sparsemor.reducers.step.projected_operators import TestedElastic, TestedHeat, TestMap
+from sparsemor.reducers.step.projected_operators import ProjectedElastic, ProjectedHeat, TestMap
 
 DEPENDENT = 1e-14
 """Distance of a unit column from the span of the others below which it is round-off."""
 
 
-T = TypeVar("T", TestedElastic, TestedHeat)
+T = TypeVar("T", ProjectedElastic, ProjectedHeat)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,14 +50,14 @@ def compact(t: T, B: FloatArray, columns: Sequence[FloatArray]) -> Compact[T]:
     return Compact(t.through(TestMap(left=Z.T)), Z.T @ B, Z, reach)
 
 
-def elastic_columns(t: TestedElastic) -> tuple[FloatArray, FloatArray]:
+def elastic_columns(t: ProjectedElastic) -> tuple[FloatArray, FloatArray]:
     """Frame directions, and all other columns of which the rows of an elastic block consist."""
     return t.directions, np.hstack([
         *t.generators, t.damping, t.coupling, t.loads, t.constant[:, None], t.mass,
         *(table.values.T for table in t.tables)])
 
 
-def heat_columns(t: TestedHeat) -> tuple[FloatArray]:
+def heat_columns(t: ProjectedHeat) -> tuple[FloatArray]:
     """Columns of which the rows of a thermal block without local terms consist."""
     return np.hstack([
         t.capacity, t.loads, t.constant[:, None], *(table.values.T for table in t.tables)]),

@@ -31,11 +31,11 @@ from sparsemor.reducers.linalg.left_inverse import SAMPLED_RTOL, left_inverse, s
 from sparsemor.reducers.sparse.row_compression import compact, elastic_columns, heat_columns
 from sparsemor.reducers.sparse.supported_equations import ActiveRows
 from sparsemor.reducers.step.convergence_test import Tolerances
-from sparsemor.reducers.step.projected_operators import TestedElastic, TestedHeat, TestMap
+from sparsemor.reducers.step.projected_operators import ProjectedElastic, ProjectedHeat, TestMap
 from sparsemor.reducers.step.thermal_block import CompressedHeat
 from sparsemor.reducers.trial_bases import DEPENDENT, local_terms
 
-T = TypeVar("T", TestedElastic, TestedHeat)
+T = TypeVar("T", ProjectedElastic, ProjectedHeat)
 _CHUNK = 256
 """Number of right-hand sides that are solved at once."""
 
@@ -132,14 +132,14 @@ class SampledBlock(Generic[T]):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SampledElastic(SampledBlock[TestedElastic]):
+class SampledElastic(SampledBlock[ProjectedElastic]):
     """Sampled rows of an elastic block. block: its m rows, with the operator B (m, k) of a step on
     its atoms, and its budget; compressed: operators and B in fewer rows where atoms are selected,
     by an orthonormal `basis` (m, l) of the columns of all operators, None for the rows as they are;
     columns: the first rows of the compressed B, in the others it is zero."""
 
     @classmethod
-    def of(cls, block: Sampled, operators: TestedElastic) -> "SampledElastic":
+    def of(cls, block: Sampled, operators: ProjectedElastic) -> "SampledElastic":
         """A sampled elastic block, its rows compressed where atoms are selected."""
         if not block.selects:
             return cls(block, operators, compressed=(operators, block.B),
@@ -163,7 +163,7 @@ class SampledElastic(SampledBlock[TestedElastic]):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SampledHeat(SampledBlock[TestedHeat]):
+class SampledHeat(SampledBlock[ProjectedHeat]):
     """Sampled rows of a thermal block; range_rows: operators in the rows of `columns`; c1: factor
     of rates in a step.
 
@@ -174,7 +174,7 @@ class SampledHeat(SampledBlock[TestedHeat]):
     into combinations (s, n) of all rows of the block.
     """
 
-    range_rows: TestedHeat
+    range_rows: ProjectedHeat
     model: AssembledModel
     body: HeatBody
     c1: float
@@ -182,7 +182,7 @@ class SampledHeat(SampledBlock[TestedHeat]):
 
     @classmethod
     def of(
-        cls, block: Sampled, operators: TestedHeat, model: AssembledModel, body: HeatBody,
+        cls, block: Sampled, operators: ProjectedHeat, model: AssembledModel, body: HeatBody,
         c1: float, tolerances: Tolerances,
     ) -> "SampledHeat":
         """A sampled thermal block, its rows compressed where atoms are selected: to those of an

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from typing import Self, TypeAlias, TypeVar
 
 from sparsemor.reducers.sparse.supported_equations import ActiveRows
-from sparsemor.reducers.step.blockwise_solver import Stepper
+from sparsemor.reducers.step.blockwise_solver import BlockwiseSolver
 from sparsemor.reducers.step.step_memory import Memory
 from sparsemor.reducers.step.thermal_block import CompressedHeat
 
@@ -28,8 +28,8 @@ class SparseMemory(Memory):
     step: int = 0
     heat: dict[Supports, CompressedHeat] = field(default_factory=dict)
     elastic: dict[Supports, ActiveRows] = field(default_factory=dict)
-    steppers: dict[Supports, Stepper] = field(default_factory=dict)
-    current: Stepper | None = None
+    steppers: dict[Supports, BlockwiseSolver] = field(default_factory=dict)
+    current: BlockwiseSolver | None = None
 
     def __getstate__(self) -> dict[str, object]:
         return {**super().__getstate__(), "heat": {}, "elastic": {}, "steppers": {},
@@ -49,16 +49,16 @@ class SparseMemory(Memory):
             self.heat, self.elastic, self.steppers = {}, {}, {}
 
     def counted_part(self, kept: dict[Supports, T], key: Supports, make: Callable[[], T]) -> T:
-        """`kept_or_made` for the reduced operators of one support; a computed entry counts as a
+        """`get_or_create` for the reduced operators of one support; a computed entry counts as a
         factorization."""
         def made() -> T:
             self.factorizations += 1
             return make()
 
-        return kept_or_made(kept, key, made)
+        return get_or_create(kept, key, made)
 
 
-def kept_or_made(kept: dict[K, T], key: K, make: Callable[[], T]) -> T:
+def get_or_create(kept: dict[K, T], key: K, make: Callable[[], T]) -> T:
     """Entry of a key, computed if missing; the oldest of `KEPT` entries is dropped."""
     if key not in kept:
         if len(kept) >= KEPT:

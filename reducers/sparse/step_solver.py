@@ -64,7 +64,7 @@ from sparsemor.reducers.sparse.supported_equations import (
     SupportedMechanics,
 )
 from sparsemor.reducers.sparse.supported_steps import SparseStepper, SupportedSteps
-from sparsemor.reducers.step.blockwise_solver import Facts, Stepper, stepper
+from sparsemor.reducers.step.blockwise_solver import BlockwiseSolver, Facts, stepper
 from sparsemor.reducers.step.compiled.compiled_stepper import compilable, no_effect_of
 from sparsemor.reducers.step.coupled_reduced import (
     ProjectedBlock,
@@ -73,7 +73,7 @@ from sparsemor.reducers.step.coupled_reduced import (
     dense_equations,
     reduced_general,
 )
-from sparsemor.reducers.step.projected_operators import TestedElastic, TestedHeat, TestMap
+from sparsemor.reducers.step.projected_operators import ProjectedElastic, ProjectedHeat, TestMap
 from sparsemor.reducers.step.thermal_groups import heat_groups
 from sparsemor.reducers.trial_bases import spanned, trial_bases
 
@@ -83,15 +83,15 @@ class Whole:
     """All rows of every block projected on its atoms, dense: the source of rows that change in the
     run."""
 
-    heat: Mapping[str, TestedHeat]
-    elastic: Mapping[str, TestedElastic]
+    heat: Mapping[str, ProjectedHeat]
+    elastic: Mapping[str, ProjectedElastic]
 
     @classmethod
     def of(cls, model: AssembledModel, dictionaries: Mapping[str, Dictionary]) -> "Whole":
         """Projection of all rows; a row set is then taken from its (n, k) matrices."""
-        heat = {b.thermal: TestedHeat.of(b, dictionaries[b.thermal], TestMap())
+        heat = {b.thermal: ProjectedHeat.of(b, dictionaries[b.thermal], TestMap())
                 for b in model.separated.heat}
-        elastic = {m.elastic: TestedElastic.of(
+        elastic = {m.elastic: ProjectedElastic.of(
             m.operators, m.frame, dictionaries[m.elastic], dictionaries.get(m.thermal), TestMap(),
             rigid=model.separated.rigid_equations)
             for m in model.separated.moving if m.operators is not None}
@@ -144,7 +144,7 @@ class Build:
             if source is not None:
                 th = source.heat[n].through(TestMap(rows[n]))
             else:
-                th = TestedHeat.of(b, self.dictionaries[n], maps[n])
+                th = ProjectedHeat.of(b, self.dictionaries[n], maps[n])
             block, facts[n] = self._block(n, th.block(c1_first), maps[n], rows.get(n), notes)
             th = th.through(TestMap(left=block.weight))
             heat[n] = SampledHeat.of(
@@ -157,7 +157,7 @@ class Build:
             if source is not None:
                 te = source.elastic[n].through(TestMap(rows[n]))
             else:
-                te = TestedElastic.of(
+                te = ProjectedElastic.of(
                     m.operators, m.frame, self.dictionaries[n], self.dictionaries.get(m.thermal),
                     maps[n], rigid=self.model.separated.rigid_equations)
             block, facts[n] = self._block(n, te.block(c1, c2), maps[n], rows.get(n), notes)
@@ -200,9 +200,9 @@ class Build:
             name = s.block.name
             m = s.forces or maps[name].then(s.block.weight)
             if name in selecting:
-                return ProjectedBlock(tested=s.compressed[0], left=None, forces=m)
+                return ProjectedBlock(operators=s.compressed[0], left=None, forces=m)
             return ProjectedBlock(
-                tested=s.operators, left=s.block.left_inverse(support=None), forces=m)
+                operators=s.operators, left=s.block.left_inverse(support=None), forces=m)
 
         return ProjectedModel(
             self.model, self.dictionaries, rows, {n: projected(s) for n, s in heat.items()},
@@ -227,8 +227,9 @@ class Build:
         self, name: str, B: FloatArray, test: TestMap, rows: IntArray | None, notes: list[Note]
     ) -> tuple[Sampled, Mapping[str, float | int | str]]:
         """A block with its preconditioner P, and the condition and recovery error of its rows; to
-        `notes` one is added where the rows do not determine the coefficients well. B (m, k): tested
-        operator of the block; rows: numbers of the sampled ones, None for all rows of D^-1 r."""
+        `notes` one is added where the rows do not determine the coefficients well. B (m, k):
+        operators operator of the block; rows: numbers of the sampled ones, None for all rows of
+        D^-1 r."""
         P, inverted, d = None, name in self.inverted, self.dictionaries[name]
         if inverted:  # D^-1 D atoms, without the rounding of either
             B = self.compressed[name].B if rows is None else d.atoms[rows]
@@ -266,7 +267,7 @@ class Build:
         self, rows: Mapping[str, IntArray], maps: Mapping[str, TestMap],
         heat: Mapping[str, SampledHeat], elastic: Mapping[str, SampledElastic],
         facts: Mapping[str, Mapping[str, float | int | str]], row_set: int, notes: list[Note],
-    ) -> Stepper | SparseStepper:
+    ) -> BlockwiseSolver | SparseStepper:
         """Step solver of a model whose blocks are solved one after the other; row_set: number of
         this set of rows in the run.
 
@@ -290,7 +291,7 @@ class Build:
             tol=o.tolerances, points=o.predictor,
             factorizations=len(fixed_heat) + sum(not e.block.selects for e in elastic.values()),
             limits=self.limits, notes=(*unsampled_loads(self.model, plain), *notes),
-            tested={n: e.operators for n, e in elastic.items()}, facts=facts, visited=visited)
+            operators={n: e.operators for n, e in elastic.items()}, facts=facts, visited=visited)
         if fixed:
             projected = self._projected(rows, maps, heat, elastic)
             base = base.with_equations(reduced_general(
@@ -325,7 +326,7 @@ class Build:
 
     def _refuse(
         self, selecting_heat: Mapping[str, SampledHeat], selecting: Mapping[str, SampledElastic],
-        base: Stepper,
+        base: BlockwiseSolver,
     ) -> None:
         """Raises InputError for a sparse solver that lacks capabilities which the problems of a
         step require."""

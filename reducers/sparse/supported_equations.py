@@ -249,9 +249,9 @@ class SupportedMechanics(LoopMechanics):
         r2 with all other unknowns fixed, -B^+ [damping, mass]."""
         found, rows = {}, self.sampled.rows.rows
         for b in rows.bodies:
-            if b.tested is not None:
+            if b.operators is not None:
                 use, left = self.blocks[b.step.elastic_name]
-                rates = np.hstack([b.tested.damping[:, use], b.tested.mass[:, use]])
+                rates = np.hstack([b.operators.damping[:, use], b.operators.mass[:, use]])
                 found[b.step.elastic_name] = -rates if left is None else (
                     -left @ rates[: left.shape[1]])
         return found

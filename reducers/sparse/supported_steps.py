@@ -20,11 +20,11 @@ from sparsemor.core import (
 )
 from sparsemor.core.protocols.step_solver import AroundSteps
 from sparsemor.reducers.sparse.sampled_block import SampledElastic, SampledHeat, numbers
-from sparsemor.reducers.sparse.sparse_memory import SparseMemory, Supports, kept_or_made
+from sparsemor.reducers.sparse.sparse_memory import SparseMemory, Supports, get_or_create
 from sparsemor.reducers.sparse.supported_equations import SupportedMechanics
-from sparsemor.reducers.step.blockwise_solver import Stepper
-from sparsemor.reducers.step.newton_loop import Kept
-from sparsemor.reducers.step.predictor import Past, block_starts
+from sparsemor.reducers.step.blockwise_solver import BlockwiseSolver
+from sparsemor.reducers.step.newton_loop import KeptJacobian
+from sparsemor.reducers.step.predictor import Predictor, block_starts
 
 ROUNDS = 10
 """Largest number of exchanges in a step without previous supports: each is made at the solution on
@@ -40,7 +40,7 @@ class SupportedSteps:
     other blocks; mechanics: equations of all bodies; row_set: number of the set of sampled rows in
     the run."""
 
-    base: Stepper
+    base: BlockwiseSolver
     mechanics: SupportedMechanics
     heat: Mapping[str, SampledHeat]
     elastic: Mapping[str, SampledElastic]
@@ -52,20 +52,20 @@ class SupportedSteps:
         blocks = [h.block for h in self.heat.values()] + [e.block for e in self.elastic.values()]
         return {b.name: np.zeros(b.atoms, dtype=np.bool_) for b in blocks}
 
-    def current(self, memory: SparseMemory) -> Stepper:
+    def current(self, memory: SparseMemory) -> BlockwiseSolver:
         """Step solver on the supports in `memory`. Raises SolveFailed where the sampled rows do not
         distinguish the active atoms."""
         if memory.current is None:
             memory.current = self.on(memory, memory.supports)
         return memory.current
 
-    def on(self, memory: SparseMemory, supports: SupportOf) -> Stepper:
+    def on(self, memory: SparseMemory, supports: SupportOf) -> BlockwiseSolver:
         """Step solver on these supports, kept in `memory`. Raises SolveFailed."""
         key = self.row_set, "", b"".join(
             supports[n].tobytes() for n in (*self.heat, *self.elastic))
-        return kept_or_made(memory.steppers, key, lambda: self._made(memory, supports))
+        return get_or_create(memory.steppers, key, lambda: self._made(memory, supports))
 
-    def _made(self, memory: SparseMemory, supports: SupportOf) -> Stepper:
+    def _made(self, memory: SparseMemory, supports: SupportOf) -> BlockwiseSolver:
         """Step solver on these supports, from the parts of each block that are kept in `memory`."""
         def part(kept: dict[Supports, T], name: str, make: Callable[[IntArray | None], T]) -> T:
             """The kept part of a block on its support, or one by `make` of its active atoms."""
@@ -118,7 +118,7 @@ class SolvedStep:
 
     step: StepFormula
     outcome: StepOutcome
-    now: Stepper
+    now: BlockwiseSolver
     supports: SupportOf
     fresh: bool
 
@@ -190,7 +190,7 @@ def no_selection(block: str, status: Status, detail: str = "") -> SolveFailed:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SparseStepper(AroundSteps[Stepper]):
+class SparseStepper(AroundSteps[BlockwiseSolver]):
     """Step solver with atom selection. base: step solver with the blocks in which no atoms are
     selected; steps: step solvers on the supports of the others; every: number of steps between
     selections."""
@@ -202,8 +202,8 @@ class SparseStepper(AroundSteps[Stepper]):
     def start(self, state: State) -> tuple[State, SparseMemory]:
         reduced = self.base.reduced(state)
         return reduced, SparseMemory(
-            past=Past(self.base.points, reduced.x, block_starts(self.layout)),
-            kept=Kept.of(len(list(self.layout))),
+            past=Predictor(self.base.points, reduced.x, block_starts(self.layout)),
+            kept=KeptJacobian.empty(len(list(self.layout))),
             factorizations=self.base.factorizations, supports=self.steps.empty)
 
     def solve(self, step: StepFormula, memory: SparseMemory) -> tuple[StepOutcome, SparseMemory]:
@@ -222,7 +222,7 @@ class SparseStepper(AroundSteps[Stepper]):
     def supports(self, memory: SparseMemory) -> Mapping[str, BoolArray]:
         return memory.supports
 
-    def frozen(self, memory: SparseMemory) -> tuple[Stepper, SparseMemory]:
+    def frozen(self, memory: SparseMemory) -> tuple[BlockwiseSolver, SparseMemory]:
         """Step solver with the current supports fixed, and its memory, for a linearised time-step
         map. Raises SolveFailed where the sampled rows do not distinguish the active atoms."""
         return self.steps.on(memory, memory.supports), memory

@@ -32,9 +32,9 @@ from sparsemor.reducers.step.consistent_start import consistent_start, constrain
 from sparsemor.reducers.step.convergence_test import Tolerances
 from sparsemor.reducers.step.frame_step import BodyStep
 from sparsemor.reducers.step.monolithic_step import WholeNewton, beyond_limits, linear_response
-from sparsemor.reducers.step.newton_loop import Kept, Loop, StepEquations
-from sparsemor.reducers.step.predictor import Past, block_starts
-from sparsemor.reducers.step.projected_operators import TestedElastic
+from sparsemor.reducers.step.newton_loop import KeptJacobian, Loop, StepEquations
+from sparsemor.reducers.step.predictor import Predictor, block_starts
+from sparsemor.reducers.step.projected_operators import ProjectedElastic
 from sparsemor.reducers.step.reduced_equations import Reduced
 from sparsemor.reducers.step.reduced_mechanics import (
     LoopMechanics,
@@ -54,12 +54,12 @@ Facts = Mapping[str, Mapping[str, float | int | str]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Stepper(StepSolver[Memory]):
+class BlockwiseSolver(StepSolver[Memory]):
     """Block-wise step solver: heat first, then mechanics.
 
     limits: largest permitted |coefficient| of each block; sanity (n,): the inverse for each
     unknown, so that one product shows that all are within. heat: block name -> its rows in a step;
-    tested: elastic block -> projected operators. points: number of past states that are
+    operators: elastic block -> projected operators. points: number of past states that are
     extrapolated. system: bodies and constraints, for consistent starts; mechanics: the solver of
     their step, None only while the solver is put together. rows: sampled rows of each block;
     elements_touched: block -> elements that a step visits; factorizations: made before the run.
@@ -78,7 +78,7 @@ class Stepper(StepSolver[Memory]):
     sanity: FloatArray = field(default_factory=lambda: np.zeros(0))
     notes: tuple[Note, ...] = ()
     facts: Facts = field(default_factory=dict)
-    tested: Mapping[str, TestedElastic] = field(default_factory=dict)
+    operators: Mapping[str, ProjectedElastic] = field(default_factory=dict)
     mechanics: LoopMechanics | None = None
     iterative: bool = False
     """True if any elastic block has an iterative linear solver."""
@@ -100,7 +100,7 @@ class Stepper(StepSolver[Memory]):
         assert self.mechanics is not None
         return self.mechanics
 
-    def with_equations(self, whole: Reduced) -> "Stepper":
+    def with_equations(self, whole: Reduced) -> "BlockwiseSolver":
         """This step solver of a reduced model with all its bodies solved for together."""
         return replace(self, whole=whole, mechanics=ReducedMechanics(whole, self.tolerances))
 
@@ -108,8 +108,9 @@ class Stepper(StepSolver[Memory]):
         reduced = self.reduced(state)
         count = len(list(self.layout))
         return reduced, Memory(
-            past=Past(self.points, reduced.x, block_starts(self.layout)),
-            kept=Kept.of(count), heat_kept={n: Kept.of(count) for n in self.full_heat},
+            past=Predictor(self.points, reduced.x, block_starts(self.layout)),
+            kept=KeptJacobian.empty(count),
+            heat_kept={n: KeptJacobian.empty(count) for n in self.full_heat},
             factorizations=self.factorizations)
 
     def linear_system(self) -> LinearSystem:
@@ -123,15 +124,17 @@ class Stepper(StepSolver[Memory]):
         """A full-order state in the unknowns of this model."""
         return state if self.meshless else reduce_state(state, self.layout, self.dictionaries)
 
-    def without_mesh(self) -> "Stepper":
+    def without_mesh(self) -> "BlockwiseSolver":
         """This step solver without operators and bases of the mesh's size, and with the loads of
         the consistent start at that time only."""
         bases = {n: replace(d, atoms=d.atoms[:0], offset=d.offset[:0], provenance=())
                  for n, d in self.dictionaries.items()}
-        own = {f.name: getattr(self, f.name) for f in fields(Stepper)}
-        tested = {n: replace(t, tables=tuple(Table(p.times[:1], p.at(0.0)[None]) for p in t.tables))
-                  for n, t in self.tested.items()}
-        return Stepper(**{**own, "meshless": True, "tested": tested, "dictionaries": bases})
+        own = {f.name: getattr(self, f.name) for f in fields(BlockwiseSolver)}
+        operators = {
+            n: replace(t, tables=tuple(Table(p.times[:1], p.at(0.0)[None]) for p in t.tables))
+            for n, t in self.operators.items()}
+        return BlockwiseSolver(**{
+            **own, "meshless": True, "operators": operators, "dictionaries": bases})
 
     def reduced(self, state: State) -> State:
         """A full-order state in the unknowns of this model, with rates of temperature,
@@ -146,17 +149,17 @@ class Stepper(StepSolver[Memory]):
         if self.dictionaries:
             # s, step of the finite differences of constraint Jacobians
             scale = motion_step(self.layout, reduced.v, self.system.h)
-            reduced = consistent_start(self.system, self._tested_bodies(), reduced, scale)
+            reduced = consistent_start(self.system, self._body_operators(), reduced, scale)
         return reduced
 
     def constraint_errors(self, state: State) -> tuple[FloatArray, FloatArray]:
         if not self.system.size:
             return np.zeros((0, 2)), np.zeros((0, 2))
-        return constraint_errors(self.system, self._tested_bodies(), state)
+        return constraint_errors(self.system, self._body_operators(), state)
 
-    def _tested_bodies(self) -> list[TestedElastic | None]:
+    def _body_operators(self) -> list[ProjectedElastic | None]:
         """Projected operators of each body, None where it has no elastic block."""
-        return [self.tested.get(b.elastic_name) for b in self.system.bodies]
+        return [self.operators.get(b.elastic_name) for b in self.system.bodies]
 
     def solve(self, step: StepFormula, memory: Memory) -> tuple[StepOutcome, Memory]:
         outcome = self.trial_solution(step, memory)
@@ -348,15 +351,15 @@ def stepper(
     model: AssembledModel, layout: Layout, dictionaries: Mapping[str, Dictionary],
     rows: Mapping[str, IntArray], heat: Mapping[str, HeatBlock], tol: Tolerances, points: int,
     factorizations: int, limits: Mapping[str, float] | None = None,
-    notes: tuple[Note, ...] = (), tested: Mapping[str, TestedElastic] | None = None,
+    notes: tuple[Note, ...] = (), operators: Mapping[str, ProjectedElastic] | None = None,
     facts: Facts | None = None, visited: Mapping[str, int] | None = None,
-) -> Stepper:
+) -> BlockwiseSolver:
     """Block-wise step solver from reduced or full-order blocks, with the elements that one step
     visits.
 
     layout: of the unknowns of the step; heat: group -> thermal block; tol: of the iteration;
     factorizations: number made so far; limits: largest permitted |coefficient| of each block.
-    points: number of past states to extrapolate; tested: projected elastic operators, for
+    points: number of past states to extrapolate; operators: projected elastic operators, for
     consistent initial rates; visited: elements of each thermal block's local terms, where these are
     not those of `heat`, whose keys are groups of coupled blocks.
     """
@@ -364,20 +367,20 @@ def stepper(
     elements = {name: 0 for name in model.reducible()}
     elements |= visited or {name: block.elements for name, block in heat.items()}
     elements |= {n: sum(part.term.elements for part in t.local)
-                 for n, t in (tested or {}).items() if t.local}
+                 for n, t in (operators or {}).items() if t.local}
     # 1 / limit of each unknown; those without one are scaled to be caught when not finite only
     sanity = np.full(layout.size, 1e-150)
     for name, limit in (limits or {}).items():
         sanity[layout[name]] = 1.0 / limit
-    separated, known = model.separated, tested or {}
+    separated, known = model.separated, operators or {}
     bodies = tuple(BodyStep.of(m, layout, known[m.elastic].frame if m.elastic in known else None)
                    for m in separated.moving)
     system = Mechanics(bodies, n_rigid=layout.frames.stop, algebraic=layout.algebraic,
                        targets=tuple(separated.border_targets), h=separated.step)
-    return Stepper(
+    return BlockwiseSolver(
         layout=layout, dictionaries=dictionaries, rows=rows, elements_touched=elements,
         system=system, heat=heat, tolerances=tol, points=points, factorizations=factorizations,
-        limits=limits or {}, sanity=sanity, notes=notes, facts=facts or {}, tested=known,
+        limits=limits or {}, sanity=sanity, notes=notes, facts=facts or {}, operators=known,
         heat_groups=_heat_groups(model, layout))
 
 

@@ -20,7 +20,7 @@ from sparsemor.core.protocols.time_function import time_derivatives
 from sparsemor.reducers.linalg.least_norm import least
 from sparsemor.reducers.step.frame_step import NONE, BodyStep, buffers
 from sparsemor.reducers.step.jacobian_factors import summed
-from sparsemor.reducers.step.projected_operators import TestedElastic
+from sparsemor.reducers.step.projected_operators import ProjectedElastic
 from sparsemor.reducers.step.reduced_mechanics import Mechanics
 from sparsemor.reducers.step.time_tables import plus_loads
 
@@ -42,11 +42,11 @@ class _Body:
 
 
 def consistent_start(
-    mechanics: Mechanics, tested: Sequence[TestedElastic | None], state: State,
+    mechanics: Mechanics, operators: Sequence[ProjectedElastic | None], state: State,
     motion: float,
 ) -> State:
     """The state with elastic and rigid accelerations and multipliers that satisfy the reduced
-    equations. tested: operators of each body, None for a rigid one; motion: step of the finite
+    equations. operators: operators of each body, None for a rigid one; motion: step of the finite
     differences of constraint Jacobians, s (core/model/constraint_rates.py).
 
     Multipliers that the reduced equations do not determine (all atoms satisfy their constraint
@@ -56,12 +56,12 @@ def consistent_start(
     if not mechanics.bodies:
         return state
     if not mechanics.size:  # no frame moves freely, and no joint force is unknown
-        return _prescribed_start(mechanics, tested, state)
+        return _prescribed_start(mechanics, operators, state)
     # z: rigid accelerations, then multipliers; repeated where friction is not linear in the latter,
     # at most AGAIN times, until they change by less than BENT of the largest
     forces, last = np.zeros(mechanics.size), NONE
     for _ in range(AGAIN):
-        z, parts, nonlinear = _accelerations(mechanics, tested, state, motion, forces)
+        z, parts, nonlinear = _accelerations(mechanics, operators, state, motion, forces)
         forces = np.concatenate([np.zeros(nr), z[nr:]])
         change = np.abs(z[nr:] - last).max(initial=0.0) if len(last) else np.inf
         last = z[nr:]
@@ -76,16 +76,16 @@ def consistent_start(
 
 
 def _accelerations(
-    mechanics: Mechanics, tested: Sequence[TestedElastic | None], state: State,
+    mechanics: Mechanics, operators: Sequence[ProjectedElastic | None], state: State,
     motion: float, forces: FloatArray,
 ) -> tuple[FloatArray, Sequence[_Body], bool]:
     """Rigid accelerations and multipliers z (n,), by equations linearised at the multipliers in
     `forces` (n,), whose leading entries, those of rigid coordinates, are zero; the equations of
-    each body (`_Body`); True if these are not linear up to the result. tested, motion: as in
+    each body (`_Body`); True if these are not linear up to the result. operators, motion: as in
     `consistent_start`."""
     nr = mechanics.n_rigid
     parts = [_linear(mechanics, body, t, state, motion, forces)
-             for body, t in zip(mechanics.bodies, tested, strict=True)]
+             for body, t in zip(mechanics.bodies, operators, strict=True)]
     maps = [body.to_border for body in mechanics.bodies]
     # elastic accelerations eliminated (Schur complement): B z + r = target accelerations
     r = sum(T.T @ (p.rows - p.tau @ p.base) for T, p in zip(maps, parts, strict=True))
@@ -95,12 +95,12 @@ def _accelerations(
     z = -least(B, r - _target_accelerations(mechanics, state.t))
     multipliers = np.concatenate([np.zeros(nr), z[nr:]])
     nonlinear = any(_is_nonlinear(mechanics, body, t, state, p, multipliers)
-                    for body, t, p in zip(mechanics.bodies, tested, parts, strict=True))
+                    for body, t, p in zip(mechanics.bodies, operators, parts, strict=True))
     return z, parts, nonlinear
 
 
 def constraint_errors(
-    mechanics: Mechanics, tested: Sequence[TestedElastic | None], state: State
+    mechanics: Mechanics, operators: Sequence[ProjectedElastic | None], state: State
 ) -> tuple[FloatArray, FloatArray]:
     """Errors of the l constraints at a state, (l, 2): value and time derivative; and magnitudes
     (l, 2) of their terms, to compare them with."""
@@ -110,7 +110,7 @@ def constraint_errors(
         target = np.array([f(state.t), time_derivatives(f, state.t, mechanics.h)[0]])
         errors[i] -= target
         sizes[i] += np.abs(target)
-    for body, t in zip(mechanics.bodies, tested, strict=True):
+    for body, t in zip(mechanics.bodies, operators, strict=True):
         origin, rate, _ = body.border_motion(state.t)
         y, v = _border(mechanics, body, state.x, origin), _border(mechanics, body, state.v, rate)
         d, w = body.frame.rigid_size, _evaluate(body, t, y, v, c2=0.0, state=state)
@@ -132,12 +132,12 @@ def constraint_errors(
 
 
 def _prescribed_start(
-    mechanics: Mechanics, tested: Sequence[TestedElastic | None], state: State
+    mechanics: Mechanics, operators: Sequence[ProjectedElastic | None], state: State
 ) -> State:
     """Consistent accelerations where all frames are prescribed or at rest: each elastic block
     separately."""
     a = state.a.copy()
-    for body, t in zip(mechanics.bodies, tested, strict=True):
+    for body, t in zip(mechanics.bodies, operators, strict=True):
         if t is not None:
             w, = buffers([body.frame])
             body.frame.drive(*body.border_motion(state.t), state.t, w)
@@ -147,7 +147,7 @@ def _prescribed_start(
 
 
 def _linear(
-    mechanics: Mechanics, body: BodyStep, ops: TestedElastic | None, state: State, motion: float,
+    mechanics: Mechanics, body: BodyStep, ops: ProjectedElastic | None, state: State, motion: float,
     forces: FloatArray,
 ) -> _Body:
     """Linear equations of a body in accelerations and multipliers, with the derivatives by
@@ -181,7 +181,7 @@ def _linear(
 
 
 def _is_nonlinear(
-    mechanics: Mechanics, body: BodyStep, ops: TestedElastic | None, state: State, p: _Body,
+    mechanics: Mechanics, body: BodyStep, ops: ProjectedElastic | None, state: State, p: _Body,
     forces: FloatArray,
 ) -> bool:
     """True if the forces on the body's frame are not linear in multipliers, up to those in `forces`
@@ -207,19 +207,20 @@ def _border(
 
 
 def _evaluate(
-    body: BodyStep, ops: TestedElastic | None, y: FloatArray, v: FloatArray, c2: float, state: State
+    body: BodyStep, ops: ProjectedElastic | None, y: FloatArray, v: FloatArray, c2: float,
+    state: State,
 ) -> FrameWork:
     """Frame equations at border unknowns y with rates v (b,) and zero unknown accelerations, with
     derivatives for dv = 0 and da = c2 dx."""
     (w,), c = buffers([body.frame]), state.x[body.elastic]
     body.evaluate(
-        y, v, a=body.border_motion(state.t)[2], c1=0.0, c2=c2, tested=ops, c=c,
+        y, v, a=body.border_motion(state.t)[2], c1=0.0, c2=c2, operators=ops, c=c,
         cv=state.v[body.elastic], ca=np.zeros(len(c)), t=state.t, work=w)
     return w
 
 
 def _elastic_rows(
-    body: BodyStep, ops: TestedElastic, w: FrameWork, state: State
+    body: BodyStep, ops: ProjectedElastic, w: FrameWork, state: State
 ) -> FloatArray:
     """Tested elastic rows (m,) without the inertia of elastic accelerations, for coefficients c and
     temperature coefficients cT of the state, with the factors kappa, mu, sigma of the frame in `w`:
@@ -241,8 +242,8 @@ def _elastic_rows(
 
 
 def _curvature(
-    mechanics: Mechanics, body: BodyStep, ops: TestedElastic | None, y: FloatArray, v: FloatArray,
-    state: State, motion: float,
+    mechanics: Mechanics, body: BodyStep, ops: ProjectedElastic | None, y: FloatArray,
+    v: FloatArray, state: State, motion: float,
 ) -> FloatArray:
     """Second time derivative of the constraint rows g of the body's attachments at zero
     accelerations, (d/ds G(y + s v)) v + 2 (dG/dt) v + d2g/dt2 (core/model/constraint_rates.py).
@@ -262,7 +263,7 @@ def _curvature(
 
 
 def _moving(
-    body: BodyStep, ops: TestedElastic | None, y: FloatArray, v: FloatArray, state: State
+    body: BodyStep, ops: ProjectedElastic | None, y: FloatArray, v: FloatArray, state: State
 ) -> FloatArray:
     """Jacobian of the constraint rows of the body's attachments times the velocities."""
     d, w = body.frame.rigid_size, _evaluate(body, ops, y, v, c2=0.0, state=state)

@@ -38,19 +38,19 @@ from sparsemor.reducers.step.frame_step import BodyStep, PrescribedFactors
 from sparsemor.reducers.step.local_copies import Coupled
 from sparsemor.reducers.step.monolithic_step import WholeMemory, WholeStepper, linear_response
 from sparsemor.reducers.step.newton_loop import Loop
-from sparsemor.reducers.step.projected_operators import TestedElastic, TestedHeat, TestMap
-from sparsemor.reducers.step.reduced_equations import Reduced, ReducedBody, ReducedHeat, positions
+from sparsemor.reducers.step.projected_operators import ProjectedElastic, ProjectedHeat, TestMap
+from sparsemor.reducers.step.reduced_equations import BodyRows, HeatRows, Reduced, positions
 
-T = TypeVar("T", TestedElastic, TestedHeat)
+T = TypeVar("T", ProjectedElastic, ProjectedHeat)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ProjectedBlock(Generic[T]):
     """One block on its trial basis of k atoms and under its test maps, with l rows. left (k, l):
-    left inverse of the tested operator of a step, left @ (K + c1 C + c2 M) = 1 (of heat K + c1 C),
-    None for rows that stay as they are; forces: test map of all other terms."""
+    left inverse of the projected operator of a step, left @ (K + c1 C + c2 M) = 1 (of heat K + c1
+    C), None for rows that stay as they are; forces: test map of all other terms."""
 
-    tested: T
+    operators: T
     left: FloatArray | None
     forces: TestMap
 
@@ -58,11 +58,13 @@ class ProjectedBlock(Generic[T]):
     def solved(self) -> T:
         """The rows multiplied by the left inverse, so that the block's own operator is the
         identity."""
-        return self.tested if self.left is None else self.tested.through(TestMap(left=self.left))
+        if self.left is None:
+            return self.operators
+        return self.operators.through(TestMap(left=self.left))
 
     def force_map(self, n: int) -> FloatArray:
         """Left inverse times the test map of forces, (k, n), for all n rows of the block."""
-        left = np.eye(len(self.tested.constant)) if self.left is None else self.left
+        left = np.eye(len(self.operators.constant)) if self.left is None else self.left
         return self.forces.times(left, n)
 
 
@@ -74,8 +76,8 @@ class ProjectedModel:
     model: AssembledModel
     dictionaries: Mapping[str, Dictionary] = field(default_factory=dict)
     rows: Mapping[str, IntArray] = field(default_factory=dict)
-    heat: Mapping[str, ProjectedBlock[TestedHeat]] = field(default_factory=dict)
-    elastic: Mapping[str, ProjectedBlock[TestedElastic]] = field(default_factory=dict)
+    heat: Mapping[str, ProjectedBlock[ProjectedHeat]] = field(default_factory=dict)
+    elastic: Mapping[str, ProjectedBlock[ProjectedElastic]] = field(default_factory=dict)
 
     @property
     def layout(self) -> Layout:
@@ -158,7 +160,7 @@ def dense_equations(
         force_map=cache(projected.force_map), by_elements=by_elements)
     return Reduced(
         layout,
-        heat=[ReducedHeat(layout[n], b.solved) for n, b in projected.heat.items()],
+        heat=[HeatRows(layout[n], b.solved) for n, b in projected.heat.items()],
         bodies=_bodies(projected, ahead), coupled=[project(t) for t in coupling_terms(model)],
         targets=model.separated.border_targets, border=positions(layout), h=model.separated.step,
         named=coupling(model), rows=rows)
@@ -170,18 +172,18 @@ def coupling_terms(model: AssembledModel) -> list[Term]:
     return [*(t for b in s.heat for t in b.local), *s.elastic_local, *s.between]
 
 
-def _bodies(projected: ProjectedModel, ahead: bool) -> list[ReducedBody]:
+def _bodies(projected: ProjectedModel, ahead: bool) -> list[BodyRows]:
     """All bodies; where no rigid coordinate is unknown, with kappa, mu and sigma of their frames as
-    functions of time (`drive`), tabulated if `ahead`."""
+    functions of time (`factors`), tabulated if `ahead`."""
     layout, prescribed = projected.layout, not projected.model.separated.border_size
     found = []
     for m in projected.model.separated.moving:
         block = projected.elastic.get(m.elastic)
-        tested = None if block is None else block.solved
-        step = BodyStep.of(m, layout, None if tested is None else tested.frame)
-        drive = PrescribedFactors.table(step, m, ahead) if (
-            prescribed and tested is not None) else None
-        found.append(ReducedBody(step, tested, drive))
+        operators = None if block is None else block.solved
+        step = BodyStep.of(m, layout, None if operators is None else operators.frame)
+        factors = PrescribedFactors.table(step, m, ahead) if (
+            prescribed and operators is not None) else None
+        found.append(BodyRows(step, operators, factors))
     return found
 
 

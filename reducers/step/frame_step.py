@@ -14,7 +14,7 @@ from sparsemor.core import FloatArray, Frame, FrameHistory, Layout
 from sparsemor.core.protocols.body_frame import FrameWork
 from sparsemor.core.protocols.separable import MovingBody
 from sparsemor.reducers.linalg.active_columns import are_few
-from sparsemor.reducers.step.projected_operators import TestedElastic
+from sparsemor.reducers.step.projected_operators import ProjectedElastic
 from sparsemor.reducers.step.time_tables import TimeTable
 
 NONE = np.zeros(0)
@@ -60,27 +60,27 @@ class BodyStep:
 
     def evaluate(
         self, y: FloatArray, v: FloatArray, a: FloatArray, c1: float, c2: float,
-        tested: TestedElastic | None, c: FloatArray, cv: FloatArray, ca: FloatArray, t: float,
+        operators: ProjectedElastic | None, c: FloatArray, cv: FloatArray, ca: FloatArray, t: float,
         work: FrameWork,
     ) -> None:
         """Evaluates the frame at border unknowns y (rigid coordinates, then joint forces) and rates
         v, a (b,), for elastic coefficients c (k,) with rates cv, ca: fills `work`, derivatives for
-        dv = c1 dy, da = c2 dy. tested: projected elastic operators, None for a rigid body.
+        dv = c1 dy, da = c2 dy. operators: projected elastic operators, None for a rigid body.
 
         Of the displacements the frame reads few numbers: P^T (c, c', c''), with P^T = `functional`
         (p, k), and the forms c.Q_g (c, c', c''), with Q_g = `quadratic` (g, k, k)."""
-        if tested is None:
+        if operators is None:
             self.frame.evaluate(y, v, a, c1, c2, np.zeros((3, 0)), NONE, t, work)
             return
         states = np.stack([c, cv, ca])
-        Q, active = tested.quadratic, states
+        Q, active = operators.quadratic, states
         use = np.flatnonzero(states.any(axis=0))
         if are_few(use, len(c)):  # of a complete basis: products with the active atoms alone
             Q, active = Q[:, use[:, None], use], states[:, use]
         # (3 g,): c.Q_g c of all g, then c.Q_g c', then c.Q_g c''
         forms = (Q.dot(active.T) * active[0][:, None]).sum(axis=1).T.ravel()
         self.frame.evaluate(
-            y, v, a, c1, c2, states.dot(tested.functional.T), forms, t, work)
+            y, v, a, c1, c2, states.dot(operators.functional.T), forms, t, work)
 
     def border_motion(self, t: float) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Prescribed part of the border unknowns and of their first and second rates at t (s), (b,)

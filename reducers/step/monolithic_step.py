@@ -29,8 +29,8 @@ from sparsemor.core.protocols.term import LocalCopy
 from sparsemor.reducers.step.convergence_test import Tolerances
 from sparsemor.reducers.step.jacobian_factors import Matrix
 from sparsemor.reducers.step.local_copies import state_of
-from sparsemor.reducers.step.newton_loop import Ended, Kept, Loop, StepEquations
-from sparsemor.reducers.step.predictor import Past, block_starts
+from sparsemor.reducers.step.newton_loop import Ended, KeptJacobian, Loop, StepEquations
+from sparsemor.reducers.step.predictor import Predictor, block_starts
 from sparsemor.reducers.step.step_memory import RunMemory
 
 EXTRAPOLATION_ERROR = 1e-2
@@ -66,7 +66,7 @@ class WholeMemory(RunMemory):
     of such copies so far. equations: those of this run, with their working arrays.
     """
 
-    kept: Kept
+    kept: KeptJacobian
     order: int = 1
     near: dict[int, LocalCopy | FloatArray] = field(default_factory=dict)
     searches: int = 0
@@ -85,8 +85,9 @@ class WholeMemory(RunMemory):
     def at_newest(self) -> "WholeMemory":
         """Independent memory with the same local copies of terms, for an evaluation at the last
         state."""
-        past = Past(1, self.newest, self.past.starts)
-        return WholeMemory(past=past, kept=Kept.of(len(past.starts)), near=dict(self.near))
+        past = Predictor(1, self.newest, self.past.starts)
+        kept = KeptJacobian.empty(len(past.starts))
+        return WholeMemory(past=past, kept=kept, near=dict(self.near))
 
     def moved(self, x: FloatArray) -> None:
         super().moved(x)
@@ -116,7 +117,7 @@ class WholeStepper(StepSolver[WholeMemory]):
     def start(self, state: State) -> tuple[State, WholeMemory]:
         starts = block_starts(self.layout)
         return state, WholeMemory(
-            past=Past(self.points, state.x, starts), kept=Kept.of(len(starts)))
+            past=Predictor(self.points, state.x, starts), kept=KeptJacobian.empty(len(starts)))
 
     def solve(self, step: StepFormula, memory: WholeMemory) -> tuple[StepOutcome, WholeMemory]:
         """A step for all unknowns together, from the extrapolation of past states of the order that
@@ -244,7 +245,9 @@ class WholeNewton:
     def loop(self) -> Loop:
         return Loop(self.equations.layout, self.tolerances)
 
-    def solve(self, step: StepFormula, past: Past, kept: Kept, sizes: Kept) -> StepOutcome:
+    def solve(
+        self, step: StepFormula, past: Predictor, kept: KeptJacobian, sizes: KeptJacobian
+    ) -> StepOutcome:
         """Solution of a step, the first that converges: from the extrapolation of past states with
         the kept Jacobian; from there with a new one in each iteration ("textbook"); from the newest
         state with a new one in each. Its `iterations` are those of all attempts. kept: Jacobian of

@@ -154,7 +154,7 @@ class StepEquations(ABC):
 
 
 @dataclass(eq=False)
-class Kept:
+class KeptJacobian:
     """What an iteration keeps from step to step.
 
     point: state at which the kept Jacobian was evaluated; J, factor, noise: it, its factorization,
@@ -175,7 +175,7 @@ class Kept:
     noise: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     @classmethod
-    def of(cls, blocks: int) -> "Kept":
+    def empty(cls, blocks: int) -> "KeptJacobian":
         return cls(np.zeros(blocks), np.zeros(blocks))
 
     def __getstate__(self) -> dict[str, object]:
@@ -188,7 +188,7 @@ class Kept:
             state, point=Linearisation(*point) if isinstance(point, tuple) else None,
             J=None, factor=None, noise=np.zeros(0))
 
-    def copy(self) -> "Kept":
+    def copy(self) -> "KeptJacobian":
         """Independent copy; the factorization is immutable and shared."""
         return replace(self, top=self.top.copy(), rate=self.rate.copy())
 
@@ -228,7 +228,7 @@ class _Iterate:
 
 
 class Loop:
-    """The iteration for models with one layout. Immutable: a step changes `Kept` only.
+    """The iteration for models with one layout. Immutable: a step changes `KeptJacobian` only.
 
     Of the blocks: names, starts (first unknown) and counts (number of unknowns); masks judged (not
     multipliers), second (second order) and mixed (rigid coordinates: lengths and rotations).
@@ -252,7 +252,8 @@ class Loop:
         return np.maximum.reduceat(np.abs(x), self.starts)
 
     def solve(
-        self, eq: StepEquations, step: StepFormula, d: FloatArray, kept: Kept, newest: FloatArray
+        self, eq: StepEquations, step: StepFormula, d: FloatArray, kept: KeptJacobian,
+        newest: FloatArray,
     ) -> Ended:
         """Solves a step from the guess d (n,) of its departure from the free motion, or from the
         last state `newest` where the equations cannot be evaluated there. kept: Jacobian from
@@ -276,7 +277,7 @@ class Loop:
                 kept.forget()
         return ended
 
-    def factorize(self, eq: StepEquations, kept: Kept) -> None:
+    def factorize(self, eq: StepEquations, kept: KeptJacobian) -> None:
         """The Jacobian at the kept point, its factorization, and the changes that are due to
         rounding there."""
         assert kept.point is not None
@@ -285,12 +286,12 @@ class Loop:
         if eq.price:
             kept.noise = self.noise(eq, kept, kept.point)
 
-    def noise(self, eq: StepEquations, kept: Kept, at: Linearisation) -> FloatArray:
+    def noise(self, eq: StepEquations, kept: KeptJacobian, at: Linearisation) -> FloatArray:
         """Effect (blocks,) of rounding the terms of the equations."""
         return self.largest(self.solution(eq, kept, eq.rounding(kept.J, at)))
 
     def solution(
-        self, eq: StepEquations, kept: Kept, r: FloatArray, L: FloatArray | None = None
+        self, eq: StepEquations, kept: KeptJacobian, r: FloatArray, L: FloatArray | None = None
     ) -> FloatArray:
         """L J^-1 L^T r (n,); J is the identity but for the unknowns `solved`, and L (q, 4, 4) that
         but for quaternions; None where nothing has turned."""
@@ -308,7 +309,7 @@ class Loop:
             dx[quaternions] = (L @ dx[quaternions][:, :, None])[:, :, 0]
         return dx
 
-    def remember(self, x: FloatArray, d: FloatArray, step: StepFormula, kept: Kept) -> None:
+    def remember(self, x: FloatArray, d: FloatArray, step: StepFormula, kept: KeptJacobian) -> None:
         """Takes the magnitudes of an accepted step into account."""
         np.maximum(kept.top, self.largest(x), out=kept.top)
         np.maximum(kept.rate, self.largest(d) * step.c2, out=kept.rate)
@@ -324,7 +325,9 @@ class _StepIteration:
     the iteration goes back and forth.
     """
 
-    def __init__(self, loop: Loop, eq: StepEquations, step: StepFormula, kept: Kept) -> None:
+    def __init__(
+        self, loop: Loop, eq: StepEquations, step: StepFormula, kept: KeptJacobian
+    ) -> None:
         self.loop, self.eq, self.step, self.kept = loop, eq, step, kept
         self.c = step.c1, step.c2, step.c1_first, step.c2_first
         self.scale: FloatArray | None = None

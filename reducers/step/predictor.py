@@ -21,7 +21,7 @@ def _weights(points: int, order: int, newest: int) -> FloatArray:
     return w
 
 
-class Ring:
+class RingBuffer:
     """Ring buffer of the last `points` states as rows (points, n), for extrapolation. newest: row
     of the last state; filled: number of states in it."""
 
@@ -30,7 +30,7 @@ class Ring:
         self.newest, self.filled = -1, 0
         self.push(x)
 
-    def copy(self) -> "Ring":
+    def copy(self) -> "RingBuffer":
         """Independent copy."""
         other = copy(self)
         other.rows = self.rows.copy()
@@ -62,7 +62,7 @@ def block_starts(layout: Layout) -> list[int]:
     return [layout[b.name].start for b in layout]
 
 
-class Past:
+class Predictor:
     """Past states x and their departures d from the free motion of their step, and which of the two
     extrapolations was closer in the last step.
 
@@ -76,10 +76,10 @@ class Past:
         self.n, self.starts = len(x), np.array(starts, dtype=np.int64)
         self.both = np.concatenate((self.starts, self.n + self.starts))
         self.counts = np.diff(np.append(self.starts, self.n))
-        self.ring = Ring(points, np.concatenate((x, np.zeros(self.n))))
+        self.ring = RingBuffer(points, np.concatenate((x, np.zeros(self.n))))
         self.by_departure: BoolArray | None = None
 
-    def copy(self) -> "Past":
+    def copy(self) -> "Predictor":
         """Independent copy."""
         other = copy(self)
         other.ring = self.ring.copy()

@@ -22,7 +22,7 @@ from sparsemor.core import FloatArray, StepFormula
 from sparsemor.core.protocols.load_tables import times_rows
 from sparsemor.reducers.step.frame_step import BodyStep
 from sparsemor.reducers.step.newton_loop import Linearisation
-from sparsemor.reducers.step.projected_operators import TestedElastic
+from sparsemor.reducers.step.projected_operators import ProjectedElastic
 from sparsemor.reducers.step.time_tables import TimeTable, along
 
 LEADING = 64
@@ -33,14 +33,14 @@ SMALL = 0.5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RowsInTime:
-    """Functions of time of the rows `tested`: [kappa, mu, base] (T, 2 g + k), with `drive` for
-    [kappa, mu, sigma] (T, 2 g + p), and base = directions sigma + constant - loads(t)."""
+    """Functions of time of the rows of `operators`: [kappa, mu, base] (T, 2 g + k), with `factors`
+    for [kappa, mu, sigma] (T, 2 g + p), and base = directions sigma + constant - loads(t)."""
 
-    tested: TestedElastic
-    drive: TimeTable
+    operators: ProjectedElastic
+    factors: TimeTable
 
     def __call__(self, times: FloatArray) -> FloatArray:
-        t, factors = self.tested, self.drive.along(times)
+        t, factors = self.operators, self.factors.along(times)
         n = 2 * len(t.generators)
         base = times_rows(factors[:, n:], t.directions) + t.constant
         return np.hstack((factors[:, :n], base - along(
@@ -48,7 +48,7 @@ class RowsInTime:
 
 
 class PrescribedBody:
-    """Rows of one body with prescribed motion, but for the term d; rows: their numbers; drive:
+    """Rows of one body with prescribed motion, but for the term d; rows: their numbers; factors:
     kappa, mu and sigma as functions of time; table: `RowsInTime`, if it is known. at: numbers of
     its displacements; generators (g, l, k), and G (g, k, l) the same transposed.
 
@@ -59,22 +59,22 @@ class PrescribedBody:
     """
 
     def __init__(
-        self, step: BodyStep, tested: TestedElastic, drive: TimeTable, rows: slice,
+        self, step: BodyStep, operators: ProjectedElastic, factors: TimeTable, rows: slice,
         table: TimeTable | None = None,
     ) -> None:
-        """step: the body, with the range of its displacements; tested: its operators times the left
-        inverse of its own; drive: [kappa, mu, sigma] (T, 2 g + p); rows: range of its rows in the
-        model; table: [kappa, mu, base] (T, 2 g + k), if it is known already."""
+        """step: the body, with the range of its displacements; operators: its operators times the
+        left inverse of its own; factors: [kappa, mu, sigma] (T, 2 g + p); rows: range of its rows
+        in the model; table: [kappa, mu, base] (T, 2 g + k), if it is known already."""
         self.step, self.at, self.rows = step, step.elastic, rows
-        self.generators, k = tested.generators, tested.mass.shape[1]
-        self.G = np.ascontiguousarray(tested.generators.transpose(0, 2, 1))
+        self.generators, k = operators.generators, operators.mass.shape[1]
+        self.G = np.ascontiguousarray(operators.generators.transpose(0, 2, 1))
         self.leading = r = min(LEADING, k) if len(self.G) else 0
         # Frobenius norms of the leading part of each matrix and of its rest
         self.sizes = np.zeros((len(self.G), 2))
-        for i, A in enumerate(tested.generators):
+        for i, A in enumerate(operators.generators):
             below, right = float(np.linalg.norm(A[r:])), float(np.linalg.norm(A[:r, r:]))
             self.sizes[i] = np.linalg.norm(A[:r, :r]), hypot(below, right)
-        self.table = table or TimeTable.of(RowsInTime(tested, drive), np.array(drive.times))
+        self.table = table or TimeTable.of(RowsInTime(operators, factors), np.array(factors.times))
 
     weights: FloatArray
     guess: FloatArray

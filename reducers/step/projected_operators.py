@@ -74,7 +74,7 @@ class TestMap:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class TestedLocal:
+class ProjectedLocal:
     """A local term of an elastic block on the trial basis and under the test map, as a function of
     the coefficients [c | cT] of displacements and temperatures; of_temperature: True if it depends
     on temperatures alone; left: a further test map of its rows, None for the identity."""
@@ -86,7 +86,7 @@ class TestedLocal:
     @classmethod
     def of(
         cls, local: ElasticLocal, atoms: Dictionary, heat: Dictionary | None, test: TestMap
-    ) -> "TestedLocal":
+    ) -> "ProjectedLocal":
         """Projection of a local term of a block with n unknowns and k atoms; heat: dictionary of
         the temperatures that it depends on, with kt atoms; None where there are none. local.hot:
         True for the term's columns that are temperatures."""
@@ -106,10 +106,10 @@ class TestedLocal:
         left = np.ascontiguousarray(placed.toarray() if issparse(placed) else placed)
         return cls(local.term.compress(Trial(basis, offset), left), bool(thermal.all()))
 
-    def through(self, test: TestMap, m: int) -> "TestedLocal":
+    def through(self, test: TestMap, m: int) -> "ProjectedLocal":
         """The term with a further test map of its m rows."""
         left = test(np.eye(m) if self.left is None else self.left)
-        return TestedLocal(self.term, self.of_temperature, np.ascontiguousarray(left))
+        return ProjectedLocal(self.term, self.of_temperature, np.ascontiguousarray(left))
 
     def rows(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray:
         """Forces (m,) at coefficients [c | cT] and their rates."""
@@ -123,7 +123,7 @@ class TestedLocal:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class TestedElastic:
+class ProjectedElastic:
     """Elastic operators of one body on a trial basis and under a test map: m rows, k atoms, p frame
     directions, g rotation matrices M_g (`generators`), kt thermal columns, j prescribed loads.
 
@@ -149,13 +149,13 @@ class TestedElastic:
     functional: FloatArray
     amplitudes: tuple[Amplitude, ...]
     tables: tuple[Table, ...] = ()
-    local: tuple[TestedLocal, ...] = ()
+    local: tuple[ProjectedLocal, ...] = ()
 
     @classmethod
     def of(
         cls, ops: ElasticOperators, frame: Frame, atoms: Dictionary, heat: Dictionary | None,
         test: TestMap, force: TestMap | None = None, rigid: bool = True,
-    ) -> "TestedElastic":
+    ) -> "ProjectedElastic":
         """Projection of full-order elastic operators.
 
         heat: dictionary of the body's thermal block, None when it has no such block. force: test
@@ -198,10 +198,10 @@ class TestedElastic:
             loads=np.asarray(force_map(ops.loads)), constant=np.asarray(constant),
             quadratic=quadratic, functional=P.T @ T, amplitudes=ops.amplitudes,
             tables=projected_tables(ops.tables, force_map),
-            local=tuple(TestedLocal.of(part, atoms, heat, force_map) for part in ops.local),
+            local=tuple(ProjectedLocal.of(part, atoms, heat, force_map) for part in ops.local),
         )
 
-    def in_modes(self) -> "TestedElastic":
+    def in_modes(self) -> "ProjectedElastic":
         """Operators for atoms that are modal coordinates of their span: off-diagonal round-off is
         removed from mass and stiffness, and from damping proportional to them."""
         d = diagonal(self.damping)
@@ -210,7 +210,7 @@ class TestedElastic:
         return replace(self, mass=diagonal(self.mass), stiffness=diagonal(self.stiffness),
                        damping=d if alone else self.damping)
 
-    def through(self, test: TestMap) -> "TestedElastic":
+    def through(self, test: TestMap) -> "ProjectedElastic":
         """These operators with a further test map of their m rows. `functional` and `quadratic`,
         which frames read, have no rows and stay."""
         if test.identity:
@@ -225,7 +225,7 @@ class TestedElastic:
             constant=constant, tables=test.of_tables(self.tables),
             local=tuple(part.through(test, m) for part in self.local))
 
-    def by_columns(self) -> "TestedElastic":
+    def by_columns(self) -> "ProjectedElastic":
         """These operators with contiguous columns, of which some are soon read."""
         return replace(
             self, mass=np.asfortranarray(self.mass), damping=np.asfortranarray(self.damping),
@@ -234,7 +234,7 @@ class TestedElastic:
             generators=np.ascontiguousarray(
                 self.generators.transpose(0, 2, 1)).transpose(0, 2, 1))
 
-    def of_atoms(self, use: IntArray, warm: IntArray) -> "TestedElastic":
+    def of_atoms(self, use: IntArray, warm: IntArray) -> "ProjectedElastic":
         """These operators, without local terms, for the atoms `use` of the displacements and `warm`
         of the temperatures."""
         return replace(
@@ -249,7 +249,7 @@ class TestedElastic:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class TestedHeat:
+class ProjectedHeat:
     """Thermal operators of one block on a trial basis and under a test map: m rows of capacity T' +
     conductivity T - constant - loads amplitudes(t) - tables(t).
 
@@ -266,7 +266,7 @@ class TestedHeat:
     @classmethod
     def of(
         cls, heat: HeatBody, atoms: Dictionary, test: TestMap, force: TestMap | None = None
-    ) -> "TestedHeat":
+    ) -> "ProjectedHeat":
         """Projection of full-order thermal operators; force: test map of the forces, `test` if
         None."""
         T, o, force_map = atoms.atoms, atoms.offset, test if force is None else force
@@ -276,13 +276,13 @@ class TestedHeat:
             np.asarray(force_map(heat.constant) - K @ o), np.asarray(force_map(heat.loads)),
             heat.amplitudes, projected_tables(heat.tables, force_map))
 
-    def in_modes(self) -> "TestedHeat":
+    def in_modes(self) -> "ProjectedHeat":
         """Operators for atoms that are modal coordinates of their span: off-diagonal round-off is
         removed."""
         return replace(
             self, capacity=diagonal(self.capacity), conductivity=diagonal(self.conductivity))
 
-    def through(self, test: TestMap) -> "TestedHeat":
+    def through(self, test: TestMap) -> "ProjectedHeat":
         """These operators with a further test map of their rows."""
         if test.identity:
             return self
@@ -291,7 +291,7 @@ class TestedHeat:
             constant=test(self.constant), loads=test(self.loads),
             tables=test.of_tables(self.tables))
 
-    def of_atoms(self, use: IntArray) -> "TestedHeat":
+    def of_atoms(self, use: IntArray) -> "ProjectedHeat":
         """These operators for some atoms."""
         return replace(
             self, capacity=self.capacity[:, use], conductivity=self.conductivity[:, use])

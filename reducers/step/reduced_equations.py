@@ -37,14 +37,14 @@ from sparsemor.core import (
 from sparsemor.core.protocols.body_frame import FrameWork
 from sparsemor.core.protocols.integrator import second_difference
 from sparsemor.core.protocols.step_solver import LinearSystem
-from sparsemor.reducers.linalg.modal_coordinates import carried, times
+from sparsemor.reducers.linalg.modal_coordinates import compact, times
 from sparsemor.reducers.step.frame_step import BodyStep
 from sparsemor.reducers.step.jacobian_factors import Factor, factorized
 from sparsemor.reducers.step.local_copies import CopyMemory, Coupled, OfAtoms
 from sparsemor.reducers.step.monolithic_step import Checked, WholeEquations
 from sparsemor.reducers.step.newton_loop import Linearisation
 from sparsemor.reducers.step.prescribed_body import PrescribedBody
-from sparsemor.reducers.step.projected_operators import TestedElastic, TestedHeat
+from sparsemor.reducers.step.projected_operators import ProjectedElastic, ProjectedHeat
 from sparsemor.reducers.step.time_tables import TimeTable, plus_loads
 
 TOGETHER = 64
@@ -60,23 +60,23 @@ SPARSE = 50_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ReducedHeat:
+class HeatRows:
     """Projected rows of one thermal block, times the left inverse of its operator; at: its
     unknowns."""
 
     at: slice
-    tested: TestedHeat
+    operators: ProjectedHeat
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ReducedBody:
-    """A body in a step, with its projected elastic rows times the left inverse of D; tested: None
-    where it has no elastic block. drive: kappa, mu and sigma of its frame as functions of time, in
-    a model without rigid unknowns and joint forces."""
+class BodyRows:
+    """A body in a step, with its projected elastic rows times the left inverse of D; operators:
+    None where it has no elastic block. factors: kappa, mu and sigma of its frame as functions of
+    time, in a model without rigid unknowns and joint forces."""
 
     step: BodyStep
-    tested: TestedElastic | None
-    drive: TimeTable | None = None
+    operators: ProjectedElastic | None
+    factors: TimeTable | None = None
 
 
 class ConstantOperator(NamedTuple):
@@ -95,7 +95,7 @@ class BorderBlocks(NamedTuple):
     by these, `row` (m, k) of the former by its displacements; turning (g,) = kappa + c1 mu: factors
     of its inertia matrices in the derivative of elastic rows by displacements."""
 
-    body: ReducedBody
+    body: BodyRows
     rows: IntArray
     at: IntArray
     corner: FloatArray
@@ -117,7 +117,7 @@ class Stack:
     """
 
     def __init__(
-        self, bodies: Sequence[ReducedBody], rows: Sequence[slice], n: int, height: int, first: int
+        self, bodies: Sequence[BodyRows], rows: Sequence[slice], n: int, height: int, first: int
     ) -> None:
         """rows: range of each body's elastic rows in the model; n, height: number of unknowns and
         of rows of the model, which are also the numbers with which `at` and `rows` are filled up;
@@ -125,7 +125,7 @@ class Stack:
         than b border unknowns uses the last of b, a body with fewer displacements or directions the
         first."""
         self.bodies, frames, B = bodies, [body.step.frame for body in bodies], len(bodies)
-        sizes = [0 if body.tested is None else body.tested.mass.shape[1] for body in bodies]
+        sizes = [0 if body.operators is None else body.operators.mass.shape[1] for body in bodies]
         k, b = max(sizes), max(f.border for f in frames)
         p, g = max(f.p for f in frames), max(f.generators for f in frames)
         self.k, self.b, self.p, self.g, self.sizes = k, b, p, g, sizes
@@ -139,7 +139,7 @@ class Stack:
         # body i with frame f, s displacements and m rows
         for i, (body, f, s, m) in enumerate(zip(bodies, frames, sizes, self.heights, strict=True)):
             self.origin[0, i, b - f.border :] = body.step.origin
-            if (t := body.tested) is None:
+            if (t := body.operators) is None:
                 continue
             self.at[i, :s] = np.arange(body.step.elastic.start, body.step.elastic.stop)
             self.rows[i, :m] = np.arange(rows[i].start, rows[i].stop)
@@ -264,7 +264,7 @@ class Reduced(WholeEquations):
     frames_at: FloatArray = np.zeros(0)
 
     def __init__(
-        self, layout: Layout, heat: Sequence[ReducedHeat], bodies: Sequence[ReducedBody],
+        self, layout: Layout, heat: Sequence[HeatRows], bodies: Sequence[BodyRows],
         coupled: Sequence[Coupled], targets: Sequence[tuple[int, Amplitude]], border: IntArray,
         h: float, named: Sequence[tuple[str, frozenset[str]]] = (), heat_first: bool = False,
         rows: Layout | None = None, tables: Sequence[TimeTable | None] = (),
@@ -281,7 +281,7 @@ class Reduced(WholeEquations):
         # cost of a Jacobian in iterations, measured: 6 for 65 unknowns, 14 for 260, 31 for 1300; of
         # rigid bodies, whose derivatives come with the residual, less than an iteration; not so
         # those of coupled terms, such as contact
-        rigid = not coupled and all(b.tested is None for b in bodies)
+        rigid = not coupled and all(b.operators is None for b in bodies)
         self.price = 1 if rigid and n <= RIGID else 8 + n // 40
         self.atoms = slice(layout.frames.stop, layout.algebraic.start)
         solved = [layout[b.name] for b in layout.differential if b.kind.reducible]
@@ -294,11 +294,11 @@ class Reduced(WholeEquations):
         self.rows, self.sampled = rows or layout, rows is not None
         self._at = {layout[b.name].start: self.rows[b.name] for b in layout}
         self.border_rows = border if rows is None else positions(rows)
-        own = [b for b in bodies if b.tested is not None and b.drive is not None]
+        own = [b for b in bodies if b.operators is not None and b.factors is not None]
         self.prescribed_bodies = [
-            PrescribedBody(b.step, b.tested, b.drive, self.row(b.step.elastic), table)
+            PrescribedBody(b.step, b.operators, b.factors, self.row(b.step.elastic), table)
             for b, table in zip(own, tables or [None] * len(own), strict=True)
-            if b.tested is not None and b.drive is not None]
+            if b.operators is not None and b.factors is not None]
         self.stacks = self._stacks(bodies if len(border) else ())
         self.linear = heat_first and bool(self.prescribed_bodies) and not (
             self.iterated or self.known)
@@ -313,11 +313,11 @@ class Reduced(WholeEquations):
         """Rows of the block with these unknowns."""
         return self._at[at.start] if at.stop > at.start else slice(0, 0)
 
-    def _stacks(self, bodies: Sequence[ReducedBody]) -> list[Stack]:
+    def _stacks(self, bodies: Sequence[BodyRows]) -> list[Stack]:
         """Bodies of similar size together."""
-        groups: dict[int, list[ReducedBody]] = {}
+        groups: dict[int, list[BodyRows]] = {}
         for body in bodies:  # k displacements: up to TOGETHER, else by powers of two
-            k = 0 if body.tested is None else body.tested.mass.shape[1]
+            k = 0 if body.operators is None else body.operators.mass.shape[1]
             groups.setdefault(0 if k <= TOGETHER else k.bit_length(), []).append(body)
         stacks: list[Stack] = []
         for members in groups.values():
@@ -333,10 +333,10 @@ class Reduced(WholeEquations):
         own, thermal = [], []
         for h in self.heat:
             rows = self.row(h.at)
-            own += [ConstantOperator(rows, h.at, 0, h.tested.conductivity),
-                    ConstantOperator(rows, h.at, 1, h.tested.capacity)]
+            own += [ConstantOperator(rows, h.at, 0, h.operators.conductivity),
+                    ConstantOperator(rows, h.at, 1, h.operators.capacity)]
         for b in self.bodies:
-            if (t := b.tested) is None:
+            if (t := b.operators) is None:
                 continue
             e, rows = b.step.elastic, self.row(b.step.elastic)
             own += [ConstantOperator(rows, e, 0, t.stiffness),
@@ -368,7 +368,7 @@ class Reduced(WholeEquations):
             """Right-hand side (n,) at t, s."""
             f = np.zeros(n)
             for h in self.heat:
-                f[h.at] = plus_loads(h.tested.constant, h.tested, t)
+                f[h.at] = plus_loads(h.operators.constant, h.operators, t)
             for b in self.prescribed_bodies:  # their base is on the left-hand side
                 f[b.rows] = -b.base(t)
             return f
@@ -451,16 +451,16 @@ class Reduced(WholeEquations):
         name = {layout[b.name].start: b.name for b in layout}
         for h in self.heat:
             n = name[h.at.start]
-            heat.append(ReducedHeat(new[n], h.tested.of_atoms(some[n])))
+            heat.append(HeatRows(new[n], h.operators.of_atoms(some[n])))
         for b in self.bodies:
             e, T = b.step.elastic, b.step.thermal
-            if b.tested is None or e.stop == e.start:
+            if b.operators is None or e.stop == e.start:
                 bodies.append(b)
                 continue
             warm = name[T.start] if T.stop > T.start else ""  # its thermal block
             step = replace(b.step, elastic=new[name[e.start]], thermal=new[warm] if warm else T)
-            bodies.append(ReducedBody(step, b.tested.of_atoms(
-                some[name[e.start]], some[warm] if warm else np.zeros(0, np.int64)), b.drive))
+            bodies.append(BodyRows(step, b.operators.of_atoms(
+                some[name[e.start]], some[warm] if warm else np.zeros(0, np.int64)), b.factors))
         coupled = []
         for c in self.coupled:
             own = np.flatnonzero(used[c.columns])
@@ -483,8 +483,8 @@ class Reduced(WholeEquations):
         """Elastic block -> (k, 2 k): response of its coefficients to changes of their r1 and r2
         with all other unknowns fixed and coupling terms neglected, [-D^-1 D_m, -D^-1 M] projected,
         with the damping D_m."""
-        return {b.step.elastic_name: -np.hstack([b.tested.damping, b.tested.mass])
-                for b in self.bodies if b.tested is not None}
+        return {b.step.elastic_name: -np.hstack([b.operators.damping, b.operators.mass])
+                for b in self.bodies if b.operators is not None}
 
     # ------------------------------------------------------------------ in a step
 
@@ -622,10 +622,11 @@ class Reduced(WholeEquations):
         for i, f in self.targets:
             r[self.border_rows[i]] -= f(t)
         for h in self.heat:
-            r[self.row(h.at)] -= plus_loads(h.tested.constant, h.tested, t)
+            r[self.row(h.at)] -= plus_loads(h.operators.constant, h.operators, t)
         for b in self.bodies:
-            if b.tested is not None and b.drive is None:
-                r[self.row(b.step.elastic)] += plus_loads(b.tested.constant, b.tested, t, -1.0)
+            if b.operators is not None and b.factors is None:
+                r[self.row(b.step.elastic)] += plus_loads(
+                    b.operators.constant, b.operators, t, -1.0)
 
     def residual_at(
         self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, prescribed: FloatArray
@@ -670,13 +671,13 @@ class Reduced(WholeEquations):
             J[d.rows, d.at] += d.slope(t, k1)
         for b in self.border_blocks(x, v, a, t, k1, k2):
             J[np.ix_(b.rows, b.at)] += b.corner
-            if b.body.tested is not None:
+            if b.body.operators is not None:
                 e = b.body.step.elastic
                 rows = self.row(e)
                 J[rows, b.at] += b.column
                 J[b.rows, e] += b.row
-                g = len(b.body.tested.generators)
-                J[rows, e] += np.tensordot(b.turning[:g], b.body.tested.generators, 1)
+                g = len(b.body.operators.generators)
+                J[rows, e] += np.tensordot(b.turning[:g], b.body.operators.generators, 1)
         for c in self.coupled:
             j = c.columns
             part: Any = c.term.jacobian(x[j], v[j], a[j], t, c1[j], c2[j])
@@ -686,7 +687,7 @@ class Reduced(WholeEquations):
     def time_derivative(self, order: int, t: float) -> "Reduced":
         """Partial time derivative of this order of the bodies' constraint rows, at t, s."""
         frames = ((b, b.step.frame.time_derivative(order, t, self.h)) for b in self.bodies)
-        bodies = [ReducedBody(replace(b.step, frame=f), b.tested) for b, f in frames
+        bodies = [BodyRows(replace(b.step, frame=f), b.operators) for b, f in frames
                   if f is not None]
         return Reduced(self.layout, heat=(), bodies=bodies, coupled=(), targets=(),
                        border=self.border, h=self.h)
@@ -735,11 +736,11 @@ def _all_inside(at: IntArray, span: slice) -> bool:
 def _merged(constants: Sequence[ConstantOperator], atoms: slice) -> list[ConstantOperator]:
     """Products with unknowns and rates of the free motion, whose second rates are zero: one vector
     each where all operators are diagonal (modal coordinates), one matrix each for few coefficients,
-    otherwise those of the blocks. atoms: range of all coefficients; `carried` returns a diagonal
+    otherwise those of the blocks. atoms: range of all coefficients; `compact` returns a diagonal
     matrix as its diagonal."""
     n, found = atoms.stop - atoms.start, []
     for of in (0, 1):
-        parts = [(c, carried(c.A)) for c in constants if c.of == of and c.A.any()]
+        parts = [(c, compact(c.A)) for c in constants if c.of == of and c.A.any()]
         modal = all(A.ndim == 1 for _, A in parts)
         if not parts:
             continue

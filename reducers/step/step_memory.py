@@ -4,8 +4,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
 from sparsemor.core import BoolArray, FloatArray, StepMemory
-from sparsemor.reducers.step.newton_loop import Kept, StepEquations
-from sparsemor.reducers.step.predictor import Past
+from sparsemor.reducers.step.newton_loop import KeptJacobian, StepEquations
+from sparsemor.reducers.step.predictor import Predictor
 from sparsemor.reducers.step.thermal_block import HeatJacobian
 
 
@@ -18,7 +18,7 @@ class RunMemory(StepMemory):
     be recomputed: `__getstate__` leaves these out.
     """
 
-    past: Past
+    past: Predictor
     factorizations: int = 0
     support_changes: int = 0
     supports: dict[str, BoolArray] = field(default_factory=dict)
@@ -80,10 +80,10 @@ class Memory(RunMemory):
     """
 
     work: Workspace = field(default_factory=Workspace)
-    kept: Kept = field(default_factory=lambda: Kept.of(0))
+    kept: KeptJacobian = field(default_factory=lambda: KeptJacobian.empty(0))
     linearised_on: BoolArray | None = None
-    exact: Kept = field(default_factory=lambda: Kept.of(0))
-    heat_kept: dict[str, Kept] = field(default_factory=dict)
+    exact: KeptJacobian = field(default_factory=lambda: KeptJacobian.empty(0))
+    heat_kept: dict[str, KeptJacobian] = field(default_factory=dict)
     full_newton_steps: int = 0
     full_newton_steps_left: int = 0
     linear: dict[str, int] = field(default_factory=dict)

@@ -16,9 +16,9 @@ from scipy.linalg.lapack import dgetrf, dgetrs
 
 from sparsemor.core import FloatArray, IntArray, ReducedTerm, Status
 from sparsemor.reducers.linalg.active_columns import ActiveColumns, are_few
-from sparsemor.reducers.linalg.modal_coordinates import carried, dense, times
+from sparsemor.reducers.linalg.modal_coordinates import compact, dense, times
 from sparsemor.reducers.step.convergence_test import Tolerances, estimated_error
-from sparsemor.reducers.step.projected_operators import TestedHeat
+from sparsemor.reducers.step.projected_operators import ProjectedHeat
 from sparsemor.reducers.step.time_tables import LoadsInTime, TimeTable, tabulated
 
 TINY = 1e-300
@@ -132,19 +132,20 @@ class CompressedHeat:
 
     @classmethod
     def of(
-        cls, b: TestedHeat, left: FloatArray, support: IntArray | None, c1: float,
+        cls, b: ProjectedHeat, left: FloatArray, support: IntArray | None, c1: float,
         tolerances: Tolerances, local: Sequence[ReducedTerm] = (),
     ) -> "CompressedHeat":
-        """Reduced block from the tested operators b (m rows); left (s, m): left inverse of the
-        tested B = c1 C + K on the active atoms `support` (None: all), left @ B_S = 1; local terms
-        include the factor `left` already. `carried` stores a diagonal matrix as its diagonal."""
+        """Reduced block from the projected operators b (m rows); left (s, m): left inverse of the
+        projected B = c1 C + K on the active atoms `support` (None: all), left @ B_S = 1; local
+        terms include the factor `left` already. `compact` stores a diagonal matrix as its
+        diagonal."""
         loads = LoadsInTime(
             left @ b.constant, left @ b.loads, tuple(b.amplitudes),
             tabulated(b.tables, left, support is None))
         # a support that may change with the next step does not pay for all times
         times = b.tables[0].times if b.tables and support is None else np.zeros(0)
         return cls(
-            carried(-left @ b.capacity), carried(-left @ b.conductivity),
+            compact(-left @ b.capacity), compact(-left @ b.conductivity),
             loads.table(times), support, tuple(local), c1, loads, tolerances)
 
     def start_rates(self, x: FloatArray, v: FloatArray, t: float) -> FloatArray:

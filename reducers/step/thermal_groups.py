@@ -26,7 +26,7 @@ from sparsemor.core import (
 )
 from sparsemor.core.protocols.separable import HeatBody, HeatCoupling
 from sparsemor.core.protocols.term import PointArrays
-from sparsemor.reducers.linalg.modal_coordinates import carried, dense
+from sparsemor.reducers.linalg.modal_coordinates import compact, dense
 from sparsemor.reducers.step.thermal_block import CompressedHeat
 from sparsemor.reducers.step.time_tables import sum_of
 
@@ -99,7 +99,7 @@ def compressed_group(
         J = 1 + A + c1 B,
 
     A, B (K, K): couplings A T + B T' of all K atoms, on the left-hand side; fixed (K,): A times the
-    offsets of the dictionaries. The result has these rows times J^-1. `carried` stores a diagonal
+    offsets of the dictionaries. The result has these rows times J^-1. `compact` stores a diagonal
     matrix as its diagonal, `dense` makes it a matrix again. Tolerances are equal in all blocks.
     """
     names = {b.thermal: i for i, b in enumerate(members)}
@@ -129,7 +129,7 @@ def compressed_group(
     local = tuple(GroupLocal(t, here, inverse[:, here])
                   for b, here in zip(blocks, at, strict=True) for t in b.local)
     return CompressedHeat(
-        by_rate=carried(inverse @ (by_rate - B)), by_value=carried(inverse @ (by_value - A)),
+        by_rate=compact(inverse @ (by_rate - B)), by_value=compact(inverse @ (by_value - A)),
         prescribed=loads.table(times), active=None, local=local, c1=c1, loads=loads,
         tolerances=blocks[0].tolerances)
 

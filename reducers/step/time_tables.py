@@ -140,7 +140,8 @@ def plus_loads(r: FloatArray, rows: Loaded, t: float, sign: float = 1.0) -> Floa
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TabulatedLoads:
-    """Projected loads left (s, m) @ table.at(t), for tabulated loads (T, m) of the tested rows."""
+    """Projected loads left (s, m) @ table.at(t), for tabulated loads (T, m) of the projected
+    rows."""
 
     table: Table
     left: FloatArray

@@ -14,7 +14,7 @@ from sparsemor.core import (
     require,
 )
 from sparsemor.core.protocols.step_solver import MachineRequest, MachineSteps, ManySteps
-from sparsemor.reducers.step.blockwise_solver import Stepper
+from sparsemor.reducers.step.blockwise_solver import BlockwiseSolver
 from sparsemor.reducers.step.step_memory import Memory
 
 Compiled: TypeAlias = Literal["auto", "on", "off"]
@@ -25,7 +25,7 @@ as long as about as many uncompiled steps."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class CompiledStepper(Stepper):
+class CompiledStepper(BlockwiseSolver):
     """Block-wise step solver that takes several steps at once as machine code, unless `compiled` is
     "off" or its model is not covered (fill_arrays.py).
 
@@ -67,21 +67,21 @@ class CompiledStepper(Stepper):
 
     def stepping_alike(self, copy: StepSolver) -> StepSolver:
         return _with(copy, copy.notes, self.compiled, self.checked) if isinstance(
-            copy, Stepper) else copy
+            copy, BlockwiseSolver) else copy
 
-    def without_mesh(self) -> Stepper:
-        made = Stepper.without_mesh(self)
+    def without_mesh(self) -> BlockwiseSolver:
+        made = BlockwiseSolver.without_mesh(self)
         return _with(made, made.notes, self.compiled, self.checked)
 
     def parts(self) -> tuple[Any, ...]:
-        return (*(getattr(self, f.name) for f in fields(Stepper)), self.compiled)
+        return (*(getattr(self, f.name) for f in fields(BlockwiseSolver)), self.compiled)
 
     @classmethod
     def of_parts(cls, *parts: Any) -> "CompiledStepper":
         return replace(cls(*parts), checked=True)
 
 
-def compilable(made: Stepper, option: Compiled) -> Stepper:
+def compilable(made: BlockwiseSolver, option: Compiled) -> BlockwiseSolver:
     """The step solver with compiled steps as the option says; a note where they are wanted and the
     model is not covered. Raises InputError where numba is wanted and not installed."""
     reason = ""
@@ -115,9 +115,9 @@ def installed() -> bool:
 
 
 def _with(
-    solver: Stepper, notes: tuple[Note, ...], option: Compiled, checked: bool = False
+    solver: BlockwiseSolver, notes: tuple[Note, ...], option: Compiled, checked: bool = False
 ) -> CompiledStepper:
-    parts: dict[str, Any] = {f.name: getattr(solver, f.name) for f in fields(Stepper)}
+    parts: dict[str, Any] = {f.name: getattr(solver, f.name) for f in fields(BlockwiseSolver)}
     return CompiledStepper(**{**parts, "notes": notes}, compiled=option, checked=checked)
 
 

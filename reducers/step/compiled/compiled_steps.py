@@ -12,12 +12,12 @@ from sparsemor.core.protocols.poses import turns_from
 from sparsemor.core.protocols.step_amplitude import Substep, substep
 from sparsemor.core.protocols.step_solver import StepBlock
 from sparsemor.core.protocols.time_function import held_reads
-from sparsemor.reducers.step.blockwise_solver import Stepper
+from sparsemor.reducers.step.blockwise_solver import BlockwiseSolver
 from sparsemor.reducers.step.compiled.compile import Functions, compiled_advance
 from sparsemor.reducers.step.compiled.fill_arrays import body_work, model_arrays, plan, work_of
 from sparsemor.reducers.step.compiled.model_arrays import NO_HEAT, NO_PRESCRIBED, NO_TERM, RunArrays
 from sparsemor.reducers.step.jacobian_factors import Factor, Inverse
-from sparsemor.reducers.step.newton_loop import UNKNOWN, Kept, Linearisation, Loop
+from sparsemor.reducers.step.newton_loop import UNKNOWN, KeptJacobian, Linearisation, Loop
 from sparsemor.reducers.step.step_memory import Memory
 from sparsemor.reducers.step.thermal_block import CompressedHeat
 
@@ -35,7 +35,7 @@ class CompiledSteps:
     """
 
     def __init__(
-        self, solver: Stepper, rules: UpdateRules, h: float,
+        self, solver: BlockwiseSolver, rules: UpdateRules, h: float,
         code: Callable[[Functions], Callable[..., int]] = compiled_advance
     ) -> None:
         """rules: of the integrator; h: step size, s; code: makes the compiled `kernel.advance` with
@@ -103,7 +103,7 @@ class CompiledSteps:
                           effort[:done, 0].astype(int).tolist(), effort[:done, 1].tolist())
         return block, bool(run.effort[2])
 
-    def _jacobian_age(self, state: State, kept: Kept) -> float:
+    def _jacobian_age(self, state: State, kept: KeptJacobian) -> float:
         """Time, s, since the state of the kept Jacobian, negative where that is yet to come."""
         return 0.0 if kept.point is None else state.t - kept.point.t
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from sparsemor.core import FloatArray, IntArray, UpdateRules
 from sparsemor.core.protocols.body_frame import FrameArrays
-from sparsemor.reducers.linalg.modal_coordinates import carried
-from sparsemor.reducers.step.blockwise_solver import Stepper
+from sparsemor.reducers.linalg.modal_coordinates import compact
+from sparsemor.reducers.step.blockwise_solver import BlockwiseSolver
 from sparsemor.reducers.step.compiled.compile import ArrayFunction, Functions
 from sparsemor.reducers.step.compiled.fill_local_terms import local_arrays
 from sparsemor.reducers.step.compiled.model_arrays import (
@@ -26,7 +26,7 @@ from sparsemor.reducers.step.compiled.time_functions import NotCompiled, Timed
 from sparsemor.reducers.step.frame_step import BodyStep
 from sparsemor.reducers.step.newton_loop import Loop
 from sparsemor.reducers.step.prescribed_body import PrescribedBody
-from sparsemor.reducers.step.reduced_equations import Reduced, ReducedBody
+from sparsemor.reducers.step.reduced_equations import BodyRows, Reduced
 from sparsemor.reducers.step.reduced_mechanics import ReducedMechanics
 from sparsemor.reducers.step.thermal_block import CompressedHeat
 from sparsemor.reducers.step.time_tables import Moving, TimeTable, total_load_along
@@ -78,7 +78,7 @@ class Plan:
         return found
 
 
-def plan(s: Stepper, c1: float = 1.0) -> Plan:
+def plan(s: BlockwiseSolver, c1: float = 1.0) -> Plan:
     """Arrays for the steps of `s` with this factor of rates. Raises NotCompiled, with the reason,
     where its model contains what compiled steps do not."""
     mechanics, timed, laws, loads = s.mechanics, Timed(), list[ArrayFunction](), list[LoadRows]()
@@ -108,7 +108,7 @@ def plan(s: Stepper, c1: float = 1.0) -> Plan:
         terms.append(TermArrays(c in eq.known, c.rows, c.columns, local))
     bodies = [_body(b, f, eq.border, timed) for b, f in zip(eq.bodies, frames, strict=True)]
     for b in eq.bodies:
-        if (t := b.tested) is not None:  # rows are - base - loads, with `constant` on the left
+        if (t := b.operators) is not None:  # rows are - base - loads, with `constant` on the left
             loads.append(LoadRows(_range(b.step.elastic), -t.constant, t.loads,
                                timed.amplitudes(t.amplitudes), t.tables))
     loads += [LoadRows(eq.border[[i]], np.zeros(1), np.ones((1, 1)), timed.amplitudes([f]), ())
@@ -137,7 +137,7 @@ def _frame(b: BodyStep) -> FrameArrays:
 
 
 def _heat(
-    s: Stepper, where: slice | IntArray, name: str, timed: Timed, laws: list[ArrayFunction],
+    s: BlockwiseSolver, where: slice | IntArray, name: str, timed: Timed, laws: list[ArrayFunction],
     loads: list[LoadRows]
 ) -> HeatArrays:
     """Arrays of the thermal block `name` with the unknowns `where`; its laws, amplitudes and loads
@@ -154,11 +154,11 @@ def _heat(
                       np.zeros((k, k)), np.zeros(1, np.int64))
 
 
-def _body(b: ReducedBody, f: FrameArrays, border: IntArray, timed: Timed) -> BodyArrays:
+def _body(b: BodyRows, f: FrameArrays, border: IntArray, timed: Timed) -> BodyArrays:
     """Arrays of a body (`BodyArrays`), without the index of the body, from its projected operators
-    (b.tested) and its frame f as arrays. border: positions of rigid coordinates and joint forces in
-    the model; timed: functions of time, to which those of the body are added."""
-    step, t, k, g, p = b.step, b.tested, 0, 0, b.step.frame.p
+    (b.operators) and its frame f as arrays. border: positions of rigid coordinates and joint forces
+    in the model; timed: functions of time, to which those of the body are added."""
+    step, t, k, g, p = b.step, b.operators, 0, 0, b.step.frame.p
     rows, columns = np.nonzero(step.to_border)
     P, E, Q, G = np.zeros((0, p)), np.zeros((p, 0)), np.zeros((0, 0)), np.zeros((0, 0))
     if t is not None:
@@ -237,26 +237,27 @@ class _PrescribedRows:
 
 
 def _prescribed(
-    s: Stepper, eq: Reduced, d: PrescribedBody, c1: float, timed: Timed, laws: list[ArrayFunction]
+    s: BlockwiseSolver, eq: Reduced, d: PrescribedBody, c1: float, timed: Timed,
+    laws: list[ArrayFunction],
 ) -> PrescribedArrays:
     """Arrays of a body with prescribed motion, whose operators enter with their sign on the right
     side: d = -(...)."""
     b, name, r, g = d.step, d.step.elastic_name, d.leading, len(d.G)
-    t = next(body.tested for body in eq.bodies if body.step is b)
+    t = next(body.operators for body in eq.bodies if body.step is b)
     assert t is not None
     k, kt = b.elastic.stop - b.elastic.start, b.thermal.stop - b.thermal.start
     table, width = TimeTable.of(_PrescribedRows(d, c1), np.array(d.table.times)), 2 * g + 1 + k
     return PrescribedArrays(
         [block.name for block in s.layout].index(name), b.elastic.start, k, b.thermal.start, kt,
-        _array(-carried(t.mass)), _array(-carried(t.stiffness)),
-        _array(-carried(t.damping)) if t.damping.any() else np.zeros((0, k)),
+        _array(-compact(t.mass)), _array(-compact(t.stiffness)),
+        _array(-compact(t.damping)) if t.damping.any() else np.zeros((0, k)),
         _array(t.coupling.T), np.array(d.G), _array(t.generators[:, :r, :r].reshape(g * r, r)),
         timed.table(table, width), width,
         local_arrays([p for p in t.local if p.of_temperature], name, laws, timed, k),
         local_arrays([p for p in t.local if not p.of_temperature], name, laws, timed))
 
 
-def model_arrays(s: Stepper, p: Plan, rules: UpdateRules, h: float) -> ModelArrays:
+def model_arrays(s: BlockwiseSolver, p: Plan, rules: UpdateRules, h: float) -> ModelArrays:
     """Constants of the model of `s` for steps of h, s, by an integrator with these rules: unknowns
     with their rates and the integrator's memory, z (q, n), are old z + new d at the end of a step,
     with the departure d (n,) from the free motion (old z)."""

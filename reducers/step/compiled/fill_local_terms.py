@@ -9,10 +9,10 @@ from sparsemor.core.protocols.term import PointArrays
 from sparsemor.reducers.step.compiled.compile import ArrayFunction
 from sparsemor.reducers.step.compiled.local_terms import NO_LOCAL, LocalArrays
 from sparsemor.reducers.step.compiled.time_functions import NotCompiled, Timed
-from sparsemor.reducers.step.projected_operators import TestedLocal
+from sparsemor.reducers.step.projected_operators import ProjectedLocal
 
 
-def points_of(term: ReducedTerm | TestedLocal, name: str) -> PointArrays:
+def points_of(term: ReducedTerm | ProjectedLocal, name: str) -> PointArrays:
     """A term of a block as arrays. Raises NotCompiled where it has none."""
     made = term.arrays()
     if made is None:
@@ -22,7 +22,7 @@ def points_of(term: ReducedTerm | TestedLocal, name: str) -> PointArrays:
 
 
 def local_arrays(
-    terms: Sequence[ReducedTerm | TestedLocal], name: str, laws: list[ArrayFunction],
+    terms: Sequence[ReducedTerm | ProjectedLocal], name: str, laws: list[ArrayFunction],
     timed: Timed, first: int = 0
 ) -> LocalArrays:
     """Terms of one block, stacked; first: that of the inputs, without those that no term depends

@@ -14,7 +14,7 @@ from sparsemor.core import FloatArray, InputError, require
 from sparsemor.core.protocols.step_solver import MachineRequest, MachineSteps
 from sparsemor.core.protocols.time_function import HeldValues, holding
 from sparsemor.core.simulation.time_stepping import FixedStep
-from sparsemor.reducers.step.blockwise_solver import Stepper
+from sparsemor.reducers.step.blockwise_solver import BlockwiseSolver
 from sparsemor.reducers.step.compiled import model_arrays, without_python
 from sparsemor.reducers.step.compiled.compile import Functions, compiled, linked
 from sparsemor.reducers.step.compiled.compiled_steps import CompiledSteps
@@ -72,7 +72,7 @@ class _Data:
         return np.concatenate([np.zeros(0, dtype), *self.kept[kind]]).astype(dtype)
 
 
-def machine_steps(solver: Stepper, of: MachineRequest[Memory]) -> MachineSteps:
+def machine_steps(solver: BlockwiseSolver, of: MachineRequest[Memory]) -> MachineSteps:
     """Machine code and data of the steps of a solver. Raises InputError, with the reason, where
     they are not compiled."""
     require("numba", "fast", "steps in machine code")
@@ -113,7 +113,7 @@ def machine_steps(solver: Stepper, of: MachineRequest[Memory]) -> MachineSteps:
 
 
 def _at_start(
-    solver: Stepper, steps: CompiledSteps, of: MachineRequest[Memory]
+    solver: BlockwiseSolver, steps: CompiledSteps, of: MachineRequest[Memory]
 ) -> model_arrays.RunArrays:
     """The state of a run at its start, with the reference magnitudes of its first step. Raises
     InputError if that fails, and if the kernel in Python, whose indices are checked as they are not

@@ -26,7 +26,7 @@ from sparsemor.core.simulation.memory.limits import GIGABYTE, peak, resident
 from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.simulation.stages_before_steps import prepared
 from sparsemor.core.status import SolveFailed
-from sparsemor.reducers.step.blockwise_solver import Stepper
+from sparsemor.reducers.step.blockwise_solver import BlockwiseSolver
 from sparsemor.reducers.step.reduced_mechanics import ReducedMechanics
 from sparsemor.reducers.step.thermal_block import CompressedHeat
 from sparsemor.reducers.step.time_tables import TimeTable
@@ -165,7 +165,7 @@ class Way:
 def ahead(solver: StepSolver, repeats: int = 5) -> float:
     """CPU ms that what time alone decides takes for each time, which is done for all times before
     the steps: the median of some repeats."""
-    if not isinstance(solver, Stepper) or solver.mechanics is None:
+    if not isinstance(solver, BlockwiseSolver) or solver.mechanics is None:
         return 0.0
     known: list[TimeTable | None] = [
         *(h.prescribed for h in solver.heat.values()

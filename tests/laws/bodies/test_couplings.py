@@ -21,7 +21,7 @@ from sparsemor.core.protocols.layout import Block, Layout
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.testing.in_memory_run import March, march
 from sparsemor.reducers.sparse.supported_steps import SparseStepper
-from sparsemor.reducers.step.blockwise_solver import Stepper
+from sparsemor.reducers.step.blockwise_solver import BlockwiseSolver
 from springs import bars
 from tiers import quick
 
@@ -75,7 +75,7 @@ def test_the_error_of_coupled_temperatures_is_estimated() -> None:
 @pytest.mark.full
 def test_full_order_is_the_textbook_newton_by_one_factor_of_the_group(textbook: March) -> None:
     fast = run("full")
-    assert isinstance(fast.solver, Stepper) and not fast.model.separated.other
+    assert isinstance(fast.solver, BlockwiseSolver) and not fast.model.separated.other
     assert [name for name, _ in fast.solver.heat_groups] == ["+".join(HOT)]
     _, memory = fast.solver.start(fast.end)
     assert fast.solver.counters(memory)["factorizations"] == 3  # both temperatures, two bars
@@ -97,7 +97,7 @@ def test_heat_flows_from_the_warm_bar_into_the_cold_one(textbook: March) -> None
 @pytest.mark.parametrize("use", quick(REDUCERS, "galerkin", "sparse"))
 def test_a_reduced_step_is_as_short_as_without_it(use: str, textbook: March) -> None:
     reduced = run(REDUCERS[use], textbook)
-    assert isinstance(reduced.solver, Stepper)
+    assert isinstance(reduced.solver, BlockwiseSolver)
     (block,) = reduced.solver.heat.values()
     assert not block.elements
     assert max(errors(reduced, textbook).values()) < LIMITS.get(use, 1e-6)

@@ -26,7 +26,7 @@ from sparsemor.core.model.compressed_local import CompressedLocal
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.testing import check_term
 from sparsemor.core.testing.in_memory_run import March, march, scene_of
-from sparsemor.reducers.step.blockwise_solver import Stepper
+from sparsemor.reducers.step.blockwise_solver import BlockwiseSolver
 from springs import bars
 from tiers import quick
 
@@ -194,7 +194,7 @@ def test_the_term_keeps_the_laws_and_its_block_holds_it(case) -> None:
 def test_full_order_is_the_textbook_newton_and_the_springs_matter(case) -> None:
     scene, on, k, truth = case
     fast = run(scene, "full", on, k)
-    assert isinstance(fast.solver, Stepper)
+    assert isinstance(fast.solver, BlockwiseSolver)
     assert error(fast, truth) < 1e-9
     assert error(march(scene.using({"reducer": "full"})), truth) > 1e-2
     name = f"{on.partition(':')[0]}.elastic"
@@ -206,7 +206,7 @@ def test_full_order_is_the_textbook_newton_and_the_springs_matter(case) -> None:
 def test_reduced(use: str, case) -> None:
     scene, on, k, truth = case
     reduced = run(scene, REDUCERS[use], on, k, truth)
-    assert isinstance(reduced.solver, Stepper)
+    assert isinstance(reduced.solver, BlockwiseSolver)
     assert error(reduced, truth) < LIMITS.get(use, 1e-5)
 
 

@@ -12,7 +12,7 @@ from sparsemor.core.testing.in_memory_run import March, march
 from sparsemor.reducers.linalg import coarse_correction as coarse
 from sparsemor.reducers.linalg.modal_coordinates import modal_coordinates
 from sparsemor.reducers.projection.galerkin import Galerkin
-from sparsemor.reducers.step.blockwise_solver import Stepper
+from sparsemor.reducers.step.blockwise_solver import BlockwiseSolver
 from sparsemor.reducers.step.reduced_equations import Reduced
 from sparsemor.reducers.step.reduced_mechanics import LoopMechanics, ReducedMechanics
 from sparsemor.reducers.step.thermal_block import CompressedHeat
@@ -92,7 +92,7 @@ def test_a_body_at_rest_is_one_product_and_one_that_turns_a_few() -> None:
 
 
 def equations(solver: object) -> Reduced:
-    assert isinstance(solver, Stepper) and isinstance(solver.mechanics, ReducedMechanics)
+    assert isinstance(solver, BlockwiseSolver) and isinstance(solver.mechanics, ReducedMechanics)
     return solver.mechanics.equations
 
 
@@ -148,7 +148,7 @@ def decoded(run: March, name: str) -> np.ndarray:
 @pytest.mark.full
 def test_coordinates_change_nothing_in_the_span(full, monkeypatch) -> None:
     turned = reduced(full, POD)
-    assert isinstance(turned.solver, Stepper)
+    assert isinstance(turned.solver, BlockwiseSolver)
     heat = turned.solver.heat["bar.thermal"]
     assert isinstance(heat, CompressedHeat)
     assert {part.A.ndim for part in equations(turned.solver).of_motion} == {1}
@@ -220,7 +220,7 @@ def test_known_rows_are_what_the_source_gives() -> None:
 def test_full_order_corrected_in_soft_modes_is_that_of_newton(E, spin) -> None:
     fine = (8, 3, 2)  # enough unknowns for it to have any
     fast = march(bar(E, fine), model=turning(bar(E, fine), spin, 4))
-    assert isinstance(fast.solver, Stepper)
+    assert isinstance(fast.solver, BlockwiseSolver)
     mechanics = fast.solver.mechanics
     assert isinstance(mechanics, LoopMechanics)
     assert mechanics.equations.bodies[0].coarse.Z.shape[1] > 0
@@ -232,7 +232,7 @@ def test_full_order_corrected_in_soft_modes_is_that_of_newton(E, spin) -> None:
 def test_soft_modes_save_full_order_a_solve(monkeypatch) -> None:
     scene = bar(5e9, (8, 3, 2))
     corrected = march(scene, model=turning(scene, 60.0, 4))
-    assert isinstance(corrected.solver, Stepper)
+    assert isinstance(corrected.solver, BlockwiseSolver)
     mechanics = corrected.solver.mechanics
     assert isinstance(mechanics, LoopMechanics)
     block = mechanics.equations.bodies[0]

@@ -20,7 +20,7 @@ from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.testing.in_memory_run import march
 from sparsemor.reducers.sparse.block_selection import BlockwiseSelection
 from sparsemor.reducers.sparse.supported_steps import SparseStepper
-from sparsemor.reducers.step.blockwise_solver import Stepper
+from sparsemor.reducers.step.blockwise_solver import BlockwiseSolver
 
 OFFLINE = {"dictionaries", "rows", "separated", "model", "body", "dictionary"}
 """What a solver keeps for decoding, and for preparing supports where there are local terms."""
@@ -218,7 +218,7 @@ def rigid_copy(solver: Any) -> Any:
         assert isinstance(selection, BlockwiseSelection)
         return replace(
             solver, base=base, steps=steps, selection=replace(selection, steps=steps))
-    assert isinstance(solver, Stepper)
+    assert isinstance(solver, BlockwiseSolver)
     return replace(solver, dictionaries={}, rows={})
 
 

@@ -108,8 +108,8 @@ def test_the_residual_is_that_of_the_full_equations() -> None:
 def arrays(model: ErrorModel | CoupledErrors) -> list[tuple[int, ...]]:
     """Shapes of what an estimate of linear blocks reads."""
     if isinstance(model, CoupledErrors):
-        tested = [b.tested for b in model.equations.bodies if b.tested is not None]
-        return [(model.equations.layout.size,), *(t.generators.shape for t in tested),
+        operators = [b.operators for b in model.equations.bodies if b.operators is not None]
+        return [(model.equations.layout.size,), *(t.generators.shape for t in operators),
                 *(m.lift.shape for b in model.spaces if isinstance(m := b.states, InModes)),
                 *(b.space.norm.shape for b in model.spaces)]
     return [model.first.load.shape, model.second.load.shape,

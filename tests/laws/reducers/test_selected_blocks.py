@@ -9,12 +9,12 @@ from sparsemor.reducers.step import projected_operators
 M, K, G = 30, 240, 3
 
 
-def random_operators(rng: np.random.Generator) -> projected_operators.TestedElastic:
+def random_operators(rng: np.random.Generator) -> projected_operators.ProjectedElastic:
     def some(*shape: int) -> FloatArray:
         return rng.standard_normal(shape)
 
     frame: Frame = None  # type: ignore[assignment]  # not read by a block
-    return projected_operators.TestedElastic(
+    return projected_operators.ProjectedElastic(
         frame, some(M, K), some(M, K), some(M, K), some(G, M, K), some(M, 2), some(M, 7),
         some(M, 0), some(M), np.zeros((0, K, K)), some(2, K), ())
 

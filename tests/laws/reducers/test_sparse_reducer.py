@@ -180,12 +180,12 @@ def test_weights_act_on_elastic_rows() -> None:
 # ------------------------------------------------------------------------ few turned rows
 
 
-def elastic() -> tuple[test_map.TestedElastic, FloatArray, IntArray]:
+def elastic() -> tuple[test_map.ProjectedElastic, FloatArray, IntArray]:
     (m,) = full().model.separated.moving
     d = prepared(reduced()).dictionaries
     rows = np.arange(3, 51, 2)
     assert m.operators is not None
-    t = test_map.TestedElastic.of(m.operators, m.frame, d["bar.elastic"], d["bar.thermal"],
+    t = test_map.ProjectedElastic.of(m.operators, m.frame, d["bar.elastic"], d["bar.thermal"],
                          test_map.TestMap(rows=rows))
     return t, t.block(1e3, 1e6), rows
 

@@ -135,9 +135,9 @@ def test_observers_hear_of_new_rows(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 def test_nothing_of_the_mesh_is_kept_where_sets_come_back() -> None:
     solver = prepared(reduced(resample=2, row_sets=3))
     assert isinstance(solver, Resampled) and solver.fresh is None and solver.draw is None
-    sizes = {len(s.mechanics.whole.bodies[0].tested.mass) for s in solver.sets}
+    sizes = {len(s.mechanics.whole.bodies[0].operators.mass) for s in solver.sets}
     assert len(solver.sets) == 3 and len(sizes) == 1
     for s in solver.sets:
-        tested = s.tested["bar.elastic"]
-        assert tested.mass.base is None, "a view would keep the operators of all rows alive"
-        assert len(tested.mass) == len(s.rows["bar.elastic"])
+        operators = s.operators["bar.elastic"]
+        assert operators.mass.base is None, "a view would keep the operators of all rows alive"
+        assert len(operators.mass) == len(s.rows["bar.elastic"])

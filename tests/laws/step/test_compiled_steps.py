@@ -24,7 +24,7 @@ from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.simulation.time_stepping import FixedStep, iterate, started
 from sparsemor.core.testing.in_memory_run import march, scene_of
-from sparsemor.reducers.step.blockwise_solver import Stepper
+from sparsemor.reducers.step.blockwise_solver import BlockwiseSolver
 from sparsemor.reducers.step.compiled.compile import linked
 from sparsemor.reducers.step.compiled.compiled_stepper import compilable, wanted
 from sparsemor.reducers.step.compiled.compiled_steps import CompiledSteps
@@ -65,7 +65,7 @@ def trained(s: Scene, reducer: Any, end: float | None = None) -> Case:
     return Case(s.using({"reducer": reducer}), full.model, learnt(full))
 
 
-def in_python(case: Case, solver: Stepper) -> CompiledSteps:
+def in_python(case: Case, solver: BlockwiseSolver) -> CompiledSteps:
     h = case.scene.time.step
     return CompiledSteps(solver, case.scene.integrator.rules(h), h, lambda functions: linked(
         functions, lambda function: function)["advance"])

@@ -16,7 +16,7 @@ from sparsemor.core.testing.in_memory_run import march, scene_of
 from sparsemor.reducers.step import newton_loop
 from sparsemor.reducers.step.convergence_test import Tolerances
 from sparsemor.reducers.step.jacobian_factors import Lu
-from sparsemor.reducers.step.newton_loop import Ended, Kept, Linearisation, Loop
+from sparsemor.reducers.step.newton_loop import Ended, KeptJacobian, Linearisation, Loop
 
 Function = Callable[[FloatArray], FloatArray]
 
@@ -49,7 +49,7 @@ class Equations(newton_loop.StepEquations):
         """The iteration from x with no free motion, so that the departure is x itself."""
         x, zero = np.array(start), np.zeros(len(start))
         step = StepFormula(0.0, 0.0, 0.0, 0.0, self.layout, zero, zero)
-        return Loop(self.layout, Tolerances()).solve(self, step, x, Kept.of(len(x)), x)
+        return Loop(self.layout, Tolerances()).solve(self, step, x, KeptJacobian.empty(len(x)), x)
 
 
 def scalar(
